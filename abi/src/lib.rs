@@ -1,0 +1,1 @@
+//! The plugin contract of Fleetyard: C ABI, wire model and Rust SDK.

@@ -1,0 +1,1 @@
+//! The independent plan validator and the metrics of Fleetyard.

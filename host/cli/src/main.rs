@@ -1,0 +1,3 @@
+//! The `fleetyard` command.
+
+fn main() {}

@@ -1,0 +1,92 @@
+//! Content digests: 128-bit XXH3 over a canonical little-endian byte stream.
+//!
+//! Digests identify inputs and outputs across machines and releases; they are
+//! not a defence against someone who wants a collision.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::Xxh3;
+
+/// A 128-bit content digest, printed and serialised as 32 hexadecimal digits.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Digest(pub u128);
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:032x}", self.0)
+    }
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl Serialize for Digest {
+    fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        s.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Digest {
+    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        let text = std::borrow::Cow::<'de, str>::deserialize(d)?;
+        if text.len() != 32 {
+            return Err(serde::de::Error::custom(
+                "a digest has 32 hexadecimal digits",
+            ));
+        }
+        u128::from_str_radix(&text, 16)
+            .map(Digest)
+            .map_err(serde::de::Error::custom)
+    }
+}
+
+/// Feeds values into a [`Digest`] in a fixed, length-prefixed encoding.
+#[derive(Default)]
+pub struct Hasher(Xxh3);
+
+impl Hasher {
+    /// A hasher whose stream begins with `domain`, so that equal bytes of
+    /// different kinds of object never share a digest.
+    pub fn new(domain: &str) -> Self {
+        let mut hasher = Self::default();
+        hasher.bytes(domain.as_bytes());
+        hasher
+    }
+
+    /// A byte string, length first.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        self.u64(bytes.len() as u64);
+        self.0.update(bytes);
+    }
+
+    /// One unsigned integer.
+    pub fn u64(&mut self, value: u64) {
+        self.0.update(&value.to_le_bytes());
+    }
+
+    /// A list of unsigned integers, length first.
+    pub fn u32s(&mut self, values: &[u32]) {
+        self.u64(values.len() as u64);
+        for chunk in values.chunks(256) {
+            let mut buffer = [0u8; 1024];
+            for (slot, value) in buffer.chunks_exact_mut(4).zip(chunk) {
+                slot.copy_from_slice(&value.to_le_bytes());
+            }
+            self.0.update(&buffer[..chunk.len() * 4]);
+        }
+    }
+
+    /// The bit pattern of a float.
+    pub fn f64(&mut self, value: f64) {
+        self.u64(value.to_bits());
+    }
+
+    /// The digest of everything fed so far.
+    pub fn finish(&self) -> Digest {
+        Digest(self.0.digest128())
+    }
+}

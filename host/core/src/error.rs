@@ -1,0 +1,72 @@
+//! The one error type for bad input: where, what, and what to do about it.
+
+use std::fmt;
+
+/// Something read from outside (a file, an argument, a plugin's answer) is not
+/// what it must be.
+///
+/// `Display` prints `source:line:column: reason`; the hint is kept apart so that
+/// the command line can print it on a `hint:` line of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InputError {
+    /// File path as the user gave it, or a name such as `plan`.
+    pub source: String,
+    /// Line, counted from 1, where there is one.
+    pub line: Option<u64>,
+    /// Column in characters, counted from 1, where there is one.
+    pub column: Option<u64>,
+    /// What is wrong, in one sentence without a full stop.
+    pub reason: String,
+    /// What the user can do.
+    pub hint: Option<String>,
+}
+
+impl InputError {
+    /// An error about `source` as a whole.
+    pub fn new(source: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self {
+            source: source.into(),
+            line: None,
+            column: None,
+            reason: reason.into(),
+            hint: None,
+        }
+    }
+
+    /// Adds the place, both counted from 1.
+    #[must_use]
+    pub fn at(mut self, line: u64, column: u64) -> Self {
+        self.line = Some(line);
+        self.column = Some(column);
+        self
+    }
+
+    /// Adds the line alone, counted from 1.
+    #[must_use]
+    pub fn at_line(mut self, line: u64) -> Self {
+        self.line = Some(line);
+        self
+    }
+
+    /// Adds what the user can do about it.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+impl fmt::Display for InputError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.source)?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+            if let Some(column) = self.column {
+                write!(f, ":{column}")?;
+            }
+        }
+        write!(f, ": {}", self.reason)
+    }
+}
+
+impl std::error::Error for InputError {}

@@ -1,0 +1,1 @@
+//! The deterministic 2D simulator of Fleetyard.

@@ -1,0 +1,1 @@
+//! Worlds of Fleetyard: seeded generators of maps and scenarios.

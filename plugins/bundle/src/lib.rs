@@ -1,0 +1,1 @@
+//! The standard plugins of Fleetyard behind one entry symbol.

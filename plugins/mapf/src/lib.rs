@@ -1,0 +1,1 @@
+//! Grid planners: PIBT and LaCAM*.
