@@ -1,0 +1,208 @@
+//! Whole files in and out: bounded reading with helpful errors, and writing
+//! that never leaves half a file behind.
+
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use crate::InputError;
+
+/// Reads a file of at most `limit` bytes.
+///
+/// A missing file's error names the sibling whose name is nearest.
+pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
+    let name = path.display().to_string();
+    let failed = |error: &io::Error| read_error(path, error);
+    let file = File::open(path).map_err(|error| failed(&error))?;
+    let meta = file.metadata().map_err(|error| failed(&error))?;
+    if meta.is_dir() {
+        return Err(InputError::new(name, "this is a folder, not a file")
+            .hint("name a file inside the folder"));
+    }
+    let mut bytes = Vec::new();
+    if meta.len() <= limit {
+        // The length is a guess (a pipe has none); `take` below is the guard.
+        bytes
+            .try_reserve(meta.len() as usize)
+            .map_err(|_| InputError::new(name.as_str(), "the file does not fit into memory"))?;
+        file.take(limit.saturating_add(1))
+            .read_to_end(&mut bytes)
+            .map_err(|error| failed(&error))?;
+    }
+    if meta.len() > limit || bytes.len() as u64 > limit {
+        return Err(InputError::new(
+            name,
+            format!("the file is larger than the limit of {limit} bytes"),
+        ));
+    }
+    Ok(bytes)
+}
+
+fn read_error(path: &Path, error: &io::Error) -> InputError {
+    let name = path.display().to_string();
+    match error.kind() {
+        io::ErrorKind::NotFound => {
+            let base = InputError::new(name, "no such file");
+            match missing_hint(path) {
+                Some(hint) => base.hint(hint),
+                None => base,
+            }
+        }
+        io::ErrorKind::PermissionDenied => InputError::new(name, "permission denied")
+            .hint("check who may read the file and its folder"),
+        _ => InputError::new(name, format!("cannot read: {error}")),
+    }
+}
+
+/// What a user who named a missing file may have meant.
+fn missing_hint(path: &Path) -> Option<String> {
+    /// Folders with more entries are not searched to the end.
+    const LISTED: usize = 10_000;
+    let folder = folder_of(path);
+    let wanted = path.file_name()?.to_str()?;
+    let Ok(entries) = fs::read_dir(&folder) else {
+        return Some(format!("the folder {} does not exist", folder.display()));
+    };
+    let nearest = entries
+        .take(LISTED)
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .map(|name| (strsim::damerau_levenshtein(wanted, &name), name))
+        .filter(|(distance, _)| *distance * 3 <= wanted.chars().count())
+        .min()?;
+    Some(format!(
+        "did you mean {}?",
+        folder.join(nearest.1).display()
+    ))
+}
+
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// Writes a file as a whole or not at all: the bytes go to a temporary file in
+/// the same folder, which then takes the name.
+///
+/// A reader sees the old content or the new, never a part. Existing permissions
+/// of a replaced file are kept.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), InputError> {
+    static SERIAL: AtomicU32 = AtomicU32::new(0);
+    let failed = |error: &io::Error| {
+        let base = InputError::new(path.display().to_string(), format!("cannot write: {error}"));
+        match error.kind() {
+            io::ErrorKind::NotFound => base.hint("the folder does not exist; create it first"),
+            io::ErrorKind::PermissionDenied => base.hint("check who may write in the folder"),
+            _ => base,
+        }
+    };
+    let Some(file_name) = path.file_name() else {
+        return Err(InputError::new(
+            path.display().to_string(),
+            "this does not name a file",
+        ));
+    };
+    // A device or a pipe (`/dev/stdout`) cannot be replaced by renaming.
+    let old = fs::metadata(path).ok();
+    if old
+        .as_ref()
+        .is_some_and(|meta| !meta.is_file() && !meta.is_dir())
+    {
+        return fs::write(path, bytes).map_err(|error| failed(&error));
+    }
+    // Through a symbolic link, the file it points to is replaced.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+    let mut temporary_name = std::ffi::OsString::from(".");
+    temporary_name.push(file_name);
+    temporary_name.push(format!(".{}-{serial}.tmp", std::process::id()));
+    let temporary = folder_of(&target).join(temporary_name);
+    let written = (|| {
+        let mut file = File::create_new(&temporary)?;
+        file.write_all(bytes)?;
+        if let Some(meta) = old {
+            file.set_permissions(meta.permissions())?;
+        }
+        file.sync_all()?;
+        fs::rename(&temporary, &target)
+    })();
+    written.map_err(|error| {
+        // Best effort: the error that is reported is the one that matters.
+        let _ = fs::remove_file(&temporary);
+        failed(&error)
+    })
+}
+
+/// A file's name without folders and extension, for `/` and `\` alike: scenario
+/// files written elsewhere carry either.
+pub(crate) fn stem(path: &str) -> &str {
+    let name = path.rsplit(['/', '\\']).next().unwrap_or(path);
+    match name.rsplit_once('.') {
+        Some((stem, _)) if !stem.is_empty() => stem,
+        _ => name,
+    }
+}
+
+/// Lines of a text file with their numbers from 1, without `\n` and `\r\n`.
+pub(crate) struct Lines<'a> {
+    rest: Option<&'a [u8]>,
+    number: u64,
+}
+
+impl<'a> Lines<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        let rest = (!bytes.is_empty()).then_some(bytes);
+        Self { rest, number: 0 }
+    }
+
+    /// Number of the line that would come next.
+    pub(crate) fn next_number(&self) -> u64 {
+        self.number + 1
+    }
+
+    /// Whether nothing but blank lines is left.
+    pub(crate) fn only_blank_left(&self) -> bool {
+        self.rest
+            .is_none_or(|rest| rest.iter().all(u8::is_ascii_whitespace))
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = (u64, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let rest = self.rest?;
+        let line = if let Some(at) = rest.iter().position(|byte| *byte == b'\n') {
+            self.rest = Some(&rest[at + 1..]).filter(|rest| !rest.is_empty());
+            &rest[..at]
+        } else {
+            self.rest = None;
+            rest
+        };
+        self.number += 1;
+        Some((self.number, line.strip_suffix(b"\r").unwrap_or(line)))
+    }
+}
+
+/// The column, in characters from 1, of the byte at `at`.
+pub(crate) fn column(line: &[u8], at: usize) -> u64 {
+    let before = &line[..at.min(line.len())];
+    String::from_utf8_lossy(before).chars().count() as u64 + 1
+}
+
+/// Text for an error message: escaped, and cut when it is long.
+pub(crate) fn quote(bytes: &[u8]) -> String {
+    const SHOWN: usize = 40;
+    let text = String::from_utf8_lossy(bytes);
+    let mut shown: String = text
+        .chars()
+        .take(SHOWN)
+        .flat_map(char::escape_debug)
+        .collect();
+    if text.chars().nth(SHOWN).is_some() {
+        shown.push('…');
+    }
+    format!("'{shown}'")
+}

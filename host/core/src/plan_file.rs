@@ -1,0 +1,657 @@
+//! Plan files: the format `fleetyard.plan/1`, one JSON object.
+//!
+//! ```json
+//! {
+//!   "format": "fleetyard.plan/1",
+//!   "planner": "pibt 0.1.0",
+//!   "instance_digest": "0123456789abcdef0123456789abcdef",
+//!   "plan_digest": "fedcba9876543210fedcba9876543210",
+//!   "map": "empty-8-8",
+//!   "rows": 8,
+//!   "cols": 8,
+//!   "encoding": "pairs",
+//!   "paths": [
+//!     [[0, 0], [0, 1], [0, 1]],
+//!     [[4, 4]]
+//!   ]
+//! }
+//! ```
+//!
+//! `format`, `rows`, `cols` and `paths` are needed, the rest is optional and
+//! unknown keys are refused. Keys may come in any order. `paths` has one entry
+//! per agent, in the order of the instance, from time 0 to its last arrival;
+//! `encoding` says how each is written:
+//!
+//! | encoding | a path is |
+//! | --- | --- |
+//! | `pairs` (default) | a list of `[row, column]` |
+//! | `cells` | a list of cell indices, `row · cols + column` |
+//! | `moves` | an object `{"start": [row, column], "moves": "NNE."}` with the letters of [`crate::moves`] |
+//!
+//! Positions outside the map, negative ones included, are read as
+//! [`OFF_MAP`](crate::OFF_MAP), so that the validator can say which agent is where at
+//! which time; they are written as `[-1, -1]` or `-1`. `instance_digest` ties a
+//! plan to its instance, and `plan_digest` to its content: a file whose paths do
+//! not have the digest that it names is refused.
+
+use std::fmt;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
+
+use crate::files::{read_file, write_atomically};
+use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, moves};
+
+/// Largest plan file that is read, in bytes.
+pub const PLAN_FILE_LIMIT: u64 = 1 << 31;
+
+/// Most agents a plan file may have.
+pub const PLAN_MAX_AGENTS: usize = 1 << 22;
+
+/// Most cells all paths of a plan file may have together.
+pub const PLAN_MAX_CELLS: usize = 1 << 29;
+
+/// The value of `format`.
+pub const PLAN_FORMAT: &str = "fleetyard.plan/1";
+
+/// How paths are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PathEncoding {
+    /// `[row, column]` per time step.
+    #[default]
+    Pairs,
+    /// A cell index per time step.
+    Cells,
+    /// A start and a move letter per time step.
+    Moves,
+}
+
+impl PathEncoding {
+    /// Every encoding.
+    pub const ALL: [Self; 3] = [Self::Pairs, Self::Cells, Self::Moves];
+
+    /// Its name in plan files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pairs => "pairs",
+            Self::Cells => "cells",
+            Self::Moves => "moves",
+        }
+    }
+}
+
+impl fmt::Display for PathEncoding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// What a plan file says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PlanFile {
+    /// The file, for error messages.
+    pub source: String,
+    /// Who made the plan, as free text.
+    pub planner: Option<String>,
+    /// The instance that the plan is for.
+    pub instance_digest: Option<Digest>,
+    /// Digest of the paths; after reading it is known to be right.
+    pub plan_digest: Option<Digest>,
+    /// Name of the map.
+    pub map: Option<String>,
+    /// Rows of the map.
+    pub rows: u32,
+    /// Columns of the map.
+    pub cols: u32,
+    /// How the paths were or will be written.
+    pub encoding: PathEncoding,
+    /// The paths.
+    pub plan: GridPlan,
+}
+
+impl PlanFile {
+    /// A plan for an instance, with digests, ready to be written.
+    pub fn new(instance: &GridInstance, plan: GridPlan) -> Self {
+        let grid = instance.grid();
+        Self {
+            source: "plan".to_owned(),
+            planner: None,
+            instance_digest: Some(instance.digest()),
+            plan_digest: Some(plan.digest()),
+            map: Some(grid.name().to_owned()),
+            rows: grid.rows(),
+            cols: grid.cols(),
+            encoding: PathEncoding::default(),
+            plan,
+        }
+    }
+
+    /// Refuses a plan that is for a map of another size, or that names another
+    /// instance. The number of agents is left to the validator.
+    pub fn check_for(&self, instance: &GridInstance) -> Result<(), InputError> {
+        let grid = instance.grid();
+        let (rows, cols) = (grid.rows(), grid.cols());
+        if (self.rows, self.cols) != (rows, cols) {
+            let reason = format!(
+                "the plan is for a map of {} rows and {} columns, but {} has {rows} and {cols}",
+                self.rows,
+                self.cols,
+                grid.name()
+            );
+            let error = InputError::new(self.source.as_str(), reason);
+            return Err(match &self.map {
+                Some(map) => error.hint(format!("the plan names the map {map}")),
+                None => error,
+            });
+        }
+        match self.instance_digest {
+            Some(named) if named != instance.digest() => Err(InputError::new(
+                self.source.as_str(),
+                format!(
+                    "the plan is for instance {named}, but this instance is {}",
+                    instance.digest()
+                ),
+            )
+            .hint(
+                "check map, scenario, number of agents and connectivity; \
+                 to judge it all the same, remove instance_digest from the file",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Reads and parses a plan file.
+pub fn load_plan(path: impl AsRef<Path>) -> Result<PlanFile, InputError> {
+    let path = path.as_ref();
+    let bytes = read_file(path, PLAN_FILE_LIMIT)?;
+    read_plan(&path.display().to_string(), &bytes)
+}
+
+/// Parses the content of a plan file. `source` is named in errors.
+pub fn read_plan(source: &str, bytes: &[u8]) -> Result<PlanFile, InputError> {
+    if bytes.trim_ascii().is_empty() {
+        return Err(InputError::new(source, "the file is empty")
+            .hint("a plan file is a JSON object with format, rows, cols and paths"));
+    }
+    let document: Document =
+        serde_json::from_slice(bytes).map_err(|error| json_error(source, &error))?;
+    document.into_plan_file(source)
+}
+
+/// Turns an error of serde_json into ours: place apart from reason.
+pub fn json_error(source: &str, error: &serde_json::Error) -> InputError {
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    let text = error.to_string();
+    let reason = text.strip_suffix(&place).unwrap_or(&text);
+    let input = InputError::new(source, reason);
+    let input = match error.line() {
+        0 => input,
+        line => input.at(line as u64, error.column().max(1) as u64),
+    };
+    match error.classify() {
+        serde_json::error::Category::Eof => input.hint("the file is truncated"),
+        serde_json::error::Category::Syntax => input.hint("the file is not valid JSON"),
+        _ => input,
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a plan: a JSON object")]
+struct Document {
+    format: Format,
+    planner: Option<String>,
+    instance_digest: Option<Digest>,
+    plan_digest: Option<Digest>,
+    map: Option<String>,
+    rows: u32,
+    cols: u32,
+    #[serde(default)]
+    encoding: PathEncoding,
+    paths: RawPaths,
+}
+
+impl Document {
+    fn into_plan_file(self, source: &str) -> Result<PlanFile, InputError> {
+        let Format = self.format;
+        let (rows, cols) = (self.rows, self.cols);
+        let cells = u64::from(rows) * u64::from(cols);
+        if cells == 0 || cells > Grid::MAX_CELLS {
+            let reason = format!("a map of {rows} rows and {cols} columns is empty or too large");
+            return Err(InputError::new(source, reason)
+                .hint(format!("a map has between 1 and {} cells", Grid::MAX_CELLS)));
+        }
+        if let Some((agent, found)) = self.paths.kind_of(self.encoding) {
+            let encoding = self.encoding;
+            let reason = format!("the encoding is {encoding}, but path {agent} is {found}");
+            return Err(InputError::new(source, reason)
+                .hint("set \"encoding\" to pairs, cells or moves, as the paths are"));
+        }
+        let plan = self.paths.into_plan(rows, cols);
+        if let Some(named) = self.plan_digest
+            && named != plan.digest()
+        {
+            let reason = format!(
+                "plan_digest is {named}, but the paths have {}",
+                plan.digest()
+            );
+            return Err(InputError::new(source, reason).hint(
+                "the file was changed after it was written; \
+                 remove plan_digest if that was on purpose",
+            ));
+        }
+        Ok(PlanFile {
+            source: source.to_owned(),
+            planner: self.planner,
+            instance_digest: self.instance_digest,
+            plan_digest: self.plan_digest,
+            map: self.map,
+            rows,
+            cols,
+            encoding: self.encoding,
+            plan,
+        })
+    }
+}
+
+/// The `format` key, checked while it is read so that the error has a place.
+struct Format;
+
+impl<'de> Deserialize<'de> for Format {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let found = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
+        if found == PLAN_FORMAT {
+            return Ok(Self);
+        }
+        let shown: String = found.chars().take(40).collect();
+        Err(de::Error::custom(format!(
+            "format is {shown:?}, expected {PLAN_FORMAT:?}"
+        )))
+    }
+}
+
+/// All paths as the file has them. Rows and columns of the map may come later
+/// in the file, so cells are only computed at the end.
+#[derive(Default)]
+struct RawPaths {
+    paths: Vec<RawPath>,
+    /// Positions of all paths in pairs or cells, one after the other.
+    positions: Vec<Position>,
+}
+
+/// Row and column, or a cell index and `CELL`. Negative and huge values are
+/// already saturated to `OUTSIDE`.
+type Position = (u32, u32);
+const OUTSIDE: u32 = u32::MAX;
+const CELL: u32 = u32::MAX - 1;
+
+enum RawPath {
+    Empty,
+    /// End of the path in `RawPaths::positions`.
+    Pairs(usize),
+    Cells(usize),
+    Moves {
+        start: Position,
+        letters: String,
+    },
+}
+
+impl RawPaths {
+    /// The first path that is not in `encoding`, and what it is.
+    fn kind_of(&self, encoding: PathEncoding) -> Option<(usize, &'static str)> {
+        self.paths.iter().enumerate().find_map(|(agent, path)| {
+            let (kind, found) = match path {
+                RawPath::Empty => return None,
+                RawPath::Pairs(_) => (PathEncoding::Pairs, "a list of pairs"),
+                RawPath::Cells(_) => (PathEncoding::Cells, "a list of cells"),
+                RawPath::Moves { .. } => (PathEncoding::Moves, "an object with moves"),
+            };
+            (kind != encoding).then_some((agent, found))
+        })
+    }
+
+    fn into_plan(self, rows: u32, cols: u32) -> GridPlan {
+        let to_cell = |(row, col): Position| match (row, col) {
+            (cell, CELL) if cell < rows * cols => cell,
+            (row, col) if row < rows && col < cols => row * cols + col,
+            _ => OFF_MAP,
+        };
+        let mut plan = GridPlan::with_capacity(self.paths.len(), self.positions.len());
+        let mut begin = 0;
+        let mut walked = Vec::new();
+        for path in self.paths {
+            match path {
+                RawPath::Empty => plan.push_path([]),
+                RawPath::Pairs(end) | RawPath::Cells(end) => {
+                    let range = &self.positions[begin..end];
+                    plan.push_path(range.iter().map(|at| to_cell(*at)));
+                    begin = end;
+                }
+                RawPath::Moves { start, letters } => {
+                    walked.clear();
+                    // The letters were checked while they were read.
+                    let known =
+                        moves::decode_into(to_cell(start), &letters, rows, cols, &mut walked);
+                    debug_assert_eq!(known, Ok(()));
+                    plan.push_path(walked.iter().copied());
+                }
+            }
+        }
+        plan
+    }
+}
+
+impl<'de> Deserialize<'de> for RawPaths {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct PathsVisitor;
+
+        impl<'de> Visitor<'de> for PathsVisitor {
+            type Value = RawPaths;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a list with one path per agent")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<RawPaths, A::Error> {
+                let mut all = RawPaths::default();
+                let mut letters = 0;
+                while let Some(path) = list.next_element_seed(PathSeed(&mut all.positions))? {
+                    if all.paths.len() == PLAN_MAX_AGENTS {
+                        return Err(de::Error::custom(format!(
+                            "more than {PLAN_MAX_AGENTS} paths"
+                        )));
+                    }
+                    if let RawPath::Moves { letters: more, .. } = &path {
+                        letters += more.len() + 1;
+                    }
+                    if all.positions.len() + letters > PLAN_MAX_CELLS {
+                        return Err(too_long());
+                    }
+                    all.paths.push(path);
+                }
+                Ok(all)
+            }
+        }
+
+        deserializer.deserialize_seq(PathsVisitor)
+    }
+}
+
+fn too_long<E: de::Error>() -> E {
+    E::custom(format!("the paths have more than {PLAN_MAX_CELLS} cells"))
+}
+
+struct PathSeed<'a>(&'a mut Vec<Position>);
+
+impl<'de> de::DeserializeSeed<'de> for PathSeed<'_> {
+    type Value = RawPath;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<RawPath, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for PathSeed<'_> {
+    type Value = RawPath;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a path: a list of [row, column], a list of cells, or an object with moves")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<RawPath, A::Error> {
+        let Some(first) = list.next_element::<AnyPosition>()? else {
+            return Ok(RawPath::Empty);
+        };
+        self.0.push(first.0);
+        if first.0.1 == CELL {
+            while let Some(cell) = list.next_element::<CellPosition>()? {
+                if self.0.len() == PLAN_MAX_CELLS {
+                    return Err(too_long());
+                }
+                self.0.push((cell.0, CELL));
+            }
+            return Ok(RawPath::Cells(self.0.len()));
+        }
+        while let Some(pair) = list.next_element::<PairPosition>()? {
+            if self.0.len() == PLAN_MAX_CELLS {
+                return Err(too_long());
+            }
+            self.0.push(pair.0);
+        }
+        Ok(RawPath::Pairs(self.0.len()))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<RawPath, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(field_identifier, rename_all = "lowercase")]
+        enum Key {
+            Start,
+            Moves,
+        }
+
+        let mut start: Option<PairPosition> = None;
+        let mut letters: Option<String> = None;
+        while let Some(key) = map.next_key::<Key>()? {
+            match key {
+                Key::Start if start.is_some() => return Err(de::Error::duplicate_field("start")),
+                Key::Start => start = Some(map.next_value()?),
+                Key::Moves if letters.is_some() => return Err(de::Error::duplicate_field("moves")),
+                Key::Moves => {
+                    let text: String = map.next_value()?;
+                    moves::check(&text).map_err(de::Error::custom)?;
+                    letters = Some(text);
+                }
+            }
+        }
+        let start = start.ok_or_else(|| de::Error::missing_field("start"))?.0;
+        let letters = letters.ok_or_else(|| de::Error::missing_field("moves"))?;
+        Ok(RawPath::Moves { start, letters })
+    }
+}
+
+/// A coordinate or cell index; what is not on any map is [`OUTSIDE`].
+#[derive(Clone, Copy)]
+struct CellPosition(u32);
+
+impl<'de> Deserialize<'de> for CellPosition {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct IntegerVisitor;
+
+        impl Visitor<'_> for IntegerVisitor {
+            type Value = CellPosition;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an integer")
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<CellPosition, E> {
+                Ok(CellPosition(saturate(value)))
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<CellPosition, E> {
+                Ok(CellPosition(u64::try_from(value).map_or(OUTSIDE, saturate)))
+            }
+        }
+
+        deserializer.deserialize_u64(IntegerVisitor)
+    }
+}
+
+/// Keeps what can be an index on the largest map.
+fn saturate(value: u64) -> u32 {
+    if value < Grid::MAX_CELLS {
+        value as u32
+    } else {
+        OUTSIDE
+    }
+}
+
+struct PairPosition(Position);
+
+impl<'de> Deserialize<'de> for PairPosition {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct PairVisitor;
+
+        impl<'de> Visitor<'de> for PairVisitor {
+            type Value = PairPosition;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a pair [row, column]")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<PairPosition, A::Error> {
+                pair(list).map(PairPosition)
+            }
+        }
+
+        deserializer.deserialize_seq(PairVisitor)
+    }
+}
+
+fn pair<'de, A: SeqAccess<'de>>(mut list: A) -> Result<Position, A::Error> {
+    let wrong = |found: &str| {
+        de::Error::custom(format!("a position is a pair [row, column], found {found}"))
+    };
+    let row: CellPosition = list.next_element()?.ok_or_else(|| wrong("an empty list"))?;
+    let col: CellPosition = list.next_element()?.ok_or_else(|| wrong("one number"))?;
+    if list.next_element::<IgnoredAny>()?.is_some() {
+        return Err(wrong("more than two entries"));
+    }
+    Ok((row.0, col.0))
+}
+
+/// The first position of a path, which decides between pairs and cells.
+struct AnyPosition(Position);
+
+impl<'de> Deserialize<'de> for AnyPosition {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AnyVisitor;
+
+        impl<'de> Visitor<'de> for AnyVisitor {
+            type Value = AnyPosition;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a pair [row, column] or a cell index")
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<AnyPosition, E> {
+                Ok(AnyPosition((saturate(value), CELL)))
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<AnyPosition, E> {
+                let cell = u64::try_from(value).map_or(OUTSIDE, saturate);
+                Ok(AnyPosition((cell, CELL)))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<AnyPosition, A::Error> {
+                pair(list).map(AnyPosition)
+            }
+        }
+
+        deserializer.deserialize_any(AnyVisitor)
+    }
+}
+
+/// The content of a plan file, one path per line.
+///
+/// A plan with an empty path, or with a step that is not a unit move, has no
+/// move strings; asked for [`PathEncoding::Moves`], it is written in pairs.
+pub fn write_plan(file: &PlanFile) -> Vec<u8> {
+    let mut encoding = file.encoding;
+    let mut strings = Vec::new();
+    if encoding == PathEncoding::Moves {
+        let paths = file.plan.paths();
+        match paths.map(|path| moves::encode(path, file.cols)).collect() {
+            Some(all) => strings = all,
+            None => encoding = PathEncoding::Pairs,
+        }
+    }
+    let mut text = String::with_capacity(256 + 8 * file.plan.cells().len());
+    let quoted = |value: &str| serde_json::Value::from(value).to_string();
+    let _ = writeln!(text, "{{\n  \"format\": \"{PLAN_FORMAT}\",");
+    let optional = [
+        ("planner", file.planner.clone()),
+        (
+            "instance_digest",
+            file.instance_digest.map(|digest| digest.to_string()),
+        ),
+        (
+            "plan_digest",
+            file.plan_digest.map(|digest| digest.to_string()),
+        ),
+        ("map", file.map.clone()),
+    ];
+    for (key, value) in optional {
+        if let Some(value) = value {
+            let _ = writeln!(text, "  \"{key}\": {},", quoted(&value));
+        }
+    }
+    let _ = writeln!(
+        text,
+        "  \"rows\": {},\n  \"cols\": {},",
+        file.rows, file.cols
+    );
+    let _ = write!(text, "  \"encoding\": \"{encoding}\",\n  \"paths\": [");
+    for (agent, path) in file.plan.paths().enumerate() {
+        text.push_str(if agent == 0 { "\n    " } else { ",\n    " });
+        match encoding {
+            PathEncoding::Moves => {
+                let (row, col) = row_col(path[0], file);
+                let letters = &strings[agent];
+                let _ = write!(
+                    text,
+                    "{{\"start\": [{row}, {col}], \"moves\": \"{letters}\"}}"
+                );
+            }
+            PathEncoding::Pairs => {
+                write_list(&mut text, path, |text, cell| {
+                    let (row, col) = row_col(cell, file);
+                    let _ = write!(text, "[{row},{col}]");
+                });
+            }
+            PathEncoding::Cells => {
+                write_list(&mut text, path, |text, cell| {
+                    let cell = if is_on_map(cell, file) {
+                        i64::from(cell)
+                    } else {
+                        -1
+                    };
+                    let _ = write!(text, "{cell}");
+                });
+            }
+        }
+    }
+    text.push_str("\n  ]\n}\n");
+    text.into_bytes()
+}
+
+fn write_list(text: &mut String, path: &[u32], mut write: impl FnMut(&mut String, u32)) {
+    text.push('[');
+    for (time, cell) in path.iter().enumerate() {
+        if time > 0 {
+            text.push(',');
+        }
+        write(text, *cell);
+    }
+    text.push(']');
+}
+
+fn is_on_map(cell: u32, file: &PlanFile) -> bool {
+    u64::from(cell) < u64::from(file.rows) * u64::from(file.cols)
+}
+
+fn row_col(cell: u32, file: &PlanFile) -> (i64, i64) {
+    if is_on_map(cell, file) {
+        (i64::from(cell / file.cols), i64::from(cell % file.cols))
+    } else {
+        (-1, -1)
+    }
+}
+
+/// Writes a plan file, replacing an old one as a whole.
+pub fn save_plan(file: &PlanFile, path: impl AsRef<Path>) -> Result<(), InputError> {
+    write_atomically(path.as_ref(), &write_plan(file))
+}
