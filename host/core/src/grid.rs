@@ -166,6 +166,34 @@ impl Grid {
         orthogonal.chain(diagonal)
     }
 
+    /// Labels the connected components of the passable cells from 1, in the
+    /// order of their first cells; blocked cells are 0.
+    ///
+    /// Diagonal moves never join components, since they need free orthogonal
+    /// cells, so that four- and eight-connected grids have the same.
+    pub fn components(&self) -> Vec<u32> {
+        let mut label = vec![0u32; self.cell_count() as usize];
+        let mut next = 0;
+        let mut stack = Vec::new();
+        for seed in 0..self.cell_count() {
+            if label[seed as usize] != 0 || !self.is_passable(seed) {
+                continue;
+            }
+            next += 1;
+            label[seed as usize] = next;
+            stack.push(seed);
+            while let Some(cell) = stack.pop() {
+                for to in self.neighbors(cell, Connectivity::Four) {
+                    if label[to as usize] == 0 {
+                        label[to as usize] = next;
+                        stack.push(to);
+                    }
+                }
+            }
+        }
+        label
+    }
+
     /// Digest of size and passability. Names and letters of equal meaning do
     /// not change it: two files with the same free cells are the same map.
     pub fn digest(&self) -> Digest {

@@ -81,7 +81,7 @@ impl GridInstance {
         for (what, cells) in [("start", &starts), ("goal", &goals)] {
             check_cells(&grid, what, cells)?;
         }
-        let component = components(&grid);
+        let component = grid.components();
         for (agent, (start, goal)) in starts.iter().zip(&goals).enumerate() {
             if component[*start as usize] != component[*goal as usize] {
                 return Err(InstanceError::Unreachable { agent });
@@ -166,29 +166,4 @@ fn check_cells(grid: &Grid, what: &'static str, cells: &[u32]) -> Result<(), Ins
         }
     }
     Ok(())
-}
-
-/// Labels connected components of the passable cells; blocked cells keep 0.
-/// Diagonal moves never join components, since they need free orthogonal cells.
-fn components(grid: &Grid) -> Vec<u32> {
-    let mut label = vec![0u32; grid.cell_count() as usize];
-    let mut next = 0;
-    let mut stack = Vec::new();
-    for seed in 0..grid.cell_count() {
-        if label[seed as usize] != 0 || !grid.is_passable(seed) {
-            continue;
-        }
-        next += 1;
-        label[seed as usize] = next;
-        stack.push(seed);
-        while let Some(cell) = stack.pop() {
-            for to in grid.neighbors(cell, Connectivity::Four) {
-                if label[to as usize] == 0 {
-                    label[to as usize] = next;
-                    stack.push(to);
-                }
-            }
-        }
-    }
-    label
 }

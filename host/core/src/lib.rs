@@ -16,6 +16,7 @@ pub mod moves;
 mod plan;
 pub mod plan_file;
 mod scenario;
+mod search;
 
 pub use digest::{Digest, Hasher};
 pub use error::InputError;
@@ -28,3 +29,4 @@ pub use plan_file::{PathEncoding, PlanFile, load_plan, read_plan, save_plan, wri
 pub use scenario::{
     SCEN_FILE_LIMIT, Scenario, ScenarioEntry, load_scen, read_scen, save_scen, write_scen,
 };
+pub use search::{GridSearch, OctileLength};
