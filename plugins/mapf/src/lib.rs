@@ -1,1 +1,17 @@
 //! Grid planners: PIBT and LaCAM*.
+#![forbid(unsafe_code)]
+
+mod distance;
+mod graph;
+mod lacam;
+mod one_shot;
+mod pibt;
+mod plan;
+mod problem;
+mod random;
+mod scatter;
+mod solve;
+
+pub use plan::Plan;
+pub use problem::{Problem, ProblemError};
+pub use solve::{Algorithm, Limit, Observer, Options, Outcome, solve};

@@ -1,0 +1,101 @@
+//! The graph the planners walk on: the passable cells of a 4-connected grid,
+//! numbered densely.
+//!
+//! Not a general graph. Every planner here relies on two properties of the
+//! 4-connected grid: a vertex has at most four neighbours, and the graph is
+//! bipartite, so that the distance to any target differs by exactly one between
+//! neighbours.
+
+/// Dense number of a passable cell.
+pub(crate) type Vertex = u32;
+
+/// Number of directions; `d` and `(d + 2) % 4` are opposite.
+pub(crate) const DIRECTIONS: usize = 4;
+
+/// Passable cells and their neighbours.
+///
+/// A missing neighbour is the sentinel [`Graph::wall`], one past the last vertex,
+/// so that tables with one spare entry can be read without a branch.
+#[derive(Debug, Clone)]
+pub(crate) struct Graph {
+    neighbors: Vec<[Vertex; DIRECTIONS]>,
+    degrees: Vec<u8>,
+    cells: Vec<u32>,
+    vertices: Vec<Vertex>,
+}
+
+impl Graph {
+    /// Numbers the passable cells row by row. `passable` has `rows · cols` entries.
+    pub(crate) fn new(rows: usize, cols: usize, passable: &[bool]) -> Self {
+        let count = passable.iter().filter(|&&p| p).count();
+        let wall = count as Vertex;
+        let mut vertices = vec![wall; rows * cols];
+        let mut cells = Vec::with_capacity(count);
+        for (cell, _) in passable.iter().enumerate().filter(|(_, p)| **p) {
+            vertices[cell] = cells.len() as Vertex;
+            cells.push(cell as u32);
+        }
+        let mut neighbors = Vec::with_capacity(count + 1);
+        let mut degrees = Vec::with_capacity(count + 1);
+        for &cell in &cells {
+            let (row, col) = (cell as usize / cols, cell as usize % cols);
+            let at = |inside: bool, cell: usize| if inside { vertices[cell] } else { wall };
+            let cell = cell as usize;
+            let around = [
+                at(row > 0, cell.wrapping_sub(cols)),
+                at(col + 1 < cols, cell + 1),
+                at(row + 1 < rows, cell + cols),
+                at(col > 0, cell.wrapping_sub(1)),
+            ];
+            degrees.push(around.iter().filter(|&&v| v != wall).count() as u8);
+            neighbors.push(around);
+        }
+        neighbors.push([wall; DIRECTIONS]);
+        degrees.push(0);
+        Self {
+            neighbors,
+            degrees,
+            cells,
+            vertices,
+        }
+    }
+
+    /// Number of vertices.
+    pub(crate) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// The sentinel that stands for "no such neighbour".
+    pub(crate) fn wall(&self) -> Vertex {
+        self.cells.len() as Vertex
+    }
+
+    /// The four neighbours, [`Graph::wall`] where there is none.
+    pub(crate) fn around(&self, v: Vertex) -> &[Vertex; DIRECTIONS] {
+        &self.neighbors[v as usize]
+    }
+
+    /// The neighbours that exist.
+    pub(crate) fn neighbors(&self, v: Vertex) -> impl Iterator<Item = Vertex> + '_ {
+        let wall = self.wall();
+        self.around(v).iter().copied().filter(move |&u| u != wall)
+    }
+
+    /// Number of neighbours.
+    pub(crate) fn degree(&self, v: Vertex) -> u32 {
+        u32::from(self.degrees[v as usize])
+    }
+
+    /// The grid cell of a vertex.
+    pub(crate) fn cell(&self, v: Vertex) -> u32 {
+        self.cells[v as usize]
+    }
+
+    /// The vertex of a grid cell, or `None` for an obstacle or a cell off the map.
+    pub(crate) fn vertex(&self, cell: u32) -> Option<Vertex> {
+        self.vertices
+            .get(cell as usize)
+            .copied()
+            .filter(|&v| v != self.wall())
+    }
+}

@@ -1,0 +1,50 @@
+//! PIBT as a planner of its own: steps are made until everybody has arrived.
+//!
+//! K. Okumura, M. Machida, X. Défago, Y. Tamura, "Priority inheritance with
+//! backtracking for iterative multi-agent path finding", Artificial Intelligence
+//! 310 (2022).
+//!
+//! Not complete: on graphs that are not biconnected, and on grids with parked agents
+//! in the way, it may go on for ever, so the number of steps is limited.
+
+use crate::distance::Distances;
+use crate::graph::Vertex;
+use crate::pibt::Pibt;
+use crate::random::Random;
+use crate::scatter::Guide;
+
+/// Runs PIBT; `None` when the limit or `stop` comes first.
+pub(crate) fn pibt(
+    starts: &[Vertex],
+    goals: &[Vertex],
+    distances: &mut Distances<'_>,
+    swap: bool,
+    step_limit: u64,
+    mut random: Random,
+    stop: &mut dyn FnMut() -> bool,
+) -> Option<Vec<Box<[Vertex]>>> {
+    let guide = Guide::default();
+    let mut pibt = Pibt::new(distances.graph(), goals, swap);
+    let mut by_distance: Vec<u32> = (0..starts.len() as u32).collect();
+    by_distance.sort_by_key(|&a| std::cmp::Reverse(distances.get(a as usize, starts[a as usize])));
+    let mut order = by_distance.clone();
+    let mut configurations: Vec<Box<[Vertex]>> = vec![starts.into()];
+    let mut now: Box<[Vertex]> = starts.into();
+    while *now != *goals {
+        if configurations.len() as u64 > step_limit || stop() {
+            return None;
+        }
+        pibt.load(&now, distances, &guide);
+        // Without constraints every agent can at least stay or be moved away.
+        if !pibt.sample(&order, &[], distances, &mut random) {
+            return None;
+        }
+        now.copy_from_slice(pibt.step());
+        configurations.push(now.clone());
+        // Priority grows while an agent is away from its goal and is reset there.
+        let resting = |agent: &u32| now[*agent as usize] == goals[*agent as usize];
+        order.retain(|agent| !resting(agent));
+        order.extend(by_distance.iter().filter(|agent| resting(agent)));
+    }
+    Some(configurations)
+}

@@ -1,0 +1,392 @@
+//! PIBT: one step for all agents by priority inheritance with backtracking.
+//!
+//! K. Okumura, M. Machida, X. Défago, Y. Tamura, "Priority inheritance with
+//! backtracking for iterative multi-agent path finding", Artificial Intelligence
+//! 310 (2022). The swap operation, which lets two agents change places at the end
+//! of a corridor, is the one of K. Okumura, "Improving LaCAM for scalable eventually
+//! optimal multi-agent pathfinding", IJCAI 2023.
+//!
+//! This module makes single steps, as LaCAM's configuration generator wants them;
+//! [`crate::one_shot`] iterates them into a planner of its own.
+//!
+//! The grid is bipartite, so a neighbour is either one closer to the goal or one
+//! further: preferences need no sorting. A four-bit mask of the closer directions
+//! and a random permutation of the directions, looked up together in a table, give
+//! "closer ones in random order, staying, the others in random order".
+
+use crate::distance::Distances;
+use crate::graph::{DIRECTIONS, Graph, Vertex};
+use crate::random::Random;
+use crate::scatter::Guide;
+
+/// No agent.
+const NOBODY: u32 = u32::MAX;
+/// Undecided vertex.
+const UNDECIDED: Vertex = Vertex::MAX;
+/// Permutations of the four directions.
+const PERMUTATIONS: usize = 24;
+/// Bits of a preference code that hold the closer directions.
+const CLOSER: u8 = 0b1111;
+
+/// Step generator with its scratch memory.
+#[derive(Debug)]
+pub(crate) struct Pibt<'g> {
+    graph: &'g Graph,
+    goals: Vec<Vertex>,
+    swap: bool,
+    /// The loaded configuration, and who stands where in it.
+    from: Vec<Vertex>,
+    occupant: Vec<u32>,
+    loaded: bool,
+    /// Per agent: mask of closer directions, and the guide's direction plus one
+    /// in the upper half.
+    preferences: Vec<u8>,
+    /// The step under construction, and who will stand where.
+    to: Vec<Vertex>,
+    claimant: Vec<u32>,
+    stack: Vec<Frame>,
+    orders: Box<[[u8; PERMUTATIONS]; 16]>,
+}
+
+/// An agent that is choosing its next vertex, waiting for the one it pushes.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    agent: u32,
+    candidates: [Vertex; DIRECTIONS + 1],
+    count: u8,
+    next: u8,
+    /// Whom to pull into the vertex left behind, if the first choice is won.
+    pulled: u32,
+}
+
+impl<'g> Pibt<'g> {
+    pub(crate) fn new(graph: &'g Graph, goals: &[Vertex], swap: bool) -> Self {
+        let (agents, vertices) = (goals.len(), graph.len() + 1);
+        Self {
+            graph,
+            goals: goals.to_vec(),
+            swap,
+            from: vec![UNDECIDED; agents],
+            occupant: vec![NOBODY; vertices],
+            loaded: false,
+            preferences: vec![0; agents],
+            to: vec![UNDECIDED; agents],
+            claimant: vec![NOBODY; vertices],
+            stack: Vec::new(),
+            orders: direction_orders(),
+        }
+    }
+
+    /// Sets the configuration that the next steps start from.
+    pub(crate) fn load(&mut self, from: &[Vertex], distances: &mut Distances<'_>, guide: &Guide) {
+        if self.loaded {
+            for &v in &self.from {
+                self.occupant[v as usize] = NOBODY;
+            }
+        }
+        self.loaded = true;
+        for (agent, &v) in from.iter().enumerate() {
+            self.occupant[v as usize] = agent as u32;
+            if self.from[agent] != v {
+                self.from[agent] = v;
+                let here = distances.get(agent, v);
+                let mut code = guide.direction(agent, v) << DIRECTIONS;
+                for (d, &u) in self.graph.around(v).iter().enumerate() {
+                    if u != self.graph.wall() && distances.get(agent, u) < here {
+                        code |= 1 << d;
+                    }
+                }
+                self.preferences[agent] = code;
+            }
+        }
+    }
+
+    /// The step made last.
+    pub(crate) fn step(&self) -> &[Vertex] {
+        &self.to
+    }
+
+    /// Tries to make one step from the loaded configuration: agents choose in the
+    /// given order, those in `fixed` go where they are told. False when the fixed
+    /// moves collide or leave somebody without a place.
+    pub(crate) fn sample(
+        &mut self,
+        order: &[u32],
+        fixed: &[(u32, Vertex)],
+        distances: &mut Distances<'_>,
+        random: &mut Random,
+    ) -> bool {
+        self.to.fill(UNDECIDED);
+        let mut possible = true;
+        for &(agent, v) in fixed {
+            let occupant = self.occupant[v as usize];
+            let swaps = occupant != NOBODY
+                && occupant != agent
+                && self.to[occupant as usize] == self.from[agent as usize];
+            if self.claimant[v as usize] != NOBODY || swaps {
+                possible = false;
+                break;
+            }
+            self.claimant[v as usize] = agent;
+            self.to[agent as usize] = v;
+        }
+        if possible {
+            possible = order.iter().all(|&agent| {
+                self.to[agent as usize] != UNDECIDED || self.decide(agent, distances, random)
+            });
+        }
+        for &v in &self.to {
+            if v != UNDECIDED {
+                self.claimant[v as usize] = NOBODY;
+            }
+        }
+        possible
+    }
+
+    /// The recursion of the paper, on a stack of its own: thousands of agents may
+    /// push one another in a chain.
+    fn decide(&mut self, agent: u32, distances: &mut Distances<'_>, random: &mut Random) -> bool {
+        self.stack.clear();
+        let frame = self.frame(agent, distances, random);
+        self.stack.push(frame);
+        // What the frame above has just answered, if one has.
+        let mut answer: Option<bool> = None;
+        while let Some(top) = self.stack.last_mut() {
+            let here = self.from[top.agent as usize];
+            let mut won = answer.take() == Some(true);
+            let mut pushed = NOBODY;
+            while !won && top.next < top.count {
+                let v = top.candidates[top.next as usize];
+                top.next += 1;
+                if self.claimant[v as usize] != NOBODY {
+                    continue;
+                }
+                let occupant = self.occupant[v as usize];
+                if occupant != NOBODY && self.to[occupant as usize] == here {
+                    continue;
+                }
+                self.claimant[v as usize] = top.agent;
+                self.to[top.agent as usize] = v;
+                if occupant != NOBODY
+                    && occupant != top.agent
+                    && self.to[occupant as usize] == UNDECIDED
+                {
+                    pushed = occupant;
+                    break;
+                }
+                won = true;
+            }
+            if won {
+                let pulled = top.pulled;
+                if top.next == 1
+                    && pulled != NOBODY
+                    && self.to[pulled as usize] == UNDECIDED
+                    && self.claimant[here as usize] == NOBODY
+                {
+                    self.claimant[here as usize] = pulled;
+                    self.to[pulled as usize] = here;
+                }
+                self.stack.pop();
+                answer = Some(true);
+            } else if pushed != NOBODY {
+                let frame = self.frame(pushed, distances, random);
+                self.stack.push(frame);
+            } else {
+                self.claimant[here as usize] = top.agent;
+                self.to[top.agent as usize] = here;
+                self.stack.pop();
+                answer = Some(false);
+            }
+        }
+        answer == Some(true)
+    }
+
+    /// The candidates of an agent in its order of preference.
+    #[inline]
+    fn frame(&mut self, agent: u32, distances: &mut Distances<'_>, random: &mut Random) -> Frame {
+        let here = self.from[agent as usize];
+        let around = self.graph.around(here);
+        let wall = self.graph.wall();
+        let code = self.preferences[agent as usize];
+        let closer = code & CLOSER;
+        let permutation = (random.byte() * PERMUTATIONS) >> 8;
+        let mut order = self.orders[closer as usize][permutation];
+        let mut candidates = [here; DIRECTIONS + 1];
+        let mut count = 0;
+        let guided = (code >> DIRECTIONS).wrapping_sub(1);
+        if guided < DIRECTIONS as u8 {
+            candidates[0] = around[guided as usize];
+            count = 1;
+        }
+        let stay_after = closer.count_ones();
+        for k in 0..=DIRECTIONS as u32 {
+            if k == stay_after {
+                candidates[count] = here;
+                count += 1;
+            }
+            if k == DIRECTIONS as u32 {
+                break;
+            }
+            let d = order & 3;
+            order >>= 2;
+            let v = around[d as usize];
+            if v != wall && d != guided {
+                candidates[count] = v;
+                count += 1;
+            }
+        }
+        let mut pulled = NOBODY;
+        if self.swap {
+            pulled = self.swap_partner(agent, here, candidates[0], distances);
+            if pulled != NOBODY {
+                candidates[..count].reverse();
+            }
+        }
+        Frame {
+            agent,
+            candidates,
+            count: count as u8,
+            next: 0,
+            pulled,
+        }
+    }
+
+    /// The agent to change places with, when `agent` at `here` wants to go to `first`.
+    fn swap_partner(
+        &self,
+        agent: u32,
+        here: Vertex,
+        first: Vertex,
+        distances: &mut Distances<'_>,
+    ) -> u32 {
+        if first == here {
+            return NOBODY;
+        }
+        let occupant = self.occupant[first as usize];
+        if occupant != NOBODY
+            && self.to[occupant as usize] == UNDECIDED
+            && self.swap_required(agent, occupant, here, first, distances)
+            && self.swap_possible(first, here)
+        {
+            return occupant;
+        }
+        // Somebody behind may need to pass: make room one step ahead of the need.
+        for behind in self.graph.neighbors(here) {
+            let other = self.occupant[behind as usize];
+            if other != NOBODY
+                && behind != first
+                && self.swap_required(other, agent, here, first, distances)
+                && self.swap_possible(first, here)
+            {
+                return other;
+            }
+        }
+        NOBODY
+    }
+
+    /// Whether `pusher`, following `puller` along a corridor, would stand in its way
+    /// at the end of it.
+    fn swap_required(
+        &self,
+        pusher: u32,
+        puller: u32,
+        pusher_at: Vertex,
+        puller_at: Vertex,
+        distances: &mut Distances<'_>,
+    ) -> bool {
+        let (pusher, puller) = (pusher as usize, puller as usize);
+        let (mut behind, mut ahead) = (pusher_at, puller_at);
+        let mut left = distances.get(pusher, behind);
+        loop {
+            let next = distances.get(pusher, ahead);
+            if next >= left {
+                return left == 0 && distances.get(puller, behind) < distances.get(puller, ahead);
+            }
+            match self.exits(ahead, behind) {
+                Exits::Several => return false,
+                Exits::None => {
+                    return distances.get(puller, behind) < distances.get(puller, ahead);
+                }
+                Exits::One(exit) => {
+                    behind = ahead;
+                    ahead = exit;
+                    left = next;
+                }
+            }
+        }
+    }
+
+    /// Whether pulling leads from `ahead` to a place wide enough to change places.
+    fn swap_possible(&self, pusher_at: Vertex, puller_at: Vertex) -> bool {
+        let (mut behind, mut ahead) = (pusher_at, puller_at);
+        for _ in 0..self.graph.len() {
+            if ahead == pusher_at {
+                return false;
+            }
+            match self.exits(ahead, behind) {
+                Exits::Several => return true,
+                Exits::None => return false,
+                Exits::One(exit) => {
+                    behind = ahead;
+                    ahead = exit;
+                }
+            }
+        }
+        false
+    }
+
+    /// Ways on from `v` when coming from `back`. A dead end whose occupant is at its
+    /// goal is no way.
+    #[inline]
+    fn exits(&self, v: Vertex, back: Vertex) -> Exits {
+        let mut found = Exits::None;
+        for u in self.graph.neighbors(v) {
+            if u == back {
+                continue;
+            }
+            if self.graph.degree(u) == 1 {
+                let occupant = self.occupant[u as usize];
+                if occupant != NOBODY && self.goals[occupant as usize] == u {
+                    continue;
+                }
+            }
+            match found {
+                Exits::None => found = Exits::One(u),
+                _ => return Exits::Several,
+            }
+        }
+        found
+    }
+}
+
+/// How a corridor goes on.
+#[derive(Debug, Clone, Copy)]
+enum Exits {
+    None,
+    One(Vertex),
+    Several,
+}
+
+/// For each mask of closer directions and each permutation: the directions, two bits
+/// each from the lowest, closer ones first.
+fn direction_orders() -> Box<[[u8; PERMUTATIONS]; 16]> {
+    let mut permutations = Vec::with_capacity(PERMUTATIONS);
+    for code in 0..256_usize {
+        let p = [code & 3, code >> 2 & 3, code >> 4 & 3, code >> 6 & 3];
+        let seen = p.iter().fold(0, |seen, d| seen | 1 << d);
+        if seen == 0b1111 {
+            permutations.push(p);
+        }
+    }
+    let mut orders = Box::new([[0; PERMUTATIONS]; 16]);
+    for (mask, row) in orders.iter_mut().enumerate() {
+        for (entry, p) in row.iter_mut().zip(&permutations) {
+            let closer = p.iter().filter(|&&d| mask >> d & 1 == 1);
+            let further = p.iter().filter(|&&d| mask >> d & 1 == 0);
+            for (k, d) in closer.chain(further).enumerate() {
+                *entry |= (d << (2 * k)) as u8;
+            }
+        }
+    }
+    orders
+}

@@ -1,0 +1,261 @@
+//! Scatter: individual paths that avoid one another, as guidance for PIBT.
+//!
+//! Space utilisation optimisation of K. Okumura, "Engineering LaCAM*: towards
+//! real-time, large-scale, and near-optimal multi-agent pathfinding", AAMAS 2024:
+//! every agent gets a path at most `margin` longer than its shortest one that
+//! collides as little as it can with those of the others; PIBT then prefers the
+//! next vertex of that path whenever the agent stands on it.
+//!
+//! The paths may still collide: they are advice, not a plan.
+
+use crate::distance::Distances;
+use crate::graph::{DIRECTIONS, Graph, Vertex};
+use crate::random::Random;
+
+/// Above this much memory for the occupancy table no guidance is computed.
+const MEMORY_LIMIT: usize = 1 << 30;
+/// Not parked.
+const NEVER: u32 = u32::MAX;
+
+/// Per agent and vertex, a direction to prefer.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Guide {
+    /// Direction plus one; zero for no advice. Empty when there is no guidance.
+    directions: Vec<u8>,
+    stride: usize,
+}
+
+impl Guide {
+    /// Direction plus one, or zero.
+    #[inline]
+    pub(crate) fn direction(&self, agent: usize, v: Vertex) -> u8 {
+        self.directions
+            .get(agent * self.stride + v as usize)
+            .copied()
+            .unwrap_or(0)
+    }
+}
+
+/// How often a vertex is occupied at a time, and entered from each direction.
+#[derive(Debug, Clone, Copy, Default)]
+struct Use {
+    standing: u8,
+    /// `entered[d]`: agents that have come from the neighbour in direction `d`.
+    entered: [u8; DIRECTIONS],
+}
+
+/// A vertex to expand.
+#[derive(Debug, Clone, Copy)]
+struct Open {
+    v: Vertex,
+    g: u32,
+    /// Direction of the vertex it is entered from, plus one.
+    via: u8,
+}
+
+/// Not expanded; otherwise the direction by which a vertex was entered plus one, or
+/// [`ROOT`].
+const UNSEEN: u8 = 0;
+const ROOT: u8 = DIRECTIONS as u8 + 1;
+
+/// Computes the guidance. `stop` is asked between paths; a stopped computation gives
+/// what it has, which makes no difference to validity.
+pub(crate) fn scatter(
+    distances: &mut Distances<'_>,
+    starts: &[Vertex],
+    goals: &[Vertex],
+    margin: u32,
+    rounds: usize,
+    random: &mut Random,
+    stop: &mut dyn FnMut() -> bool,
+) -> Guide {
+    let graph = distances.graph();
+    let longest = (0..starts.len())
+        .map(|a| distances.get(a, starts[a]))
+        .max()
+        .unwrap_or(0);
+    let stride = graph.len() + 1;
+    let cells = stride * (longest + margin + 2) as usize;
+    if cells * size_of::<Use>() > MEMORY_LIMIT {
+        return Guide::default();
+    }
+    let mut search = Scatter {
+        graph,
+        distances,
+        margin,
+        uses: vec![Use::default(); cells],
+        stride,
+        parked: vec![NEVER; stride],
+        buckets: Vec::new(),
+        entered: vec![UNSEEN; stride],
+        touched: Vec::new(),
+    };
+    let mut paths: Vec<Vec<Vertex>> = vec![Vec::new(); starts.len()];
+    let mut order: Vec<usize> = (0..starts.len()).collect();
+    let mut before = u64::MAX;
+    for _ in 0..rounds {
+        random.shuffle(&mut order);
+        for &agent in &order {
+            if stop() {
+                break;
+            }
+            search.improve(agent, starts[agent], goals[agent], &mut paths[agent]);
+        }
+        let collisions = paths.iter().map(|path| search.collisions(path, 1)).sum();
+        if collisions == 0 || collisions >= before {
+            break;
+        }
+        before = collisions;
+    }
+    drop(search);
+
+    let mut directions = vec![0; stride * starts.len()];
+    for (row, path) in directions.chunks_exact_mut(stride).zip(&paths) {
+        for step in path.windows(2) {
+            let d = graph.around(step[0]).iter().position(|&u| u == step[1]);
+            row[step[0] as usize] = d.map_or(0, |d| d as u8 + 1);
+        }
+    }
+    Guide { directions, stride }
+}
+
+/// Single-agent search in the occupancy of the others.
+struct Scatter<'a, 'g> {
+    graph: &'g Graph,
+    distances: &'a mut Distances<'g>,
+    margin: u32,
+    /// `uses[t · stride + v]`.
+    uses: Vec<Use>,
+    stride: usize,
+    /// When somebody arrives at this vertex to stay.
+    parked: Vec<u32>,
+    /// Open vertices by (collisions, detour): a monotone bucket queue.
+    buckets: Vec<Vec<Open>>,
+    entered: Vec<u8>,
+    touched: Vec<Vertex>,
+}
+
+impl Scatter<'_, '_> {
+    /// Replaces the path of an agent by the one with the fewest collisions.
+    fn improve(&mut self, agent: usize, start: Vertex, goal: Vertex, path: &mut Vec<Vertex>) {
+        let shortest = self.distances.get(agent, start);
+        self.count(path, u8::wrapping_sub);
+        let perfect =
+            !path.is_empty() && path.len() as u32 == shortest + 1 && self.collisions(path, 0) == 0;
+        if !perfect {
+            self.search(agent, start, goal, shortest);
+            path.clear();
+            path.push(goal);
+            let mut v = goal;
+            while let Some(d) = self.entered[v as usize].checked_sub(1) {
+                if d as usize >= DIRECTIONS {
+                    break;
+                }
+                v = self.graph.around(v)[d as usize];
+                path.push(v);
+            }
+            path.reverse();
+            for v in self.touched.drain(..) {
+                self.entered[v as usize] = UNSEEN;
+            }
+        }
+        self.count(path, u8::wrapping_add);
+    }
+
+    /// A* over vertices, each expanded once, in the order of (collisions, length).
+    /// Leaves in `entered` the way back from the goal.
+    fn search(&mut self, agent: usize, start: Vertex, goal: Vertex, shortest: u32) {
+        let detours = self.margin as usize / 2 + 1;
+        for bucket in &mut self.buckets {
+            bucket.clear();
+        }
+        let mut current = 0;
+        if self.buckets.is_empty() {
+            self.buckets.push(Vec::new());
+        }
+        self.buckets[0].push(Open {
+            v: start,
+            g: 0,
+            via: ROOT,
+        });
+        while current < self.buckets.len() {
+            let Some(Open { v, g, via }) = self.buckets[current].pop() else {
+                current += 1;
+                continue;
+            };
+            if self.entered[v as usize] != UNSEEN {
+                continue;
+            }
+            self.entered[v as usize] = via;
+            self.touched.push(v);
+            if v == goal {
+                break;
+            }
+            let collisions = current / detours;
+            let now = (g + 1) as usize * self.stride;
+            let entered_here = self.uses[now + v as usize].entered;
+            for (d, &u) in self.graph.around(v).iter().enumerate() {
+                // The sentinel has no distance within bounds, so it falls out here.
+                if self.entered[u as usize] != UNSEEN {
+                    continue;
+                }
+                let f = g + 1 + self.distances.get(agent, u);
+                if f > shortest + self.margin {
+                    continue;
+                }
+                let more = usize::from(self.uses[now + u as usize].standing)
+                    + usize::from(entered_here[d])
+                    + usize::from(self.parked[u as usize] <= g);
+                let key = (collisions + more) * detours + (f - shortest) as usize / 2;
+                if key >= self.buckets.len() {
+                    self.buckets.resize_with(key + 1, Vec::new);
+                }
+                let via = ((d + 2) % DIRECTIONS) as u8 + 1;
+                self.buckets[key].push(Open {
+                    v: u,
+                    g: g + 1,
+                    via,
+                });
+            }
+        }
+    }
+
+    /// Adds a path to the occupancy, or takes it away.
+    fn count(&mut self, path: &[Vertex], change: fn(u8, u8) -> u8) {
+        let Some((&goal, last)) = path.last().zip(path.len().checked_sub(1)) else {
+            return;
+        };
+        let added = change(0, 1) == 1;
+        self.parked[goal as usize] = if added { last as u32 } else { NEVER };
+        for (t, &v) in path.iter().enumerate() {
+            let usage = &mut self.uses[t * self.stride + v as usize];
+            usage.standing = change(usage.standing, 1);
+            if t > 0 {
+                let from = path[t - 1];
+                if let Some(d) = self.graph.around(v).iter().position(|&u| u == from) {
+                    usage.entered[d] = change(usage.entered[d], 1);
+                }
+            }
+        }
+    }
+
+    /// Collisions of a path with the counted ones; `own` is one if it is counted.
+    fn collisions(&self, path: &[Vertex], own: u8) -> u64 {
+        let mut sum = 0;
+        for (t, step) in path.windows(2).enumerate() {
+            let now = (t + 1) * self.stride;
+            let standing = self.uses[now + step[1] as usize].standing.wrapping_sub(own);
+            sum += u64::from(standing);
+            sum += u64::from(self.parked[step[1] as usize] <= t as u32);
+            if let Some(d) = self
+                .graph
+                .around(step[0])
+                .iter()
+                .position(|&u| u == step[1])
+            {
+                sum += u64::from(self.uses[now + step[0] as usize].entered[d]);
+            }
+        }
+        sum
+    }
+}
