@@ -1,0 +1,134 @@
+//! What the validator says: rules, violations, verdict.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// A rule that a plan can break.
+///
+/// The order is the order in which violations of equal time and agents are
+/// listed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rule {
+    /// The plan has paths for more or fewer agents than the instance has.
+    AgentCount,
+    /// An agent has no position at all.
+    EmptyPath,
+    /// A path does not begin at its agent's start.
+    WrongStart,
+    /// A path does not end at its agent's goal.
+    WrongGoal,
+    /// An agent leaves the map.
+    OutOfBounds,
+    /// An agent enters a blocked cell.
+    Obstacle,
+    /// An agent's next cell is not one that a move reaches.
+    NotAdjacent,
+    /// A diagonal move passes a blocked cell at its side.
+    CornerCut,
+    /// Two agents are in one cell, both on their way.
+    VertexConflict,
+    /// An agent is in a cell where another one stays for good.
+    ParkedConflict,
+    /// Two agents exchange cells in one step.
+    SwapConflict,
+    /// Two diagonal moves cross in one step.
+    DiagonalCrossing,
+    /// A diagonal move passes a corner while a straight move crosses an edge
+    /// that ends there.
+    CornerMeet,
+}
+
+impl Rule {
+    /// Every rule, in order.
+    pub const ALL: [Self; 13] = [
+        Self::AgentCount,
+        Self::EmptyPath,
+        Self::WrongStart,
+        Self::WrongGoal,
+        Self::OutOfBounds,
+        Self::Obstacle,
+        Self::NotAdjacent,
+        Self::CornerCut,
+        Self::VertexConflict,
+        Self::ParkedConflict,
+        Self::SwapConflict,
+        Self::DiagonalCrossing,
+        Self::CornerMeet,
+    ];
+
+    /// The name in JSON output.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AgentCount => "agent-count",
+            Self::EmptyPath => "empty-path",
+            Self::WrongStart => "wrong-start",
+            Self::WrongGoal => "wrong-goal",
+            Self::OutOfBounds => "out-of-bounds",
+            Self::Obstacle => "obstacle",
+            Self::NotAdjacent => "not-adjacent",
+            Self::CornerCut => "corner-cut",
+            Self::VertexConflict => "vertex-conflict",
+            Self::ParkedConflict => "parked-conflict",
+            Self::SwapConflict => "swap-conflict",
+            Self::DiagonalCrossing => "diagonal-crossing",
+            Self::CornerMeet => "corner-meet",
+        }
+    }
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Row and column of a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct CellPosition {
+    /// Row, growing down.
+    pub row: u32,
+    /// Column, growing right.
+    pub col: u32,
+}
+
+impl fmt::Display for CellPosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "({}, {})", self.row, self.col)
+    }
+}
+
+/// One broken rule.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Violation {
+    /// The rule.
+    pub rule: Rule,
+    /// The agents at fault, counted from 0, in increasing order.
+    pub agents: Vec<u32>,
+    /// The time step; for a move, the time at which it ends.
+    pub time: u32,
+    /// The cells in question: where the agents are, or for moves of the first
+    /// agent and then of the second, from and to. Positions outside the map
+    /// have no cell.
+    pub cells: Vec<CellPosition>,
+    /// All of it as a sentence.
+    pub sentence: String,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence)
+    }
+}
+
+/// What the validator says of a plan.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// Whether the plan breaks no rule.
+    pub valid: bool,
+    /// The first violations by time, then agents, as many as were asked for.
+    pub violations: Vec<Violation>,
+    /// How many violations there are in all.
+    pub violation_count: u64,
+}
