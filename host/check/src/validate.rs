@@ -76,9 +76,9 @@ pub fn validate(instance: &GridInstance, plan: &GridPlan, limit: usize) -> Verdi
     }
 }
 
-/// A violation before it gets its sentence. The derived order is the order of
-/// the report.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+/// A violation before it gets its sentence. Agents are in increasing order, and
+/// `NONE` where there are fewer.
+#[derive(Debug, Clone, Copy)]
 struct Found {
     time: u32,
     first: u32,
@@ -210,7 +210,9 @@ impl<'a> Sweep<'a> {
     }
 
     fn flush(&mut self) {
-        self.step.sort_unstable();
+        // By agents, and one agent before the pairs that it is the first of.
+        self.step
+            .sort_unstable_by_key(|found| (found.first, found.second.wrapping_add(1), found.rule));
         let room = self.limit - self.kept.len();
         self.kept.extend(self.step.drain(..).take(room));
     }
