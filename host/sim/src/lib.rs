@@ -1,1 +1,60 @@
-//! The deterministic 2D simulator of Fleetyard.
+//! The deterministic 2D simulator of Fleetyard: executes what a planner
+//! returned and says what happened.
+//!
+//! It follows the simulation core of the GRACE benchmark (section IV-C: 60 Hz
+//! ticks, four substeps, kinematic tracking of reference trajectories, contact
+//! events, nearest approach, tracking error), with two differences: contacts
+//! are found in continuous time rather than by sampling, and a digest of the
+//! whole execution is always computed, so that "the same run" can be tested.
+//!
+//! It is not a validator: `fleetyard-check` says whether a plan obeys the rules
+//! of its representation. The simulator executes invalid plans too, as far as
+//! that makes sense, and reports the contacts and the tracking error that they
+//! cause. It is not a clock either: it reports simulated time, and whoever calls
+//! it divides by the wall time to get a real-time factor.
+//!
+//! # From plan to motion
+//!
+//! A [grid plan](fleetyard_core::GridPlan) becomes one timed polyline per agent
+//! through the centres of its cells, one cell per [`SimConfig::step_s`]. The
+//! executed body follows the reference at no more than
+//! [`SimConfig::max_speed_cells_per_step`]: plans made of unit moves are
+//! followed exactly, and a teleport shows as tracking error instead of as a body
+//! that vanishes. Agents are discs; see [`SimConfig::radius_m`] for the default
+//! radius and the reason for it.
+//!
+//! # Tiers
+//!
+//! Two tiers share everything but the motion of bodies and the search for
+//! contacts: [`Tier::Kinematic`], an engine of our own over flat arrays with
+//! closed-form swept tests, and [`Tier::Contact`] on rapier2d.
+//!
+//! # Determinism
+//!
+//! All arithmetic is IEEE `f64` addition, multiplication, division and square
+//! root in a fixed order; there is no fused multiply-add, no transcendental
+//! function, no clock, no thread and no hash map whose order could reach an
+//! output. Golden digests in the tests hold in debug and release builds.
+
+#![forbid(unsafe_code)]
+
+mod bodies;
+mod config;
+mod contact;
+mod convert;
+mod error;
+mod event;
+mod execution;
+mod geometry;
+mod kinematic;
+mod pairs;
+mod reference;
+mod statics;
+pub mod trace;
+
+pub use config::{SimConfig, Tier};
+pub use convert::{cell_center_m, cell_of_point};
+pub use error::SimError;
+pub use event::{Contact, Contacts, Event, EventKind, Other};
+pub use execution::{Approach, Execution, Outcome};
+pub use trace::{NoTrace, TraceReader, TraceSink, TraceWriter};

@@ -1,0 +1,145 @@
+//! Candidate pairs: which agents can come near each other for a while.
+//!
+//! A Verlet list over a uniform grid of bins: all pairs within a reach that is
+//! larger than the distance of interest by what the agents can move until the
+//! list is built again. The order of the list carries no meaning; consumers
+//! reduce it in ways that do not depend on order.
+
+use crate::bodies::Bodies;
+
+/// The pairs `(i, j)`, i < j, that can come within `range` of each other.
+#[derive(Debug, Default)]
+pub(crate) struct Pairs {
+    list: Vec<(u32, u32)>,
+    /// Distance of interest, in metres.
+    range: f64,
+    /// How much farther every agent may still move.
+    allowance: f64,
+    built: bool,
+    most: usize,
+    starts: Vec<u32>,
+    order: Vec<u32>,
+    bin: Vec<u32>,
+}
+
+/// More than the allowed number of pairs.
+#[derive(Debug)]
+pub(crate) struct TooManyPairs;
+
+impl Pairs {
+    pub(crate) fn new(range: f64, most: usize) -> Self {
+        Self {
+            range,
+            most,
+            ..Self::default()
+        }
+    }
+
+    pub(crate) fn list(&self) -> &[(u32, u32)] {
+        &self.list
+    }
+
+    /// Makes the list good for a span in which no agent moves farther than
+    /// `travel`, building it again if it must be. A new list lasts until
+    /// agents have moved `horizon`, at least.
+    pub(crate) fn cover(
+        &mut self,
+        bodies: &Bodies,
+        travel: f64,
+        horizon: f64,
+    ) -> Result<(), TooManyPairs> {
+        if !self.built || travel > self.allowance {
+            // The slack absorbs the rounding of distances.
+            let allowance = travel.max(horizon) * (1.0 + 1e-9);
+            self.build(bodies, self.range + 2.0 * allowance)?;
+            self.allowance = allowance;
+            self.built = true;
+        }
+        self.allowance -= travel;
+        Ok(())
+    }
+
+    fn build(&mut self, bodies: &Bodies, reach: f64) -> Result<(), TooManyPairs> {
+        let reach = reach * (1.0 + 1e-9);
+        let (x, y) = (&bodies.x0, &bodies.y0);
+        let bounds = |values: &[f64]| {
+            values
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+                    (low.min(*v), high.max(*v))
+                })
+        };
+        let ((left, right), (bottom, top)) = (bounds(x), bounds(y));
+        // Bins no smaller than the reach, and not many more bins than agents.
+        let most_bins = (4 * x.len() + 64) as f64;
+        let mut side = reach;
+        let count = |low: f64, high: f64, side: f64| ((high - low) / side).floor() + 1.0;
+        while count(left, right, side) * count(bottom, top, side) > most_bins {
+            side *= 2.0;
+        }
+        let cols = count(left, right, side) as usize;
+        let rows = count(bottom, top, side) as usize;
+
+        self.bin.clear();
+        self.bin.extend(x.iter().zip(y).map(|(x, y)| {
+            let col = (((x - left) / side) as usize).min(cols - 1);
+            let row = (((y - bottom) / side) as usize).min(rows - 1);
+            (row * cols + col) as u32
+        }));
+        self.starts.clear();
+        self.starts.resize(rows * cols + 1, 0);
+        for bin in &self.bin {
+            self.starts[*bin as usize + 1] += 1;
+        }
+        for at in 1..self.starts.len() {
+            self.starts[at] += self.starts[at - 1];
+        }
+        self.order.resize(x.len(), 0);
+        let mut next = self.starts.clone();
+        for (agent, bin) in self.bin.iter().enumerate() {
+            let slot = &mut next[*bin as usize];
+            self.order[*slot as usize] = agent as u32;
+            *slot += 1;
+        }
+
+        self.list.clear();
+        let (starts, order, list) = (&self.starts, &self.order, &mut self.list);
+        let members = |row: usize, col: usize| {
+            let bin = row * cols + col;
+            &order[starts[bin] as usize..starts[bin + 1] as usize]
+        };
+        let limit = reach * reach;
+        let mut pair_up = |i: u32, others: &[u32]| {
+            let (xi, yi) = (x[i as usize], y[i as usize]);
+            for j in others.iter().copied() {
+                let (dx, dy) = (x[j as usize] - xi, y[j as usize] - yi);
+                if dx * dx + dy * dy <= limit {
+                    list.push((i.min(j), i.max(j)));
+                }
+            }
+            list.len() <= self.most
+        };
+        for row in 0..rows {
+            for col in 0..cols {
+                let own = members(row, col);
+                for (at, i) in own.iter().copied().enumerate() {
+                    // Each unordered pair of bins once: itself, east, and the
+                    // three to the north.
+                    let mut fits = pair_up(i, &own[at + 1..]);
+                    if col + 1 < cols {
+                        fits &= pair_up(i, members(row, col + 1));
+                    }
+                    if row + 1 < rows {
+                        for near in col.saturating_sub(1)..=(col + 1).min(cols - 1) {
+                            fits &= pair_up(i, members(row + 1, near));
+                        }
+                    }
+                    if !fits {
+                        return Err(TooManyPairs);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
