@@ -1,1 +1,32 @@
-//! The plugin contract of Fleetyard: C ABI, wire model and Rust SDK.
+//! The plugin contract of Fleetyard, and nothing else.
+//!
+//! - [`c`]: the C ABI, from which `include/fleetyard.h` is generated.
+//! - The owned model ([`Instance`], [`Plan`], [`Budget`], …): the same things as
+//!   Rust values, whose serde form is the JSON wire ([`wire`], [`paths`]).
+//! - [`sdk`]: what a plugin in Rust implements, and [`export!`], which makes a
+//!   shared library of it; [`serve`] makes an executable that speaks JSON.
+//!
+//! The version of the ABI is [`c::ABI_MAJOR`].[`c::ABI_MINOR`] and that of the
+//! JSON protocol [`wire::PROTOCOL_VERSION`]; neither is the product's version.
+
+// This crate is the boundary itself. Types are read from JSON and, apart from
+// that, from C: neither bypasses a check of the other.
+#![allow(
+    unsafe_code,
+    clippy::unsafe_derive_deserialize,
+    clippy::elidable_lifetime_names
+)]
+
+pub mod c;
+mod clock;
+pub mod convert;
+pub mod export;
+pub mod layout;
+mod model;
+pub mod paths;
+pub mod sdk;
+pub mod serve;
+pub mod wire;
+
+pub use clock::monotonic_ns;
+pub use model::*;

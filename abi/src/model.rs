@@ -1,0 +1,823 @@
+//! The owned model: the same things as the C structures, as Rust values whose
+//! serde form is the JSON wire.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::c;
+
+/// The four kinds of plugin.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Solves instances.
+    Planner,
+    /// Gets the fleet moving again after a planner failed.
+    FailPolicy,
+    /// Decides what the planner is asked next.
+    InstanceGenerator,
+    /// Decides when the planner is called.
+    InvocationPolicy,
+}
+
+impl Kind {
+    /// All kinds, in the order in which they are listed.
+    pub const ALL: [Self; 4] = [
+        Self::Planner,
+        Self::FailPolicy,
+        Self::InstanceGenerator,
+        Self::InvocationPolicy,
+    ];
+
+    /// The kind's name on the wire.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Planner => "planner",
+            Self::FailPolicy => "fail-policy",
+            Self::InstanceGenerator => "instance-generator",
+            Self::InvocationPolicy => "invocation-policy",
+        }
+    }
+
+    /// The identifier of the kind's factory in the C ABI.
+    pub fn factory_id(self) -> &'static str {
+        match self {
+            Self::Planner => c::PLANNER_FACTORY_ID,
+            Self::FailPolicy => c::FAIL_POLICY_FACTORY_ID,
+            Self::InstanceGenerator => c::INSTANCE_GENERATOR_FACTORY_ID,
+            Self::InvocationPolicy => c::INVOCATION_POLICY_FACTORY_ID,
+        }
+    }
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+macro_rules! capabilities {
+    ($($(#[doc = $doc:literal])* $name:ident = $bit:ident, $text:literal;)*) => {
+        /// What a plugin says it can do.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+        #[serde(rename_all = "kebab-case")]
+        pub enum Capability {
+            $($(#[doc = $doc])* $name,)*
+        }
+
+        impl Capability {
+            /// Every capability, lowest bit first.
+            pub const ALL: &'static [Self] = &[$(Self::$name),*];
+
+            /// The capability's bit in the C ABI.
+            pub fn bit(self) -> u64 {
+                match self { $(Self::$name => c::$bit,)* }
+            }
+
+            /// The capability's name on the wire.
+            pub fn as_str(self) -> &'static str {
+                match self { $(Self::$name => $text,)* }
+            }
+        }
+    };
+}
+
+capabilities! {
+    /// Plans on grids.
+    Grid = CAPABILITY_GRID, "grid";
+    /// Plans on roadmaps.
+    Roadmap = CAPABILITY_ROADMAP, "roadmap";
+    /// Plans in continuous space.
+    Continuous = CAPABILITY_CONTINUOUS, "continuous";
+    /// Grids with eight neighbours as well as four.
+    EightConnected = CAPABILITY_EIGHT_CONNECTED, "eight-connected";
+    /// The pebble motion model.
+    Pebble = CAPABILITY_PEBBLE, "pebble";
+    /// The rotation motion model.
+    Rotation = CAPABILITY_ROTATION, "rotation";
+    /// Keeps submitting better plans until the budget ends.
+    Anytime = CAPABILITY_ANYTIME, "anytime";
+    /// Several goals per agent, planned up to a window.
+    Windowed = CAPABILITY_WINDOWED, "windowed";
+    /// Goals that several agents share.
+    DuplicateGoals = CAPABILITY_DUPLICATE_GOALS, "duplicate-goals";
+    /// May submit colliding paths when it fails.
+    CollidingPlans = CAPABILITY_COLLIDING_PLANS, "colliding-plans";
+    /// Plans that tolerate k steps of delay.
+    KRobust = CAPABILITY_K_ROBUST, "k-robust";
+    /// The same instance, options and seed give the same plan.
+    Deterministic = CAPABILITY_DETERMINISTIC, "deterministic";
+    /// Uses more than one thread when the budget allows it.
+    Threads = CAPABILITY_THREADS, "threads";
+}
+
+/// A set of [`Capability`]; on the wire a list of names, in which unknown names
+/// are ignored so that a newer plugin works with an older host.
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
+pub struct Capabilities(u64);
+
+impl Capabilities {
+    /// From the bits of the C ABI.
+    pub fn from_bits(bits: u64) -> Self {
+        Self(bits)
+    }
+
+    /// The bits of the C ABI.
+    pub fn bits(self) -> u64 {
+        self.0
+    }
+
+    /// The set of some capabilities.
+    pub fn of(capabilities: &[Capability]) -> Self {
+        Self(
+            capabilities
+                .iter()
+                .fold(0, |bits, capability| bits | capability.bit()),
+        )
+    }
+
+    /// Whether the set has a capability.
+    pub fn has(self, capability: Capability) -> bool {
+        self.0 & capability.bit() != 0
+    }
+
+    /// The known capabilities in the set.
+    pub fn iter(self) -> impl Iterator<Item = Capability> {
+        Capability::ALL
+            .iter()
+            .copied()
+            .filter(move |capability| self.has(*capability))
+    }
+}
+
+impl std::fmt::Debug for Capabilities {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_set().entries(self.iter()).finish()
+    }
+}
+
+impl Serialize for Capabilities {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.iter())
+    }
+}
+
+impl<'de> Deserialize<'de> for Capabilities {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let names = Vec::<String>::deserialize(deserializer)?;
+        let known = Capability::ALL
+            .iter()
+            .filter(|known| names.iter().any(|name| name == known.as_str()));
+        Ok(Self(
+            known.fold(0, |bits, capability| bits | capability.bit()),
+        ))
+    }
+}
+
+impl JsonSchema for Capabilities {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Capabilities".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        let names: Vec<&str> = Capability::ALL
+            .iter()
+            .map(|capability| capability.as_str())
+            .collect();
+        schemars::json_schema!({
+            "description": "Names of capabilities; unknown names are ignored.",
+            "type": "array",
+            "items": { "type": "string", "examples": names }
+        })
+    }
+}
+
+/// What a plugin is and can do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Descriptor {
+    /// Short identifier, `[a-z0-9][a-z0-9._-]*`.
+    pub id: String,
+    /// The kind of plugin.
+    pub kind: Kind,
+    /// Human-readable name.
+    #[serde(default)]
+    pub name: String,
+    /// Version of the plugin.
+    #[serde(default)]
+    pub version: String,
+    /// One paragraph, the paper cited.
+    #[serde(default)]
+    pub description: String,
+    /// SPDX licence expression; may be empty.
+    #[serde(default)]
+    pub license: String,
+    /// What it can do.
+    #[serde(default)]
+    pub capabilities: Capabilities,
+    /// JSON Schema of the options object; `null` when there are none.
+    #[serde(default)]
+    pub options_schema: serde_json::Value,
+    /// How the host should write paths that it sends.
+    #[serde(default)]
+    pub path_encoding: PathEncoding,
+}
+
+/// How a path is written in JSON.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PathEncoding {
+    /// `[[row, col], …]`
+    #[default]
+    Pairs,
+    /// Cell indices `[row * cols + col, …]`
+    Cells,
+    /// A string of moves from the agent's start; see [`crate::paths`].
+    Moves,
+}
+
+/// Limits of one call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Budget {
+    /// When the call must have returned: nanoseconds of `CLOCK_MONOTONIC`.
+    pub deadline_monotonic_ns: u64,
+    /// Length of the budget when the call began.
+    pub wall_ns: u64,
+    /// Most search nodes to expand; 0 for no limit.
+    #[serde(default)]
+    pub nodes: u64,
+    /// Most memory to use in bytes; 0 for no limit.
+    #[serde(default)]
+    pub memory_bytes: u64,
+    /// Most threads to use at a time.
+    #[serde(default = "one")]
+    pub threads: u32,
+    /// Seed of every random choice.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// What stays the same between calls: the map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "representation", rename_all = "kebab-case")]
+pub enum Environment {
+    /// A grid.
+    Grid(GridEnvironment),
+}
+
+impl Environment {
+    /// The grid, if the environment is one.
+    pub fn grid(&self) -> Option<&GridEnvironment> {
+        match self {
+            Self::Grid(grid) => Some(grid),
+        }
+    }
+}
+
+/// A grid. On the wire `passable` and `terrain` are lists of row strings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "GridWire", into = "GridWire")]
+#[schemars(with = "GridWire")]
+pub struct GridEnvironment {
+    /// The map's name, for messages.
+    pub map_name: String,
+    /// Number of rows.
+    pub rows: u32,
+    /// Number of columns.
+    pub cols: u32,
+    /// 4 or 8 neighbours.
+    pub connectivity: u32,
+    /// Side of a cell.
+    pub cell_size_m: f64,
+    /// Duration of one move or wait.
+    pub step_s: f64,
+    /// Row-major: 1 where a robot may stand, else 0.
+    pub passable: Vec<u8>,
+    /// Row-major terrain letters as in the map file.
+    pub terrain: Vec<u8>,
+}
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Grid")]
+struct GridWire {
+    /// The map's name, for messages.
+    map_name: String,
+    /// Number of rows.
+    rows: u32,
+    /// Number of columns.
+    cols: u32,
+    /// 4 or 8 neighbours.
+    connectivity: u32,
+    /// Side of a cell.
+    cell_size_m: f64,
+    /// Duration of one move or wait.
+    step_s: f64,
+    /// One string a row, `.` where a robot may stand and `@` elsewhere.
+    passable: Vec<String>,
+    /// One string a row of terrain letters as in the map file; left out when it
+    /// says no more than `passable`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    terrain: Vec<String>,
+}
+
+impl From<GridEnvironment> for GridWire {
+    fn from(grid: GridEnvironment) -> Self {
+        let cols = (grid.cols as usize).max(1);
+        let free = |byte: &u8| if *byte == 0 { '@' } else { '.' };
+        let passable: Vec<String> = grid
+            .passable
+            .chunks(cols)
+            .map(|row| row.iter().map(free).collect())
+            .collect();
+        let terrain: Vec<String> = grid
+            .terrain
+            .chunks(cols)
+            .map(|row| row.iter().copied().map(char::from).collect())
+            .collect();
+        Self {
+            map_name: grid.map_name,
+            rows: grid.rows,
+            cols: grid.cols,
+            connectivity: grid.connectivity,
+            cell_size_m: grid.cell_size_m,
+            step_s: grid.step_s,
+            terrain: if terrain == passable {
+                Vec::new()
+            } else {
+                terrain
+            },
+            passable,
+        }
+    }
+}
+
+impl TryFrom<GridWire> for GridEnvironment {
+    type Error = String;
+
+    fn try_from(wire: GridWire) -> Result<Self, String> {
+        let flatten = |what: &str, rows: &[String]| {
+            let whole = rows.len() == wire.rows as usize
+                && rows
+                    .iter()
+                    .all(|row| row.is_ascii() && row.len() == wire.cols as usize);
+            if whole {
+                Ok(rows.concat().into_bytes())
+            } else {
+                Err(format!(
+                    "`{what}` is not {} rows of {} letters",
+                    wire.rows, wire.cols
+                ))
+            }
+        };
+        let letters = flatten("passable", &wire.passable)?;
+        let terrain = if wire.terrain.is_empty() {
+            letters.clone()
+        } else {
+            flatten("terrain", &wire.terrain)?
+        };
+        Ok(Self {
+            map_name: wire.map_name,
+            rows: wire.rows,
+            cols: wire.cols,
+            connectivity: wire.connectivity,
+            cell_size_m: wire.cell_size_m,
+            step_s: wire.step_s,
+            passable: letters
+                .iter()
+                .map(|letter| u8::from(*letter == b'.'))
+                .collect(),
+            terrain,
+        })
+    }
+}
+
+macro_rules! code_enum {
+    ($(#[doc = $doc:literal])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $code:ident,)* }) => {
+        $(#[doc = $doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+        #[serde(rename_all = "kebab-case")]
+        pub enum $name {
+            $($(#[doc = $vdoc])* $variant,)*
+        }
+
+        impl $name {
+            /// The constant of the C ABI.
+            pub fn code(self) -> i32 {
+                match self { $(Self::$variant => c::$code,)* }
+            }
+
+            /// From the constant of the C ABI.
+            pub fn from_code(code: i32) -> Option<Self> {
+                match code { $(c::$code => Some(Self::$variant),)* _ => None }
+            }
+        }
+    };
+}
+
+code_enum! {
+    /// What a plugin says of its call. A claim, never a verdict.
+    Status {
+        /// The plan that was submitted solves the instance.
+        Solved = STATUS_SOLVED,
+        /// The instance has no solution, and the planner proved it.
+        Infeasible = STATUS_INFEASIBLE,
+        /// The budget ran out.
+        TimedOut = STATUS_TIMED_OUT,
+        /// The planner stopped trying without a proof.
+        GaveUp = STATUS_GAVE_UP,
+        /// The planner stopped because it was asked to.
+        Cancelled = STATUS_CANCELLED,
+        /// The planner cannot handle this kind of instance, map or option.
+        Unsupported = STATUS_UNSUPPORTED,
+        /// The input contradicts itself.
+        InvalidInput = STATUS_INVALID_INPUT,
+        /// The plugin failed.
+        InternalError = STATUS_INTERNAL_ERROR,
+    }
+}
+
+impl std::fmt::Display for Status {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Solved => "solved",
+            Self::Infeasible => "infeasible",
+            Self::TimedOut => "timed-out",
+            Self::GaveUp => "gave-up",
+            Self::Cancelled => "cancelled",
+            Self::Unsupported => "unsupported",
+            Self::InvalidInput => "invalid-input",
+            Self::InternalError => "internal-error",
+        })
+    }
+}
+
+code_enum! {
+    /// How a robot moves on a grid.
+    Motion {
+        /// To an adjacent cell, or waits, each in one step.
+        Pebble = MOTION_PEBBLE,
+        /// As a pebble, but turning by 90 degrees takes a step.
+        Rotation = MOTION_ROTATION,
+    }
+}
+
+code_enum! {
+    /// What a plan should minimise.
+    Objective {
+        /// The sum over agents of the last time of arrival at the goal.
+        SumOfCosts = OBJECTIVE_SUM_OF_COSTS,
+        /// The time at which the last agent arrives.
+        Makespan = OBJECTIVE_MAKESPAN,
+    }
+}
+
+code_enum! {
+    /// Where a robot on a grid looks.
+    Heading {
+        /// Towards larger columns.
+        East = HEADING_EAST,
+        /// Towards larger rows.
+        South = HEADING_SOUTH,
+        /// Towards smaller columns.
+        West = HEADING_WEST,
+        /// Towards smaller rows.
+        North = HEADING_NORTH,
+    }
+}
+
+code_enum! {
+    /// How much a log line matters.
+    LogLevel {
+        /// Something failed.
+        Error = LOG_ERROR,
+        /// Something is odd.
+        Warning = LOG_WARNING,
+        /// Worth knowing once per run.
+        Info = LOG_INFO,
+        /// For the plugin's author.
+        Debug = LOG_DEBUG,
+    }
+}
+
+/// What a planner is asked to solve, on the environment it was prepared for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Instance {
+    /// Start cell of every agent.
+    pub starts: Vec<u32>,
+    /// Start heading of every agent, when headings matter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub headings: Option<Vec<Heading>>,
+    /// Goal cells of every agent, to be visited in order; at least one each.
+    pub goals: Goals,
+    /// How robots move.
+    #[serde(default = "pebble")]
+    pub motion: Motion,
+    /// What to minimise.
+    #[serde(default = "sum_of_costs")]
+    pub objective: Objective,
+    /// Collisions after this many steps do not matter; 0 for a complete plan.
+    #[serde(default)]
+    pub window_steps: u32,
+    /// Radius of the largest robot's enclosing circle.
+    #[serde(default)]
+    pub radius_m: f64,
+}
+
+fn pebble() -> Motion {
+    Motion::Pebble
+}
+
+fn sum_of_costs() -> Objective {
+    Objective::SumOfCosts
+}
+
+/// A list of cells per agent or task, stored flat; on the wire a list of lists.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Goals {
+    offsets: Vec<u64>,
+    cells: Vec<u32>,
+}
+
+impl Goals {
+    /// One cell each.
+    pub fn single(cells: Vec<u32>) -> Self {
+        Self {
+            offsets: (0..=cells.len() as u64).collect(),
+            cells,
+        }
+    }
+
+    /// From flat arrays; `None` when the offsets do not fit the cells.
+    pub fn from_flat(offsets: Vec<u64>, cells: Vec<u32>) -> Option<Self> {
+        let fit = offsets.first() == Some(&0)
+            && offsets.last() == Some(&(cells.len() as u64))
+            && offsets.is_sorted();
+        fit.then_some(Self { offsets, cells })
+    }
+
+    /// Number of lists.
+    pub fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Whether there are no lists.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The cells of list `index`.
+    pub fn get(&self, index: usize) -> &[u32] {
+        &self.cells[self.offsets[index] as usize..self.offsets[index + 1] as usize]
+    }
+
+    /// Every list, in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[u32]> {
+        self.offsets
+            .windows(2)
+            .map(|range| &self.cells[range[0] as usize..range[1] as usize])
+    }
+
+    /// Prefix sums of the lists' lengths.
+    pub fn offsets(&self) -> &[u64] {
+        &self.offsets
+    }
+
+    /// All cells.
+    pub fn cells(&self) -> &[u32] {
+        &self.cells
+    }
+}
+
+impl Serialize for Goals {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.iter())
+    }
+}
+
+impl<'de> Deserialize<'de> for Goals {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let lists = Vec::<Vec<u32>>::deserialize(deserializer)?;
+        let mut goals = Self {
+            offsets: vec![0],
+            cells: Vec::new(),
+        };
+        for list in lists {
+            goals.cells.extend(list);
+            goals.offsets.push(goals.cells.len() as u64);
+        }
+        Ok(goals)
+    }
+}
+
+impl JsonSchema for Goals {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Goals".into()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        Vec::<Vec<u32>>::json_schema(generator)
+    }
+}
+
+impl Instance {
+    /// One goal per agent, pebbles, sum of costs, no window.
+    pub fn one_shot(starts: Vec<u32>, goals: Vec<u32>) -> Self {
+        Self {
+            starts,
+            headings: None,
+            goals: Goals::single(goals),
+            motion: Motion::Pebble,
+            objective: Objective::SumOfCosts,
+            window_steps: 0,
+            radius_m: 0.0,
+        }
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// Whether lengths agree, every agent has a goal, and all cells are on a
+    /// map of `cells` cells. The reason why not otherwise.
+    pub fn check(&self, cells: usize) -> Result<(), String> {
+        let agents = self.agents();
+        if agents == 0 || self.goals.len() != agents {
+            return Err(format!(
+                "{agents} starts but {} goal lists",
+                self.goals.len()
+            ));
+        }
+        if self
+            .headings
+            .as_ref()
+            .is_some_and(|headings| headings.len() != agents)
+        {
+            return Err("`headings` has another length than `starts`".into());
+        }
+        if let Some(agent) = self.goals.iter().position(<[u32]>::is_empty) {
+            return Err(format!("agent {agent} has no goal"));
+        }
+        let mut all = self.starts.iter().chain(self.goals.cells());
+        match all.find(|cell| **cell as usize >= cells) {
+            Some(cell) => Err(format!("cell {cell} is not on a map of {cells} cells")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Where the fleet will be when everything committed has been executed, and
+/// what is left to do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FleetState {
+    /// Simulated time since the run began.
+    pub time_s: f64,
+    /// Every agent's cell at the end of what is committed.
+    pub cells: Vec<u32>,
+    /// Every agent's heading there, when headings matter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub headings: Option<Vec<Heading>>,
+    /// Goals that agents have been given and have not reached, in order.
+    pub goals: Goals,
+    /// Tasks that were released and given to nobody.
+    pub tasks: Vec<Task>,
+    /// Planning window asked for in steps; 0 for none.
+    #[serde(default)]
+    pub window_steps: u32,
+}
+
+/// An open task.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Task {
+    /// Identifier.
+    pub id: u64,
+    /// The cells that it visits, in order.
+    pub cells: Vec<u32>,
+}
+
+/// How the fleet is doing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FleetStatus {
+    /// Simulated time since the run began.
+    pub time_s: f64,
+    /// Simulated time since the planner was last called.
+    pub since_last_call_s: f64,
+    /// What the host expects the next call to take.
+    pub expected_planning_s: f64,
+    /// Per agent, committed actions that are not yet executed.
+    pub actions_left: Vec<u32>,
+}
+
+/// A plan, borrowed: path `i` is `cells[offsets[i]..offsets[i + 1]]`.
+#[derive(Debug, Clone, Copy)]
+pub struct PlanRef<'a> {
+    offsets: &'a [u64],
+    cells: &'a [u32],
+}
+
+impl<'a> PlanRef<'a> {
+    /// From flat arrays; `None` when the offsets do not fit the cells.
+    pub fn new(offsets: &'a [u64], cells: &'a [u32]) -> Option<Self> {
+        let fit = offsets.first() == Some(&0)
+            && offsets.last() == Some(&(cells.len() as u64))
+            && offsets.is_sorted();
+        fit.then_some(Self { offsets, cells })
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Prefix sums of path lengths.
+    pub fn offsets(&self) -> &'a [u64] {
+        self.offsets
+    }
+
+    /// All paths' cells.
+    pub fn cells(&self) -> &'a [u32] {
+        self.cells
+    }
+
+    /// Every path, in order.
+    pub fn paths(&self) -> impl ExactSizeIterator<Item = &'a [u32]> + use<'a> {
+        let cells = self.cells;
+        self.offsets
+            .windows(2)
+            .map(move |range| &cells[range[0] as usize..range[1] as usize])
+    }
+
+    /// Copies.
+    pub fn to_plan(&self) -> Plan {
+        Plan {
+            offsets: self.offsets.to_vec(),
+            cells: self.cells.to_vec(),
+        }
+    }
+}
+
+/// A plan, owned. Nothing is promised of its cells: they may be on no map.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Plan {
+    offsets: Vec<u64>,
+    cells: Vec<u32>,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self {
+            offsets: vec![0],
+            cells: Vec::new(),
+        }
+    }
+}
+
+impl Plan {
+    /// Collects one path per agent.
+    pub fn from_paths<P: AsRef<[u32]>>(paths: impl IntoIterator<Item = P>) -> Self {
+        let mut plan = Self::default();
+        for path in paths {
+            plan.push_path(path.as_ref());
+        }
+        plan
+    }
+
+    /// Appends the path of the next agent.
+    pub fn push_path(&mut self, path: &[u32]) {
+        self.cells.extend_from_slice(path);
+        self.end_path();
+    }
+
+    /// Appends one cell to the path that is being written.
+    pub(crate) fn push_cell(&mut self, cell: u32) {
+        self.cells.push(cell);
+    }
+
+    /// Ends the path that is being written.
+    pub(crate) fn end_path(&mut self) {
+        self.offsets.push(self.cells.len() as u64);
+    }
+
+    /// Borrows.
+    pub fn as_ref(&self) -> PlanRef<'_> {
+        PlanRef {
+            offsets: &self.offsets,
+            cells: &self.cells,
+        }
+    }
+
+    /// The flat arrays: offsets and cells.
+    pub fn into_flat(self) -> (Vec<u64>, Vec<u32>) {
+        (self.offsets, self.cells)
+    }
+}
+
+/// Shared environments: a planner may keep what it was prepared with.
+pub type SharedEnvironment = Arc<Environment>;

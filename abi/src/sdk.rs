@@ -1,0 +1,348 @@
+//! The Rust SDK: a trait per kind of plugin, and what the host gives to each.
+//!
+//! ```
+//! use fleetyard_abi::sdk::{Failure, Options, Plugin, Planner, Sink};
+//! use fleetyard_abi::{Budget, Capabilities, Capability, Descriptor, Instance, Kind, Plan};
+//! use fleetyard_abi::SharedEnvironment;
+//!
+//! /// Leaves everybody at their start.
+//! struct Stay;
+//!
+//! impl Plugin for Stay {
+//!     fn descriptor() -> Descriptor {
+//!         Descriptor {
+//!             version: "0.1.0".into(),
+//!             capabilities: Capabilities::of(&[Capability::Grid, Capability::Pebble]),
+//!             ..Descriptor::new(Kind::Planner, "stay", "Leaves everybody at their start")
+//!         }
+//!     }
+//!
+//!     fn create(_options: Options<'_>) -> Result<Self, Failure> {
+//!         Ok(Self)
+//!     }
+//! }
+//!
+//! impl Planner for Stay {
+//!     fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
+//!         Ok(())
+//!     }
+//!
+//!     fn plan(&mut self, instance: &Instance, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+//!         sink.submit_plan(Plan::from_paths(instance.starts.iter().map(|cell| [*cell])).as_ref())?;
+//!         Ok(())
+//!     }
+//! }
+//!
+//! fleetyard_abi::export! { planners: [Stay] }
+//! # fn main() {}
+//! ```
+
+use serde::de::DeserializeOwned;
+
+use crate::model::{
+    Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel,
+    PathEncoding, PlanRef, SharedEnvironment, Status,
+};
+
+/// Why a call did not succeed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{status}: {message}")]
+pub struct Failure {
+    /// The claim; never [`Status::Solved`].
+    pub status: Status,
+    /// For people.
+    pub message: String,
+}
+
+impl Failure {
+    /// A failure with its explanation.
+    pub fn new(status: Status, message: impl Into<String>) -> Self {
+        Self {
+            status,
+            message: message.into(),
+        }
+    }
+}
+
+/// The host did not take what was submitted: it was malformed or came too late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the host rejected what was submitted")]
+pub struct Rejected;
+
+impl From<Rejected> for Failure {
+    fn from(rejected: Rejected) -> Self {
+        Self::new(Status::InternalError, rejected.to_string())
+    }
+}
+
+/// Receives what a plugin has to say during a call, from any thread.
+pub trait Sink: Sync {
+    /// Hands over a plan. May be called any number of times, each plan better
+    /// than the last.
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected>;
+    /// Hands over the next instance, in `generate`.
+    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected>;
+    /// Reports a figure such as `expansions`, kept as a claim.
+    fn metric(&self, name: &str, value: f64);
+    /// Writes to the run's log.
+    fn log(&self, level: LogLevel, text: &str);
+    /// Says how much of the work is done; `total` 0 if unknown.
+    fn progress(&self, done: u64, total: u64);
+    /// Whether the call should end. Cheap; ask often.
+    fn cancelled(&self) -> bool;
+}
+
+/// The options that the user gave: a JSON object.
+#[derive(Debug, Clone, Copy)]
+pub struct Options<'a>(&'a str);
+
+impl<'a> Options<'a> {
+    /// From JSON text; empty text stands for no options.
+    pub fn new(json: &'a str) -> Self {
+        Self(if json.trim().is_empty() { "{}" } else { json })
+    }
+
+    /// The JSON text.
+    pub fn json(self) -> &'a str {
+        self.0
+    }
+
+    /// The options as a type, usually one with `#[serde(default,
+    /// deny_unknown_fields)]` whose schema is in the descriptor.
+    pub fn parse<T: DeserializeOwned>(self) -> Result<T, Failure> {
+        // A structure would also take a list, field by field: insist on an object.
+        serde_json::from_str::<serde_json::Map<_, _>>(self.0)
+            .and_then(|object| serde_json::from_value(object.into()))
+            .map_err(|error| Failure::new(Status::InvalidInput, format!("options: {error}")))
+    }
+}
+
+/// What every plugin has, of whatever kind.
+pub trait Plugin: Sized + 'static {
+    /// What the plugin is and can do.
+    fn descriptor() -> Descriptor;
+    /// Makes one from its options.
+    fn create(options: Options<'_>) -> Result<Self, Failure>;
+}
+
+/// Solves instances.
+pub trait Planner: Send {
+    /// Learns a map, within a budget of its own.
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+    /// Solves an instance on that map and submits plans to the sink; `Ok` claims
+    /// that the last one solves it.
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+}
+
+/// Gets the fleet moving again when the planner has failed.
+pub trait FailPolicy: Send {
+    /// Learns a map, within a budget of its own.
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+    /// Submits a collision-free plan; `failed` is what the planner left.
+    fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+}
+
+/// Decides what the planner is asked next.
+pub trait InstanceGenerator: Send {
+    /// Learns a map, within a budget of its own.
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+    /// Submits one instance.
+    fn generate(
+        &mut self,
+        state: &FleetState,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+}
+
+/// Decides when the planner is called.
+pub trait InvocationPolicy: Send {
+    /// Whether to call it now.
+    fn should_invoke(&mut self, status: &FleetStatus, sink: &dyn Sink) -> Result<bool, Failure>;
+}
+
+/// A plugin that has been made.
+pub enum Object {
+    /// A planner.
+    Planner(Box<dyn Planner>),
+    /// A fail policy.
+    FailPolicy(Box<dyn FailPolicy>),
+    /// An instance generator.
+    InstanceGenerator(Box<dyn InstanceGenerator>),
+    /// An invocation policy.
+    InvocationPolicy(Box<dyn InvocationPolicy>),
+}
+
+impl std::fmt::Debug for Object {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Object").field(&self.kind()).finish()
+    }
+}
+
+impl Object {
+    /// Its kind.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Planner(_) => Kind::Planner,
+            Self::FailPolicy(_) => Kind::FailPolicy,
+            Self::InstanceGenerator(_) => Kind::InstanceGenerator,
+            Self::InvocationPolicy(_) => Kind::InvocationPolicy,
+        }
+    }
+}
+
+/// Some plugins that can be described and made: those of a Rust crate, or of a
+/// library that was loaded.
+pub trait Catalog: Sync {
+    /// Every plugin, in a fixed order.
+    fn descriptors(&self) -> Vec<Descriptor>;
+    /// Makes one.
+    fn create(
+        &self,
+        kind: Kind,
+        id: &str,
+        options: Options<'_>,
+        sink: &dyn Sink,
+    ) -> Result<Object, Failure>;
+}
+
+/// One plugin type in a [`StaticCatalog`].
+pub struct Entry {
+    /// Describes it.
+    pub descriptor: fn() -> Descriptor,
+    /// Makes one.
+    pub create: fn(Options<'_>) -> Result<Object, Failure>,
+}
+
+/// The plugins of a Rust crate, listed by [`export!`](crate::export).
+pub struct StaticCatalog(pub &'static [Entry]);
+
+impl Catalog for StaticCatalog {
+    fn descriptors(&self) -> Vec<Descriptor> {
+        self.0.iter().map(|entry| (entry.descriptor)()).collect()
+    }
+
+    fn create(
+        &self,
+        kind: Kind,
+        id: &str,
+        options: Options<'_>,
+        _: &dyn Sink,
+    ) -> Result<Object, Failure> {
+        let wanted = self.0.iter().find(|entry| {
+            let descriptor = (entry.descriptor)();
+            descriptor.kind == kind && descriptor.id == id
+        });
+        match wanted {
+            Some(entry) => (entry.create)(options),
+            None => Err(Failure::new(
+                Status::Unsupported,
+                format!("there is no {kind} `{id}`"),
+            )),
+        }
+    }
+}
+
+impl Descriptor {
+    /// A descriptor without capabilities and options, for struct update syntax.
+    pub fn new(kind: Kind, id: impl Into<String>, description: impl Into<String>) -> Self {
+        let id = id.into();
+        Self {
+            kind,
+            name: id.clone(),
+            id,
+            version: String::new(),
+            description: description.into(),
+            license: String::new(),
+            capabilities: Capabilities::default(),
+            options_schema: serde_json::Value::Null,
+            path_encoding: PathEncoding::Moves,
+        }
+    }
+}
+
+/// The JSON Schema of an options type, for [`Descriptor::options_schema`].
+pub fn options_schema<T: schemars::JsonSchema>() -> serde_json::Value {
+    schemars::schema_for!(T).to_value()
+}
+
+/// Lists the plugins of a crate: exports them as a shared library (make the
+/// crate a `cdylib`), and gives a function `catalog()` for
+/// [`serve_stdio`](crate::serve::serve_stdio), which makes an executable that
+/// speaks JSON over stdio. Each type implements [`Plugin`] and the trait of its
+/// kind. Panics do not leave the plugin: they become `internal-error`.
+#[macro_export]
+macro_rules! export {
+    ($($list:ident: [$($plugin:ty),* $(,)?]),* $(,)?) => {
+        /// The plugins of this crate.
+        pub fn catalog() -> &'static $crate::sdk::StaticCatalog {
+            static CATALOG: $crate::sdk::StaticCatalog = $crate::sdk::StaticCatalog(&[
+                $($($crate::export!(@entry $list $plugin),)*)*
+            ]);
+            &CATALOG
+        }
+
+        /// Marks this crate's catalogue for the exported functions.
+        #[doc(hidden)]
+        pub struct FleetyardExport;
+
+        impl $crate::export::Export for FleetyardExport {
+            fn catalog() -> &'static $crate::sdk::StaticCatalog {
+                catalog()
+            }
+
+            fn tables() -> &'static $crate::export::Tables {
+                static TABLES: $crate::export::Tables = $crate::export::Tables::new();
+                &TABLES
+            }
+        }
+
+        /// The entry point of the plugin contract.
+        #[allow(unsafe_code, non_upper_case_globals)]
+        #[unsafe(no_mangle)]
+        pub static fleetyard_plugin_entry_v1: $crate::c::PluginEntry =
+            $crate::export::entry::<FleetyardExport>();
+    };
+    (@entry planners $plugin:ty) => { $crate::export!(@make Planner $plugin) };
+    (@entry fail_policies $plugin:ty) => { $crate::export!(@make FailPolicy $plugin) };
+    (@entry instance_generators $plugin:ty) => { $crate::export!(@make InstanceGenerator $plugin) };
+    (@entry invocation_policies $plugin:ty) => { $crate::export!(@make InvocationPolicy $plugin) };
+    (@make $kind:ident $plugin:ty) => {
+        $crate::sdk::Entry {
+            descriptor: || {
+                let descriptor = <$plugin as $crate::sdk::Plugin>::descriptor();
+                $crate::Descriptor { kind: $crate::Kind::$kind, ..descriptor }
+            },
+            create: |options| {
+                let plugin = <$plugin as $crate::sdk::Plugin>::create(options)?;
+                Ok($crate::sdk::Object::$kind(Box::new(plugin)))
+            },
+        }
+    };
+}

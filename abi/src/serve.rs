@@ -1,0 +1,517 @@
+//! The plugin's side of the JSON wire: answers a host's requests from a
+//! [`Catalog`].
+//!
+//! Two programs use it: executables of plugins written in Rust
+//! ([`serve_stdio`]), and the host's worker process, whose catalogue is a shared
+//! library.
+
+use std::io::{self, BufRead, BufReader, IsTerminal, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError, mpsc};
+
+use serde::Serialize;
+use serde::de::{DeserializeOwned, DeserializeSeed};
+use serde_json::value::RawValue;
+
+use crate::clock::monotonic_ns;
+use crate::export::panic_message;
+use crate::model::{Instance, LogLevel, PathEncoding, Plan, PlanRef, SharedEnvironment, Status};
+use crate::paths::{PathContext, WritePaths};
+use crate::sdk::{Catalog, Failure, Object, Options, Rejected, Sink};
+use crate::wire::{
+    self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
+    InitializeParams, InitializeResult, LogParams, MetricParams, Outcome, PlanParams, PlanResult,
+    PrepareParams, ProgressParams, RecoverParams, Request, Response, ShouldInvokeParams,
+    ShouldInvokeResult,
+};
+
+/// Serves a catalogue on standard input and output, until the host says `exit`
+/// or goes away. For the `main` function of a plugin's executable.
+///
+/// The protocol moves to private descriptors first: standard output becomes
+/// standard error, so that a stray `println!` is a line in the log. Started from
+/// a terminal, it explains itself and returns 2.
+pub fn serve_stdio(catalog: &dyn Catalog) -> i32 {
+    if io::stdin().is_terminal() {
+        let names: Vec<String> = catalog
+            .descriptors()
+            .iter()
+            .map(|d| format!("  {} ({})", d.id, d.kind))
+            .collect();
+        eprintln!(
+            "This program is a Fleetyard plugin: it speaks JSON over standard input and output \
+             and is started by the host.\nIt offers:\n{}\nhint: try `fleetyard plugins info {}`",
+            names.join("\n"),
+            std::env::args().next().unwrap_or_else(|| "PROGRAM".into()),
+        );
+        return 2;
+    }
+    match private_stdio() {
+        Ok((input, output)) => {
+            serve(catalog, BufReader::new(input), output, || {
+                std::process::exit(0)
+            });
+            0
+        }
+        Err(error) => {
+            eprintln!("cannot move the protocol off standard output: {error}");
+            1
+        }
+    }
+}
+
+/// Duplicates standard input and output for the protocol, then points the
+/// originals at `/dev/null` and standard error.
+pub fn private_stdio() -> io::Result<(std::fs::File, std::fs::File)> {
+    use std::os::fd::{AsRawFd, FromRawFd};
+    let duplicate = |fd: i32| {
+        // SAFETY: plain system call on a number.
+        let copy = unsafe { libc::fcntl(fd, libc::F_DUPFD_CLOEXEC, 3) };
+        if copy < 0 {
+            return Err(io::Error::last_os_error());
+        }
+        // SAFETY: `copy` was just opened and is owned by nobody else.
+        Ok(unsafe { std::fs::File::from_raw_fd(copy) })
+    };
+    let (input, output) = (duplicate(0)?, duplicate(1)?);
+    let null = std::fs::File::open("/dev/null")?;
+    for (from, to) in [(null.as_raw_fd(), 0), (2, 1)] {
+        // SAFETY: both descriptors are open; `dup2` replaces the second.
+        if unsafe { libc::dup2(from, to) } < 0 {
+            return Err(io::Error::last_os_error());
+        }
+    }
+    Ok((input, output))
+}
+
+/// Serves a catalogue until the host says `exit` or closes the input; then calls
+/// `gone` from the reading thread, which may end the process even though a call
+/// into the plugin does not return.
+pub fn serve(
+    catalog: &dyn Catalog,
+    mut input: impl BufRead + Send + 'static,
+    output: impl Write + Send,
+    gone: impl FnOnce() + Send + 'static,
+) {
+    let (sender, lines) = mpsc::channel::<String>();
+    let cancelled: &'static AtomicU64 = Box::leak(Box::new(AtomicU64::new(0)));
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        while matches!(input.read_line(&mut line), Ok(read) if read > 0) {
+            let line = std::mem::take(&mut line);
+            match notification(&line) {
+                Some(Notification::Cancel(id)) => cancelled.store(id, Ordering::Relaxed),
+                Some(Notification::Exit) => break,
+                None if sender.send(line).is_err() => break,
+                None => {}
+            }
+        }
+        drop(sender);
+        gone();
+    });
+    let output = Mutex::new(output);
+    let channel = Channel {
+        output: &output,
+        cancelled,
+    };
+    let mut server = Server {
+        catalog,
+        channel,
+        object: None,
+        environment: None,
+    };
+    for line in lines {
+        server.answer(&line);
+    }
+}
+
+enum Notification {
+    Cancel(u64),
+    Exit,
+}
+
+/// What must be heard while a call is running. Cheap to rule out.
+fn notification(line: &str) -> Option<Notification> {
+    if line.len() > 256 {
+        return None;
+    }
+    let envelope: Envelope<'_> = serde_json::from_str(line).ok()?;
+    match envelope.method.as_deref()? {
+        "$/cancel" => Some(Notification::Cancel(
+            envelope.params::<CancelParams>().ok()?.id,
+        )),
+        "exit" => Some(Notification::Exit),
+        _ => None,
+    }
+}
+
+struct Server<'a, W> {
+    catalog: &'a dyn Catalog,
+    channel: Channel<'a, W>,
+    object: Option<Object>,
+    environment: Option<SharedEnvironment>,
+}
+
+/// A refusal on the level of the protocol.
+struct Refusal {
+    code: i64,
+    message: String,
+}
+
+impl Refusal {
+    fn new(code: i64, message: impl Into<String>) -> Self {
+        Self {
+            code,
+            message: message.into(),
+        }
+    }
+}
+
+impl<W: Write + Send> Server<'_, W> {
+    fn answer(&mut self, line: &str) {
+        let envelope: Envelope<'_> = match serde_json::from_str(line) {
+            Ok(envelope) => envelope,
+            Err(error) => {
+                let response = Response::error(None, wire::PARSE_ERROR, error.to_string());
+                return self.channel.send(&response);
+            }
+        };
+        let (Some(id), Some(method)) = (envelope.id, envelope.method.as_deref()) else {
+            let response = Response::error(envelope.id, wire::INVALID_REQUEST, "not a request");
+            return self.channel.send(&response);
+        };
+        let text = envelope.params.map_or("null", RawValue::get);
+        let refusal = match catch_unwind(AssertUnwindSafe(|| self.dispatch(id, method, text))) {
+            Ok(Ok(())) => return,
+            Ok(Err(refusal)) => refusal,
+            Err(payload) => {
+                let message = panic_message(payload.as_ref());
+                Refusal::new(
+                    wire::INTERNAL_ERROR,
+                    format!("the plugin panicked: {message}"),
+                )
+            }
+        };
+        self.channel
+            .send(&Response::error(Some(id), refusal.code, refusal.message));
+    }
+
+    fn dispatch(&mut self, id: u64, method: &str, text: &str) -> Result<(), Refusal> {
+        let channel = self.channel;
+        match method {
+            "initialize" => {
+                let InitializeParams {
+                    protocol_versions: offered,
+                    ..
+                } = params(text)?;
+                let protocol_version = wire::PROTOCOL_VERSION;
+                if !offered.contains(&protocol_version) {
+                    let reason =
+                        format!("this plugin speaks protocol {protocol_version}, not {offered:?}");
+                    return Err(Refusal::new(wire::INVALID_PARAMS, reason));
+                }
+                let plugins = self.catalog.descriptors();
+                channel.reply(
+                    id,
+                    InitializeResult {
+                        protocol_version,
+                        plugins,
+                    },
+                );
+            }
+            "create" => {
+                let CreateParams {
+                    kind,
+                    plugin,
+                    options,
+                } = params(text)?;
+                let options = match options {
+                    serde_json::Value::Null => String::new(),
+                    options => options.to_string(),
+                };
+                self.object = None;
+                let sink = channel.sink(id, u64::MAX, Answer::None);
+                let made = self
+                    .catalog
+                    .create(kind, &plugin, Options::new(&options), &sink);
+                channel.reply(id, outcome(made.map(|object| self.object = Some(object))));
+            }
+            "prepare" => {
+                let PrepareParams {
+                    environment,
+                    budget,
+                } = params(text)?;
+                let environment = SharedEnvironment::new(environment);
+                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::None);
+                let result = match &mut self.object {
+                    Some(Object::Planner(plugin)) => plugin.prepare(&environment, &budget, &sink),
+                    Some(Object::FailPolicy(plugin)) => {
+                        plugin.prepare(&environment, &budget, &sink)
+                    }
+                    Some(Object::InstanceGenerator(plugin)) => {
+                        plugin.prepare(&environment, &budget, &sink)
+                    }
+                    other => return Err(wrong_object(method, other.as_ref())),
+                };
+                self.environment = result.is_ok().then_some(environment);
+                channel.reply(id, outcome(result));
+            }
+            "plan" => {
+                let PlanParams { instance, budget } = params(text)?;
+                let Some(Object::Planner(planner)) = &mut self.object else {
+                    return Err(wrong_object(method, self.object.as_ref()));
+                };
+                let context = path_context(self.environment.as_ref(), &instance)?;
+                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
+                let result = planner.plan(&instance, &budget, &sink);
+                let Outcome { status, message } = outcome(result);
+                channel.reply(
+                    id,
+                    PlanResult {
+                        status,
+                        message,
+                        paths: None,
+                    },
+                );
+            }
+            "recover" => {
+                let RecoverParams {
+                    instance,
+                    budget,
+                    failed_paths,
+                } = serde_json::from_str(text).map_err(invalid_params)?;
+                let Some(Object::FailPolicy(policy)) = &mut self.object else {
+                    return Err(wrong_object(method, self.object.as_ref()));
+                };
+                let context = path_context(self.environment.as_ref(), &instance)?;
+                let read = |paths: &RawValue| {
+                    context.deserialize(&mut serde_json::Deserializer::from_str(paths.get()))
+                };
+                let failed = failed_paths.map(read).transpose().map_err(invalid_params)?;
+                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
+                let failed = failed.as_ref().map(Plan::as_ref);
+                let result = policy.recover(&instance, failed, &budget, &sink);
+                let Outcome { status, message } = outcome(result);
+                channel.reply(
+                    id,
+                    PlanResult {
+                        status,
+                        message,
+                        paths: None,
+                    },
+                );
+            }
+            "generate" => {
+                let GenerateParams { state, budget } = params(text)?;
+                let Some(Object::InstanceGenerator(generator)) = &mut self.object else {
+                    return Err(wrong_object(method, self.object.as_ref()));
+                };
+                let next = Mutex::new(None);
+                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Instance(&next));
+                let result = generator.generate(&state, &budget, &sink);
+                let Outcome { status, message } = outcome(result);
+                let instance = lock(&next).take();
+                channel.reply(
+                    id,
+                    GenerateResult {
+                        status,
+                        message,
+                        instance,
+                    },
+                );
+            }
+            "should_invoke" => {
+                let ShouldInvokeParams { status } = params(text)?;
+                let Some(Object::InvocationPolicy(policy)) = &mut self.object else {
+                    return Err(wrong_object(method, self.object.as_ref()));
+                };
+                let sink = channel.sink(id, u64::MAX, Answer::None);
+                let invoke = policy
+                    .should_invoke(&status, &sink)
+                    .map_err(|failure| Refusal::new(wire::INTERNAL_ERROR, failure.to_string()))?;
+                channel.reply(id, ShouldInvokeResult { invoke });
+            }
+            "shutdown" => {
+                self.object = None;
+                self.environment = None;
+                channel.reply(id, serde_json::Value::Null);
+            }
+            _ => {
+                let reason = format!("there is no method `{method}`");
+                return Err(Refusal::new(wire::METHOD_NOT_FOUND, reason));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn params<T: DeserializeOwned>(text: &str) -> Result<T, Refusal> {
+    serde_json::from_str(text).map_err(invalid_params)
+}
+
+#[allow(clippy::needless_pass_by_value, reason = "for map_err")]
+fn invalid_params(error: serde_json::Error) -> Refusal {
+    Refusal::new(wire::INVALID_PARAMS, error.to_string())
+}
+
+fn wrong_object(method: &str, object: Option<&Object>) -> Refusal {
+    let reason = match object {
+        Some(object) => format!("`{method}` is not for a plugin of kind {}", object.kind()),
+        None => format!("`{method}` came before a successful `create`"),
+    };
+    Refusal::new(wire::INVALID_REQUEST, reason)
+}
+
+fn outcome(result: Result<(), Failure>) -> Outcome {
+    match result {
+        Ok(()) => Outcome {
+            status: Status::Solved,
+            message: None,
+        },
+        Err(Failure { status, message }) => Outcome {
+            status,
+            message: Some(message),
+        },
+    }
+}
+
+/// How to write and read the paths of an instance, if the instance fits the map
+/// that was prepared.
+fn path_context<'a>(
+    environment: Option<&SharedEnvironment>,
+    instance: &'a Instance,
+) -> Result<PathContext<'a>, Refusal> {
+    let grid = environment
+        .and_then(|environment| environment.grid())
+        .ok_or_else(|| {
+            Refusal::new(
+                wire::INVALID_REQUEST,
+                "the call came before a successful `prepare`",
+            )
+        })?;
+    let (rows, cols) = (grid.rows, grid.cols);
+    instance
+        .check(rows as usize * cols as usize)
+        .map_err(|reason| Refusal::new(wire::INVALID_PARAMS, reason))?;
+    Ok(PathContext {
+        rows,
+        cols,
+        starts: &instance.starts,
+        max_cells: usize::MAX,
+    })
+}
+
+/// What all calls share: where messages go, and which request was cancelled.
+struct Channel<'a, W> {
+    output: &'a Mutex<W>,
+    cancelled: &'static AtomicU64,
+}
+
+impl<W> Clone for Channel<'_, W> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<W> Copy for Channel<'_, W> {}
+
+impl<'a, W: Write + Send> Channel<'a, W> {
+    fn sink(self, id: u64, deadline: u64, answer: Answer<'a>) -> WireSink<'a, W> {
+        WireSink {
+            channel: self,
+            id,
+            deadline,
+            answer,
+        }
+    }
+
+    fn reply<R: Serialize>(self, id: u64, result: R) {
+        self.send(&Response::result(id, result));
+    }
+
+    fn send<M: Serialize>(self, message: &M) {
+        let line = wire::line(message);
+        let mut output = lock(self.output);
+        // A host that has gone away is noticed by the reading thread.
+        let _ = output.write_all(&line).and_then(|()| output.flush());
+    }
+}
+
+/// What a call may submit.
+enum Answer<'a> {
+    None,
+    Plan(PathContext<'a>),
+    Instance(&'a Mutex<Option<Instance>>),
+}
+
+struct WireSink<'a, W> {
+    channel: Channel<'a, W>,
+    id: u64,
+    deadline: u64,
+    answer: Answer<'a>,
+}
+
+impl<W: Write + Send> Sink for WireSink<'_, W> {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        let Answer::Plan(context) = self.answer else {
+            return Err(Rejected);
+        };
+        if self.cancelled() {
+            return Err(Rejected);
+        }
+        let paths = WritePaths {
+            plan,
+            context,
+            encoding: PathEncoding::Moves,
+        };
+        self.channel.send(&Request::notification(
+            "incumbent",
+            IncumbentParams { paths },
+        ));
+        Ok(())
+    }
+
+    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
+        let Answer::Instance(next) = self.answer else {
+            return Err(Rejected);
+        };
+        *lock(next) = Some(instance.clone());
+        Ok(())
+    }
+
+    fn metric(&self, name: &str, value: f64) {
+        // JSON has no other numbers.
+        if value.is_finite() {
+            let params = MetricParams {
+                name: name.into(),
+                value,
+            };
+            self.channel.send(&Request::notification("metric", params));
+        }
+    }
+
+    fn log(&self, level: LogLevel, text: &str) {
+        let params = LogParams {
+            level,
+            text: text.into(),
+        };
+        self.channel.send(&Request::notification("log", params));
+    }
+
+    fn progress(&self, done: u64, total: u64) {
+        self.channel.send(&Request::notification(
+            "progress",
+            ProgressParams { done, total },
+        ));
+    }
+
+    fn cancelled(&self) -> bool {
+        self.channel.cancelled.load(Ordering::Relaxed) == self.id || monotonic_ns() >= self.deadline
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // A panic while the lock was held leaves a plain value behind.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

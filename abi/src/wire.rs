@@ -1,0 +1,354 @@
+//! The JSON wire: newline-delimited JSON-RPC 2.0.
+//!
+//! The host sends requests and `$/cancel`; the plugin sends responses and the
+//! notifications `incumbent`, `metric`, `progress` and `log`. One message a
+//! line, UTF-8, no batches. The protocol has a version of its own.
+//!
+//! | method | parameters | result |
+//! | --- | --- | --- |
+//! | `initialize` | [`InitializeParams`] | [`InitializeResult`] |
+//! | `create` | [`CreateParams`] | [`Outcome`] |
+//! | `prepare` | [`PrepareParams`] | [`Outcome`] |
+//! | `plan` | [`PlanParams`] | [`PlanResult`] |
+//! | `recover` | [`RecoverParams`] | [`PlanResult`] |
+//! | `generate` | [`GenerateParams`] | [`GenerateResult`] |
+//! | `should_invoke` | [`ShouldInvokeParams`] | [`ShouldInvokeResult`] |
+//! | `shutdown` | none | `null` |
+//! | `exit` (notification) | none | |
+//! | `$/cancel` (notification) | [`CancelParams`] | |
+
+use std::borrow::Cow;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+
+use crate::model::{
+    Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, LogLevel, Status,
+};
+
+/// The version of the protocol that this crate speaks.
+pub const PROTOCOL_VERSION: u32 = 1;
+
+/// JSON-RPC error code: the message is not JSON.
+pub const PARSE_ERROR: i64 = -32700;
+/// JSON-RPC error code: the message is no request.
+pub const INVALID_REQUEST: i64 = -32600;
+/// JSON-RPC error code: there is no such method.
+pub const METHOD_NOT_FOUND: i64 = -32601;
+/// JSON-RPC error code: the parameters are not of the method's form.
+pub const INVALID_PARAMS: i64 = -32602;
+/// JSON-RPC error code: the plugin failed.
+pub const INTERNAL_ERROR: i64 = -32603;
+
+/// Any message, its payload still as text.
+#[derive(Debug, Deserialize)]
+pub struct Envelope<'a> {
+    /// `"2.0"`.
+    #[serde(borrow, default)]
+    pub jsonrpc: Cow<'a, str>,
+    /// Identifier of a request or of the request that is answered.
+    #[serde(default)]
+    pub id: Option<u64>,
+    /// Method of a request or notification.
+    #[serde(borrow, default)]
+    pub method: Option<Cow<'a, str>>,
+    /// Parameters of a request or notification.
+    #[serde(borrow, default)]
+    pub params: Option<&'a RawValue>,
+    /// Result of a response.
+    #[serde(borrow, default)]
+    pub result: Option<&'a RawValue>,
+    /// Error of a response.
+    #[serde(default)]
+    pub error: Option<RpcError>,
+}
+
+impl Envelope<'_> {
+    /// The parameters as a type; absent parameters read as `null`.
+    pub fn params<T: serde::de::DeserializeOwned>(&self) -> Result<T, serde_json::Error> {
+        serde_json::from_str(self.params.map_or("null", RawValue::get))
+    }
+}
+
+/// The error of a response.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct RpcError {
+    /// One of the codes of this module, or the plugin's own.
+    pub code: i64,
+    /// What went wrong.
+    pub message: String,
+}
+
+/// Serialises a request, or a notification when it has no `id`.
+#[derive(Debug, Serialize)]
+pub struct Request<'a, P> {
+    jsonrpc: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    id: Option<u64>,
+    method: &'a str,
+    params: P,
+}
+
+impl<'a, P: Serialize> Request<'a, P> {
+    /// A request that will be answered with `id`.
+    pub fn new(id: u64, method: &'a str, params: P) -> Self {
+        Self {
+            jsonrpc: "2.0",
+            id: Some(id),
+            method,
+            params,
+        }
+    }
+
+    /// A message without an answer.
+    pub fn notification(method: &'a str, params: P) -> Self {
+        Self {
+            jsonrpc: "2.0",
+            id: None,
+            method,
+            params,
+        }
+    }
+}
+
+/// Serialises a response.
+#[derive(Debug, Serialize)]
+pub struct Response<R> {
+    jsonrpc: &'static str,
+    id: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    result: Option<R>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<RpcError>,
+}
+
+impl<R: Serialize> Response<R> {
+    /// The answer to request `id`.
+    pub fn result(id: u64, result: R) -> Self {
+        Self {
+            jsonrpc: "2.0",
+            id: Some(id),
+            result: Some(result),
+            error: None,
+        }
+    }
+}
+
+impl Response<()> {
+    /// The refusal of a request.
+    pub fn error(id: Option<u64>, code: i64, message: impl Into<String>) -> Self {
+        let error = Some(RpcError {
+            code,
+            message: message.into(),
+        });
+        Self {
+            jsonrpc: "2.0",
+            id,
+            result: None,
+            error,
+        }
+    }
+}
+
+/// A message as one line, its newline included.
+pub fn line<M: Serialize>(message: &M) -> Vec<u8> {
+    let mut line = Vec::with_capacity(256);
+    // Writing to memory cannot fail, and no type of this crate has maps with
+    // keys that are not strings.
+    if let Err(error) = serde_json::to_writer(&mut line, message) {
+        line.clear();
+        line.extend_from_slice(
+            &serde_json::to_vec(&Response::error(None, INTERNAL_ERROR, error.to_string()))
+                .unwrap_or_default(),
+        );
+    }
+    line.push(b'\n');
+    line
+}
+
+/// Who is speaking.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct Peer {
+    /// Name of the program.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+}
+
+/// Parameters of `initialize`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct InitializeParams {
+    /// Versions of the protocol that the host speaks.
+    pub protocol_versions: Vec<u32>,
+    /// The host.
+    pub host: Peer,
+}
+
+/// Result of `initialize`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct InitializeResult {
+    /// The version that the plugin chose from those offered.
+    pub protocol_version: u32,
+    /// Every plugin of the program.
+    pub plugins: Vec<Descriptor>,
+}
+
+/// Parameters of `create`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct CreateParams {
+    /// Kind of the plugin to make.
+    pub kind: Kind,
+    /// Its identifier.
+    pub plugin: String,
+    /// Its options, an object that satisfies the descriptor's schema.
+    #[serde(default)]
+    pub options: serde_json::Value,
+}
+
+/// Parameters of `prepare`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct PrepareParams {
+    /// The map.
+    pub environment: Environment,
+    /// Limits of this call.
+    pub budget: Budget,
+}
+
+/// How a call went.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct Outcome {
+    /// `solved` stands for success.
+    pub status: Status,
+    /// Why, when it is no success.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub message: Option<String>,
+}
+
+/// Parameters of `plan`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct PlanParams {
+    /// What to solve.
+    pub instance: Instance,
+    /// Limits of this call.
+    pub budget: Budget,
+}
+
+/// Parameters of `recover`. On the way in `failed_paths` is read by
+/// [`crate::paths::PathContext`], so that it may have any encoding.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct RecoverParams<'a> {
+    /// What was to be solved.
+    pub instance: Instance,
+    /// Limits of this call.
+    pub budget: Budget,
+    /// What the planner left, collisions and all: one path per agent.
+    #[serde(borrow, default)]
+    #[schemars(with = "Option<Vec<WirePath>>")]
+    pub failed_paths: Option<&'a RawValue>,
+}
+
+/// Result of `plan` and `recover`, the paths still as text.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct PlanResult<'a> {
+    /// The plugin's claim.
+    pub status: Status,
+    /// Why, when it did not succeed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub message: Option<String>,
+    /// One path per agent. May be left out when the last `incumbent` was the
+    /// answer.
+    #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<WirePath>>")]
+    pub paths: Option<&'a RawValue>,
+}
+
+/// Parameters of the notification `incumbent`: a plan, better than the last.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct IncumbentParams<P> {
+    /// One path per agent.
+    pub paths: P,
+}
+
+/// A path in any of its encodings; for the schemas only.
+#[derive(Debug, JsonSchema)]
+#[serde(untagged)]
+pub enum WirePath {
+    /// `[[row, col], …]`
+    Pairs(Vec<[i64; 2]>),
+    /// Cell indices.
+    Cells(Vec<i64>),
+    /// Letters of moves from the agent's start.
+    Moves(String),
+}
+
+/// Parameters of `generate`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct GenerateParams {
+    /// The fleet and its tasks.
+    pub state: FleetState,
+    /// Limits of this call.
+    pub budget: Budget,
+}
+
+/// Result of `generate`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct GenerateResult {
+    /// `solved` stands for success.
+    pub status: Status,
+    /// Why, when it is no success.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub message: Option<String>,
+    /// The next instance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance: Option<Instance>,
+}
+
+/// Parameters of `should_invoke`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct ShouldInvokeParams {
+    /// The fleet.
+    pub status: FleetStatus,
+}
+
+/// Result of `should_invoke`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct ShouldInvokeResult {
+    /// Whether to call the planner now.
+    pub invoke: bool,
+}
+
+/// Parameters of the notification `metric`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct MetricParams {
+    /// Name, such as `expansions`.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+}
+
+/// Parameters of the notification `progress`.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+pub struct ProgressParams {
+    /// Work done.
+    pub done: u64,
+    /// All work; 0 if unknown.
+    #[serde(default)]
+    pub total: u64,
+}
+
+/// Parameters of the notification `log`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct LogParams {
+    /// How much it matters.
+    pub level: LogLevel,
+    /// The line.
+    pub text: String,
+}
+
+/// Parameters of the notification `$/cancel`.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+pub struct CancelParams {
+    /// The request that should end.
+    pub id: u64,
+}
