@@ -173,9 +173,19 @@ pub fn load_plan(path: impl AsRef<Path>) -> Result<PlanFile, InputError> {
 
 /// Parses the content of a plan file. `source` is named in errors.
 pub fn read_plan(source: &str, bytes: &[u8]) -> Result<PlanFile, InputError> {
-    if bytes.trim_ascii().is_empty() {
-        return Err(InputError::new(source, "the file is empty")
-            .hint("a plan file is a JSON object with format, rows, cols and paths"));
+    let hint = "a plan file is a JSON object with format, rows, cols and paths";
+    match bytes.iter().position(|byte| !byte.is_ascii_whitespace()) {
+        None => return Err(InputError::new(source, "the file is empty").hint(hint)),
+        Some(at) if bytes[at] != b'{' => {
+            // Serde would take a list for the fields in order.
+            let line = bytes[..at].split(|byte| *byte == b'\n');
+            let number = line.clone().count() as u64;
+            let column = line.last().map_or(0, <[u8]>::len) as u64 + 1;
+            return Err(InputError::new(source, "this is not a JSON object")
+                .at(number, column)
+                .hint(hint));
+        }
+        Some(_) => {}
     }
     let document: Document =
         serde_json::from_slice(bytes).map_err(|error| json_error(source, &error))?;
