@@ -1,5 +1,5 @@
 //! Solves a MovingAI scenario and prints the sum of costs and the makespan:
-//! `solve MAP SCEN AGENTS [--first] [--seconds S] [--seed K] [--nodes N] [--samples K]
+//! `solve MAP SCEN AGENTS [--first] [--seconds S] [--seed K] [--nodes N] [--samples K] [--threads T]
 //! [--margin M] [--pibt] [--check] [--trace]`.
 
 use std::error::Error;
@@ -56,6 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--seconds" => console.limit = Duration::from_secs_f64(value()?.parse()?),
             "--seed" => seed = value()?.parse()?,
             "--nodes" => options.node_limit = Some(value()?.parse()?),
+            "--threads" => options.threads = value()?.parse()?,
             "--samples" => options.samples = value()?.parse()?,
             "--margin" => {
                 let margin: i64 = value()?.parse()?;

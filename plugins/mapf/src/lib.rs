@@ -4,12 +4,16 @@
 mod distance;
 mod graph;
 mod lacam;
+mod neighborhood;
 mod one_shot;
 mod pibt;
 mod plan;
 mod problem;
 mod random;
+mod refine;
+mod reservation;
 mod scatter;
+mod sipp;
 mod solve;
 
 pub use plan::Plan;

@@ -1,11 +1,13 @@
 //! The way from a problem to an outcome: checks, guidance, search, refinement.
 
 use crate::distance::{Distances, MAX_DISTANCE};
+use crate::graph::Graph;
 use crate::lacam::{Lacam, Step};
 use crate::one_shot;
 use crate::plan::{Paths, Plan, paths_of, plan_of, sum_of_costs};
 use crate::problem::{Checked, Problem, ProblemError};
 use crate::random::Random;
+use crate::refine::Refiner;
 use crate::scatter::{Guide, scatter};
 
 /// Which planner.
@@ -31,6 +33,8 @@ pub struct Options {
     pub scatter_margin: Option<u32>,
     /// Go on after the first plan.
     pub anytime: bool,
+    /// Threads for the work after the first plan. The result does not depend on it.
+    pub threads: usize,
     /// At most so many search iterations.
     pub node_limit: Option<u64>,
     /// At most so many steps of [`Algorithm::Pibt`].
@@ -45,6 +49,7 @@ impl Default for Options {
             samples: 10,
             scatter_margin: Some(10),
             anytime: true,
+            threads: 1,
             node_limit: None,
             step_limit: 100_000,
         }
@@ -174,46 +179,106 @@ pub fn solve(
         options.samples as usize,
         random,
     );
-    let mut iterations = 0_u64;
-    let mut best: Option<(Paths, u64)> = None;
-    let limit = loop {
-        if observer.stop() {
-            break Limit::Stopped;
+    let mut budget = Budget {
+        observer,
+        left: options.node_limit.unwrap_or(u64::MAX),
+    };
+    let mut best = Best {
+        graph: &graph,
+        found: None,
+    };
+    let limit = 'first: loop {
+        if let Some(limit) = budget.spend(1) {
+            break 'first Some(limit);
         }
-        if options.node_limit.is_some_and(|limit| iterations >= limit) {
-            break Limit::Nodes;
-        }
-        iterations += 1;
         match search.step(&mut distances) {
             Step::Searching => {}
-            Step::Exhausted => {
-                let Some(cost) = search.cost() else {
-                    return Ok(Outcome::Infeasible);
-                };
-                lower_bound = cost;
-                break Limit::Nodes;
-            }
+            Step::Exhausted => return Ok(Outcome::Infeasible),
             Step::Improved => {
-                let paths = paths_of(&search.solution());
-                let sum = sum_of_costs(&paths);
-                if best.as_ref().is_none_or(|(_, known)| sum < *known) {
-                    observer.incumbent(&plan_of(&paths, &graph), sum);
-                    best = Some((paths, sum));
-                }
-                if !options.anytime {
-                    break Limit::Nodes;
-                }
+                best.offer(paths_of(&search.solution()), budget.observer);
+                break 'first None;
             }
         }
     };
-    observer.metric("iterations", iterations as f64);
-    observer.metric("configurations", search.len() as f64);
-    Ok(match best {
-        Some((paths, sum_of_costs)) => Outcome::Solved {
-            plan: plan_of(&paths, &graph),
-            sum_of_costs,
-            lower_bound,
-        },
-        None => Outcome::GaveUp(limit),
-    })
+    if let Some(limit) = limit {
+        return Ok(Outcome::GaveUp(limit));
+    }
+    if options.anytime && best.sum() > lower_bound {
+        distances.complete();
+        let mut refiner = Refiner::new(&distances, &goals, best.paths(), options.threads, seed);
+        loop {
+            if budget.observer.stop() {
+                break;
+            }
+            let round = refiner.round(&mut || budget.observer.stop());
+            if round.gain > 0 {
+                best.offer(refiner.paths().clone(), budget.observer);
+            }
+            if budget.spend(round.attempts).is_some() || best.sum() == lower_bound {
+                break;
+            }
+        }
+    }
+    budget
+        .observer
+        .metric("configurations", search.len() as f64);
+    Ok(best.outcome(lower_bound))
+}
+
+/// The limits of a run.
+struct Budget<'o> {
+    observer: &'o mut dyn Observer,
+    left: u64,
+}
+
+impl Budget<'_> {
+    /// Takes `work` from what is left; says which limit has been met.
+    fn spend(&mut self, work: u64) -> Option<Limit> {
+        if self.left == 0 {
+            return Some(Limit::Nodes);
+        }
+        self.left = self.left.saturating_sub(work);
+        self.observer.stop().then_some(Limit::Stopped)
+    }
+}
+
+/// The best plan so far.
+struct Best<'g> {
+    graph: &'g Graph,
+    found: Option<(Paths, u64)>,
+}
+
+impl Best<'_> {
+    fn sum(&self) -> u64 {
+        self.found.as_ref().map_or(u64::MAX, |(_, sum)| *sum)
+    }
+
+    fn paths(&self) -> Paths {
+        self.found
+            .as_ref()
+            .map(|(paths, _)| paths.clone())
+            .unwrap_or_default()
+    }
+
+    fn offer(&mut self, paths: Paths, observer: &mut dyn Observer) {
+        let sum = sum_of_costs(&paths);
+        if sum < self.sum() {
+            observer.incumbent(&plan_of(&paths, self.graph), sum);
+            self.found = Some((paths, sum));
+        }
+    }
+
+    fn outcome(self, lower_bound: u64) -> Outcome {
+        match self.found {
+            Some((paths, sum_of_costs)) => {
+                let plan = plan_of(&paths, self.graph);
+                Outcome::Solved {
+                    plan,
+                    sum_of_costs,
+                    lower_bound,
+                }
+            }
+            None => Outcome::GaveUp(Limit::Stopped),
+        }
+    }
 }

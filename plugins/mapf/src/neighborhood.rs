@@ -1,0 +1,304 @@
+//! Which agents to replan together.
+//!
+//! The neighbourhoods of J. Li, Z. Chen, D. Harabor, P. J. Stuckey, S. Koenig,
+//! "Anytime multi-agent path finding via large neighborhood search", IJCAI 2021, in
+//! our own variants: around a delayed agent, around a place, at random; and one more
+//! for agents that arrive late because others still cross their goals.
+
+use crate::distance::Distances;
+use crate::graph::{Graph, Vertex};
+use crate::plan::Paths;
+use crate::random::Random;
+
+/// How a neighbourhood is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A delayed agent and those in the way of shorter paths.
+    Delay,
+    /// A delayed agent and those that visit the surroundings of its path.
+    Place,
+    /// A delayed agent and those that cross its goal, or park where it passes.
+    Goal,
+    /// Anybody.
+    Random,
+}
+
+/// All kinds.
+pub(crate) const KINDS: [Kind; 4] = [Kind::Delay, Kind::Place, Kind::Goal, Kind::Random];
+
+/// Walks tried to find agents in the way.
+const WALKS: usize = 12;
+
+/// Chooses neighbourhoods; keeps, for each vertex, the agents that pass.
+#[derive(Debug)]
+pub(crate) struct Chooser<'g> {
+    graph: &'g Graph,
+    goals: Vec<Vertex>,
+    /// Agents per vertex, once for each arrival there.
+    visits: Vec<Vec<u32>>,
+    /// The agent whose goal a vertex is.
+    owners: Vec<u32>,
+    /// Agents already spoken for.
+    taken: Vec<bool>,
+    members: Vec<u32>,
+    seen: Vec<u32>,
+    stamp: u32,
+}
+
+impl<'g> Chooser<'g> {
+    pub(crate) fn new(graph: &'g Graph, goals: &[Vertex], paths: &Paths) -> Self {
+        let mut owners = vec![u32::MAX; graph.len()];
+        for (agent, &goal) in goals.iter().enumerate() {
+            owners[goal as usize] = agent as u32;
+        }
+        let mut chooser = Self {
+            graph,
+            goals: goals.to_vec(),
+            visits: vec![Vec::new(); graph.len()],
+            owners,
+            taken: vec![false; goals.len()],
+            members: Vec::new(),
+            seen: vec![0; graph.len()],
+            stamp: 0,
+        };
+        for (agent, path) in paths.iter().enumerate() {
+            chooser.add(agent as u32, path);
+        }
+        chooser
+    }
+
+    pub(crate) fn add(&mut self, agent: u32, path: &[Vertex]) {
+        let mut last = Vertex::MAX;
+        for &v in path {
+            if v != last {
+                self.visits[v as usize].push(agent);
+            }
+            last = v;
+        }
+    }
+
+    pub(crate) fn remove(&mut self, agent: u32, path: &[Vertex]) {
+        let mut last = Vertex::MAX;
+        for &v in path {
+            if v != last {
+                let visits = &mut self.visits[v as usize];
+                if let Some(at) = visits.iter().position(|&a| a == agent) {
+                    visits.swap_remove(at);
+                }
+            }
+            last = v;
+        }
+    }
+
+    /// Makes all agents available again.
+    pub(crate) fn release(&mut self) {
+        self.taken.fill(false);
+    }
+
+    /// Chooses up to `size` agents that no neighbourhood has had since the last
+    /// [`Chooser::release`].
+    pub(crate) fn choose(
+        &mut self,
+        kind: Kind,
+        size: usize,
+        paths: &Paths,
+        distances: &Distances<'_>,
+        random: &mut Random,
+    ) -> Vec<u32> {
+        self.members.clear();
+        if kind == Kind::Random {
+            for _ in 0..4 * size {
+                if self.members.len() < size {
+                    let agent = random.below(paths.len()) as u32;
+                    self.take(agent);
+                }
+            }
+            return std::mem::take(&mut self.members);
+        }
+        let Some(seed) = self.delayed(paths, distances, random) else {
+            return Vec::new();
+        };
+        self.take(seed);
+        match kind {
+            Kind::Delay => self.in_the_way(seed, size, paths, distances, random),
+            Kind::Place => self.around_path(seed, size, paths, random),
+            Kind::Goal => self.around_goal(seed, size, paths, distances, random),
+            Kind::Random => {}
+        }
+        std::mem::take(&mut self.members)
+    }
+
+    /// A free agent, with probability in proportion to its delay.
+    fn delayed(
+        &self,
+        paths: &Paths,
+        distances: &Distances<'_>,
+        random: &mut Random,
+    ) -> Option<u32> {
+        let delay = |agent: usize| {
+            let path = &paths[agent];
+            if self.taken[agent] {
+                0
+            } else {
+                path.len() - 1 - distances.known(agent, path[0]) as usize
+            }
+        };
+        let total: usize = (0..paths.len()).map(delay).sum();
+        if total == 0 {
+            return None;
+        }
+        let mut left = random.below(total);
+        (0..paths.len())
+            .find(|&agent| {
+                let delay = delay(agent);
+                if left < delay {
+                    return true;
+                }
+                left -= delay;
+                false
+            })
+            .map(|agent| agent as u32)
+    }
+
+    /// Walks of the agent towards an earlier arrival; whoever blocks them is a member.
+    fn in_the_way(
+        &mut self,
+        seed: u32,
+        size: usize,
+        paths: &Paths,
+        distances: &Distances<'_>,
+        random: &mut Random,
+    ) {
+        let path = &paths[seed as usize];
+        let cost = path.len() - 1;
+        for walk in 0..WALKS {
+            if self.members.len() >= size {
+                return;
+            }
+            let mut t = if walk == 0 {
+                0
+            } else {
+                random.below(cost.max(1))
+            };
+            let mut v = path[t];
+            while self.members.len() < size {
+                let mut choices = [v; 5];
+                let mut count = 0;
+                for u in self.graph.neighbors(v).chain([v]) {
+                    if t + 1 + (distances.known(seed as usize, u) as usize) < cost {
+                        choices[count] = u;
+                        count += 1;
+                    }
+                }
+                if count == 0 {
+                    break;
+                }
+                let next = choices[random.below(count)];
+                self.take_occupant(next, t + 1, paths);
+                if next != v {
+                    // The one that comes the other way, if there is one.
+                    for k in 0..self.visits[v as usize].len() {
+                        let other = self.visits[v as usize][k];
+                        let path = &paths[other as usize];
+                        if path.get(t) == Some(&next) && path.get(t + 1) == Some(&v) {
+                            self.take(other);
+                            break;
+                        }
+                    }
+                }
+                v = next;
+                t += 1;
+            }
+        }
+    }
+
+    /// Visitors of a random vertex on the agent's path, then of its surroundings.
+    fn around_path(&mut self, seed: u32, size: usize, paths: &Paths, random: &mut Random) {
+        let path = &paths[seed as usize];
+        let center = path[random.below(path.len())];
+        self.stamp += 1;
+        let stamp = self.stamp;
+        self.seen[center as usize] = stamp;
+        let mut queue = vec![center];
+        let mut next = 0;
+        while self.members.len() < size && next < queue.len() {
+            let v = queue[next];
+            next += 1;
+            let count = self.visits[v as usize].len();
+            let first = random.below(count);
+            for k in 0..count {
+                if self.members.len() < size {
+                    let agent = self.visits[v as usize][(first + k) % count];
+                    self.take(agent);
+                }
+            }
+            let around = *self.graph.around(v);
+            let turn = random.below(around.len());
+            for k in 0..around.len() {
+                let u = around[(k + turn) % around.len()];
+                if u != self.graph.wall() && self.seen[u as usize] != stamp {
+                    self.seen[u as usize] = stamp;
+                    queue.push(u);
+                }
+            }
+        }
+    }
+
+    /// Those that cross the agent's goal after it could have come, latest first, and
+    /// those that park on its path.
+    fn around_goal(
+        &mut self,
+        seed: u32,
+        size: usize,
+        paths: &Paths,
+        distances: &Distances<'_>,
+        random: &mut Random,
+    ) {
+        let path = &paths[seed as usize];
+        let goal = self.goals[seed as usize];
+        let earliest = distances.known(seed as usize, path[0]) as usize;
+        let mut crossing: Vec<(usize, u32)> = self.visits[goal as usize]
+            .iter()
+            .filter(|&&agent| agent != seed)
+            .filter_map(|&agent| {
+                let last = paths[agent as usize].iter().rposition(|&v| v == goal)?;
+                (last >= earliest).then_some((last, agent))
+            })
+            .collect();
+        crossing.sort_unstable();
+        while let Some((_, agent)) = crossing.pop() {
+            if self.members.len() < size {
+                self.take(agent);
+            }
+        }
+        let first = random.below(path.len());
+        for k in 0..path.len() {
+            let v = path[(first + k) % path.len()];
+            let owner = self.owners[v as usize];
+            if owner != u32::MAX && self.members.len() < size {
+                self.take(owner);
+            }
+        }
+    }
+
+    fn take_occupant(&mut self, v: Vertex, t: usize, paths: &Paths) {
+        let stands = |agent: u32| {
+            let path = &paths[agent as usize];
+            path.get(t).or(path.last()) == Some(&v)
+        };
+        let found = self.visits[v as usize]
+            .iter()
+            .copied()
+            .find(|&agent| stands(agent));
+        if let Some(agent) = found {
+            self.take(agent);
+        }
+    }
+
+    fn take(&mut self, agent: u32) {
+        if !self.taken[agent as usize] {
+            self.taken[agent as usize] = true;
+            self.members.push(agent);
+        }
+    }
+}
