@@ -180,7 +180,7 @@ pub fn read_plan(source: &str, bytes: &[u8]) -> Result<PlanFile, InputError> {
             // Serde would take a list for the fields in order.
             let line = bytes[..at].split(|byte| *byte == b'\n');
             let number = line.clone().count() as u64;
-            let column = line.last().map_or(0, <[u8]>::len) as u64 + 1;
+            let column = line.clone().next_back().map_or(0, <[u8]>::len) as u64 + 1;
             return Err(InputError::new(source, "this is not a JSON object")
                 .at(number, column)
                 .hint(hint));
