@@ -1,0 +1,105 @@
+//! Random scenarios: distinct starts and distinct goals within reach.
+
+use fleetyard_core::{Grid, GridSearch, InputError, Scenario, ScenarioEntry};
+
+use crate::SeededRandom;
+
+/// A scenario of random starts and goals, like MovingAI's `random` ones.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ScenarioSpec {
+    /// Number of entries.
+    pub agents: u32,
+    /// Chooses starts and goals.
+    pub seed: u64,
+}
+
+impl ScenarioSpec {
+    /// The scenario on `grid`; its entries name the map `NAME.map`.
+    ///
+    /// Starts are drawn uniformly from the free cells that have a free
+    /// neighbour, goals uniformly from the same piece of the map. No start occurs
+    /// twice, no goal occurs twice, and nobody's goal is its own start.
+    pub fn generate(&self, grid: &Grid) -> Result<Scenario, InputError> {
+        let component = grid.components();
+        let pieces = component.iter().copied().max().unwrap_or(0) as usize;
+        let mut pools: Vec<Vec<u32>> = vec![Vec::new(); pieces + 1];
+        for (cell, label) in component
+            .iter()
+            .enumerate()
+            .filter(|(_, label)| **label > 0)
+        {
+            pools[*label as usize].push(cell as u32);
+        }
+        let mut random = SeededRandom::new("scenario", self.seed);
+        // A piece of one cell has no goal to go to.
+        let mut starts: Vec<u32> = pools
+            .iter()
+            .filter(|pool| pool.len() > 1)
+            .flatten()
+            .copied()
+            .collect();
+        let agents = self.agents as usize;
+        if agents == 0 || agents > starts.len() {
+            let reason = format!(
+                "a scenario of {agents} agents on {}, which has room for {}",
+                grid.name(),
+                starts.len()
+            );
+            return Err(InputError::new("agents", reason).hint(match starts.len() {
+                0 => "no free cell of the map has a free neighbour".to_owned(),
+                most => format!("ask for 1 to {most} agents"),
+            }));
+        }
+        random.shuffle(&mut starts);
+        starts.truncate(agents);
+        for pool in &mut pools {
+            random.shuffle(pool);
+        }
+        let goals = draw_goals(&starts, &component, pools);
+        let map = format!("{}.map", grid.name());
+        let mut search = GridSearch::new(grid);
+        let entry = |(start, goal): (u32, u32)| {
+            // Within reach, since they are in the same piece.
+            let length = search.octile(start, goal).unwrap_or_default().cells();
+            ScenarioEntry {
+                line: 0,
+                bucket: (length / 4.0).floor() as u32,
+                map: map.clone(),
+                map_cols: grid.cols(),
+                map_rows: grid.rows(),
+                start: grid.row_col(start),
+                goal: grid.row_col(goal),
+                optimal_length: length,
+            }
+        };
+        Ok(Scenario {
+            source: format!("{}.scen", grid.name()),
+            entries: starts.into_iter().zip(goals).map(entry).collect(),
+        })
+    }
+}
+
+/// A goal for every start from the shuffled pool of its piece. A pool has as
+/// many cells as its piece, so it never runs out.
+fn draw_goals(starts: &[u32], component: &[u32], mut pools: Vec<Vec<u32>>) -> Vec<u32> {
+    let mut goals: Vec<u32> = Vec::with_capacity(starts.len());
+    // Per piece, the last agent that got a goal there.
+    let mut latest: Vec<Option<usize>> = vec![None; pools.len()];
+    for (agent, start) in starts.iter().copied().enumerate() {
+        let piece = component[start as usize] as usize;
+        let pool = &mut pools[piece];
+        let mut goal = pool.pop().unwrap_or(start);
+        if goal == start {
+            if let Some(other) = pool.last_mut() {
+                std::mem::swap(&mut goal, other);
+            } else if let Some(earlier) = latest[piece] {
+                // Only the own start is left: the earlier agent, who starts
+                // elsewhere, takes it.
+                std::mem::swap(&mut goal, &mut goals[earlier]);
+            }
+        }
+        latest[piece] = Some(agent);
+        goals.push(goal);
+    }
+    goals
+}
