@@ -1,4 +1,5 @@
-//! Validating and measuring the plan of a large team: 1000 agents, 200 steps.
+//! Validating and measuring the plan of a large team: 1000 agents, 200 steps; and
+//! the lower bounds of 1000 agents in a large warehouse.
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 
@@ -8,6 +9,7 @@ use std::sync::Arc;
 use criterion::{Criterion, criterion_group, criterion_main};
 use fleetyard_check::{metrics, validate};
 use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan};
+use fleetyard_world::{ScenarioSpec, WarehouseSpec};
 
 /// Agents go round rings of ten cells' perimeter without ever meeting.
 fn rings(agents: u32, steps: usize, rows: u32, cols: u32) -> (GridInstance, GridPlan) {
@@ -53,6 +55,31 @@ fn bench(criterion: &mut Criterion) {
             bencher.iter(|| metrics(black_box(&instance), black_box(&plan), 1.0));
         },
     );
+
+    let spec = WarehouseSpec {
+        blocks_across: 20,
+        blocks_down: 40,
+        block_cols: 10,
+        block_rows: 2,
+        aisle: 2,
+        margin: None,
+    };
+    let grid = Arc::new(spec.generate().expect("the warehouse is fine"));
+    let agents = 1000;
+    let scenario = ScenarioSpec { agents, seed: 1 }
+        .generate(&grid)
+        .expect("there is room");
+    for connectivity in [Connectivity::Four, Connectivity::Eight] {
+        let instance = scenario
+            .instance(Arc::clone(&grid), agents as usize, connectivity)
+            .expect("the scenario is fine");
+        let plan = GridPlan::from_paths(instance.starts().iter().map(|start| [*start]));
+        let degree = connectivity.degree();
+        let name = format!("lower bounds of 1000 agents, 164 x 340 cells, {degree}-connected");
+        criterion.bench_function(&name, |bencher| {
+            bencher.iter(|| metrics(black_box(&instance), black_box(&plan), 1.0));
+        });
+    }
 }
 
 criterion_group!(benches, bench);

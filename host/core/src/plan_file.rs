@@ -29,7 +29,7 @@
 //! | `moves` | an object `{"start": [row, column], "moves": "NNE."}` with the letters of [`crate::moves`] |
 //!
 //! Positions outside the map, negative ones included, are read as
-//! [`OFF_MAP`](crate::OFF_MAP), so that the validator can say which agent is where at
+//! [`OFF_MAP`], so that the validator can say which agent is where at
 //! which time; they are written as `[-1, -1]` or `-1`. `instance_digest` ties a
 //! plan to its instance, and `plan_digest` to its content: a file whose paths do
 //! not have the digest that it names is refused.
