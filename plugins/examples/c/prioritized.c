@@ -1,0 +1,871 @@
+/* Prioritized planning, as a Fleetyard plugin in one C file.
+ *
+ * What it is: agents are planned one after the other; each takes a shortest path
+ * through space and time that avoids the paths of those before it (Erdmann and
+ * Lozano-Perez, "On Multiple Moving Objects", Algorithmica 1987; the search in
+ * space-time with a reservation table is that of Silver, "Cooperative
+ * Pathfinding", AIIDE 2005). When an agent finds no path, planning begins again
+ * in another order, until one works or the budget ends (the idea of restarts:
+ * Bennewitz, Burgard and Thrun, ICRA 2001).
+ *
+ * What it is not: complete or optimal. There are instances that no order solves.
+ * Nor is it the fastest: waiting makes many states of one cell, which planners over
+ * safe intervals (Phillips and Likhachev, ICRA 2011) put into one.
+ *
+ * The rules of movement are those of classical MAPF: no two agents in a cell, no
+ * two agents exchanging cells in a step, and an agent stays at its goal for good.
+ *
+ * Build: cc -std=c11 -O2 -fPIC -shared -fvisibility=hidden -I ABI/include
+ *        -o prioritized.so prioritized.c
+ */
+
+#define _POSIX_C_SOURCE 200809L /* clock_gettime */
+
+#include "fleetyard.h"
+
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#ifndef FLEETYARD_PLANNER_FACTORY_ID
+#define FLEETYARD_PLANNER_FACTORY_ID "fleetyard.planner/1"
+#endif
+
+#define NONE UINT32_MAX
+#define TEXT(literal) {(const uint8_t *)(literal), sizeof(literal) - 1}
+
+/* ---- What the plugin says to the host -------------------------------------- */
+
+/* Explains a status and returns it, so that a function can end with one line. */
+#if defined(__GNUC__)
+__attribute__((format(printf, 3, 4)))
+#endif
+static int32_t
+fail(const FleetyardSink *sink, int32_t status, const char *format, ...) {
+  char text[512];
+  va_list arguments;
+  va_start(arguments, format);
+  int length = vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  if (length < 0)
+    length = 0;
+  if ((size_t)length >= sizeof text)
+    length = (int)sizeof text - 1;
+  sink->fail(sink->context, (FleetyardStr){(const uint8_t *)text, (size_t)length});
+  return status;
+}
+
+static void metric(const FleetyardSink *sink, const char *name, double value) {
+  sink->metric(sink->context, (FleetyardStr){(const uint8_t *)name, strlen(name)}, value);
+}
+
+static bool equals(FleetyardStr text, const char *other) {
+  return text.len == strlen(other) && (text.len == 0 || memcmp(text.ptr, other, text.len) == 0);
+}
+
+/* ---- Options: a reader for one flat JSON object ---------------------------- */
+
+typedef struct {
+  const uint8_t *at, *end;
+} Json;
+
+static int json_peek(Json *json) {
+  while (json->at < json->end && *json->at != 0 && strchr(" \t\r\n", *json->at))
+    json->at++;
+  return json->at < json->end ? *json->at : -1;
+}
+
+static bool json_take(Json *json, char wanted) {
+  if (json_peek(json) != wanted)
+    return false;
+  json->at++;
+  return true;
+}
+
+/* Reads four hexadecimal digits; characters beyond ASCII become '?', since no name
+ * or value of an option has any. */
+static int json_hex(Json *json) {
+  unsigned value = 0;
+  for (int i = 0; i < 4; i++) {
+    int byte = json->at < json->end ? *json->at++ : 0;
+    const char *digits = "0123456789abcdef0123456789ABCDEF";
+    const char *digit = byte ? strchr(digits, byte) : NULL;
+    if (!digit)
+      return -1;
+    value = value * 16 + (unsigned)(digit - digits) % 16;
+  }
+  return value > 0 && value < 0x80 ? (int)value : '?';
+}
+
+/* Reads a string into `out`, cut to `room` bytes. */
+static bool json_string(Json *json, char *out, size_t room) {
+  size_t used = 0;
+  if (!json_take(json, '"'))
+    return false;
+  while (json->at < json->end && *json->at != '"') {
+    int byte = *json->at++;
+    if (byte < 0x20)
+      return false;
+    if (byte == '\\') {
+      static const char letters[] = "\"\\/bfnrt", meanings[] = "\"\\/\b\f\n\r\t";
+      int letter = json->at < json->end ? *json->at++ : 0;
+      const char *escape = letter ? strchr(letters, letter) : NULL;
+      byte = escape ? meanings[escape - letters] : letter == 'u' ? json_hex(json) : -1;
+      if (byte < 0)
+        return false;
+    }
+    if (used + 1 < room)
+      out[used++] = (char)byte;
+  }
+  out[used] = 0;
+  if (json->at == json->end)
+    return false;
+  json->at++;
+  return true;
+}
+
+/* Reads a whole number that is not negative; 3.0 is one. */
+static bool json_count(Json *json, uint64_t *out) {
+  uint64_t value = 0;
+  if (json_peek(json) < '0' || json_peek(json) > '9')
+    return false;
+  while (json->at < json->end && *json->at >= '0' && *json->at <= '9') {
+    uint64_t digit = (uint64_t)(*json->at++ - '0');
+    if (value > (UINT64_MAX - digit) / 10)
+      return false;
+    value = value * 10 + digit;
+  }
+  if (json->at < json->end && *json->at == '.')
+    do
+      json->at++;
+    while (json->at < json->end && *json->at == '0');
+  *out = value;
+  return json->at == json->end || (*json->at != 0 && strchr(",}] \t\r\n", *json->at));
+}
+
+typedef enum { LONGEST_FIRST, SHORTEST_FIRST, RANDOM_FIRST } FirstOrder;
+
+typedef struct {
+  uint64_t restarts; /* at most so many; 0 for no limit */
+  FirstOrder first_order;
+} Options;
+
+#define OPTIONS_SCHEMA                                                                 \
+  "{\"type\":\"object\",\"additionalProperties\":false,\"properties\":{"               \
+  "\"restarts\":{\"type\":\"integer\",\"minimum\":0,\"default\":0,"                    \
+  "\"description\":\"Most orders to try after the first; 0 for as many as the budget " \
+  "allows.\"},"                                                                        \
+  "\"first_order\":{\"enum\":[\"longest\",\"shortest\",\"random\"],"                   \
+  "\"default\":\"longest\",\"description\":\"Who is planned first in the first order: "\
+  "the agent with the longest way, with the shortest, or anyone.\"}}}"
+
+/* The host has checked the options against the schema; this is for the plugin's
+ * own safety and for hosts that have not. */
+static int32_t read_options(FleetyardStr text, const FleetyardSink *sink, Options *options) {
+  Json json = {text.ptr, text.ptr};
+  char name[64], value[64];
+  *options = (Options){0, LONGEST_FIRST};
+  if (text.len == 0)
+    return FLEETYARD_STATUS_SOLVED;
+  json.end = text.ptr + text.len;
+  if (!json_take(&json, '{'))
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: not a JSON object");
+  bool more = json_peek(&json) != '}';
+  while (more) {
+    if (!json_string(&json, name, sizeof name) || !json_take(&json, ':'))
+      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: malformed JSON");
+    if (strcmp(name, "restarts") == 0) {
+      if (!json_count(&json, &options->restarts))
+        return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                    "options: `restarts` is not a whole number of 0 or more");
+    } else if (strcmp(name, "first_order") == 0) {
+      static const char *const orders[] = {"longest", "shortest", "random"};
+      int found = -1;
+      if (json_string(&json, value, sizeof value))
+        for (int i = 0; i < 3; i++)
+          if (strcmp(value, orders[i]) == 0)
+            found = i;
+      if (found < 0)
+        return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                    "options: `first_order` is none of longest, shortest, random");
+      options->first_order = (FirstOrder)found;
+    } else {
+      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: there is no option `%s`", name);
+    }
+    more = json_take(&json, ',');
+  }
+  if (!json_take(&json, '}') || json_peek(&json) != -1)
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: malformed JSON");
+  return FLEETYARD_STATUS_SOLVED;
+}
+
+/* ---- The planner object ---------------------------------------------------- */
+
+typedef struct {
+  Options options;
+  uint32_t cells;
+  uint32_t (*neighbours)[4]; /* per cell, NONE where there is none; null before prepare */
+  uint8_t *passable;
+} Planner;
+
+static int32_t prepare(void *context, const FleetyardEnvironment *environment,
+                       const FleetyardBudget *budget, const FleetyardSink *sink) {
+  Planner *planner = context;
+  (void)budget; /* a few milliseconds for the largest maps */
+  if (environment->struct_size != sizeof *environment)
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "FleetyardEnvironment has another size");
+  if (environment->representation != FLEETYARD_REPRESENTATION_GRID)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "this planner plans on grids only");
+  const FleetyardGrid *grid = environment->view;
+  if (grid->struct_size != sizeof *grid)
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "FleetyardGrid has another size");
+  if (grid->connectivity != 4)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                "this planner plans on grids with 4 neighbours, not %" PRIu32,
+                grid->connectivity);
+  uint64_t cells = (uint64_t)grid->rows * grid->cols;
+  if (cells == 0 || cells >= NONE / 4)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "the map has no cells or too many");
+
+  free(planner->neighbours);
+  free(planner->passable);
+  planner->neighbours = malloc((size_t)cells * sizeof *planner->neighbours);
+  planner->passable = malloc((size_t)cells);
+  if (!planner->neighbours || !planner->passable) {
+    free(planner->neighbours);
+    free(planner->passable);
+    planner->neighbours = NULL;
+    planner->passable = NULL;
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  }
+  memcpy(planner->passable, grid->passable, (size_t)cells);
+  planner->cells = (uint32_t)cells;
+  for (uint32_t cell = 0; cell < planner->cells; cell++) {
+    uint32_t row = cell / grid->cols, col = cell % grid->cols;
+    uint32_t next[4] = {
+        row > 0 ? cell - grid->cols : NONE,
+        col + 1 < grid->cols ? cell + 1 : NONE,
+        row + 1 < grid->rows ? cell + grid->cols : NONE,
+        col > 0 ? cell - 1 : NONE,
+    };
+    for (int i = 0; i < 4; i++)
+      planner->neighbours[cell][i] =
+          next[i] != NONE && grid->passable[next[i]] ? next[i] : NONE;
+  }
+  return FLEETYARD_STATUS_SOLVED;
+}
+
+/* ---- One call of plan: what it keeps --------------------------------------- */
+
+/* A table from (time, cell) to a number, by open addressing. Clearing is free:
+ * an entry counts only while its stamp is the table's. */
+typedef struct {
+  uint64_t key;
+  uint32_t value;
+  uint32_t stamp;
+} Entry;
+
+typedef struct {
+  Entry *entries;
+  size_t capacity; /* a power of two, or 0 */
+  size_t used;
+  uint32_t stamp;
+} Table;
+
+typedef struct {
+  uint32_t cell;
+  uint32_t time;
+  uint32_t parent;
+  uint32_t next; /* in the bucket */
+} Node;
+
+typedef struct {
+  uint32_t begin, length; /* in `cells` */
+} Path;
+
+typedef struct {
+  const Planner *planner;
+  const FleetyardInstance *instance;
+  const FleetyardBudget *budget;
+  const FleetyardSink *sink;
+  uint64_t expansions, restarts, random;
+  size_t bytes; /* held in the tables that grow */
+  bool cancelled, out_of_memory, out_of_nodes;
+
+  uint32_t **distance; /* per agent: steps to its goal, or null when not kept */
+  uint32_t *shared_distance;
+  uint32_t *queue; /* of the breadth-first search */
+  bool keep_distances;
+
+  uint32_t *order;
+  Path *paths;
+  uint32_t *cells; /* the paths of this order, one after the other */
+  size_t cells_used, cells_capacity;
+
+  Table occupant;     /* (time, cell) -> agent */
+  uint32_t *parked;   /* per cell: from when on an agent stays there, or NONE */
+  uint32_t *last_use; /* per cell: 1 + the last time at which an agent is there */
+  uint32_t horizon;   /* from then on nobody moves */
+
+  Node *nodes;
+  size_t nodes_used, nodes_capacity;
+  uint32_t *buckets; /* stacks of open nodes, by detour: f minus the first f */
+  size_t buckets_capacity;
+  Table seen;
+  uint32_t *settled; /* per cell: the search that expanded it after the horizon */
+  uint32_t search;
+} Work;
+
+/* Makes room for `wanted` elements. Refuses more than the budget allows. */
+static bool grow(Work *work, void **array, size_t *capacity, size_t wanted, size_t size) {
+  if (wanted <= *capacity)
+    return true;
+  size_t larger = *capacity ? *capacity * 2 : 1024;
+  if (larger < wanted)
+    larger = wanted;
+  size_t added = (larger - *capacity) * size;
+  uint64_t limit = work->budget->memory_bytes;
+  void *moved = NULL;
+  if (limit == 0 || work->bytes + added <= limit)
+    moved = realloc(*array, larger * size);
+  if (!moved) {
+    work->out_of_memory = true;
+    return false;
+  }
+  *array = moved;
+  *capacity = larger;
+  work->bytes += added;
+  return true;
+}
+
+static uint64_t space_time(uint32_t time, uint32_t cell) {
+  return (uint64_t)time << 32 | cell;
+}
+
+/* The entry of a key, or the free one where it would be. The table has room. */
+static Entry *table_slot(const Table *table, uint64_t key) {
+  size_t mask = table->capacity - 1;
+  size_t at = (size_t)((key * UINT64_C(0x9E3779B97F4A7C15)) >> 24) & mask;
+  while (table->entries[at].stamp == table->stamp && table->entries[at].key != key)
+    at = (at + 1) & mask;
+  return &table->entries[at];
+}
+
+static uint32_t table_get(const Table *table, uint64_t key) {
+  if (table->used == 0)
+    return NONE;
+  const Entry *entry = table_slot(table, key);
+  return entry->stamp == table->stamp ? entry->value : NONE;
+}
+
+static void table_clear(Table *table) {
+  table->used = 0;
+  table->stamp++;
+  if (table->stamp == 0) { /* after 2^32 clearings old stamps could count again */
+    if (table->capacity)
+      memset(table->entries, 0, table->capacity * sizeof *table->entries);
+    table->stamp = 1;
+  }
+}
+
+/* Adds a key. Returns false when it was there already or memory ran out. */
+static bool table_add(Work *work, Table *table, uint64_t key, uint32_t value) {
+  if (2 * (table->used + 1) > table->capacity) {
+    Table larger = {NULL, 0, 0, 1};
+    size_t capacity = table->capacity ? 2 * table->capacity : 4096;
+    size_t bytes = capacity * sizeof *larger.entries;
+    uint64_t limit = work->budget->memory_bytes;
+    if (limit == 0 || work->bytes + bytes <= limit)
+      larger.entries = calloc(capacity, sizeof *larger.entries);
+    if (!larger.entries) {
+      work->out_of_memory = true;
+      return false;
+    }
+    larger.capacity = capacity;
+    for (size_t i = 0; i < table->capacity; i++)
+      if (table->entries[i].stamp == table->stamp) {
+        Entry *entry = table_slot(&larger, table->entries[i].key);
+        *entry = table->entries[i];
+        entry->stamp = 1;
+      }
+    larger.used = table->used;
+    work->bytes += bytes - table->capacity * sizeof *table->entries;
+    free(table->entries);
+    *table = larger;
+  }
+  Entry *entry = table_slot(table, key);
+  if (entry->stamp == table->stamp)
+    return false;
+  *entry = (Entry){key, value, table->stamp};
+  table->used++;
+  return true;
+}
+
+/* splitmix64: small, and equal on every machine. */
+static uint64_t random_number(Work *work) {
+  uint64_t x = work->random += UINT64_C(0x9E3779B97F4A7C15);
+  x = (x ^ (x >> 30)) * UINT64_C(0xBF58476D1CE4E5B9);
+  x = (x ^ (x >> 27)) * UINT64_C(0x94D049BB133111EB);
+  return x ^ (x >> 31);
+}
+
+static void shuffle(Work *work) {
+  for (uint32_t i = work->instance->agents; i > 1; i--) {
+    uint32_t j = (uint32_t)(random_number(work) % i);
+    uint32_t swap = work->order[i - 1];
+    work->order[i - 1] = work->order[j];
+    work->order[j] = swap;
+  }
+}
+
+/* ---- Searching ------------------------------------------------------------- */
+
+/* Steps from every cell to the agent's goal when nobody is in the way. */
+static const uint32_t *distances(Work *work, uint32_t agent) {
+  const Planner *planner = work->planner;
+  uint32_t *distance = work->distance[agent];
+  if (distance)
+    return distance;
+  if (work->keep_distances)
+    distance = work->distance[agent] = malloc(planner->cells * sizeof *distance);
+  if (!distance) {
+    work->keep_distances = false;
+    distance = work->shared_distance;
+  }
+  memset(distance, 0xFF, planner->cells * sizeof *distance);
+  uint32_t head = 0, tail = 0;
+  uint32_t goal = work->instance->goals[work->instance->goal_offsets[agent]];
+  distance[goal] = 0;
+  work->queue[tail++] = goal;
+  while (head < tail) {
+    uint32_t cell = work->queue[head++];
+    for (int i = 0; i < 4; i++) {
+      uint32_t next = planner->neighbours[cell][i];
+      if (next != NONE && distance[next] == NONE) {
+        distance[next] = distance[cell] + 1;
+        work->queue[tail++] = next;
+      }
+    }
+  }
+  return distance;
+}
+
+/* Whether an agent may go from one cell to another (or wait) between `time` and
+ * the step after it. */
+static bool free_to_move(const Work *work, uint32_t from, uint32_t to, uint32_t time) {
+  if (work->parked[to] <= time + 1)
+    return false;
+  if (time >= work->horizon)
+    return true;
+  if (table_get(&work->occupant, space_time(time + 1, to)) != NONE)
+    return false;
+  if (from == to)
+    return true;
+  uint32_t other = table_get(&work->occupant, space_time(time, to));
+  return other == NONE || table_get(&work->occupant, space_time(time + 1, from)) != other;
+}
+
+static bool push(Work *work, uint32_t cell, uint32_t time, uint32_t parent, uint32_t detour) {
+  if (detour >= work->buckets_capacity) {
+    size_t before = work->buckets_capacity;
+    if (!grow(work, (void **)&work->buckets, &work->buckets_capacity, (size_t)detour + 1,
+              sizeof *work->buckets))
+      return false;
+    memset(work->buckets + before, 0xFF,
+           (work->buckets_capacity - before) * sizeof *work->buckets);
+  }
+  if (work->nodes_used >= NONE - 1) {
+    work->out_of_memory = true;
+    return false;
+  }
+  if (!grow(work, (void **)&work->nodes, &work->nodes_capacity, work->nodes_used + 1,
+            sizeof *work->nodes))
+    return false;
+  work->nodes[work->nodes_used] = (Node){cell, time, parent, work->buckets[detour]};
+  work->buckets[detour] = (uint32_t)work->nodes_used++;
+  return true;
+}
+
+/* Whether the call has to end. The host is asked now and then only. */
+static bool stopped(Work *work) {
+  uint64_t limit = work->budget->nodes;
+  if (limit && work->expansions >= limit)
+    work->out_of_nodes = true;
+  if (work->expansions % 256 == 0 && work->sink->cancelled(work->sink->context))
+    work->cancelled = true;
+  return work->out_of_nodes || work->cancelled || work->out_of_memory;
+}
+
+/* Space-time A*. All steps cost one, so f = time + distance grows by 0, 1 or 2
+ * per step, and stacks by f are a priority queue that goes deep first among
+ * equals. From the horizon on nobody else moves: then the time does not matter,
+ * each cell is expanded once, and the search ends. Returns the last node. */
+static uint32_t find_path(Work *work, uint32_t agent) {
+  uint32_t start = work->instance->starts[agent];
+  uint32_t goal = work->instance->goals[work->instance->goal_offsets[agent]];
+  const uint32_t *distance = distances(work, agent);
+  uint32_t shortest = distance[start];
+  if (work->buckets_capacity)
+    memset(work->buckets, 0xFF, work->buckets_capacity * sizeof *work->buckets);
+  work->nodes_used = 0;
+  work->search++;
+  table_clear(&work->seen);
+  if (!push(work, start, 0, NONE, 0))
+    return NONE;
+  for (uint32_t detour = 0; detour < work->buckets_capacity; detour++) {
+    while (work->buckets[detour] != NONE) {
+      uint32_t index = work->buckets[detour];
+      Node node = work->nodes[index];
+      work->buckets[detour] = node.next;
+      if (node.time >= work->horizon) {
+        if (work->settled[node.cell] == work->search)
+          continue;
+        work->settled[node.cell] = work->search;
+      }
+      if (node.cell == goal && node.time >= work->last_use[goal])
+        return index;
+      work->expansions++;
+      if (stopped(work))
+        return NONE;
+      /* The step pushed last is tried first: waiting comes last. */
+      for (int i = 4; i >= 0; i--) {
+        uint32_t next = i == 4 ? node.cell : work->planner->neighbours[node.cell][i];
+        if (next == NONE || !free_to_move(work, node.cell, next, node.time))
+          continue;
+        uint32_t time = node.time + 1;
+        if (time >= work->horizon ? work->settled[next] == work->search
+                                  : !table_add(work, &work->seen, space_time(time, next), 0))
+          continue;
+        if (!push(work, next, time, index, time + distance[next] - shortest))
+          return NONE;
+      }
+    }
+  }
+  return NONE;
+}
+
+/* Writes a path down and reserves it. */
+static bool reserve(Work *work, uint32_t agent, uint32_t last) {
+  uint32_t length = work->nodes[last].time + 1;
+  if (!grow(work, (void **)&work->cells, &work->cells_capacity, work->cells_used + length,
+            sizeof *work->cells))
+    return false;
+  uint32_t *path = work->cells + work->cells_used;
+  for (uint32_t at = last; at != NONE; at = work->nodes[at].parent) {
+    uint32_t cell = work->nodes[at].cell, time = work->nodes[at].time;
+    path[time] = cell;
+    if (!table_add(work, &work->occupant, space_time(time, cell), agent))
+      return false;
+    if (work->last_use[cell] < time + 1)
+      work->last_use[cell] = time + 1;
+  }
+  work->parked[path[length - 1]] = length - 1;
+  if (work->horizon < length)
+    work->horizon = length;
+  work->paths[agent] = (Path){(uint32_t)work->cells_used, length};
+  work->cells_used += length;
+  return true;
+}
+
+/* Plans the agents in the present order. Returns how many have a path. */
+static uint32_t plan_in_order(Work *work) {
+  size_t map = work->planner->cells * sizeof(uint32_t);
+  work->cells_used = 0;
+  work->horizon = 0;
+  table_clear(&work->occupant);
+  memset(work->parked, 0xFF, map);
+  memset(work->last_use, 0, map);
+  for (uint32_t i = 0; i < work->instance->agents; i++) {
+    uint32_t agent = work->order[i];
+    uint32_t last = find_path(work, agent);
+    if (last == NONE || !reserve(work, agent, last))
+      return i;
+  }
+  return work->instance->agents;
+}
+
+/* The order after a failure. The agent that found no path goes first, since that
+ * mends most orders at once; now and then everything is shuffled, since it does
+ * not mend all. */
+static void next_order(Work *work, uint32_t failed) {
+  uint32_t agents = work->instance->agents;
+  work->restarts++;
+  if (random_number(work) % 16 == 0) {
+    shuffle(work);
+    return;
+  }
+  uint32_t agent = work->order[failed];
+  memmove(work->order + 1, work->order, failed * sizeof *work->order);
+  work->order[0] = agent;
+  /* A little noise keeps two agents from sending each other forward for ever. */
+  uint32_t i = (uint32_t)(random_number(work) % agents);
+  uint32_t j = (uint32_t)(random_number(work) % agents);
+  agent = work->order[i];
+  work->order[i] = work->order[j];
+  work->order[j] = agent;
+}
+
+typedef struct {
+  uint32_t length, agent;
+} Way;
+
+static int compare_ways(const void *left, const void *right) {
+  const Way *a = left, *b = right;
+  if (a->length != b->length)
+    return a->length < b->length ? -1 : 1;
+  return a->agent < b->agent ? -1 : a->agent > b->agent;
+}
+
+/* ---- Checking the question, handing over the answer ------------------------ */
+
+static int32_t check_instance(const Work *work) {
+  const FleetyardInstance *instance = work->instance;
+  const FleetyardSink *sink = work->sink;
+  const Planner *planner = work->planner;
+  int32_t result = FLEETYARD_STATUS_SOLVED;
+  if (instance->motion != FLEETYARD_MOTION_PEBBLE)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "this planner knows pebble motion only");
+  uint32_t *start_of = work->queue, *goal_of = work->shared_distance; /* not in use yet */
+  memset(start_of, 0xFF, planner->cells * sizeof *start_of);
+  memset(goal_of, 0xFF, planner->cells * sizeof *goal_of);
+  for (uint32_t agent = 0; agent < instance->agents; agent++) {
+    uint64_t first = instance->goal_offsets[agent];
+    if (instance->goal_offsets[agent + 1] != first + 1)
+      return fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                  "agent %" PRIu32 " has not exactly one goal", agent);
+    uint32_t start = instance->starts[agent], goal = instance->goals[first];
+    if (start >= planner->cells || goal >= planner->cells || !planner->passable[start] ||
+        !planner->passable[goal])
+      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                  "agent %" PRIu32 " starts or ends in a cell where nobody can stand", agent);
+    if (start_of[start] != NONE)
+      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                  "agents %" PRIu32 " and %" PRIu32 " start in the same cell", start_of[start],
+                  agent);
+    if (goal_of[goal] != NONE)
+      result = fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                    "agents %" PRIu32 " and %" PRIu32 " have the same goal", goal_of[goal],
+                    agent);
+    start_of[start] = goal_of[goal] = agent;
+  }
+  return result;
+}
+
+static int32_t submit(Work *work) {
+  uint32_t agents = work->instance->agents;
+  uint64_t *offsets = malloc(((size_t)agents + 1) * sizeof *offsets);
+  uint32_t *cells = malloc(work->cells_used * sizeof *cells);
+  int32_t status = FLEETYARD_STATUS_SOLVED;
+  if (offsets && cells) {
+    offsets[0] = 0;
+    for (uint32_t agent = 0; agent < agents; agent++) {
+      Path path = work->paths[agent];
+      memcpy(cells + offsets[agent], work->cells + path.begin, path.length * sizeof *cells);
+      offsets[agent + 1] = offsets[agent] + path.length;
+    }
+    FleetyardPlan plan = {sizeof plan, agents, offsets, cells};
+    if (work->sink->submit_plan(work->sink->context, &plan) != FLEETYARD_OK)
+      status = fail(work->sink, FLEETYARD_STATUS_TIMED_OUT, "the host did not take the plan");
+  } else {
+    status = fail(work->sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  }
+  free(offsets);
+  free(cells);
+  return status;
+}
+
+/* Why the search was stopped, as a status. */
+static int32_t explain(const Work *work) {
+  uint64_t restarts = work->restarts;
+  struct timespec now = {0, 0};
+  if (work->out_of_memory)
+    return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+                "the memory ran out after %" PRIu64 " restarts", restarts);
+  if (work->out_of_nodes)
+    return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+                "the node limit was reached after %" PRIu64 " restarts", restarts);
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  if ((uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec <
+      work->budget->deadline_monotonic_ns)
+    return fail(work->sink, FLEETYARD_STATUS_CANCELLED, "cancelled after %" PRIu64 " restarts",
+                restarts);
+  return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+              "no order of %" PRIu64 " worked before the deadline", restarts + 1);
+}
+
+static int32_t solve(Work *work) {
+  uint32_t agents = work->instance->agents;
+  const Options *options = &work->planner->options;
+  int32_t status = check_instance(work);
+  if (status != FLEETYARD_STATUS_SOLVED)
+    return status;
+
+  Way *ways = malloc(agents * sizeof *ways);
+  if (!ways)
+    return fail(work->sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  for (uint32_t agent = 0; agent < agents && status == FLEETYARD_STATUS_SOLVED; agent++) {
+    uint32_t length = distances(work, agent)[work->instance->starts[agent]];
+    ways[agent] = (Way){length, agent};
+    if (length == NONE)
+      status = fail(work->sink, FLEETYARD_STATUS_INFEASIBLE,
+                    "no path leads agent %" PRIu32 " to its goal", agent);
+    else if (agent % 16 == 0 && work->sink->cancelled(work->sink->context))
+      status = explain(work);
+  }
+  if (status == FLEETYARD_STATUS_SOLVED) {
+    qsort(ways, agents, sizeof *ways, compare_ways);
+    for (uint32_t i = 0; i < agents; i++)
+      work->order[i] = ways[options->first_order == LONGEST_FIRST ? agents - 1 - i : i].agent;
+    if (options->first_order == RANDOM_FIRST)
+      shuffle(work);
+  }
+  free(ways);
+  if (status != FLEETYARD_STATUS_SOLVED)
+    return status;
+
+  uint32_t best = 0;
+  for (;;) {
+    uint32_t planned = plan_in_order(work);
+    if (planned > best) {
+      best = planned;
+      work->sink->progress(work->sink->context, best, agents);
+    }
+    if (planned == agents)
+      return submit(work);
+    if (work->cancelled || work->out_of_nodes || work->out_of_memory)
+      return explain(work);
+    if (options->restarts && work->restarts >= options->restarts)
+      return fail(work->sink, FLEETYARD_STATUS_GAVE_UP,
+                  "no order of %" PRIu64 " worked; at best %" PRIu32 " of %" PRIu32
+                  " agents had a path",
+                  work->restarts + 1, best, agents);
+    next_order(work, planned);
+  }
+}
+
+static int32_t plan(void *context, const FleetyardInstance *instance,
+                    const FleetyardBudget *budget, const FleetyardSink *sink) {
+  const Planner *planner = context;
+  int32_t status;
+  if (instance->struct_size != sizeof *instance || budget->struct_size != sizeof *budget)
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                "FleetyardInstance or FleetyardBudget has another size");
+  if (!planner->neighbours)
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "`plan` came before `prepare`");
+  if (instance->agents == 0 || instance->agents > planner->cells)
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "%" PRIu32 " agents on %" PRIu32 " cells",
+                instance->agents, planner->cells);
+
+  size_t agents = instance->agents, cells = planner->cells;
+  Work work = {.planner = planner, .instance = instance, .budget = budget, .sink = sink};
+  work.random = budget->seed;
+  work.occupant.stamp = work.seen.stamp = 1;
+  /* Distances are computed once per agent while they fit into half the memory. */
+  uint64_t room = budget->memory_bytes ? budget->memory_bytes / 2 : UINT64_C(1) << 30;
+  work.keep_distances = (uint64_t)agents * cells * sizeof(uint32_t) <= room;
+  work.distance = calloc(agents, sizeof *work.distance);
+  work.shared_distance = malloc(cells * sizeof *work.shared_distance);
+  work.queue = malloc(cells * sizeof *work.queue);
+  work.order = malloc(agents * sizeof *work.order);
+  work.paths = malloc(agents * sizeof *work.paths);
+  work.parked = malloc(cells * sizeof *work.parked);
+  work.last_use = malloc(cells * sizeof *work.last_use);
+  work.settled = calloc(cells, sizeof *work.settled);
+  if (work.distance && work.shared_distance && work.queue && work.order && work.paths &&
+      work.parked && work.last_use && work.settled)
+    status = solve(&work);
+  else
+    status = fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+
+  metric(sink, "expansions", (double)work.expansions);
+  metric(sink, "restarts", (double)work.restarts);
+  for (size_t agent = 0; work.distance && agent < agents; agent++)
+    free(work.distance[agent]);
+  free(work.distance);
+  free(work.shared_distance);
+  free(work.queue);
+  free(work.order);
+  free(work.paths);
+  free(work.cells);
+  free(work.occupant.entries);
+  free(work.parked);
+  free(work.last_use);
+  free(work.nodes);
+  free(work.buckets);
+  free(work.seen.entries);
+  free(work.settled);
+  return status;
+}
+
+static void destroy(void *context) {
+  Planner *planner = context;
+  free(planner->neighbours);
+  free(planner->passable);
+  free(planner);
+}
+
+/* ---- What the library exports ---------------------------------------------- */
+
+static const FleetyardDescriptor prioritized = {
+    .struct_size = sizeof(FleetyardDescriptor),
+    .id = TEXT("prioritized"),
+    .name = TEXT("Prioritized planning (C example)"),
+    .version = TEXT("0.1.0"),
+    .description = TEXT("Plans agents one after the other by A* in space and time around the "
+                        "paths of those before (Erdmann and Lozano-Perez 1987; Silver 2005), "
+                        "in other orders when an agent finds no path."),
+    .license = TEXT("MIT OR Apache-2.0"),
+    .options_schema = TEXT(OPTIONS_SCHEMA),
+    .capabilities =
+        FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE | FLEETYARD_CAPABILITY_DETERMINISTIC,
+};
+
+static uint32_t planner_count(void) { return 1; }
+
+static const FleetyardDescriptor *planner_descriptor(uint32_t index) {
+  return index == 0 ? &prioritized : NULL;
+}
+
+static int32_t create(uint32_t index, FleetyardStr text, const FleetyardSink *sink,
+                      FleetyardPlanner *out) {
+  Options options;
+  if (index != 0)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "there is no planner %" PRIu32, index);
+  int32_t status = read_options(text, sink, &options);
+  if (status != FLEETYARD_STATUS_SOLVED)
+    return status;
+  Planner *planner = calloc(1, sizeof *planner);
+  if (!planner)
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  planner->options = options;
+  *out = (FleetyardPlanner){
+      .struct_size = sizeof *out,
+      .context = planner,
+      .prepare = prepare,
+      .plan = plan,
+      .destroy = destroy,
+  };
+  return FLEETYARD_STATUS_SOLVED;
+}
+
+static const FleetyardPlannerFactory planners = {
+    .struct_size = sizeof(FleetyardPlannerFactory),
+    .count = planner_count,
+    .descriptor = planner_descriptor,
+    .create = create,
+};
+
+static const void *get_factory(FleetyardStr id) {
+  return equals(id, FLEETYARD_PLANNER_FACTORY_ID) ? &planners : NULL;
+}
+
+const FleetyardPluginEntry fleetyard_plugin_entry_v1 = {
+    .struct_size = sizeof(FleetyardPluginEntry),
+    .abi_major = FLEETYARD_ABI_MAJOR,
+    .abi_minor = FLEETYARD_ABI_MINOR,
+    .get_factory = get_factory,
+};
