@@ -1,1 +1,32 @@
-//! Loads and supervises plugins under budgets.
+//! Loads plugins, runs them under budgets, and says how each run ended.
+//!
+//! A [`Session`] is one plugin in one of three attachments: a shared library in
+//! the host's process, a shared library in a worker process, or a program that
+//! speaks JSON over standard input and output. Worker and program run under a
+//! [supervisor](supervisor) process each, which kills the whole process tree when
+//! the budget ends or the host goes away. The same C ABI and the same
+//! [`fleetyard_abi::sdk`] traits stand at every seam.
+//!
+//! This crate does not judge plans (`fleetyard-check` does), and it knows no
+//! files but plugins.
+
+// Loading libraries and supervising processes is what this crate is for.
+#![allow(unsafe_code)]
+
+mod client;
+mod convert;
+mod discover;
+mod fault;
+mod library;
+mod options;
+mod process;
+mod session;
+pub mod supervisor;
+
+pub use convert::{environment, instance, plan_from_abi};
+pub use discover::{Attach, Discovered, Discovery, Origin, PluginFile};
+pub use fault::Fault;
+pub use library::Library;
+pub use options::{OptionError, check_options, parse_option};
+pub use process::Usage;
+pub use session::{CallReport, Incumbent, Limits, LogLine, PlanRun, Runtime, Session, Termination};

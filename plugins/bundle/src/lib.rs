@@ -1,1 +1,10 @@
-//! The standard plugins of Fleetyard behind one entry symbol.
+//! The standard plugins behind one entry symbol, as a shared library and linked
+//! into the `fleetyard` command.
+
+use fleetyard_plugin_mapf::plugin::{Lacam, Pibt};
+
+mod empty;
+
+fleetyard_abi::export! {
+    planners: [Lacam, Pibt, empty::Empty],
+}

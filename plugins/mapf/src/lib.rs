@@ -8,6 +8,7 @@ mod neighborhood;
 mod one_shot;
 mod pibt;
 mod plan;
+pub mod plugin;
 mod problem;
 mod random;
 mod refine;

@@ -1,0 +1,545 @@
+//! The host's side of the JSON wire, over a supervised process.
+//!
+//! One thread, one `poll`: it writes the request, reads standard output and
+//! error as they come, and watches the deadline. Every byte that arrives is
+//! hostile.
+
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use fleetyard_abi::wire::{self, CancelParams, Envelope, LogParams, MetricParams, Request};
+use fleetyard_abi::{LogLevel, monotonic_ns};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::Timespec;
+use serde::Serialize;
+use serde_json::value::RawValue;
+
+use crate::Fault;
+use crate::process::Process;
+use crate::session::{Limits, LogLine};
+use crate::supervisor::{REFUSED, Report};
+
+/// How long a process that closed its output has to end by itself.
+const ENDING: Duration = Duration::from_millis(500);
+
+/// What a plugin says while a call is running.
+pub(crate) enum Notice<'a> {
+    /// A plan, its paths still as text, and when its last byte arrived.
+    Incumbent {
+        paths: &'a RawValue,
+        arrived_ns: u64,
+    },
+    /// A figure.
+    Metric(MetricParams),
+}
+
+/// A connection to a plugin.
+pub(crate) struct Client {
+    process: Process,
+    limits: Limits,
+    next_id: u64,
+    unsent: Vec<u8>,
+    received: Vec<u8>,
+    /// Bytes of `received` that were searched for a newline already.
+    searched: usize,
+    /// In the middle of a line that is too long to be kept and is no message.
+    skipping: bool,
+    stray_bytes: u64,
+    pub(crate) stray_lines: u64,
+    pub(crate) log: Vec<LogLine>,
+    stderr: Tail,
+    stdout_open: bool,
+    stderr_open: bool,
+    /// Once broken, always broken.
+    fault: Option<Fault>,
+}
+
+/// The first and the last of what a plugin wrote to standard error.
+#[derive(Default)]
+struct Tail {
+    kept: Vec<u8>,
+    dropped: u64,
+}
+
+impl Tail {
+    fn push(&mut self, bytes: &[u8], limit: usize) {
+        self.kept.extend_from_slice(bytes);
+        if self.kept.len() > limit {
+            let surplus = self.kept.len() - limit;
+            self.kept.drain(..surplus);
+            self.dropped += surplus as u64;
+        }
+    }
+}
+
+/// What a call is waited for.
+struct Wait<'a> {
+    id: u64,
+    method: &'a str,
+    deadline_ns: u64,
+    limit_ms: u64,
+}
+
+impl Client {
+    pub(crate) fn new(process: Process, limits: Limits) -> Self {
+        Self {
+            process,
+            limits,
+            next_id: 1,
+            unsent: Vec::new(),
+            received: Vec::new(),
+            searched: 0,
+            skipping: false,
+            stray_bytes: 0,
+            stray_lines: 0,
+            log: Vec::new(),
+            stderr: Tail::default(),
+            stdout_open: true,
+            stderr_open: true,
+            fault: None,
+        }
+    }
+
+    /// Sends a request and waits for its answer, until `deadline_ns` on the
+    /// monotonic clock plus the grace. After a fault nothing of the process is
+    /// left.
+    pub(crate) fn call<P: Serialize>(
+        &mut self,
+        method: &str,
+        params: P,
+        deadline_ns: u64,
+        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
+    ) -> Result<String, Fault> {
+        if let Some(fault) = &self.fault {
+            return Err(fault.clone());
+        }
+        let id = self.next_id;
+        self.next_id += 1;
+        let started_ns = monotonic_ns();
+        self.unsent
+            .extend_from_slice(&wire::line(&Request::new(id, method, params)));
+        let limit_ms = deadline_ns.saturating_sub(started_ns) / 1_000_000;
+        let wait = Wait {
+            id,
+            method,
+            deadline_ns,
+            limit_ms,
+        };
+        let answer = self.wait(&wait, notice);
+        if let Err(fault) = &answer {
+            self.fault = Some(fault.clone());
+        }
+        answer
+    }
+
+    fn wait(
+        &mut self,
+        wait: &Wait<'_>,
+        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
+    ) -> Result<String, Fault> {
+        let grace_ns = self.limits.grace.as_nanos() as u64;
+        let mut cancelled = false;
+        loop {
+            if let Some(answer) = self.take_answer(wait, notice)? {
+                return Ok(answer);
+            }
+            let now = monotonic_ns();
+            if now >= wait.deadline_ns.saturating_add(grace_ns) {
+                self.process.end(Duration::ZERO);
+                self.drain_stderr();
+                let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
+                return Err(Fault::TimedOut { during, limit_ms });
+            }
+            if now >= wait.deadline_ns && !cancelled {
+                cancelled = true;
+                let params = CancelParams { id: wait.id };
+                self.unsent
+                    .extend_from_slice(&wire::line(&Request::notification("$/cancel", params)));
+            }
+            if !self.stdout_open {
+                return Err(self.ended(wait.method));
+            }
+            let until = if cancelled {
+                wait.deadline_ns.saturating_add(grace_ns)
+            } else {
+                wait.deadline_ns
+            };
+            self.poll_once(until - now);
+        }
+    }
+
+    /// Reads and writes what can be read and written now, after waiting up to
+    /// `wait_ns`.
+    fn poll_once(&mut self, wait_ns: u64) {
+        // A minute at most, so that the sum below cannot overflow.
+        let wait_ns = wait_ns.min(60_000_000_000);
+        let timeout = Timespec {
+            tv_sec: (wait_ns / 1_000_000_000) as i64,
+            tv_nsec: (wait_ns % 1_000_000_000) as i64,
+        };
+        let stdin = self
+            .process
+            .stdin
+            .as_ref()
+            .filter(|_| !self.unsent.is_empty());
+        let mut waiting = Vec::with_capacity(3);
+        if self.stdout_open {
+            waiting.push(PollFd::new(&self.process.stdout, PollFlags::IN));
+        }
+        if self.stderr_open {
+            waiting.push(PollFd::new(&self.process.stderr, PollFlags::IN));
+        }
+        if let Some(stdin) = stdin {
+            waiting.push(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::OUT));
+        }
+        // An interrupted poll is a spurious wake-up.
+        let _ = poll(&mut waiting, Some(&timeout));
+        drop(waiting);
+        self.write_some();
+        self.read_stdout();
+        self.drain_stderr();
+    }
+
+    fn write_some(&mut self) {
+        let Some(stdin) = &mut self.process.stdin else {
+            self.unsent.clear();
+            return;
+        };
+        while !self.unsent.is_empty() {
+            match stdin.write(&self.unsent) {
+                Ok(written) => drop(self.unsent.drain(..written)),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(_) => {
+                    // The plugin closed its input; its output tells the rest.
+                    self.process.stdin = None;
+                    self.unsent.clear();
+                    return;
+                }
+            }
+        }
+    }
+
+    fn read_stdout(&mut self) {
+        let mut buffer = [0; 1 << 16];
+        // A bounded number of rounds, so that a flood cannot hide the deadline.
+        for _ in 0..64 {
+            match self.process.stdout.read(&mut buffer) {
+                Ok(0) => {
+                    self.stdout_open = false;
+                    return;
+                }
+                Ok(read) => self.receive(&buffer[..read]),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(_) => {
+                    self.stdout_open = false;
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Keeps bytes of possible messages, and drops those of long stray lines.
+    fn receive(&mut self, mut bytes: &[u8]) {
+        if self.skipping {
+            let end = bytes.iter().position(|byte| *byte == b'\n');
+            self.stray_bytes += end.unwrap_or(bytes.len()) as u64;
+            match end {
+                Some(end) => {
+                    self.skipping = false;
+                    bytes = &bytes[end + 1..];
+                }
+                None => return,
+            }
+        }
+        self.received.extend_from_slice(bytes);
+    }
+
+    fn drain_stderr(&mut self) {
+        let mut buffer = [0; 1 << 14];
+        for _ in 0..64 {
+            if !self.stderr_open {
+                return;
+            }
+            match self.process.stderr.read(&mut buffer) {
+                Ok(0) => self.stderr_open = false,
+                Ok(read) => self.stderr.push(&buffer[..read], self.limits.stderr_bytes),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(_) => self.stderr_open = false,
+            }
+        }
+    }
+
+    /// Handles whole lines until one is the answer.
+    fn take_answer(
+        &mut self,
+        wait: &Wait<'_>,
+        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
+    ) -> Result<Option<String>, Fault> {
+        loop {
+            let newline = self.received[self.searched..]
+                .iter()
+                .position(|byte| *byte == b'\n');
+            let Some(newline) = newline.map(|at| at + self.searched) else {
+                self.searched = self.received.len();
+                return self.check_unfinished(wait).map(|()| None);
+            };
+            let rest = self.received.split_off(newline + 1);
+            let mut line = std::mem::replace(&mut self.received, rest);
+            self.searched = 0;
+            line.pop();
+            match self.handle_line(&line, wait, notice) {
+                Ok(None) => {}
+                Ok(answer) => return Ok(answer),
+                Err(Broken::Protocol(reason)) => return Err(self.broken(wait, reason)),
+                Err(Broken::Fault(fault)) => {
+                    self.process.end(Duration::ZERO);
+                    return Err(fault);
+                }
+            }
+        }
+    }
+
+    /// A line without an end yet: is it too long, or no message anyway?
+    fn check_unfinished(&mut self, wait: &Wait<'_>) -> Result<(), Fault> {
+        let first = self
+            .received
+            .iter()
+            .find(|byte| !byte.is_ascii_whitespace());
+        if first.is_some_and(|first| *first != b'{') && self.received.len() > 1 << 16 {
+            self.stray_bytes += self.received.len() as u64;
+            self.stray(&self.received.clone());
+            self.received.clear();
+            self.searched = 0;
+            self.skipping = true;
+        }
+        if self.received.len() > self.limits.line_bytes {
+            let limit = self.limits.line_bytes >> 20;
+            return Err(self.broken(wait, format!("a message is longer than {limit} MiB")));
+        }
+        if self.stray_bytes > self.limits.stray_bytes {
+            let limit = self.limits.stray_bytes >> 20;
+            let reason =
+                format!("it wrote more than {limit} MiB to standard output that is no message");
+            return Err(self.broken(wait, reason));
+        }
+        Ok(())
+    }
+
+    fn handle_line(
+        &mut self,
+        line: &[u8],
+        wait: &Wait<'_>,
+        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
+    ) -> Result<Option<String>, Broken> {
+        let trimmed = line.trim_ascii();
+        match trimmed {
+            [] => return Ok(None),
+            [b'{', ..] => {}
+            [b'[', b'{' | b'[', ..] => {
+                return Err(Broken::protocol(
+                    "a message is a list: batches are not supported",
+                ));
+            }
+            _ => {
+                self.stray_bytes += line.len() as u64;
+                self.stray(line);
+                return Ok(None);
+            }
+        }
+        let text = std::str::from_utf8(trimmed)
+            .map_err(|error| Broken::Protocol(format!("a message is not UTF-8: {error}")))?;
+        let envelope: Envelope<'_> =
+            serde_json::from_str(text).map_err(|error| Broken::Protocol(not_json(text, &error)))?;
+        if envelope.jsonrpc != "2.0" {
+            return Err(Broken::protocol("a message has no \"jsonrpc\":\"2.0\""));
+        }
+        let bad = |method: &str, error: &serde_json::Error| {
+            Broken::Protocol(format!("`{method}` is malformed: {error}"))
+        };
+        match envelope.method.as_deref() {
+            Some("incumbent") => {
+                let incumbent: wire::IncumbentParams<&RawValue> =
+                    serde_json::from_str(envelope.params.map_or("null", RawValue::get))
+                        .map_err(|error| bad("incumbent", &error))?;
+                let arrived_ns = monotonic_ns();
+                notice(Notice::Incumbent {
+                    paths: incumbent.paths,
+                    arrived_ns,
+                })
+                .map_err(Broken::Protocol)?;
+            }
+            Some("metric") => {
+                let metric = envelope.params().map_err(|error| bad("metric", &error))?;
+                notice(Notice::Metric(metric)).map_err(Broken::Protocol)?;
+            }
+            Some("log") => {
+                let LogParams { level, text } =
+                    envelope.params().map_err(|error| bad("log", &error))?;
+                self.push_log(LogLine { level, text });
+            }
+            // Progress is for people who watch; an unknown notification may come
+            // from a newer plugin. Neither may hold up the run.
+            Some(_) if envelope.id.is_none() => {}
+            Some(method) => {
+                return Err(Broken::Protocol(format!(
+                    "it sent a request, `{method}`, but only the host asks"
+                )));
+            }
+            None => return self.handle_response(&envelope, wait),
+        }
+        Ok(None)
+    }
+
+    fn handle_response(
+        &mut self,
+        envelope: &Envelope<'_>,
+        wait: &Wait<'_>,
+    ) -> Result<Option<String>, Broken> {
+        match envelope.id {
+            Some(id) if id == wait.id => {}
+            Some(id) if id < wait.id => {
+                return Err(Broken::Protocol(format!(
+                    "it answered request {id} a second time"
+                )));
+            }
+            Some(id) => {
+                let asked = wait.id;
+                return Err(Broken::Protocol(format!(
+                    "it answered request {id}, but was asked {asked}"
+                )));
+            }
+            None if envelope.error.is_some() => {}
+            None => return Err(Broken::protocol("a message has neither a method nor an id")),
+        }
+        let during = wait.method.to_owned();
+        if let Some(error) = &envelope.error {
+            return Err(Broken::Fault(match error.code {
+                REFUSED => {
+                    let (reason, hint) = match error.message.split_once('\n') {
+                        Some((reason, hint)) => (reason.to_owned(), Some(hint.to_owned())),
+                        None => (error.message.clone(), None),
+                    };
+                    Fault::Refused { reason, hint }
+                }
+                _ => Fault::Reported {
+                    status: fleetyard_abi::Status::InternalError,
+                    during,
+                    message: error.message.clone(),
+                },
+            }));
+        }
+        match envelope.result {
+            Some(result) => Ok(Some(result.get().to_owned())),
+            // `"result":null` reads as absent.
+            None => Ok(Some("null".into())),
+        }
+    }
+
+    fn stray(&mut self, line: &[u8]) {
+        self.stray_lines += 1;
+        let shown = &line[..line.len().min(400)];
+        let text = String::from_utf8_lossy(shown).into_owned();
+        self.push_log(LogLine {
+            level: LogLevel::Info,
+            text: format!("stdout: {text}"),
+        });
+    }
+
+    fn push_log(&mut self, line: LogLine) {
+        if self.log.len() < self.limits.log_lines {
+            self.log.push(line);
+        }
+    }
+
+    fn broken(&mut self, wait: &Wait<'_>, reason: String) -> Fault {
+        self.process.end(Duration::ZERO);
+        self.drain_stderr();
+        Fault::Protocol {
+            during: wait.method.to_owned(),
+            reason,
+        }
+    }
+
+    /// Standard output is closed: how did the process end?
+    fn ended(&mut self, method: &str) -> Fault {
+        let report = self.process.end(ENDING);
+        self.drain_stderr();
+        let during = method.to_owned();
+        match report {
+            Report {
+                start_error: Some(reason),
+                ..
+            } => {
+                let hint = "is it executable, and is its interpreter installed?".to_owned();
+                Fault::Spawn {
+                    program: "the plugin".into(),
+                    reason,
+                    hint: Some(hint),
+                }
+            }
+            Report { killed: true, .. } => Fault::Protocol {
+                during,
+                reason: "it closed its standard output and went on running".into(),
+            },
+            Report {
+                signal: Some(signal),
+                ..
+            } => Fault::Crashed { signal, during },
+            Report {
+                code: Some(code), ..
+            } => Fault::Exited { code, during },
+            _ => Fault::Protocol {
+                during,
+                reason: "its supervisor was killed".into(),
+            },
+        }
+    }
+
+    /// Asks the plugin to end, gives it `patience`, and makes sure that nothing
+    /// of it is left.
+    pub(crate) fn close(&mut self, patience: Duration) -> (Report, Option<Fault>) {
+        let mut fault = None;
+        if self.fault.is_none() {
+            let deadline = monotonic_ns() + patience.as_nanos() as u64;
+            fault = self.call("shutdown", (), deadline, &mut |_| Ok(())).err();
+            self.unsent
+                .extend_from_slice(&wire::line(&Request::notification("exit", ())));
+            self.write_some();
+            self.process.stdin = None;
+        }
+        let report = self.process.end(patience);
+        self.drain_stderr();
+        (report, fault)
+    }
+
+    /// The end of what the plugin wrote to standard error, and how many bytes
+    /// came before.
+    pub(crate) fn stderr(&self) -> (String, u64) {
+        (
+            String::from_utf8_lossy(&self.stderr.kept).into_owned(),
+            self.stderr.dropped,
+        )
+    }
+}
+
+enum Broken {
+    Protocol(String),
+    Fault(Fault),
+}
+
+impl Broken {
+    fn protocol(reason: &str) -> Self {
+        Self::Protocol(reason.into())
+    }
+}
+
+/// Says why a line is not JSON, with the place and what stands there.
+fn not_json(text: &str, error: &serde_json::Error) -> String {
+    let at = error.column().saturating_sub(1);
+    let near: String = text.chars().skip(at.saturating_sub(10)).take(30).collect();
+    format!("a message is not JSON: {error}, near `{near}`")
+}

@@ -1,0 +1,257 @@
+//! Where plugins are: by path, on the plugin path, or linked in.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use fleetyard_abi::{Descriptor, Kind};
+use serde::Serialize;
+
+use crate::supervisor::Target;
+use crate::{Fault, Runtime};
+
+/// How a plugin is attached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Attach {
+    /// A shared library in the host's own process: fastest, and nothing is kept
+    /// from the host.
+    InProcess,
+    /// A shared library in a worker process.
+    Worker,
+    /// A program that speaks JSON over standard input and output.
+    Stdio,
+}
+
+/// Where a plugin comes from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Origin {
+    /// Linked into the host.
+    BuiltIn,
+    /// A file that the user named.
+    Path,
+    /// A file in a folder of the plugin path.
+    Folder(PathBuf),
+}
+
+/// A file (or the host itself) that has plugins.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PluginFile {
+    /// Linked into the host.
+    BuiltIn,
+    /// A shared library.
+    Library(PathBuf),
+    /// A program, with the arguments that start it.
+    Program(PathBuf, Vec<String>),
+}
+
+impl PluginFile {
+    /// Looks at a path and says what it is, without running it.
+    pub fn at(path: &Path) -> Result<Self, Fault> {
+        let shown = path.display();
+        let refused = |reason: String, hint: &str| Fault::Refused {
+            reason,
+            hint: Some(hint.into()),
+        };
+        let meta = fs::metadata(path).map_err(|error| {
+            refused(
+                format!("{shown}: {error}"),
+                "a plugin is a shared library or a program",
+            )
+        })?;
+        if !meta.is_file() {
+            return Err(refused(
+                format!("{shown} is not a file"),
+                "name the plugin's file itself",
+            ));
+        }
+        // The loader searches its own path for a name without a slash.
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let program = absolute.to_string_lossy().into_owned();
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        let executable = meta.permissions().mode() & 0o111 != 0;
+        match extension {
+            Some("so") => Ok(Self::Library(absolute)),
+            Some("py") if !executable => {
+                Ok(Self::Program(absolute, vec!["python3".into(), program]))
+            }
+            _ if executable => Ok(Self::Program(absolute, vec![program])),
+            _ => Err(refused(
+                format!("{shown} is neither a shared library (.so) nor executable"),
+                "`chmod +x` a program; a library's name ends in .so",
+            )),
+        }
+    }
+
+    /// What the supervisor starts.
+    pub(crate) fn target(&self) -> Target {
+        match self {
+            Self::BuiltIn => Target::BuiltIn,
+            Self::Library(path) => Target::Library(path.clone()),
+            Self::Program(_, argv) => Target::Program(argv.clone()),
+        }
+    }
+
+    /// How the plugin is attached unless the user says otherwise.
+    pub fn default_attach(&self) -> Attach {
+        match self {
+            Self::BuiltIn | Self::Library(_) => Attach::Worker,
+            Self::Program(..) => Attach::Stdio,
+        }
+    }
+
+    /// The file, if it is one.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::BuiltIn => None,
+            Self::Library(path) | Self::Program(path, _) => Some(path),
+        }
+    }
+}
+
+/// One file of the plugin path and what it has, or why it was refused.
+#[derive(Debug, Clone)]
+pub struct Discovered {
+    /// The file.
+    pub file: PluginFile,
+    /// Where it was found.
+    pub origin: Origin,
+    /// Its plugins.
+    pub plugins: Result<Vec<Descriptor>, Fault>,
+}
+
+/// The search for plugins.
+#[derive(Debug, Clone)]
+pub struct Discovery {
+    /// Folders, first match first.
+    pub folders: Vec<PathBuf>,
+}
+
+impl Discovery {
+    /// `FLEETYARD_PLUGIN_PATH`, the user's and the system's data folders, and
+    /// `plugins` next to the executable.
+    pub fn from_environment() -> Self {
+        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+        let mut folders: Vec<PathBuf> = Vec::new();
+        if let Some(path) = set("FLEETYARD_PLUGIN_PATH") {
+            folders.extend(std::env::split_paths(&path));
+        }
+        let home = set("HOME").map(PathBuf::from);
+        let data_home = set("XDG_DATA_HOME")
+            .map(PathBuf::from)
+            .or(home.map(|home| home.join(".local/share")));
+        let data = set("XDG_DATA_DIRS").unwrap_or_else(|| "/usr/local/share:/usr/share".into());
+        for folder in data_home.into_iter().chain(std::env::split_paths(&data)) {
+            folders.push(folder.join("fleetyard/plugins"));
+        }
+        if let Ok(executable) = std::env::current_exe() {
+            folders.extend(executable.parent().map(|folder| folder.join("plugins")));
+        }
+        folders.retain(|folder| !folder.as_os_str().is_empty());
+        Self { folders }
+    }
+
+    /// Files in the folders that may be plugins, in order of precedence.
+    fn candidates(&self) -> Vec<(PluginFile, Origin)> {
+        let mut found = Vec::new();
+        for folder in &self.folders {
+            let mut paths: Vec<PathBuf> = fs::read_dir(folder)
+                .into_iter()
+                .flatten()
+                .flatten()
+                .map(|entry| entry.path())
+                .collect();
+            paths.sort();
+            for path in paths {
+                if let Ok(file) = PluginFile::at(&path) {
+                    found.push((file, Origin::Folder(folder.clone())));
+                }
+            }
+        }
+        found
+    }
+
+    /// Every file and what it has, then the built-ins. Runs each in a process of
+    /// its own, and nothing but its descriptors.
+    pub fn scan(&self, runtime: &Runtime) -> Vec<Discovered> {
+        let built_in = (PluginFile::BuiltIn, Origin::BuiltIn);
+        self.candidates()
+            .into_iter()
+            .chain([built_in])
+            .map(|(file, origin)| {
+                let plugins = describe(runtime, &file);
+                Discovered {
+                    file,
+                    origin,
+                    plugins,
+                }
+            })
+            .collect()
+    }
+
+    /// Finds a plugin by path or identifier.
+    pub fn find(
+        &self,
+        runtime: &Runtime,
+        kind: Kind,
+        name: &str,
+    ) -> Result<(PluginFile, Origin, Option<String>), Fault> {
+        // `path:id` picks one of several plugins of a file.
+        let (path, id) = match name.rsplit_once(':') {
+            Some((path, id)) if !id.contains('/') => (path, Some(id.to_owned())),
+            _ => (name, None),
+        };
+        if name.contains('/') || Path::new(path).is_file() {
+            return PluginFile::at(Path::new(path)).map(|file| (file, Origin::Path, id));
+        }
+        let mut known: Vec<String> = Vec::new();
+        for (file, origin) in self
+            .candidates()
+            .into_iter()
+            .chain([(PluginFile::BuiltIn, Origin::BuiltIn)])
+        {
+            // A file that is refused is no reason not to look further;
+            // `plugins list` shows it.
+            let Ok(plugins) = describe(runtime, &file) else {
+                continue;
+            };
+            for plugin in plugins.into_iter().filter(|plugin| plugin.kind == kind) {
+                if plugin.id == name {
+                    return Ok((file, origin, Some(plugin.id)));
+                }
+                known.push(plugin.id);
+            }
+        }
+        let nearest = known
+            .iter()
+            .map(|candidate| (strsim::damerau_levenshtein(name, candidate), candidate))
+            .min()
+            .filter(|(distance, _)| *distance <= 2);
+        let hint = match nearest {
+            Some((_, candidate)) => format!("did you mean `{candidate}`?"),
+            None => format!(
+                "known: {}; or name a file, as in ./{name}",
+                known.join(", ")
+            ),
+        };
+        Err(Fault::Refused {
+            reason: format!("there is no {kind} `{name}`"),
+            hint: Some(hint),
+        })
+    }
+}
+
+/// What a file has. The built-ins need no process of their own to be described:
+/// they are this program.
+fn describe(runtime: &Runtime, file: &PluginFile) -> Result<Vec<Descriptor>, Fault> {
+    match file {
+        PluginFile::BuiltIn => runtime.built_in_descriptors(),
+        _ => {
+            let mut session = runtime.open(file, file.default_attach())?;
+            let descriptors = session.descriptors().to_vec();
+            session.close();
+            Ok(descriptors)
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Every way in which a plugin can fail its host, told apart.
+
+use fleetyard_abi::Status;
+
+/// What went wrong with a plugin. The host itself is fine.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Fault {
+    /// The file is no plugin that this host can use.
+    #[error("{reason}")]
+    Refused {
+        /// Why.
+        reason: String,
+        /// What the user can do.
+        hint: Option<String>,
+    },
+    /// The process could not be started.
+    #[error("cannot start {program}: {reason}")]
+    Spawn {
+        /// What was to be started.
+        program: String,
+        /// The system's reason.
+        reason: String,
+        /// What the user can do.
+        hint: Option<String>,
+    },
+    /// A signal ended the process.
+    #[error("crashed with {} (signal {signal}) during `{during}`", signal_name(*signal))]
+    Crashed {
+        /// The signal's number.
+        signal: i32,
+        /// The call that was running.
+        during: String,
+    },
+    /// The process ended by itself before it answered.
+    #[error("exited with code {code} without a result during `{during}`")]
+    Exited {
+        /// The exit code.
+        code: i32,
+        /// The call that was running.
+        during: String,
+    },
+    /// The call did not return within its budget, and the process was killed.
+    #[error("did not answer `{during}` within {limit_ms} ms and was killed")]
+    TimedOut {
+        /// The call that was running.
+        during: String,
+        /// The budget.
+        limit_ms: u64,
+    },
+    /// The plugin broke the protocol, and the process was killed.
+    #[error("broke the protocol during `{during}`: {reason}")]
+    Protocol {
+        /// The call that was running.
+        during: String,
+        /// What it did.
+        reason: String,
+    },
+    /// The plugin reported a failure by itself.
+    #[error("reported `{status}` from `{during}`: {message}")]
+    Reported {
+        /// Its claim.
+        status: Status,
+        /// The call that was running.
+        during: String,
+        /// Its explanation.
+        message: String,
+    },
+}
+
+impl Fault {
+    /// A refusal without a hint.
+    pub(crate) fn refused(reason: impl Into<String>) -> Self {
+        Self::Refused {
+            reason: reason.into(),
+            hint: None,
+        }
+    }
+
+    /// What the user can do, where there is something.
+    pub fn hint(&self) -> Option<&str> {
+        match self {
+            Self::Refused { hint, .. } | Self::Spawn { hint, .. } => hint.as_deref(),
+            _ => None,
+        }
+    }
+}
+
+/// The name of a signal, as in the manual.
+pub(crate) fn signal_name(signal: i32) -> &'static str {
+    match signal {
+        libc::SIGABRT => "SIGABRT",
+        libc::SIGALRM => "SIGALRM",
+        libc::SIGBUS => "SIGBUS",
+        libc::SIGFPE => "SIGFPE",
+        libc::SIGHUP => "SIGHUP",
+        libc::SIGILL => "SIGILL",
+        libc::SIGINT => "SIGINT",
+        libc::SIGKILL => "SIGKILL",
+        libc::SIGPIPE => "SIGPIPE",
+        libc::SIGQUIT => "SIGQUIT",
+        libc::SIGSEGV => "SIGSEGV",
+        libc::SIGSYS => "SIGSYS",
+        libc::SIGTERM => "SIGTERM",
+        libc::SIGTRAP => "SIGTRAP",
+        libc::SIGXCPU => "SIGXCPU",
+        libc::SIGXFSZ => "SIGXFSZ",
+        _ => "a signal",
+    }
+}

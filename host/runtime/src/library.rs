@@ -1,0 +1,597 @@
+//! Shared libraries: from the C ABI back to the Rust traits.
+
+use std::ffi::c_void;
+use std::path::Path;
+use std::ptr;
+
+use fleetyard_abi::convert::{
+    CEnvironment, CFleetState, CInstance, SinkContext, checked, size_of, string,
+};
+use fleetyard_abi::layout::{self, LayoutCheck};
+use fleetyard_abi::sdk::{
+    Catalog, FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Object, Options, Planner,
+    Sink,
+};
+use fleetyard_abi::{
+    Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding,
+    PlanRef, SharedEnvironment, Status, c,
+};
+
+use crate::Fault;
+
+/// Most plugins of one kind that a library may claim to have.
+const MOST_PLUGINS: u32 = 1024;
+
+/// The plugins of one shared library, or of several entries that are linked in.
+pub struct Library {
+    entries: Vec<&'static c::PluginEntry>,
+    descriptors: Vec<Located>,
+}
+
+struct Located {
+    entry: &'static c::PluginEntry,
+    index: u32,
+    descriptor: Descriptor,
+}
+
+unsafe extern "C" fn no_extension(_: c::Str) -> *const c_void {
+    ptr::null()
+}
+
+impl Library {
+    /// Loads a library and reads its descriptors. Runs code of the library, its
+    /// constructors first. Libraries are never unloaded.
+    pub fn open(path: &Path) -> Result<Self, Fault> {
+        use libloading::os::unix::Library as Loaded;
+        let flags = libc::RTLD_NOW | libc::RTLD_LOCAL | libc::RTLD_NODELETE;
+        let name = path.display();
+        // SAFETY: loading runs foreign code; in the host's own process only when
+        // the user asked for that, else in a worker.
+        let loaded =
+            unsafe { Loaded::open(Some(path), flags) }.map_err(|error| Fault::Refused {
+                reason: format!("{name} is no shared library that can be loaded: {error}"),
+                hint: Some(
+                    "a plugin is an ELF library for this machine, with its libraries".into(),
+                ),
+            })?;
+        // SAFETY: the symbol is a `PluginEntry` by the contract; its size and
+        // version are checked before anything else is read.
+        let entry = unsafe { loaded.get::<*const c::PluginEntry>(b"fleetyard_plugin_entry_v1") }
+            .map(|symbol| symbol.as_raw_ptr().cast::<c::PluginEntry>().cast_const())
+            .map_err(|_| Fault::Refused {
+                reason: format!(
+                    "{name} is no Fleetyard plugin: it exports no fleetyard_plugin_entry_v1"
+                ),
+                hint: Some("is the symbol declared `FLEETYARD_EXPORT` and compiled as C?".into()),
+            })?;
+        std::mem::forget(loaded);
+        // SAFETY: as above; the library stays loaded.
+        unsafe { Self::from_raw(&[entry], &name.to_string()) }
+    }
+
+    /// The plugins that are linked into this program.
+    pub fn from_entries(entries: &[&'static c::PluginEntry]) -> Result<Self, Fault> {
+        let entries: Vec<_> = entries.iter().map(|entry| ptr::from_ref(*entry)).collect();
+        // SAFETY: references are valid.
+        unsafe { Self::from_raw(&entries, "the built-in plugins") }
+    }
+
+    /// # Safety
+    /// The pointers point to entries that live for ever, whatever their size.
+    unsafe fn from_raw(entries: &[*const c::PluginEntry], name: &str) -> Result<Self, Fault> {
+        let mut library = Self {
+            entries: Vec::new(),
+            descriptors: Vec::new(),
+        };
+        for entry in entries {
+            // SAFETY: by the caller's promise.
+            unsafe { library.add(*entry, name)? };
+        }
+        Ok(library)
+    }
+
+    /// # Safety
+    /// As [`Library::from_raw`].
+    unsafe fn add(&mut self, entry: *const c::PluginEntry, name: &str) -> Result<(), Fault> {
+        // The first eight bytes, size and version, are the same in all versions.
+        // SAFETY: by the caller's promise.
+        let (major, minor) = unsafe {
+            let words = entry.cast::<u16>();
+            (words.add(2).read(), words.add(3).read())
+        };
+        if major != c::ABI_MAJOR {
+            return Err(Fault::Refused {
+                reason: format!(
+                    "{name} was built for version {major}.{minor} of the plugin ABI; this host has \
+                     {}.{}",
+                    c::ABI_MAJOR,
+                    c::ABI_MINOR
+                ),
+                hint: Some("build it with the fleetyard.h of this host".into()),
+            });
+        }
+        // SAFETY: by the caller's promise.
+        let entry = unsafe { checked("fleetyard_plugin_entry_v1", entry) }
+            .map_err(|reason| Fault::refused(format!("{name}: {reason}")))?;
+        let get_factory = entry
+            .get_factory
+            .ok_or_else(|| Fault::refused(format!("{name}: get_factory is null")))?;
+        // SAFETY: the function is the library's, and the text is static.
+        let layouts = unsafe { get_factory(c::Str::new(layout::RUST_LAYOUT_ID)) };
+        if !layouts.is_null() {
+            // SAFETY: the pointer is the answer to that identifier.
+            if let LayoutCheck::Differs(report) = unsafe { layout::check(layouts) } {
+                return Err(Fault::Refused {
+                    reason: format!("{name} was built against another layout of the contract"),
+                    hint: Some(format!(
+                        "rebuild it with this release of fleetyard-abi\n{report}"
+                    )),
+                });
+            }
+        }
+        if let Some(init) = entry.init {
+            let host = c::Host {
+                struct_size: size_of::<c::Host>(),
+                abi_major: c::ABI_MAJOR,
+                abi_minor: c::ABI_MINOR,
+                name: c::Str::new("fleetyard"),
+                version: c::Str::new(env!("CARGO_PKG_VERSION")),
+                get_extension: Some(no_extension),
+            };
+            // The host structure is valid until `deinit`, so it is never freed.
+            let host: &'static c::Host = Box::leak(Box::new(host));
+            // SAFETY: `init` is called once, before anything else.
+            let code = unsafe { init(host, c::Str::new(name)) };
+            if code != c::OK {
+                return Err(Fault::refused(format!(
+                    "{name}: init failed with code {code}"
+                )));
+            }
+        }
+        for kind in Kind::ALL {
+            // SAFETY: the library is initialised.
+            unsafe { self.add_kind(entry, get_factory, kind) }
+                .map_err(|reason| Fault::refused(format!("{name}: {kind}: {reason}")))?;
+        }
+        self.entries.push(entry);
+        Ok(())
+    }
+
+    /// # Safety
+    /// The library is initialised.
+    unsafe fn add_kind(
+        &mut self,
+        entry: &'static c::PluginEntry,
+        get_factory: unsafe extern "C" fn(c::Str) -> *const c_void,
+        kind: Kind,
+    ) -> Result<(), String> {
+        // SAFETY: by the caller's promise, here and below.
+        let factory = unsafe { get_factory(c::Str::new(kind.factory_id())) };
+        if factory.is_null() {
+            return Ok(());
+        }
+        // Factories of all kinds differ in the type of `create` alone.
+        // SAFETY: the pointer is the answer to that identifier.
+        let factory = unsafe { checked("factory", factory.cast::<c::PlannerFactory>())? };
+        let (Some(count), Some(descriptor), Some(_)) =
+            (factory.count, factory.descriptor, factory.create)
+        else {
+            return Err("a function of the factory is null".into());
+        };
+        // SAFETY: a function of the factory.
+        let count = unsafe { count() };
+        if count > MOST_PLUGINS {
+            return Err(format!("claims to have {count} plugins"));
+        }
+        for index in 0..count {
+            // SAFETY: the index is in range.
+            let raw = unsafe { checked("descriptor", descriptor(index)) }?;
+            // SAFETY: descriptors and their texts are static.
+            let descriptor = unsafe { descriptor_from_c(kind, raw)? };
+            self.descriptors.push(Located {
+                entry,
+                index,
+                descriptor,
+            });
+        }
+        Ok(())
+    }
+
+    /// Calls `deinit`; nothing may be used afterwards.
+    pub fn deinit(self) {
+        for entry in self.entries {
+            if let Some(deinit) = entry.deinit {
+                // SAFETY: called once, after all objects are gone.
+                unsafe { deinit() };
+            }
+        }
+    }
+}
+
+/// # Safety
+/// The texts are alive.
+unsafe fn descriptor_from_c(kind: Kind, raw: &c::Descriptor) -> Result<Descriptor, String> {
+    // SAFETY: by the caller's promise.
+    let text = |text: c::Str| unsafe { string(text) };
+    let id = text(raw.id);
+    let allowed =
+        |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"._-".contains(&byte);
+    if id.is_empty() || !id.bytes().all(allowed) {
+        return Err(format!(
+            "`{}` is no identifier: use a-z, 0-9, `.`, `_`, `-`",
+            id.escape_debug()
+        ));
+    }
+    let schema = text(raw.options_schema);
+    let options_schema = match schema.as_str() {
+        "" => serde_json::Value::Null,
+        schema => serde_json::from_str(schema)
+            .map_err(|error| format!("the options schema of `{id}` is not JSON: {error}"))?,
+    };
+    Ok(Descriptor {
+        kind,
+        name: text(raw.name),
+        version: text(raw.version),
+        description: text(raw.description),
+        license: text(raw.license),
+        capabilities: Capabilities::from_bits(raw.capabilities),
+        options_schema,
+        path_encoding: PathEncoding::Moves,
+        id,
+    })
+}
+
+impl Catalog for Library {
+    fn descriptors(&self) -> Vec<Descriptor> {
+        self.descriptors
+            .iter()
+            .map(|located| located.descriptor.clone())
+            .collect()
+    }
+
+    fn create(
+        &self,
+        kind: Kind,
+        id: &str,
+        options: Options<'_>,
+        sink: &dyn Sink,
+    ) -> Result<Object, Failure> {
+        let located = self
+            .descriptors
+            .iter()
+            .find(|located| located.descriptor.kind == kind && located.descriptor.id == id)
+            .ok_or_else(|| {
+                Failure::new(Status::Unsupported, format!("there is no {kind} `{id}`"))
+            })?;
+        let options = c::Str::new(options.json());
+        Ok(match kind {
+            Kind::Planner => Object::Planner(Box::new(Foreign::<c::Planner>::create(
+                located, options, sink,
+            )?)),
+            Kind::FailPolicy => Object::FailPolicy(Box::new(Foreign::<c::FailPolicy>::create(
+                located, options, sink,
+            )?)),
+            Kind::InstanceGenerator => {
+                Object::InstanceGenerator(Box::new(Foreign::<c::InstanceGenerator>::create(
+                    located, options, sink,
+                )?))
+            }
+            Kind::InvocationPolicy => {
+                Object::InvocationPolicy(Box::new(Foreign::<c::InvocationPolicy>::create(
+                    located, options, sink,
+                )?))
+            }
+        })
+    }
+}
+
+/// The object structures of the C ABI.
+trait Raw: Copy {
+    type Factory;
+    const KIND: Kind;
+    fn create_of(factory: &Self::Factory) -> Option<Create<Self>>;
+    fn empty() -> Self;
+    fn context(&self) -> *mut c_void;
+    fn destroy(&self) -> Option<unsafe extern "C" fn(*mut c_void)>;
+    /// Whether the size is right and no function that must be there is missing.
+    fn whole(&self) -> bool;
+}
+
+type Create<T> = unsafe extern "C" fn(u32, c::Str, *const c::Sink, *mut T) -> i32;
+
+macro_rules! raw {
+    ($kind:ident, $factory:ident, $($call:ident),*) => {
+        impl Raw for c::$kind {
+            type Factory = c::$factory;
+            const KIND: Kind = Kind::$kind;
+
+            fn create_of(factory: &c::$factory) -> Option<Create<Self>> {
+                factory.create
+            }
+
+            fn empty() -> Self {
+                Self {
+                    struct_size: 0,
+                    reserved: 0,
+                    context: ptr::null_mut(),
+                    $($call: None,)*
+                    destroy: None,
+                    get_extension: None,
+                }
+            }
+
+            fn context(&self) -> *mut c_void {
+                self.context
+            }
+
+            fn destroy(&self) -> Option<unsafe extern "C" fn(*mut c_void)> {
+                self.destroy
+            }
+
+            fn whole(&self) -> bool {
+                self.struct_size == size_of::<Self>() $(&& self.$call.is_some())*
+            }
+        }
+    };
+}
+
+raw!(Planner, PlannerFactory, prepare, plan);
+raw!(FailPolicy, FailPolicyFactory, prepare, recover);
+raw!(
+    InstanceGenerator,
+    InstanceGeneratorFactory,
+    prepare,
+    generate
+);
+raw!(InvocationPolicy, InvocationPolicyFactory, should_invoke);
+
+/// An object that lives in a library.
+struct Foreign<T: Raw> {
+    raw: T,
+    environment: Option<CEnvironment>,
+}
+
+// SAFETY: the contract lets an object be used from any one thread at a time.
+unsafe impl<T: Raw> Send for Foreign<T> {}
+
+fn failure(status: Status, message: impl Into<String>) -> Failure {
+    Failure::new(status, message)
+}
+
+/// Turns what a call returned and said into a result.
+fn result(code: i32, context: &SinkContext<'_>) -> Result<(), Failure> {
+    if let Some(fault) = context.take_fault() {
+        let message = format!("what it submitted breaks the contract: {fault}");
+        return Err(failure(Status::InternalError, message));
+    }
+    match Status::from_code(code) {
+        Some(Status::Solved) => Ok(()),
+        Some(status) => Err(failure(
+            status,
+            context
+                .take_message()
+                .unwrap_or_else(|| "it did not say why".into()),
+        )),
+        None => Err(failure(
+            Status::InternalError,
+            format!("it returned {code}, which is no status"),
+        )),
+    }
+}
+
+impl<T: Raw> Foreign<T> {
+    fn create(located: &Located, options: c::Str, sink: &dyn Sink) -> Result<Self, Failure> {
+        let internal = |reason: &str| failure(Status::InternalError, reason);
+        let get_factory = located
+            .entry
+            .get_factory
+            .ok_or_else(|| internal("no factory"))?;
+        // SAFETY: the library was initialised, and the factory checked, when it
+        // was loaded.
+        let factory = unsafe { get_factory(c::Str::new(T::KIND.factory_id())) };
+        // SAFETY: as above.
+        let factory = unsafe { factory.cast::<T::Factory>().as_ref() };
+        let create = factory
+            .and_then(T::create_of)
+            .ok_or_else(|| internal("no factory"))?;
+        let context = SinkContext::new(sink, None, usize::MAX);
+        let sink = context.to_c();
+        let mut raw = T::empty();
+        // SAFETY: all arguments live through the call.
+        let code = unsafe { create(located.index, options, &raw const sink, &raw mut raw) };
+        result(code, &context)?;
+        if !raw.whole() {
+            return Err(internal(
+                "`create` left a structure of the wrong size or without functions",
+            ));
+        }
+        Ok(Self {
+            raw,
+            environment: None,
+        })
+    }
+
+    /// Calls a `prepare` function.
+    fn prepare(
+        &mut self,
+        prepare: Option<PrepareFn>,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let prepare = prepare.ok_or_else(|| failure(Status::InternalError, "no `prepare`"))?;
+        let environment = CEnvironment::new(environment);
+        let context = SinkContext::new(sink, None, usize::MAX);
+        let (budget, sink) = (budget.to_c(), context.to_c());
+        // SAFETY: all arguments live through the call.
+        let code = unsafe {
+            prepare(
+                self.raw.context(),
+                environment.raw(),
+                &raw const budget,
+                &raw const sink,
+            )
+        };
+        result(code, &context)?;
+        self.environment = Some(environment);
+        Ok(())
+    }
+
+    fn environment(&self) -> Result<*const c::Environment, Failure> {
+        match &self.environment {
+            Some(environment) => Ok(environment.raw()),
+            None => Err(failure(
+                Status::InvalidInput,
+                "the call came before `prepare`",
+            )),
+        }
+    }
+}
+
+type PrepareFn = unsafe extern "C" fn(
+    *mut c_void,
+    *const c::Environment,
+    *const c::Budget,
+    *const c::Sink,
+) -> i32;
+
+impl<T: Raw> Drop for Foreign<T> {
+    fn drop(&mut self) {
+        if let Some(destroy) = self.raw.destroy() {
+            // SAFETY: called once, with the object's own context.
+            unsafe { destroy(self.raw.context()) };
+        }
+    }
+}
+
+fn missing(name: &str) -> Failure {
+    failure(
+        Status::InternalError,
+        format!("the function `{name}` is null"),
+    )
+}
+
+impl Planner for Foreign<c::Planner> {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        Foreign::prepare(self, self.raw.prepare, environment, budget, sink)
+    }
+
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let plan = self.raw.plan.ok_or_else(|| missing("plan"))?;
+        let instance = CInstance::new(instance, self.environment()?);
+        let context = SinkContext::new(sink, None, usize::MAX);
+        let (budget, sink) = (budget.to_c(), context.to_c());
+        // SAFETY: all arguments live through the call.
+        let code = unsafe {
+            plan(
+                self.raw.context,
+                instance.raw(),
+                &raw const budget,
+                &raw const sink,
+            )
+        };
+        result(code, &context)
+    }
+}
+
+impl FailPolicy for Foreign<c::FailPolicy> {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        Foreign::prepare(self, self.raw.prepare, environment, budget, sink)
+    }
+
+    fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let recover = self.raw.recover.ok_or_else(|| missing("recover"))?;
+        let instance = CInstance::new(instance, self.environment()?);
+        let failed = failed.map(PlanRef::to_c);
+        let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);
+        let context = SinkContext::new(sink, None, usize::MAX);
+        let (budget, sink) = (budget.to_c(), context.to_c());
+        // SAFETY: all arguments live through the call.
+        let code = unsafe {
+            recover(
+                self.raw.context,
+                instance.raw(),
+                failed,
+                &raw const budget,
+                &raw const sink,
+            )
+        };
+        result(code, &context)
+    }
+}
+
+impl InstanceGenerator for Foreign<c::InstanceGenerator> {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        Foreign::prepare(self, self.raw.prepare, environment, budget, sink)
+    }
+
+    fn generate(
+        &mut self,
+        state: &FleetState,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let generate = self.raw.generate.ok_or_else(|| missing("generate"))?;
+        let state = CFleetState::new(state, self.environment()?);
+        let context = SinkContext::new(sink, None, usize::MAX);
+        let (budget, sink) = (budget.to_c(), context.to_c());
+        // SAFETY: all arguments live through the call.
+        let code = unsafe {
+            generate(
+                self.raw.context,
+                state.raw(),
+                &raw const budget,
+                &raw const sink,
+            )
+        };
+        result(code, &context)
+    }
+}
+
+impl InvocationPolicy for Foreign<c::InvocationPolicy> {
+    fn should_invoke(&mut self, status: &FleetStatus, sink: &dyn Sink) -> Result<bool, Failure> {
+        let should_invoke = self
+            .raw
+            .should_invoke
+            .ok_or_else(|| missing("should_invoke"))?;
+        let context = SinkContext::new(sink, None, usize::MAX);
+        let (status, sink) = (status.to_c(), context.to_c());
+        // SAFETY: all arguments live through the call.
+        match unsafe { should_invoke(self.raw.context, &raw const status, &raw const sink) } {
+            c::INVOKE_NOW => Ok(true),
+            c::INVOKE_NOT_YET => Ok(false),
+            code => Err(failure(
+                Status::InternalError,
+                context
+                    .take_message()
+                    .unwrap_or_else(|| format!("it returned {code}")),
+            )),
+        }
+    }
+}

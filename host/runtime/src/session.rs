@@ -1,0 +1,897 @@
+//! Sessions: one plugin, from its start to its end.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use fleetyard_abi::convert::wrong_agents;
+use fleetyard_abi::paths::{PathContext, WritePaths};
+use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Rejected, Sink};
+use fleetyard_abi::wire::{
+    CreateParams, GenerateParams, GenerateResult, InitializeParams, InitializeResult, Outcome,
+    PROTOCOL_VERSION, Peer, PlanParams, PlanResult, PrepareParams, RecoverParams,
+    ShouldInvokeParams, ShouldInvokeResult,
+};
+use fleetyard_abi::{
+    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel, Plan, PlanRef,
+    SharedEnvironment, Status, c, monotonic_ns,
+};
+use fleetyard_core::GridPlan;
+use serde::Serialize;
+use serde::de::{DeserializeOwned, DeserializeSeed};
+use serde_json::value::RawValue;
+
+use crate::client::{Client, Notice};
+use crate::convert::plan_from_abi;
+use crate::process::{Process, Usage};
+use crate::{Attach, Fault, Library, PluginFile};
+
+/// Limits that are not a call's budget.
+#[derive(Debug, Clone)]
+pub struct Limits {
+    /// How long a plugin may take to start and introduce itself.
+    pub startup: Duration,
+    /// How long a plugin may go on after the deadline, once told to stop. Zero
+    /// for runs that are compared.
+    pub grace: Duration,
+    /// How long a plugin may take to end when it is no longer needed.
+    pub ending: Duration,
+    /// Longest message.
+    pub line_bytes: usize,
+    /// Most bytes on standard output that are no messages.
+    pub stray_bytes: u64,
+    /// How much of the end of standard error is kept.
+    pub stderr_bytes: usize,
+    /// Most log lines that are kept.
+    pub log_lines: usize,
+    /// Most cells in one plan.
+    pub plan_cells: usize,
+    /// Most cells in all incumbents that are kept; beyond it older ones keep
+    /// their time of arrival alone.
+    pub kept_cells: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            startup: Duration::from_secs(60),
+            grace: Duration::ZERO,
+            ending: Duration::from_secs(2),
+            line_bytes: 1 << 30,
+            stray_bytes: 64 << 20,
+            stderr_bytes: 64 << 10,
+            log_lines: 10_000,
+            plan_cells: 1 << 28,
+            kept_cells: 1 << 28,
+        }
+    }
+}
+
+/// A line that a plugin wrote to the run's log.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LogLine {
+    /// How much it matters.
+    pub level: LogLevel,
+    /// The line.
+    pub text: String,
+}
+
+/// A plan and when it came.
+#[derive(Debug, Clone)]
+pub struct Incumbent {
+    /// From the start of the call to the arrival of the plan's last byte.
+    pub arrived: Duration,
+    /// The plan; absent when too many were submitted to keep them all.
+    pub plan: Option<GridPlan>,
+}
+
+/// How a run ended, whatever the planner claims and the validator finds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Termination {
+    /// The call returned.
+    Completed,
+    /// The budget ended first.
+    TimedOut,
+    /// A signal ended the plugin.
+    Crashed,
+    /// The plugin ended by itself without a result.
+    Exited,
+    /// The plugin broke the protocol.
+    ProtocolError,
+    /// The plugin cannot handle the instance.
+    Unsupported,
+    /// The plugin reported an error of its own, or could not be started.
+    Failed,
+}
+
+impl std::fmt::Display for Termination {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Completed => "completed",
+            Self::TimedOut => "timed-out",
+            Self::Crashed => "crashed",
+            Self::Exited => "exited",
+            Self::ProtocolError => "protocol-error",
+            Self::Unsupported => "unsupported",
+            Self::Failed => "failed",
+        })
+    }
+}
+
+impl From<&Fault> for Termination {
+    fn from(fault: &Fault) -> Self {
+        match fault {
+            Fault::Crashed { .. } => Self::Crashed,
+            Fault::Exited { .. } => Self::Exited,
+            Fault::TimedOut { .. } => Self::TimedOut,
+            Fault::Protocol { .. } => Self::ProtocolError,
+            Fault::Reported {
+                status: Status::Unsupported,
+                ..
+            } => Self::Unsupported,
+            Fault::Refused { .. } | Fault::Spawn { .. } | Fault::Reported { .. } => Self::Failed,
+        }
+    }
+}
+
+/// A call that asks for no plan, and how long it took.
+#[derive(Debug, Clone, Copy)]
+pub struct CallReport {
+    /// Wall time by the host's clock.
+    pub wall: Duration,
+}
+
+/// Everything that came of a `plan` or `recover` call.
+#[derive(Debug, Clone)]
+pub struct PlanRun {
+    /// How the call ended.
+    pub termination: Termination,
+    /// What the plugin claims, if it came to say so.
+    pub claim: Option<Status>,
+    /// The plugin's explanation.
+    pub message: Option<String>,
+    /// What went wrong, if something did.
+    pub fault: Option<Fault>,
+    /// Plans that came before the deadline, in order of arrival. The last one is
+    /// the answer.
+    pub incumbents: Vec<Incumbent>,
+    /// Plans that came too late.
+    pub late: u64,
+    /// What the plugin reported of itself.
+    pub metrics: BTreeMap<String, f64>,
+    /// Wall time of the call by the host's clock.
+    pub planning: Duration,
+}
+
+impl PlanRun {
+    /// The plan that counts.
+    pub fn plan(&self) -> Option<&GridPlan> {
+        self.incumbents
+            .last()
+            .and_then(|incumbent| incumbent.plan.as_ref())
+    }
+}
+
+/// What is left to say when a session has ended.
+#[derive(Debug, Clone)]
+pub struct Closing {
+    /// What the process tree used; absent in process.
+    pub usage: Option<Usage>,
+    /// What the plugin did wrong after its last answer.
+    pub fault: Option<Fault>,
+    /// The end of what it wrote to standard error.
+    pub stderr: String,
+    /// How many bytes of standard error came before.
+    pub stderr_dropped: u64,
+    /// Its log.
+    pub log: Vec<LogLine>,
+    /// Lines on standard output that were no messages.
+    pub stray_lines: u64,
+}
+
+/// Opens sessions.
+#[derive(Debug, Clone)]
+pub struct Runtime {
+    executable: PathBuf,
+    built_in: &'static [&'static c::PluginEntry],
+    limits: Limits,
+}
+
+impl Runtime {
+    /// For a program that calls [`intercept`](crate::supervisor::intercept) with
+    /// the same entries first of all.
+    pub fn new(
+        built_in: &'static [&'static c::PluginEntry],
+        limits: Limits,
+    ) -> std::io::Result<Self> {
+        // Through /proc, so that a binary replaced meanwhile is still this one.
+        let executable = PathBuf::from("/proc/self/exe");
+        let executable = if executable.exists() {
+            executable
+        } else {
+            std::env::current_exe()?
+        };
+        Ok(Self {
+            executable,
+            built_in,
+            limits,
+        })
+    }
+
+    /// The plugins that are linked in.
+    pub fn built_in_descriptors(&self) -> Result<Vec<Descriptor>, Fault> {
+        Library::from_entries(self.built_in).map(|library| library.descriptors())
+    }
+
+    /// Starts a plugin and lets it introduce itself.
+    pub fn open(&self, file: &PluginFile, attach: Attach) -> Result<Session, Fault> {
+        let mismatch = |what: &str, hint: &str| {
+            Err(Fault::Refused {
+                reason: what.into(),
+                hint: Some(hint.into()),
+            })
+        };
+        match (file, attach) {
+            (PluginFile::Program(..), Attach::InProcess | Attach::Worker) => mismatch(
+                "a program cannot be loaded as a library",
+                "use `--attach stdio`",
+            ),
+            (PluginFile::BuiltIn | PluginFile::Library(_), Attach::Stdio) => mismatch(
+                "a shared library does not speak JSON over stdio by itself",
+                "use `--attach worker`",
+            ),
+            (PluginFile::Program(..), Attach::Stdio) | (_, Attach::Worker) => {
+                self.open_process(file)
+            }
+            (_, Attach::InProcess) => {
+                let library = match file {
+                    PluginFile::Library(path) => Library::open(path)?,
+                    _ => Library::from_entries(self.built_in)?,
+                };
+                let descriptors = library.descriptors();
+                let inner = Inner::InProcess {
+                    library,
+                    object: None,
+                    log: Vec::new(),
+                };
+                Ok(Session {
+                    inner,
+                    descriptors,
+                    limits: self.limits.clone(),
+                    environment: None,
+                })
+            }
+        }
+    }
+
+    fn open_process(&self, file: &PluginFile) -> Result<Session, Fault> {
+        let process = Process::start(&self.executable, &file.target())?;
+        let mut client = Client::new(process, self.limits.clone());
+        let params = InitializeParams {
+            protocol_versions: vec![PROTOCOL_VERSION],
+            host: Peer {
+                name: "fleetyard".into(),
+                version: env!("CARGO_PKG_VERSION").into(),
+            },
+        };
+        let deadline = monotonic_ns() + self.limits.startup.as_nanos() as u64;
+        let called = client.call("initialize", params, deadline, &mut |_| Ok(()));
+        let answer = called.map_err(|fault| explain_start(fault, file, &client))?;
+        let InitializeResult {
+            protocol_version,
+            plugins,
+        } = read("initialize", &answer)?;
+        if protocol_version != PROTOCOL_VERSION {
+            return Err(protocol(
+                "initialize",
+                format!("it chose protocol {protocol_version}, which was not offered"),
+            ));
+        }
+        let limits = self.limits.clone();
+        Ok(Session {
+            inner: Inner::Process(Box::new(client)),
+            descriptors: plugins,
+            limits,
+            environment: None,
+        })
+    }
+}
+
+/// A program that dies at once has usually said why on standard error.
+fn explain_start(fault: Fault, file: &PluginFile, client: &Client) -> Fault {
+    let shown = file.path().map_or("the built-in plugins".into(), |path| {
+        path.display().to_string()
+    });
+    let (stderr, _) = client.stderr();
+    let last = stderr
+        .lines()
+        .rev()
+        .find(|line| !line.trim().is_empty())
+        .unwrap_or_default();
+    match fault {
+        Fault::Spawn { reason, hint, .. } => Fault::Spawn {
+            program: shown,
+            reason,
+            hint,
+        },
+        Fault::Exited { .. } | Fault::Crashed { .. } | Fault::TimedOut { .. } => Fault::Refused {
+            reason: format!("{shown} is no plugin that speaks the protocol: it {fault}"),
+            hint: (!last.is_empty()).then(|| format!("its last words were: {last}")),
+        },
+        other => other,
+    }
+}
+
+fn protocol(during: &str, reason: impl Into<String>) -> Fault {
+    Fault::Protocol {
+        during: during.into(),
+        reason: reason.into(),
+    }
+}
+
+fn read<T: DeserializeOwned>(method: &str, answer: &str) -> Result<T, Fault> {
+    serde_json::from_str(answer).map_err(|error| {
+        protocol(
+            method,
+            format!("the result of `{method}` is malformed: {error}"),
+        )
+    })
+}
+
+fn reported(method: &str, status: Status, message: Option<String>) -> Fault {
+    let message = message.unwrap_or_else(|| "it did not say why".into());
+    Fault::Reported {
+        status,
+        during: method.into(),
+        message,
+    }
+}
+
+fn to_fault(method: &str) -> impl Fn(Failure) -> Fault + '_ {
+    move |failure| reported(method, failure.status, Some(failure.message))
+}
+
+enum Inner {
+    InProcess {
+        library: Library,
+        object: Option<Object>,
+        log: Vec<LogLine>,
+    },
+    Process(Box<Client>),
+}
+
+/// A running plugin.
+pub struct Session {
+    inner: Inner,
+    descriptors: Vec<Descriptor>,
+    limits: Limits,
+    environment: Option<SharedEnvironment>,
+}
+
+/// The budget of a call that begins now.
+fn from_now(budget: &Budget) -> Budget {
+    Budget {
+        deadline_monotonic_ns: monotonic_ns().saturating_add(budget.wall_ns),
+        ..*budget
+    }
+}
+
+impl Session {
+    /// The plugins that the session offers.
+    pub fn descriptors(&self) -> &[Descriptor] {
+        &self.descriptors
+    }
+
+    /// Makes one plugin. Its options were checked against its schema.
+    pub fn create(
+        &mut self,
+        kind: Kind,
+        id: &str,
+        options: serde_json::Value,
+    ) -> Result<(), Fault> {
+        match &mut self.inner {
+            Inner::InProcess {
+                library,
+                object,
+                log,
+            } => {
+                let collector = Collector::idle();
+                *object = None;
+                let made = library.create(kind, id, Options::new(&options.to_string()), &collector);
+                log.append(&mut collector.into_log());
+                *object = Some(made.map_err(to_fault("create"))?);
+                Ok(())
+            }
+            Inner::Process(client) => {
+                let params = CreateParams {
+                    kind,
+                    plugin: id.into(),
+                    options,
+                };
+                let deadline = monotonic_ns() + self.limits.startup.as_nanos() as u64;
+                let answer = client.call("create", params, deadline, &mut |_| Ok(()))?;
+                succeeded("create", read("create", &answer)?)
+            }
+        }
+    }
+
+    /// Tells the plugin the map.
+    pub fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+    ) -> Result<CallReport, Fault> {
+        let budget = from_now(budget);
+        let started = monotonic_ns();
+        match &mut self.inner {
+            Inner::InProcess { object, log, .. } => {
+                let collector = Collector::idle();
+                let result = match object {
+                    Some(Object::Planner(p)) => p.prepare(environment, &budget, &collector),
+                    Some(Object::FailPolicy(p)) => p.prepare(environment, &budget, &collector),
+                    Some(Object::InstanceGenerator(p)) => {
+                        p.prepare(environment, &budget, &collector)
+                    }
+                    Some(Object::InvocationPolicy(_)) | None => Err(wrong_object()),
+                };
+                log.append(&mut collector.into_log());
+                result.map_err(to_fault("prepare"))?;
+            }
+            Inner::Process(client) => {
+                let deadline = budget.deadline_monotonic_ns;
+                let params = PrepareParams {
+                    environment: environment.as_ref().clone(),
+                    budget,
+                };
+                let answer = client.call("prepare", params, deadline, &mut |_| Ok(()))?;
+                succeeded("prepare", read("prepare", &answer)?)?;
+            }
+        }
+        self.environment = Some(SharedEnvironment::clone(environment));
+        Ok(CallReport {
+            wall: Duration::from_nanos(monotonic_ns() - started),
+        })
+    }
+
+    /// Asks a planner for a plan.
+    pub fn plan(&mut self, instance: &Instance, budget: &Budget) -> PlanRun {
+        self.solve("plan", instance, budget, None)
+    }
+
+    /// Asks a fail policy for a plan; `failed` is what the planner left.
+    pub fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<&Plan>,
+        budget: &Budget,
+    ) -> PlanRun {
+        self.solve("recover", instance, budget, Some(failed))
+    }
+
+    /// A `plan` call, or a `recover` call when `failed` is given.
+    fn solve(
+        &mut self,
+        method: &str,
+        instance: &Instance,
+        budget: &Budget,
+        failed: Option<Option<&Plan>>,
+    ) -> PlanRun {
+        let budget = from_now(budget);
+        let collector = Collector::new(instance, &budget, &self.limits);
+        let called = self.call_solve(method, instance, &budget, failed, &collector);
+        let planning = Duration::from_nanos(monotonic_ns() - collector.started_ns);
+        let Collected {
+            incumbents,
+            late,
+            metrics,
+            mut log,
+            fault,
+            ..
+        } = collector.into_inner();
+        if let Inner::InProcess { log: kept, .. } = &mut self.inner {
+            kept.append(&mut log);
+        }
+        let called = match (called, fault) {
+            (Ok(_), Some(reason)) => Err(protocol(method, reason)),
+            (
+                Ok(Outcome {
+                    status: Status::Solved,
+                    ..
+                }),
+                None,
+            ) if incumbents.is_empty() && late == 0 => {
+                Err(protocol(method, "it claims `solved` but submitted no plan"))
+            }
+            (called, _) => called,
+        };
+        let mut run = PlanRun {
+            termination: Termination::Completed,
+            claim: None,
+            message: None,
+            fault: None,
+            incumbents,
+            late,
+            metrics,
+            planning,
+        };
+        match called {
+            Ok(Outcome { status, message }) => {
+                run.claim = Some(status);
+                run.message = message;
+                if late > 0 && run.incumbents.is_empty() {
+                    run.termination = Termination::TimedOut;
+                }
+                if matches!(
+                    status,
+                    Status::Unsupported | Status::InvalidInput | Status::InternalError
+                ) {
+                    let fault = reported(method, status, run.message.clone());
+                    run.termination = Termination::from(&fault);
+                    run.fault = Some(fault);
+                }
+            }
+            Err(fault) => {
+                run.termination = Termination::from(&fault);
+                run.fault = Some(fault);
+            }
+        }
+        run
+    }
+
+    fn call_solve(
+        &mut self,
+        method: &str,
+        instance: &Instance,
+        budget: &Budget,
+        failed: Option<Option<&Plan>>,
+        collector: &Collector,
+    ) -> Result<Outcome, Fault> {
+        let grid = self
+            .environment
+            .as_deref()
+            .and_then(|environment| environment.grid());
+        let grid = grid.ok_or_else(|| reported(method, Status::InvalidInput, None))?;
+        let context = PathContext {
+            rows: grid.rows,
+            cols: grid.cols,
+            starts: &instance.starts,
+            max_cells: self.limits.plan_cells,
+        };
+        let client = match &mut self.inner {
+            Inner::InProcess { object, .. } => {
+                let result = match (object, failed) {
+                    (Some(Object::Planner(planner)), None) => {
+                        planner.plan(instance, budget, collector)
+                    }
+                    (Some(Object::FailPolicy(policy)), Some(failed)) => {
+                        policy.recover(instance, failed.map(Plan::as_ref), budget, collector)
+                    }
+                    _ => Err(wrong_object()),
+                };
+                return Ok(match result {
+                    Ok(()) => Outcome {
+                        status: Status::Solved,
+                        message: None,
+                    },
+                    Err(Failure { status, message }) => Outcome {
+                        status,
+                        message: Some(message),
+                    },
+                });
+            }
+            Inner::Process(client) => client,
+        };
+        let mut notice = |notice: Notice<'_>| match notice {
+            Notice::Incumbent { paths, arrived_ns } => {
+                collector.accept(&decode(context, paths)?, arrived_ns)
+            }
+            Notice::Metric(metric) => {
+                collector.metric(&metric.name, metric.value);
+                Ok(())
+            }
+        };
+        let deadline = budget.deadline_monotonic_ns;
+        let (instance, budget) = (instance.clone(), *budget);
+        let answer = match failed {
+            None => client.call(
+                method,
+                PlanParams { instance, budget },
+                deadline,
+                &mut notice,
+            )?,
+            Some(failed) => {
+                let encoding = self
+                    .descriptors
+                    .first()
+                    .map_or_else(Default::default, |d| d.path_encoding);
+                let text = failed
+                    .map(|plan| WritePaths {
+                        plan: plan.as_ref(),
+                        context,
+                        encoding,
+                    })
+                    .map(|paths| serde_json::value::to_raw_value(&paths))
+                    .transpose()
+                    .map_err(|error| protocol(method, error.to_string()))?;
+                let params = RecoverParams {
+                    instance: instance.clone(),
+                    budget,
+                    failed_paths: text.as_deref(),
+                };
+                client.call(method, params, deadline, &mut notice)?
+            }
+        };
+        let arrived_ns = monotonic_ns();
+        let PlanResult {
+            status,
+            message,
+            paths,
+        } = serde_json::from_str(&answer).map_err(|error| {
+            protocol(
+                method,
+                format!("the result of `{method}` is malformed: {error}"),
+            )
+        })?;
+        if let Some(paths) = paths {
+            decode(context, paths)
+                .and_then(|plan| collector.accept(&plan, arrived_ns))
+                .map_err(|reason| protocol(method, reason))?;
+        }
+        Ok(Outcome { status, message })
+    }
+
+    /// Asks an instance generator for the next instance.
+    pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault> {
+        let budget = from_now(budget);
+        let method = "generate";
+        let missing = || protocol(method, "it claims success but submitted no instance");
+        match &mut self.inner {
+            Inner::InProcess {
+                object: Some(Object::InstanceGenerator(generator)),
+                log,
+                ..
+            } => {
+                let collector = Collector::idle();
+                let result = generator.generate(state, &budget, &collector);
+                let collected = collector.into_inner();
+                log.extend(collected.log);
+                result.map_err(to_fault(method))?;
+                collected.instance.ok_or_else(missing)
+            }
+            Inner::InProcess { .. } => Err(to_fault(method)(wrong_object())),
+            Inner::Process(client) => {
+                let deadline = budget.deadline_monotonic_ns;
+                let params = GenerateParams {
+                    state: state.clone(),
+                    budget,
+                };
+                let answer = client.call(method, params, deadline, &mut |_| Ok(()))?;
+                let GenerateResult {
+                    status,
+                    message,
+                    instance,
+                } = read(method, &answer)?;
+                succeeded(method, Outcome { status, message })?;
+                instance.ok_or_else(missing)
+            }
+        }
+    }
+
+    /// Asks an invocation policy whether to call the planner now.
+    pub fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault> {
+        let method = "should_invoke";
+        match &mut self.inner {
+            Inner::InProcess {
+                object: Some(Object::InvocationPolicy(policy)),
+                log,
+                ..
+            } => {
+                let collector = Collector::idle();
+                let result = policy.should_invoke(status, &collector);
+                log.append(&mut collector.into_log());
+                result.map_err(to_fault(method))
+            }
+            Inner::InProcess { .. } => Err(to_fault(method)(wrong_object())),
+            Inner::Process(client) => {
+                let deadline = monotonic_ns() + limit.as_nanos() as u64;
+                let params = ShouldInvokeParams {
+                    status: status.clone(),
+                };
+                let answer = client.call(method, params, deadline, &mut |_| Ok(()))?;
+                read(method, &answer).map(|ShouldInvokeResult { invoke }| invoke)
+            }
+        }
+    }
+
+    /// Ends the plugin; nothing of it is left running.
+    pub fn close(&mut self) -> Closing {
+        match &mut self.inner {
+            Inner::InProcess { object, log, .. } => {
+                *object = None;
+                Closing {
+                    usage: None,
+                    fault: None,
+                    stderr: String::new(),
+                    stderr_dropped: 0,
+                    log: std::mem::take(log),
+                    stray_lines: 0,
+                }
+            }
+            Inner::Process(client) => {
+                let (report, fault) = client.close(self.limits.ending);
+                let (stderr, stderr_dropped) = client.stderr();
+                Closing {
+                    usage: Some(Usage::from(&report)),
+                    fault,
+                    stderr,
+                    stderr_dropped,
+                    log: std::mem::take(&mut client.log),
+                    stray_lines: client.stray_lines,
+                }
+            }
+        }
+    }
+}
+
+fn wrong_object() -> Failure {
+    Failure::new(
+        Status::InvalidInput,
+        "the call is not for a plugin of this kind",
+    )
+}
+
+fn succeeded(method: &str, outcome: Outcome) -> Result<(), Fault> {
+    match outcome.status {
+        Status::Solved => Ok(()),
+        status => Err(reported(method, status, outcome.message)),
+    }
+}
+
+fn decode(context: PathContext<'_>, paths: &RawValue) -> Result<Plan, String> {
+    context
+        .deserialize(&mut serde_json::Deserializer::from_str(paths.get()))
+        .map_err(|error| format!("the paths are malformed: {error}"))
+}
+
+/// Takes what a plugin submits during a call, whichever way it comes.
+struct Collector {
+    started_ns: u64,
+    deadline_ns: u64,
+    agents: Option<usize>,
+    kept_cells: usize,
+    log_lines: usize,
+    collected: Mutex<Collected>,
+}
+
+#[derive(Default)]
+struct Collected {
+    incumbents: Vec<Incumbent>,
+    cells: usize,
+    late: u64,
+    metrics: BTreeMap<String, f64>,
+    log: Vec<LogLine>,
+    instance: Option<Instance>,
+    fault: Option<String>,
+}
+
+impl Collector {
+    fn new(instance: &Instance, budget: &Budget, limits: &Limits) -> Self {
+        Self {
+            started_ns: monotonic_ns(),
+            deadline_ns: budget.deadline_monotonic_ns,
+            agents: Some(instance.agents()),
+            kept_cells: limits.kept_cells,
+            log_lines: limits.log_lines,
+            collected: Mutex::default(),
+        }
+    }
+
+    /// For calls that ask for no plan.
+    fn idle() -> Self {
+        Self {
+            started_ns: monotonic_ns(),
+            deadline_ns: u64::MAX,
+            agents: None,
+            kept_cells: 0,
+            log_lines: Limits::default().log_lines,
+            collected: Mutex::default(),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Collected> {
+        // A panic while the lock was held leaves plain values behind.
+        self.collected
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn into_inner(self) -> Collected {
+        self.collected
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn into_log(self) -> Vec<LogLine> {
+        self.into_inner().log
+    }
+
+    /// Keeps a plan, or says why it breaks the protocol.
+    fn accept(&self, plan: &Plan, arrived_ns: u64) -> Result<(), String> {
+        self.accept_ref(plan.as_ref(), arrived_ns)
+    }
+
+    fn accept_ref(&self, plan: PlanRef<'_>, arrived_ns: u64) -> Result<(), String> {
+        let Some(agents) = self.agents else {
+            return Err("a plan was submitted in a call that asks for none".into());
+        };
+        if plan.agents() != agents {
+            return Err(wrong_agents(plan.agents(), agents));
+        }
+        let mut collected = self.lock();
+        if arrived_ns > self.deadline_ns {
+            collected.late += 1;
+            return Ok(());
+        }
+        collected.cells += plan.cells().len();
+        if collected.cells > self.kept_cells {
+            for incumbent in &mut collected.incumbents {
+                incumbent.plan = None;
+            }
+            collected.cells = plan.cells().len();
+        }
+        let arrived = Duration::from_nanos(arrived_ns.saturating_sub(self.started_ns));
+        collected.incumbents.push(Incumbent {
+            arrived,
+            plan: Some(plan_from_abi(plan)),
+        });
+        Ok(())
+    }
+}
+
+impl Sink for Collector {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        let arrived = monotonic_ns();
+        if let Err(reason) = self.accept_ref(plan, arrived) {
+            self.lock().fault.get_or_insert(reason);
+            return Err(Rejected);
+        }
+        if arrived > self.deadline_ns {
+            Err(Rejected)
+        } else {
+            Ok(())
+        }
+    }
+
+    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
+        self.lock().instance = Some(instance.clone());
+        Ok(())
+    }
+
+    fn metric(&self, name: &str, value: f64) {
+        const MOST: usize = 1000;
+        let mut collected = self.lock();
+        if value.is_finite()
+            && (collected.metrics.len() < MOST || collected.metrics.contains_key(name))
+        {
+            collected.metrics.insert(name.to_owned(), value);
+        }
+    }
+
+    fn log(&self, level: LogLevel, text: &str) {
+        let mut collected = self.lock();
+        if collected.log.len() < self.log_lines {
+            collected.log.push(LogLine {
+                level,
+                text: text.to_owned(),
+            });
+        }
+    }
+
+    fn progress(&self, _: u64, _: u64) {}
+
+    fn cancelled(&self) -> bool {
+        monotonic_ns() >= self.deadline_ns
+    }
+}

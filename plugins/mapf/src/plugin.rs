@@ -1,0 +1,321 @@
+//! The planners behind the plugin contract: ids `lacam` and `pibt`.
+
+use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
+use fleetyard_abi::{
+    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Motion, PlanRef,
+    SharedEnvironment, Status, monotonic_ns,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, solve};
+
+/// What both planners keep between calls: the map.
+#[derive(Default)]
+struct Prepared {
+    rows: u32,
+    cols: u32,
+    passable: Vec<bool>,
+}
+
+fn unsupported(reason: &str) -> Failure {
+    Failure::new(Status::Unsupported, reason)
+}
+
+impl Prepared {
+    fn learn(&mut self, environment: &SharedEnvironment) -> Result<(), Failure> {
+        let grid = environment
+            .grid()
+            .ok_or_else(|| unsupported("only grids are supported"))?;
+        if grid.connectivity != 4 {
+            return Err(unsupported("only 4-connected grids are supported"));
+        }
+        self.rows = grid.rows;
+        self.cols = grid.cols;
+        self.passable = grid.passable.iter().map(|free| *free != 0).collect();
+        Ok(())
+    }
+
+    fn plan(
+        &self,
+        options: &Options,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        if instance.motion != Motion::Pebble {
+            return Err(unsupported("only the pebble motion model is supported"));
+        }
+        if instance.window_steps != 0 || instance.goals.iter().any(|goals| goals.len() != 1) {
+            return Err(unsupported(
+                "only complete plans with one goal per agent are supported",
+            ));
+        }
+        let problem = Problem {
+            rows: self.rows,
+            cols: self.cols,
+            passable: self.passable.clone(),
+            starts: instance.starts.clone(),
+            goals: instance.goals.cells().to_vec(),
+        };
+        let options = Options {
+            threads: budget.threads as usize,
+            node_limit: (budget.nodes > 0).then_some(budget.nodes),
+            ..options.clone()
+        };
+        let mut observer = Submitter::new(budget, sink);
+        match solve(&problem, &options, budget.seed, &mut observer) {
+            Ok(Outcome::Solved { .. }) => Ok(()),
+            Ok(Outcome::Infeasible) => Err(Failure::new(
+                Status::Infeasible,
+                "the search space is exhausted",
+            )),
+            Ok(Outcome::GaveUp(Limit::Stopped)) => Err(Failure::new(
+                Status::TimedOut,
+                "the budget ended before a plan was found",
+            )),
+            Ok(Outcome::GaveUp(Limit::Nodes)) => {
+                Err(Failure::new(Status::GaveUp, "the node limit was reached"))
+            }
+            Ok(Outcome::GaveUp(Limit::Steps)) => Err(Failure::new(
+                Status::GaveUp,
+                "not everybody arrived within the step limit; PIBT is not complete",
+            )),
+            Err(error) => {
+                let message = format!("{error}; {}", error.hint());
+                Err(Failure::new(Status::InvalidInput, message))
+            }
+        }
+    }
+}
+
+/// Hands incumbents to the host, and stops a little before the deadline so that
+/// the last word is said in time.
+struct Submitter<'a> {
+    sink: &'a dyn Sink,
+    stop_ns: u64,
+    offsets: Vec<u64>,
+}
+
+impl<'a> Submitter<'a> {
+    fn new(budget: &Budget, sink: &'a dyn Sink) -> Self {
+        let reserve = (budget.wall_ns / 50).clamp(1_000_000, 100_000_000);
+        let stop_ns = budget.deadline_monotonic_ns.saturating_sub(reserve);
+        Self {
+            sink,
+            stop_ns,
+            offsets: Vec::new(),
+        }
+    }
+}
+
+impl Observer for Submitter<'_> {
+    fn incumbent(&mut self, plan: &Plan, _: u64) {
+        self.offsets.clear();
+        self.offsets
+            .extend(plan.offsets().iter().map(|offset| *offset as u64));
+        if let Some(plan) = PlanRef::new(&self.offsets, plan.cells()) {
+            // A plan that comes too late is no fault; `stop` ends the search.
+            let _ = self.sink.submit_plan(plan);
+        }
+    }
+
+    fn stop(&mut self) -> bool {
+        monotonic_ns() >= self.stop_ns || self.sink.cancelled()
+    }
+
+    fn metric(&mut self, name: &str, value: f64) {
+        self.sink.metric(name, value);
+    }
+}
+
+fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> Descriptor {
+    let common = [
+        Capability::Grid,
+        Capability::Pebble,
+        Capability::Deterministic,
+    ];
+    let all: Vec<_> = common.iter().chain(extra).copied().collect();
+    Descriptor {
+        name: name.into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        license: env!("CARGO_PKG_LICENSE").into(),
+        capabilities: Capabilities::of(&all),
+        ..Descriptor::new(Kind::Planner, id, description)
+    }
+}
+
+/// Options of `lacam`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+struct LacamOptions {
+    /// Let two agents change places at the end of a corridor.
+    swap: bool,
+    /// PIBT runs per successor; the best is taken.
+    #[schemars(range(min = 1, max = 1000))]
+    samples: u32,
+    /// How many steps longer than its shortest path a guide path may be; `null`
+    /// for no guidance.
+    scatter_margin: Option<u32>,
+    /// Go on improving after the first plan, until the budget ends.
+    anytime: bool,
+}
+
+impl Default for LacamOptions {
+    fn default() -> Self {
+        let Options {
+            swap,
+            samples,
+            scatter_margin,
+            anytime,
+            ..
+        } = Options::default();
+        Self {
+            swap,
+            samples,
+            scatter_margin,
+            anytime,
+        }
+    }
+}
+
+/// LaCAM*: complete, anytime.
+pub struct Lacam {
+    options: Options,
+    prepared: Prepared,
+}
+
+impl Plugin for Lacam {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            options_schema: options_schema::<LacamOptions>(),
+            ..descriptor(
+                "lacam",
+                "LaCAM*",
+                "Complete, anytime planner for grids: lazy constraints addition search with PIBT \
+                 as configuration generator (Okumura, IJCAI 2023 and AAMAS 2024), then \
+                 large-neighbourhood refinement until the budget ends.",
+                &[Capability::Anytime, Capability::Threads],
+            )
+        }
+    }
+
+    fn create(given: Given<'_>) -> Result<Self, Failure> {
+        let LacamOptions {
+            swap,
+            samples,
+            scatter_margin,
+            anytime,
+        } = given.parse()?;
+        let algorithm = Algorithm::LacamStar;
+        let defaults = Options::default();
+        let options = Options {
+            algorithm,
+            swap,
+            samples,
+            scatter_margin,
+            anytime,
+            ..defaults
+        };
+        Ok(Self {
+            options,
+            prepared: Prepared::default(),
+        })
+    }
+}
+
+impl Planner for Lacam {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.prepared.learn(environment)
+    }
+
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.prepared.plan(&self.options, instance, budget, sink)
+    }
+}
+
+/// Options of `pibt`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+struct PibtOptions {
+    /// Let two agents change places at the end of a corridor.
+    swap: bool,
+    /// Give up when not everybody has arrived after so many steps.
+    #[schemars(range(min = 1))]
+    step_limit: u64,
+}
+
+impl Default for PibtOptions {
+    fn default() -> Self {
+        let Options {
+            swap, step_limit, ..
+        } = Options::default();
+        Self { swap, step_limit }
+    }
+}
+
+/// PIBT: fastest, not complete.
+pub struct Pibt {
+    options: Options,
+    prepared: Prepared,
+}
+
+impl Plugin for Pibt {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            options_schema: options_schema::<PibtOptions>(),
+            ..descriptor(
+                "pibt",
+                "PIBT",
+                "Priority inheritance with backtracking (Okumura, Machida, Défago, Tamura, AIJ \
+                 2022): one step at a time, very fast, not complete on every map.",
+                &[],
+            )
+        }
+    }
+
+    fn create(given: Given<'_>) -> Result<Self, Failure> {
+        let PibtOptions { swap, step_limit } = given.parse()?;
+        let algorithm = Algorithm::Pibt;
+        let options = Options {
+            algorithm,
+            swap,
+            step_limit,
+            ..Options::default()
+        };
+        Ok(Self {
+            options,
+            prepared: Prepared::default(),
+        })
+    }
+}
+
+impl Planner for Pibt {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.prepared.learn(environment)
+    }
+
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.prepared.plan(&self.options, instance, budget, sink)
+    }
+}
