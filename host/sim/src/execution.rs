@@ -150,7 +150,7 @@ impl Clock {
         } else {
             exact
         };
-        let most = 2f64.powi(40);
+        let most = (1u64 << 40) as f64;
         let ticks = (steps as f64 * substeps_per_step / substeps_per_tick).ceil();
         if ticks > most {
             return Err(SimError::TooLong { ticks, most });

@@ -152,3 +152,113 @@ fn box_crossing(x: f64, y: f64, wx: f64, wy: f64, half_x: f64, half_y: f64) -> O
     }
     (interval.0 < interval.1).then_some(interval)
 }
+
+#[cfg(test)]
+mod tests {
+    //! parry is the oracle: its distance of a segment to a shape says whether a
+    //! swept disc meets the shape, its shape cast says when.
+
+    use parry2d_f64::math::{Pose, Vector};
+    use parry2d_f64::query::{self, ShapeCastOptions};
+    use parry2d_f64::shape::{Ball, Cuboid, Segment, Shape};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn relative() -> impl Strategy<Value = Relative> {
+        let coordinate = prop_oneof![-2.0..2.0f64, (-4..=4i32).prop_map(|i| f64::from(i) * 0.5)];
+        [
+            coordinate.clone(),
+            coordinate.clone(),
+            coordinate.clone(),
+            coordinate,
+        ]
+        .prop_map(|[x0, y0, x1, y1]| Relative { x0, y0, x1, y1 })
+    }
+
+    /// Compares with parry; `shape` sits at the origin and the disc moves.
+    fn check(way: Relative, shape: &dyn Shape, radius: f64, found: Option<Inside>) {
+        let (start, end) = (Vector::new(way.x0, way.y0), Vector::new(way.x1, way.y1));
+        let origin = Pose::IDENTITY;
+        let moved = Pose::from_translation(start);
+        let least = if start == end {
+            query::distance(&origin, shape, &moved, &Ball::new(1e-12))
+        } else {
+            query::distance(&origin, shape, &origin, &Segment::new(start, end))
+        };
+        let least = least.expect("parry supports these shapes").distance;
+        if (least - radius).abs() < 1e-6 {
+            return; // Grazes are decided by rounding.
+        }
+        assert_eq!(least < radius, found.is_some(), "{way:?}: least {least}");
+        let Some(inside) = found else { return };
+        assert!(0.0 <= inside.enter && inside.enter <= inside.leave && inside.leave <= 1.0);
+        assert!(!inside.at_start || inside.enter <= 0.0);
+        assert!(!inside.at_end || inside.leave >= 1.0);
+        let distance = |s: f64| {
+            let at = Pose::from_translation(start + (end - start) * s);
+            query::distance(&origin, shape, &at, &Ball::new(1e-12))
+                .expect("supported")
+                .distance
+        };
+        // At an end of the interval within the span the disc touches.
+        for (crossing, open) in [
+            (inside.enter, inside.at_start),
+            (inside.leave, inside.at_end),
+        ] {
+            if !open {
+                let there = distance(crossing);
+                assert!(
+                    (there - radius).abs() < 1e-6,
+                    "{way:?}: {there} at {crossing}"
+                );
+            }
+        }
+        let ball = Ball::new(radius);
+        let options = ShapeCastOptions::with_max_time_of_impact(1.0);
+        let zero = Vector::new(0.0, 0.0);
+        let hit = query::cast_shapes(&origin, zero, shape, &moved, end - start, &ball, options)
+            .expect("supported");
+        // parry stops its casts at some small distance from the shape.
+        if let Some(hit) = hit {
+            let gap = distance(hit.time_of_impact) - distance(inside.enter);
+            assert!(gap.abs() < 1e-3, "{way:?}: {hit:?} {inside:?}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        #[test]
+        fn discs_agree_with_parry(way in relative(), radius in 0.05..1.0f64) {
+            let (squared, fraction) = way.closest();
+            let (x, y) = (
+                way.x0 + fraction * (way.x1 - way.x0),
+                way.y0 + fraction * (way.y1 - way.y0),
+            );
+            prop_assert!((x * x + y * y - squared).abs() < 1e-12);
+            // A disc against a point is a point against a disc.
+            check(way, &Ball::new(1e-9), radius, way.inside_disc(radius, squared));
+        }
+
+        #[test]
+        fn squares_agree_with_parry(way in relative(), radius in 0.05..0.5f64) {
+            let square = Cuboid::new(Vector::new(0.5, 0.5));
+            check(way, &square, radius, way.inside_square(0.5, radius));
+        }
+
+        /// What ends inside starts inside in the next span, and so on.
+        #[test]
+        fn spans_fit_together(way in relative(), radius in 0.05..1.0f64, s in 0.0..1.0f64) {
+            let (x, y) = (way.x0 + s * (way.x1 - way.x0), way.y0 + s * (way.y1 - way.y0));
+            let (one, two) = (Relative { x1: x, y1: y, ..way }, Relative { x0: x, y0: y, ..way });
+            let disc = |way: Relative| way.inside_disc(radius, way.closest().0);
+            let square = |way: Relative| way.inside_square(0.5, radius.min(0.5));
+            for (one, two) in [(disc(one), disc(two)), (square(one), square(two))] {
+                let ends = one.is_some_and(|inside| inside.at_end);
+                let starts = two.is_some_and(|inside| inside.at_start);
+                prop_assert_eq!(ends, starts);
+            }
+        }
+    }
+}

@@ -29,6 +29,21 @@
 //! contacts: [`Tier::Kinematic`], an engine of our own over flat arrays with
 //! closed-form swept tests, and [`Tier::Contact`] on rapier2d.
 //!
+//! # Example
+//!
+//! ```
+//! use fleetyard_core::{Grid, GridPlan};
+//! use fleetyard_sim::{Execution, NoTrace, SimConfig};
+//!
+//! let grid = Grid::new("tiny", 1, 4, b"....".to_vec())?;
+//! // Two agents swap places, which no valid plan does.
+//! let plan = GridPlan::from_paths([vec![0, 1], vec![1, 0]]);
+//! let outcome = Execution::run(&grid, &plan, &SimConfig::default(), &mut NoTrace)?;
+//! assert_eq!(outcome.contacts.agent_agent, 1);
+//! assert_eq!(outcome.nearest_approach_m, Some(0.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # Determinism
 //!
 //! All arithmetic is IEEE `f64` addition, multiplication, division and square

@@ -143,3 +143,50 @@ impl Pairs {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Against all pairs: nothing is missing while agents move less than
+        /// the list allows, nothing is there twice.
+        #[test]
+        fn the_list_is_complete(
+            places in proptest::collection::vec((0.0..30.0f64, 0.0..3.0f64), 1..60),
+            moves in proptest::collection::vec((-0.7..0.7f64, -0.7..0.7f64), 60),
+            range in 0.0..5.0f64,
+        ) {
+            let (x, y): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
+            let mut bodies = Bodies::at_rest(x, y);
+            let mut pairs = Pairs::new(range, usize::MAX);
+            pairs.cover(&bodies, 0.5, 1.0).unwrap();
+            let built = pairs.list().to_vec();
+            for (at, (dx, dy)) in moves.iter().take(bodies.len()).enumerate() {
+                bodies.x0[at] += dx;
+                bodies.y0[at] += dy;
+            }
+            // Half of the allowance of 1 m is left and suffices.
+            pairs.cover(&bodies, 0.4, 1.0).unwrap();
+            prop_assert_eq!(&built, pairs.list());
+            let set: BTreeSet<(u32, u32)> = built.iter().copied().collect();
+            prop_assert_eq!(set.len(), built.len());
+            for i in 0..bodies.len() {
+                for j in i + 1..bodies.len() {
+                    let (dx, dy) = (bodies.x0[j] - bodies.x0[i], bodies.y0[j] - bodies.y0[i]);
+                    if dx * dx + dy * dy <= range * range {
+                        prop_assert!(set.contains(&(i as u32, j as u32)));
+                    }
+                }
+            }
+            // Now it does not.
+            pairs.cover(&bodies, 0.4, 1.0).unwrap();
+            let mut few = Pairs::new(100.0, 3);
+            prop_assert_eq!(few.cover(&bodies, 0.0, 0.0).is_err(), bodies.len() > 3);
+        }
+    }
+}

@@ -234,3 +234,68 @@ impl Statics {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::convert::cell_center_m;
+
+    fn maps() -> impl Strategy<Value = Grid> {
+        (1u32..8, 1u32..8)
+            .prop_flat_map(|(rows, cols)| {
+                let cells = (rows * cols) as usize;
+                let terrain = prop_oneof![Just(b'.'), Just(b'@')];
+                (
+                    Just((rows, cols)),
+                    proptest::collection::vec(terrain, cells),
+                )
+            })
+            .prop_map(|((rows, cols), terrain)| {
+                Grid::new("random", rows, cols, terrain).expect("a valid map")
+            })
+    }
+
+    proptest! {
+        #[test]
+        fn blocks_cover_solid_cells_once(grid in maps()) {
+            let statics = Statics::new(&grid, 1.0);
+            let mut covered = vec![0; grid.cell_count() as usize];
+            for block in statics.blocks() {
+                for row in block.top..block.bottom {
+                    for col in block.left..block.right {
+                        covered[(row * grid.cols() + col) as usize] += 1;
+                    }
+                }
+            }
+            for (cell, count) in covered.into_iter().enumerate() {
+                prop_assert_eq!(count, i32::from(!grid.is_passable(cell as u32)));
+            }
+        }
+
+        /// Clear ways are clear for the largest discs, and the others are not:
+        /// a sweep from cell to cell touches something solid.
+        #[test]
+        fn clear_ways_meet_nothing(grid in maps(), cell_size_m in 0.1..10.0f64) {
+            let statics = Statics::new(&grid, cell_size_m);
+            let span = Span { start: 0.0, end: 1.0 };
+            let radius = (0.5 - 1e-6) * cell_size_m;
+            for from in 0..grid.cell_count() {
+                for to in 0..grid.cell_count() {
+                    let (x0, y0) = cell_center_m(&grid, cell_size_m, from);
+                    let (x1, y1) = cell_center_m(&grid, cell_size_m, to);
+                    let bodies = Bodies { x0: vec![x0], y0: vec![y0], x1: vec![x1], y1: vec![y1] };
+                    let mut changes = Vec::new();
+                    statics.sweep(0, &bodies, span, true, radius, &mut changes);
+                    let (row, col) = grid.row_col(from);
+                    let (to_row, to_col) = grid.row_col(to);
+                    let near = row.abs_diff(to_row).max(col.abs_diff(to_col)) <= 1;
+                    let clear = statics.way_is_clear(from, to);
+                    prop_assert!(!clear || changes.is_empty());
+                    prop_assert!(!near || clear == changes.is_empty());
+                }
+            }
+        }
+    }
+}

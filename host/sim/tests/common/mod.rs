@@ -7,7 +7,7 @@ use rand_core::{Rng, SeedableRng};
 
 /// Uniform in `0..n`, close enough.
 pub(crate) fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
-    (u64::from(rng.next_u32()) * n as u64 >> 32) as usize
+    ((u64::from(rng.next_u32()) * n as u64) >> 32) as usize
 }
 
 /// A map on which every cell is solid with the given chance in percent.
