@@ -48,13 +48,15 @@ pub struct GridSearch {
 #[derive(Debug, Clone, Copy)]
 struct Open {
     estimate: f64,
+    /// `length` as a number, kept for comparing.
+    depth: f64,
     length: OctileLength,
     cell: u32,
 }
 
 impl Ord for Open {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        let deeper = self.length.cells().total_cmp(&other.length.cells());
+        let deeper = self.depth.total_cmp(&other.depth);
         let cheaper = other.estimate.total_cmp(&self.estimate);
         cheaper.then(deeper).then(other.cell.cmp(&self.cell))
     }
@@ -170,6 +172,7 @@ impl GridSearch {
         self.improve(from, zero);
         self.heap.push(Open {
             estimate: estimate(from, zero),
+            depth: 0.0,
             length: zero,
             cell: from as u32,
         });
@@ -193,6 +196,7 @@ impl GridSearch {
                 if self.improve(next, next_length) {
                     self.heap.push(Open {
                         estimate: estimate(next, next_length),
+                        depth: next_length.cells(),
                         length: next_length,
                         cell: next as u32,
                     });

@@ -385,8 +385,12 @@ fn shipped_maps_are_what_the_generators_make() {
     }
     let found: BTreeSet<String> = std::fs::read_dir(&folder)
         .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| name.ends_with(".map") || name.ends_with(".scen"))
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| {
+            path.extension()
+                .is_some_and(|kind| kind == "map" || kind == "scen")
+        })
+        .map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())
         .collect();
     assert_eq!(found, files);
 }
