@@ -1,0 +1,114 @@
+"""How paths are written on the wire, and what an author may hand over.
+
+Per agent a list of cells, of ``(row, col)``, an array of either (anything with
+``tolist``), or a string of moves from the agent's start: ``N E S W`` for a step up,
+right, down, left, ``.`` for a wait, and ``n e s w`` for the diagonal steps up-right,
+down-right, down-left, up-left.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any, List, Sequence, Tuple
+
+from ._model import OFF_MAP
+
+_MOVES = {
+    ".": (0, 0),
+    "N": (-1, 0),
+    "E": (0, 1),
+    "S": (1, 0),
+    "W": (0, -1),
+    "n": (-1, 1),
+    "e": (1, 1),
+    "s": (1, -1),
+    "w": (-1, -1),
+}
+_LETTERS = {move: letter for letter, move in _MOVES.items()}
+
+
+def encode(paths: Any, starts: Sequence[int], rows: int, cols: int) -> List[Any]:
+    """The paths as the wire has them: moves where the path is made of moves, so that
+    plans are short, and positions otherwise, so that the host sees every fault."""
+    paths = getattr(paths, "tolist", lambda: paths)()
+    if isinstance(paths, (str, bytes)) or not hasattr(paths, "__iter__"):
+        raise TypeError(f"a plan is a list with one path per agent, not {_short(paths)}")
+    paths = list(paths)
+    if len(paths) != len(starts):
+        raise ValueError(
+            f"the plan has {len(paths)} paths, but the instance has {len(starts)} agents"
+        )
+    return [
+        _encode_path(agent, path, start, rows, cols)
+        for agent, (path, start) in enumerate(zip(paths, starts))
+    ]
+
+
+def _encode_path(agent: int, path: Any, start: int, rows: int, cols: int) -> Any:
+    if isinstance(path, str):
+        for index, letter in enumerate(path):
+            if letter not in _MOVES:
+                raise ValueError(
+                    f"letter {letter!r} at position {index} of the path of agent {agent} is no move"
+                )
+        return path
+    path = getattr(path, "tolist", lambda: path)()
+    if not hasattr(path, "__iter__"):
+        raise TypeError(f"the path of agent {agent} is not a list but {_short(path)}")
+    positions = [_position(agent, time, item, cols) for time, item in enumerate(path)]
+    on_map = all(0 <= row < rows and 0 <= col < cols for row, col in positions)
+    if on_map and positions and positions[0] == divmod(start, cols):
+        try:
+            return "".join(
+                _LETTERS[to_row - row, to_col - col]
+                for (row, col), (to_row, to_col) in zip(positions, positions[1:])
+            )
+        except KeyError:
+            pass  # a step that is no move: the host shall see it
+    return [list(position) for position in positions]
+
+
+def _position(agent: int, time: int, item: Any, cols: int) -> Tuple[int, int]:
+    try:
+        if isinstance(item, (tuple, list)):
+            row, col = item
+            return operator.index(row), operator.index(col)
+        if hasattr(item, "__len__"):  # a row of an array
+            return _position(agent, time, tuple(item), cols)
+        return divmod(operator.index(item), cols)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"the path of agent {agent} has {_short(item)} at time {time}, "
+            "which is neither a cell nor (row, col)"
+        ) from None
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def decode(wire: Any, starts: Sequence[int], rows: int, cols: int) -> List[List[int]]:
+    """Paths from the host as lists of cells; positions off the map are OFF_MAP."""
+    return [_decode_path(path, agent, starts, rows, cols) for agent, path in enumerate(wire)]
+
+
+def _decode_path(path: Any, agent: int, starts: Sequence[int], rows: int, cols: int) -> List[int]:
+    def cell(row: int, col: int) -> int:
+        return row * cols + col if 0 <= row < rows and 0 <= col < cols else OFF_MAP
+
+    if isinstance(path, str):
+        row, col = divmod(starts[agent], cols)
+        cells = [cell(row, col)]
+        for letter in path:
+            move = _MOVES.get(letter)
+            if move is None:
+                raise ValueError(f"letter {letter!r} of the path of agent {agent} is no move")
+            row, col = row + move[0], col + move[1]
+            # Once off the map, always off the map: as the host reads it.
+            cells.append(OFF_MAP if cells[-1] == OFF_MAP else cell(row, col))
+        return cells
+    return [
+        cell(*divmod(int(item), cols)) if isinstance(item, int) else cell(*map(int, item))
+        for item in path
+    ]

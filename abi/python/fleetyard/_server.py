@@ -1,0 +1,433 @@
+"""The plugin's side of the wire: newline-delimited JSON-RPC 2.0.
+
+A thread reads, so that ``$/cancel``, ``exit`` and the end of the input are heard
+while a call is running; calls run one after the other in the main thread.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import queue
+import re
+import sys
+import threading
+import time
+import traceback
+from typing import (
+    Any,
+    BinaryIO,
+    Callable,
+    Dict,
+    Iterator,
+    List,
+    Mapping,
+    Optional,
+    Sequence,
+    Tuple,
+    Type,
+)
+
+from . import _paths
+from ._model import (
+    Budget,
+    Failure,
+    FleetState,
+    FleetStatus,
+    GaveUp,
+    Grid,
+    Instance,
+    InvalidInput,
+    Unsupported,
+)
+from ._plugins import (
+    Context,
+    FailPolicy,
+    InstanceGenerator,
+    InvocationPolicy,
+    Planner,
+    Plugin,
+    _Prepared,
+    encoder,
+)
+
+PROTOCOL_VERSION = 1
+"""The version of the protocol that this package speaks."""
+
+PARSE_ERROR = -32700
+INVALID_REQUEST = -32600
+METHOD_NOT_FOUND = -32601
+INVALID_PARAMS = -32602
+INTERNAL_ERROR = -32603
+
+_GRACE_S = 1.0
+"""How long a call may go on when the host has gone away."""
+
+
+class _Refusal(Exception):
+    """An error of the protocol, as opposed to a call that failed."""
+
+    def __init__(self, code: int, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+
+
+class Channel:
+    """Where messages go, and which request was cancelled."""
+
+    def __init__(self, output: BinaryIO) -> None:
+        self._output = output
+        self._lock = threading.Lock()
+        self.cancelled: Optional[int] = None
+        """The request that should end; -1 for whichever is running."""
+
+    def send(self, message: Dict[str, Any]) -> None:
+        text = json.dumps(message, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+        # Python strings may hold halves of surrogate pairs, UTF-8 may not.
+        line = text.encode("utf-8", "replace") + b"\n"
+        with self._lock:
+            try:
+                self._output.write(line)
+                self._output.flush()
+            except (OSError, ValueError):
+                pass  # the host has gone away: the reading thread hears of it
+
+    def notify(self, method: str, params: Dict[str, Any]) -> None:
+        self.send({"jsonrpc": "2.0", "method": method, "params": params})
+
+    def reply(self, request: int, result: Any) -> None:
+        try:
+            self.send({"jsonrpc": "2.0", "id": request, "result": result})
+        except (TypeError, ValueError, RecursionError) as error:
+            self.refuse(request, INTERNAL_ERROR, f"the answer is not JSON: {error}")
+
+    def refuse(self, request: Optional[int], code: int, message: str) -> None:
+        self.send(
+            {"jsonrpc": "2.0", "id": request, "error": {"code": code, "message": message}}
+        )
+
+
+def _parse(line: bytes) -> Any:
+    def no_constant(name: str) -> Any:
+        raise ValueError(f"{name} is not JSON")
+
+    return json.loads(line.decode("utf-8"), parse_constant=no_constant)
+
+
+def _is_id(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+class _Server:
+    def __init__(self, plugins: Sequence[Type[Plugin]], channel: Channel) -> None:
+        self._plugins = plugins
+        self._channel = channel
+        self._object: Optional[Plugin] = None
+        self._grid: Optional[Grid] = None
+        self._methods: Dict[str, Callable[[int, Mapping[str, Any]], Any]] = {
+            "initialize": self._initialize,
+            "create": self._create,
+            "prepare": self._prepare,
+            "plan": self._plan,
+            "recover": self._recover,
+            "generate": self._generate,
+            "should_invoke": self._should_invoke,
+            "shutdown": self._shutdown,
+        }
+
+    def answer(self, line: bytes) -> None:
+        try:
+            message = _parse(line)
+        except (ValueError, RecursionError) as error:
+            self._channel.refuse(None, PARSE_ERROR, str(error) or type(error).__name__)
+            return
+        request = message.get("id") if isinstance(message, dict) else None
+        method = message.get("method") if isinstance(message, dict) else None
+        if not _is_id(request) or not isinstance(method, str):
+            known = request if _is_id(request) else None
+            self._channel.refuse(known, INVALID_REQUEST, "not a request")
+            return
+        assert isinstance(request, int)
+        try:
+            handler = self._methods.get(method)
+            if handler is None:
+                raise _Refusal(METHOD_NOT_FOUND, f"there is no method `{method}`")
+            params = message.get("params")
+            result = handler(request, params if isinstance(params, dict) else {})
+        except _Refusal as refusal:
+            self._channel.refuse(request, refusal.code, refusal.message)
+        else:
+            self._channel.reply(request, result)
+
+    # ---- Methods ----
+
+    def _initialize(self, _: int, params: Mapping[str, Any]) -> Any:
+        offered = params.get("protocol_versions")
+        if not isinstance(offered, list):
+            raise _Refusal(INVALID_PARAMS, "`protocol_versions` is not a list")
+        if PROTOCOL_VERSION not in offered:
+            reason = f"this plugin speaks protocol {PROTOCOL_VERSION}, not {offered}"
+            raise _Refusal(INVALID_PARAMS, reason)
+        return {
+            "protocol_version": PROTOCOL_VERSION,
+            "plugins": [plugin.descriptor() for plugin in self._plugins],
+        }
+
+    def _create(self, _: int, params: Mapping[str, Any]) -> Any:
+        kind, name = params.get("kind"), params.get("plugin")
+        options = params.get("options")
+        self._object = self._grid = None
+
+        def make() -> None:
+            for plugin in self._plugins:
+                if plugin.kind == kind and plugin.identifier() == name:
+                    if options is not None and not isinstance(options, dict):
+                        raise InvalidInput("options: not an object")
+                    self._object = plugin(options or {})
+                    return
+            raise Unsupported(f"there is no {kind} `{name}`")
+
+        return _outcome(make)
+
+    def _prepare(self, request: int, params: Mapping[str, Any]) -> Any:
+        plugin = self._of(_Prepared, "prepare")
+        budget = _read(Budget._from_wire, params, "budget")
+        self._grid = None
+
+        def prepare() -> None:
+            grid = _read(Grid._from_wire, params, "environment")
+            plugin.grid = grid
+            plugin.prepare(grid, budget, Context(self._channel, request, budget))
+            self._grid = grid
+
+        return _outcome(prepare)
+
+    def _plan(self, request: int, params: Mapping[str, Any]) -> Any:
+        planner = self._of(Planner, "plan")
+        instance, budget, context = self._asked(request, params)
+        return _plan_result(context, lambda: planner.plan(instance, budget, context))
+
+    def _recover(self, request: int, params: Mapping[str, Any]) -> Any:
+        policy = self._of(FailPolicy, "recover")
+        instance, budget, context = self._asked(request, params)
+        failed: Optional[List[List[int]]] = None
+        if params.get("failed_paths") is not None:
+            grid = self._prepared()
+            failed = _read(
+                lambda wire: _paths.decode(wire, instance.starts, grid.rows, grid.cols),
+                params,
+                "failed_paths",
+            )
+        return _plan_result(context, lambda: policy.recover(instance, failed, budget, context))
+
+    def _generate(self, request: int, params: Mapping[str, Any]) -> Any:
+        generator = self._of(InstanceGenerator, "generate")
+        grid = self._prepared()
+        state = _read(FleetState._from_wire, params, "state")
+        budget = _read(Budget._from_wire, params, "budget")
+        context = Context(self._channel, request, budget)
+        made: Dict[str, Any] = {}
+
+        def generate() -> None:
+            instance = generator.generate(state, budget, context)
+            if not isinstance(instance, Instance):
+                raise TypeError(f"`generate` returned no Instance but {instance!r:.60}")
+            instance._check(grid)
+            made["instance"] = instance._to_wire()
+
+        result = _outcome(generate)
+        result.update(made)
+        return result
+
+    def _should_invoke(self, request: int, params: Mapping[str, Any]) -> Any:
+        policy = self._of(InvocationPolicy, "should_invoke")
+        status = _read(FleetStatus._from_wire, params, "status")
+        answer: List[bool] = []
+        outcome = _outcome(
+            lambda: answer.append(
+                bool(policy.should_invoke(status, Context(self._channel, request)))
+            )
+        )
+        if not answer:
+            raise _Refusal(INTERNAL_ERROR, f"{outcome['status']}: {outcome['message']}")
+        return {"invoke": answer[0]}
+
+    def _shutdown(self, _: int, __: Mapping[str, Any]) -> Any:
+        self._object = self._grid = None
+        return None
+
+    # ---- What several methods need ----
+
+    def _of(self, kind: Any, method: str) -> Any:
+        if isinstance(self._object, kind):
+            return self._object
+        if self._object is None:
+            raise _Refusal(INVALID_REQUEST, f"`{method}` came before a successful `create`")
+        reason = f"`{method}` is not for a plugin of kind {self._object.kind}"
+        raise _Refusal(INVALID_REQUEST, reason)
+
+    def _prepared(self) -> Grid:
+        if self._grid is None:
+            raise _Refusal(INVALID_REQUEST, "the call came before a successful `prepare`")
+        return self._grid
+
+    def _asked(self, request: int, params: Mapping[str, Any]) -> Tuple[Instance, Budget, Context]:
+        grid = self._prepared()
+        instance = _read(lambda wire: Instance._from_wire(wire, grid), params, "instance")
+        budget = _read(Budget._from_wire, params, "budget")
+        context = Context(self._channel, request, budget, encoder(instance, grid))
+        return instance, budget, context
+
+
+def _read(read: Callable[[Any], Any], params: Mapping[str, Any], name: str) -> Any:
+    try:
+        return read(params[name])
+    except KeyError as error:
+        raise _Refusal(INVALID_PARAMS, f"`{name}`: there is no {error}") from None
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
+        raise _Refusal(INVALID_PARAMS, f"`{name}`: {error}") from None
+
+
+def _outcome(call: Callable[[], Any]) -> Dict[str, Any]:
+    """Runs a call of the plugin: whatever it raises becomes a status."""
+    try:
+        call()
+    except _Refusal:
+        raise
+    except Failure as failure:
+        return {"status": failure.status, "message": failure.message}
+    except (Exception, SystemExit) as error:
+        traceback.print_exc(file=sys.stderr)
+        return {"status": "internal-error", "message": f"{type(error).__name__}: {error}"}
+    return {"status": "solved"}
+
+
+def _plan_result(context: Context, call: Callable[[], Any]) -> Dict[str, Any]:
+    written: List[Any] = []
+
+    def plan() -> None:
+        paths = call()
+        if paths is not None:
+            assert context._encode is not None
+            written.append(context._encode(paths))
+        elif not context._submitted:
+            raise GaveUp("the plugin returned no plan")
+
+    result = _outcome(plan)
+    if written:
+        result["paths"] = written[0]
+    return result
+
+
+def serve(
+    plugins: Sequence[Type[Plugin]],
+    input: BinaryIO,
+    output: BinaryIO,
+    gone: Callable[[], None] = lambda: None,
+) -> None:
+    """Serves plugins on two streams until the host says ``exit`` or closes the input.
+    Then ``gone`` is called from the reading thread, even while a call is running.
+    """
+    for plugin in plugins:
+        if inspect.isabstract(plugin):
+            missing = ", ".join(sorted(plugin.__abstractmethods__))
+            raise TypeError(f"{plugin.__name__} does not define {missing}")
+        if not re.fullmatch(r"[a-z0-9][a-z0-9._-]*", plugin.identifier()):
+            raise ValueError(f"{plugin.identifier()!r} is no identifier: use a-z, 0-9, . _ -")
+    channel = Channel(output)
+    lines: queue.SimpleQueue[Optional[bytes]] = queue.SimpleQueue()
+
+    def read() -> None:
+        for line in _lines(input):
+            notification = _notification(line)
+            if notification is None:
+                lines.put(line)
+            elif notification == "exit":
+                break
+            else:
+                channel.cancelled = notification
+        lines.put(None)
+        gone()
+
+    threading.Thread(target=read, name="fleetyard-reader", daemon=True).start()
+    server = _Server(plugins, channel)
+    while True:
+        line = lines.get()
+        if line is None:
+            return
+        server.answer(line)
+
+
+def _lines(input: BinaryIO) -> Iterator[bytes]:
+    while True:
+        try:
+            line = input.readline()
+        except (OSError, ValueError):
+            return
+        if not line:
+            return
+        yield line
+
+
+def _notification(line: bytes) -> Any:
+    """What must be heard while a call is running: the id to cancel, or ``exit``.
+    Cheap to rule out."""
+    if len(line) > 256 or (b"cancel" not in line and b"exit" not in line):
+        return None
+    try:
+        message = _parse(line)
+        method = message.get("method")
+        if method == "exit":
+            return "exit"
+        if method == "$/cancel" and _is_id(message["params"]["id"]):
+            return message["params"]["id"]
+    except (ValueError, AttributeError, KeyError, TypeError, RecursionError):
+        pass
+    return None
+
+
+def run(*plugins: Type[Plugin]) -> None:
+    """Serves plugins on standard input and output: the last line of a plugin's
+    script. The process ends when the host says so or goes away.
+
+    The protocol moves to private descriptors first: standard output becomes standard
+    error, so that a stray ``print`` is a line in the log. Started from a terminal, it
+    explains itself and exits with 2.
+    """
+    if not plugins:
+        raise TypeError("run() needs at least one plugin class")
+    if sys.stdin is None or sys.stdin.isatty():
+        offers = "\n".join(f"  {plugin.identifier()} ({plugin.kind})" for plugin in plugins)
+        print(
+            "This program is a Fleetyard plugin: it speaks JSON over standard input and output "
+            f"and is started by the host.\nIt offers:\n{offers}\n"
+            f"hint: try `fleetyard plugins info {sys.argv[0]}`",
+            file=sys.stderr,
+        )
+        sys.exit(2)
+    input, output = _private_stdio()
+
+    def gone() -> None:
+        # A call that is nearly done may finish; one that is not, may not.
+        time.sleep(_GRACE_S)
+        os._exit(0)
+
+    try:
+        serve(plugins, input, output, gone)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _private_stdio() -> Tuple[BinaryIO, BinaryIO]:
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    input, output = os.dup(0), os.dup(1)  # not inherited by children
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, 0)
+    os.close(null)
+    os.dup2(2, 1)
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(line_buffering=True)
+    return os.fdopen(input, "rb"), os.fdopen(output, "wb")
