@@ -11,6 +11,20 @@ struct Console {
     begin: Instant,
     limit: Duration,
     trace: bool,
+    /// Count this process's processor time (Linux) instead of wall time.
+    cpu: bool,
+}
+
+impl Console {
+    fn elapsed(&self) -> Duration {
+        if self.cpu
+            && let Ok(text) = std::fs::read_to_string("/proc/self/schedstat")
+            && let Some(Ok(nanos)) = text.split(' ').next().map(str::parse)
+        {
+            return Duration::from_nanos(nanos);
+        }
+        self.begin.elapsed()
+    }
 }
 
 impl Observer for Console {
@@ -18,19 +32,16 @@ impl Observer for Console {
         if self.trace {
             println!(
                 "incumbent {sum_of_costs} at {:.3} s",
-                self.begin.elapsed().as_secs_f64()
+                self.elapsed().as_secs_f64()
             );
         }
     }
     fn stop(&mut self) -> bool {
-        self.begin.elapsed() >= self.limit
+        self.elapsed() >= self.limit
     }
     fn metric(&mut self, name: &str, value: f64) {
         if self.trace {
-            println!(
-                "{name} {value} at {:.3} s",
-                self.begin.elapsed().as_secs_f64()
-            );
+            println!("{name} {value} at {:.3} s", self.elapsed().as_secs_f64());
         }
     }
 }
@@ -42,6 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         begin: Instant::now(),
         limit: Duration::from_secs(10),
         trace: false,
+        cpu: false,
     };
     let mut seed = 0;
     let mut check = false;
@@ -52,6 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--first" => options.anytime = false,
             "--pibt" => options.algorithm = Algorithm::Pibt,
             "--trace" => console.trace = true,
+            "--cpu" => console.cpu = true,
             "--check" => check = true,
             "--seconds" => console.limit = Duration::from_secs_f64(value()?.parse()?),
             "--seed" => seed = value()?.parse()?,

@@ -76,11 +76,13 @@ impl<'g> Distances<'g> {
         u32::from(self.table[agent * self.stride + v as usize]).wrapping_sub(1)
     }
 
-    /// Finishes every search, so that [`Distances::known`] may be used.
-    pub(crate) fn complete(&mut self) {
-        for agent in 0..self.searches.len() {
+    /// Finishes every search, so that [`Distances::known`] may be used; false when
+    /// `stop`, which is asked between agents, has prevented it.
+    pub(crate) fn complete(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
+        (0..self.searches.len()).all(|agent| {
             while self.advance(agent) {}
-        }
+            !stop()
+        })
     }
 
     #[cold]

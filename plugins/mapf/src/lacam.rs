@@ -148,6 +148,17 @@ impl<'g> Lacam<'g> {
         search
     }
 
+    /// About how many bytes the search holds.
+    pub(crate) fn bytes(&self) -> u64 {
+        let node = size_of::<Node>() + 64 + 8 * self.goals.len();
+        (self.nodes.len() * node + self.constraints.len() * size_of::<Constraint>()) as u64
+    }
+
+    /// Agent moves considered in one step, at most.
+    pub(crate) fn work_per_step(&self) -> u64 {
+        ((self.samples + 1) * self.goals.len()) as u64
+    }
+
     /// Number of configurations met so far.
     pub(crate) fn len(&self) -> usize {
         self.nodes.len()

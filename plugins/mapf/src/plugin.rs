@@ -77,6 +77,10 @@ impl Prepared {
             Ok(Outcome::GaveUp(Limit::Nodes)) => {
                 Err(Failure::new(Status::GaveUp, "the node limit was reached"))
             }
+            Ok(Outcome::GaveUp(Limit::Memory)) => Err(Failure::new(
+                Status::GaveUp,
+                "the search reached its memory limit before a plan was found",
+            )),
             Ok(Outcome::GaveUp(Limit::Steps)) => Err(Failure::new(
                 Status::GaveUp,
                 "not everybody arrived within the step limit; PIBT is not complete",

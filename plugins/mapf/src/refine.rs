@@ -15,7 +15,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::distance::Distances;
-use crate::graph::Vertex;
+use crate::graph::{Graph, Vertex};
 use crate::neighborhood::{Chooser, KINDS, Kind};
 use crate::plan::Paths;
 use crate::random::Random;
@@ -27,7 +27,11 @@ const SLOTS: usize = 16;
 /// Agents per neighbourhood and round, at least, in the whole team.
 const AGENTS_PER_SLOT: usize = 32;
 /// Neighbourhood sizes tried.
-const SIZES: [usize; 4] = [2, 5, 10, 20];
+const SIZES: [usize; 5] = [1, 2, 4, 8, 16];
+/// What an arm remembers of its past when it is tried once more.
+const MEMORY: f64 = 0.97;
+/// Once in so many choices any arm will do.
+const EXPLORE_ONE_IN: usize = 6;
 /// First random stream of the repairs.
 const STREAMS: u64 = 1 << 32;
 
@@ -36,8 +40,25 @@ const STREAMS: u64 = 1 << 32;
 struct Arm {
     kind: Kind,
     size: usize,
+    /// Exponentially forgetting sums.
     gain: f64,
     work: f64,
+    attempts: f64,
+}
+
+impl Arm {
+    fn record(&mut self, gain: u64, work: u64) {
+        self.gain = self.gain * MEMORY + gain as f64;
+        self.work = self.work * MEMORY + work as f64;
+        self.attempts = self.attempts * MEMORY + 1.0;
+    }
+
+    /// How often to choose it: the work spent on an arm goes with the square of its
+    /// gain per work.
+    fn preference(&self) -> f64 {
+        let rate = self.gain / self.work.max(1.0);
+        rate * rate * self.attempts / self.work.max(1.0)
+    }
 }
 
 /// Neighbourhood to repair.
@@ -65,7 +86,7 @@ struct Worker {
 /// The search.
 #[derive(Debug)]
 pub(crate) struct Refiner<'a, 'g> {
-    distances: &'a Distances<'g>,
+    graph: &'g Graph,
     goals: &'a [Vertex],
     seed: u64,
     paths: Paths,
@@ -89,20 +110,14 @@ pub(crate) struct Round {
 }
 
 impl<'a, 'g> Refiner<'a, 'g> {
-    /// `distances` must be complete.
     pub(crate) fn new(
-        distances: &'a Distances<'g>,
+        graph: &'g Graph,
         goals: &'a [Vertex],
         paths: Paths,
         threads: usize,
         seed: u64,
     ) -> Self {
-        let graph = distances.graph();
-        let makespan = paths.iter().map(Vec::len).max().unwrap_or(1);
-        let mut reservations = Reservations::new(graph, makespan + 2);
-        for path in &paths {
-            reservations.flip(graph, path);
-        }
+        let reservations = table_of(graph, &paths);
         let worker = || Worker {
             reservations: reservations.clone(),
             sipp: Sipp::default(),
@@ -113,6 +128,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
             size,
             gain: 1.0,
             work: 1.0,
+            attempts: 1.0,
         };
         let arms = KINDS
             .iter()
@@ -122,7 +138,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
         let slots = (paths.len() / AGENTS_PER_SLOT).clamp(1, SLOTS);
         let random = Random::new(seed, STREAMS - 1);
         Self {
-            distances,
+            graph,
             goals,
             seed,
             paths,
@@ -135,18 +151,35 @@ impl<'a, 'g> Refiner<'a, 'g> {
         }
     }
 
+    /// Goes on from another plan.
+    pub(crate) fn adopt(&mut self, paths: Paths) {
+        let graph = self.graph;
+        let table = table_of(graph, &paths);
+        for worker in &mut self.workers {
+            worker.reservations = table.clone();
+            worker.sipp = Sipp::default();
+        }
+        self.chooser = Chooser::new(graph, self.goals, &paths);
+        self.paths = paths;
+    }
+
     /// The plan as it is now.
     pub(crate) fn paths(&self) -> &Paths {
         &self.paths
     }
 
-    /// One round. A round during which `stop` says so changes nothing.
-    pub(crate) fn round(&mut self, stop: &mut dyn FnMut() -> bool) -> Round {
-        let jobs = self.choose();
+    /// One round, with complete `distances`. A round during which `stop` says so changes
+    /// nothing.
+    pub(crate) fn round(
+        &mut self,
+        distances: &Distances<'_>,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Round {
+        let jobs = self.choose(distances);
         let repairs: Vec<Mutex<Repair>> = jobs.iter().map(|_| Mutex::default()).collect();
         let next = AtomicUsize::new(0);
         let stopped = AtomicBool::new(false);
-        let (paths, distances, goals, seed) = (&self.paths, self.distances, self.goals, self.seed);
+        let (paths, goals, seed) = (&self.paths, self.goals, self.seed);
         let work = |worker: &mut Worker, stop: &mut dyn FnMut() -> bool| {
             loop {
                 let slot = next.fetch_add(1, Ordering::Relaxed);
@@ -190,26 +223,20 @@ impl<'a, 'g> Refiner<'a, 'g> {
                 .paths
                 .map_or(0, |new| self.take_over(&job.members, new));
             round.gain += gain;
-            let arm = &mut self.arms[job.arm];
-            arm.gain = arm.gain * 0.97 + gain as f64;
-            arm.work = arm.work * 0.97 + repair.work as f64;
+            self.arms[job.arm].record(gain, repair.work);
         }
         round
     }
 
     /// Disjoint neighbourhoods for a round.
-    fn choose(&mut self) -> Vec<Job> {
+    fn choose(&mut self, distances: &Distances<'_>) -> Vec<Job> {
         self.chooser.release();
-        let rates: Vec<f64> = self
-            .arms
-            .iter()
-            .map(|arm| arm.gain / arm.work.max(1.0))
-            .collect();
+        let rates: Vec<f64> = self.arms.iter().map(Arm::preference).collect();
         let total: f64 = rates.iter().sum();
         let mut jobs = Vec::with_capacity(self.slots);
         for _ in 0..self.slots {
             let mut arm = self.random.below(self.arms.len());
-            if !self.random.one_in(6) {
+            if !self.random.one_in(EXPLORE_ONE_IN) {
                 let mut left = total * self.random.below(1 << 24) as f64 / f64::from(1 << 24);
                 let found = rates.iter().position(|rate| {
                     left -= rate;
@@ -222,7 +249,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
             let random = &mut self.random;
             let members = self
                 .chooser
-                .choose(kind, size, &self.paths, self.distances, random);
+                .choose(kind, size, &self.paths, distances, random);
             if members.is_empty() {
                 continue;
             }
@@ -238,7 +265,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
 
     /// Replaces the paths of the members if the new ones still fit. Gives the gain.
     fn take_over(&mut self, members: &[u32], new: Vec<Vec<Vertex>>) -> u64 {
-        let graph = self.distances.graph();
+        let graph = self.graph;
         let Some((first, others)) = self.workers.split_first_mut() else {
             return 0;
         };
@@ -275,6 +302,16 @@ impl<'a, 'g> Refiner<'a, 'g> {
     }
 }
 
+/// The occupancy of a plan.
+fn table_of(graph: &Graph, paths: &Paths) -> Reservations {
+    let makespan = paths.iter().map(Vec::len).max().unwrap_or(1);
+    let mut table = Reservations::new(graph, makespan + 2);
+    for path in paths {
+        table.flip(graph, path);
+    }
+    table
+}
+
 impl Worker {
     /// Replans the members one after the other; a repair that would cost more than
     /// before is none. The table is left as it was.
@@ -295,27 +332,30 @@ impl Worker {
         // What may still be spent, and what those not yet planned need at least.
         let mut budget = 0;
         for &agent in members {
-            let path = &paths[agent as usize];
-            self.reservations.flip(graph, path);
-            budget += path.len() - 1;
-            budget -= distances.known(agent as usize, path[0]) as usize;
+            self.reservations.flip(graph, &paths[agent as usize]);
+            budget += paths[agent as usize].len() - 1;
         }
+        let least = |table: &Reservations, agent: usize| {
+            let distance = distances.known(agent, paths[agent][0]) as usize;
+            distance.max(table.free_for_ever(goals[agent]))
+        };
         let mut complete = true;
-        for &slot in &order {
+        for (k, &slot) in order.iter().enumerate() {
             let agent = members[slot] as usize;
-            let start = paths[agent][0];
-            let least = distances.known(agent, start) as usize;
-            let query = (agent, start, goals[agent]);
-            let bound = budget + least;
+            let query = (agent, paths[agent][0], goals[agent]);
             let table = &self.reservations;
-            let found = self
-                .sipp
-                .plan(graph, table, distances, query, bound, &mut random, stop);
+            let others = order[k + 1..]
+                .iter()
+                .map(|&s| least(table, members[s] as usize));
+            let found = budget.checked_sub(others.sum()).and_then(|bound| {
+                self.sipp
+                    .plan(graph, table, distances, query, bound, &mut random, stop)
+            });
             let Some(path) = found else {
                 complete = false;
                 break;
             };
-            budget -= path.len() - 1 - least;
+            budget -= path.len() - 1;
             self.reservations.flip(graph, &path);
             new[slot] = path;
         }

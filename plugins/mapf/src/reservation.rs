@@ -27,11 +27,6 @@ impl Reservations {
         }
     }
 
-    /// Bytes that [`Reservations::new`] would allocate.
-    pub(crate) fn size(graph: &Graph, horizon: usize) -> usize {
-        graph.len() * ROWS * (horizon / WORD + 1) * size_of::<u64>()
-    }
-
     /// Times at and beyond this one are not represented; paths must have ended by then.
     pub(crate) fn horizon(&self) -> usize {
         self.words * WORD

@@ -14,25 +14,63 @@ use crate::random::Random;
 
 /// Above this much memory for the occupancy table no guidance is computed.
 const MEMORY_LIMIT: usize = 1 << 30;
+/// Most rounds of replanning everybody.
+const ROUNDS: usize = 10;
 /// Not parked.
 const NEVER: u32 = u32::MAX;
 
-/// Per agent and vertex, a direction to prefer.
+/// Per agent and vertex, a direction to prefer: one small hash table per agent.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Guide {
-    /// Direction plus one; zero for no advice. Empty when there is no guidance.
-    directions: Vec<u8>,
-    stride: usize,
+    /// `vertex · 8 + direction + 1`, or zero for an empty slot.
+    slots: Vec<u32>,
+    /// Where an agent's table begins, and its size less one.
+    tables: Vec<(usize, usize)>,
 }
 
 impl Guide {
+    fn new(graph: &Graph, paths: &[Vec<Vertex>]) -> Self {
+        let mut guide = Self::default();
+        for path in paths {
+            let size = (2 * path.len()).next_power_of_two();
+            let begin = guide.slots.len();
+            guide.tables.push((begin, size - 1));
+            guide.slots.resize(begin + size, 0);
+            for step in path.windows(2) {
+                let around = graph.around(step[0]);
+                if let Some(d) = around.iter().position(|&u| u == step[1]) {
+                    let mut at = Self::slot(step[0]);
+                    while guide.slots[begin + (at & (size - 1))] != 0 {
+                        at += 1;
+                    }
+                    guide.slots[begin + (at & (size - 1))] = step[0] << 3 | (d as u32 + 1);
+                }
+            }
+        }
+        guide
+    }
+
+    fn slot(v: Vertex) -> usize {
+        (v.wrapping_mul(0x9e37_79b1) >> 12) as usize
+    }
+
     /// Direction plus one, or zero.
     #[inline]
     pub(crate) fn direction(&self, agent: usize, v: Vertex) -> u8 {
-        self.directions
-            .get(agent * self.stride + v as usize)
-            .copied()
-            .unwrap_or(0)
+        let Some(&(begin, mask)) = self.tables.get(agent) else {
+            return 0;
+        };
+        let mut at = Self::slot(v);
+        loop {
+            let slot = self.slots[begin + (at & mask)];
+            if slot == 0 {
+                return 0;
+            }
+            if slot >> 3 == v {
+                return (slot & 7) as u8;
+            }
+            at += 1;
+        }
     }
 }
 
@@ -65,7 +103,6 @@ pub(crate) fn scatter(
     starts: &[Vertex],
     goals: &[Vertex],
     margin: u32,
-    rounds: usize,
     random: &mut Random,
     stop: &mut dyn FnMut() -> bool,
 ) -> Guide {
@@ -93,7 +130,7 @@ pub(crate) fn scatter(
     let mut paths: Vec<Vec<Vertex>> = vec![Vec::new(); starts.len()];
     let mut order: Vec<usize> = (0..starts.len()).collect();
     let mut before = u64::MAX;
-    for _ in 0..rounds {
+    for _ in 0..ROUNDS {
         random.shuffle(&mut order);
         for &agent in &order {
             if stop() {
@@ -109,14 +146,7 @@ pub(crate) fn scatter(
     }
     drop(search);
 
-    let mut directions = vec![0; stride * starts.len()];
-    for (row, path) in directions.chunks_exact_mut(stride).zip(&paths) {
-        for step in path.windows(2) {
-            let d = graph.around(step[0]).iter().position(|&u| u == step[1]);
-            row[step[0] as usize] = d.map_or(0, |d| d as u8 + 1);
-        }
-    }
-    Guide { directions, stride }
+    Guide::new(graph, &paths)
 }
 
 /// Single-agent search in the occupancy of the others.

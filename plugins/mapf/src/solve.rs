@@ -1,10 +1,10 @@
 //! The way from a problem to an outcome: checks, guidance, search, refinement.
 
 use crate::distance::{Distances, MAX_DISTANCE};
-use crate::graph::Graph;
+use crate::graph::{Graph, Vertex};
 use crate::lacam::{Lacam, Step};
 use crate::one_shot;
-use crate::plan::{Paths, Plan, paths_of, plan_of, sum_of_costs};
+use crate::plan::{Paths, Plan, configurations_of, paths_of, plan_of, sum_of_costs};
 use crate::problem::{Checked, Problem, ProblemError};
 use crate::random::Random;
 use crate::refine::Refiner;
@@ -35,7 +35,12 @@ pub struct Options {
     pub anytime: bool,
     /// Threads for the work after the first plan. The result does not depend on it.
     pub threads: usize,
-    /// At most so many search iterations.
+    /// Whether to refine plans by replanning small groups, beside searching on.
+    pub refine: bool,
+    /// About how many bytes the search may hold. Without a plan it gives up there;
+    /// with one, refinement goes on alone.
+    pub memory_limit: u64,
+    /// At most so many search iterations and neighbourhoods tried.
     pub node_limit: Option<u64>,
     /// At most so many steps of [`Algorithm::Pibt`].
     pub step_limit: u64,
@@ -50,6 +55,8 @@ impl Default for Options {
             scatter_margin: Some(10),
             anytime: true,
             threads: 1,
+            refine: true,
+            memory_limit: 2 << 30,
             node_limit: None,
             step_limit: 100_000,
         }
@@ -75,6 +82,8 @@ pub enum Limit {
     Nodes,
     /// [`Options::step_limit`], of PIBT only.
     Steps,
+    /// [`Options::memory_limit`].
+    Memory,
 }
 
 /// How a run ended.
@@ -122,116 +131,204 @@ pub fn solve(
             });
         }
         lower_bound += u64::from(distance);
+        if observer.stop() {
+            return Ok(Outcome::GaveUp(Limit::Stopped));
+        }
     }
     observer.metric("lower_bound", lower_bound as f64);
+    let run = Run {
+        options,
+        seed,
+        starts: &starts,
+        goals: &goals,
+        graph: &graph,
+        left: options.node_limit.unwrap_or(u64::MAX),
+        observer,
+        lower_bound,
+        best: None,
+        untold: false,
+    };
+    Ok(match options.algorithm {
+        Algorithm::Pibt => run.pibt(&mut distances),
+        Algorithm::LacamStar => run.lacam_star(distances),
+    })
+}
 
-    if options.algorithm == Algorithm::Pibt {
-        let random = Random::new(seed, 0);
+/// Random streams.
+const PIBT_STREAM: u64 = 0;
+const SCATTER_STREAM: u64 = 1;
+const SEARCH_STREAM: u64 = 2;
+
+/// After the first plan the search gets one part in so many of the work of refinement,
+const SEARCH_SHARE: u64 = 16;
+/// and as much as refinement once that has found nothing for so many rounds.
+const IDLE_ROUNDS: u64 = 32;
+/// When the search has nothing left to do, refinement ends after so many such rounds.
+const FINAL_ROUNDS: u64 = 1000;
+
+/// A run: what is asked, what is left to spend, what has been found.
+struct Run<'r, 'g> {
+    options: &'r Options,
+    seed: u64,
+    starts: &'r [Vertex],
+    goals: &'r [Vertex],
+    graph: &'g Graph,
+    left: u64,
+    observer: &'r mut dyn Observer,
+    lower_bound: u64,
+    best: Option<(Paths, u64)>,
+    /// Whether the best plan has yet to be told to the observer.
+    untold: bool,
+}
+
+impl<'g> Run<'_, 'g> {
+    fn pibt(mut self, distances: &mut Distances<'g>) -> Outcome {
+        let random = Random::new(self.seed, PIBT_STREAM);
+        let Options {
+            swap, step_limit, ..
+        } = *self.options;
+        let stop = &mut || self.observer.stop();
         let found = one_shot::pibt(
-            &starts,
-            &goals,
-            &mut distances,
-            options.swap,
-            options.step_limit,
+            self.starts,
+            self.goals,
+            distances,
+            swap,
+            step_limit,
             random,
-            &mut || observer.stop(),
+            stop,
         );
         let Some(configurations) = found else {
-            let limit = if observer.stop() {
+            let stopped = self.observer.stop();
+            return Outcome::GaveUp(if stopped {
                 Limit::Stopped
             } else {
                 Limit::Steps
-            };
-            return Ok(Outcome::GaveUp(limit));
+            });
         };
-        let configurations: Vec<&[u32]> = configurations.iter().map(|q| &**q).collect();
-        let plan = plan_of(&paths_of(&configurations), &graph);
-        let sum_of_costs = plan.sum_of_costs();
-        observer.incumbent(&plan, sum_of_costs);
-        return Ok(Outcome::Solved {
-            plan,
-            sum_of_costs,
-            lower_bound,
-        });
+        let configurations: Vec<&[Vertex]> = configurations.iter().map(|q| &**q).collect();
+        self.offer(&paths_of(&configurations));
+        self.outcome()
     }
 
-    let guide = options
-        .scatter_margin
-        .map_or_else(Guide::default, |margin| {
-            let mut random = Random::new(seed, 1);
-            scatter(
-                &mut distances,
-                &starts,
-                &goals,
-                margin,
-                10,
-                &mut random,
-                &mut || observer.stop(),
-            )
-        });
-    let random = Random::new(seed, 2);
-    let mut search = Lacam::new(
-        &starts,
-        &goals,
-        &mut distances,
-        guide,
-        options.swap,
-        options.samples as usize,
-        random,
-    );
-    let mut budget = Budget {
-        observer,
-        left: options.node_limit.unwrap_or(u64::MAX),
-    };
-    let mut best = Best {
-        graph: &graph,
-        found: None,
-    };
-    let limit = 'first: loop {
-        if let Some(limit) = budget.spend(1) {
-            break 'first Some(limit);
-        }
-        match search.step(&mut distances) {
-            Step::Searching => {}
-            Step::Exhausted => return Ok(Outcome::Infeasible),
-            Step::Improved => {
-                best.offer(paths_of(&search.solution()), budget.observer);
-                break 'first None;
+    fn lacam_star(mut self, mut distances: Distances<'g>) -> Outcome {
+        let guide = self
+            .options
+            .scatter_margin
+            .map_or_else(Guide::default, |margin| {
+                let mut random = Random::new(self.seed, SCATTER_STREAM);
+                let stop = &mut || self.observer.stop();
+                scatter(
+                    &mut distances,
+                    self.starts,
+                    self.goals,
+                    margin,
+                    &mut random,
+                    stop,
+                )
+            });
+        let mut search = Lacam::new(
+            self.starts,
+            self.goals,
+            &mut distances,
+            guide,
+            self.options.swap,
+            self.options.samples as usize,
+            Random::new(self.seed, SEARCH_STREAM),
+        );
+        while self.best.is_none() {
+            if let Some(limit) = self.spend(1) {
+                return Outcome::GaveUp(limit);
+            }
+            if search.bytes() > self.options.memory_limit {
+                return Outcome::GaveUp(Limit::Memory);
+            }
+            match search.step(&mut distances) {
+                Step::Searching => {}
+                Step::Exhausted => return Outcome::Infeasible,
+                Step::Improved => self.offer(&paths_of(&search.solution())),
             }
         }
-    };
-    if let Some(limit) = limit {
-        return Ok(Outcome::GaveUp(limit));
+        self.observer
+            .metric("first_iterations", self.spent() as f64);
+        self.observer
+            .metric("first_configurations", search.len() as f64);
+        if self.options.anytime && self.sum() > self.lower_bound {
+            self.improve(search, distances);
+        }
+        self.tell();
+        self.observer.metric("iterations", self.spent() as f64);
+        self.outcome()
     }
-    if options.anytime && best.sum() > lower_bound {
-        distances.complete();
-        let mut refiner = Refiner::new(&distances, &goals, best.paths(), options.threads, seed);
-        loop {
-            if budget.observer.stop() {
-                break;
+
+    /// Improves the first plan until a limit is met or nothing is left to do.
+    ///
+    /// The search and the refinement of its best plan take turns, by work done and not
+    /// by time, so that the course of events is the same on every machine.
+    fn improve(&mut self, mut search: Lacam<'g>, mut distances: Distances<'g>) {
+        if !distances.complete(&mut || self.observer.stop()) {
+            return;
+        }
+        let Options {
+            threads, refine, ..
+        } = *self.options;
+        let mut refiner = Refiner::new(self.graph, self.goals, self.paths(), threads, self.seed);
+        let (mut searching, mut search_work, mut refine_work) = (true, 0, 0);
+        let mut idle = 0;
+        let mut inserted = false;
+        let mut reported = 0;
+        while self.sum() > self.lower_bound && (searching || refine) {
+            if refine {
+                let round = refiner.round(&distances, &mut || self.observer.stop());
+                if self.spend(round.attempts.max(1)).is_some() {
+                    return;
+                }
+                refine_work += round.work;
+                idle += 1;
+                if round.gain > 0 {
+                    idle = 0;
+                    inserted = false;
+                    self.keep(refiner.paths());
+                }
+                // Telling costs about as much as working on so many cells.
+                if self.untold && refine_work - reported > 4 * self.cells() {
+                    reported = refine_work;
+                    self.tell();
+                }
+                if !searching && idle >= FINAL_ROUNDS {
+                    return;
+                }
             }
-            let round = refiner.round(&mut || budget.observer.stop());
-            if round.gain > 0 {
-                best.offer(refiner.paths().clone(), budget.observer);
+            let share = if idle < IDLE_ROUNDS { SEARCH_SHARE } else { 1 };
+            if searching && refine && !inserted && idle == IDLE_ROUNDS {
+                inserted = true;
+                search.insert(&configurations_of(refiner.paths()), &mut distances);
             }
-            if budget.spend(round.attempts).is_some() || best.sum() == lower_bound {
-                break;
+            while searching && (!refine || search_work * share < refine_work) {
+                if self.spend(1).is_some() {
+                    return;
+                }
+                search_work += search.work_per_step();
+                match search.step(&mut distances) {
+                    Step::Searching => {}
+                    Step::Improved => {
+                        let paths = paths_of(&search.solution());
+                        if sum_of_costs(&paths) < self.sum() {
+                            self.offer(&paths);
+                            refiner.adopt(paths);
+                            idle = 0;
+                        }
+                    }
+                    Step::Exhausted => {
+                        searching = false;
+                        self.lower_bound = self.lower_bound.max(search.cost().unwrap_or(0));
+                        self.observer.metric("lower_bound", self.lower_bound as f64);
+                    }
+                }
+                searching &= search.bytes() <= self.options.memory_limit;
             }
         }
     }
-    budget
-        .observer
-        .metric("configurations", search.len() as f64);
-    Ok(best.outcome(lower_bound))
-}
 
-/// The limits of a run.
-struct Budget<'o> {
-    observer: &'o mut dyn Observer,
-    left: u64,
-}
-
-impl Budget<'_> {
     /// Takes `work` from what is left; says which limit has been met.
     fn spend(&mut self, work: u64) -> Option<Limit> {
         if self.left == 0 {
@@ -240,42 +337,60 @@ impl Budget<'_> {
         self.left = self.left.saturating_sub(work);
         self.observer.stop().then_some(Limit::Stopped)
     }
-}
 
-/// The best plan so far.
-struct Best<'g> {
-    graph: &'g Graph,
-    found: Option<(Paths, u64)>,
-}
+    fn spent(&self) -> u64 {
+        self.options.node_limit.unwrap_or(u64::MAX) - self.left
+    }
 
-impl Best<'_> {
     fn sum(&self) -> u64 {
-        self.found.as_ref().map_or(u64::MAX, |(_, sum)| *sum)
+        self.best.as_ref().map_or(u64::MAX, |(_, sum)| *sum)
     }
 
     fn paths(&self) -> Paths {
-        self.found
+        self.best
             .as_ref()
             .map(|(paths, _)| paths.clone())
             .unwrap_or_default()
     }
 
-    fn offer(&mut self, paths: Paths, observer: &mut dyn Observer) {
-        let sum = sum_of_costs(&paths);
+    /// Keeps a plan if it is better than the best.
+    fn keep(&mut self, paths: &Paths) {
+        let sum = sum_of_costs(paths);
         if sum < self.sum() {
-            observer.incumbent(&plan_of(&paths, self.graph), sum);
-            self.found = Some((paths, sum));
+            self.best = Some((paths.clone(), sum));
+            self.untold = true;
         }
     }
 
-    fn outcome(self, lower_bound: u64) -> Outcome {
-        match self.found {
+    /// Keeps a plan if it is better than the best, and tells the observer.
+    fn offer(&mut self, paths: &Paths) {
+        self.keep(paths);
+        self.tell();
+    }
+
+    /// Tells the observer of the best plan if it has not heard of it.
+    fn tell(&mut self) {
+        if let (true, Some((paths, sum))) = (self.untold, &self.best) {
+            self.observer.incumbent(&plan_of(paths, self.graph), *sum);
+            self.untold = false;
+        }
+    }
+
+    /// Length of the best plan.
+    fn cells(&self) -> u64 {
+        self.best
+            .as_ref()
+            .map_or(0, |(paths, sum)| sum + paths.len() as u64)
+    }
+
+    fn outcome(self) -> Outcome {
+        match self.best {
             Some((paths, sum_of_costs)) => {
                 let plan = plan_of(&paths, self.graph);
                 Outcome::Solved {
                     plan,
                     sum_of_costs,
-                    lower_bound,
+                    lower_bound: self.lower_bound,
                 }
             }
             None => Outcome::GaveUp(Limit::Stopped),
