@@ -10,6 +10,6 @@ mod metrics;
 mod validate;
 mod verdict;
 
-pub use metrics::{PlanMetrics, metrics};
+pub use metrics::{PlanMetrics, metrics, sum_of_costs};
 pub use validate::validate;
 pub use verdict::{CellPosition, Rule, Verdict, Violation};

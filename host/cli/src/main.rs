@@ -1,3 +1,50 @@
-//! The `fleetyard` command.
+//! The `fleetyard` command: arguments in, results on standard output, everything
+//! else on standard error, and an exit code that says how it went.
 
-fn main() {}
+#![forbid(unsafe_code)]
+
+mod args;
+mod commands;
+mod exit;
+mod output;
+mod picture;
+mod record;
+mod trial;
+
+use clap::Parser;
+
+use crate::args::{Cli, Command, Maps, Plugins};
+use crate::exit::{Exit, Result};
+
+/// The plugins that are linked in, by the same entry that a shared library has.
+static BUILT_IN: &[&fleetyard_abi::c::PluginEntry] =
+    &[&fleetyard_plugins::fleetyard_plugin_entry_v1];
+
+fn main() {
+    // Does not return in the processes that this program starts for plugins.
+    fleetyard_runtime::supervisor::intercept(BUILT_IN);
+    let exit = match dispatch(Cli::parse().command) {
+        Ok(exit) => exit,
+        Err(failure) => {
+            eprintln!("{failure}");
+            failure.exit
+        }
+    };
+    std::process::exit(exit as i32);
+}
+
+fn dispatch(command: Command) -> Result<Exit> {
+    match command {
+        Command::Run(arguments) => commands::run::run(&arguments),
+        Command::Compare(arguments) => commands::compare::compare(&arguments),
+        Command::Validate(arguments) => commands::validate::validate(&arguments),
+        Command::Simulate(arguments) => commands::simulate::simulate(&arguments),
+        Command::Plugins(Plugins::List { format }) => commands::plugins::list(format),
+        Command::Plugins(Plugins::Info { plugin, format }) => {
+            commands::plugins::info(&plugin, format)
+        }
+        Command::Maps(Maps::Generate(what)) => commands::maps::generate(&what),
+        Command::Maps(Maps::Info { map, format }) => commands::maps::info(&map, format),
+        Command::Completions { shell } => commands::completions(shell),
+    }
+}

@@ -166,6 +166,20 @@ pub struct PlanRun {
 }
 
 impl PlanRun {
+    /// A run that ended before the planner could be asked.
+    pub fn failed(fault: Fault) -> Self {
+        Self {
+            termination: Termination::from(&fault),
+            claim: None,
+            message: None,
+            fault: Some(fault),
+            incumbents: Vec::new(),
+            late: 0,
+            metrics: BTreeMap::new(),
+            planning: Duration::ZERO,
+        }
+    }
+
     /// The plan that counts.
     pub fn plan(&self) -> Option<&GridPlan> {
         self.incumbents

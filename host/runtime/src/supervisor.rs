@@ -21,7 +21,7 @@ use std::process::Command;
 use fleetyard_abi::wire::{self, Response};
 use fleetyard_abi::{c, serve};
 use rustix::event::{PollFd, PollFlags, poll};
-use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, kill_process, pidfd_open, waitpid};
+use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, kill_process, pidfd_open, wait};
 use serde::{Deserialize, Serialize};
 
 use crate::library::Library;
@@ -237,12 +237,8 @@ fn wait_for_end(child: Pid, control: &UnixStream) -> bool {
 /// Kills and reaps until this process has no children left.
 fn kill_everybody(child: Pid, report: &mut Report) {
     loop {
-        for descendant in descendants() {
-            // Gone already is as good.
-            let _ = kill_process(descendant, Signal::KILL);
-        }
         loop {
-            match waitpid(None, WaitOptions::NOHANG) {
+            match wait(WaitOptions::NOHANG) {
                 Ok(Some((pid, status))) => {
                     if pid == child {
                         report.code = status.exit_status();
@@ -253,6 +249,10 @@ fn kill_everybody(child: Pid, report: &mut Report) {
                 Err(rustix::io::Errno::INTR) => {}
                 Err(_) => return,
             }
+        }
+        for descendant in descendants() {
+            // Gone already is as good.
+            let _ = kill_process(descendant, Signal::KILL);
         }
         // Killed processes need a moment to die.
         std::thread::sleep(std::time::Duration::from_micros(200));

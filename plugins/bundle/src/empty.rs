@@ -9,7 +9,7 @@ use fleetyard_abi::{
 };
 
 /// Everybody stays.
-pub struct Empty;
+pub(crate) struct Empty;
 
 impl Plugin for Empty {
     fn descriptor() -> Descriptor {

@@ -1,0 +1,444 @@
+//! The command line, defined once: help, completions and checks follow from it.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
+use fleetyard_core::Connectivity;
+use fleetyard_core::plan_file::PathEncoding;
+use fleetyard_runtime::Attach;
+use fleetyard_sim::Tier;
+
+use crate::exit;
+
+/// Runs, executes and judges multi-robot planners.
+#[derive(Debug, Parser)]
+#[command(name = "fleetyard", version, about, after_help = exit::HELP, propagate_version = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run a planner on an instance under a budget and judge its plan
+    Run(Run),
+    /// Run several planners on the same instances and show who did better
+    Compare(Compare),
+    /// Say whether a plan is valid, and what it costs
+    Validate(Validate),
+    /// Execute a plan in the simulator
+    Simulate(Simulate),
+    /// Look at plugins
+    #[command(subcommand)]
+    Plugins(Plugins),
+    /// Make and look at maps
+    #[command(subcommand)]
+    Maps(Maps),
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+}
+
+/// How results are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// For people
+    Text,
+    /// For programs: one JSON document on standard output
+    Json,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum AttachArg {
+    /// A library in the host's own process: no isolation, results are unranked
+    InProcess,
+    /// A library in a process of its own
+    Worker,
+    /// A program that speaks JSON over standard input and output
+    Stdio,
+}
+
+impl From<AttachArg> for Attach {
+    fn from(attach: AttachArg) -> Self {
+        match attach {
+            AttachArg::InProcess => Self::InProcess,
+            AttachArg::Worker => Self::Worker,
+            AttachArg::Stdio => Self::Stdio,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum TierArg {
+    /// Own engine: exact swept tests, scales to large fleets
+    Kinematic,
+    /// rapier2d
+    Contact,
+}
+
+impl From<TierArg> for Tier {
+    fn from(tier: TierArg) -> Self {
+        match tier {
+            TierArg::Kinematic => Self::Kinematic,
+            TierArg::Contact => Self::Contact,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum EncodingArg {
+    /// `[[row, col], …]`
+    Pairs,
+    /// Cell indices, `row * cols + col`
+    Cells,
+    /// A start and a letter per move
+    Moves,
+}
+
+impl From<EncodingArg> for PathEncoding {
+    fn from(encoding: EncodingArg) -> Self {
+        match encoding {
+            EncodingArg::Pairs => Self::Pairs,
+            EncodingArg::Cells => Self::Cells,
+            EncodingArg::Moves => Self::Moves,
+        }
+    }
+}
+
+fn connectivity(text: &str) -> Result<Connectivity, String> {
+    match text {
+        "4" => Ok(Connectivity::Four),
+        "8" => Ok(Connectivity::Eight),
+        _ => Err("grids have 4 or 8 neighbours".into()),
+    }
+}
+
+fn duration(text: &str) -> Result<Duration, String> {
+    let duration = humantime::parse_duration(text)
+        .map_err(|_| "write a duration with its unit, such as 500ms, 10s or 2m".to_owned())?;
+    // Deadlines are 64-bit nanoseconds; a year is plenty.
+    if duration.is_zero() || duration > Duration::from_secs(366 * 24 * 3600) {
+        return Err("a budget is longer than nothing and shorter than a year".into());
+    }
+    Ok(duration)
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct MapArgs {
+    /// MovingAI map file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) map: PathBuf,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    pub(crate) connectivity: Connectivity,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BudgetArgs {
+    /// Wall-clock budget of a plan
+    #[arg(long, value_name = "DURATION", default_value = "10s", value_parser = duration)]
+    pub(crate) budget: Duration,
+    /// Wall-clock budget for learning the map [default: the plan's]
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub(crate) prepare_budget: Option<Duration>,
+    /// How long a planner may go on after the deadline once it was told to stop;
+    /// plans that come meanwhile do not count
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub(crate) grace: Option<Duration>,
+    /// Most search nodes, for planners that count them [default: no limit]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) nodes: u64,
+    /// Most threads a planner may use
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) threads: u32,
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct WorldArgs {
+    /// Side of a cell in metres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    pub(crate) cell_size: f64,
+    /// Duration of one step of a plan in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    pub(crate) step: f64,
+    /// Radius of an agent in metres [default: 0.35 cells]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) radius: Option<f64>,
+    /// Simulator ticks per second
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    pub(crate) ticks_hz: u32,
+    /// Substeps per tick
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub(crate) substeps: u32,
+    /// How bodies move and contacts are found
+    #[arg(long, value_enum, default_value = "kinematic")]
+    pub(crate) tier: TierArg,
+}
+
+/// Run a planner on an instance under a budget and judge its plan.
+#[derive(Debug, Args)]
+pub(crate) struct Run {
+    #[command(flatten)]
+    pub(crate) map: MapArgs,
+    /// MovingAI scenario file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scen: PathBuf,
+    /// How many of the scenario's entries to use, from the first
+    #[arg(long, value_name = "N")]
+    pub(crate) agents: usize,
+    /// A plugin's identifier, or the path of a library or program; PATH:ID picks
+    /// one of several
+    #[arg(long, value_name = "PLUGIN")]
+    pub(crate) planner: String,
+    /// An option of the planner; may be given several times
+    #[arg(long = "option", value_name = "NAME=VALUE")]
+    pub(crate) options: Vec<String>,
+    #[command(flatten)]
+    pub(crate) budget: BudgetArgs,
+    /// How the plugin is attached [default: worker for libraries, stdio for
+    /// programs]
+    #[arg(long, value_enum)]
+    pub(crate) attach: Option<AttachArg>,
+    /// Execute the plan in the simulator
+    #[arg(long)]
+    pub(crate) execute: bool,
+    #[command(flatten)]
+    pub(crate) world: WorldArgs,
+    /// Write the plan to a file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) plan_out: Option<PathBuf>,
+    /// How paths are written in the plan file
+    #[arg(long, value_enum, default_value = "pairs")]
+    pub(crate) plan_encoding: EncodingArg,
+    /// Write the execution's trace to a file (implies --execute)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) trace_out: Option<PathBuf>,
+    /// Draw map, paths, starts and goals to an SVG file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
+    /// Show what the planner wrote to its log and to standard error
+    #[arg(long, short)]
+    pub(crate) verbose: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
+}
+
+/// Run several planners on the same instances and show who did better.
+#[derive(Debug, Args)]
+pub(crate) struct Compare {
+    #[command(flatten)]
+    pub(crate) map: MapArgs,
+    /// MovingAI scenario files; may be given several times
+    #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
+    pub(crate) scen: Vec<PathBuf>,
+    /// Team sizes
+    #[arg(long, value_name = "N,…", required = true, value_delimiter = ',')]
+    pub(crate) agents: Vec<usize>,
+    /// Planners, by identifier or path; give at least one
+    #[arg(long, value_name = "PLUGIN", required = true)]
+    pub(crate) planner: Vec<String>,
+    #[command(flatten)]
+    pub(crate) budget: BudgetArgs,
+    #[command(flatten)]
+    pub(crate) world: WorldArgs,
+    /// Do not execute the plans: no real-time factor, no contacts
+    #[arg(long)]
+    pub(crate) no_execute: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
+}
+
+/// Say whether a plan is valid, and what it costs.
+#[derive(Debug, Args)]
+pub(crate) struct Validate {
+    #[command(flatten)]
+    pub(crate) map: MapArgs,
+    /// MovingAI scenario file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scen: PathBuf,
+    /// How many of the scenario's entries to use, from the first
+    #[arg(long, value_name = "N")]
+    pub(crate) agents: usize,
+    /// Side of a cell in metres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    pub(crate) cell_size: f64,
+    /// The plan file
+    pub(crate) plan: PathBuf,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
+}
+
+/// Execute a plan in the simulator.
+#[derive(Debug, Args)]
+pub(crate) struct Simulate {
+    #[command(flatten)]
+    pub(crate) map: MapArgs,
+    /// The plan file
+    pub(crate) plan: PathBuf,
+    #[command(flatten)]
+    pub(crate) world: WorldArgs,
+    /// Write the trace to a file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) trace_out: Option<PathBuf>,
+    /// Draw map, paths, starts and goals to an SVG file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Plugins {
+    /// List every plugin, where it comes from, and why one was refused
+    List {
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+    /// Describe a plugin: what it can do and its options
+    Info {
+        /// A plugin's identifier, or the path of a library or program
+        plugin: String,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Maps {
+    /// Make a map, and a scenario for it
+    #[command(subcommand)]
+    Generate(Generate),
+    /// Describe a map
+    Info {
+        /// MovingAI map file
+        map: PathBuf,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+}
+
+/// Where a generated map goes, and its scenario.
+#[derive(Debug, Args)]
+pub(crate) struct OutArgs {
+    /// Folder to write to
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    pub(crate) out: PathBuf,
+    /// Also write a scenario for so many agents
+    #[arg(long, value_name = "N")]
+    pub(crate) scenario_agents: Option<u32>,
+    /// Seed of the scenario
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) scenario_seed: u64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SizeArgs {
+    /// Rows of the map
+    #[arg(long, value_name = "N")]
+    pub(crate) rows: u32,
+    /// Columns of the map
+    #[arg(long, value_name = "N")]
+    pub(crate) cols: u32,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum MazeArg {
+    /// Depth-first: long winding corridors
+    Backtracker,
+    /// Randomised Prim: many short dead ends
+    Prim,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Generate {
+    /// No obstacles
+    Empty {
+        #[command(flatten)]
+        size: SizeArgs,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// Obstacles strewn at random, the free cells connected
+    Random {
+        #[command(flatten)]
+        size: SizeArgs,
+        /// Share of blocked cells, from 0 to below 1
+        #[arg(long, value_name = "SHARE")]
+        obstacle_density: f64,
+        /// Seed of the map
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// Rooms with doors
+    Room {
+        #[command(flatten)]
+        size: SizeArgs,
+        /// Distance from wall to wall: a room has one row and column less
+        #[arg(long, value_name = "N")]
+        room_size: u32,
+        /// Doors per wall between two rooms
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        doors: u32,
+        /// Seed of the map
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// A maze
+    Maze {
+        #[command(flatten)]
+        size: SizeArgs,
+        /// Width of corridors in cells
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        corridor: u32,
+        /// How it is carved
+        #[arg(long, value_enum, default_value = "backtracker")]
+        algorithm: MazeArg,
+        /// Seed of the map
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// Shelves and aisles: warehouse-A-B-C-D-E of the MovingAI benchmarks
+    Warehouse {
+        /// Blocks of shelves beside each other (A)
+        #[arg(long, value_name = "A")]
+        blocks_across: u32,
+        /// Blocks of shelves above each other (B)
+        #[arg(long, value_name = "B")]
+        blocks_down: u32,
+        /// Width of a block in cells (C)
+        #[arg(long, value_name = "C")]
+        block_cols: u32,
+        /// Height of a block in cells (D)
+        #[arg(long, value_name = "D")]
+        block_rows: u32,
+        /// Width of aisles in cells (E)
+        #[arg(long, value_name = "E")]
+        aisle: u32,
+        /// Free columns at the left and right [default: A * C / 4]
+        #[arg(long, value_name = "N")]
+        margin: Option<u32>,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+}

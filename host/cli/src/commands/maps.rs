@@ -1,0 +1,234 @@
+//! `fleetyard maps`: makes and describes maps.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use fleetyard_core::{InputError, load_map, save_map, save_scen};
+use fleetyard_world::{
+    EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec, WarehouseSpec,
+};
+use serde::Serialize;
+
+use crate::args::{Format, Generate, MazeArg, OutArgs, SizeArgs};
+use crate::exit::{Exit, Failure, Result};
+use crate::output;
+
+/// The generators name their parameters, which are flags here.
+fn wrong_flag(error: InputError) -> Failure {
+    let message = format!("--{}: {}", error.source.replace('_', "-"), error.reason);
+    Failure {
+        exit: Exit::Usage,
+        message,
+        hint: error.hint,
+    }
+}
+
+pub(crate) fn generate(what: &Generate) -> Result<Exit> {
+    let (spec, out) = spec(what);
+    let grid = spec.generate().map_err(wrong_flag)?;
+    let scenario = match out.scenario_agents {
+        Some(agents) => {
+            let scenario = ScenarioSpec {
+                agents,
+                seed: out.scenario_seed,
+            };
+            Some(scenario.generate(&grid).map_err(|error| {
+                let message = format!("--scenario-agents: {}", error.reason);
+                Failure {
+                    exit: Exit::Usage,
+                    message,
+                    hint: error.hint,
+                }
+            })?)
+        }
+        None => None,
+    };
+    let map = out.out.join(format!("{}.map", grid.name()));
+    save_map(&grid, &map)?;
+    output::print(&map.display().to_string())?;
+    if let Some(scenario) = scenario {
+        let name = format!("{}-random-{}.scen", grid.name(), out.scenario_seed);
+        let path = out.out.join(name);
+        save_scen(&scenario, &path)?;
+        output::print(&path.display().to_string())?;
+    }
+    Ok(Exit::Success)
+}
+
+fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
+    match what {
+        Generate::Empty {
+            size: SizeArgs { rows, cols },
+            out,
+        } => (
+            MapSpec::Empty(EmptySpec {
+                rows: *rows,
+                cols: *cols,
+            }),
+            out,
+        ),
+        Generate::Random {
+            size: SizeArgs { rows, cols },
+            obstacle_density,
+            seed,
+            out,
+        } => {
+            let (rows, cols, seed) = (*rows, *cols, *seed);
+            let obstacle_density = *obstacle_density;
+            (
+                MapSpec::Random(RandomSpec {
+                    rows,
+                    cols,
+                    obstacle_density,
+                    seed,
+                }),
+                out,
+            )
+        }
+        Generate::Room {
+            size: SizeArgs { rows, cols },
+            room_size,
+            doors,
+            seed,
+            out,
+        } => {
+            let (rows, cols, room_size, doors, seed) = (*rows, *cols, *room_size, *doors, *seed);
+            (
+                MapSpec::Room(RoomSpec {
+                    rows,
+                    cols,
+                    room_size,
+                    doors,
+                    seed,
+                }),
+                out,
+            )
+        }
+        Generate::Maze {
+            size: SizeArgs { rows, cols },
+            corridor,
+            algorithm,
+            seed,
+            out,
+        } => {
+            let algorithm = match algorithm {
+                MazeArg::Backtracker => MazeAlgorithm::Backtracker,
+                MazeArg::Prim => MazeAlgorithm::Prim,
+            };
+            let (rows, cols, corridor, seed) = (*rows, *cols, *corridor, *seed);
+            (
+                MapSpec::Maze(MazeSpec {
+                    rows,
+                    cols,
+                    corridor,
+                    algorithm,
+                    seed,
+                }),
+                out,
+            )
+        }
+        Generate::Warehouse {
+            blocks_across,
+            blocks_down,
+            block_cols,
+            block_rows,
+            aisle,
+            margin,
+            out,
+        } => {
+            let spec = WarehouseSpec {
+                blocks_across: *blocks_across,
+                blocks_down: *blocks_down,
+                block_cols: *block_cols,
+                block_rows: *block_rows,
+                aisle: *aisle,
+                margin: *margin,
+            };
+            (MapSpec::Warehouse(spec), out)
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Info {
+    name: String,
+    rows: u32,
+    cols: u32,
+    cells: u32,
+    passable: u32,
+    obstacle_density: f64,
+    /// Connected parts of the passable cells.
+    components: usize,
+    /// Cells of the largest part.
+    largest_component: u32,
+    terrain: BTreeMap<char, u64>,
+    digest: fleetyard_core::Digest,
+}
+
+pub(crate) fn info(map: &Path, format: Format) -> Result<Exit> {
+    let grid = load_map(map)?;
+    let mut terrain: BTreeMap<char, u64> = BTreeMap::new();
+    for letter in grid.terrain() {
+        *terrain.entry(char::from(*letter)).or_default() += 1;
+    }
+    let labels = grid.components();
+    let count = labels.iter().copied().max().unwrap_or(0) as usize;
+    let mut sizes = vec![0; count + 1];
+    for label in &labels {
+        sizes[*label as usize] += 1;
+    }
+    let (cells, passable) = (grid.cell_count(), grid.passable_count());
+    let info = Info {
+        name: grid.name().to_owned(),
+        rows: grid.rows(),
+        cols: grid.cols(),
+        cells,
+        passable,
+        obstacle_density: f64::from(cells - passable) / f64::from(cells),
+        components: count,
+        // Label 0 is for blocked cells.
+        largest_component: sizes[1..].iter().copied().max().unwrap_or(0),
+        terrain,
+        digest: grid.digest(),
+    };
+    match format {
+        Format::Json => output::print_json(&info)?,
+        Format::Text => output::print(&text(&info))?,
+    }
+    Ok(Exit::Success)
+}
+
+fn text(info: &Info) -> String {
+    let Info {
+        name,
+        rows,
+        cols,
+        cells,
+        passable,
+        components,
+        ..
+    } = info;
+    let terrain: Vec<String> = info
+        .terrain
+        .iter()
+        .map(|(letter, count)| format!("{letter} {count}"))
+        .collect();
+    let percent = info.obstacle_density * 100.0;
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(out, "name        {name}");
+    let _ = writeln!(out, "size        {rows} rows, {cols} columns");
+    let _ = writeln!(
+        out,
+        "cells       {cells}, {passable} passable ({percent:.1} % obstacles)"
+    );
+    let _ = writeln!(
+        out,
+        "components  {components}, the largest has {}",
+        info.largest_component
+    );
+    let _ = writeln!(out, "terrain     {}", terrain.join(", "));
+    let _ = write!(out, "digest      {}", info.digest);
+    out
+}

@@ -1,0 +1,96 @@
+//! `fleetyard run`: one planner on one instance.
+
+use fleetyard_core::plan_file::{PlanFile, save_plan};
+use fleetyard_runtime::LogLine;
+
+use super::{TraceFile, draw, file_name, load_instance};
+use crate::args::{Format, Run};
+use crate::exit::{Exit, Result};
+use crate::output;
+use crate::trial::{Candidate, Outcome, Trial, no_trace, runtime};
+
+pub(crate) fn run(arguments: &Run) -> Result<Exit> {
+    let instance = load_instance(&arguments.map, &arguments.scen, arguments.agents)?;
+    let runtime = runtime(Some(&arguments.budget))?;
+    let candidate = Candidate::find(&runtime, &arguments.planner)?;
+    let mut trace = arguments
+        .trace_out
+        .as_deref()
+        .map(TraceFile::create)
+        .transpose()?;
+    let trial = Trial {
+        runtime: &runtime,
+        candidate: &candidate,
+        attach: arguments.attach.map(Into::into),
+        options: &arguments.options,
+        instance: &instance,
+        scenario: file_name(&arguments.scen),
+        budget: &arguments.budget,
+        world: &arguments.world,
+        execute: arguments.execute || arguments.trace_out.is_some(),
+    };
+    let outcome = match &mut trace {
+        Some(trace) => trial.run(trace.sink())?,
+        None => trial.run(&mut no_trace())?,
+    };
+    let Outcome { record, plan, .. } = &outcome;
+    if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {
+        let mut file = PlanFile::new(&instance, plan.trimmed());
+        file.planner = Some(format!("{} {}", record.planner.id, record.planner.version));
+        file.encoding = arguments.plan_encoding.into();
+        save_plan(&file, path)?;
+    }
+    if let (Some(trace), Some(_)) = (trace, &record.execution) {
+        trace.finish()?;
+    }
+    if let Some(path) = &arguments.picture {
+        draw(path, instance.grid(), plan.as_ref(), Some(instance.goals()))?;
+    }
+    tell(arguments.verbose, &outcome);
+    match arguments.format {
+        Format::Text => output::print(&record.text())?,
+        Format::Json => output::print_json(record)?,
+    }
+    let exit = record.exit();
+    if let Some(fault) = &record.fault {
+        eprintln!("error: planner `{}` {fault}", record.planner.id);
+    } else if exit == Exit::NoPlan {
+        eprintln!(
+            "error: no plan within the budget of {:?}",
+            arguments.budget.budget
+        );
+    }
+    if plan.is_none() {
+        for path in [&arguments.plan_out, &arguments.trace_out]
+            .into_iter()
+            .flatten()
+        {
+            output::note(&format!(
+                "{} was not written: there is no plan",
+                path.display()
+            ));
+        }
+    }
+    Ok(exit)
+}
+
+/// Tells on standard error what is not part of the result.
+fn tell(verbose: bool, outcome: &Outcome) {
+    for warning in &outcome.warnings {
+        output::warning(warning);
+    }
+    if verbose {
+        for LogLine { level, text } in &outcome.log {
+            eprintln!("[{level:?}] {text}");
+        }
+    }
+    // What a planner that failed had to say is worth seeing unasked.
+    let failed = outcome.record.fault.is_some();
+    let shown = if verbose { usize::MAX } else { 10 };
+    if (verbose || failed) && !outcome.stderr.trim().is_empty() {
+        let lines: Vec<&str> = outcome.stderr.trim_end().lines().collect();
+        for line in &lines[lines.len().saturating_sub(shown)..] {
+            eprintln!("[stderr] {line}");
+        }
+    }
+}

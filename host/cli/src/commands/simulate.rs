@@ -1,0 +1,85 @@
+//! `fleetyard simulate`: executes a plan file.
+
+use std::fmt::Write as _;
+
+use fleetyard_core::plan_file::load_plan;
+use fleetyard_core::{InputError, load_map};
+
+use super::{TraceFile, draw};
+use crate::args::{Format, Simulate};
+use crate::exit::{Exit, Result};
+use crate::output;
+use crate::record::{ExecutionInfo, number};
+use crate::trial::{execute_on, no_trace, sim_config};
+
+pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
+    let grid = load_map(&arguments.map.map)?;
+    let file = load_plan(&arguments.plan)?;
+    if (file.rows, file.cols) != (grid.rows(), grid.cols()) {
+        let reason = format!(
+            "the plan is for a map of {} rows and {} columns, but {} has {} and {}",
+            file.rows,
+            file.cols,
+            grid.name(),
+            grid.rows(),
+            grid.cols()
+        );
+        return Err(InputError::new(file.source, reason)
+            .hint("is --map the right map?")
+            .into());
+    }
+    let config = sim_config(&arguments.world);
+    let execution = match &arguments.trace_out {
+        Some(path) => {
+            let mut trace = TraceFile::create(path)?;
+            let execution = execute_on(&grid, &file.plan, &config, trace.sink())?;
+            trace.finish()?;
+            execution
+        }
+        None => execute_on(&grid, &file.plan, &config, &mut no_trace())?,
+    };
+    if let Some(path) = &arguments.picture {
+        draw(path, &grid, Some(&file.plan), None)?;
+    }
+    match arguments.format {
+        Format::Json => output::print_json(&execution)?,
+        Format::Text => output::print(&text(&execution))?,
+    }
+    Ok(Exit::Success)
+}
+
+fn text(execution: &ExecutionInfo) -> String {
+    let ExecutionInfo {
+        simulated_s,
+        wall_ms,
+        rtf,
+        contacts,
+        ..
+    } = execution;
+    let mut out = String::new();
+    let (simulated, wall, rtf) = (number(*simulated_s), number(*wall_ms), number(*rtf));
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        out,
+        "simulated         {simulated} s in {wall} ms (RTF {rtf})"
+    );
+    let _ = writeln!(
+        out,
+        "contacts          {contacts} ({} between agents, {} with obstacles)",
+        execution.contacts_agent_agent, execution.contacts_agent_obstacle
+    );
+    if let Some(nearest) = execution.nearest_approach_m {
+        let radius = execution.radius_m;
+        let _ = writeln!(
+            out,
+            "nearest approach  {nearest:.3} m between centres (radius {radius} m)"
+        );
+    }
+    let _ = writeln!(
+        out,
+        "tracking error    {:.4} m at most",
+        execution.tracking_error_max_m
+    );
+    let _ = write!(out, "trace digest      {}", execution.trace_digest);
+    out
+}

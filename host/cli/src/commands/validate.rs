@@ -1,0 +1,98 @@
+//! `fleetyard validate`: is a plan valid, and what does it cost?
+
+use std::fmt::Write as _;
+
+use fleetyard_check::{Verdict, metrics};
+use fleetyard_core::Digest;
+use fleetyard_core::plan_file::load_plan;
+use serde::Serialize;
+
+use super::load_instance;
+use crate::args::{Format, Validate};
+use crate::exit::{Exit, Result};
+use crate::output;
+use crate::record::number;
+
+/// How many violations are listed; all are counted.
+const LISTED: usize = 100;
+
+#[derive(Serialize)]
+struct Report {
+    verdict: Verdict,
+    metrics: Figures,
+    instance_digest: Digest,
+    plan_digest: Digest,
+}
+
+#[derive(Serialize)]
+struct Figures {
+    soc_steps: u64,
+    makespan_steps: u64,
+    lower_bound_steps: u64,
+    length_m: f64,
+    waits: u64,
+}
+
+pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
+    let instance = load_instance(&arguments.map, &arguments.scen, arguments.agents)?;
+    let file = load_plan(&arguments.plan)?;
+    file.check_for(&instance)?;
+    let figures = metrics(&instance, &file.plan, arguments.cell_size);
+    let report = Report {
+        verdict: fleetyard_check::validate(&instance, &file.plan, LISTED),
+        metrics: Figures {
+            soc_steps: figures.sum_of_costs,
+            makespan_steps: figures.makespan,
+            lower_bound_steps: figures.lower_bound_steps,
+            length_m: figures.length_m,
+            waits: figures.waits,
+        },
+        instance_digest: instance.digest(),
+        plan_digest: file.plan.digest(),
+    };
+    match arguments.format {
+        Format::Json => output::print_json(&report)?,
+        Format::Text => output::print(&text(&report))?,
+    }
+    Ok(if report.verdict.valid {
+        Exit::Success
+    } else {
+        Exit::InvalidPlan
+    })
+}
+
+fn text(report: &Report) -> String {
+    let Report {
+        verdict, metrics, ..
+    } = report;
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    if verdict.valid {
+        let _ = writeln!(out, "valid");
+    } else {
+        let _ = writeln!(out, "INVALID: {} violations", verdict.violation_count);
+        for violation in &verdict.violations {
+            let _ = writeln!(out, "  {}: {}", violation.rule.name(), violation.sentence);
+        }
+        let unlisted = verdict
+            .violation_count
+            .saturating_sub(verdict.violations.len() as u64);
+        if unlisted > 0 {
+            let _ = writeln!(out, "  … and {unlisted} more");
+        }
+    }
+    let Figures {
+        soc_steps,
+        makespan_steps,
+        lower_bound_steps,
+        length_m,
+        ..
+    } = metrics;
+    let _ = writeln!(
+        out,
+        "sum of costs {soc_steps} steps (lower bound {lower_bound_steps})"
+    );
+    let _ = writeln!(out, "makespan     {makespan_steps} steps");
+    let _ = write!(out, "path length  {} m", number(*length_m));
+    out
+}

@@ -1,0 +1,124 @@
+//! How the command ends: exit codes, and errors that become one.
+
+use std::fmt;
+
+use fleetyard_core::InputError;
+use fleetyard_runtime::{Fault, OptionError};
+use fleetyard_sim::SimError;
+
+/// Exit codes. They are documented in `fleetyard help` and stay as they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Exit {
+    /// A valid plan, or nothing to complain about.
+    Success = 0,
+    /// The planner found no plan within its budget, proved that there is none, or
+    /// does not support the instance.
+    NoPlan = 1,
+    /// The command line is wrong.
+    Usage = 2,
+    /// A file is missing, malformed or contradicts another.
+    Input = 3,
+    /// The plan breaks a rule.
+    InvalidPlan = 4,
+    /// The plugin crashed, broke the protocol, reported an error or is none.
+    Plugin = 5,
+    /// The host failed.
+    Internal = 70,
+}
+
+/// The table for the help text.
+pub(crate) const HELP: &str = "\
+Exit codes:
+   0  a valid plan, or nothing to complain about
+   1  no plan within the budget, none exists, or the planner does not support the instance
+   2  the command line is wrong
+   3  a file is missing, malformed or contradicts another
+   4  the plan breaks a rule
+   5  the plugin crashed, broke the protocol, reported an error or is none
+  70  internal error of the host
+
+Environment:
+  FLEETYARD_PLUGIN_PATH  folders with plugins, separated by colons
+  NO_COLOR               no colours and no progress bars";
+
+/// Something the user must know before anything else.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    pub(crate) exit: Exit,
+    pub(crate) message: String,
+    pub(crate) hint: Option<String>,
+}
+
+pub(crate) type Result<T> = std::result::Result<T, Failure>;
+
+impl Failure {
+    pub(crate) fn new(exit: Exit, message: impl Into<String>) -> Self {
+        Self {
+            exit,
+            message: message.into(),
+            hint: None,
+        }
+    }
+
+    pub(crate) fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "error: {}", self.message)?;
+        if let Some(hint) = &self.hint {
+            write!(f, "\nhint: {hint}")?;
+        }
+        Ok(())
+    }
+}
+
+impl From<InputError> for Failure {
+    fn from(error: InputError) -> Self {
+        Self {
+            exit: Exit::Input,
+            message: error.to_string(),
+            hint: error.hint,
+        }
+    }
+}
+
+impl From<OptionError> for Failure {
+    fn from(error: OptionError) -> Self {
+        Self {
+            exit: Exit::Usage,
+            message: error.reason,
+            hint: error.hint,
+        }
+    }
+}
+
+impl From<SimError> for Failure {
+    fn from(error: SimError) -> Self {
+        let hint = error.hint().map(str::to_owned);
+        Self {
+            exit: Exit::Input,
+            message: error.to_string(),
+            hint,
+        }
+    }
+}
+
+impl From<Fault> for Failure {
+    fn from(fault: Fault) -> Self {
+        let hint = fault.hint().map(str::to_owned);
+        Self {
+            exit: Exit::Plugin,
+            message: fault.to_string(),
+            hint,
+        }
+    }
+}
+
+/// For failures of the host's own output.
+pub(crate) fn internal(error: impl fmt::Display) -> Failure {
+    Failure::new(Exit::Internal, error.to_string())
+}

@@ -1,0 +1,70 @@
+//! Printing: data on standard output, the rest on standard error.
+
+use std::io::{self, IsTerminal, Write};
+
+use comfy_table::presets::NOTHING;
+use comfy_table::{CellAlignment, Table};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use crate::exit::{Result, internal};
+
+/// Prints text and a newline. A reader that went away is not an error.
+pub(crate) fn print(text: &str) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match out
+        .write_all(text.as_bytes())
+        .and_then(|()| out.write_all(b"\n"))
+        .and_then(|()| out.flush())
+    {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(internal(error)),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a JSON document.
+pub(crate) fn print_json<T: Serialize>(value: &T) -> Result<()> {
+    print(&serde_json::to_string_pretty(value).map_err(internal)?)
+}
+
+/// A note for people: on standard error, one line.
+pub(crate) fn note(text: &str) {
+    eprintln!("note: {text}");
+}
+
+/// A warning for people.
+pub(crate) fn warning(text: &str) {
+    eprintln!("warning: {text}");
+}
+
+/// A plain table: readable without colour and easy to cut apart. Columns whose
+/// index is in `numbers` are aligned to the right.
+pub(crate) fn table(header: &[&str], rows: Vec<Vec<String>>, numbers: &[usize]) -> String {
+    let mut table = Table::new();
+    table.load_style(NOTHING).set_header(header.to_vec());
+    table.add_rows(rows);
+    for (index, column) in table.column_iter_mut().enumerate() {
+        column.set_padding((0, 2));
+        if numbers.contains(&index) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let lines: Vec<String> = table
+        .lines()
+        .map(|line| line.trim_end().to_owned())
+        .collect();
+    lines.join("\n")
+}
+
+/// A progress bar when standard error is a terminal.
+pub(crate) fn progress(total: u64) -> ProgressBar {
+    if !io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(total);
+    let style = "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left  {msg}";
+    if let Ok(style) = ProgressStyle::with_template(style) {
+        bar.set_style(style);
+    }
+    bar
+}

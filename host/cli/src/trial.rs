@@ -1,0 +1,406 @@
+//! A trial: one planner, one instance, one budget, judged and executed.
+
+use std::time::{Duration, Instant};
+
+use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
+use fleetyard_check::{metrics, sum_of_costs, validate};
+use fleetyard_core::{Connectivity, GridInstance, GridPlan};
+use fleetyard_runtime::{
+    Attach, Discovery, Fault, Limits, LogLine, Origin, PlanRun, PluginFile, Runtime, Session,
+    Termination, check_options, parse_option,
+};
+use fleetyard_sim::{Execution, NoTrace, SimConfig, TraceSink};
+use serde_json::{Map, Value};
+
+use crate::BUILT_IN;
+use crate::args::{BudgetArgs, WorldArgs};
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::record::{
+    BudgetInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Metrics, PlannerInfo, Record,
+    VerdictInfo,
+};
+
+/// How many violations a record lists; all are counted.
+const VIOLATIONS: usize = 20;
+
+/// A planner that was found, not yet started.
+pub(crate) struct Candidate {
+    pub(crate) name: String,
+    file: PluginFile,
+    id: Option<String>,
+}
+
+/// The runtime with the limits that the arguments ask for.
+pub(crate) fn runtime(budget: Option<&BudgetArgs>) -> Result<Runtime> {
+    let grace = budget
+        .and_then(|budget| budget.grace)
+        .unwrap_or(Duration::ZERO);
+    Runtime::new(
+        BUILT_IN,
+        Limits {
+            grace,
+            ..Limits::default()
+        },
+    )
+    .map_err(internal)
+}
+
+impl Candidate {
+    pub(crate) fn find(runtime: &Runtime, name: &str) -> Result<Self> {
+        let discovery = Discovery::from_environment();
+        let found = discovery.find(runtime, Kind::Planner, name);
+        let (file, origin, id) = found.map_err(|fault| {
+            let exit = match &fault {
+                // An unknown name is the user's mistake, a bad file the plugin's.
+                Fault::Refused { .. } if !name.contains('/') => Exit::Usage,
+                _ => Exit::Plugin,
+            };
+            Failure {
+                exit,
+                ..Failure::from(fault)
+            }
+        })?;
+        let name = match (&origin, file.path().and_then(|path| path.file_stem())) {
+            (Origin::Path, Some(stem)) => stem.to_string_lossy().into_owned(),
+            _ => name.to_owned(),
+        };
+        Ok(Self { name, file, id })
+    }
+
+    /// Starts the planner and picks its descriptor.
+    pub(crate) fn open(&self, runtime: &Runtime, attach: Attach) -> Result<(Session, Descriptor)> {
+        let session = runtime.open(&self.file, attach)?;
+        let planners: Vec<_> = session
+            .descriptors()
+            .iter()
+            .filter(|d| d.kind == Kind::Planner)
+            .collect();
+        let names = || {
+            planners
+                .iter()
+                .map(|d| d.id.as_str())
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        let chosen = match (&self.id, planners.as_slice()) {
+            (Some(id), planners) => planners.iter().find(|d| d.id == *id).copied(),
+            (None, [only]) => Some(*only),
+            (None, []) => None,
+            (None, _) => {
+                let shown = &self.name;
+                let message = format!("{shown} has several planners: {}", names());
+                return Err(
+                    Failure::new(Exit::Usage, message).hint("write PATH:ID to choose one of them")
+                );
+            }
+        };
+        let descriptor = chosen.cloned().ok_or_else(|| {
+            let wanted = self
+                .id
+                .as_ref()
+                .map_or(String::new(), |id| format!(" `{id}`"));
+            let failure = Failure::new(
+                Exit::Plugin,
+                format!("{} has no planner{wanted}", self.name),
+            );
+            if planners.is_empty() {
+                failure
+            } else {
+                failure.hint(format!("it has {}", names()))
+            }
+        })?;
+        Ok((session, descriptor))
+    }
+
+    pub(crate) fn attach(&self, wanted: Option<Attach>) -> Attach {
+        wanted.unwrap_or(self.file.default_attach())
+    }
+}
+
+/// What a trial is about.
+pub(crate) struct Trial<'a> {
+    pub(crate) runtime: &'a Runtime,
+    pub(crate) candidate: &'a Candidate,
+    pub(crate) attach: Option<Attach>,
+    pub(crate) options: &'a [String],
+    pub(crate) instance: &'a GridInstance,
+    pub(crate) scenario: String,
+    pub(crate) budget: &'a BudgetArgs,
+    pub(crate) world: &'a WorldArgs,
+    pub(crate) execute: bool,
+}
+
+/// What came of it.
+pub(crate) struct Outcome {
+    pub(crate) record: Record,
+    pub(crate) plan: Option<GridPlan>,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) log: Vec<LogLine>,
+    pub(crate) stderr: String,
+}
+
+impl Trial<'_> {
+    pub(crate) fn run(&self, trace: &mut dyn TraceSink) -> Result<Outcome> {
+        let config = sim_config(self.world);
+        if self.execute {
+            // Before the planner is started, not after its budget is spent.
+            config.validate()?;
+        }
+        let attach = self.candidate.attach(self.attach);
+        let (mut session, descriptor) = self.candidate.open(self.runtime, attach)?;
+        let options = self.options(&descriptor)?;
+        self.check_capabilities(&descriptor)?;
+        let environment =
+            fleetyard_runtime::environment(self.instance, self.world.cell_size, self.world.step);
+        let (run, prepare_ms) = self.plan(
+            &mut session,
+            &descriptor,
+            &options,
+            &environment,
+            config.radius_m(),
+        );
+        let closing = session.close();
+        let mut warnings = Vec::new();
+        let mut termination = run.termination;
+        let mut fault = run.fault.as_ref().map(ToString::to_string);
+        if let (Some(late), None) = (closing.fault, &run.fault) {
+            if matches!(late, Fault::Protocol { .. }) {
+                termination = Termination::from(&late);
+                fault = Some(late.to_string());
+            } else {
+                warnings.push(format!("after its answer the planner {late}"));
+            }
+        }
+        if closing.stray_lines > 0 {
+            let count = closing.stray_lines;
+            warnings.push(format!(
+                "the planner wrote {count} lines to standard output that are no messages; \
+                 --verbose shows them"
+            ));
+        }
+        let plan = run.plan().cloned();
+        let execution = match &plan {
+            Some(plan) if self.execute => match execute(self.instance, plan, &config, trace) {
+                Ok(execution) => Some(execution),
+                Err(failure) if failure.exit == Exit::Internal => return Err(failure),
+                Err(failure) => {
+                    warnings.push(format!("the plan was not executed: {}", failure.message));
+                    None
+                }
+            },
+            _ => None,
+        };
+        let record = Record {
+            fleetyard: env!("CARGO_PKG_VERSION"),
+            planner: PlannerInfo {
+                id: descriptor.id,
+                version: descriptor.version,
+                attach,
+                ranked: attach != Attach::InProcess,
+                path: self
+                    .candidate
+                    .file
+                    .path()
+                    .map(|path| path.display().to_string()),
+                options: Value::Object(options),
+            },
+            instance: InstanceInfo {
+                map: self.instance.grid().name().to_owned(),
+                scenario: self.scenario.clone(),
+                agents: self.instance.agents(),
+                connectivity: self.instance.connectivity().degree(),
+            },
+            budget: BudgetInfo {
+                wall_ms: milliseconds(self.budget.budget),
+                nodes: (self.budget.nodes > 0).then_some(self.budget.nodes),
+                threads: self.budget.threads,
+                seed: self.budget.seed,
+            },
+            termination,
+            fault,
+            claim: run.claim,
+            message: run.message.clone(),
+            verdict: plan.as_ref().map_or_else(VerdictInfo::default, |plan| {
+                validate(self.instance, plan, VIOLATIONS).into()
+            }),
+            metrics: self.metrics(&run, plan.as_ref(), prepare_ms),
+            claimed_metrics: run.metrics,
+            resources: closing.usage,
+            execution,
+            instance_digest: self.instance.digest(),
+            plan_digest: plan.as_ref().map(GridPlan::digest),
+        };
+        Ok(Outcome {
+            record,
+            plan,
+            warnings,
+            log: closing.log,
+            stderr: closing.stderr,
+        })
+    }
+
+    fn options(&self, descriptor: &Descriptor) -> Result<Map<String, Value>> {
+        let mut options = Map::new();
+        for text in self.options {
+            options.extend([parse_option(text, &descriptor.options_schema)?]);
+        }
+        check_options(&options, &descriptor.options_schema)?;
+        Ok(options)
+    }
+
+    /// Asking for what a planner does not claim is refused before it is asked.
+    fn check_capabilities(&self, descriptor: &Descriptor) -> Result<()> {
+        let mut needed = vec![Capability::Grid, Capability::Pebble];
+        if self.instance.connectivity() == Connectivity::Eight {
+            needed.push(Capability::EightConnected);
+        }
+        match needed
+            .into_iter()
+            .find(|needed| !descriptor.capabilities.has(*needed))
+        {
+            None => Ok(()),
+            Some(missing) => Err(Failure::new(
+                Exit::NoPlan,
+                format!(
+                    "planner `{}` does not support `{}`",
+                    descriptor.id,
+                    missing.as_str()
+                ),
+            )
+            .hint(format!(
+                "`fleetyard plugins info {}` lists what it can do",
+                self.candidate.name
+            ))),
+        }
+    }
+
+    fn plan(
+        &self,
+        session: &mut Session,
+        descriptor: &Descriptor,
+        options: &Map<String, Value>,
+        environment: &SharedEnvironment,
+        radius_m: f64,
+    ) -> (PlanRun, Option<f64>) {
+        let budget = |wall: Duration| Budget {
+            deadline_monotonic_ns: 0,
+            wall_ns: wall.as_nanos() as u64,
+            nodes: self.budget.nodes,
+            memory_bytes: 0,
+            threads: self.budget.threads,
+            seed: self.budget.seed,
+        };
+        let prepare_budget = budget(self.budget.prepare_budget.unwrap_or(self.budget.budget));
+        let ready = session
+            .create(
+                Kind::Planner,
+                &descriptor.id,
+                Value::Object(options.clone()),
+            )
+            .and_then(|()| session.prepare(environment, &prepare_budget));
+        match ready {
+            Ok(report) => {
+                let instance = fleetyard_runtime::instance(self.instance, radius_m);
+                let run = session.plan(&instance, &budget(self.budget.budget));
+                (run, Some(milliseconds(report.wall)))
+            }
+            Err(fault) => (PlanRun::failed(fault), None),
+        }
+    }
+
+    fn metrics(
+        &self,
+        run: &PlanRun,
+        plan: Option<&GridPlan>,
+        prepare_time_ms: Option<f64>,
+    ) -> Metrics {
+        // The lower bound does not depend on the plan: an empty one will do.
+        let empty = GridPlan::default();
+        let of_plan = metrics(self.instance, plan.unwrap_or(&empty), self.world.cell_size);
+        let incumbents = run.incumbents.iter().map(|incumbent| IncumbentInfo {
+            time_ms: milliseconds(incumbent.arrived),
+            soc_steps: incumbent.plan.as_ref().map(sum_of_costs),
+            valid: incumbent
+                .plan
+                .as_ref()
+                .map(|plan| validate(self.instance, plan, 0).valid),
+        });
+        let bound = of_plan.lower_bound_steps;
+        Metrics {
+            soc_steps: plan.map(|_| of_plan.sum_of_costs),
+            makespan_steps: plan.map(|_| of_plan.makespan),
+            lower_bound_steps: bound,
+            suboptimality: plan
+                .filter(|_| bound > 0)
+                .map(|_| of_plan.sum_of_costs as f64 / bound as f64),
+            length_m: plan.map(|_| of_plan.length_m),
+            lower_bound_m: of_plan.lower_bound_m,
+            waits: plan.map(|_| of_plan.waits),
+            planning_time_ms: milliseconds(run.planning),
+            prepare_time_ms,
+            first_solution_ms: run
+                .incumbents
+                .first()
+                .map(|first| milliseconds(first.arrived)),
+            incumbents: incumbents.collect(),
+            late_plans: run.late,
+        }
+    }
+}
+
+pub(crate) fn milliseconds(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1000.0
+}
+
+/// The simulator's parameters from the arguments.
+pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
+    SimConfig {
+        cell_size_m: world.cell_size,
+        step_s: world.step,
+        radius_m: world.radius,
+        ticks_hz: world.ticks_hz,
+        substeps: world.substeps,
+        tier: world.tier.into(),
+        ..SimConfig::default()
+    }
+}
+
+/// Executes a plan and takes the time.
+pub(crate) fn execute(
+    instance: &GridInstance,
+    plan: &GridPlan,
+    config: &SimConfig,
+    trace: &mut dyn TraceSink,
+) -> Result<ExecutionInfo> {
+    execute_on(instance.grid(), plan, config, trace)
+}
+
+/// As [`execute`], for a plan without an instance.
+pub(crate) fn execute_on(
+    grid: &fleetyard_core::Grid,
+    plan: &GridPlan,
+    config: &SimConfig,
+    trace: &mut dyn TraceSink,
+) -> Result<ExecutionInfo> {
+    let started = Instant::now();
+    let outcome = Execution::run(grid, plan, config, trace)?;
+    let wall = started.elapsed();
+    Ok(ExecutionInfo {
+        rtf: outcome.simulated_s / wall.as_secs_f64().max(1e-9),
+        simulated_s: outcome.simulated_s,
+        wall_ms: milliseconds(wall),
+        contacts: outcome.contacts.total(),
+        contacts_agent_agent: outcome.contacts.agent_agent,
+        contacts_agent_obstacle: outcome.contacts.agent_obstacle,
+        nearest_approach_m: outcome.nearest_approach_m,
+        tracking_error_max_m: outcome.tracking_error_max_m,
+        tracking_error_mean_m: outcome.tracking_error_mean_m,
+        radius_m: outcome.radius_m,
+        trace_digest: outcome.trace_digest,
+    })
+}
+
+/// A trace that nobody asked for.
+pub(crate) fn no_trace() -> NoTrace {
+    NoTrace
+}
