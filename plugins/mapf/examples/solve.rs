@@ -1,11 +1,14 @@
 //! Solves a MovingAI scenario and prints the sum of costs and the makespan:
 //! `solve MAP SCEN AGENTS [--first] [--seconds S] [--seed K] [--nodes N] [--samples K] [--threads T]
-//! [--margin M] [--pibt] [--check] [--trace]`.
+//! [--margin M] [--pibt] [--cpu] [--check] [--trace]`.
 
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome, Plan, Problem, solve};
+use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome, Plan, solve};
+
+#[path = "../tests/support/mod.rs"]
+mod support;
 
 struct Console {
     begin: Instant,
@@ -81,7 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [map, scen, agents] = words.as_slice() else {
         return Err("give a map, a scenario and a number of agents".into());
     };
-    let problem = read(map, scen, agents.parse()?)?;
+    let problem = support::read(map.as_ref(), scen.as_ref(), agents.parse()?)?;
     match solve(&problem, &options, seed, &mut console)? {
         Outcome::Solved {
             plan,
@@ -93,87 +96,12 @@ fn main() -> Result<(), Box<dyn Error>> {
                 plan.makespan()
             );
             if check {
-                println!("{}", verify(&problem, &plan));
+                support::verify(&problem, &plan)?;
+                println!("valid");
             }
         }
         Outcome::Infeasible => println!("infeasible"),
         Outcome::GaveUp(limit) => println!("gave up: {limit:?}"),
     }
     Ok(())
-}
-
-fn read(map: &str, scen: &str, agents: usize) -> Result<Problem, Box<dyn Error>> {
-    let map = std::fs::read_to_string(map)?;
-    let (head, body) = map.split_once("map\n").ok_or("the map has no body")?;
-    let number = |key: &str| {
-        let line = head.lines().find_map(|l| l.strip_prefix(key));
-        line.and_then(|l| l.trim().parse::<u32>().ok())
-            .ok_or("the map has no size")
-    };
-    let (rows, cols) = (number("height")?, number("width")?);
-    let passable = body
-        .lines()
-        .flat_map(|l| l.trim_end().bytes())
-        .map(|c| c == b'.')
-        .collect();
-    let mut problem = Problem {
-        rows,
-        cols,
-        passable,
-        starts: Vec::new(),
-        goals: Vec::new(),
-    };
-    for line in std::fs::read_to_string(scen)?.lines().skip(1).take(agents) {
-        let fields: Vec<&str> = line.split('\t').collect();
-        let cell = |x: usize| -> Result<u32, Box<dyn Error>> {
-            let at = |k: usize| fields.get(k).ok_or("a scenario line is too short");
-            Ok(at(x + 1)?.parse::<u32>()? * cols + at(x)?.parse::<u32>()?)
-        };
-        problem.starts.push(cell(4)?);
-        problem.goals.push(cell(6)?);
-    }
-    Ok(problem)
-}
-
-/// Independent of the planner's own tables.
-fn verify(problem: &Problem, plan: &Plan) -> String {
-    let at = |agent: usize, t: usize| {
-        let path = plan.path(agent);
-        path[t.min(path.len() - 1)]
-    };
-    let agents = problem.starts.len();
-    let mut here = vec![usize::MAX; problem.passable.len()];
-    for t in 0..=plan.makespan() as usize {
-        let mut next = vec![usize::MAX; problem.passable.len()];
-        for agent in 0..agents {
-            let (v, u) = (at(agent, t), at(agent, t + 1));
-            let cols = problem.cols;
-            let moved = v.abs_diff(u) == cols || (v.abs_diff(u) == 1 && v / cols == u / cols);
-            if !problem.passable[u as usize] || (v != u && !moved) {
-                return format!("invalid: agent {agent} at time {t}");
-            }
-            if next[u as usize] != usize::MAX {
-                return format!("invalid: vertex conflict of agent {agent} at time {t}");
-            }
-            next[u as usize] = agent;
-            if t == 0 {
-                here[v as usize] = agent;
-            }
-        }
-        for agent in 0..agents {
-            let other = here[at(agent, t + 1) as usize];
-            if other != usize::MAX && other != agent && at(other, t + 1) == at(agent, t) {
-                return format!("invalid: swap of agents {agent} and {other} at time {t}");
-            }
-        }
-        here = next;
-    }
-    for agent in 0..agents {
-        let path = plan.path(agent);
-        let ends = (path.first(), path.last());
-        if ends != (Some(&problem.starts[agent]), Some(&problem.goals[agent])) {
-            return format!("invalid: ends of agent {agent}");
-        }
-    }
-    "valid".into()
 }

@@ -349,7 +349,7 @@ impl Worker {
                 .map(|&s| least(table, members[s] as usize));
             let found = budget.checked_sub(others.sum()).and_then(|bound| {
                 self.sipp
-                    .plan(graph, table, distances, query, bound, &mut random, stop)
+                    .plan(table, distances, query, bound, &mut random, stop)
             });
             let Some(path) = found else {
                 complete = false;

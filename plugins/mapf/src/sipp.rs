@@ -7,7 +7,7 @@
 //! lengths are small integers.
 
 use crate::distance::Distances;
-use crate::graph::{DIRECTIONS, Graph, Vertex};
+use crate::graph::{DIRECTIONS, Vertex};
 use crate::random::Random;
 use crate::reservation::Reservations;
 
@@ -40,7 +40,6 @@ impl Sipp {
     /// The path of earliest arrival among those that arrive by `bound`.
     pub(crate) fn plan(
         &mut self,
-        graph: &Graph,
         reservations: &Reservations,
         distances: &Distances<'_>,
         (agent, start, goal): (usize, Vertex, Vertex),
@@ -48,6 +47,7 @@ impl Sipp {
         random: &mut Random,
         stop: &mut dyn FnMut() -> bool,
     ) -> Option<Vec<Vertex>> {
+        let graph = distances.graph();
         let horizon = reservations.horizon();
         // The last time step is kept free of arrivals so that "stays for ever" shows.
         let bound = bound.min(horizon - 2) as u32;

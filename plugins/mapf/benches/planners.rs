@@ -1,0 +1,97 @@
+//! Time to the first plan, and of refinement up to a fixed limit, on generated maps.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use fleetyard_plugin_mapf::{Algorithm, Options, Problem, solve};
+use support::Patient;
+
+/// A square map with scattered obstacles; starts and goals spread by multiplication.
+fn instance(side: u32, agents: usize) -> Problem {
+    let size = side * side;
+    let noise = |cell: u32| {
+        cell.wrapping_mul(0x9e37_79b1)
+            .rotate_left(15)
+            .wrapping_mul(0x85eb_ca6b)
+    };
+    let passable: Vec<bool> = (0..size).map(|cell| noise(cell) >> 16 & 15 != 0).collect();
+    let mut reached = vec![false; size as usize];
+    let mut region: Vec<u32> = (0..size)
+        .filter(|&c| passable[c as usize])
+        .take(1)
+        .collect();
+    let mut next = 0;
+    while let Some(&cell) = region.get(next) {
+        next += 1;
+        let (row, col) = (cell / side, cell % side);
+        let around = [
+            (row > 0).then(|| cell - side),
+            (row + 1 < side).then(|| cell + side),
+            (col > 0).then(|| cell - 1),
+            (col + 1 < side).then(|| cell + 1),
+        ];
+        for cell in around.into_iter().flatten() {
+            if passable[cell as usize] && !std::mem::replace(&mut reached[cell as usize], true) {
+                region.push(cell);
+            }
+        }
+    }
+    region.sort_unstable();
+    region.dedup();
+    let pick = |salt: u32| {
+        let mut cells = region.clone();
+        cells.sort_by_key(|&cell| noise(cell ^ salt));
+        cells.truncate(agents);
+        cells
+    };
+    let (starts, goals) = (pick(0x5bd1_e995), pick(0x1b87_3593));
+    Problem {
+        rows: side,
+        cols: side,
+        passable,
+        starts,
+        goals,
+    }
+}
+
+fn planners(criterion: &mut Criterion) {
+    let first = Options {
+        anytime: false,
+        ..Options::default()
+    };
+    let plain = Options {
+        samples: 1,
+        scatter_margin: None,
+        ..first.clone()
+    };
+    let pibt = Options {
+        algorithm: Algorithm::Pibt,
+        ..first.clone()
+    };
+    let refined = Options {
+        node_limit: Some(2000),
+        ..Options::default()
+    };
+    let all = [
+        ("pibt", pibt),
+        ("lacam, one sample", plain),
+        ("lacam", first),
+        ("refined", refined),
+    ];
+    for (name, options) in all {
+        let mut group = criterion.benchmark_group(name);
+        group.sample_size(10);
+        for (side, agents) in [(32, 100), (64, 400)] {
+            let problem = instance(side, agents);
+            let id = BenchmarkId::from_parameter(format!("{side}x{side}, {agents} agents"));
+            group.bench_with_input(id, &problem, |bencher, problem| {
+                bencher.iter(|| solve(problem, &options, 0, &mut Patient::default()));
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group!(benches, planners);
+criterion_main!(benches);
