@@ -23,6 +23,7 @@ pub mod convert;
 pub mod export;
 pub mod layout;
 mod model;
+pub mod moves;
 pub mod paths;
 pub mod sdk;
 pub mod serve;

@@ -235,8 +235,28 @@ pub enum PathEncoding {
     Pairs,
     /// Cell indices `[row * cols + col, …]`
     Cells,
-    /// A string of moves from the agent's start; see [`crate::paths`].
+    /// A string of moves from the agent's start; see [`crate::moves`].
     Moves,
+}
+
+impl PathEncoding {
+    /// Every encoding.
+    pub const ALL: [Self; 3] = [Self::Pairs, Self::Cells, Self::Moves];
+
+    /// Its name in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pairs => "pairs",
+            Self::Cells => "cells",
+            Self::Moves => "moves",
+        }
+    }
+}
+
+impl std::fmt::Display for PathEncoding {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.name())
+    }
 }
 
 /// Limits of one call.
@@ -795,9 +815,9 @@ impl Plan {
         self.end_path();
     }
 
-    /// Appends one cell to the path that is being written.
-    pub(crate) fn push_cell(&mut self, cell: u32) {
-        self.cells.push(cell);
+    /// The cells, the last ones those of the path that is being written.
+    pub(crate) fn cells_mut(&mut self) -> &mut Vec<u32> {
+        &mut self.cells
     }
 
     /// Ends the path that is being written.

@@ -4,11 +4,9 @@
 //!
 //! - pairs, `[[row, col], …]`;
 //! - cells, `[row * cols + col, …]`;
-//! - moves, a string from the agent's start: `N`, `E`, `S`, `W` for a step up,
-//!   right, down, left, `.` for a wait, and for diagonal steps the lower-case
-//!   letter of the direction 45° anticlockwise of it: `n` up-right, `e`
-//!   down-right, `s` down-left, `w` up-left. The start itself is not written:
-//!   a string of k letters is a path of k + 1 cells.
+//! - moves, a string with a letter per step from the agent's start, see
+//!   [`crate::moves`]. The start itself is not written: a string of k letters is
+//!   a path of k + 1 cells.
 //!
 //! Reading takes any of the three for any agent, so a writer need not announce
 //! what it writes. Positions outside the map become [`OFF_MAP`], which is a
@@ -19,22 +17,7 @@ use serde::ser::SerializeSeq;
 use serde::{Deserializer, Serialize, Serializer};
 
 use crate::model::{PathEncoding, Plan, PlanRef};
-
-/// A cell index that is on no map.
-pub const OFF_MAP: u32 = u32::MAX;
-
-/// The letters of moves and what they do: letter, row change, column change.
-pub const MOVES: [(u8, i8, i8); 9] = [
-    (b'.', 0, 0),
-    (b'N', -1, 0),
-    (b'E', 0, 1),
-    (b'S', 1, 0),
-    (b'W', 0, -1),
-    (b'n', -1, 1),
-    (b'e', 1, 1),
-    (b's', 1, -1),
-    (b'w', -1, -1),
-];
+use crate::moves::{self, OFF_MAP};
 
 /// What is needed to read and write paths: the map's size, and where each agent
 /// starts (for moves).
@@ -48,71 +31,6 @@ pub struct PathContext<'a> {
     pub starts: &'a [u32],
     /// Most cells that a plan may have.
     pub max_cells: usize,
-}
-
-/// Writes a path as moves, or says that it cannot: it is empty, does not begin
-/// at `start`, leaves the map or has a step that is not a move.
-pub fn encode_moves(path: &[u32], start: u32, rows: u32, cols: u32) -> Option<String> {
-    if path.first() != Some(&start) || cols == 0 || start / cols >= rows {
-        return None;
-    }
-    let mut text = String::with_capacity(path.len() - 1);
-    let (mut row, mut col) = (start / cols, start % cols);
-    let mut at = start;
-    for &cell in &path[1..] {
-        if cell == at {
-            text.push('.');
-            continue;
-        }
-        let (to_row, to_col) = (cell / cols, cell % cols);
-        let dr = i64::from(to_row) - i64::from(row);
-        let dc = i64::from(to_col) - i64::from(col);
-        let (letter, ..) = MOVES
-            .iter()
-            .find(|(_, r, c)| i64::from(*r) == dr && i64::from(*c) == dc)
-            .filter(|_| to_row < rows)?;
-        text.push(char::from(*letter));
-        (at, row, col) = (cell, to_row, to_col);
-    }
-    Some(text)
-}
-
-/// Appends the cells of a move string to `path`. Once a step leaves the map the
-/// rest is [`OFF_MAP`]. Fails with the index of a letter that is no move.
-pub fn decode_moves(
-    text: &str,
-    start: u32,
-    rows: u32,
-    cols: u32,
-    mut push: impl FnMut(u32),
-) -> Result<(), usize> {
-    push(start);
-    let cols = cols.max(1);
-    let (mut row, mut col) = (i64::from(start / cols), i64::from(start % cols));
-    let mut on_map = row < i64::from(rows);
-    for (index, letter) in text.bytes().enumerate() {
-        let (dr, dc) = match letter {
-            b'.' => (0, 0),
-            b'N' => (-1, 0),
-            b'E' => (0, 1),
-            b'S' => (1, 0),
-            b'W' => (0, -1),
-            b'n' => (-1, 1),
-            b'e' => (1, 1),
-            b's' => (1, -1),
-            b'w' => (-1, -1),
-            _ => return Err(index),
-        };
-        row += dr;
-        col += dc;
-        on_map &= (0..i64::from(rows)).contains(&row) && (0..i64::from(cols)).contains(&col);
-        push(if on_map {
-            (row * i64::from(cols) + col) as u32
-        } else {
-            OFF_MAP
-        });
-    }
-    Ok(())
 }
 
 /// Serialises the paths of a plan as a list with one entry per agent.
@@ -142,7 +60,8 @@ impl Serialize for WritePaths<'_> {
                 }
                 PathEncoding::Moves => {
                     let start = starts.get(agent).copied().unwrap_or(OFF_MAP);
-                    match encode_moves(path, start, rows, cols) {
+                    let moves = moves::encode(path, cols).filter(|_| path[0] == start);
+                    match moves {
                         Some(text) => list.serialize_element(&text)?,
                         None => list.serialize_element(path)?,
                     }
@@ -214,14 +133,18 @@ struct PathVisitor<'a> {
 }
 
 impl PathVisitor<'_> {
+    fn too_long<E: de::Error>(&self) -> E {
+        let (agent, limit) = (self.agent, self.context.max_cells);
+        E::custom(format_args!(
+            "the plan is longer than {limit} cells in the path of agent {agent}"
+        ))
+    }
+
     fn push<E: de::Error>(&mut self, cell: u32) -> Result<(), E> {
         if self.plan.as_ref().cells().len() >= self.context.max_cells {
-            let (agent, limit) = (self.agent, self.context.max_cells);
-            return Err(E::custom(format_args!(
-                "the plan is longer than {limit} cells in the path of agent {agent}"
-            )));
+            return Err(self.too_long());
         }
-        self.plan.push_cell(cell);
+        self.plan.cells_mut().push(cell);
         Ok(())
     }
 }
@@ -245,7 +168,7 @@ impl<'de> Visitor<'de> for PathVisitor<'_> {
         )
     }
 
-    fn visit_str<E: de::Error>(mut self, text: &str) -> Result<(), E> {
+    fn visit_str<E: de::Error>(self, text: &str) -> Result<(), E> {
         let PathContext {
             rows,
             cols,
@@ -259,22 +182,12 @@ impl<'de> Visitor<'de> for PathVisitor<'_> {
                 starts.len()
             ))
         })?;
-        let room = max_cells.saturating_sub(self.plan.as_ref().cells().len());
-        if text.len() >= room {
-            // Let the common message say it.
-            return self.push::<E>(start).and_then(|()| {
-                Err(E::custom(format_args!(
-                    "the plan is longer than {max_cells} cells"
-                )))
-            });
+        let cells = self.plan.cells_mut();
+        if text.len() >= max_cells.saturating_sub(cells.len()) {
+            return Err(self.too_long());
         }
-        decode_moves(text, start, rows, cols, |cell| self.plan.push_cell(cell)).map_err(|index| {
-            let letter = text.as_bytes()[index];
-            E::custom(format_args!(
-                "letter '{}' at position {index} of the path of agent {agent} is no move",
-                letter.escape_ascii()
-            ))
-        })
+        moves::decode_into(start, text, rows, cols, cells)
+            .map_err(|error| E::custom(format_args!("{error} of the path of agent {agent}")))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(mut self, mut seq: A) -> Result<(), A::Error> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use fleetyard_core::Connectivity;
-use fleetyard_core::plan_file::PathEncoding;
+use fleetyard_core::PathEncoding;
 use fleetyard_runtime::Attach;
 use fleetyard_sim::Tier;
 

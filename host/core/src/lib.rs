@@ -12,11 +12,13 @@ mod files;
 mod grid;
 mod instance;
 mod map_file;
-pub mod moves;
 mod plan;
 pub mod plan_file;
 mod scenario;
 mod search;
+
+pub use fleetyard_abi::PathEncoding;
+pub use fleetyard_abi::moves::{self, OFF_MAP};
 
 pub use digest::{Digest, Hasher};
 pub use error::InputError;
@@ -24,8 +26,8 @@ pub use files::{read_file, write_atomically};
 pub use grid::{Connectivity, Grid};
 pub use instance::{GridInstance, InstanceError};
 pub use map_file::{MAP_FILE_LIMIT, load_map, read_map, save_map, write_map};
-pub use plan::{GridPlan, OFF_MAP};
-pub use plan_file::{PathEncoding, PlanFile, load_plan, read_plan, save_plan, write_plan};
+pub use plan::GridPlan;
+pub use plan_file::{PlanFile, load_plan, read_plan, save_plan, write_plan};
 pub use scenario::{
     SCEN_FILE_LIMIT, Scenario, ScenarioEntry, load_scen, read_scen, save_scen, write_scen,
 };

@@ -1,10 +1,6 @@
 //! Grid plans: per agent, the cells it occupies at times 0, 1, 2, …
 
-use crate::{Digest, Hasher};
-
-/// A cell index that is on no map. Decoders use it for positions outside the
-/// map, so that the validator can name agent and time.
-pub const OFF_MAP: u32 = u32::MAX;
+use crate::{Digest, Hasher, OFF_MAP};
 
 /// A plan on a grid, stored flat.
 ///

@@ -39,10 +39,10 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use crate::files::{read_file, write_atomically};
-use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, moves};
+use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, PathEncoding, moves};
 
 /// Largest plan file that is read, in bytes.
 pub const PLAN_FILE_LIMIT: u64 = 1 << 31;
@@ -55,39 +55,6 @@ pub const PLAN_MAX_CELLS: usize = 1 << 29;
 
 /// The value of `format`.
 pub const PLAN_FORMAT: &str = "fleetyard.plan/1";
-
-/// How paths are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PathEncoding {
-    /// `[row, column]` per time step.
-    #[default]
-    Pairs,
-    /// A cell index per time step.
-    Cells,
-    /// A start and a move letter per time step.
-    Moves,
-}
-
-impl PathEncoding {
-    /// Every encoding.
-    pub const ALL: [Self; 3] = [Self::Pairs, Self::Cells, Self::Moves];
-
-    /// Its name in plan files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pairs => "pairs",
-            Self::Cells => "cells",
-            Self::Moves => "moves",
-        }
-    }
-}
-
-impl fmt::Display for PathEncoding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
 
 /// What a plan file says.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -12,7 +12,8 @@
 //! clockwise. A path of `k` cells is its start and a string of `k − 1` letters,
 //! about a tenth of the size of row–column pairs.
 
-use crate::OFF_MAP;
+/// A cell index that is on no map: a position outside it.
+pub const OFF_MAP: u32 = u32::MAX;
 
 /// A letter that is not a move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
