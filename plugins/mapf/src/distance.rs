@@ -54,6 +54,11 @@ impl<'g> Distances<'g> {
         }
     }
 
+    /// Bytes that the tables of a team may take.
+    pub(crate) fn bytes(graph: &Graph, agents: usize) -> u64 {
+        (graph.len() as u64 + 1) * agents as u64 * size_of::<u16>() as u64
+    }
+
     /// The graph the distances are measured on.
     pub(crate) fn graph(&self) -> &'g Graph {
         self.graph

@@ -49,8 +49,8 @@ struct Node {
     order: Box<[u32]>,
     parent: u32,
     /// Cost from the start by the best known way, and lower bound of the rest.
-    g: u32,
-    h: u32,
+    g: u64,
+    h: u64,
     /// First and last of the constraints to try: a list in `constraints`.
     first: u32,
     last: u32,
@@ -166,7 +166,7 @@ impl<'g> Lacam<'g> {
 
     /// Sum of loss of the best known solution.
     pub(crate) fn cost(&self) -> Option<u64> {
-        (self.goal != NONE).then(|| u64::from(self.nodes[self.goal as usize].g))
+        (self.goal != NONE).then(|| self.nodes[self.goal as usize].g)
     }
 
     /// The best known solution, as configurations from the starts to the goals.
@@ -366,7 +366,7 @@ impl<'g> Lacam<'g> {
         let h = configuration
             .iter()
             .enumerate()
-            .map(|(a, &v)| distances.get(a, v))
+            .map(|(a, &v)| u64::from(distances.get(a, v)))
             .sum();
         // Priorities as in PIBT: an agent's grows while it is away from its goal and
         // falls back to the initial one there. Only the order matters, and it follows
@@ -380,7 +380,10 @@ impl<'g> Lacam<'g> {
             let away = |a: &&u32| configuration[**a as usize] != self.goals[**a as usize];
             let moving = up.order.iter().filter(away);
             let resting = self.initial_order.iter().filter(|a| !away(a));
-            (moving.chain(resting).copied().collect(), up.g + cost)
+            (
+                moving.chain(resting).copied().collect(),
+                up.g + u64::from(cost),
+            )
         };
         let root = self.constraints.len() as u32;
         self.constraints.push(Constraint {
@@ -428,7 +431,7 @@ impl<'g> Lacam<'g> {
         while let Some(at) = queue.pop_front() {
             for k in 0..self.nodes[at as usize].edges.len() {
                 let (next, cost) = self.nodes[at as usize].edges[k];
-                let g = self.nodes[at as usize].g + cost;
+                let g = self.nodes[at as usize].g + u64::from(cost);
                 let node = &mut self.nodes[next as usize];
                 if g < node.g {
                     node.g = g;

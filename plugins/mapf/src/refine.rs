@@ -122,7 +122,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
             reservations: reservations.clone(),
             sipp: Sipp::default(),
         };
-        let workers = (0..threads.max(1)).map(|_| worker()).collect();
+        let workers = (0..threads.clamp(1, SLOTS)).map(|_| worker()).collect();
         let arm = |kind, size| Arm {
             kind,
             size,

@@ -12,6 +12,8 @@ use crate::distance::Distances;
 use crate::graph::{DIRECTIONS, Graph, Vertex};
 use crate::random::Random;
 
+/// Longest detour: more takes memory and gains nothing.
+const MAX_MARGIN: u32 = 100;
 /// Above this much memory for the occupancy table no guidance is computed.
 const MEMORY_LIMIT: usize = 1 << 30;
 /// Most rounds of replanning everybody.
@@ -74,14 +76,6 @@ impl Guide {
     }
 }
 
-/// How often a vertex is occupied at a time, and entered from each direction.
-#[derive(Debug, Clone, Copy, Default)]
-struct Use {
-    standing: u8,
-    /// `entered[d]`: agents that have come from the neighbour in direction `d`.
-    entered: [u8; DIRECTIONS],
-}
-
 /// A vertex to expand.
 #[derive(Debug, Clone, Copy)]
 struct Open {
@@ -107,20 +101,22 @@ pub(crate) fn scatter(
     stop: &mut dyn FnMut() -> bool,
 ) -> Guide {
     let graph = distances.graph();
+    let margin = margin.min(MAX_MARGIN);
     let longest = (0..starts.len())
         .map(|a| distances.get(a, starts[a]))
         .max()
         .unwrap_or(0);
     let stride = graph.len() + 1;
     let cells = stride * (longest + margin + 2) as usize;
-    if cells * size_of::<Use>() > MEMORY_LIMIT {
+    if cells * (1 + DIRECTIONS) > MEMORY_LIMIT {
         return Guide::default();
     }
     let mut search = Scatter {
         graph,
         distances,
         margin,
-        uses: vec![Use::default(); cells],
+        standing: vec![0; cells],
+        entered_from: vec![[0; DIRECTIONS]; cells],
         stride,
         parked: vec![NEVER; stride],
         buckets: Vec::new(),
@@ -154,8 +150,11 @@ struct Scatter<'a, 'g> {
     graph: &'g Graph,
     distances: &'a mut Distances<'g>,
     margin: u32,
-    /// `uses[t · stride + v]`.
-    uses: Vec<Use>,
+    /// How many agents stand at `v` at `t`, at `t · stride + v`, and how many of them
+    /// have come from each direction. Counts may wrap: this is advice. They are apart
+    /// because the search reads many of the first and few of the second.
+    standing: Vec<u8>,
+    entered_from: Vec<[u8; DIRECTIONS]>,
     stride: usize,
     /// When somebody arrives at this vertex to stay.
     parked: Vec<u32>,
@@ -223,7 +222,11 @@ impl Scatter<'_, '_> {
             }
             let collisions = current / detours;
             let now = (g + 1) as usize * self.stride;
-            let entered_here = self.uses[now + v as usize].entered;
+            let entered_here = if self.standing[now + v as usize] == 0 {
+                [0; DIRECTIONS]
+            } else {
+                self.entered_from[now + v as usize]
+            };
             for (d, &u) in self.graph.around(v).iter().enumerate() {
                 // The sentinel has no distance within bounds, so it falls out here.
                 if self.entered[u as usize] != UNSEEN {
@@ -233,7 +236,7 @@ impl Scatter<'_, '_> {
                 if f > shortest + self.margin {
                     continue;
                 }
-                let more = usize::from(self.uses[now + u as usize].standing)
+                let more = usize::from(self.standing[now + u as usize])
                     + usize::from(entered_here[d])
                     + usize::from(self.parked[u as usize] <= g);
                 let key = (collisions + more) * detours + (f - shortest) as usize / 2;
@@ -258,12 +261,12 @@ impl Scatter<'_, '_> {
         let added = change(0, 1) == 1;
         self.parked[goal as usize] = if added { last as u32 } else { NEVER };
         for (t, &v) in path.iter().enumerate() {
-            let usage = &mut self.uses[t * self.stride + v as usize];
-            usage.standing = change(usage.standing, 1);
+            let at = t * self.stride + v as usize;
+            self.standing[at] = change(self.standing[at], 1);
             if t > 0 {
                 let from = path[t - 1];
                 if let Some(d) = self.graph.around(v).iter().position(|&u| u == from) {
-                    usage.entered[d] = change(usage.entered[d], 1);
+                    self.entered_from[at][d] = change(self.entered_from[at][d], 1);
                 }
             }
         }
@@ -274,7 +277,7 @@ impl Scatter<'_, '_> {
         let mut sum = 0;
         for (t, step) in path.windows(2).enumerate() {
             let now = (t + 1) * self.stride;
-            let standing = self.uses[now + step[1] as usize].standing.wrapping_sub(own);
+            let standing = self.standing[now + step[1] as usize].wrapping_sub(own);
             sum += u64::from(standing);
             sum += u64::from(self.parked[step[1] as usize] <= t as u32);
             if let Some(d) = self
@@ -283,7 +286,7 @@ impl Scatter<'_, '_> {
                 .iter()
                 .position(|&u| u == step[1])
             {
-                sum += u64::from(self.uses[now + step[0] as usize].entered[d]);
+                sum += u64::from(self.entered_from[now + step[0] as usize][d]);
             }
         }
         sum

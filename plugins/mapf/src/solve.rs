@@ -29,7 +29,8 @@ pub struct Options {
     pub swap: bool,
     /// PIBT runs per successor; the best is taken.
     pub samples: u32,
-    /// How much longer than its shortest path a guide path may be; `None`: no guidance.
+    /// How much longer than its shortest path a guide path may be, at most 100; `None`: no
+    /// guidance.
     pub scatter_margin: Option<u32>,
     /// Go on after the first plan.
     pub anytime: bool,
@@ -37,8 +38,8 @@ pub struct Options {
     pub threads: usize,
     /// Whether to refine plans by replanning small groups, beside searching on.
     pub refine: bool,
-    /// About how many bytes the search may hold. Without a plan it gives up there;
-    /// with one, refinement goes on alone.
+    /// About how many bytes the distance tables, and again the search, may take. Without a
+    /// plan the run gives up there; with one, refinement goes on alone.
     pub memory_limit: u64,
     /// At most so many search iterations and neighbourhoods tried.
     pub node_limit: Option<u64>,
@@ -56,7 +57,7 @@ impl Default for Options {
             anytime: true,
             threads: 1,
             refine: true,
-            memory_limit: 2 << 30,
+            memory_limit: 4 << 30,
             node_limit: None,
             step_limit: 100_000,
         }
@@ -117,6 +118,9 @@ pub fn solve(
         starts,
         goals,
     } = problem.check()?;
+    if Distances::bytes(&graph, goals.len()) > options.memory_limit {
+        return Ok(Outcome::GaveUp(Limit::Memory));
+    }
     let mut distances = Distances::new(&graph, &goals);
     let mut lower_bound = 0;
     for (agent, &start) in starts.iter().enumerate() {
