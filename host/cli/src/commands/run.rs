@@ -1,5 +1,9 @@
 //! `fleetyard run`: one planner on one instance.
 
+use std::path::Path;
+
+use fleetyard_abi::Status;
+use fleetyard_core::InputError;
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_runtime::LogLine;
 
@@ -7,10 +11,17 @@ use super::{TraceFile, draw, file_name, load_instance};
 use crate::args::{Format, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
+use crate::record::Record;
 use crate::trial::{Candidate, Outcome, Trial, no_trace, runtime};
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let instance = load_instance(&arguments.map, &arguments.scen, arguments.agents)?;
+    for path in [&arguments.plan_out, &arguments.picture]
+        .into_iter()
+        .flatten()
+    {
+        check_folder(path)?;
+    }
     let runtime = runtime(Some(&arguments.budget))?;
     let candidate = Candidate::find(&runtime, &arguments.planner)?;
     let mut trace = arguments
@@ -55,10 +66,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     if let Some(fault) = &record.fault {
         eprintln!("error: planner `{}` {fault}", record.planner.id);
     } else if exit == Exit::NoPlan {
-        eprintln!(
-            "error: no plan within the budget of {:?}",
-            arguments.budget.budget
-        );
+        eprintln!("error: {}", no_plan(record, arguments));
     }
     if plan.is_none() {
         for path in [&arguments.plan_out, &arguments.trace_out]
@@ -72,6 +80,33 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         }
     }
     Ok(exit)
+}
+
+/// Why there is no plan although nothing is wrong with the planner.
+fn no_plan(record: &Record, arguments: &Run) -> String {
+    let id = &record.planner.id;
+    let mut reason = match record.claim {
+        Some(Status::Infeasible) => format!("planner `{id}` claims that no plan exists"),
+        Some(Status::GaveUp) => format!("planner `{id}` gave up"),
+        _ => format!("no plan within the budget of {:?}", arguments.budget.budget),
+    };
+    if let Some(message) = &record.message {
+        reason = format!("{reason}: {message}");
+    }
+    reason
+}
+
+/// Refuses what cannot be written before the budget is spent, not after.
+fn check_folder(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    let reason = match folder {
+        _ if path.is_dir() => "cannot write: this is a folder",
+        Some(folder) if !folder.is_dir() => "cannot write: its folder does not exist",
+        _ => return Ok(()),
+    };
+    Err(InputError::new(path.display().to_string(), reason)
+        .hint("name a file in a folder that exists")
+        .into())
 }
 
 /// Tells on standard error what is not part of the result.
