@@ -9,7 +9,7 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use fleetyard_abi::wire::{self, CancelParams, Envelope, LogParams, MetricParams, Request};
-use fleetyard_abi::{LogLevel, monotonic_ns};
+use fleetyard_abi::{Budget, LogLevel, monotonic_ns};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 use serde::Serialize;
@@ -41,7 +41,10 @@ pub(crate) struct Client {
     next_id: u64,
     unsent: Vec<u8>,
     received: Vec<u8>,
-    /// Bytes of `received` that were searched for a newline already.
+    /// Bytes of `received` that were handled already. They are dropped many lines
+    /// at a time: dropping each line's would take time quadratic in a flood.
+    handled: usize,
+    /// Where in `received` the search for the next newline goes on.
     searched: usize,
     /// In the middle of a line that is too long to be kept and is no message.
     skipping: bool,
@@ -73,6 +76,32 @@ impl Tail {
     }
 }
 
+/// When a call must have returned.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Deadline {
+    /// On the monotonic clock.
+    pub(crate) at_ns: u64,
+    /// The length of the budget, for messages: what is left of it when the request
+    /// is sent is a little less.
+    pub(crate) limit: Duration,
+}
+
+impl Deadline {
+    pub(crate) fn after(limit: Duration) -> Self {
+        let at_ns = monotonic_ns().saturating_add(limit.as_nanos() as u64);
+        Self { at_ns, limit }
+    }
+}
+
+impl From<&Budget> for Deadline {
+    fn from(budget: &Budget) -> Self {
+        Self {
+            at_ns: budget.deadline_monotonic_ns,
+            limit: Duration::from_nanos(budget.wall_ns),
+        }
+    }
+}
+
 /// What a call is waited for.
 struct Wait<'a> {
     id: u64,
@@ -89,6 +118,7 @@ impl Client {
             next_id: 1,
             unsent: Vec::new(),
             received: Vec::new(),
+            handled: 0,
             searched: 0,
             skipping: false,
             stray_bytes: 0,
@@ -101,14 +131,13 @@ impl Client {
         }
     }
 
-    /// Sends a request and waits for its answer, until `deadline_ns` on the
-    /// monotonic clock plus the grace. After a fault nothing of the process is
-    /// left.
+    /// Sends a request and waits for its answer, until the deadline plus the
+    /// grace. After a fault nothing of the process is left.
     pub(crate) fn call<P: Serialize>(
         &mut self,
         method: &str,
         params: P,
-        deadline_ns: u64,
+        deadline: Deadline,
         notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
     ) -> Result<String, Fault> {
         if let Some(fault) = &self.fault {
@@ -116,15 +145,13 @@ impl Client {
         }
         let id = self.next_id;
         self.next_id += 1;
-        let started_ns = monotonic_ns();
         self.unsent
             .extend_from_slice(&wire::line(&Request::new(id, method, params)));
-        let limit_ms = deadline_ns.saturating_sub(started_ns) / 1_000_000;
         let wait = Wait {
             id,
             method,
-            deadline_ns,
-            limit_ms,
+            deadline_ns: deadline.at_ns,
+            limit_ms: deadline.limit.as_millis() as u64,
         };
         let answer = self.wait(&wait, notice);
         if let Err(fault) = &answer {
@@ -284,14 +311,18 @@ impl Client {
                 .iter()
                 .position(|byte| *byte == b'\n');
             let Some(newline) = newline.map(|at| at + self.searched) else {
+                self.received.drain(..self.handled);
+                self.handled = 0;
                 self.searched = self.received.len();
                 return self.check_unfinished(wait).map(|()| None);
             };
-            let rest = self.received.split_off(newline + 1);
-            let mut line = std::mem::replace(&mut self.received, rest);
-            self.searched = 0;
-            line.pop();
-            match self.handle_line(&line, wait, notice) {
+            // Taken out for a moment: a line may be a gigabyte, too much to copy.
+            let received = std::mem::take(&mut self.received);
+            let outcome = self.handle_line(&received[self.handled..newline], wait, notice);
+            self.received = received;
+            self.handled = newline + 1;
+            self.searched = self.handled;
+            match outcome {
                 Ok(None) => {}
                 Ok(answer) => return Ok(answer),
                 Err(Broken::Protocol(reason)) => return Err(self.broken(wait, reason)),
@@ -504,7 +535,7 @@ impl Client {
     pub(crate) fn close(&mut self, patience: Duration) -> (Report, Option<Fault>) {
         let mut fault = None;
         if self.fault.is_none() {
-            let deadline = monotonic_ns() + patience.as_nanos() as u64;
+            let deadline = Deadline::after(patience);
             fault = self.call("shutdown", (), deadline, &mut |_| Ok(())).err();
             self.unsent
                 .extend_from_slice(&wire::line(&Request::notification("exit", ())));

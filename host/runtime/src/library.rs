@@ -22,6 +22,10 @@ use crate::Fault;
 /// Most plugins of one kind that a library may claim to have.
 const MOST_PLUGINS: u32 = 1024;
 
+/// Most cells in one plan; the same as for plans that come over the wire. Without
+/// a limit a wrong length makes this process allocate until it is aborted.
+const MOST_CELLS: usize = 1 << 28;
+
 /// The plugins of one shared library, or of several entries that are linked in.
 pub struct Library {
     entries: Vec<&'static c::PluginEntry>,
@@ -394,7 +398,7 @@ impl<T: Raw> Foreign<T> {
         let create = factory
             .and_then(T::create_of)
             .ok_or_else(|| internal("no factory"))?;
-        let context = SinkContext::new(sink, None, usize::MAX);
+        let context = SinkContext::new(sink, None, MOST_CELLS);
         let sink = context.to_c();
         let mut raw = T::empty();
         // SAFETY: all arguments live through the call.
@@ -421,7 +425,7 @@ impl<T: Raw> Foreign<T> {
     ) -> Result<(), Failure> {
         let prepare = prepare.ok_or_else(|| failure(Status::InternalError, "no `prepare`"))?;
         let environment = CEnvironment::new(environment);
-        let context = SinkContext::new(sink, None, usize::MAX);
+        let context = SinkContext::new(sink, None, MOST_CELLS);
         let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
         let code = unsafe {
@@ -489,7 +493,7 @@ impl Planner for Foreign<c::Planner> {
     ) -> Result<(), Failure> {
         let plan = self.raw.plan.ok_or_else(|| missing("plan"))?;
         let instance = CInstance::new(instance, self.environment()?);
-        let context = SinkContext::new(sink, None, usize::MAX);
+        let context = SinkContext::new(sink, None, MOST_CELLS);
         let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
         let code = unsafe {
@@ -525,7 +529,7 @@ impl FailPolicy for Foreign<c::FailPolicy> {
         let instance = CInstance::new(instance, self.environment()?);
         let failed = failed.map(PlanRef::to_c);
         let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);
-        let context = SinkContext::new(sink, None, usize::MAX);
+        let context = SinkContext::new(sink, None, MOST_CELLS);
         let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
         let code = unsafe {
@@ -559,7 +563,7 @@ impl InstanceGenerator for Foreign<c::InstanceGenerator> {
     ) -> Result<(), Failure> {
         let generate = self.raw.generate.ok_or_else(|| missing("generate"))?;
         let state = CFleetState::new(state, self.environment()?);
-        let context = SinkContext::new(sink, None, usize::MAX);
+        let context = SinkContext::new(sink, None, MOST_CELLS);
         let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
         let code = unsafe {
@@ -580,7 +584,7 @@ impl InvocationPolicy for Foreign<c::InvocationPolicy> {
             .raw
             .should_invoke
             .ok_or_else(|| missing("should_invoke"))?;
-        let context = SinkContext::new(sink, None, usize::MAX);
+        let context = SinkContext::new(sink, None, MOST_CELLS);
         let (status, sink) = (status.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
         match unsafe { should_invoke(self.raw.context, &raw const status, &raw const sink) } {

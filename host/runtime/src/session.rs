@@ -22,7 +22,7 @@ use serde::Serialize;
 use serde::de::{DeserializeOwned, DeserializeSeed};
 use serde_json::value::RawValue;
 
-use crate::client::{Client, Notice};
+use crate::client::{Client, Deadline, Notice};
 use crate::convert::plan_from_abi;
 use crate::process::{Process, Usage};
 use crate::{Attach, Fault, Library, PluginFile};
@@ -290,7 +290,7 @@ impl Runtime {
                 version: env!("CARGO_PKG_VERSION").into(),
             },
         };
-        let deadline = monotonic_ns() + self.limits.startup.as_nanos() as u64;
+        let deadline = Deadline::after(self.limits.startup);
         let called = client.call("initialize", params, deadline, &mut |_| Ok(()));
         let answer = called.map_err(|fault| explain_start(fault, file, &client))?;
         let InitializeResult {
@@ -424,7 +424,7 @@ impl Session {
                     plugin: id.into(),
                     options,
                 };
-                let deadline = monotonic_ns() + self.limits.startup.as_nanos() as u64;
+                let deadline = Deadline::after(self.limits.startup);
                 let answer = client.call("create", params, deadline, &mut |_| Ok(()))?;
                 succeeded("create", read("create", &answer)?)
             }
@@ -454,7 +454,7 @@ impl Session {
                 result.map_err(to_fault("prepare"))?;
             }
             Inner::Process(client) => {
-                let deadline = budget.deadline_monotonic_ns;
+                let deadline = Deadline::from(&budget);
                 let params = PrepareParams {
                     environment: environment.as_ref().clone(),
                     budget,
@@ -495,7 +495,11 @@ impl Session {
         let budget = from_now(budget);
         let collector = Collector::new(instance, &budget, &self.limits);
         let called = self.call_solve(method, instance, &budget, failed, &collector);
-        let planning = Duration::from_nanos(monotonic_ns() - collector.started_ns);
+        let ended_ns = monotonic_ns();
+        let planning = Duration::from_nanos(ended_ns - collector.started_ns);
+        // A library's plan is rejected after the deadline before it gets here; one
+        // that claims success all the same is late, not silent.
+        let overdue = ended_ns > budget.deadline_monotonic_ns;
         let Collected {
             incumbents,
             late,
@@ -515,7 +519,7 @@ impl Session {
                     ..
                 }),
                 None,
-            ) if incumbents.is_empty() && late == 0 => {
+            ) if incumbents.is_empty() && late == 0 && !overdue => {
                 Err(protocol(method, "it claims `solved` but submitted no plan"))
             }
             (called, _) => called,
@@ -534,7 +538,7 @@ impl Session {
             Ok(Outcome { status, message }) => {
                 run.claim = Some(status);
                 run.message = message;
-                if late > 0 && run.incumbents.is_empty() {
+                if run.incumbents.is_empty() && (late > 0 || status == Status::Solved) {
                     run.termination = Termination::TimedOut;
                 }
                 if matches!(
@@ -606,7 +610,7 @@ impl Session {
                 Ok(())
             }
         };
-        let deadline = budget.deadline_monotonic_ns;
+        let deadline = Deadline::from(budget);
         let (instance, budget) = (instance.clone(), *budget);
         let answer = match failed {
             None => client.call(
@@ -676,7 +680,7 @@ impl Session {
             }
             Inner::InProcess { .. } => Err(to_fault(method)(wrong_object())),
             Inner::Process(client) => {
-                let deadline = budget.deadline_monotonic_ns;
+                let deadline = Deadline::from(&budget);
                 let params = GenerateParams {
                     state: state.clone(),
                     budget,
@@ -709,7 +713,7 @@ impl Session {
             }
             Inner::InProcess { .. } => Err(to_fault(method)(wrong_object())),
             Inner::Process(client) => {
-                let deadline = monotonic_ns() + limit.as_nanos() as u64;
+                let deadline = Deadline::after(limit);
                 let params = ShouldInvokeParams {
                     status: status.clone(),
                 };
