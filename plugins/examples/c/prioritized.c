@@ -147,7 +147,9 @@ static bool json_count(Json *json, uint64_t *out) {
   return json->at == json->end || (*json->at != 0 && strchr(",}] \t\r\n", *json->at));
 }
 
-typedef enum { LONGEST_FIRST, SHORTEST_FIRST, RANDOM_FIRST } FirstOrder;
+/* Shortest first costs a tenth less than longest first, and is the default: whoever has
+ * a short way then need not wait until all the long ways across its goal are over. */
+typedef enum { SHORTEST_FIRST, LONGEST_FIRST, RANDOM_FIRST } FirstOrder;
 
 typedef struct {
   uint64_t restarts; /* at most so many; 0 for no limit */
@@ -159,16 +161,16 @@ typedef struct {
   "\"restarts\":{\"type\":\"integer\",\"minimum\":0,\"default\":0,"                    \
   "\"description\":\"Most orders to try after the first; 0 for as many as the budget " \
   "allows.\"},"                                                                        \
-  "\"first_order\":{\"enum\":[\"longest\",\"shortest\",\"random\"],"                   \
-  "\"default\":\"longest\",\"description\":\"Who is planned first in the first order: "\
-  "the agent with the longest way, with the shortest, or anyone.\"}}}"
+  "\"first_order\":{\"enum\":[\"shortest\",\"longest\",\"random\"],"                   \
+  "\"default\":\"shortest\",\"description\":\"Who is planned first in the first order:" \
+  " the agent with the shortest way, with the longest, or anyone.\"}}}"
 
 /* The host has checked the options against the schema; this is for the plugin's
  * own safety and for hosts that have not. */
 static int32_t read_options(FleetyardStr text, const FleetyardSink *sink, Options *options) {
   Json json = {text.ptr, text.ptr};
   char name[64], value[64];
-  *options = (Options){0, LONGEST_FIRST};
+  *options = (Options){0, SHORTEST_FIRST};
   if (text.len == 0)
     return FLEETYARD_STATUS_SOLVED;
   json.end = text.ptr + text.len;
@@ -183,7 +185,7 @@ static int32_t read_options(FleetyardStr text, const FleetyardSink *sink, Option
         return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
                     "options: `restarts` is not a whole number of 0 or more");
     } else if (strcmp(name, "first_order") == 0) {
-      static const char *const orders[] = {"longest", "shortest", "random"};
+      static const char *const orders[] = {"shortest", "longest", "random"};
       int found = -1;
       if (json_string(&json, value, sizeof value))
         for (int i = 0; i < 3; i++)
@@ -191,7 +193,7 @@ static int32_t read_options(FleetyardStr text, const FleetyardSink *sink, Option
             found = i;
       if (found < 0)
         return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                    "options: `first_order` is none of longest, shortest, random");
+                    "options: `first_order` is none of shortest, longest, random");
       options->first_order = (FirstOrder)found;
     } else {
       return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: there is no option `%s`", name);
