@@ -322,6 +322,20 @@ pub(crate) enum Maps {
     /// Make a map, and a scenario for it
     #[command(subcommand)]
     Generate(Generate),
+    /// Make a scenario for a map: random starts and goals
+    Scenario {
+        /// MovingAI map file
+        map: PathBuf,
+        /// Number of agents
+        #[arg(long, value_name = "N")]
+        agents: u32,
+        /// Seed of starts and goals
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        /// Folder to write to
+        #[arg(long, value_name = "FOLDER", default_value = ".")]
+        out: PathBuf,
+    },
     /// Describe a map
     Info {
         /// MovingAI map file

@@ -44,6 +44,12 @@ fn dispatch(command: Command) -> Result<Exit> {
             commands::plugins::info(&plugin, format)
         }
         Command::Maps(Maps::Generate(what)) => commands::maps::generate(&what),
+        Command::Maps(Maps::Scenario {
+            map,
+            agents,
+            seed,
+            out,
+        }) => commands::maps::scenario(&map, agents, seed, &out),
         Command::Maps(Maps::Info { map, format }) => commands::maps::info(&map, format),
         Command::Completions { shell } => commands::completions(shell),
     }

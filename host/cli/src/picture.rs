@@ -95,29 +95,25 @@ fn paths(out: &mut String, grid: &Grid, plan: &GridPlan, goals: Option<&[u32]>) 
         }
     }
     out.push_str("</g>\n");
+    let on_map = |cell: &u32| *cell < grid.cell_count();
     for (agent, path) in plan.paths().enumerate() {
-        let color = color(agent);
-        let goal = goals
-            .and_then(|goals| goals.get(agent))
-            .or(path.last())
-            .copied();
-        if let Some((x, y)) = goal.filter(|cell| *cell < grid.cell_count()).map(at) {
-            let (x, y) = (x - 0.28, y - 0.28);
+        let goal = goals.and_then(|goals| goals.get(agent)).or(path.last());
+        if let Some((x, y)) = goal.copied().filter(on_map).map(at) {
+            let (x, y, color) = (x - 0.28, y - 0.28, color(agent));
             let _ = writeln!(
                 out,
                 "<rect x=\"{x}\" y=\"{y}\" width=\"0.56\" height=\"0.56\" fill=\"{color}\"/>"
             );
         }
-        if let Some((x, y)) = path
-            .first()
-            .copied()
-            .filter(|c| *c < grid.cell_count())
-            .map(at)
-        {
+    }
+    // Above the goals, open in the middle: a start on another's goal shows both.
+    for (agent, path) in plan.paths().enumerate() {
+        if let Some((x, y)) = path.first().copied().filter(on_map).map(at) {
+            let color = color(agent);
             let _ = writeln!(
                 out,
-                "<circle cx=\"{x}\" cy=\"{y}\" r=\"0.3\" fill=\"#fff\" stroke=\"{color}\" \
-                 stroke-width=\"0.14\"/>"
+                "<circle cx=\"{x}\" cy=\"{y}\" r=\"0.3\" fill=\"#fff\" fill-opacity=\"0.75\" \
+                 stroke=\"{color}\" stroke-width=\"0.14\"/>"
             );
         }
     }

@@ -126,6 +126,8 @@ pub(crate) struct ExecutionInfo {
     pub(crate) tracking_error_max_m: f64,
     pub(crate) tracking_error_mean_m: f64,
     pub(crate) radius_m: f64,
+    /// Largest resident set of the host so far, the simulator's included.
+    pub(crate) host_peak_memory_kb: Option<u64>,
     pub(crate) trace_digest: Digest,
 }
 

@@ -396,8 +396,18 @@ pub(crate) fn execute_on(
         tracking_error_max_m: outcome.tracking_error_max_m,
         tracking_error_mean_m: outcome.tracking_error_mean_m,
         radius_m: outcome.radius_m,
+        host_peak_memory_kb: peak_memory_kb(),
         trace_digest: outcome.trace_digest,
     })
+}
+
+/// The high-water mark of this process's resident set, where the kernel tells.
+fn peak_memory_kb() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok()
 }
 
 /// A trace that nobody asked for.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use fleetyard_core::{InputError, load_map, save_map, save_scen};
+use fleetyard_core::{Grid, InputError, Scenario, load_map, save_map, save_scen};
 use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec, WarehouseSpec,
 };
@@ -27,33 +27,47 @@ fn wrong_flag(error: InputError) -> Failure {
 pub(crate) fn generate(what: &Generate) -> Result<Exit> {
     let (spec, out) = spec(what);
     let grid = spec.generate().map_err(wrong_flag)?;
-    let scenario = match out.scenario_agents {
-        Some(agents) => {
-            let scenario = ScenarioSpec {
-                agents,
-                seed: out.scenario_seed,
-            };
-            Some(scenario.generate(&grid).map_err(|error| {
-                let message = format!("--scenario-agents: {}", error.reason);
-                Failure {
-                    exit: Exit::Usage,
-                    message,
-                    hint: error.hint,
-                }
-            })?)
-        }
-        None => None,
-    };
+    let scenario = out
+        .scenario_agents
+        .map(|agents| make_scenario(&grid, agents, out.scenario_seed, "scenario-agents"));
+    let scenario = scenario.transpose()?;
     let map = out.out.join(format!("{}.map", grid.name()));
     save_map(&grid, &map)?;
     output::print(&map.display().to_string())?;
     if let Some(scenario) = scenario {
-        let name = format!("{}-random-{}.scen", grid.name(), out.scenario_seed);
-        let path = out.out.join(name);
-        save_scen(&scenario, &path)?;
-        output::print(&path.display().to_string())?;
+        save(&scenario, &grid, out.scenario_seed, &out.out)?;
     }
     Ok(Exit::Success)
+}
+
+pub(crate) fn scenario(map: &Path, agents: u32, seed: u64, out: &Path) -> Result<Exit> {
+    let grid = load_map(map)?;
+    save(
+        &make_scenario(&grid, agents, seed, "agents")?,
+        &grid,
+        seed,
+        out,
+    )?;
+    Ok(Exit::Success)
+}
+
+/// `flag` is the one that asked for so many agents.
+fn make_scenario(grid: &Grid, agents: u32, seed: u64, flag: &str) -> Result<Scenario> {
+    ScenarioSpec { agents, seed }
+        .generate(grid)
+        .map_err(|error| {
+            wrong_flag(InputError {
+                source: flag.to_owned(),
+                ..error
+            })
+        })
+}
+
+/// Writes a scenario under the name that the benchmarks would give it.
+fn save(scenario: &Scenario, grid: &Grid, seed: u64, folder: &Path) -> Result<()> {
+    let path = folder.join(format!("{}-random-{seed}.scen", grid.name()));
+    save_scen(scenario, &path)?;
+    output::print(&path.display().to_string())
 }
 
 fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
