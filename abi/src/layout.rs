@@ -10,8 +10,10 @@
 use std::ffi::c_void;
 
 use abi_stable::StableAbi;
-use abi_stable::abi_stability::abi_checking::check_layout_compatibility;
-use abi_stable::type_layout::TypeLayout;
+use abi_stable::abi_stability::abi_checking::{
+    AbiInstability, AbiInstabilityError, check_layout_compatibility,
+};
+use abi_stable::type_layout::{TLFieldOrFunction, TypeLayout};
 
 use crate::c;
 use crate::convert::size_of;
@@ -94,32 +96,87 @@ pub unsafe fn check(pointer: *const c_void) -> LayoutCheck {
     }
     match check_layout_compatibility(Contract::LAYOUT, theirs.layout) {
         Ok(()) => LayoutCheck::Same,
-        Err(errors) => LayoutCheck::Differs(summary(&errors.to_string())),
+        Err(report) => {
+            let lines: Vec<String> = report.errors.iter().flat_map(differences).collect();
+            if lines.is_empty() {
+                LayoutCheck::Same
+            } else {
+                LayoutCheck::Differs(shortened(lines))
+            }
+        }
     }
 }
 
-/// The lines of abi_stable's report that name a type or say what differs, at most
-/// eight of them: the whole report repeats every nesting level.
-fn summary(report: &str) -> String {
+/// What differs at one place, a line each: the type, how the check came to it, and
+/// what the host expected and found. abi_stable's own report repeats every level of
+/// nesting and is pages long.
+fn differences(error: &AbiInstabilityError) -> Vec<String> {
+    let mut path: Vec<&str> = Vec::new();
+    let mut in_type = "Contract";
+    for level in &error.stack_trace {
+        match &level.expected {
+            TLFieldOrFunction::Field(field) => {
+                // Pointers and options have fields of their own, without a meaning here.
+                if !field.name().starts_with("__") && !field.name().starts_with(char::is_numeric) {
+                    path.push(field.name());
+                }
+                in_type = field.layout().name();
+            }
+            TLFieldOrFunction::Function(_) => {}
+        }
+    }
+    let place = if path.is_empty() {
+        in_type.to_owned()
+    } else {
+        format!("{in_type} ({})", path.join("."))
+    };
+    let line = |expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display, unit: &str| {
+        Some(format!("{place}: {expected}{unit} expected, {found} found"))
+    };
+    let describe = |difference: &AbiInstability| match difference {
+        // The contract has versions of its own: that the crates differ says nothing.
+        AbiInstability::PackageVersion(_) | AbiInstability::PackageVersionParseError(_) => None,
+        AbiInstability::FieldCountMismatch(count) => line(&count.expected, &count.found, " fields"),
+        AbiInstability::Size(size) => line(&size.expected, &size.found, " bytes"),
+        AbiInstability::Alignment(size) => line(&size.expected, &size.found, " bytes of alignment"),
+        AbiInstability::UnexpectedField(field) => {
+            let quoted = |name: &str| format!("`{name}`");
+            let (expected, found) = (field.expected.name(), field.found.name());
+            line(&format!("field {}", quoted(expected)), &quoted(found), "")
+        }
+        AbiInstability::Name(name) => {
+            let [expected, found] = [&name.expected, &name.found].map(|name| one_line(name));
+            line(&format!("type {expected}"), &found, "")
+        }
+        AbiInstability::Package(name) => line(
+            &format!("a type of the crate {}", name.expected),
+            &name.found,
+            "",
+        ),
+        other => {
+            let text = one_line(&format_args!("{other:?}"));
+            let kind = text.split(['(', ' ', '{']).next().unwrap_or_default();
+            Some(format!("{place}: {kind}"))
+        }
+    };
+    error.errs.iter().filter_map(describe).collect()
+}
+
+fn one_line(text: &dyn std::fmt::Display) -> String {
+    text.to_string()
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+/// At most eight lines.
+fn shortened(mut lines: Vec<String>) -> String {
     const MOST: usize = 8;
-    let mut lines: Vec<&str> = Vec::new();
-    for line in report.lines() {
-        let text = line.trim();
-        let telling = [
-            "Expected",
-            "Found",
-            "expected",
-            "found",
-            "Layout of",
-            "field",
-            "type",
-        ];
-        if telling.iter().any(|word| text.contains(word)) && !lines.contains(&text) {
-            lines.push(text);
-        }
-        if lines.len() == MOST {
-            break;
-        }
+    lines.dedup();
+    if lines.len() > MOST {
+        let more = lines.len() - (MOST - 1);
+        lines.truncate(MOST - 1);
+        lines.push(format!("and {more} more"));
     }
     lines.join("\n")
 }

@@ -1,0 +1,687 @@
+/* A planner that misbehaves on request: option `fault`, see README.md. A fixture for
+ * tests of the host, and nothing to learn from.
+ *
+ * With `none` it is honest: the agents go to their goals one after the other while
+ * all others stand. Faults of plans begin with that honest plan and add one wrong
+ * thing, so that the host should find one rule broken and no other.
+ *
+ * -DVARIANT=NAME builds libraries that are faulty before any planner exists.
+ */
+
+#define _POSIX_C_SOURCE 200809L
+#define _DEFAULT_SOURCE
+
+#define HONEST_ENTRY 0
+#define SHORT_ENTRY 1       /* struct_size too small */
+#define WRONG_MAJOR 2       /* abi_major 2 */
+#define NEWER_MINOR 3       /* abi_minor 9: no fault, must load */
+#define NO_SYMBOL 4         /* no entry symbol */
+#define CONSTRUCTOR_CRASH 5 /* SIGSEGV while the library is being loaded */
+#define CONSTRUCTOR_HANG 6  /* loading never ends */
+#define CHATTY_LOAD 7       /* no fault, but prints while being loaded */
+#define INIT_FAILS 8        /* init returns -1 */
+#define NULL_GET_FACTORY 9  /* get_factory is null */
+#define SHORT_FACTORY 10    /* factory with struct_size too small */
+#define SHORT_DESCRIPTOR 11 /* descriptor with struct_size too small */
+#define NULL_DESCRIPTOR 12  /* count says 1, the descriptor is null */
+#define MANY_PLUGINS 13     /* count says four thousand million */
+#define BAD_ID 14           /* identifier with spaces */
+#define BAD_SCHEMA 15       /* options schema that is not JSON */
+#define SHORT_PLANNER 16    /* create fills in a planner with struct_size too small */
+#define NULL_PLAN 17        /* create fills in a planner without `plan` */
+#define LYING_CAPABILITIES 18 /* claims everything, is told nothing of it */
+
+#ifndef VARIANT
+#define VARIANT HONEST_ENTRY
+#endif
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "fleetyard.h"
+
+#define TEXT(literal) {(const uint8_t *)(literal), sizeof(literal) - 1}
+#define NONE UINT32_MAX
+
+#if VARIANT == CONSTRUCTOR_CRASH || VARIANT == CONSTRUCTOR_HANG || VARIANT == CHATTY_LOAD
+__attribute__((constructor)) static void at_load(void) {
+#if VARIANT == CONSTRUCTOR_CRASH
+  volatile int *volatile nowhere = NULL; /* so that no compiler sees it coming */
+  *nowhere = 1;
+#elif VARIANT == CONSTRUCTOR_HANG
+  for (;;)
+    pause();
+#else
+  puts("{\"hello\": \"from the constructor\"}");
+  fflush(stdout);
+#endif
+}
+#endif
+
+#if VARIANT == NO_SYMBOL
+FLEETYARD_EXPORT extern const int faulty_has_no_entry;
+const int faulty_has_no_entry = 1;
+#else
+
+/* Every fault, for the schema. */
+#define FAULTS(F)                                                                      \
+  F("too-few-agents") F("too-many-agents") F("empty-path") F("wrong-start")            \
+  F("not-at-goal") F("teleport") F("collide") F("collide-parked") F("swap")            \
+  F("leave-map") F("through-obstacle") F("late") F("twice") F("never") F("spin")       \
+  F("ignore-sigterm") F("crash") F("abort") F("exit-0") F("exit-3") F("garbage")       \
+  F("flood") F("log-flood") F("nan") F("grandchild") F("hog")                          \
+  F("claims-solved-without-plan") F("claims-infeasible") F("bad-status")               \
+  F("huge-plan") F("null-plan") F("null-offsets") F("null-cells") F("bad-plan-size")   \
+  F("unordered-offsets") F("bad-instance") F("fails")
+
+#define ITEM(name) "\"" name "\","
+
+typedef struct {
+  char fault[48], during[16];
+  uint64_t size;
+  uint32_t rows, cols;
+  uint8_t *passable;
+} Faulty;
+
+static void say(const FleetyardSink *sink, const char *text) {
+  sink->log(sink->context, FLEETYARD_LOG_INFO,
+            (FleetyardStr){(const uint8_t *)text, strlen(text)});
+}
+
+static int32_t fail(const FleetyardSink *sink, int32_t status, const char *text) {
+  sink->fail(sink->context, (FleetyardStr){(const uint8_t *)text, strlen(text)});
+  return status;
+}
+
+/* ---- Faults of the process ------------------------------------------------- */
+
+static void sleep_s(double seconds) {
+  struct timespec length = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
+  while (nanosleep(&length, &length) != 0)
+    continue;
+}
+
+static void sleep_for_ever(void) {
+  for (;;)
+    sleep_s(3600);
+}
+
+/* Leaves a process behind that is in another session, has another parent, ignores
+ * polite signals and keeps the pipes open. Tests know it by its name. */
+static void leave_grandchild(const FleetyardSink *sink) {
+  pid_t child = fork();
+  if (child == 0) {
+    setsid();
+    if (fork() != 0)
+      _exit(0);
+    FILE *name = fopen("/proc/self/comm", "w");
+    if (name) {
+      fputs("fy-orphan", name);
+      fclose(name);
+    }
+    signal(SIGTERM, SIG_IGN);
+    signal(SIGHUP, SIG_IGN);
+    signal(SIGPIPE, SIG_IGN);
+    sleep_for_ever();
+  }
+  say(sink, child > 0 ? "left a grandchild behind" : "could not fork");
+}
+
+/* The faults that are the same in every call. Most do not return. */
+static void misbehave(const Faulty *faulty, const char *call, const FleetyardSink *sink) {
+  const char *fault = faulty->fault;
+  if (strcmp(faulty->during, call) != 0)
+    return;
+  if (strcmp(fault, "never") == 0)
+    sleep_for_ever();
+  if (strcmp(fault, "spin") == 0)
+    for (volatile uint64_t turns = 0;; turns++)
+      continue;
+  if (strcmp(fault, "ignore-sigterm") == 0) {
+    signal(SIGTERM, SIG_IGN);
+    signal(SIGINT, SIG_IGN);
+    signal(SIGHUP, SIG_IGN);
+    sleep_for_ever();
+  }
+  if (strcmp(fault, "crash") == 0) {
+    volatile int *volatile nowhere = NULL; /* so that no compiler sees it coming */
+    *nowhere = 1;
+  }
+  if (strcmp(fault, "abort") == 0)
+    abort();
+  if (strcmp(fault, "exit-0") == 0)
+    _exit(0);
+  if (strcmp(fault, "exit-3") == 0)
+    exit(3);
+  if (strcmp(fault, "hog") == 0)
+    for (;;) {
+      size_t piece = (size_t)64 << 20;
+      char *memory = malloc(piece);
+      if (!memory)
+        abort();
+      memset(memory, 1, piece);
+    }
+  if (strcmp(fault, "garbage") == 0) {
+    static const char lines[] = "solving...\n{\"jsonrpc\":\"2.0\",\n\xff\xfe\n[1,2\n";
+    if (write(1, lines, sizeof lines - 1) < 0 || write(2, lines, sizeof lines - 1) < 0)
+      say(sink, "could not write garbage");
+  }
+  if (strcmp(fault, "flood") == 0) {
+    static char lines[1 << 16];
+    for (size_t i = 0; i < sizeof lines; i++)
+      lines[i] = i % 128 == 127 ? '\n' : 'x';
+    for (uint64_t written = 0; written < faulty->size; written += sizeof lines)
+      if (write(1, lines, sizeof lines) < 0)
+        break;
+  }
+  if (strcmp(fault, "log-flood") == 0) {
+    char line[1025];
+    memset(line, 'x', sizeof line - 1);
+    line[sizeof line - 1] = 0;
+    for (uint64_t written = 0; written < faulty->size; written += sizeof line - 1)
+      say(sink, line);
+  }
+  if (strcmp(fault, "nan") == 0) {
+    volatile double zero = 0;
+    sink->metric(sink->context, (FleetyardStr)TEXT("not-a-number"), zero / zero);
+    sink->metric(sink->context, (FleetyardStr)TEXT("infinity"), 1 / zero);
+  }
+  if (strcmp(fault, "grandchild") == 0)
+    leave_grandchild(sink);
+}
+
+/* ---- The honest plan ------------------------------------------------------- */
+
+/* Where everybody is, step by step: at[step * agents + agent]. */
+typedef struct {
+  const Faulty *faulty;
+  uint32_t agents, steps;
+  uint32_t *at;
+  bool broken; /* out of memory */
+} Steps;
+
+static uint32_t *last_step(const Steps *steps) {
+  return steps->at + (size_t)(steps->steps - 1) * steps->agents;
+}
+
+/* Everybody stays, except that `agent` goes to `cell` (nobody when NONE). */
+static void step(Steps *steps, uint32_t agent, uint32_t cell) {
+  size_t row = steps->agents * sizeof *steps->at;
+  uint32_t *moved = realloc(steps->at, (steps->steps + 1) * row);
+  if (!moved) {
+    steps->broken = true;
+    return;
+  }
+  steps->at = moved;
+  memcpy(moved + (size_t)steps->steps * steps->agents, last_step(steps), row);
+  steps->steps++;
+  if (agent != NONE)
+    last_step(steps)[agent] = cell;
+}
+
+static uint32_t neighbour(const Faulty *faulty, uint32_t cell, int direction) {
+  uint32_t row = cell / faulty->cols, col = cell % faulty->cols;
+  if (direction == 0)
+    return row > 0 ? cell - faulty->cols : NONE;
+  if (direction == 1)
+    return col + 1 < faulty->cols ? cell + 1 : NONE;
+  if (direction == 2)
+    return row + 1 < faulty->rows ? cell + faulty->cols : NONE;
+  return col > 0 ? cell - 1 : NONE;
+}
+
+static bool occupied(const Steps *steps, uint32_t cell) {
+  for (uint32_t agent = 0; agent < steps->agents; agent++)
+    if (last_step(steps)[agent] == cell)
+      return true;
+  return false;
+}
+
+/* Where each cell was reached from in a breadth-first search of `agent` around those
+ * that stand; `through` may be entered even so. NONE where it was not reached. */
+static uint32_t *search(Steps *steps, uint32_t agent, uint32_t through) {
+  const Faulty *faulty = steps->faulty;
+  size_t cells = (size_t)faulty->rows * faulty->cols;
+  uint32_t *from = malloc(cells * sizeof *from), *queue = malloc(cells * sizeof *queue);
+  uint8_t *standing = calloc(cells, 1);
+  if (!from || !queue || !standing) {
+    steps->broken = true;
+    free(queue);
+    free(standing);
+    free(from);
+    return NULL;
+  }
+  for (uint32_t other = 0; other < steps->agents; other++)
+    standing[last_step(steps)[other]] = 1;
+  memset(from, 0xFF, cells * sizeof *from);
+  uint32_t start = last_step(steps)[agent], head = 0, tail = 0;
+  from[start] = start;
+  queue[tail++] = start;
+  while (head < tail) {
+    uint32_t cell = queue[head++];
+    for (int direction = 0; direction < 4; direction++) {
+      uint32_t next = neighbour(faulty, cell, direction);
+      if (next == NONE || !faulty->passable[next] || from[next] != NONE ||
+          (standing[next] && next != through))
+        continue;
+      from[next] = cell;
+      queue[tail++] = next;
+    }
+  }
+  free(queue);
+  free(standing);
+  return from;
+}
+
+static void walk(Steps *steps, uint32_t agent, const uint32_t *from, uint32_t to) {
+  if (from[to] == to)
+    return;
+  walk(steps, agent, from, from[to]);
+  step(steps, agent, to);
+}
+
+/* Sends an agent to a cell, if there is a way. */
+static bool go(Steps *steps, uint32_t agent, uint32_t to, uint32_t through) {
+  uint32_t *from = search(steps, agent, through);
+  bool found = from && from[to] != NONE;
+  if (found)
+    walk(steps, agent, from, to);
+  free(from);
+  return found && !steps->broken;
+}
+
+/* A free neighbour where nobody stands, or NONE. */
+static uint32_t free_neighbour(const Steps *steps, uint32_t cell) {
+  for (int direction = 0; direction < 4; direction++) {
+    uint32_t next = neighbour(steps->faulty, cell, direction);
+    if (next != NONE && steps->faulty->passable[next] && !occupied(steps, next))
+      return next;
+  }
+  return NONE;
+}
+
+static bool honest(Steps *steps, const FleetyardInstance *instance) {
+  uint32_t left = instance->agents;
+  uint8_t *done = calloc(instance->agents, 1);
+  bool moving = done != NULL;
+  while (left > 0 && moving) {
+    moving = false;
+    for (uint32_t agent = 0; agent < instance->agents; agent++) {
+      uint32_t goal = instance->goals[instance->goal_offsets[agent + 1] - 1];
+      if (!done[agent] && go(steps, agent, goal, NONE)) {
+        done[agent] = 1;
+        moving = true;
+        left--;
+      }
+    }
+  }
+  free(done);
+  return left == 0 && !steps->broken;
+}
+
+/* ---- One wrong thing more -------------------------------------------------- */
+
+/* Adds the fault to an honest plan. NULL, or why this instance does not allow it. */
+static const char *spoil(Steps *steps, const char *fault) {
+  const Faulty *faulty = steps->faulty;
+  uint32_t cells = faulty->rows * faulty->cols;
+  uint32_t home = last_step(steps)[0];
+  uint32_t beside = free_neighbour(steps, home);
+  if (strcmp(fault, "leave-map") == 0) {
+    step(steps, 0, cells + 5);
+    step(steps, 0, home);
+  } else if (strcmp(fault, "not-at-goal") == 0) {
+    if (beside == NONE)
+      return "agent 0 cannot leave its goal";
+    step(steps, 0, beside);
+  } else if (strcmp(fault, "wrong-start") == 0) {
+    for (uint32_t agent = 0; agent < steps->agents; agent++) {
+      uint32_t start = steps->at[agent], near = free_neighbour(steps, start);
+      bool taken = near == NONE;
+      for (uint32_t other = 0; other < steps->agents; other++)
+        taken = taken || steps->at[other] == near;
+      if (!taken) {
+        /* Everybody waits one step, and this agent comes from the wrong cell. */
+        step(steps, NONE, 0);
+        memmove(steps->at + steps->agents, steps->at,
+                (size_t)(steps->steps - 1) * steps->agents * sizeof *steps->at);
+        steps->at[agent] = near;
+        return NULL;
+      }
+    }
+    return "no agent has a free cell beside its start";
+  } else if (strcmp(fault, "teleport") == 0) {
+    for (uint32_t cell = 0; cell < cells; cell++) {
+      uint32_t rows = cell / faulty->cols > home / faulty->cols ? cell / faulty->cols - home / faulty->cols
+                                                                : home / faulty->cols - cell / faulty->cols;
+      if (rows >= 2 && faulty->passable[cell] && !occupied(steps, cell)) {
+        step(steps, 0, cell);
+        step(steps, 0, home);
+        return NULL;
+      }
+    }
+    return "no cell is far enough away";
+  } else if (strcmp(fault, "through-obstacle") == 0) {
+    uint32_t *from = search(steps, 0, NONE);
+    for (uint32_t cell = 0; from && cell < cells; cell++)
+      for (int direction = 0; from[cell] != NONE && direction < 4; direction++) {
+        uint32_t wall = neighbour(faulty, cell, direction);
+        if (wall != NONE && !faulty->passable[wall]) {
+          walk(steps, 0, from, cell);
+          free(from);
+          step(steps, 0, wall);
+          step(steps, 0, cell);
+          return go(steps, 0, home, NONE) ? NULL : "no way back";
+        }
+      }
+    free(from);
+    return "agent 0 reaches no obstacle";
+  } else if (strcmp(fault, "collide") == 0 || strcmp(fault, "collide-parked") == 0 ||
+             strcmp(fault, "swap") == 0) {
+    if (steps->agents < 2)
+      return "it takes two agents";
+    uint32_t other = last_step(steps)[1];
+    uint32_t *from = search(steps, 1, home);
+    if (!from || from[home] == NONE) {
+      free(from);
+      return "agent 1 does not reach agent 0";
+    }
+    uint32_t door = from[home];
+    walk(steps, 1, from, door);
+    free(from);
+    step(steps, 1, home);
+    if (strcmp(fault, "swap") == 0)
+      last_step(steps)[0] = door;
+    step(steps, 1, door);
+    last_step(steps)[0] = home;
+    if (!go(steps, 1, other, NONE))
+      return "no way back";
+    if (strcmp(fault, "collide") == 0) {
+      /* Agent 0 moves once more: so it was not parked when agent 1 came. */
+      if (beside == NONE)
+        beside = free_neighbour(steps, home);
+      if (beside == NONE)
+        return "agent 0 cannot leave its goal";
+      step(steps, 0, beside);
+      step(steps, 0, home);
+    }
+  }
+  return NULL;
+}
+
+static int32_t submit(const FleetyardSink *sink, const FleetyardPlan *plan) {
+  int32_t code = sink->submit_plan(sink->context, plan);
+  if (code != FLEETYARD_OK)
+    say(sink, "the host rejected the plan");
+  return code;
+}
+
+/* Hands the steps over, as the fault wants it. */
+static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
+                         const FleetyardSink *sink) {
+  uint32_t agents = steps->agents, length = steps->steps;
+  uint64_t *offsets = calloc((size_t)agents + 2, sizeof *offsets);
+  uint32_t *cells = calloc(((size_t)agents + 1) * length, sizeof *cells);
+  if (!offsets || !cells) {
+    free(offsets);
+    free(cells);
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  }
+  for (uint32_t agent = 0; agent <= agents; agent++) {
+    /* The path after the last is for `too-many-agents`: a copy of the first. */
+    for (uint32_t time = 0; time < length; time++)
+      cells[(size_t)agent * length + time] = steps->at[(size_t)time * agents + agent % agents];
+    offsets[agent + 1] = (uint64_t)(agent + 1) * length;
+  }
+  FleetyardPlan plan = {sizeof plan, agents, offsets, cells};
+  if (strcmp(fault, "empty-path") == 0) {
+    for (uint32_t agent = 0; agent <= agents; agent++)
+      offsets[agent + 1] -= length;
+    plan.cells += length;
+  }
+  if (strcmp(fault, "too-few-agents") == 0)
+    plan.agents = agents - 1;
+  if (strcmp(fault, "too-many-agents") == 0)
+    plan.agents = agents + 1;
+  if (strcmp(fault, "bad-plan-size") == 0)
+    plan.struct_size = 8;
+  if (strcmp(fault, "null-offsets") == 0)
+    plan.offsets = NULL;
+  if (strcmp(fault, "null-cells") == 0)
+    plan.cells = NULL;
+  if (strcmp(fault, "unordered-offsets") == 0)
+    offsets[1] = offsets[agents] + 7;
+  if (strcmp(fault, "huge-plan") == 0)
+    offsets[agents] = size << 20; /* and far fewer cells behind the pointer */
+  submit(sink, strcmp(fault, "null-plan") == 0 ? NULL : &plan);
+  if (strcmp(fault, "twice") == 0)
+    submit(sink, &plan);
+  free(offsets);
+  free(cells);
+  return strcmp(fault, "bad-status") == 0 ? 99 : FLEETYARD_STATUS_SOLVED;
+}
+
+/* ---- The planner ----------------------------------------------------------- */
+
+static int32_t prepare(void *context, const FleetyardEnvironment *environment,
+                       const FleetyardBudget *budget, const FleetyardSink *sink) {
+  Faulty *faulty = context;
+  const FleetyardGrid *grid = environment->view;
+  (void)budget;
+  misbehave(faulty, "prepare", sink);
+  if (grid->connectivity != 4)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "4 neighbours only");
+  free(faulty->passable);
+  faulty->passable = malloc((size_t)grid->rows * grid->cols);
+  if (!faulty->passable)
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  memcpy(faulty->passable, grid->passable, (size_t)grid->rows * grid->cols);
+  faulty->rows = grid->rows;
+  faulty->cols = grid->cols;
+  return FLEETYARD_STATUS_SOLVED;
+}
+
+static int32_t plan(void *context, const FleetyardInstance *instance,
+                    const FleetyardBudget *budget, const FleetyardSink *sink) {
+  const Faulty *faulty = context;
+  const char *fault = strcmp(faulty->during, "plan") == 0 ? faulty->fault : "none";
+  misbehave(faulty, "plan", sink);
+  if (strcmp(fault, "claims-solved-without-plan") == 0)
+    return FLEETYARD_STATUS_SOLVED;
+  if (strcmp(fault, "claims-infeasible") == 0)
+    return fail(sink, FLEETYARD_STATUS_INFEASIBLE, "it cannot be done, believe me");
+  if (strcmp(fault, "fails") == 0)
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "failed as asked");
+  if (strcmp(fault, "bad-instance") == 0)
+    sink->submit_instance(sink->context, instance); /* `plan` asks for a plan */
+
+  Steps steps = {faulty, instance->agents, 1, malloc(instance->agents * sizeof(uint32_t)), false};
+  if (!steps.at)
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  memcpy(steps.at, instance->starts, instance->agents * sizeof *steps.at);
+  int32_t status;
+  if (!honest(&steps, instance)) {
+    status = fail(sink, FLEETYARD_STATUS_GAVE_UP, "too crowded for the honest part of the plan");
+  } else {
+    const char *reason = spoil(&steps, fault);
+    if (strcmp(fault, "late") == 0) {
+      struct timespec now;
+      clock_gettime(CLOCK_MONOTONIC, &now);
+      double left = (double)budget->deadline_monotonic_ns * 1e-9 -
+                    ((double)now.tv_sec + (double)now.tv_nsec * 1e-9);
+      sleep_s(left > 0 ? left + 0.5 : 0.5);
+    }
+    status = reason ? fail(sink, FLEETYARD_STATUS_UNSUPPORTED, reason)
+                    : hand_over(&steps, fault, faulty->size, sink);
+  }
+  free(steps.at);
+  return status;
+}
+
+static void destroy(void *context) {
+  Faulty *faulty = context;
+  free(faulty->passable);
+  free(faulty);
+}
+
+/* ---- What the library exports ---------------------------------------------- */
+
+static const FleetyardDescriptor descriptor_of_faulty = {
+#if VARIANT == SHORT_DESCRIPTOR
+    .struct_size = 8,
+#else
+    .struct_size = sizeof(FleetyardDescriptor),
+#endif
+#if VARIANT == BAD_ID
+    .id = TEXT("Not an identifier"),
+#else
+    .id = TEXT("faulty"),
+#endif
+    .name = TEXT("Faulty"),
+    .version = TEXT("0.1.0"),
+    .description = TEXT("Misbehaves on request. For tests of the host."),
+    .license = TEXT("MIT OR Apache-2.0"),
+#if VARIANT == BAD_SCHEMA
+    .options_schema = TEXT("{\"type\": object"),
+#else
+    .options_schema = TEXT(
+        "{\"type\":\"object\",\"additionalProperties\":false,\"properties\":{"
+        "\"fault\":{\"enum\":[" FAULTS(ITEM) "\"none\"],\"default\":\"none\"},"
+        "\"during\":{\"enum\":[\"create\",\"prepare\",\"plan\"],\"default\":\"plan\"},"
+        "\"size\":{\"type\":\"integer\",\"minimum\":1,\"default\":1073741824,"
+        "\"description\":\"Bytes of a flood; a huge plan claims as many MiB of cells.\"}}}"),
+#endif
+#if VARIANT == LYING_CAPABILITIES
+    .capabilities = UINT64_MAX,
+#else
+    .capabilities =
+        FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE | FLEETYARD_CAPABILITY_DETERMINISTIC,
+#endif
+};
+
+static uint32_t count(void) {
+#if VARIANT == MANY_PLUGINS
+  return 4000000000u;
+#else
+  return 1;
+#endif
+}
+
+static const FleetyardDescriptor *descriptor(uint32_t index) {
+  return index == 0 && VARIANT != NULL_DESCRIPTOR ? &descriptor_of_faulty : NULL;
+}
+
+/* The text after `"name":`. The host has checked the options: this may be simple. */
+static const char *option(const char *options, const char *name) {
+  const char *at = strstr(options, name);
+  if (at)
+    at = strchr(at, ':');
+  return at ? at + 1 + strspn(at + 1, " \t\r\n") : NULL;
+}
+
+static void text_option(const char *options, const char *name, char *out, size_t room) {
+  const char *at = option(options, name);
+  if (at && *at == '"')
+    snprintf(out, room, "%.*s", (int)strcspn(at + 1, "\""), at + 1);
+}
+
+static int32_t create(uint32_t index, FleetyardStr options, const FleetyardSink *sink,
+                      FleetyardPlanner *out) {
+  (void)index;
+  Faulty *faulty = calloc(1, sizeof *faulty);
+  char *text = calloc(options.len + 1, 1);
+  if (!faulty || !text) {
+    free(faulty);
+    free(text);
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  }
+  if (options.len)
+    memcpy(text, options.ptr, options.len);
+  strcpy(faulty->fault, "none");
+  strcpy(faulty->during, "plan");
+  text_option(text, "\"fault\"", faulty->fault, sizeof faulty->fault);
+  text_option(text, "\"during\"", faulty->during, sizeof faulty->during);
+  const char *size = option(text, "\"size\"");
+  faulty->size = size ? strtoull(size, NULL, 10) : UINT64_C(1) << 30;
+  free(text);
+  misbehave(faulty, "create", sink);
+  if (strcmp(faulty->during, "create") == 0 && strcmp(faulty->fault, "fails") == 0) {
+    free(faulty);
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "failed as asked");
+  }
+  *out = (FleetyardPlanner){
+      .struct_size = sizeof *out,
+      .context = faulty,
+      .prepare = prepare,
+      .plan = plan,
+      .destroy = destroy,
+  };
+#if VARIANT == SHORT_PLANNER
+  out->struct_size = 8;
+#elif VARIANT == NULL_PLAN
+  out->plan = NULL;
+#endif
+  return FLEETYARD_STATUS_SOLVED;
+}
+
+static const FleetyardPlannerFactory planners = {
+#if VARIANT == SHORT_FACTORY
+    .struct_size = 8,
+#else
+    .struct_size = sizeof(FleetyardPlannerFactory),
+#endif
+    .count = count,
+    .descriptor = descriptor,
+    .create = create,
+};
+
+#if VARIANT != NULL_GET_FACTORY
+static const void *get_factory(FleetyardStr id) {
+  static const char wanted[] = "fleetyard.planner/1";
+  return id.len == sizeof wanted - 1 && memcmp(id.ptr, wanted, id.len) == 0 ? &planners : NULL;
+}
+#endif
+
+#if VARIANT == INIT_FAILS
+static int32_t init(const FleetyardHost *host, FleetyardStr path) {
+  (void)host;
+  (void)path;
+  return -1;
+}
+#endif
+
+const FleetyardPluginEntry fleetyard_plugin_entry_v1 = {
+#if VARIANT == SHORT_ENTRY
+    .struct_size = 16,
+#else
+    .struct_size = sizeof(FleetyardPluginEntry),
+#endif
+#if VARIANT == WRONG_MAJOR
+    .abi_major = 2,
+#else
+    .abi_major = FLEETYARD_ABI_MAJOR,
+#endif
+#if VARIANT == NEWER_MINOR
+    .abi_minor = 9,
+#else
+    .abi_minor = FLEETYARD_ABI_MINOR,
+#endif
+#if VARIANT == INIT_FAILS
+    .init = init,
+#endif
+#if VARIANT != NULL_GET_FACTORY
+    .get_factory = get_factory,
+#endif
+};
+
+#if VARIANT == NULL_GET_FACTORY
+/* Nothing refers to these here. */
+const void *faulty_unused(void);
+const void *faulty_unused(void) { return &planners; }
+#endif
+#endif /* NO_SYMBOL */

@@ -1,0 +1,370 @@
+#!/usr/bin/env python3
+"""A planner that misbehaves on request: option `fault`, see README.md. A fixture for
+tests of the host, and nothing to learn from. It speaks the protocol without the SDK,
+which would not let it.
+
+With `none` it is honest: the agents go to their goals one after the other while all
+others stand. Faults of plans begin with that honest plan and add one wrong thing, as
+in faulty.c.
+"""
+
+import json
+import os
+import signal
+import sys
+import time
+from collections import deque
+
+PLAN_FAULTS = """too-few-agents too-many-agents empty-path wrong-start not-at-goal teleport
+    collide collide-parked swap leave-map through-obstacle""".split()
+PROCESS_FAULTS = """never spin ignore-sigterm crash abort exit-0 exit-3 garbage flood
+    log-flood nan grandchild hog""".split()
+ANSWER_FAULTS = """late twice two-results claims-solved-without-plan claims-infeasible
+    bad-status huge-plan null-plan fails rpc-error""".split()
+WIRE_FAULTS = """malformed no-version batch not-utf8 deep wrong-id partial long-line
+    request no-message closes-stdout closes-stdin bad-cells bad-moves""".split()
+FAULTS = ["none", *PLAN_FAULTS, *PROCESS_FAULTS, *ANSWER_FAULTS, *WIRE_FAULTS]
+
+SCHEMA = {
+    "type": "object",
+    "additionalProperties": False,
+    "properties": {
+        "fault": {"enum": FAULTS, "default": "none"},
+        "during": {
+            "enum": ["initialize", "create", "prepare", "plan", "shutdown"],
+            "default": "plan",
+            "description": "The call that fails; `initialize` only by FLEETYARD_FAULT.",
+        },
+        "size": {"type": "integer", "minimum": 1, "default": 1 << 30},
+    },
+}
+
+
+def write(data):
+    while data:
+        data = data[os.write(1, data) :]
+
+
+def send(message):
+    write(json.dumps(message).encode() + b"\n")
+
+
+def notify(method, **params):
+    send({"jsonrpc": "2.0", "method": method, "params": params})
+
+
+class Spoiled(Exception):
+    """Why an instance does not allow a fault."""
+
+
+class Steps:
+    """Where everybody is, step by step."""
+
+    def __init__(self, grid, instance):
+        self.rows, self.cols = grid["rows"], grid["cols"]
+        self.free = [letter == "." for row in grid["passable"] for letter in row]
+        self.at = [list(instance["starts"])]
+        waiting = [(agent, goals[-1]) for agent, goals in enumerate(instance["goals"])]
+        while waiting:
+            left = [(agent, goal) for agent, goal in waiting if not self.go(agent, goal)]
+            if len(left) == len(waiting):
+                raise Spoiled("too crowded for the honest part of the plan")
+            waiting = left
+
+    def step(self, agent=None, cell=None):
+        self.at.append(list(self.at[-1]))
+        if agent is not None:
+            self.at[-1][agent] = cell
+
+    def near(self, cell):
+        row, col = divmod(cell, self.cols)
+        for r, c in ((row - 1, col), (row, col + 1), (row + 1, col), (row, col - 1)):
+            if 0 <= r < self.rows and 0 <= c < self.cols:
+                yield r * self.cols + c
+
+    def search(self, agent, through=None):
+        start, standing = self.at[-1][agent], set(self.at[-1])
+        came, queue = {start: None}, deque([start])
+        while queue:
+            cell = queue.popleft()
+            for near in self.near(cell):
+                if self.free[near] and near not in came:
+                    if near not in standing or near == through:
+                        came[near] = cell
+                        queue.append(near)
+        return came
+
+    def walk(self, agent, came, to):
+        path = []
+        while came[to] is not None:
+            path.append(to)
+            to = came[to]
+        for cell in reversed(path):
+            self.step(agent, cell)
+
+    def go(self, agent, to):
+        came = self.search(agent)
+        if to in came:
+            self.walk(agent, came, to)
+        return to in came
+
+    def beside(self, cell):
+        standing = set(self.at[-1])
+        for near in self.near(cell):
+            if self.free[near] and near not in standing:
+                return near
+        return None
+
+    def spoil(self, fault):
+        home = self.at[-1][0]
+        beside = self.beside(home)
+        if fault in ("not-at-goal", "collide") and beside is None:
+            raise Spoiled("agent 0 cannot leave its goal")
+        if fault == "leave-map":
+            self.step(0, -1)
+            self.step(0, home)
+        elif fault == "not-at-goal":
+            self.step(0, beside)
+        elif fault == "wrong-start":
+            for agent, start in enumerate(self.at[0]):
+                near = self.beside(start)
+                if near is not None and near not in self.at[0]:
+                    self.at.insert(0, list(self.at[0]))
+                    self.at[0][agent] = near
+                    return
+            raise Spoiled("no agent has a free cell beside its start")
+        elif fault == "teleport":
+            for cell, free in enumerate(self.free):
+                far = abs(cell // self.cols - home // self.cols) >= 2
+                if far and free and cell not in self.at[-1]:
+                    self.step(0, cell)
+                    self.step(0, home)
+                    return
+            raise Spoiled("no cell is far enough away")
+        elif fault == "through-obstacle":
+            came = self.search(0)
+            for cell in sorted(came):
+                for wall in self.near(cell):
+                    if not self.free[wall]:
+                        self.walk(0, came, cell)
+                        self.step(0, wall)
+                        self.step(0, cell)
+                        self.go(0, home)
+                        return
+            raise Spoiled("agent 0 reaches no obstacle")
+        elif fault in ("collide", "collide-parked", "swap"):
+            if len(self.at[0]) < 2:
+                raise Spoiled("it takes two agents")
+            other, came = self.at[-1][1], self.search(1, through=home)
+            if home not in came:
+                raise Spoiled("agent 1 does not reach agent 0")
+            door = came[home]
+            self.walk(1, came, door)
+            self.step(1, home)
+            if fault == "swap":
+                self.at[-1][0] = door
+            self.step(1, door)
+            self.at[-1][0] = home
+            self.go(1, other)
+            if fault == "collide":  # agent 0 moves once more: it was not parked
+                self.step(0, beside)
+                self.step(0, home)
+
+
+def plan_paths(grid, instance, fault):
+    steps = Steps(grid, instance)
+    steps.spoil(fault)
+    cols = steps.cols
+    paths = [
+        [[-1, 0] if cell < 0 else list(divmod(cell, cols)) for cell in path]
+        for path in zip(*steps.at)
+    ]
+    if fault == "too-few-agents":
+        paths.pop()
+    elif fault == "too-many-agents":
+        paths.append(paths[0])
+    elif fault == "empty-path":
+        paths[0] = []
+    elif fault == "bad-cells":
+        paths[0] = ["here", "there"]
+    elif fault == "bad-moves":
+        paths[0] = "NOWHERE"
+    return paths
+
+
+def sleep_for_ever():
+    while True:
+        time.sleep(3600)
+
+
+def misbehave(fault, size, request):
+    """The faults that do not depend on what is asked. Most do not return."""
+    if fault == "never":
+        sleep_for_ever()
+    elif fault == "spin":
+        while True:
+            pass
+    elif fault == "ignore-sigterm":
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        sleep_for_ever()
+    elif fault == "crash":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    elif fault == "abort":
+        os.abort()
+    elif fault == "exit-0":
+        os._exit(0)
+    elif fault == "exit-3":
+        sys.exit(3)
+    elif fault == "hog":
+        memory = []
+        while True:
+            memory.append(bytearray(b"x") * (64 << 20))
+    elif fault == "garbage":
+        write(b"solving...\n\xff\xfe\n\n  3 agents left\n[1,2\n")
+        os.write(2, b"\xff\xfe on standard error\n")
+    elif fault == "flood":
+        block = (b"x" * 127 + b"\n") * 512
+        for _ in range(0, size, len(block)):
+            write(block)
+    elif fault == "log-flood":
+        for _ in range(0, size, 1024):
+            notify("log", level="info", text="x" * 1024)
+    elif fault == "nan":
+        write(b'{"jsonrpc":"2.0","method":"metric","params":{"name":"x","value":NaN}}\n')
+    elif fault == "grandchild":
+        if os.fork() == 0:
+            os.setsid()
+            if os.fork() != 0:
+                os._exit(0)
+            with open("/proc/self/comm", "w") as name:
+                name.write("fy-orphan")
+            for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
+                signal.signal(number, signal.SIG_IGN)
+            sleep_for_ever()
+    elif fault == "malformed":
+        write(b'{"jsonrpc":"2.0","id":,"result"}\n')
+        sleep_for_ever()
+    elif fault == "no-version":
+        write(b'{"id":%d,"result":{"status":"solved"}}\n' % request)
+        sleep_for_ever()
+    elif fault == "batch":
+        write(b'[{"jsonrpc":"2.0","id":%d,"result":{"status":"solved"}}]\n' % request)
+        sleep_for_ever()
+    elif fault == "not-utf8":
+        text = b'{"jsonrpc":"2.0","method":"log","params":{"level":"info","text":"\xff\xfe"}}\n'
+        write(text)
+        sleep_for_ever()
+    elif fault == "deep":
+        write(b'{"jsonrpc":"2.0","id":%d,"result":' % request + b"[" * 10**6 + b"\n")
+        sleep_for_ever()
+    elif fault == "wrong-id":
+        write(b'{"jsonrpc":"2.0","id":%d,"result":{"status":"solved"}}\n' % (request + 1000))
+        sleep_for_ever()
+    elif fault == "partial":
+        write(b'{"jsonrpc":"2.0","id":%d,"resu' % request)
+        sleep_for_ever()
+    elif fault == "long-line":
+        write(b'{"jsonrpc":"2.0","id":%d,"result":"' % request)
+        for _ in range(0, 2 * size, 1 << 20):
+            write(b"x" * (1 << 20))
+        sleep_for_ever()
+    elif fault == "request":
+        write(b'{"jsonrpc":"2.0","id":1,"method":"plan","params":{}}\n')
+        sleep_for_ever()
+    elif fault == "no-message":
+        write(b'{"jsonrpc":"2.0"}\n')
+        sleep_for_ever()
+    elif fault == "closes-stdout":
+        os.close(1)
+        sleep_for_ever()
+    elif fault == "closes-stdin":
+        os.close(0)
+
+
+def answer_plan(request, grid, params, fault, size):
+    def reply(**result):
+        send({"jsonrpc": "2.0", "id": request, "result": result})
+
+    if fault == "claims-solved-without-plan":
+        return reply(status="solved")
+    if fault == "claims-infeasible":
+        return reply(status="infeasible", message="it cannot be done, believe me")
+    if fault == "bad-status":
+        return reply(status="brilliant")
+    if fault == "fails":
+        return reply(status="internal-error", message="failed as asked")
+    if fault == "rpc-error":
+        error = {"code": -32603, "message": "failed as asked"}
+        return send({"jsonrpc": "2.0", "id": request, "error": error})
+    if fault == "null-plan":
+        return reply(status="solved", paths=None)
+    if fault == "huge-plan":  # letters of moves: as many cells as bytes
+        head = '{"jsonrpc":"2.0","id":%d,"result":{"status":"solved","paths":["' % request
+        write(head.encode())
+        for _ in range(0, size, 1 << 20):
+            write(b"." * (1 << 20))
+        return write(b'"]}}\n')
+    try:
+        paths = plan_paths(grid, params["instance"], fault)
+    except Spoiled as reason:
+        return reply(status="gave-up", message=str(reason))
+    if fault == "late":
+        left = params["budget"]["deadline_monotonic_ns"] - time.monotonic_ns()
+        time.sleep(max(0, left) * 1e-9 + 0.5)
+    if fault in ("twice", "two-results"):
+        notify("incumbent", paths=paths)
+        notify("incumbent", paths=paths)
+    if fault == "two-results":
+        reply(status="solved", paths=paths)
+    return reply(status="solved", paths=paths)
+
+
+def main():
+    # So that `initialize` can fail too, before there are options.
+    options = {"fault": os.environ.get("FLEETYARD_FAULT", "none"), "during": "initialize"}
+    grid = None
+    while True:
+        line = sys.stdin.buffer.readline()
+        if not line:
+            return
+        message = json.loads(line)
+        method, request = message["method"], message.get("id")
+        params = message.get("params")
+        if method == "exit":
+            return
+        if request is None:
+            continue
+        if method == "create":
+            options = dict(params.get("options") or {})
+            options.setdefault("during", "plan")
+        fault = options.get("fault", "none") if options["during"] == method else "none"
+        size = options.get("size", 1 << 30)
+        misbehave(fault, size, request)
+        if method == "initialize":
+            about = {
+                "id": "faulty",
+                "kind": "planner",
+                "name": "Faulty",
+                "version": "0.1.0",
+                "description": "Misbehaves on request. For tests of the host.",
+                "capabilities": ["grid", "pebble", "deterministic"],
+                "options_schema": SCHEMA,
+            }
+            result = {"protocol_version": 1, "plugins": [about]}
+        elif method == "plan":
+            answer_plan(request, grid, params, fault, size)
+            continue
+        elif method == "shutdown":
+            result = None
+        else:
+            if method == "prepare":
+                grid = params["environment"]
+            failed = {"status": "internal-error", "message": "failed as asked"}
+            result = failed if fault == "fails" else {"status": "solved"}
+        send({"jsonrpc": "2.0", "id": request, "result": result})
+        if fault == "two-results":
+            send({"jsonrpc": "2.0", "id": request, "result": result})
+
+
+main()
