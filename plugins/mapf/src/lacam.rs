@@ -131,7 +131,7 @@ impl<'g> Lacam<'g> {
             guide,
             pibt: Pibt::new(graph, goals, swap),
             samples: samples.max(1),
-            random,
+            random: random.clone(),
             initial_order,
             nodes: Vec::new(),
             constraints: Vec::new(),
@@ -142,10 +142,26 @@ impl<'g> Lacam<'g> {
             fixed: Vec::new(),
             best: Vec::new(),
         };
-        let hash = hash_of(starts);
-        let root = search.add(starts.into(), hash, NONE, 0, distances);
-        search.open.push(root);
+        search.restart(starts, distances, random);
         search
+    }
+
+    /// Forgets everything and begins anew from `starts`.
+    pub(crate) fn restart(
+        &mut self,
+        starts: &[Vertex],
+        distances: &mut Distances<'g>,
+        random: Random,
+    ) {
+        self.random = random;
+        self.nodes.clear();
+        self.constraints.clear();
+        self.explored.clear();
+        self.open.clear();
+        self.goal = NONE;
+        self.loaded = NONE;
+        let root = self.add(starts.into(), hash_of(starts), NONE, 0, distances);
+        self.open.push(root);
     }
 
     /// About how many bytes the search holds.

@@ -36,7 +36,7 @@
 //! - refinement: a few thousand states per replanned agent, 5·V·T/8 bytes per thread.
 //!
 //! 1000 agents on a warehouse map of 5700 cells have a first plan in less than half a second
-//! of processor time, and 100 MB. For the first plan alone set [`Options::anytime`] to false;
+//! of processor time, and 25 MB. For the first plan alone set [`Options::anytime`] to false;
 //! for the quickest one also `samples` to 1 and `scatter_margin` to `None`, which costs a
 //! third in plan quality.
 #![forbid(unsafe_code)]

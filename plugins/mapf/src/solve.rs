@@ -163,6 +163,12 @@ const PIBT_STREAM: u64 = 0;
 const SCATTER_STREAM: u64 = 1;
 const SEARCH_STREAM: u64 = 2;
 
+/// Before it begins anew, the search may take so many times as many steps as the longest
+/// of the shortest paths,
+const PATIENCE: u64 = 20;
+/// and so many more.
+const MIN_PATIENCE: u64 = 200;
+
 /// After the first plan the search gets one part in so many of the work of refinement,
 const SEARCH_SHARE: u64 = 16;
 /// and as much as refinement once that has found nothing for so many rounds.
@@ -239,7 +245,23 @@ impl<'g> Run<'_, 'g> {
             self.options.samples as usize,
             Random::new(self.seed, SEARCH_STREAM),
         );
+        // Depth first as it is, the search may lose its way among configurations that
+        // differ little. Then beginning anew is better; patience grows, so that an
+        // exhaustive search is not prevented.
+        let longest = (0..self.starts.len())
+            .map(|a| distances.get(a, self.starts[a]))
+            .max();
+        let mut patience = u64::from(longest.unwrap_or(0)) * PATIENCE + MIN_PATIENCE;
+        let mut restarts = 0;
+        let mut until = self.spent() + patience;
         while self.best.is_none() {
+            if self.spent() >= until {
+                restarts += 1;
+                patience += patience / 2;
+                until = self.spent() + patience;
+                let random = Random::new(self.seed, SEARCH_STREAM + restarts);
+                search.restart(self.starts, &mut distances, random);
+            }
             if let Some(limit) = self.spend(1) {
                 return Outcome::GaveUp(limit);
             }
