@@ -203,15 +203,18 @@ impl<'g> Lacam<'g> {
         let Some(&last) = self.open.last() else {
             return Step::Exhausted;
         };
-        let mut at = last;
-        if self.goal != NONE && self.random.one_in(RANDOM_ONE_IN) {
-            at = self.open[self.random.below(self.open.len())];
-        }
+        // A node picked at random stays where it is in the stack, whatever becomes of it.
+        let picked = self.goal != NONE && self.random.one_in(RANDOM_ONE_IN);
+        let at = if picked {
+            self.open[self.random.below(self.open.len())]
+        } else {
+            last
+        };
         if self.goal != NONE {
             let bound = self.nodes[self.goal as usize].g;
             let node = &self.nodes[at as usize];
             if node.g + node.h >= bound {
-                self.open.pop();
+                self.drop_last_unless(picked);
                 return Step::Searching;
             }
         } else if self.nodes[at as usize].h == 0 {
@@ -219,7 +222,7 @@ impl<'g> Lacam<'g> {
             return Step::Improved;
         }
         if !self.next_constraint(at) {
-            self.open.pop();
+            self.drop_last_unless(picked);
             return Step::Searching;
         }
         if !self.successor(at, distances) {
@@ -242,6 +245,12 @@ impl<'g> Lacam<'g> {
             Step::Improved
         } else {
             Step::Searching
+        }
+    }
+
+    fn drop_last_unless(&mut self, picked: bool) {
+        if !picked {
+            self.open.pop();
         }
     }
 

@@ -394,6 +394,57 @@ fn what_is_wrong_with_a_problem_is_said() {
     }
 }
 
+#[test]
+fn extreme_options_are_harmless() {
+    let problem = problem(&["....", ".@..", "...."], &[(0, 11), (11, 0), (3, 8)]);
+    let base = Options {
+        node_limit: Some(300),
+        ..Options::default()
+    };
+    let cases = [
+        Options {
+            samples: 0,
+            ..base.clone()
+        },
+        Options {
+            samples: 1000,
+            node_limit: Some(20),
+            ..base.clone()
+        },
+        Options {
+            scatter_margin: Some(u32::MAX),
+            ..base.clone()
+        },
+        Options {
+            scatter_margin: Some(0),
+            ..base.clone()
+        },
+        Options {
+            threads: 0,
+            ..base.clone()
+        },
+        Options {
+            threads: usize::MAX,
+            ..base.clone()
+        },
+        Options {
+            refine: false,
+            swap: false,
+            ..base.clone()
+        },
+        Options {
+            step_limit: u64::MAX,
+            ..pibt()
+        },
+    ];
+    for options in cases {
+        let Outcome::Solved { plan, .. } = outcome(&problem, &options) else {
+            panic!("{options:?} prevents a plan");
+        };
+        assert_eq!(verify(&problem, &plan), Ok(()));
+    }
+}
+
 /// Stops after so many questions.
 struct Impatient(u64);
 
