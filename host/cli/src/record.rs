@@ -94,7 +94,7 @@ pub(crate) struct Metrics {
     pub(crate) soc_steps: Option<u64>,
     pub(crate) makespan_steps: Option<u64>,
     pub(crate) lower_bound_steps: u64,
-    /// SoC over lower bound.
+    /// SoC over lower bound, of a valid plan.
     pub(crate) suboptimality: Option<f64>,
     pub(crate) length_m: Option<f64>,
     pub(crate) lower_bound_m: f64,

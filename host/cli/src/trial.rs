@@ -190,6 +190,9 @@ impl Trial<'_> {
             },
             _ => None,
         };
+        let verdict = plan.as_ref().map_or_else(VerdictInfo::default, |plan| {
+            validate(self.instance, plan, VIOLATIONS).into()
+        });
         let record = Record {
             fleetyard: env!("CARGO_PKG_VERSION"),
             planner: PlannerInfo {
@@ -220,10 +223,8 @@ impl Trial<'_> {
             fault,
             claim: run.claim,
             message: run.message.clone(),
-            verdict: plan.as_ref().map_or_else(VerdictInfo::default, |plan| {
-                validate(self.instance, plan, VIOLATIONS).into()
-            }),
-            metrics: self.metrics(&run, plan.as_ref(), prepare_ms),
+            metrics: self.metrics(&run, plan.as_ref(), verdict.valid, prepare_ms),
+            verdict,
             claimed_metrics: run.metrics,
             resources: closing.usage,
             execution,
@@ -312,6 +313,7 @@ impl Trial<'_> {
         &self,
         run: &PlanRun,
         plan: Option<&GridPlan>,
+        valid: bool,
         prepare_time_ms: Option<f64>,
     ) -> Metrics {
         // The lower bound does not depend on the plan: an empty one will do.
@@ -331,7 +333,7 @@ impl Trial<'_> {
             makespan_steps: plan.map(|_| of_plan.makespan),
             lower_bound_steps: bound,
             suboptimality: plan
-                .filter(|_| bound > 0)
+                .filter(|_| valid && bound > 0)
                 .map(|_| of_plan.sum_of_costs as f64 / bound as f64),
             length_m: plan.map(|_| of_plan.length_m),
             lower_bound_m: of_plan.lower_bound_m,

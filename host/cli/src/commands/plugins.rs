@@ -163,7 +163,12 @@ fn text(plugin: &Descriptor) -> String {
                     .and_then(Value::as_str)
                     .unwrap_or_default();
                 let about = about.split_whitespace().collect::<Vec<_>>().join(" ");
-                let _ = write!(out, "\n  {name} = {} ({})", field("default"), field("type"));
+                let takes = if schema.get("enum").is_some() {
+                    field("enum")
+                } else {
+                    field("type")
+                };
+                let _ = write!(out, "\n  {name} = {} ({takes})", field("default"));
                 let _ = write!(out, "\n      {about}");
             }
         }

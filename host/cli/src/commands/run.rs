@@ -67,6 +67,12 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         eprintln!("error: planner `{}` {fault}", record.planner.id);
     } else if exit == Exit::NoPlan {
         eprintln!("error: {}", no_plan(record, arguments));
+    } else if let Some(first) = record.verdict.violations.first() {
+        let count = record.verdict.violation_count;
+        eprintln!(
+            "error: the plan is invalid ({count} violations): {}",
+            first.sentence
+        );
     }
     if plan.is_none() {
         for path in [&arguments.plan_out, &arguments.trace_out]
