@@ -1,0 +1,308 @@
+//! The rules of ARCHITECTURE.md that no compiler holds: which crate may use which,
+//! where heavy dependencies live, where `unsafe` may stand, and what may not be read
+//! where results have to be reproducible.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
+
+/// What a crate of the host may use of the others, whatever it is for (tests aside).
+/// A new crate has to be entered here.
+const MAY_USE: &[(&str, &[&str])] = &[
+    ("fleetyard-abi", &[]),
+    ("fleetyard-core", &["fleetyard-abi"]),
+    ("fleetyard-world", &["fleetyard-core"]),
+    ("fleetyard-check", &["fleetyard-core"]),
+    ("fleetyard-sim", &["fleetyard-core", "fleetyard-world"]),
+    ("fleetyard-runtime", &["fleetyard-abi", "fleetyard-core"]),
+    (
+        "fleetyard",
+        &[
+            "fleetyard-abi",
+            "fleetyard-check",
+            "fleetyard-core",
+            "fleetyard-plugins",
+            "fleetyard-runtime",
+            "fleetyard-sim",
+            "fleetyard-world",
+        ],
+    ),
+];
+
+/// Heavy dependencies and their one home; a `*` stands for the rest of a name.
+const HOMES: &[(&str, &str)] = &[
+    ("abi_stable", "fleetyard-abi"),
+    ("clap*", "fleetyard"),
+    ("libloading", "fleetyard-runtime"),
+    ("parry2d*", "fleetyard-sim"),
+    ("rapier2d*", "fleetyard-sim"),
+];
+
+/// Crates of the host that may have unsafe code. Plugins may where they export
+/// their entry: that is glue which the macro writes.
+const MAY_BE_UNSAFE: &[&str] = &["fleetyard-abi", "fleetyard-runtime"];
+
+/// Crates whose results are the same everywhere and every time.
+const REPRODUCIBLE: &[&str] = &["core", "world", "check", "sim"];
+
+fn metadata() -> Metadata {
+    MetadataCommand::new()
+        .manifest_path(root().join("Cargo.toml"))
+        .no_deps()
+        .exec()
+        .unwrap()
+}
+
+fn root() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.join("../..").canonicalize().unwrap()
+}
+
+fn folder(package: &Package) -> PathBuf {
+    package.manifest_path.parent().unwrap().into()
+}
+
+fn is_plugin(package: &Package) -> bool {
+    folder(package).starts_with(root().join("plugins"))
+}
+
+/// Names of what a package needs, tests and benches aside.
+fn needs(package: &Package) -> Vec<&str> {
+    let dependencies = package.dependencies.iter();
+    dependencies
+        .filter(|dependency| dependency.kind != DependencyKind::Development)
+        .map(|dependency| dependency.name.as_str())
+        .collect()
+}
+
+/// All Rust files below a folder, in order.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Lines that contain one of the texts, comments aside.
+fn lines_with(files: &[PathBuf], texts: &[&str]) -> Vec<String> {
+    let mut found = Vec::new();
+    for file in files {
+        let content = fs::read_to_string(file).unwrap();
+        for (number, line) in content.lines().enumerate() {
+            let code = line.split("//").next().unwrap_or_default();
+            if texts.iter().any(|text| code.contains(text)) {
+                found.push(format!(
+                    "{}:{}: {}",
+                    file.display(),
+                    number + 1,
+                    line.trim()
+                ));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn nothing_points_upwards() {
+    let metadata = metadata();
+    let packages = metadata.workspace_packages();
+    let ours: BTreeSet<&str> = packages
+        .iter()
+        .map(|package| package.name.as_str())
+        .collect();
+    let plugins: BTreeSet<&str> = packages
+        .iter()
+        .filter(|package| is_plugin(package))
+        .map(|package| package.name.as_str())
+        .collect();
+    for package in packages {
+        let name = package.name.as_str();
+        let entry = MAY_USE.iter().find(|(known, _)| *known == name);
+        assert!(
+            entry.is_some() != is_plugin(package),
+            "{name} is neither a plugin nor in the table of this test, or both"
+        );
+        for needed in needs(package)
+            .into_iter()
+            .filter(|needed| ours.contains(needed))
+        {
+            let allowed = match entry {
+                Some((_, allowed)) => allowed.contains(&needed),
+                None => needed == "fleetyard-abi" || plugins.contains(needed),
+            };
+            assert!(allowed, "{name} may not depend on {needed}");
+        }
+    }
+}
+
+#[test]
+fn plugins_do_not_use_the_host_in_tests_either() {
+    let metadata = metadata();
+    for package in metadata.workspace_packages() {
+        if !is_plugin(package) {
+            continue;
+        }
+        for dependency in &package.dependencies {
+            let needed = dependency.name.as_str();
+            let of_host = MAY_USE
+                .iter()
+                .any(|(name, _)| *name == needed && *name != "fleetyard-abi");
+            assert!(!of_host, "{} may not depend on {needed}", package.name);
+        }
+    }
+}
+
+#[test]
+fn the_judge_knows_neither_planners_nor_the_simulator() {
+    let metadata = metadata();
+    let check = metadata.workspace_packages().into_iter();
+    let check = check.filter(|package| package.name.as_str() == "fleetyard-check");
+    for package in check {
+        // Its tests included: an oracle must not be what it judges.
+        let needed: Vec<&str> = package
+            .dependencies
+            .iter()
+            .map(|dependency| dependency.name.as_str())
+            .filter(|name| name.starts_with("fleetyard"))
+            .collect();
+        for name in needed {
+            assert!(
+                ["fleetyard-core", "fleetyard-world"].contains(&name),
+                "fleetyard-check may not depend on {name}"
+            );
+        }
+    }
+}
+
+#[test]
+fn heavy_dependencies_have_one_home() {
+    let metadata = metadata();
+    for package in metadata.workspace_packages() {
+        for needed in needs(package) {
+            for (heavy, home) in HOMES {
+                let is_it = match heavy.strip_suffix('*') {
+                    Some(start) => needed.starts_with(start),
+                    None => needed == *heavy,
+                };
+                // The fixture is built against a changed copy of the contract.
+                let fixture = package.name.starts_with("fleetyard-faulty");
+                assert!(
+                    !is_it || package.name.as_str() == *home || fixture,
+                    "{} uses {needed}, whose home is {home}",
+                    package.name
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn every_crate_takes_the_lints_of_the_workspace() {
+    let metadata = metadata();
+    for package in metadata.workspace_packages() {
+        let manifest = fs::read_to_string(&package.manifest_path).unwrap();
+        assert!(
+            manifest.contains("[lints]\nworkspace = true"),
+            "{} does not say `lints.workspace = true`",
+            package.manifest_path
+        );
+    }
+}
+
+#[test]
+fn versions_stand_in_one_table() {
+    let metadata = metadata();
+    for package in metadata.workspace_packages() {
+        let manifest = fs::read_to_string(&package.manifest_path).unwrap();
+        let mut in_dependencies = false;
+        for line in manifest.lines() {
+            if line.starts_with('[') {
+                in_dependencies = line.ends_with("dependencies]");
+            } else if in_dependencies && line.contains('=') {
+                assert!(
+                    line.contains("workspace = true"),
+                    "{}: `{line}` does not take its version from the workspace",
+                    package.manifest_path
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn unsafe_is_forbidden_elsewhere() {
+    let metadata = metadata();
+    for package in metadata.workspace_packages() {
+        if MAY_BE_UNSAFE.contains(&package.name.as_str()) {
+            continue;
+        }
+        for target in &package.targets {
+            let of_product = target.is_lib() || target.is_cdylib() || target.is_bin();
+            let source = fs::read_to_string(&target.src_path).unwrap();
+            let glue = is_plugin(package) && is_glue(&folder(package));
+            assert!(
+                !of_product || glue || source.contains("#![forbid(unsafe_code)]"),
+                "{} does not forbid unsafe code",
+                target.src_path
+            );
+        }
+    }
+}
+
+/// Whether a plugin's crate exports an entry symbol.
+fn is_glue(folder: &Path) -> bool {
+    let texts = ["fleetyard_abi::export!", "fleetyard_plugin_entry_v1"];
+    !lines_with(&sources(&folder.join("src")), &texts).is_empty()
+}
+
+#[test]
+fn nothing_is_unfinished() {
+    let mut files = Vec::new();
+    for folder in ["abi", "host", "plugins", "tests"] {
+        files.extend(sources(&root().join(folder)));
+    }
+    // Put together here, so that this file does not contain them.
+    let unfinished = ["todo", "unimplemented", "dbg"].map(|name| format!("{name}!("));
+    let texts: Vec<&str> = unfinished.iter().map(String::as_str).collect();
+    assert_eq!(lines_with(&files, &texts), [""; 0]);
+}
+
+#[test]
+fn what_must_be_reproducible_reads_no_clock() {
+    for name in REPRODUCIBLE {
+        let files = sources(&root().join("host").join(name).join("src"));
+        let clocks = ["std::time", "SystemTime", "Instant::", "monotonic_ns"];
+        assert_eq!(lines_with(&files, &clocks), [""; 0]);
+        let chance = ["RandomState", "thread_rng", "from_os_rng", "rand::rng"];
+        assert_eq!(lines_with(&files, &chance), [""; 0]);
+    }
+}
+
+#[test]
+fn simulation_and_judgement_use_no_float_function_of_the_platform() {
+    // IEEE 754 does not say what these return in the last bit, and platforms differ.
+    let functions = [
+        "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sin_cos", "sinh", "cosh", "tanh",
+        "exp", "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10", "powf", "powi", "cbrt",
+        "hypot",
+    ];
+    let texts: Vec<String> = functions.iter().map(|name| format!(".{name}(")).collect();
+    let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+    for name in ["check", "sim"] {
+        let files = sources(&root().join("host").join(name).join("src"));
+        assert_eq!(lines_with(&files, &texts), [""; 0]);
+    }
+}

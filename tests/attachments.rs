@@ -1,0 +1,1 @@
+//! The same plugin gives the same plan, whichever way it is attached.

@@ -1,0 +1,426 @@
+//! What the end-to-end tests share: they run the `fleetyard` command as a user does,
+//! on files in a folder of their own, and afterwards look for what must not be left:
+//! processes and half-written files.
+//!
+//! Nothing here measures time; the limits are there so that a hang fails.
+
+#![allow(
+    dead_code,
+    reason = "every test binary has its own copy and uses a part of it"
+)]
+
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// The exit codes that users rely on; written out, so that a change shows.
+pub(crate) const SUCCESS: i32 = 0;
+pub(crate) const NO_PLAN: i32 = 1;
+pub(crate) const USAGE: i32 = 2;
+pub(crate) const INPUT: i32 = 3;
+pub(crate) const INVALID_PLAN: i32 = 4;
+pub(crate) const PLUGIN: i32 = 5;
+
+/// A command that takes longer hangs.
+const HANGING: Duration = Duration::from_secs(300);
+
+/// Set for every command under test, inherited by all that it starts.
+const MARK: &str = "FLEETYARD_TEST_MARK";
+
+/// The repository.
+pub(crate) fn root() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.join("../..").canonicalize().unwrap()
+}
+
+/// A file of `maps/`, as text for arguments.
+pub(crate) fn map(name: &str) -> String {
+    root().join("maps").join(name).display().to_string()
+}
+
+/// Arguments that name an instance of `maps/`.
+pub(crate) fn instance(name: &str, agents: usize) -> Vec<String> {
+    let (map, scen) = (
+        map(&format!("{name}.map")),
+        map(&format!("{name}-random-1.scen")),
+    );
+    [
+        "--map",
+        &map,
+        "--scen",
+        &scen,
+        "--agents",
+        &agents.to_string(),
+    ]
+    .map(str::to_owned)
+    .to_vec()
+}
+
+/// Arguments from a line of text.
+pub(crate) fn words(line: &str) -> Vec<String> {
+    line.split_whitespace().map(str::to_owned).collect()
+}
+
+/// How a command ended.
+#[derive(Debug)]
+pub(crate) struct Ended {
+    /// The exit code; absent after a signal.
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    /// Processes that the command left running. They were killed.
+    pub(crate) left: Vec<String>,
+}
+
+impl Ended {
+    /// Standard output as JSON.
+    #[track_caller]
+    pub(crate) fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {self}"))
+    }
+
+    /// Fails unless the exit code is right and nothing is left running.
+    #[track_caller]
+    pub(crate) fn expect(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{self}");
+        assert!(
+            self.left.is_empty(),
+            "left running: {:?}\n{self}",
+            self.left
+        );
+        self
+    }
+}
+
+impl std::fmt::Display for Ended {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "exit code {:?}\n--- stdout\n{}\n--- stderr\n{}",
+            self.code, self.stdout, self.stderr
+        )
+    }
+}
+
+/// The command under test, in a folder of its own.
+pub(crate) struct Yard {
+    folder: tempfile::TempDir,
+    variables: Vec<(String, String)>,
+}
+
+impl Yard {
+    pub(crate) fn new() -> Self {
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+            variables: Vec::new(),
+        }
+    }
+
+    /// Sets an environment variable for the commands that follow.
+    pub(crate) fn set(mut self, name: &str, value: &str) -> Self {
+        self.variables.push((name.into(), value.into()));
+        self
+    }
+
+    /// A path in the folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file into the folder.
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.path(name);
+        fs::write(&path, content).unwrap();
+        path
+    }
+
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// The names of all files in the folder, hidden ones included.
+    pub(crate) fn files(&self) -> BTreeSet<String> {
+        let entries = fs::read_dir(self.folder.path()).unwrap();
+        entries
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect()
+    }
+
+    /// Starts the command without waiting for it.
+    pub(crate) fn start<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Started {
+        static SERIAL: AtomicU32 = AtomicU32::new(0);
+        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+        let mark = format!("{}-{serial}", std::process::id());
+        let here = self.folder.path();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_fleetyard"));
+        command
+            .args(arguments)
+            .current_dir(here)
+            // Plugins of the person who runs the tests have no say.
+            .env_remove("FLEETYARD_PLUGIN_PATH")
+            .env_remove("PYTHONPATH")
+            .env("HOME", here)
+            .env("XDG_DATA_HOME", here)
+            .env("XDG_DATA_DIRS", here)
+            .env("TMPDIR", here)
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .env("RUST_BACKTRACE", "0")
+            .env(MARK, &mark)
+            .envs(self.variables.iter().map(|(name, value)| (name, value)))
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        Started {
+            child: command.spawn().unwrap(),
+            mark,
+        }
+    }
+
+    /// Runs the command to its end.
+    pub(crate) fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Ended {
+        self.start(arguments).wait()
+    }
+
+    /// Runs `fleetyard` with a line of arguments; `{here}` stands for the folder,
+    /// `{maps}` for the maps of the repository.
+    pub(crate) fn line(&self, line: &str) -> Ended {
+        let here = self.folder.path().display().to_string();
+        let maps = root().join("maps").display().to_string();
+        let line = line.replace("{here}", &here).replace("{maps}", &maps);
+        self.run(&words(&line))
+    }
+}
+
+/// A command that is running.
+pub(crate) struct Started {
+    pub(crate) child: Child,
+    mark: String,
+}
+
+impl Started {
+    pub(crate) fn wait(mut self) -> Ended {
+        let stdout = reader(self.child.stdout.take().unwrap());
+        let stderr = reader(self.child.stderr.take().unwrap());
+        let mut status = None;
+        until(|| {
+            status = self.child.try_wait().unwrap();
+            status.is_some()
+        });
+        if status.is_none() {
+            let _ = self.child.kill();
+            let _ = self.child.wait();
+        }
+        let left = self.processes();
+        // What is left may hold the pipes open.
+        for process in &left {
+            process.signal("KILL");
+        }
+        let (stdout, stderr) = (stdout.join().unwrap(), stderr.join().unwrap());
+        let ended = Ended {
+            code: status.and_then(|status| status.code()),
+            stdout,
+            stderr,
+            left: left.iter().map(ToString::to_string).collect(),
+        };
+        assert!(status.is_some(), "the command hangs: {ended}");
+        ended
+    }
+
+    /// Every living process that inherited this command's mark, the command included.
+    pub(crate) fn processes(&self) -> Vec<Process> {
+        let wanted = format!("{MARK}={}", self.mark);
+        let mut found = Vec::new();
+        for entry in fs::read_dir("/proc").unwrap().flatten() {
+            let Some(id) = entry
+                .file_name()
+                .to_str()
+                .and_then(|name| name.parse().ok())
+            else {
+                continue;
+            };
+            // A process that ends meanwhile, or of somebody else, cannot be read.
+            let Ok(environment) = fs::read(entry.path().join("environ")) else {
+                continue;
+            };
+            if environment
+                .split(|byte| *byte == 0)
+                .any(|variable| variable == wanted.as_bytes())
+            {
+                let text = |name: &str| {
+                    let bytes = fs::read(entry.path().join(name)).unwrap_or_default();
+                    let text = String::from_utf8_lossy(&bytes).replace('\0', " ");
+                    text.trim().to_owned()
+                };
+                let (name, command) = (text("comm"), text("cmdline"));
+                found.push(Process { id, name, command });
+            }
+        }
+        found.sort_by_key(|process: &Process| process.id);
+        found
+    }
+}
+
+/// A process of a command under test.
+#[derive(Debug)]
+pub(crate) struct Process {
+    pub(crate) id: u32,
+    pub(crate) name: String,
+    pub(crate) command: String,
+}
+
+impl Process {
+    pub(crate) fn signal(&self, signal: &str) {
+        // Gone already is as good.
+        let _ = Command::new("kill")
+            .args(["-s", signal, &self.id.to_string()])
+            .stderr(Stdio::null())
+            .status();
+    }
+}
+
+impl std::fmt::Display for Process {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {} ({})", self.id, self.name, self.command)
+    }
+}
+
+/// Asks again until the answer is yes; whether it came to be.
+pub(crate) fn until(mut condition: impl FnMut() -> bool) -> bool {
+    let started = Instant::now();
+    while !condition() {
+        if started.elapsed() > HANGING {
+            return false;
+        }
+        thread::sleep(Duration::from_millis(5));
+    }
+    true
+}
+
+fn reader(mut stream: impl Read + Send + 'static) -> thread::JoinHandle<String> {
+    thread::spawn(move || {
+        let mut bytes = Vec::new();
+        let _ = stream.read_to_end(&mut bytes);
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
+}
+
+/// Compiles a C file of the repository to a shared library, unless that was done
+/// since it changed last. `variant` is the value of the macro `VARIANT`.
+pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
+    // One at a time: tests of one process ask for the same library at once.
+    static COMPILER: Mutex<()> = Mutex::new(());
+    let _only = COMPILER.lock().unwrap_or_else(|error| error.into_inner());
+    let source = root().join(source);
+    let header = root().join("abi/include/fleetyard.h");
+    let name = match variant {
+        Some(variant) => variant.to_lowercase(),
+        None => source.file_stem().unwrap().to_string_lossy().into_owned(),
+    };
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins");
+    fs::create_dir_all(&folder).unwrap();
+    let library = folder.join(format!("{name}.so"));
+    let modified = |path: &Path| fs::metadata(path).and_then(|meta| meta.modified()).ok();
+    let built = modified(&library);
+    if built.is_some() && built > modified(&source) && built > modified(&header) {
+        return library;
+    }
+    // Another test process may use the old one, and sees the new one when it is whole.
+    let unfinished = folder.join(format!("{name}.so.{}", std::process::id()));
+    let compiler = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
+    let mut command = Command::new(compiler);
+    command
+        .args(["-std=c11", "-O1", "-fPIC", "-shared", "-fvisibility=hidden"])
+        .args(variant.map(|variant| format!("-DVARIANT={variant}")))
+        .arg("-I")
+        .arg(header.parent().unwrap())
+        .arg("-o")
+        .arg(&unfinished)
+        .arg(&source);
+    let output = command.output().expect("a C compiler is needed");
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {messages}");
+    fs::rename(&unfinished, &library).unwrap();
+    library
+}
+
+/// The planner that misbehaves on request, as a shared library.
+pub(crate) fn faulty_library() -> PathBuf {
+    c_library("plugins/faulty/faulty.c", None)
+}
+
+/// The same as a program.
+pub(crate) fn faulty_program() -> PathBuf {
+    root().join("plugins/faulty/faulty.py")
+}
+
+/// What `cargo build` makes of a package: its shared library and its program.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Built {
+    pub(crate) library: Option<PathBuf>,
+    pub(crate) program: Option<PathBuf>,
+}
+
+/// Builds a package of the workspace beside the command under test, with the same
+/// profile. Cargo holds no lock while tests run.
+pub(crate) fn build(package: &str) -> Built {
+    let beside = Path::new(env!("CARGO_BIN_EXE_fleetyard")).parent().unwrap();
+    let profile = match beside.file_name().and_then(OsStr::to_str).unwrap() {
+        "debug" => "dev",
+        other => other,
+    };
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command
+        .args(["build", "--quiet", "--message-format=json"])
+        .args(["--package", package, "--profile", profile])
+        .arg("--target-dir")
+        .arg(beside.parent().unwrap())
+        .current_dir(root());
+    let output = command.output().unwrap();
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {messages}");
+    let mut built = Built::default();
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    for message in stdout.lines() {
+        let Ok(message) = serde_json::from_str::<Value>(message) else {
+            continue;
+        };
+        let of_package = message["package_id"].as_str().is_some_and(|id| {
+            id.contains(&format!("#{package}@")) || id.ends_with(&format!("/{package}"))
+        });
+        // The identifier names the package only when its folder has another name.
+        let named = message["target"]["name"]
+            .as_str()
+            .is_some_and(|name| name.replace('_', "-") == package);
+        if message["reason"] != "compiler-artifact" || !(of_package || named) {
+            continue;
+        }
+        for file in message["filenames"].as_array().into_iter().flatten() {
+            let file = PathBuf::from(file.as_str().unwrap());
+            if file.extension().is_some_and(|extension| extension == "so") {
+                built.library = Some(file);
+            }
+        }
+        if let Some(program) = message["executable"].as_str() {
+            built.program = Some(program.into());
+        }
+    }
+    built
+}
+
+/// Whether a program can be started; tests that need one say so when it is missing.
+pub(crate) fn have(program: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok();
+    if !found {
+        eprintln!("skipped: {program} is not installed");
+    }
+    found
+}
