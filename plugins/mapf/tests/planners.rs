@@ -108,12 +108,12 @@ fn brute_force(problem: &Problem, retire: bool) -> Option<u64> {
 
 /// Small grids with up to three agents anywhere, reachable or not.
 fn tiny() -> impl Strategy<Value = Problem> {
-    (1_u32..4, 2_u32..4)
+    (1_u32..4, 2_u32..5)
         .prop_flat_map(|(rows, cols)| {
             let size = (rows * cols) as usize;
             (
                 Just((rows, cols)),
-                prop::collection::vec(prop::bool::weighted(0.8), size),
+                prop::collection::vec(prop::bool::weighted(0.9), size),
             )
         })
         .prop_flat_map(|((rows, cols), passable)| {
@@ -121,7 +121,7 @@ fn tiny() -> impl Strategy<Value = Problem> {
                 .filter(|&cell| passable[cell as usize])
                 .collect();
             let shuffled = (Just(free.clone()).prop_shuffle(), Just(free).prop_shuffle());
-            (Just((rows, cols, passable)), shuffled, 0_usize..4)
+            (Just((rows, cols, passable)), shuffled, 1_usize..4)
         })
         .prop_map(
             |((rows, cols, passable), (mut starts, mut goals), agents)| {
