@@ -256,7 +256,8 @@ def misbehave(fault, size, request):
         write(text)
         sleep_for_ever()
     elif fault == "deep":
-        write(b'{"jsonrpc":"2.0","id":%d,"result":' % request + b"[" * 10**6 + b"\n")
+        write(b'{"jsonrpc":"2.0","id":%d,"result":' % request)
+        write(b"[" * 10**6 + b"]" * 10**6 + b"}\n")
         sleep_for_ever()
     elif fault == "wrong-id":
         write(b'{"jsonrpc":"2.0","id":%d,"result":{"status":"solved"}}\n' % (request + 1000))
