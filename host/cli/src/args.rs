@@ -121,7 +121,7 @@ fn duration(text: &str) -> Result<Duration, String> {
     let duration = humantime::parse_duration(text)
         .map_err(|_| "write a duration with its unit, such as 500ms, 10s or 2m".to_owned())?;
     // Deadlines are 64-bit nanoseconds; a year is plenty.
-    if duration.is_zero() || duration > Duration::from_secs(366 * 24 * 3600) {
+    if duration.is_zero() || duration > Duration::from_hours(366 * 24) {
         return Err("a budget is longer than nothing and shorter than a year".into());
     }
     Ok(duration)

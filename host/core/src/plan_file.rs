@@ -38,8 +38,8 @@ use std::fmt;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde::Deserialize;
+use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 use crate::files::{read_file, write_atomically};
 use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, PathEncoding, moves};

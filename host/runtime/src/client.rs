@@ -249,7 +249,7 @@ impl Client {
     }
 
     fn read_stdout(&mut self) {
-        let mut buffer = [0; 1 << 16];
+        let mut buffer = [0; 1 << 14];
         // A bounded number of rounds, so that a flood cannot hide the deadline.
         for _ in 0..64 {
             match self.process.stdout.read(&mut buffer) {
@@ -420,54 +420,9 @@ impl Client {
                     "it sent a request, `{method}`, but only the host asks"
                 )));
             }
-            None => return self.handle_response(&envelope, wait),
+            None => return response(&envelope, wait),
         }
         Ok(None)
-    }
-
-    fn handle_response(
-        &mut self,
-        envelope: &Envelope<'_>,
-        wait: &Wait<'_>,
-    ) -> Result<Option<String>, Broken> {
-        match envelope.id {
-            Some(id) if id == wait.id => {}
-            Some(id) if id < wait.id => {
-                return Err(Broken::Protocol(format!(
-                    "it answered request {id} a second time"
-                )));
-            }
-            Some(id) => {
-                let asked = wait.id;
-                return Err(Broken::Protocol(format!(
-                    "it answered request {id}, but was asked {asked}"
-                )));
-            }
-            None if envelope.error.is_some() => {}
-            None => return Err(Broken::protocol("a message has neither a method nor an id")),
-        }
-        let during = wait.method.to_owned();
-        if let Some(error) = &envelope.error {
-            return Err(Broken::Fault(match error.code {
-                REFUSED => {
-                    let (reason, hint) = match error.message.split_once('\n') {
-                        Some((reason, hint)) => (reason.to_owned(), Some(hint.to_owned())),
-                        None => (error.message.clone(), None),
-                    };
-                    Fault::Refused { reason, hint }
-                }
-                _ => Fault::Reported {
-                    status: fleetyard_abi::Status::InternalError,
-                    during,
-                    message: error.message.clone(),
-                },
-            }));
-        }
-        match envelope.result {
-            Some(result) => Ok(Some(result.get().to_owned())),
-            // `"result":null` reads as absent.
-            None => Ok(Some("null".into())),
-        }
     }
 
     fn stray(&mut self, line: &[u8]) {
@@ -565,6 +520,48 @@ enum Broken {
 impl Broken {
     fn protocol(reason: &str) -> Self {
         Self::Protocol(reason.into())
+    }
+}
+
+/// The result of a response, as text, if it is the one that is waited for.
+fn response(envelope: &Envelope<'_>, wait: &Wait<'_>) -> Result<Option<String>, Broken> {
+    match envelope.id {
+        Some(id) if id == wait.id => {}
+        Some(id) if id < wait.id => {
+            return Err(Broken::Protocol(format!(
+                "it answered request {id} a second time"
+            )));
+        }
+        Some(id) => {
+            let asked = wait.id;
+            return Err(Broken::Protocol(format!(
+                "it answered request {id}, but was asked {asked}"
+            )));
+        }
+        None if envelope.error.is_some() => {}
+        None => return Err(Broken::protocol("a message has neither a method nor an id")),
+    }
+    let during = wait.method.to_owned();
+    if let Some(error) = &envelope.error {
+        return Err(Broken::Fault(match error.code {
+            REFUSED => {
+                let (reason, hint) = match error.message.split_once('\n') {
+                    Some((reason, hint)) => (reason.to_owned(), Some(hint.to_owned())),
+                    None => (error.message.clone(), None),
+                };
+                Fault::Refused { reason, hint }
+            }
+            _ => Fault::Reported {
+                status: fleetyard_abi::Status::InternalError,
+                during,
+                message: error.message.clone(),
+            },
+        }));
+    }
+    match envelope.result {
+        Some(result) => Ok(Some(result.get().to_owned())),
+        // `"result":null` reads as absent.
+        None => Ok(Some("null".into())),
     }
 }
 

@@ -245,13 +245,11 @@ impl Discovery {
 /// What a file has. The built-ins need no process of their own to be described:
 /// they are this program.
 fn describe(runtime: &Runtime, file: &PluginFile) -> Result<Vec<Descriptor>, Fault> {
-    match file {
-        PluginFile::BuiltIn => runtime.built_in_descriptors(),
-        _ => {
-            let mut session = runtime.open(file, file.default_attach())?;
-            let descriptors = session.descriptors().to_vec();
-            session.close();
-            Ok(descriptors)
-        }
+    if *file == PluginFile::BuiltIn {
+        return runtime.built_in_descriptors();
     }
+    let mut session = runtime.open(file, file.default_attach())?;
+    let descriptors = session.descriptors().to_vec();
+    session.close();
+    Ok(descriptors)
 }

@@ -55,7 +55,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            startup: Duration::from_secs(60),
+            startup: Duration::from_mins(1),
             grace: Duration::ZERO,
             ending: Duration::from_secs(2),
             line_bytes: 1 << 30,
@@ -384,6 +384,23 @@ pub struct Session {
     environment: Option<SharedEnvironment>,
 }
 
+/// The calls that ask for a plan.
+#[derive(Clone, Copy)]
+enum Question<'a> {
+    Plan,
+    /// With what the planner left, if it left something.
+    Recover(Option<&'a Plan>),
+}
+
+impl Question<'_> {
+    fn method(self) -> &'static str {
+        match self {
+            Self::Plan => "plan",
+            Self::Recover(_) => "recover",
+        }
+    }
+}
+
 /// The budget of a call that begins now.
 fn from_now(budget: &Budget) -> Budget {
     Budget {
@@ -471,7 +488,7 @@ impl Session {
 
     /// Asks a planner for a plan.
     pub fn plan(&mut self, instance: &Instance, budget: &Budget) -> PlanRun {
-        self.solve("plan", instance, budget, None)
+        self.solve(Question::Plan, instance, budget)
     }
 
     /// Asks a fail policy for a plan; `failed` is what the planner left.
@@ -481,20 +498,14 @@ impl Session {
         failed: Option<&Plan>,
         budget: &Budget,
     ) -> PlanRun {
-        self.solve("recover", instance, budget, Some(failed))
+        self.solve(Question::Recover(failed), instance, budget)
     }
 
-    /// A `plan` call, or a `recover` call when `failed` is given.
-    fn solve(
-        &mut self,
-        method: &str,
-        instance: &Instance,
-        budget: &Budget,
-        failed: Option<Option<&Plan>>,
-    ) -> PlanRun {
+    fn solve(&mut self, question: Question<'_>, instance: &Instance, budget: &Budget) -> PlanRun {
+        let method = question.method();
         let budget = from_now(budget);
         let collector = Collector::new(instance, &budget, &self.limits);
-        let called = self.call_solve(method, instance, &budget, failed, &collector);
+        let called = self.call_solve(question, instance, &budget, &collector);
         let ended_ns = monotonic_ns();
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
         // A library's plan is rejected after the deadline before it gets here; one
@@ -560,12 +571,12 @@ impl Session {
 
     fn call_solve(
         &mut self,
-        method: &str,
+        question: Question<'_>,
         instance: &Instance,
         budget: &Budget,
-        failed: Option<Option<&Plan>>,
         collector: &Collector,
     ) -> Result<Outcome, Fault> {
+        let method = question.method();
         let grid = self
             .environment
             .as_deref()
@@ -579,11 +590,11 @@ impl Session {
         };
         let client = match &mut self.inner {
             Inner::InProcess { object, .. } => {
-                let result = match (object, failed) {
-                    (Some(Object::Planner(planner)), None) => {
+                let result = match (object, question) {
+                    (Some(Object::Planner(planner)), Question::Plan) => {
                         planner.plan(instance, budget, collector)
                     }
-                    (Some(Object::FailPolicy(policy)), Some(failed)) => {
+                    (Some(Object::FailPolicy(policy)), Question::Recover(failed)) => {
                         policy.recover(instance, failed.map(Plan::as_ref), budget, collector)
                     }
                     _ => Err(wrong_object()),
@@ -612,14 +623,14 @@ impl Session {
         };
         let deadline = Deadline::from(budget);
         let (instance, budget) = (instance.clone(), *budget);
-        let answer = match failed {
-            None => client.call(
+        let answer = match question {
+            Question::Plan => client.call(
                 method,
                 PlanParams { instance, budget },
                 deadline,
                 &mut notice,
             )?,
-            Some(failed) => {
+            Question::Recover(failed) => {
                 let encoding = self
                     .descriptors
                     .first()

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use crate::args::{Cli, MapArgs};
 use crate::exit::{Exit, Result};
-use crate::picture;
+use crate::{output, picture};
 
 pub(crate) mod compare;
 pub(crate) mod maps;
@@ -22,12 +22,9 @@ pub(crate) mod simulate;
 pub(crate) mod validate;
 
 pub(crate) fn completions(shell: Shell) -> Result<Exit> {
-    clap_complete::generate(
-        shell,
-        &mut Cli::command(),
-        "fleetyard",
-        &mut std::io::stdout(),
-    );
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "fleetyard", &mut script);
+    output::print(String::from_utf8_lossy(&script).trim_end())?;
     Ok(Exit::Success)
 }
 

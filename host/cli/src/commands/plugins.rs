@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use fleetyard_abi::Descriptor;
+use fleetyard_abi::{Capability, Descriptor};
 use fleetyard_runtime::{Discovered, Discovery, Origin, PluginFile, Runtime};
 use serde::Serialize;
 use serde_json::Value;
@@ -138,7 +138,7 @@ fn describe(runtime: &Runtime, name: &str) -> Result<Vec<Descriptor>> {
 
 fn text(plugin: &Descriptor) -> String {
     let mut out = String::new();
-    let capabilities: Vec<&str> = plugin.capabilities.iter().map(|c| c.as_str()).collect();
+    let capabilities: Vec<&str> = plugin.capabilities.iter().map(Capability::as_str).collect();
     // Writing to a string cannot fail.
     let _ = writeln!(out, "{} ({}) {}", plugin.id, plugin.kind, plugin.version);
     if !plugin.description.is_empty() {
