@@ -3,7 +3,7 @@
 use fleetyard_abi::{
     Environment, GridEnvironment, Instance, Motion, Objective, PlanRef, SharedEnvironment,
 };
-use fleetyard_core::{Grid, GridInstance, GridPlan};
+use fleetyard_core::{Grid, GridInstance, GridPlan, OFF_MAP};
 
 /// What a planner is told of a map.
 pub fn environment(instance: &GridInstance, cell_size_m: f64, step_s: f64) -> SharedEnvironment {
@@ -34,11 +34,14 @@ pub fn instance(instance: &GridInstance, radius_m: f64) -> Instance {
     }
 }
 
-/// A plugin's plan as the host keeps it.
-pub fn plan_from_abi(plan: PlanRef<'_>) -> GridPlan {
+/// A plugin's plan for a map of so many cells, as the host keeps it. Whatever is
+/// outside the map becomes [`OFF_MAP`], as it does on the wire: a plan is the same by
+/// every attachment.
+pub fn plan_from_abi(plan: PlanRef<'_>, cells: u32) -> GridPlan {
     let mut kept = GridPlan::with_capacity(plan.agents(), plan.cells().len());
+    let on_map = |cell: &u32| if *cell < cells { *cell } else { OFF_MAP };
     for path in plan.paths() {
-        kept.push_path(path.iter().copied());
+        kept.push_path(path.iter().map(on_map));
     }
     kept
 }

@@ -3,7 +3,7 @@
 //! A [`Session`] is one plugin in one of three attachments: a shared library in
 //! the host's process, a shared library in a worker process, or a program that
 //! speaks JSON over standard input and output. Worker and program run under a
-//! [supervisor](supervisor) process each, which kills the whole process tree when
+//! [`supervisor`] process each, which kills the whole process tree when
 //! the budget ends or the host goes away. The same C ABI and the same
 //! [`fleetyard_abi::sdk`] traits stand at every seam.
 //!

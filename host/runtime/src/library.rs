@@ -441,6 +441,19 @@ impl<T: Raw> Foreign<T> {
         Ok(())
     }
 
+    /// Makes a call that has a budget and a sink, and turns its status into a
+    /// result. `call` gets the context and both in their C form.
+    fn ask(
+        &self,
+        budget: &Budget,
+        sink: &dyn Sink,
+        call: impl FnOnce(*mut c_void, &c::Budget, &c::Sink) -> i32,
+    ) -> Result<(), Failure> {
+        let context = SinkContext::new(sink, None, usize::MAX);
+        let code = call(self.raw.context(), &budget.to_c(), &context.to_c());
+        result(code, &context)
+    }
+
     fn environment(&self) -> Result<*const c::Environment, Failure> {
         match &self.environment {
             Some(environment) => Ok(environment.raw()),

@@ -504,7 +504,10 @@ impl Session {
     fn solve(&mut self, question: Question<'_>, instance: &Instance, budget: &Budget) -> PlanRun {
         let method = question.method();
         let budget = from_now(budget);
-        let collector = Collector::new(instance, &budget, &self.limits);
+        let environment = self.environment.as_deref();
+        let cells = environment.and_then(|environment| environment.grid());
+        let cells = cells.map_or(0, |grid| grid.rows.saturating_mul(grid.cols));
+        let collector = Collector::new(instance, cells, &budget, &self.limits);
         let called = self.call_solve(question, instance, &budget, &collector);
         let ended_ns = monotonic_ns();
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
@@ -786,6 +789,8 @@ fn decode(context: PathContext<'_>, paths: &RawValue) -> Result<Plan, String> {
 
 /// Takes what a plugin submits during a call, whichever way it comes.
 struct Collector {
+    /// Of the map.
+    cells: u32,
     started_ns: u64,
     deadline_ns: u64,
     agents: Option<usize>,
@@ -806,8 +811,9 @@ struct Collected {
 }
 
 impl Collector {
-    fn new(instance: &Instance, budget: &Budget, limits: &Limits) -> Self {
+    fn new(instance: &Instance, cells: u32, budget: &Budget, limits: &Limits) -> Self {
         Self {
+            cells,
             started_ns: monotonic_ns(),
             deadline_ns: budget.deadline_monotonic_ns,
             agents: Some(instance.agents()),
@@ -820,6 +826,7 @@ impl Collector {
     /// For calls that ask for no plan.
     fn idle() -> Self {
         Self {
+            cells: 0,
             started_ns: monotonic_ns(),
             deadline_ns: u64::MAX,
             agents: None,
@@ -873,7 +880,7 @@ impl Collector {
         let arrived = Duration::from_nanos(arrived_ns.saturating_sub(self.started_ns));
         collected.incumbents.push(Incumbent {
             arrived,
-            plan: Some(plan_from_abi(plan)),
+            plan: Some(plan_from_abi(plan, self.cells)),
         });
         Ok(())
     }
