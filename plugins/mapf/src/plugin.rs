@@ -1,11 +1,14 @@
 //! The planners behind the plugin contract: ids `lacam` and `pibt`.
 
+use std::marker::PhantomData;
+
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, Instance, Kind, Motion, PlanRef,
     SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, solve};
@@ -152,7 +155,7 @@ fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> 
 /// Options of `lacam`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-struct LacamOptions {
+pub struct LacamOptions {
     /// Let two agents change places at the end of a corridor.
     swap: bool,
     /// PIBT runs per successor; the best is taken.
@@ -183,16 +186,10 @@ impl Default for LacamOptions {
     }
 }
 
-/// LaCAM*: complete, anytime.
-pub struct Lacam {
-    options: Options,
-    prepared: Prepared,
-}
-
-impl Plugin for Lacam {
+impl Variety for LacamOptions {
     fn descriptor() -> Descriptor {
         Descriptor {
-            options_schema: options_schema::<LacamOptions>(),
+            options_schema: options_schema::<Self>(),
             ..descriptor(
                 "lacam",
                 "LaCAM*",
@@ -204,54 +201,30 @@ impl Plugin for Lacam {
         }
     }
 
-    fn create(given: Given<'_>) -> Result<Self, Failure> {
-        let LacamOptions {
+    fn options(self) -> Options {
+        let Self {
             swap,
             samples,
             scatter_margin,
             anytime,
-        } = given.parse()?;
+        } = self;
         let algorithm = Algorithm::LacamStar;
         let defaults = Options::default();
-        let options = Options {
+        Options {
             algorithm,
             swap,
             samples,
             scatter_margin,
             anytime,
             ..defaults
-        };
-        Ok(Self {
-            options,
-            prepared: Prepared::default(),
-        })
-    }
-}
-
-impl Planner for Lacam {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.prepared.learn(environment)
-    }
-
-    fn plan(
-        &mut self,
-        instance: &Instance,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.prepared.plan(&self.options, instance, budget, sink)
+        }
     }
 }
 
 /// Options of `pibt`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-struct PibtOptions {
+pub struct PibtOptions {
     /// Let two agents change places at the end of a corridor.
     swap: bool,
     /// Give up when not everybody has arrived after so many steps.
@@ -268,16 +241,10 @@ impl Default for PibtOptions {
     }
 }
 
-/// PIBT: fastest, not complete.
-pub struct Pibt {
-    options: Options,
-    prepared: Prepared,
-}
-
-impl Plugin for Pibt {
+impl Variety for PibtOptions {
     fn descriptor() -> Descriptor {
         Descriptor {
-            options_schema: options_schema::<PibtOptions>(),
+            options_schema: options_schema::<Self>(),
             ..descriptor(
                 "pibt",
                 "PIBT",
@@ -288,23 +255,55 @@ impl Plugin for Pibt {
         }
     }
 
-    fn create(given: Given<'_>) -> Result<Self, Failure> {
-        let PibtOptions { swap, step_limit } = given.parse()?;
-        let algorithm = Algorithm::Pibt;
-        let options = Options {
-            algorithm,
+    fn options(self) -> Options {
+        let Self { swap, step_limit } = self;
+        Options {
+            algorithm: Algorithm::Pibt,
             swap,
             step_limit,
             ..Options::default()
-        };
+        }
+    }
+}
+
+/// LaCAM*: complete, anytime.
+pub type Lacam = GridPlanner<LacamOptions>;
+
+/// PIBT: fastest, not complete.
+pub type Pibt = GridPlanner<PibtOptions>;
+
+/// A planner of this crate as a plugin: the options that a user may give decide
+/// which.
+pub trait Variety: DeserializeOwned + Send + 'static {
+    /// What the plugin is and can do.
+    fn descriptor() -> Descriptor;
+    /// The options of the library that the user's stand for.
+    fn options(self) -> Options;
+}
+
+/// A planner that was made with options of type `V`.
+pub struct GridPlanner<V> {
+    options: Options,
+    prepared: Prepared,
+    variety: PhantomData<V>,
+}
+
+impl<V: Variety> Plugin for GridPlanner<V> {
+    fn descriptor() -> Descriptor {
+        V::descriptor()
+    }
+
+    fn create(given: Given<'_>) -> Result<Self, Failure> {
+        let options = given.parse::<V>()?.options();
         Ok(Self {
             options,
             prepared: Prepared::default(),
+            variety: PhantomData,
         })
     }
 }
 
-impl Planner for Pibt {
+impl<V: Variety> Planner for GridPlanner<V> {
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,

@@ -18,6 +18,9 @@ const MAX_MARGIN: u32 = 100;
 const MEMORY_LIMIT: usize = 1 << 30;
 /// Most rounds of replanning everybody.
 const ROUNDS: usize = 10;
+/// No further round after so many expansions per step of the shortest paths: on large
+/// maps the ellipses are wide.
+const WORK: u64 = 45;
 /// Not parked.
 const NEVER: u32 = u32::MAX;
 
@@ -102,12 +105,10 @@ pub(crate) fn scatter(
 ) -> Guide {
     let graph = distances.graph();
     let margin = margin.min(MAX_MARGIN);
-    let longest = (0..starts.len())
-        .map(|a| distances.get(a, starts[a]))
-        .max()
-        .unwrap_or(0);
+    let shortest = (0..starts.len()).map(|agent| u64::from(distances.get(agent, starts[agent])));
+    let (lengths, longest) = shortest.fold((0, 0), |(sum, max), d| (sum + d, d.max(max)));
     let stride = graph.len() + 1;
-    let cells = stride * (longest + margin + 2) as usize;
+    let cells = stride * (longest as usize + margin as usize + 2);
     if cells * (1 + DIRECTIONS) > MEMORY_LIMIT {
         return Guide::default();
     }
@@ -122,6 +123,7 @@ pub(crate) fn scatter(
         buckets: Vec::new(),
         entered: vec![UNSEEN; stride],
         touched: Vec::new(),
+        expansions: 0,
     };
     let mut paths: Vec<Vec<Vertex>> = vec![Vec::new(); starts.len()];
     let mut order: Vec<usize> = (0..starts.len()).collect();
@@ -135,7 +137,8 @@ pub(crate) fn scatter(
             search.improve(agent, starts[agent], goals[agent], &mut paths[agent]);
         }
         let collisions = paths.iter().map(|path| search.collisions(path, 1)).sum();
-        if collisions == 0 || collisions >= before {
+        let enough = search.expansions > WORK * lengths;
+        if collisions == 0 || collisions >= before || enough {
             break;
         }
         before = collisions;
@@ -162,6 +165,7 @@ struct Scatter<'a, 'g> {
     buckets: Vec<Vec<Open>>,
     entered: Vec<u8>,
     touched: Vec<Vertex>,
+    expansions: u64,
 }
 
 impl Scatter<'_, '_> {
@@ -217,6 +221,7 @@ impl Scatter<'_, '_> {
             }
             self.entered[v as usize] = via;
             self.touched.push(v);
+            self.expansions += 1;
             if v == goal {
                 break;
             }
