@@ -425,18 +425,10 @@ impl<T: Raw> Foreign<T> {
     ) -> Result<(), Failure> {
         let prepare = prepare.ok_or_else(|| failure(Status::InternalError, "no `prepare`"))?;
         let environment = CEnvironment::new(environment);
-        let context = SinkContext::new(sink, None, MOST_CELLS);
-        let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
-        let code = unsafe {
-            prepare(
-                self.raw.context(),
-                environment.raw(),
-                &raw const budget,
-                &raw const sink,
-            )
-        };
-        result(code, &context)?;
+        self.ask(budget, sink, |context, budget, sink| unsafe {
+            prepare(context, environment.raw(), budget, sink)
+        })?;
         self.environment = Some(environment);
         Ok(())
     }
@@ -449,7 +441,7 @@ impl<T: Raw> Foreign<T> {
         sink: &dyn Sink,
         call: impl FnOnce(*mut c_void, &c::Budget, &c::Sink) -> i32,
     ) -> Result<(), Failure> {
-        let context = SinkContext::new(sink, None, usize::MAX);
+        let context = SinkContext::new(sink, None, MOST_CELLS);
         let code = call(self.raw.context(), &budget.to_c(), &context.to_c());
         result(code, &context)
     }
@@ -506,18 +498,10 @@ impl Planner for Foreign<c::Planner> {
     ) -> Result<(), Failure> {
         let plan = self.raw.plan.ok_or_else(|| missing("plan"))?;
         let instance = CInstance::new(instance, self.environment()?);
-        let context = SinkContext::new(sink, None, MOST_CELLS);
-        let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
-        let code = unsafe {
-            plan(
-                self.raw.context,
-                instance.raw(),
-                &raw const budget,
-                &raw const sink,
-            )
-        };
-        result(code, &context)
+        self.ask(budget, sink, |context, budget, sink| unsafe {
+            plan(context, instance.raw(), budget, sink)
+        })
     }
 }
 
@@ -542,19 +526,10 @@ impl FailPolicy for Foreign<c::FailPolicy> {
         let instance = CInstance::new(instance, self.environment()?);
         let failed = failed.map(PlanRef::to_c);
         let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);
-        let context = SinkContext::new(sink, None, MOST_CELLS);
-        let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
-        let code = unsafe {
-            recover(
-                self.raw.context,
-                instance.raw(),
-                failed,
-                &raw const budget,
-                &raw const sink,
-            )
-        };
-        result(code, &context)
+        self.ask(budget, sink, |context, budget, sink| unsafe {
+            recover(context, instance.raw(), failed, budget, sink)
+        })
     }
 }
 
@@ -576,18 +551,10 @@ impl InstanceGenerator for Foreign<c::InstanceGenerator> {
     ) -> Result<(), Failure> {
         let generate = self.raw.generate.ok_or_else(|| missing("generate"))?;
         let state = CFleetState::new(state, self.environment()?);
-        let context = SinkContext::new(sink, None, MOST_CELLS);
-        let (budget, sink) = (budget.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
-        let code = unsafe {
-            generate(
-                self.raw.context,
-                state.raw(),
-                &raw const budget,
-                &raw const sink,
-            )
-        };
-        result(code, &context)
+        self.ask(budget, sink, |context, budget, sink| unsafe {
+            generate(context, state.raw(), budget, sink)
+        })
     }
 }
 
