@@ -32,7 +32,8 @@ pub struct Options {
     /// How much longer than its shortest path a guide path may be, at most 100; `None`: no
     /// guidance.
     pub scatter_margin: Option<u32>,
-    /// Go on after the first plan.
+    /// Go on after the first plan. Also keeps a plan by PIBT in reserve, for the case that
+    /// a limit is met before the search has found one.
     pub anytime: bool,
     /// Threads for the work after the first plan. The result does not depend on it.
     pub threads: usize,
@@ -193,12 +194,21 @@ struct Run<'r, 'g> {
 
 impl<'g> Run<'_, 'g> {
     fn pibt(mut self, distances: &mut Distances<'g>) -> Outcome {
+        match self.one_shot(distances, self.options.step_limit) {
+            Some(paths) => {
+                self.offer(&paths);
+                self.outcome()
+            }
+            None if self.observer.stop() => Outcome::GaveUp(Limit::Stopped),
+            None => Outcome::GaveUp(Limit::Steps),
+        }
+    }
+
+    fn one_shot(&mut self, distances: &mut Distances<'g>, step_limit: u64) -> Option<Paths> {
         let random = Random::new(self.seed, PIBT_STREAM);
-        let Options {
-            swap, step_limit, ..
-        } = *self.options;
+        let swap = self.options.swap;
         let stop = &mut || self.observer.stop();
-        let found = one_shot::pibt(
+        let configurations = one_shot::pibt(
             self.starts,
             self.goals,
             distances,
@@ -206,21 +216,26 @@ impl<'g> Run<'_, 'g> {
             step_limit,
             random,
             stop,
-        );
-        let Some(configurations) = found else {
-            let stopped = self.observer.stop();
-            return Outcome::GaveUp(if stopped {
-                Limit::Stopped
-            } else {
-                Limit::Steps
-            });
-        };
+        )?;
         let configurations: Vec<&[Vertex]> = configurations.iter().map(|q| &**q).collect();
-        self.offer(&paths_of(&configurations));
-        self.outcome()
+        Some(paths_of(&configurations))
     }
 
     fn lacam_star(mut self, mut distances: Distances<'g>) -> Outcome {
+        let longest = (0..self.starts.len())
+            .map(|a| distances.get(a, self.starts[a]))
+            .max();
+        let longest = u64::from(longest.unwrap_or(0));
+        // A plan in reserve, told only if time runs out before there is a better one.
+        if self.options.anytime
+            && let Some(paths) = self.one_shot(&mut distances, longest * 4 + MIN_PATIENCE)
+        {
+            self.keep(&paths);
+            if self.sum() == self.lower_bound {
+                self.tell();
+                return self.outcome();
+            }
+        }
         let guide = self
             .options
             .scatter_margin
@@ -248,13 +263,11 @@ impl<'g> Run<'_, 'g> {
         // Depth first as it is, the search may lose its way among configurations that
         // differ little. Then beginning anew is better; patience grows, so that an
         // exhaustive search is not prevented.
-        let longest = (0..self.starts.len())
-            .map(|a| distances.get(a, self.starts[a]))
-            .max();
-        let mut patience = u64::from(longest.unwrap_or(0)) * PATIENCE + MIN_PATIENCE;
+        let mut patience = longest * PATIENCE + MIN_PATIENCE;
         let mut restarts = 0;
         let mut until = self.spent() + patience;
-        while self.best.is_none() {
+        let mut found = false;
+        while !found {
             if self.spent() >= until {
                 restarts += 1;
                 patience += patience / 2;
@@ -263,15 +276,18 @@ impl<'g> Run<'_, 'g> {
                 search.restart(self.starts, &mut distances, random);
             }
             if let Some(limit) = self.spend(1) {
-                return Outcome::GaveUp(limit);
+                return self.give_up(limit);
             }
             if search.bytes() > self.options.memory_limit {
-                return Outcome::GaveUp(Limit::Memory);
+                return self.give_up(Limit::Memory);
             }
             match search.step(&mut distances) {
                 Step::Searching => {}
                 Step::Exhausted => return Outcome::Infeasible,
-                Step::Improved => self.offer(&paths_of(&search.solution())),
+                Step::Improved => {
+                    found = true;
+                    self.offer(&paths_of(&search.solution()));
+                }
             }
         }
         self.observer
@@ -407,6 +423,16 @@ impl<'g> Run<'_, 'g> {
         self.best
             .as_ref()
             .map_or(0, |(paths, sum)| sum + paths.len() as u64)
+    }
+
+    /// The end of a search without a plan: what is in reserve, if anything is.
+    fn give_up(mut self, limit: Limit) -> Outcome {
+        self.tell();
+        if self.best.is_some() {
+            self.outcome()
+        } else {
+            Outcome::GaveUp(limit)
+        }
     }
 
     fn outcome(self) -> Outcome {

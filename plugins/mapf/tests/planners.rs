@@ -483,11 +483,13 @@ fn limits_are_named() {
     let hard = problem(&["....", "@.@@"], &[(0, 3), (3, 0)]);
     let nodes = Options {
         node_limit: Some(1),
+        anytime: false,
         ..Options::default()
     };
     assert_eq!(outcome(&hard, &nodes), Outcome::GaveUp(Limit::Nodes));
     let memory = Options {
         memory_limit: 0,
+        anytime: false,
         ..Options::default()
     };
     assert_eq!(outcome(&hard, &memory), Outcome::GaveUp(Limit::Memory));
@@ -496,6 +498,19 @@ fn limits_are_named() {
         ..pibt()
     };
     assert_eq!(outcome(&hard, &steps), Outcome::GaveUp(Limit::Steps));
+}
+
+#[test]
+fn a_reserve_plan_stands_in_when_the_search_is_cut_short() {
+    let problem = problem(&["....", "...."], &[(0, 7), (7, 0)]);
+    let options = Options {
+        node_limit: Some(1),
+        ..Options::default()
+    };
+    let Outcome::Solved { plan, .. } = outcome(&problem, &options) else {
+        panic!("PIBT solves this");
+    };
+    assert_eq!(verify(&problem, &plan), Ok(()));
 }
 
 /// The benchmark files, where they are at hand.
