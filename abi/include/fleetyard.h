@@ -21,6 +21,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Identifiers for get_factory. */
+#define FLEETYARD_PLANNER_FACTORY_ID "fleetyard.planner/1"
+#define FLEETYARD_FAIL_POLICY_FACTORY_ID "fleetyard.fail-policy/1"
+#define FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID "fleetyard.instance-generator/1"
+#define FLEETYARD_INVOCATION_POLICY_FACTORY_ID "fleetyard.invocation-policy/1"
+
+
 /*
  Major version of the ABI; host and plugin agree only when it is equal.
  */
@@ -52,7 +59,7 @@
 #define FLEETYARD_STATUS_INFEASIBLE 1
 
 /*
- The budget ran out.
+ The budget ran out: the deadline or the node limit was reached.
  */
 #define FLEETYARD_STATUS_TIMED_OUT 2
 
@@ -62,7 +69,7 @@
 #define FLEETYARD_STATUS_GAVE_UP 3
 
 /*
- The planner stopped because `cancelled` returned non-zero.
+ The planner stopped before the deadline because `cancelled` returned non-zero.
  */
 #define FLEETYARD_STATUS_CANCELLED 4
 
@@ -954,6 +961,7 @@ typedef struct FleetyardPluginEntry {
 
 #endif  /* FLEETYARD_H */
 
+#ifndef FLEETYARD_EXPORT
 #ifdef _WIN32
 #define FLEETYARD_EXPORT __declspec(dllexport)
 #else
@@ -968,3 +976,4 @@ extern FLEETYARD_EXPORT const FleetyardPluginEntry fleetyard_plugin_entry_v1;
 #ifdef __cplusplus
 }
 #endif
+#endif /* FLEETYARD_EXPORT */

@@ -44,11 +44,11 @@ pub const REJECTED: i32 = -1;
 pub const STATUS_SOLVED: i32 = 0;
 /// The instance has no solution, and the planner proved it.
 pub const STATUS_INFEASIBLE: i32 = 1;
-/// The budget ran out.
+/// The budget ran out: the deadline or the node limit was reached.
 pub const STATUS_TIMED_OUT: i32 = 2;
 /// The planner stopped trying without a proof.
 pub const STATUS_GAVE_UP: i32 = 3;
-/// The planner stopped because `cancelled` returned non-zero.
+/// The planner stopped before the deadline because `cancelled` returned non-zero.
 pub const STATUS_CANCELLED: i32 = 4;
 /// The planner cannot handle this kind of instance, map or option.
 pub const STATUS_UNSUPPORTED: i32 = 5;

@@ -1,4 +1,4 @@
-//! From the Rust traits to the C ABI: what [`export!`](crate::export) generates
+//! From the Rust traits to the C ABI: what [`export!`](crate::export!) generates
 //! calls these functions, monomorphised per crate so that no function needs a
 //! context to find its catalogue.
 
@@ -20,7 +20,7 @@ use crate::sdk::{
     Sink, StaticCatalog,
 };
 
-/// A crate's catalogue, found by type. Implemented by [`export!`](crate::export).
+/// A crate's catalogue, found by type. Implemented by [`export!`](crate::export!).
 pub trait Export: 'static {
     /// The plugins.
     fn catalog() -> &'static StaticCatalog;

@@ -448,11 +448,11 @@ code_enum! {
         Solved = STATUS_SOLVED,
         /// The instance has no solution, and the planner proved it.
         Infeasible = STATUS_INFEASIBLE,
-        /// The budget ran out.
+        /// The budget ran out: the deadline or the node limit was reached.
         TimedOut = STATUS_TIMED_OUT,
         /// The planner stopped trying without a proof.
         GaveUp = STATUS_GAVE_UP,
-        /// The planner stopped because it was asked to.
+        /// The planner stopped before the deadline because it was asked to.
         Cancelled = STATUS_CANCELLED,
         /// The planner cannot handle this kind of instance, map or option.
         Unsupported = STATUS_UNSUPPORTED,

@@ -52,14 +52,26 @@ pub struct Failure {
     pub status: Status,
     /// For people.
     pub message: String,
+    /// Whether the plugin broke the contract, which it does not say by itself:
+    /// whoever stands between it and the host found out.
+    pub broke_contract: bool,
 }
 
 impl Failure {
+    /// The plugin submitted or returned something that the contract forbids.
+    pub fn broke_contract(reason: impl Into<String>) -> Self {
+        Self {
+            broke_contract: true,
+            ..Self::new(Status::InternalError, reason)
+        }
+    }
+
     /// A failure with its explanation.
     pub fn new(status: Status, message: impl Into<String>) -> Self {
         Self {
             status,
             message: message.into(),
+            broke_contract: false,
         }
     }
 }
@@ -240,7 +252,7 @@ pub struct Entry {
     pub create: fn(Options<'_>) -> Result<Object, Failure>,
 }
 
-/// The plugins of a Rust crate, listed by [`export!`](crate::export).
+/// The plugins of a Rust crate, listed by [`export!`](crate::export!).
 pub struct StaticCatalog(pub &'static [Entry]);
 
 impl Catalog for StaticCatalog {

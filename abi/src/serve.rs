@@ -9,6 +9,7 @@ use std::io::{self, BufRead, BufReader, IsTerminal, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, mpsc};
+use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::{DeserializeOwned, DeserializeSeed};
@@ -49,8 +50,10 @@ pub fn serve_stdio(catalog: &dyn Catalog) -> i32 {
     }
     match private_stdio() {
         Ok((input, output)) => {
+            // Answers to requests that came just before the end still go out.
             serve(catalog, BufReader::new(input), output, || {
-                std::process::exit(0)
+                std::thread::sleep(Duration::from_secs(1));
+                std::process::exit(0);
             });
             0
         }
@@ -235,7 +238,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let made = self
                     .catalog
                     .create(kind, &plugin, Options::new(&options), &sink);
-                channel.reply(id, outcome(made.map(|object| self.object = Some(object))));
+                channel.reply(id, outcome(made.map(|object| self.object = Some(object)))?);
             }
             "prepare" => {
                 let PrepareParams {
@@ -255,7 +258,7 @@ impl<W: Write + Send> Server<'_, W> {
                     other => return Err(wrong_object(method, other.as_ref())),
                 };
                 self.environment = result.is_ok().then_some(environment);
-                channel.reply(id, outcome(result));
+                channel.reply(id, outcome(result)?);
             }
             "plan" => {
                 let PlanParams { instance, budget } = params(text)?;
@@ -265,7 +268,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let context = path_context(self.environment.as_ref(), &instance)?;
                 let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
                 let result = planner.plan(&instance, &budget, &sink);
-                let Outcome { status, message } = outcome(result);
+                let Outcome { status, message } = outcome(result)?;
                 channel.reply(
                     id,
                     PlanResult {
@@ -292,7 +295,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
                 let failed = failed.as_ref().map(Plan::as_ref);
                 let result = policy.recover(&instance, failed, &budget, &sink);
-                let Outcome { status, message } = outcome(result);
+                let Outcome { status, message } = outcome(result)?;
                 channel.reply(
                     id,
                     PlanResult {
@@ -310,7 +313,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let next = Mutex::new(None);
                 let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Instance(&next));
                 let result = generator.generate(&state, &budget, &sink);
-                let Outcome { status, message } = outcome(result);
+                let Outcome { status, message } = outcome(result)?;
                 let instance = lock(&next).take();
                 channel.reply(
                     id,
@@ -363,16 +366,23 @@ fn wrong_object(method: &str, object: Option<&Object>) -> Refusal {
     Refusal::new(wire::INVALID_REQUEST, reason)
 }
 
-fn outcome(result: Result<(), Failure>) -> Outcome {
+fn outcome(result: Result<(), Failure>) -> Result<Outcome, Refusal> {
     match result {
-        Ok(()) => Outcome {
+        Ok(()) => Ok(Outcome {
             status: Status::Solved,
             message: None,
-        },
-        Err(Failure { status, message }) => Outcome {
+        }),
+        Err(Failure {
+            message,
+            broke_contract: true,
+            ..
+        }) => Err(Refusal::new(wire::BROKE_CONTRACT, message)),
+        Err(Failure {
+            status, message, ..
+        }) => Ok(Outcome {
             status,
             message: Some(message),
-        },
+        }),
     }
 }
 

@@ -41,6 +41,11 @@ pub const INVALID_PARAMS: i64 = -32602;
 /// JSON-RPC error code: the plugin failed.
 pub const INTERNAL_ERROR: i64 = -32603;
 
+/// The host's worker refuses the library that it was asked to load.
+pub const REFUSED: i64 = -32001;
+/// The host's worker found that the library broke the contract.
+pub const BROKE_CONTRACT: i64 = -32002;
+
 /// Any message, its payload still as text.
 #[derive(Debug, Deserialize)]
 pub struct Envelope<'a> {

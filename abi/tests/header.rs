@@ -63,6 +63,19 @@ fn header_is_current() {
     );
 }
 
+#[test]
+fn factory_identifiers_are_in_the_header() {
+    let header = std::fs::read_to_string(root().join("include/fleetyard.h")).expect("the header");
+    for kind in fleetyard_abi::Kind::ALL {
+        let name = kind.as_str().to_uppercase().replace('-', "_");
+        let line = format!(
+            "#define FLEETYARD_{name}_FACTORY_ID \"{}\"",
+            kind.factory_id()
+        );
+        assert!(header.lines().any(|found| found == line), "{line}");
+    }
+}
+
 fn installed(program: &str) -> bool {
     Command::new(program)
         .arg("--version")

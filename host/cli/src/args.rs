@@ -145,6 +145,9 @@ pub(crate) struct BudgetArgs {
     /// Wall-clock budget for learning the map [default: the plan's]
     #[arg(long, value_name = "DURATION", value_parser = duration)]
     pub(crate) prepare_budget: Option<Duration>,
+    /// How long a planner may take to start and be made
+    #[arg(long, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    pub(crate) startup: Duration,
     /// How long a planner may go on after the deadline once it was told to stop;
     /// plans that come meanwhile do not count
     #[arg(long, value_name = "DURATION", value_parser = duration)]

@@ -32,17 +32,12 @@ pub(crate) struct Candidate {
 
 /// The runtime with the limits that the arguments ask for.
 pub(crate) fn runtime(budget: Option<&BudgetArgs>) -> Result<Runtime> {
-    let grace = budget
-        .and_then(|budget| budget.grace)
-        .unwrap_or(Duration::ZERO);
-    Runtime::new(
-        BUILT_IN,
-        Limits {
-            grace,
-            ..Limits::default()
-        },
-    )
-    .map_err(internal)
+    let mut limits = Limits::default();
+    if let Some(budget) = budget {
+        limits.grace = budget.grace.unwrap_or(Duration::ZERO);
+        limits.startup = budget.startup;
+    }
+    Runtime::new(BUILT_IN, limits).map_err(internal)
 }
 
 impl Candidate {

@@ -18,7 +18,7 @@ use serde_json::value::RawValue;
 use crate::Fault;
 use crate::process::Process;
 use crate::session::{Limits, LogLine};
-use crate::supervisor::{REFUSED, Report};
+use crate::supervisor::Report;
 
 /// How long a process that closed its output has to end by itself.
 const ENDING: Duration = Duration::from_millis(500);
@@ -485,6 +485,14 @@ impl Client {
         }
     }
 
+    /// Ends the process at once: what it answered breaks the protocol.
+    pub(crate) fn condemn(&mut self, fault: Fault) -> Fault {
+        self.process.end(Duration::ZERO);
+        self.drain_stderr();
+        self.fault = Some(fault.clone());
+        fault
+    }
+
     /// Asks the plugin to end, gives it `patience`, and makes sure that nothing
     /// of it is left.
     pub(crate) fn close(&mut self, patience: Duration) -> (Report, Option<Fault>) {
@@ -544,13 +552,17 @@ fn response(envelope: &Envelope<'_>, wait: &Wait<'_>) -> Result<Option<String>, 
     let during = wait.method.to_owned();
     if let Some(error) = &envelope.error {
         return Err(Broken::Fault(match error.code {
-            REFUSED => {
+            wire::REFUSED => {
                 let (reason, hint) = match error.message.split_once('\n') {
                     Some((reason, hint)) => (reason.to_owned(), Some(hint.to_owned())),
                     None => (error.message.clone(), None),
                 };
                 Fault::Refused { reason, hint }
             }
+            wire::BROKE_CONTRACT => Fault::Protocol {
+                during,
+                reason: error.message.clone(),
+            },
             _ => Fault::Reported {
                 status: fleetyard_abi::Status::InternalError,
                 during,

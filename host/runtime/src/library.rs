@@ -365,8 +365,7 @@ fn failure(status: Status, message: impl Into<String>) -> Failure {
 /// Turns what a call returned and said into a result.
 fn result(code: i32, context: &SinkContext<'_>) -> Result<(), Failure> {
     if let Some(fault) = context.take_fault() {
-        let message = format!("what it submitted breaks the contract: {fault}");
-        return Err(failure(Status::InternalError, message));
+        return Err(Failure::broke_contract(fault));
     }
     match Status::from_code(code) {
         Some(Status::Solved) => Ok(()),
@@ -376,10 +375,9 @@ fn result(code: i32, context: &SinkContext<'_>) -> Result<(), Failure> {
                 .take_message()
                 .unwrap_or_else(|| "it did not say why".into()),
         )),
-        None => Err(failure(
-            Status::InternalError,
-            format!("it returned {code}, which is no status"),
-        )),
+        None => Err(Failure::broke_contract(format!(
+            "it returned {code}, which is no status"
+        ))),
     }
 }
 
@@ -405,7 +403,7 @@ impl<T: Raw> Foreign<T> {
         let code = unsafe { create(located.index, options, &raw const sink, &raw mut raw) };
         result(code, &context)?;
         if !raw.whole() {
-            return Err(internal(
+            return Err(Failure::broke_contract(
                 "`create` left a structure of the wrong size or without functions",
             ));
         }

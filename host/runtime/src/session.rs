@@ -364,7 +364,12 @@ fn reported(method: &str, status: Status, message: Option<String>) -> Fault {
 }
 
 fn to_fault(method: &str) -> impl Fn(Failure) -> Fault + '_ {
-    move |failure| reported(method, failure.status, Some(failure.message))
+    move |failure| {
+        if failure.broke_contract {
+            return protocol(method, failure.message);
+        }
+        reported(method, failure.status, Some(failure.message))
+    }
 }
 
 enum Inner {
@@ -602,16 +607,19 @@ impl Session {
                     }
                     _ => Err(wrong_object()),
                 };
-                return Ok(match result {
-                    Ok(()) => Outcome {
+                return match result {
+                    Ok(()) => Ok(Outcome {
                         status: Status::Solved,
                         message: None,
-                    },
-                    Err(Failure { status, message }) => Outcome {
+                    }),
+                    Err(failure) if failure.broke_contract => Err(to_fault(method)(failure)),
+                    Err(Failure {
+                        status, message, ..
+                    }) => Ok(Outcome {
                         status,
                         message: Some(message),
-                    },
-                });
+                    }),
+                };
             }
             Inner::Process(client) => client,
         };
@@ -656,22 +664,19 @@ impl Session {
             }
         };
         let arrived_ns = monotonic_ns();
-        let PlanResult {
-            status,
-            message,
-            paths,
-        } = serde_json::from_str(&answer).map_err(|error| {
-            protocol(
-                method,
-                format!("the result of `{method}` is malformed: {error}"),
-            )
-        })?;
-        if let Some(paths) = paths {
-            decode(context, paths)
-                .and_then(|plan| collector.accept(&plan, arrived_ns))
-                .map_err(|reason| protocol(method, reason))?;
-        }
-        Ok(Outcome { status, message })
+        let read = || -> Result<Outcome, String> {
+            let PlanResult {
+                status,
+                message,
+                paths,
+            } = serde_json::from_str(&answer)
+                .map_err(|error| format!("the result of `{method}` is malformed: {error}"))?;
+            if let Some(paths) = paths {
+                collector.accept(&decode(context, paths)?, arrived_ns)?;
+            }
+            Ok(Outcome { status, message })
+        };
+        read().map_err(|reason| client.condemn(protocol(method, reason)))
     }
 
     /// Asks an instance generator for the next instance.

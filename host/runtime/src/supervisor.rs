@@ -29,10 +29,6 @@ use crate::library::Library;
 /// First argument of a process that is a supervisor.
 pub const ARGUMENT: &str = "__supervise";
 
-/// JSON-RPC error code with which a worker answers `initialize` when the library
-/// is refused.
-pub const REFUSED: i64 = -32001;
-
 /// What the supervisor starts.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -187,7 +183,7 @@ fn worker(target: &Target, built_in: &'static [&'static c::PluginEntry]) -> ! {
                 .hint()
                 .map(|hint| format!("\n{hint}"))
                 .unwrap_or_default();
-            let answer = Response::error(Some(1), REFUSED, format!("{fault}{hint}"));
+            let answer = Response::error(Some(1), wire::REFUSED, format!("{fault}{hint}"));
             let _ = output.write_all(&wire::line(&answer));
         }
     }
