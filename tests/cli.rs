@@ -1,1 +1,680 @@
-//! The command as its users see it, on real files.
+//! The command as its users see it: good input, real files of `maps/`, every command.
+//! What happens to bad input is in `bad_input.rs`.
+
+mod common;
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use common::{
+    INVALID_PLAN, NO_PLAN, SUCCESS, Started, Yard, c_library, faulty_library, faulty_program, have,
+    instance, root, until, words,
+};
+use serde_json::Value;
+
+/// A run of a planner that stops by itself, so that its plan depends on no clock.
+fn lacam(map: &str, agents: usize) -> Vec<String> {
+    let mut line = words("run --planner lacam --option anytime=false --seed 1 --budget 60s");
+    line.extend(instance(map, agents));
+    line
+}
+
+fn with(mut line: Vec<String>, more: &str) -> Vec<String> {
+    line.extend(words(more));
+    line
+}
+
+/// The value at a path such as `metrics.soc_steps`, which must be there.
+#[track_caller]
+fn at<'a>(record: &'a Value, path: &str) -> &'a Value {
+    path.split('.').fold(record, |value, key| {
+        value
+            .get(key)
+            .unwrap_or_else(|| panic!("no `{path}` in {record:#}"))
+    })
+}
+
+fn text_of(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+// ---- run ---------------------------------------------------------------------------
+
+#[test]
+fn a_record_has_every_key() {
+    let line = with(lacam("random-32-32-20", 30), "--execute --format json");
+    let record = Yard::new().run(&line).expect(SUCCESS).json();
+    for (path, value) in [
+        ("planner.id", "lacam"),
+        ("planner.attach", "worker"),
+        ("instance.map", "random-32-32-20"),
+        ("instance.scenario", "random-32-32-20-random-1.scen"),
+        ("termination", "completed"),
+        ("claim", "solved"),
+    ] {
+        assert_eq!(at(&record, path), value);
+    }
+    for path in [
+        "planner.version",
+        "fleetyard",
+        "instance_digest",
+        "plan_digest",
+    ] {
+        assert!(
+            at(&record, path)
+                .as_str()
+                .is_some_and(|text| !text.is_empty())
+        );
+    }
+    assert_eq!(at(&record, "verdict.valid"), true);
+    assert_eq!(
+        at(&record, "verdict.violations").as_array().unwrap().len(),
+        0
+    );
+    assert_eq!(at(&record, "planner.ranked"), true);
+    assert_eq!(at(&record, "planner.options.anytime"), false);
+    assert_eq!(at(&record, "budget.seed"), 1);
+    for path in [
+        "metrics.soc_steps",
+        "metrics.makespan_steps",
+        "metrics.lower_bound_steps",
+        "metrics.suboptimality",
+        "metrics.length_m",
+        "metrics.planning_time_ms",
+        "metrics.prepare_time_ms",
+        "metrics.first_solution_ms",
+        "resources.max_rss_kb",
+        "execution.rtf",
+        "execution.simulated_s",
+        "execution.nearest_approach_m",
+    ] {
+        assert!(
+            at(&record, path)
+                .as_f64()
+                .is_some_and(|number| number > 0.0),
+            "{path}"
+        );
+    }
+    for path in ["metrics.waits", "metrics.late_plans", "execution.contacts"] {
+        assert!(at(&record, path).is_u64(), "{path}");
+    }
+    assert!(at(&record, "execution.tracking_error_max_m").is_f64());
+    assert_eq!(
+        at(&record, "execution.trace_digest")
+            .as_str()
+            .unwrap()
+            .len(),
+        32
+    );
+    for path in ["fault", "message"] {
+        assert!(at(&record, path).is_null(), "{path}");
+    }
+    let incumbents = at(&record, "metrics.incumbents").as_array().unwrap();
+    let last = incumbents.last().unwrap();
+    assert_eq!(at(last, "soc_steps"), at(&record, "metrics.soc_steps"));
+    assert_eq!(at(last, "valid"), true);
+    assert!(at(last, "time_ms").is_f64());
+    assert!(
+        at(&record, "metrics.soc_steps").as_u64()
+            >= at(&record, "metrics.lower_bound_steps").as_u64()
+    );
+    // Without the simulator there is nothing to say of an execution.
+    let record = Yard::new()
+        .run(&with(lacam("empty-8-8", 5), "--format json"))
+        .expect(SUCCESS);
+    assert!(at(&record.json(), "execution").is_null());
+}
+
+#[test]
+fn text_and_json_say_the_same() {
+    let line = with(lacam("room-33-33-8", 20), "--execute");
+    let yard = Yard::new();
+    let record = yard
+        .run(&with(line.clone(), "--format json"))
+        .expect(SUCCESS)
+        .json();
+    let text = yard.run(&line).expect(SUCCESS).stdout;
+    let value = |path| match at(&record, path) {
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    for (label, path) in [
+        ("instance digest", "instance_digest"),
+        ("plan digest", "plan_digest"),
+        ("trace digest", "execution.trace_digest"),
+        ("sum of costs", "metrics.soc_steps"),
+        ("makespan", "metrics.makespan_steps"),
+        ("contacts", "execution.contacts"),
+        ("planner", "planner.id"),
+        ("termination", "termination"),
+    ] {
+        let line = text.lines().find(|line| line.starts_with(label));
+        let line = line.unwrap_or_else(|| panic!("no `{label}` in {text}"));
+        let value = value(path);
+        assert!(line.contains(&value), "`{line}` lacks {value}");
+    }
+}
+
+#[test]
+fn a_planner_in_the_hosts_process_is_unranked() {
+    let line = with(lacam("empty-8-8", 5), "--attach in-process --format json");
+    let record = Yard::new().run(&line).expect(SUCCESS).json();
+    assert_eq!(at(&record, "planner.ranked"), false);
+    assert_eq!(at(&record, "planner.attach"), "in-process");
+    assert!(at(&record, "resources").is_null());
+}
+
+#[test]
+fn anytime_planners_use_their_budget_and_get_no_worse() {
+    let mut line = words("run --planner lacam --budget 500ms --prepare-budget 60s --format json");
+    line.extend(instance("random-32-32-20", 40));
+    let record = Yard::new().run(&line).expect(SUCCESS).json();
+    let incumbents = at(&record, "metrics.incumbents").as_array().unwrap();
+    let costs: Vec<u64> = incumbents
+        .iter()
+        .filter_map(|incumbent| at(incumbent, "soc_steps").as_u64())
+        .collect();
+    assert!(
+        costs.is_sorted_by(|earlier, later| earlier >= later),
+        "{costs:?}"
+    );
+    assert_eq!(
+        at(&record, "metrics.soc_steps").as_u64(),
+        costs.last().copied()
+    );
+}
+
+// ---- Files: plans, traces, pictures -------------------------------------------------
+
+#[test]
+fn a_plan_goes_round_in_every_encoding() {
+    for encoding in ["pairs", "cells", "moves"] {
+        let yard = Yard::new();
+        let files = "--plan-out plan.json --trace-out run.fyt --format json";
+        let run = with(lacam("random-32-32-20", 30), files);
+        let run = with(run, &format!("--plan-encoding {encoding}"));
+        let record = yard.run(&run).expect(SUCCESS).json();
+        let plan: Value = serde_json::from_slice(&yard.read("plan.json")).unwrap();
+        assert_eq!(plan["encoding"], encoding);
+        for key in ["plan_digest", "instance_digest"] {
+            assert_eq!(plan[key], record[key]);
+        }
+
+        let mut validate = words("validate plan.json --format json");
+        validate.extend(instance("random-32-32-20", 30));
+        let verdict = yard.run(&validate).expect(SUCCESS).json();
+        assert_eq!(at(&verdict, "verdict.valid"), true);
+        for key in ["plan_digest", "instance_digest"] {
+            assert_eq!(verdict[key], record[key]);
+        }
+        for key in ["soc_steps", "makespan_steps", "lower_bound_steps", "waits"] {
+            assert_eq!(verdict["metrics"][key], record["metrics"][key]);
+        }
+
+        let simulate = "simulate --map {maps}/random-32-32-20.map plan.json --format json \
+                        --trace-out again.fyt";
+        let execution = yard.line(simulate).expect(SUCCESS).json();
+        for key in [
+            "trace_digest",
+            "contacts",
+            "simulated_s",
+            "tracking_error_max_m",
+        ] {
+            assert_eq!(execution[key], record["execution"][key]);
+        }
+        assert_eq!(yard.read("run.fyt"), yard.read("again.fyt"));
+        assert_eq!(yard.files().len(), 3, "{:?}", yard.files());
+
+        // A valid plan in text, and an invalid one: an agent too few.
+        validate.truncate(2);
+        validate.extend(instance("random-32-32-20", 30));
+        assert!(
+            yard.run(&validate)
+                .expect(SUCCESS)
+                .stdout
+                .starts_with("valid\n")
+        );
+        let mut plan = plan;
+        plan["paths"].as_array_mut().unwrap().pop();
+        plan.as_object_mut().unwrap().remove("plan_digest");
+        yard.write("plan.json", plan.to_string());
+        let ended = yard.run(&validate).expect(INVALID_PLAN);
+        assert!(ended.stdout.starts_with("INVALID: 1 violation"), "{ended}");
+        assert!(ended.stdout.contains("agent-count"), "{ended}");
+    }
+}
+
+#[test]
+fn a_trace_file_has_the_digest_that_is_printed() {
+    for tier in ["kinematic", "contact"] {
+        let yard = Yard::new();
+        let line = with(
+            lacam("warehouse-4-6-6-2-1", 40),
+            "--trace-out t.fyt --format json",
+        );
+        let record = yard
+            .run(&with(line, &format!("--tier {tier}")))
+            .expect(SUCCESS)
+            .json();
+        let file = fs::File::open(yard.path("t.fyt")).unwrap();
+        let trace = fleetyard_sim::trace::read_trace(file, "t.fyt").unwrap();
+        let summary = trace.end.expect("the trace is whole");
+        let printed = at(&record, "execution.trace_digest").as_str().unwrap();
+        assert_eq!(summary.trace_digest.to_string(), printed, "{tier}");
+        assert_eq!(
+            trace.header.plan.to_string(),
+            record["plan_digest"].as_str().unwrap()
+        );
+        assert_eq!(at(&record, "execution.contacts"), 0);
+    }
+}
+
+/// Tags that are opened and closed in order, and attributes in quotes.
+fn assert_well_formed(xml: &str) {
+    let mut open: Vec<&str> = Vec::new();
+    let mut rest = xml;
+    while let Some(start) = rest.find('<') {
+        assert!(
+            !rest[..start].contains('>'),
+            "a stray `>`: {}",
+            &rest[..start]
+        );
+        let length = rest[start..].find('>').expect("an unfinished tag");
+        let tag = &rest[start + 1..start + length];
+        rest = &rest[start + length + 1..];
+        assert_eq!(tag.matches('"').count() % 2, 0, "<{tag}>");
+        let name = tag.trim_matches('/').split_whitespace().next().unwrap();
+        if tag.starts_with('/') {
+            assert_eq!(open.pop(), Some(name));
+        } else if !tag.ends_with('/') && !tag.starts_with(['?', '!']) {
+            open.push(name);
+        }
+    }
+    assert!(open.is_empty() && rest.trim().is_empty(), "{open:?} {rest}");
+}
+
+#[test]
+fn pictures_are_well_formed() {
+    let yard = Yard::new();
+    // A name that XML has to have escaped.
+    let name = "a<b&c";
+    let map = common::map("maze-32-32-3.map");
+    fs::copy(map, yard.path(&format!("{name}.map"))).unwrap();
+    let scen = fs::read_to_string(common::map("maze-32-32-3-random-1.scen")).unwrap();
+    yard.write(
+        "it.scen",
+        scen.replace("maze-32-32-3.map", &format!("{name}.map")),
+    );
+    let line = "run --map a<b&c.map --scen it.scen --agents 10 --planner pibt --budget 60s \
+                --picture run.svg --plan-out plan.json";
+    yard.line(line).expect(SUCCESS);
+    yard.line("simulate --map a<b&c.map plan.json --picture simulate.svg")
+        .expect(SUCCESS);
+    for picture in ["run.svg", "simulate.svg"] {
+        let bytes = yard.read(picture);
+        let svg = text_of(&bytes);
+        assert!(svg.starts_with("<svg xmlns=\"http://www.w3.org/2000/svg\""));
+        assert!(svg.contains("<title>a&lt;b&amp;c</title>"));
+        assert!(svg.contains("viewBox=\"0 0 32 32\""));
+        assert_well_formed(svg);
+    }
+}
+
+// ---- compare -------------------------------------------------------------------------
+
+#[test]
+fn compare_in_text_and_json() {
+    let scen = "{maps}/empty-16-16-random-1.scen";
+    let line = format!(
+        "compare --map {{maps}}/empty-16-16.map --scen {scen} --agents 5,20 --planner lacam \
+         --planner pibt --budget 300ms --prepare-budget 60s"
+    );
+    let yard = Yard::new();
+    let ended = yard.line(&format!("{line} --format json")).expect(SUCCESS);
+    let report = ended.json();
+    let rows = report["rows"].as_array().unwrap();
+    let who: Vec<String> = rows
+        .iter()
+        .map(|row| format!("{} {}", row["agents"], row["planner"].as_str().unwrap()))
+        .collect();
+    assert_eq!(who, ["5 lacam", "5 pibt", "20 lacam", "20 pibt"]);
+    for row in rows {
+        assert_eq!((&row["trials"], &row["solved"]), (&1.into(), &1.into()));
+        for key in [
+            "soc_steps_mean",
+            "suboptimality_mean",
+            "rtf_median",
+            "first_solution_ms_median",
+        ] {
+            assert!(
+                row[key].as_f64().is_some_and(|number| number > 0.0),
+                "{key}: {row}"
+            );
+        }
+        assert_eq!(row["contacts"], 0);
+    }
+    let trials = report["trials"].as_array().unwrap();
+    assert_eq!(trials.len(), 4);
+    for trial in trials {
+        assert_eq!(at(trial, "verdict.valid"), true);
+        at(trial, "execution.trace_digest");
+    }
+    let text = yard
+        .line(&format!("{line} --no-execute"))
+        .expect(SUCCESS)
+        .stdout;
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 5, "{text}");
+    assert!(lines[0].contains("planner") && lines[0].contains("SoC/LB"));
+    assert!(lines[1].contains("lacam") && lines[1].contains("1/1"));
+}
+
+// ---- maps ----------------------------------------------------------------------------
+
+#[test]
+fn the_documented_commands_make_the_maps() {
+    let sources = fs::read_to_string(root().join("maps/SOURCES.md")).unwrap();
+    let yard = Yard::new();
+    let mut made = 0;
+    for row in sources.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<&str> = row.split('`').collect();
+        let (map, command) = (cells[1], cells[3]);
+        let arguments = command.strip_prefix("fleetyard ").unwrap();
+        let ended = yard
+            .line(&format!("{arguments} --out {{here}}"))
+            .expect(SUCCESS);
+        let scen = format!("{}-random-1.scen", map.strip_suffix(".map").unwrap());
+        for name in [map, &scen] {
+            let committed = fs::read(root().join("maps").join(name)).unwrap();
+            assert_eq!(text_of(&yard.read(name)), text_of(&committed), "{name}");
+            assert!(ended.stdout.contains(name), "{ended}");
+        }
+        made += 2;
+    }
+    let committed = fs::read_dir(root().join("maps")).unwrap().count();
+    assert_eq!(
+        made,
+        committed - 1,
+        "a file of maps/ has no command in SOURCES.md"
+    );
+}
+
+#[test]
+fn maps_are_described() {
+    let yard = Yard::new();
+    let info = yard
+        .line("maps info {maps}/random-32-32-20.map --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!((&info["rows"], &info["cols"]), (&32.into(), &32.into()));
+    assert_eq!(info["components"], 1);
+    assert_eq!(info["passable"], info["largest_component"]);
+    let blocked = info["cells"].as_u64().unwrap() - info["passable"].as_u64().unwrap();
+    assert_eq!(info["terrain"]["@"], blocked);
+    let text = yard
+        .line("maps info {maps}/random-32-32-20.map")
+        .expect(SUCCESS)
+        .stdout;
+    assert!(text.contains("32 rows, 32 columns"), "{text}");
+    assert!(text.contains(info["digest"].as_str().unwrap()), "{text}");
+}
+
+// ---- plugins, completions, help --------------------------------------------------------
+
+#[test]
+fn plugins_are_listed_and_described() {
+    let yard = Yard::new();
+    let listed = yard
+        .line("plugins list --format json")
+        .expect(SUCCESS)
+        .json();
+    let plugins = listed[0]["plugins"].as_array().unwrap();
+    let ids: Vec<&str> = plugins
+        .iter()
+        .map(|plugin| plugin["id"].as_str().unwrap())
+        .collect();
+    assert_eq!(ids, ["lacam", "pibt", "empty"]);
+    let text = yard.line("plugins list").expect(SUCCESS).stdout;
+    for id in ids {
+        assert!(text.lines().any(|line| line.starts_with(id)), "{text}");
+        let described = yard
+            .line(&format!("plugins info {id} --format json"))
+            .expect(SUCCESS)
+            .json();
+        assert_eq!(described[0]["id"], id);
+        // The planner that does nothing has no options either.
+        let schema = &described[0]["options_schema"];
+        assert_eq!(schema.is_object(), id != "empty", "{described}");
+        let text = yard
+            .line(&format!("plugins info {id}"))
+            .expect(SUCCESS)
+            .stdout;
+        assert!(text.starts_with(&format!("{id} (planner)")), "{text}");
+    }
+    // A file, and an identifier found in a folder of the plugin path.
+    let library = c_library("plugins/examples/c/prioritized.c", None);
+    let path = library.display().to_string();
+    let of_file = yard
+        .run(&["plugins", "info", &path, "--format", "json"])
+        .expect(SUCCESS)
+        .json();
+    let folder = yard.path("plugins");
+    fs::create_dir(&folder).unwrap();
+    fs::copy(&library, folder.join("mine.so")).unwrap();
+    let yard = yard.set("FLEETYARD_PLUGIN_PATH", &folder.display().to_string());
+    let id = of_file[0]["id"].as_str().unwrap();
+    let by_id = yard
+        .run(&["plugins", "info", id, "--format", "json"])
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(of_file, by_id);
+}
+
+#[test]
+fn completions_for_shells() {
+    let yard = Yard::new();
+    for shell in ["bash", "zsh", "fish"] {
+        let script = yard
+            .line(&format!("completions {shell}"))
+            .expect(SUCCESS)
+            .stdout;
+        for word in ["fleetyard", "simulate", "plan-out"] {
+            assert!(script.contains(word), "{shell}: no {word}");
+        }
+        if have(shell) {
+            let mut parser = Command::new(shell)
+                .arg("-n")
+                .stdin(Stdio::piped())
+                .spawn()
+                .unwrap();
+            parser
+                .stdin
+                .take()
+                .unwrap()
+                .write_all(script.as_bytes())
+                .unwrap();
+            assert!(
+                parser.wait().unwrap().success(),
+                "{shell} refuses the script"
+            );
+        }
+    }
+}
+
+#[test]
+fn help_says_what_there_is() {
+    let yard = Yard::new();
+    let help = yard.line("--help").expect(SUCCESS).stdout;
+    for text in ["Exit codes:", "FLEETYARD_PLUGIN_PATH", "NO_COLOR"] {
+        assert!(help.contains(text), "{help}");
+    }
+    for command in [
+        "run",
+        "compare",
+        "validate",
+        "simulate",
+        "plugins",
+        "maps",
+        "completions",
+    ] {
+        assert!(help.contains(command), "{help}");
+        let help = yard
+            .line(&format!("{command} --help"))
+            .expect(SUCCESS)
+            .stdout;
+        assert!(
+            help.contains(&format!("Usage: fleetyard {command}")),
+            "{help}"
+        );
+    }
+    let version = yard.line("--version").expect(SUCCESS).stdout;
+    assert_eq!(
+        version.trim(),
+        format!("fleetyard {}", env!("CARGO_PKG_VERSION"))
+    );
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    for line in [
+        "maps info {maps}/empty-8-8.map",
+        "plugins list",
+        "completions bash",
+        "--help",
+    ] {
+        let line = line.replace("{maps}", &root().join("maps").display().to_string());
+        let yard = Yard::new();
+        let mut started = yard.start(&words(&line));
+        // Closed before the command has had time to write, or after; both are fine.
+        drop(started.child.stdout.replace(closed()));
+        let ended = started.wait().expect(SUCCESS);
+        assert!(!ended.stderr.contains("panicked"), "{ended}");
+    }
+}
+
+/// An output that has ended.
+fn closed() -> std::process::ChildStdout {
+    let mut child = Command::new("true").stdout(Stdio::piped()).spawn().unwrap();
+    let stdout = child.stdout.take().unwrap();
+    child.wait().unwrap();
+    stdout
+}
+
+// ---- Real benchmark files ----------------------------------------------------------
+
+#[test]
+fn four_hundred_agents_on_a_public_map() {
+    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
+        eprintln!("skipped: FLEETYARD_DATA is not set");
+        return;
+    };
+    let name = "random-64-64-10";
+    let folder = Path::new(&data).join("movingai").join(name);
+    if !folder.is_dir() {
+        eprintln!("skipped: {} is missing", folder.display());
+        return;
+    }
+    let here = folder.display();
+    let ended = Yard::new()
+        .line(&format!(
+            "run --map {here}/{name}.map --scen {here}/{name}-random-1.scen --agents 400 \
+             --planner lacam --option anytime=false --budget 60s --execute --format json"
+        ))
+        .expect(SUCCESS);
+    let record = ended.json();
+    assert_eq!(at(&record, "verdict.valid"), true);
+    assert_eq!(at(&record, "execution.contacts"), 0);
+}
+
+// ---- Ending in the middle of it ------------------------------------------------------
+
+/// Starts a run of the faulty planner that hangs in `plan`, and waits until it does.
+fn hanging(yard: &Yard, planner: &Path, fault: &str) -> Started {
+    let mut line = words("run --budget 10m --trace-out trace.fyt --plan-out plan.json --planner");
+    line.push(planner.display().to_string());
+    line.extend(words(&format!("--option fault={fault}")));
+    line.extend(instance("empty-8-8", 2));
+    let started = yard.start(&line);
+    // The host, its supervisor and the plugin.
+    assert!(until(|| started.processes().len() >= 3));
+    started
+}
+
+#[test]
+fn nothing_outlives_a_host_that_is_killed() {
+    let mut planners = vec![faulty_library()];
+    if have("python3") {
+        planners.push(faulty_program());
+    }
+    for planner in &planners {
+        for signal in ["KILL", "TERM", "INT"] {
+            for fault in ["never", "ignore-sigterm", "spin"] {
+                let yard = Yard::new();
+                let mut started = hanging(&yard, planner, fault);
+                let host = started.child.id();
+                let processes = started.processes();
+                let host = processes.iter().find(|process| process.id == host).unwrap();
+                host.signal(signal);
+                started.child.wait().unwrap();
+                let gone = until(|| started.processes().is_empty());
+                assert!(gone, "{signal}, {fault}: {:?}", started.processes());
+                assert!(!yard.files().contains("plan.json"), "{:?}", yard.files());
+                assert!(!yard.files().contains("trace.fyt"), "{:?}", yard.files());
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_outlives_a_host_that_is_killed_while_a_plugin_starts() {
+    let library = c_library("plugins/faulty/faulty.c", Some("CONSTRUCTOR_HANG"));
+    let yard = Yard::new();
+    let mut started = hanging(&yard, &library, "none");
+    started.child.kill().unwrap();
+    started.child.wait().unwrap();
+    let gone = until(|| started.processes().is_empty());
+    assert!(gone, "{:?}", started.processes());
+}
+
+#[test]
+fn a_supervisor_that_is_killed_takes_the_plugin_with_it() {
+    let yard = Yard::new();
+    let started = hanging(&yard, &faulty_library(), "never");
+    let host = started.child.id();
+    let mut others = started.processes();
+    others.retain(|process| process.id != host);
+    // The supervisor was there before its plugin.
+    others[0].signal("KILL");
+    let ended = started.wait().expect(common::PLUGIN);
+    assert!(
+        ended.stderr.contains("its supervisor was killed"),
+        "{ended}"
+    );
+}
+
+#[test]
+fn a_plugin_that_is_killed_from_outside_has_crashed() {
+    let yard = Yard::new();
+    let started = hanging(&yard, &faulty_library(), "never");
+    started.processes().last().unwrap().signal("KILL");
+    let ended = started.wait().expect(common::PLUGIN);
+    assert!(
+        ended.stderr.contains("crashed with SIGKILL (signal 9)"),
+        "{ended}"
+    );
+}
+
+#[test]
+fn no_plan_within_the_budget_is_not_the_plugins_fault() {
+    // Everybody but the empty planner's agents would have moved.
+    let mut line = words("run --planner empty --format json");
+    line.extend(instance("empty-8-8", 2));
+    Yard::new().run(&line).expect(INVALID_PLAN);
+    let mut line = words("run --budget 300ms --prepare-budget 60s --option fault=never --planner");
+    line.push(faulty_library().display().to_string());
+    line.extend(instance("empty-8-8", 2));
+    let ended = Yard::new().run(&line).expect(NO_PLAN);
+    assert!(ended.stdout.contains("timed-out"), "{ended}");
+}

@@ -15,8 +15,8 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -31,7 +31,7 @@ pub(crate) const INVALID_PLAN: i32 = 4;
 pub(crate) const PLUGIN: i32 = 5;
 
 /// A command that takes longer hangs.
-const HANGING: Duration = Duration::from_secs(300);
+const HANGING: Duration = Duration::from_mins(5);
 
 /// Set for every command under test, inherited by all that it starts.
 const MARK: &str = "FLEETYARD_TEST_MARK";
@@ -318,7 +318,7 @@ fn reader(mut stream: impl Read + Send + 'static) -> thread::JoinHandle<String> 
 pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
     // One at a time: tests of one process ask for the same library at once.
     static COMPILER: Mutex<()> = Mutex::new(());
-    let _only = COMPILER.lock().unwrap_or_else(|error| error.into_inner());
+    let _only = COMPILER.lock().unwrap_or_else(PoisonError::into_inner);
     let source = root().join(source);
     let header = root().join("abi/include/fleetyard.h");
     let name = match variant {
@@ -393,14 +393,8 @@ pub(crate) fn build(package: &str) -> Built {
         let Ok(message) = serde_json::from_str::<Value>(message) else {
             continue;
         };
-        let of_package = message["package_id"].as_str().is_some_and(|id| {
-            id.contains(&format!("#{package}@")) || id.ends_with(&format!("/{package}"))
-        });
-        // The identifier names the package only when its folder has another name.
-        let named = message["target"]["name"]
-            .as_str()
-            .is_some_and(|name| name.replace('_', "-") == package);
-        if message["reason"] != "compiler-artifact" || !(of_package || named) {
+        let identifier = message["package_id"].as_str().unwrap_or_default();
+        if !identifier.contains(&format!("#{package}@")) {
             continue;
         }
         for file in message["filenames"].as_array().into_iter().flatten() {
