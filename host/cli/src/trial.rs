@@ -1,5 +1,6 @@
 //! A trial: one planner, one instance, one budget, judged and executed.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
@@ -47,7 +48,9 @@ impl Candidate {
         let (file, origin, id) = found.map_err(|fault| {
             let exit = match &fault {
                 // An unknown name is the user's mistake, a bad file the plugin's.
-                Fault::Refused { .. } if !name.contains('/') => Exit::Usage,
+                Fault::Refused { .. } if !name.contains('/') && !Path::new(name).exists() => {
+                    Exit::Usage
+                }
                 _ => Exit::Plugin,
             };
             Failure {
