@@ -20,7 +20,7 @@ const MEMORY_LIMIT: usize = 1 << 30;
 const ROUNDS: usize = 10;
 /// No further round after so many expansions per step of the shortest paths: on large
 /// maps the ellipses are wide.
-const WORK: u64 = 45;
+const WORK: u64 = 60;
 /// Not parked.
 const NEVER: u32 = u32::MAX;
 
