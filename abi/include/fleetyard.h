@@ -488,6 +488,18 @@ typedef struct FleetyardFleetState {
    The cells that a task visits, in order.
    */
   const uint32_t *task_cells;
+  /*
+   One of `FLEETYARD_MOTION_*`: what the next instance must say.
+   */
+  int32_t motion;
+  /*
+   One of `FLEETYARD_OBJECTIVE_*`: what the next instance must say.
+   */
+  int32_t objective;
+  /*
+   Radius of the largest robot's enclosing circle.
+   */
+  double radius_m;
 } FleetyardFleetState;
 
 /*

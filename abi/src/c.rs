@@ -274,6 +274,12 @@ pub struct FleetState {
     pub task_offsets: *const u64,
     /// The cells that a task visits, in order.
     pub task_cells: *const u32,
+    /// One of `FLEETYARD_MOTION_*`: what the next instance must say.
+    pub motion: i32,
+    /// One of `FLEETYARD_OBJECTIVE_*`: what the next instance must say.
+    pub objective: i32,
+    /// Radius of the largest robot's enclosing circle.
+    pub radius_m: f64,
 }
 
 /// How the fleet is doing: the input of an invocation policy.

@@ -226,6 +226,14 @@ unsafe fn goals_from_c(
         .ok_or_else(|| format!("the offsets of {name} are out of order"))
 }
 
+fn motion_from_c(code: i32) -> Result<Motion, String> {
+    Motion::from_code(code).ok_or_else(|| format!("motion {code} is unknown"))
+}
+
+fn objective_from_c(code: i32) -> Result<Objective, String> {
+    Objective::from_code(code).ok_or_else(|| format!("objective {code} is unknown"))
+}
+
 /// An instance in its C form, with everything that is not borrowed.
 pub struct CInstance {
     raw: c::Instance,
@@ -287,10 +295,8 @@ impl Instance {
                     agents,
                 )?
             },
-            motion: Motion::from_code(instance.motion)
-                .ok_or_else(|| format!("motion {} is unknown", instance.motion))?,
-            objective: Objective::from_code(instance.objective)
-                .ok_or_else(|| format!("objective {} is unknown", instance.objective))?,
+            motion: motion_from_c(instance.motion)?,
+            objective: objective_from_c(instance.objective)?,
             window_steps: instance.window_steps,
             radius_m: instance.radius_m,
         })
@@ -381,6 +387,9 @@ impl CFleetState {
             task_ids: ids.as_ptr(),
             task_offsets: tasks.offsets().as_ptr(),
             task_cells: tasks.cells().as_ptr(),
+            motion: state.motion.code(),
+            objective: state.objective.code(),
+            radius_m: state.radius_m,
         };
         Self {
             raw,
@@ -433,6 +442,9 @@ impl FleetState {
                 })
                 .collect(),
             window_steps: state.window_steps,
+            motion: motion_from_c(state.motion)?,
+            objective: objective_from_c(state.objective)?,
+            radius_m: state.radius_m,
         })
     }
 }

@@ -711,6 +711,15 @@ pub struct FleetState {
     /// Planning window asked for in steps; 0 for none.
     #[serde(default)]
     pub window_steps: u32,
+    /// How robots move: what the next instance must say.
+    #[serde(default = "pebble")]
+    pub motion: Motion,
+    /// What to minimise: what the next instance must say.
+    #[serde(default = "sum_of_costs")]
+    pub objective: Objective,
+    /// Radius of the largest robot's enclosing circle.
+    #[serde(default)]
+    pub radius_m: f64,
 }
 
 /// An open task.

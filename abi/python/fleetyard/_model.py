@@ -311,6 +311,12 @@ class FleetState:
     headings: Optional[List[str]] = None
     window_steps: int = 0
     """Planning window asked for; 0 for none."""
+    motion: str = "pebble"
+    """How robots move: what the next instance must say."""
+    objective: str = "sum-of-costs"
+    """What to minimise: what the next instance must say."""
+    radius_m: float = 0.0
+    """Radius of the largest robot's enclosing circle."""
 
     @property
     def agents(self) -> int:
@@ -327,6 +333,9 @@ class FleetState:
             tasks=[Task(int(task["id"]), _cells(task["cells"])) for task in wire["tasks"]],
             headings=None if headings is None else [str(heading) for heading in headings],
             window_steps=int(wire.get("window_steps", 0)),
+            motion=str(wire.get("motion", "pebble")),
+            objective=str(wire.get("objective", "sum-of-costs")),
+            radius_m=float(wire.get("radius_m", 0.0)),
         )
 
 

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, FleetState, Goals, Instance, Kind, Motion,
+    Budget, Capabilities, Capability, Descriptor, FleetState, Goals, Instance, Kind,
     SharedEnvironment, Status,
 };
 use rand_chacha::ChaCha8Rng;
@@ -119,14 +119,12 @@ impl InstanceGenerator for RandomGoals {
         }
         let goals = Goals::from_flat(offsets, goals)
             .ok_or_else(|| Failure::new(Status::InternalError, "the lists of goals are broken"))?;
-        let headings = state.headings.clone();
-        let motion = headings
-            .as_ref()
-            .map_or(Motion::Pebble, |_| Motion::Rotation);
         let instance = Instance {
             goals,
-            headings,
-            motion,
+            headings: state.headings.clone(),
+            motion: state.motion,
+            objective: state.objective,
+            radius_m: state.radius_m,
             window_steps: state.window_steps,
             ..Instance::one_shot(state.cells.clone(), Vec::new())
         };

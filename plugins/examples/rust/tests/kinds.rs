@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Rejected, Sink};
 use fleetyard_abi::{
     Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Instance, Kind, LogLevel,
-    Plan, PlanRef, SharedEnvironment, Status,
+    Motion, Objective, Plan, PlanRef, SharedEnvironment, Status,
 };
 use fleetyard_example_rust::catalog;
 
@@ -224,6 +224,9 @@ fn random_goals_are_free_reachable_and_distinct() {
         goals: Goals::from_flat(vec![0, 0, 2, 2], vec![6, 7]).unwrap(),
         tasks: Vec::new(),
         window_steps: 3,
+        motion: Motion::Pebble,
+        objective: Objective::SumOfCosts,
+        radius_m: 0.35,
     };
     let sink = Collected::default();
     generator.prepare(&map, &BUDGET, &sink).unwrap();
@@ -234,6 +237,7 @@ fn random_goals_are_free_reachable_and_distinct() {
         instance.check(12).unwrap();
         assert_eq!(instance.starts, state.cells);
         assert_eq!(instance.window_steps, 3);
+        assert!((instance.radius_m - 0.35).abs() < f64::EPSILON);
         assert_eq!(instance.goals.get(1), [6, 7]);
         assert!([1, 2, 6, 8].contains(&instance.goals.get(0)[0]));
         assert!([5, 10, 11].contains(&instance.goals.get(2)[0]));
