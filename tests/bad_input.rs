@@ -569,6 +569,11 @@ fn files_that_are_no_plugins() {
             "./short.so",
             &["short.so is no shared library that can be loaded"],
         ),
+        // A name without a slash is a path where there is such a file.
+        (
+            "text.so",
+            &["text.so is no shared library that can be loaded"],
+        ),
         ("./nothing.so", &["nothing.so: No such file", "hint: "]),
         (
             "{here}",
@@ -890,6 +895,16 @@ fn answers_that_break_the_protocol() {
         ),
         ("claims-solved-without-plan", ALL, &[none]),
         ("null-plan", &[Stdio], &[none]),
+        ("null-plan", LIBRARY, &["plan is null"]),
+        ("null-offsets", LIBRARY, &["plan.offsets is null"]),
+        ("null-cells", LIBRARY, &["plan.cells is null"]),
+        ("bad-plan-size", LIBRARY, &["plan.struct_size is 8"]),
+        ("unordered-offsets", LIBRARY, &["out of order"]),
+        (
+            "bad-status",
+            LIBRARY,
+            &["it returned 99, which is no status"],
+        ),
         ("bad-status", &[Stdio], &["unknown variant `brilliant`"]),
         ("two-results", &[Stdio], &["a second time"]),
         ("malformed", &[Stdio], &["a message is not JSON", "near"]),
@@ -939,12 +954,11 @@ fn too_much_of_it() {
     let huge: &[Case<'_>] = &[("huge-plan", &[Stdio], &["longer than 268435456 cells"])];
     check(huge, "--option size=300000000", PLUGIN, "protocol-error");
     let huge: &[Case<'_>] = &[("huge-plan", LIBRARY, &["cells, more than the limit of"])];
-    check(huge, "", PLUGIN, "failed");
+    check(huge, "", PLUGIN, "protocol-error");
 }
 
 #[test]
 fn planners_that_report_failure() {
-    let contract = "what it submitted breaks the contract";
     let cases: &[Case<'_>] = &[
         (
             "fails",
@@ -952,20 +966,6 @@ fn planners_that_report_failure() {
             &["reported `internal-error` from `plan`: failed as asked"],
         ),
         ("rpc-error", &[Stdio], &["failed as asked"]),
-        (
-            "bad-status",
-            LIBRARY,
-            &["it returned 99, which is no status"],
-        ),
-        ("null-plan", LIBRARY, &[contract, "plan is null"]),
-        ("null-offsets", LIBRARY, &[contract, "plan.offsets is null"]),
-        ("null-cells", LIBRARY, &[contract, "plan.cells is null"]),
-        (
-            "bad-plan-size",
-            LIBRARY,
-            &[contract, "plan.struct_size is 8"],
-        ),
-        ("unordered-offsets", LIBRARY, &[contract, "out of order"]),
     ];
     check(cases, "", PLUGIN, "failed");
     // A claim is passed on as a claim.
