@@ -1,7 +1,9 @@
 //! One file per command.
 
-use std::io::BufWriter;
-use std::path::Path;
+use std::fs::Permissions;
+use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::CommandFactory;
@@ -48,7 +50,41 @@ fn draw(path: &Path, grid: &Grid, plan: Option<&GridPlan>, goals: Option<&[u32]>
 /// A trace file that appears under its name only when it is whole.
 struct TraceFile<'a> {
     path: &'a Path,
-    writer: TraceWriter<BufWriter<NamedTempFile>>,
+    writer: TraceWriter<Unnamed>,
+}
+
+/// A temporary file in a folder, made when it is first written to: until then a host
+/// that is interrupted, while a planner runs, leaves nothing behind.
+struct Unnamed {
+    folder: PathBuf,
+    file: Option<BufWriter<NamedTempFile>>,
+}
+
+impl Unnamed {
+    fn create(&self) -> io::Result<NamedTempFile> {
+        // Others may read what the user lets them; temporary files are private else.
+        tempfile::Builder::new()
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(&self.folder)
+    }
+
+    fn file(&mut self) -> io::Result<&mut BufWriter<NamedTempFile>> {
+        let file = match self.file.take() {
+            Some(file) => file,
+            None => BufWriter::new(self.create()?),
+        };
+        Ok(self.file.insert(file))
+    }
+}
+
+impl Write for Unnamed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file()?.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file()?.flush()
+    }
 }
 
 impl<'a> TraceFile<'a> {
@@ -56,7 +92,12 @@ impl<'a> TraceFile<'a> {
         let folder = path
             .parent()
             .filter(|folder| !folder.as_os_str().is_empty());
-        let file = NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(|error| {
+        let unnamed = Unnamed {
+            folder: folder.unwrap_or(Path::new(".")).to_owned(),
+            file: None,
+        };
+        // Tried now and not when the planner's budget has been spent.
+        unnamed.create().map_err(|error| {
             InputError::new(
                 path.display().to_string(),
                 format!("cannot be written: {error}"),
@@ -66,7 +107,7 @@ impl<'a> TraceFile<'a> {
         // Every tick: the trace is what other tools replay.
         Ok(Self {
             path,
-            writer: TraceWriter::new(BufWriter::new(file), 1),
+            writer: TraceWriter::new(unnamed, 1),
         })
     }
 
@@ -81,11 +122,10 @@ impl<'a> TraceFile<'a> {
                 format!("cannot be written: {error}"),
             )
         };
-        let file = self
-            .writer
-            .into_inner()
-            .into_inner()
-            .map_err(|error| failed(&error))?;
+        let Some(file) = self.writer.into_inner().file else {
+            return Ok(());
+        };
+        let file = file.into_inner().map_err(|error| failed(&error))?;
         file.persist(self.path).map_err(|error| failed(&error))?;
         Ok(())
     }
