@@ -631,6 +631,34 @@ fn nothing_outlives_a_host_that_is_killed() {
 }
 
 #[test]
+fn nothing_outlives_a_process_group_that_is_told_to_end() {
+    if !have("python3") {
+        return;
+    }
+    for signal in ["INT", "TERM", "HUP", "QUIT", "KILL"] {
+        // A daemon of the plugin that is in no group of ours; then the plugin hangs.
+        let yard = Yard::new()
+            .set("FLEETYARD_FAULT", "grandchild")
+            .in_own_group();
+        let mut started = hanging(&yard, &faulty_program(), "never");
+        let host = started.child.id();
+        let has_daemon = || started.processes().iter().any(|p| p.name == "fy-orphan");
+        assert!(until(has_daemon));
+        let processes = started.processes();
+        let host = processes.iter().find(|process| process.id == host).unwrap();
+        host.signal_group(signal);
+        started.child.wait().unwrap();
+        // Nobody can outwit a kill that hits the supervisor as well.
+        let may_stay = |name: &str| signal == "KILL" && name == "fy-orphan";
+        let gone = until(|| started.processes().iter().all(|p| may_stay(&p.name)));
+        assert!(gone, "{signal}: {:?}", started.processes());
+        for process in started.processes() {
+            process.signal("KILL");
+        }
+    }
+}
+
+#[test]
 fn nothing_outlives_a_host_that_is_killed_while_a_plugin_starts() {
     let library = c_library("plugins/faulty/faulty.c", Some("CONSTRUCTOR_HANG"));
     let yard = Yard::new();

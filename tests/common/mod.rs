@@ -13,6 +13,7 @@ use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -115,6 +116,7 @@ impl std::fmt::Display for Ended {
 pub(crate) struct Yard {
     folder: tempfile::TempDir,
     variables: Vec<(String, String)>,
+    own_group: bool,
 }
 
 impl Yard {
@@ -122,7 +124,15 @@ impl Yard {
         Self {
             folder: tempfile::tempdir().unwrap(),
             variables: Vec::new(),
+            own_group: false,
         }
+    }
+
+    /// Starts the commands that follow as a shell does: as the leader of a process
+    /// group. Otherwise an interrupt of the tests ends them too.
+    pub(crate) fn in_own_group(mut self) -> Self {
+        self.own_group = true;
+        self
     }
 
     /// Sets an environment variable for the commands that follow.
@@ -179,6 +189,9 @@ impl Yard {
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
+        if self.own_group {
+            command.process_group(0);
+        }
         Started {
             child: command.spawn().unwrap(),
             mark,
@@ -279,12 +292,21 @@ pub(crate) struct Process {
 
 impl Process {
     pub(crate) fn signal(&self, signal: &str) {
-        // Gone already is as good.
-        let _ = Command::new("kill")
-            .args(["-s", signal, &self.id.to_string()])
-            .stderr(Stdio::null())
-            .status();
+        send(signal, &self.id.to_string());
     }
+
+    /// As the terminal does: to everybody in the group that this process leads.
+    pub(crate) fn signal_group(&self, signal: &str) {
+        send(signal, &format!("-{}", self.id));
+    }
+}
+
+fn send(signal: &str, to: &str) {
+    // Gone already is as good.
+    let _ = Command::new("kill")
+        .args(["-s", signal, "--", to])
+        .stderr(Stdio::null())
+        .status();
 }
 
 impl std::fmt::Display for Process {

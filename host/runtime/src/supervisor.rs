@@ -29,6 +29,9 @@ use crate::library::Library;
 /// First argument of a process that is a supervisor.
 pub const ARGUMENT: &str = "__supervise";
 
+/// Signals that a supervisor ignores.
+const FOR_THE_HOST: [i32; 4] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
+
 /// What the supervisor starts.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -90,9 +93,13 @@ fn supervise(
 ) -> ! {
     // SAFETY: a plain system call that makes orphans ours.
     unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) };
-    // The terminal's interrupt is for the host, which then closes the socket.
-    // SAFETY: ignoring a signal has no precondition.
-    unsafe { libc::signal(libc::SIGINT, libc::SIG_IGN) };
+    // What the terminal, or `timeout`, sends to the whole process group is for the
+    // host, which then closes the socket. A supervisor that died of it would leave
+    // daemons of the plugin behind.
+    for signal in FOR_THE_HOST {
+        // SAFETY: ignoring a signal has no precondition.
+        unsafe { libc::signal(signal, libc::SIG_IGN) };
+    }
     let mut report = Report::default();
     match start(target, &control, built_in) {
         Ok(child) => {
@@ -151,10 +158,12 @@ fn start(
 /// Runs in the plugin's process before any of its code.
 fn child_setup() {
     // SAFETY: plain system calls on this process. The death signal is a
-    // convenience for a supervisor that dies; interrupts are for the host.
+    // convenience for a supervisor that dies; ignored signals would be inherited.
     unsafe {
         libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL);
-        libc::signal(libc::SIGINT, libc::SIG_DFL);
+        for signal in FOR_THE_HOST {
+            libc::signal(signal, libc::SIG_DFL);
+        }
     }
 }
 
