@@ -64,6 +64,10 @@ impl Prepared {
         let options = Options {
             threads: budget.threads as usize,
             node_limit: (budget.nodes > 0).then_some(budget.nodes),
+            memory_limit: match budget.memory_bytes {
+                0 => options.memory_limit,
+                bytes => bytes,
+            },
             ..options.clone()
         };
         let mut observer = Submitter::new(budget, sink);
