@@ -957,6 +957,42 @@ fn too_much_of_it() {
     check(huge, "", PLUGIN, "protocol-error");
 }
 
+/// Whatever a planner says, little of it is kept.
+#[test]
+fn a_talkative_planner_does_not_fill_the_hosts_memory() {
+    if !have("python3") {
+        return;
+    }
+    let script = r#"
+import json, sys
+def send(**message):
+    print(json.dumps({"jsonrpc": "2.0", **message}), flush=True)
+about = {"id": "talker", "kind": "planner", "capabilities": ["grid", "pebble"]}
+for line in sys.stdin:
+    message = json.loads(line)
+    answer = {"status": "solved"}
+    if message["method"] == "initialize":
+        answer = {"protocol_version": 1, "plugins": [about]}
+    elif message["method"] == "plan":
+        text = "x" * (1 << 20)
+        for number in range(400):
+            send(method="log", params={"level": "info", "text": text})
+            send(method="metric", params={"name": text + str(number), "value": 1})
+        starts = message["params"]["instance"]["starts"]
+        answer["paths"] = [[start] for start in starts]
+    elif message["method"] == "exit":
+        break
+    if "id" in message:
+        send(id=message["id"], result=answer)
+"#;
+    let yard = Yard::new();
+    yard.write("talker.py", script);
+    let ended = yard.run(&planner("./talker.py", &["--execute", "--format", "json"]));
+    let record = ended.expect(INVALID_PLAN).json();
+    let peak_kb = &record["execution"]["host_peak_memory_kb"];
+    assert!(peak_kb.as_u64().unwrap() < 200 << 10, "{peak_kb} kB");
+}
+
 #[test]
 fn planners_that_report_failure() {
     let cases: &[Case<'_>] = &[

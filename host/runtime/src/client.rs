@@ -16,8 +16,9 @@ use serde::Serialize;
 use serde_json::value::RawValue;
 
 use crate::Fault;
+use crate::log::Log;
 use crate::process::Process;
-use crate::session::{Limits, LogLine};
+use crate::session::Limits;
 use crate::supervisor::Report;
 
 /// How long a process that closed its output has to end by itself.
@@ -50,7 +51,8 @@ pub(crate) struct Client {
     skipping: bool,
     stray_bytes: u64,
     pub(crate) stray_lines: u64,
-    pub(crate) log: Vec<LogLine>,
+    pub(crate) log: Log,
+    /// Bytes of all log lines so far, kept or not.
     stderr: Tail,
     stdout_open: bool,
     stderr_open: bool,
@@ -123,7 +125,7 @@ impl Client {
             skipping: false,
             stray_bytes: 0,
             stray_lines: 0,
-            log: Vec::new(),
+            log: Log::default(),
             stderr: Tail::default(),
             stdout_open: true,
             stderr_open: true,
@@ -410,7 +412,7 @@ impl Client {
             Some("log") => {
                 let LogParams { level, text } =
                     envelope.params().map_err(|error| bad("log", &error))?;
-                self.push_log(LogLine { level, text });
+                self.log.push(level, &text, self.limits.log_bytes);
             }
             // Progress is for people who watch; an unknown notification may come
             // from a newer plugin. Neither may hold up the run.
@@ -429,16 +431,8 @@ impl Client {
         self.stray_lines += 1;
         let shown = &line[..line.len().min(400)];
         let text = String::from_utf8_lossy(shown).into_owned();
-        self.push_log(LogLine {
-            level: LogLevel::Info,
-            text: format!("stdout: {text}"),
-        });
-    }
-
-    fn push_log(&mut self, line: LogLine) {
-        if self.log.len() < self.limits.log_lines {
-            self.log.push(line);
-        }
+        let text = format!("stdout: {text}");
+        self.log.push(LogLevel::Info, &text, self.limits.log_bytes);
     }
 
     fn broken(&mut self, wait: &Wait<'_>, reason: String) -> Fault {

@@ -24,6 +24,7 @@ use serde_json::value::RawValue;
 
 use crate::client::{Client, Deadline, Notice};
 use crate::convert::plan_from_abi;
+use crate::log::{Log, LogLine};
 use crate::process::{Process, Usage};
 use crate::{Attach, Fault, Library, PluginFile};
 
@@ -43,10 +44,12 @@ pub struct Limits {
     pub stray_bytes: u64,
     /// How much of the end of standard error is kept.
     pub stderr_bytes: usize,
-    /// Most log lines that are kept.
-    pub log_lines: usize,
+    /// How much of the log is kept.
+    pub log_bytes: usize,
     /// Most cells in one plan.
     pub plan_cells: usize,
+    /// Most incumbents that are kept; the last one always is.
+    pub incumbents: usize,
     /// Most cells in all incumbents that are kept; beyond it older ones keep
     /// their time of arrival alone.
     pub kept_cells: usize,
@@ -61,20 +64,12 @@ impl Default for Limits {
             line_bytes: 1 << 30,
             stray_bytes: 64 << 20,
             stderr_bytes: 64 << 10,
-            log_lines: 10_000,
+            log_bytes: 4 << 20,
             plan_cells: 1 << 28,
+            incumbents: 10_000,
             kept_cells: 1 << 28,
         }
     }
-}
-
-/// A line that a plugin wrote to the run's log.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct LogLine {
-    /// How much it matters.
-    pub level: LogLevel,
-    /// The line.
-    pub text: String,
 }
 
 /// A plan and when it came.
@@ -268,7 +263,7 @@ impl Runtime {
                 let inner = Inner::InProcess {
                     library,
                     object: None,
-                    log: Vec::new(),
+                    log: Log::default(),
                 };
                 Ok(Session {
                     inner,
@@ -376,7 +371,7 @@ enum Inner {
     InProcess {
         library: Library,
         object: Option<Object>,
-        log: Vec<LogLine>,
+        log: Log,
     },
     Process(Box<Client>),
 }
@@ -436,7 +431,7 @@ impl Session {
                 let collector = Collector::idle();
                 *object = None;
                 let made = library.create(kind, id, Options::new(&options.to_string()), &collector);
-                log.append(&mut collector.into_log());
+                log.append(collector.into_log());
                 *object = Some(made.map_err(to_fault("create"))?);
                 Ok(())
             }
@@ -472,7 +467,7 @@ impl Session {
                     }
                     Some(Object::InvocationPolicy(_)) | None => Err(wrong_object()),
                 };
-                log.append(&mut collector.into_log());
+                log.append(collector.into_log());
                 result.map_err(to_fault("prepare"))?;
             }
             Inner::Process(client) => {
@@ -523,12 +518,12 @@ impl Session {
             incumbents,
             late,
             metrics,
-            mut log,
+            log,
             fault,
             ..
         } = collector.into_inner();
         if let Inner::InProcess { log: kept, .. } = &mut self.inner {
-            kept.append(&mut log);
+            kept.append(log);
         }
         let called = match (called, fault) {
             (Ok(_), Some(reason)) => Err(protocol(method, reason)),
@@ -693,7 +688,7 @@ impl Session {
                 let collector = Collector::idle();
                 let result = generator.generate(state, &budget, &collector);
                 let collected = collector.into_inner();
-                log.extend(collected.log);
+                log.append(collected.log);
                 result.map_err(to_fault(method))?;
                 collected.instance.ok_or_else(missing)
             }
@@ -727,7 +722,7 @@ impl Session {
             } => {
                 let collector = Collector::idle();
                 let result = policy.should_invoke(status, &collector);
-                log.append(&mut collector.into_log());
+                log.append(collector.into_log());
                 result.map_err(to_fault(method))
             }
             Inner::InProcess { .. } => Err(to_fault(method)(wrong_object())),
@@ -752,7 +747,7 @@ impl Session {
                     fault: None,
                     stderr: String::new(),
                     stderr_dropped: 0,
-                    log: std::mem::take(log),
+                    log: log.take(),
                     stray_lines: 0,
                 }
             }
@@ -764,7 +759,7 @@ impl Session {
                     fault,
                     stderr,
                     stderr_dropped,
-                    log: std::mem::take(&mut client.log),
+                    log: client.log.take(),
                     stray_lines: client.stray_lines,
                 }
             }
@@ -800,7 +795,8 @@ struct Collector {
     deadline_ns: u64,
     agents: Option<usize>,
     kept_cells: usize,
-    log_lines: usize,
+    log_bytes: usize,
+    most_incumbents: usize,
     collected: Mutex<Collected>,
 }
 
@@ -810,7 +806,7 @@ struct Collected {
     cells: usize,
     late: u64,
     metrics: BTreeMap<String, f64>,
-    log: Vec<LogLine>,
+    log: Log,
     instance: Option<Instance>,
     fault: Option<String>,
 }
@@ -823,7 +819,8 @@ impl Collector {
             deadline_ns: budget.deadline_monotonic_ns,
             agents: Some(instance.agents()),
             kept_cells: limits.kept_cells,
-            log_lines: limits.log_lines,
+            log_bytes: limits.log_bytes,
+            most_incumbents: limits.incumbents,
             collected: Mutex::default(),
         }
     }
@@ -836,7 +833,8 @@ impl Collector {
             deadline_ns: u64::MAX,
             agents: None,
             kept_cells: 0,
-            log_lines: Limits::default().log_lines,
+            log_bytes: Limits::default().log_bytes,
+            most_incumbents: 0,
             collected: Mutex::default(),
         }
     }
@@ -854,7 +852,7 @@ impl Collector {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn into_log(self) -> Vec<LogLine> {
+    fn into_log(self) -> Log {
         self.into_inner().log
     }
 
@@ -883,6 +881,9 @@ impl Collector {
             collected.cells = plan.cells().len();
         }
         let arrived = Duration::from_nanos(arrived_ns.saturating_sub(self.started_ns));
+        if collected.incumbents.len() >= self.most_incumbents {
+            collected.incumbents.pop();
+        }
         collected.incumbents.push(Incumbent {
             arrived,
             plan: Some(plan_from_abi(plan, self.cells)),
@@ -912,8 +913,10 @@ impl Sink for Collector {
 
     fn metric(&self, name: &str, value: f64) {
         const MOST: usize = 1000;
+        const LONGEST_NAME: usize = 256;
         let mut collected = self.lock();
         if value.is_finite()
+            && name.len() <= LONGEST_NAME
             && (collected.metrics.len() < MOST || collected.metrics.contains_key(name))
         {
             collected.metrics.insert(name.to_owned(), value);
@@ -922,12 +925,7 @@ impl Sink for Collector {
 
     fn log(&self, level: LogLevel, text: &str) {
         let mut collected = self.lock();
-        if collected.log.len() < self.log_lines {
-            collected.log.push(LogLine {
-                level,
-                text: text.to_owned(),
-            });
-        }
+        collected.log.push(level, text, self.log_bytes);
     }
 
     fn progress(&self, _: u64, _: u64) {}
