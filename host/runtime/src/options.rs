@@ -89,7 +89,8 @@ fn unknown(name: &str, known: &Map<String, Value>) -> OptionError {
         Some((_, candidate)) => format!("did you mean `{candidate}`?"),
         None if known.is_empty() => "this plugin has no options".to_owned(),
         None => {
-            let names: Vec<_> = known.keys().map(String::as_str).collect();
+            let mut names: Vec<_> = known.keys().map(String::as_str).collect();
+            names.sort_unstable();
             format!("known options: {}", names.join(", "))
         }
     };
@@ -146,7 +147,7 @@ mod tests {
             (
                 vec!["colour=red"],
                 "unknown option `colour`",
-                "known options: restarts, mode",
+                "known options: mode, restarts",
             ),
             (
                 vec!["restarts=many"],
