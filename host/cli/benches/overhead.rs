@@ -79,7 +79,7 @@ fn overhead(criterion: &mut Criterion) {
     let offsets: Vec<u64> = (0..=AGENTS as u64).collect();
     let plan = PlanRef::new(&offsets, &instance.starts).expect("offsets fit");
     group.bench_function("copy", |bencher| {
-        bencher.iter(|| plan_from_abi(plan, u32::MAX))
+        bencher.iter(|| plan_from_abi(plan, u32::MAX));
     });
     let cases = [
         ("in-process", &PluginFile::BuiltIn, Attach::InProcess),

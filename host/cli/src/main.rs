@@ -26,7 +26,7 @@ fn main() {
     let exit = match dispatch(Cli::parse().command) {
         Ok(exit) => exit,
         Err(failure) => {
-            eprintln!("{failure}");
+            eprintln!("{}", output::plain(&failure.to_string()));
             failure.exit
         }
     };

@@ -22,6 +22,23 @@ pub(crate) fn print(text: &str) -> Result<()> {
     }
 }
 
+/// Text that may come from a plugin or a file, safe for a terminal: control
+/// characters other than line ends and tabs are shown, not obeyed.
+pub(crate) fn plain(text: &str) -> String {
+    let obeyed = |c: char| c.is_control() && c != '\n' && c != '\t';
+    if !text.contains(obeyed) {
+        return text.to_owned();
+    }
+    let shown = |c: char| {
+        if obeyed(c) {
+            c.escape_default().to_string()
+        } else {
+            c.to_string()
+        }
+    };
+    text.chars().map(shown).collect()
+}
+
 /// Prints a JSON document.
 pub(crate) fn print_json<T: Serialize>(value: &T) -> Result<()> {
     print(&serde_json::to_string_pretty(value).map_err(internal)?)
@@ -29,12 +46,17 @@ pub(crate) fn print_json<T: Serialize>(value: &T) -> Result<()> {
 
 /// A note for people: on standard error, one line.
 pub(crate) fn note(text: &str) {
-    eprintln!("note: {text}");
+    eprintln!("note: {}", plain(text));
+}
+
+/// Why the command fails although it has a result to print.
+pub(crate) fn error(text: &str) {
+    eprintln!("error: {}", plain(text));
 }
 
 /// A warning for people.
 pub(crate) fn warning(text: &str) {
-    eprintln!("warning: {text}");
+    eprintln!("warning: {}", plain(text));
 }
 
 /// A plain table: readable without colour and easy to cut apart. Columns whose
@@ -67,4 +89,18 @@ pub(crate) fn progress(total: u64) -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plain;
+
+    #[test]
+    fn control_characters_are_shown() {
+        assert_eq!(plain("a\tb\nc"), "a\tb\nc");
+        assert_eq!(
+            plain("\u{1b}[2Jgone\u{9b}1m\r"),
+            "\\u{1b}[2Jgone\\u{9b}1m\\r"
+        );
+    }
 }

@@ -80,7 +80,7 @@ pub(crate) fn list(format: Format) -> Result<Exit> {
             ]);
             output::warning(reason);
             if let Some(hint) = &file.hint {
-                eprintln!("hint: {hint}");
+                eprintln!("hint: {}", output::plain(hint));
             }
         }
     }
@@ -99,7 +99,7 @@ pub(crate) fn info(name: &str, format: Format) -> Result<Exit> {
         Format::Json => output::print_json(&described)?,
         Format::Text => {
             let texts: Vec<String> = described.iter().map(text).collect();
-            output::print(&texts.join("\n\n"))?;
+            output::print(&output::plain(&texts.join("\n\n")))?;
         }
     }
     Ok(Exit::Success)

@@ -59,20 +59,20 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     }
     tell(arguments.verbose, &outcome);
     match arguments.format {
-        Format::Text => output::print(&record.text())?,
+        Format::Text => output::print(&output::plain(&record.text()))?,
         Format::Json => output::print_json(record)?,
     }
     let exit = record.exit();
     if let Some(fault) = &record.fault {
-        eprintln!("error: planner `{}` {fault}", record.planner.id);
+        output::error(&format!("planner `{}` {fault}", record.planner.id));
     } else if exit == Exit::NoPlan {
-        eprintln!("error: {}", no_plan(record, arguments));
+        output::error(&no_plan(record, arguments));
     } else if let Some(first) = record.verdict.violations.first() {
         let count = record.verdict.violation_count;
-        eprintln!(
-            "error: the plan is invalid ({count} violations): {}",
+        output::error(&format!(
+            "the plan is invalid ({count} violations): {}",
             first.sentence
-        );
+        ));
     }
     if plan.is_none() {
         for path in [&arguments.plan_out, &arguments.trace_out]
@@ -122,7 +122,7 @@ fn tell(verbose: bool, outcome: &Outcome) {
     }
     if verbose {
         for LogLine { level, text } in &outcome.log {
-            eprintln!("[{level:?}] {text}");
+            eprintln!("[{level:?}] {}", output::plain(text));
         }
     }
     // What a planner that failed had to say is worth seeing unasked.
@@ -131,7 +131,7 @@ fn tell(verbose: bool, outcome: &Outcome) {
     if (verbose || failed) && !outcome.stderr.trim().is_empty() {
         let lines: Vec<&str> = outcome.stderr.trim_end().lines().collect();
         for line in &lines[lines.len().saturating_sub(shown)..] {
-            eprintln!("[stderr] {line}");
+            eprintln!("[stderr] {}", output::plain(line));
         }
     }
 }
