@@ -134,7 +134,8 @@ impl Client {
     }
 
     /// Sends a request and waits for its answer, until the deadline plus the
-    /// grace. After a fault nothing of the process is left.
+    /// grace. After a fault, unless the plugin reported it, nothing of the process
+    /// is left.
     pub(crate) fn call<P: Serialize>(
         &mut self,
         method: &str,
@@ -156,7 +157,9 @@ impl Client {
             limit_ms: deadline.limit.as_millis() as u64,
         };
         let answer = self.wait(&wait, notice);
-        if let Err(fault) = &answer {
+        if let Err(fault) = &answer
+            && !fault.is_survivable()
+        {
             self.fault = Some(fault.clone());
         }
         answer
@@ -329,7 +332,9 @@ impl Client {
                 Ok(answer) => return Ok(answer),
                 Err(Broken::Protocol(reason)) => return Err(self.broken(wait, reason)),
                 Err(Broken::Fault(fault)) => {
-                    self.process.end(Duration::ZERO);
+                    if !fault.is_survivable() {
+                        self.process.end(Duration::ZERO);
+                    }
                     return Err(fault);
                 }
             }

@@ -76,6 +76,12 @@ impl Fault {
         }
     }
 
+    /// Whether the plugin is still there to be asked again: it failed one call and
+    /// said so.
+    pub(crate) fn is_survivable(&self) -> bool {
+        matches!(self, Self::Reported { .. })
+    }
+
     /// What the user can do, where there is something.
     pub fn hint(&self) -> Option<&str> {
         match self {

@@ -14,8 +14,8 @@ use fleetyard_abi::wire::{
     ShouldInvokeParams, ShouldInvokeResult,
 };
 use fleetyard_abi::{
-    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel, Plan, PlanRef,
-    SharedEnvironment, Status, c, monotonic_ns,
+    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel, PathEncoding, Plan,
+    PlanRef, SharedEnvironment, Status, c, monotonic_ns,
 };
 use fleetyard_core::GridPlan;
 use serde::Serialize;
@@ -270,6 +270,7 @@ impl Runtime {
                     descriptors,
                     limits: self.limits.clone(),
                     environment: None,
+                    encoding: PathEncoding::default(),
                 })
             }
         }
@@ -304,6 +305,7 @@ impl Runtime {
             descriptors: plugins,
             limits,
             environment: None,
+            encoding: PathEncoding::default(),
         })
     }
 }
@@ -382,6 +384,8 @@ pub struct Session {
     descriptors: Vec<Descriptor>,
     limits: Limits,
     environment: Option<SharedEnvironment>,
+    /// How the plugin that was made wants to read paths.
+    encoding: PathEncoding,
 }
 
 /// The calls that ask for a plan.
@@ -422,6 +426,13 @@ impl Session {
         id: &str,
         options: serde_json::Value,
     ) -> Result<(), Fault> {
+        let made = self
+            .descriptors
+            .iter()
+            .find(|d| d.kind == kind && d.id == id);
+        self.encoding = made
+            .map(|descriptor| descriptor.path_encoding)
+            .unwrap_or_default();
         match &mut self.inner {
             Inner::InProcess {
                 library,
@@ -637,10 +648,7 @@ impl Session {
                 &mut notice,
             )?,
             Question::Recover(failed) => {
-                let encoding = self
-                    .descriptors
-                    .first()
-                    .map_or_else(Default::default, |d| d.path_encoding);
+                let encoding = self.encoding;
                 let text = failed
                     .map(|plan| WritePaths {
                         plan: plan.as_ref(),

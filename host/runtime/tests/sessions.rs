@@ -1,0 +1,437 @@
+//! All four kinds of plugin through all attachments: the same answers.
+//!
+//! This program is host, supervisor, worker and plugin at once, by its arguments.
+
+#![allow(missing_docs, unsafe_code)]
+
+use std::time::Duration;
+
+use fleetyard_abi::sdk::{
+    FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
+};
+use fleetyard_abi::{
+    Budget, Descriptor, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading,
+    Instance, Kind, LogLevel, Motion, Objective, PathEncoding, Plan, PlanRef, SharedEnvironment,
+    Status, Task, c, serve,
+};
+use fleetyard_core::{GridPlan, OFF_MAP};
+use fleetyard_runtime::{
+    Attach, Fault, Limits, PluginFile, Runtime, Session, Termination, supervisor,
+};
+
+/// Answers every question with what it was told, so that nothing can get lost on
+/// the way unseen.
+#[derive(Default)]
+struct Echo {
+    environment: Option<SharedEnvironment>,
+}
+
+impl Echo {
+    fn learn(&mut self, environment: &SharedEnvironment) {
+        self.environment = Some(SharedEnvironment::clone(environment));
+    }
+
+    fn plan_of(instance: &Instance) -> Plan {
+        let goals = instance.goals.iter();
+        Plan::from_paths(instance.starts.iter().zip(goals).map(|(start, goals)| {
+            let mut path = vec![*start];
+            path.extend_from_slice(goals);
+            path
+        }))
+    }
+}
+
+impl Plugin for Echo {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            path_encoding: PathEncoding::Cells,
+            ..Descriptor::new(Kind::Planner, "echo", "")
+        }
+    }
+
+    fn create(_: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self::default())
+    }
+}
+
+impl Planner for Echo {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.learn(environment);
+        sink.log(LogLevel::Info, "prepared");
+        Ok(())
+    }
+
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let grid = self
+            .environment
+            .as_ref()
+            .and_then(|e| e.grid())
+            .expect("prepared");
+        assert_eq!(*grid, *environment().grid().unwrap());
+        sink.metric("seed", budget.seed as f64);
+        sink.metric("not a number", f64::NAN);
+        sink.log(LogLevel::Warning, "ümläut");
+        // Two plans: the first worse than the second.
+        sink.submit_plan(Plan::from_paths(instance.starts.iter().map(|s| [*s])).as_ref())?;
+        sink.submit_plan(Self::plan_of(instance).as_ref())?;
+        match budget.nodes {
+            0 => Ok(()),
+            1 => Err(Failure::new(Status::GaveUp, "as asked")),
+            2 => panic!("as asked"),
+            _ => {
+                sink.submit_plan(Plan::from_paths([[0u32]]).as_ref())?;
+                Ok(())
+            }
+        }
+    }
+}
+
+#[derive(Default)]
+struct EchoPolicy(Echo);
+
+impl Plugin for EchoPolicy {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            path_encoding: PathEncoding::Moves,
+            ..Descriptor::new(Kind::FailPolicy, "echo", "")
+        }
+    }
+
+    fn create(_: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self::default())
+    }
+}
+
+impl FailPolicy for EchoPolicy {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.0.learn(environment);
+        Ok(())
+    }
+
+    fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let plan = failed.map_or_else(|| Echo::plan_of(instance), |failed| failed.to_plan());
+        sink.submit_plan(plan.as_ref())?;
+        Ok(())
+    }
+}
+
+#[derive(Default)]
+struct EchoGenerator(Echo);
+
+impl Plugin for EchoGenerator {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(Kind::InstanceGenerator, "echo", "")
+    }
+
+    fn create(_: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self::default())
+    }
+}
+
+impl InstanceGenerator for EchoGenerator {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.0.learn(environment);
+        Ok(())
+    }
+
+    fn generate(&mut self, state: &FleetState, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+        if state.tasks.is_empty() {
+            return Err(Failure::new(Status::GaveUp, "there are no tasks"));
+        }
+        let mut offsets = vec![0];
+        let mut cells = Vec::new();
+        for (goals, task) in state.goals.iter().zip(&state.tasks) {
+            cells.extend_from_slice(goals);
+            cells.push(task.id as u32);
+            cells.extend_from_slice(&task.cells);
+            offsets.push(cells.len() as u64);
+        }
+        sink.submit_instance(&Instance {
+            starts: state.cells.clone(),
+            headings: state.headings.clone(),
+            goals: Goals::from_flat(offsets, cells).expect("offsets fit"),
+            motion: state.motion,
+            objective: state.objective,
+            window_steps: state.window_steps + state.time_s as u32,
+            radius_m: state.radius_m,
+        })?;
+        Ok(())
+    }
+}
+
+struct EchoInvocation;
+
+impl Plugin for EchoInvocation {
+    fn descriptor() -> Descriptor {
+        Descriptor::new(Kind::InvocationPolicy, "echo", "")
+    }
+
+    fn create(_: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self)
+    }
+}
+
+impl InvocationPolicy for EchoInvocation {
+    fn should_invoke(&mut self, status: &FleetStatus, _: &dyn Sink) -> Result<bool, Failure> {
+        let all = status.time_s + status.since_last_call_s + status.expected_planning_s;
+        if all < 0.0 {
+            return Err(Failure::new(Status::InvalidInput, "time runs backwards"));
+        }
+        Ok(f64::from(status.actions_left.iter().sum::<u32>()) < all)
+    }
+}
+
+fleetyard_abi::export! {
+    planners: [Echo],
+    fail_policies: [EchoPolicy],
+    instance_generators: [EchoGenerator],
+    invocation_policies: [EchoInvocation],
+}
+
+static BUILT_IN: &[&c::PluginEntry] = &[&fleetyard_plugin_entry_v1];
+const SERVE: &str = "__serve";
+
+fn environment() -> SharedEnvironment {
+    SharedEnvironment::new(Environment::Grid(GridEnvironment {
+        map_name: "tiny \"map\"".into(),
+        rows: 2,
+        cols: 3,
+        connectivity: 4,
+        cell_size_m: 0.1,
+        step_s: 0.3,
+        passable: vec![1, 1, 0, 1, 1, 1],
+        terrain: b"ew@.S.".to_vec(),
+    }))
+}
+
+fn budget(nodes: u64) -> Budget {
+    Budget {
+        deadline_monotonic_ns: 0,
+        wall_ns: 20_000_000_000,
+        nodes,
+        memory_bytes: 1 << 40,
+        threads: 3,
+        seed: (1 << 53) - 1,
+    }
+}
+
+fn instance() -> Instance {
+    Instance {
+        starts: vec![0, 5],
+        headings: Some(vec![Heading::North, Heading::East]),
+        goals: Goals::from_flat(vec![0, 2, 3], vec![1, 4, 4]).unwrap(),
+        motion: Motion::Rotation,
+        objective: Objective::Makespan,
+        window_steps: 7,
+        radius_m: 0.25,
+    }
+}
+
+fn open(attach: Attach, kind: Kind) -> Session {
+    let runtime = Runtime::new(BUILT_IN, Limits::default()).expect("a runtime");
+    let itself = std::env::current_exe().expect("a path");
+    let argv = vec![itself.display().to_string(), SERVE.to_owned()];
+    let file = match attach {
+        Attach::Stdio => PluginFile::Program(itself, argv),
+        _ => PluginFile::BuiltIn,
+    };
+    let mut session = runtime.open(&file, attach).expect("it starts");
+    assert_eq!(session.descriptors().len(), 4);
+    session
+        .create(kind, "echo", serde_json::json!({}))
+        .expect("it is made");
+    if kind != Kind::InvocationPolicy {
+        session
+            .prepare(&environment(), &budget(0))
+            .expect("it is prepared");
+    }
+    session
+}
+
+fn planner(attach: Attach) {
+    let mut session = open(attach, Kind::Planner);
+    let expected = GridPlan::from_paths([vec![0, 1, 4], vec![5, 4]]);
+    let run = session.plan(&instance(), &budget(0));
+    assert_eq!(run.fault, None);
+    assert_eq!(run.termination, Termination::Completed);
+    assert_eq!(run.claim, Some(Status::Solved));
+    assert_eq!(run.incumbents.len(), 2);
+    assert_eq!(run.plan(), Some(&expected));
+    assert_eq!(
+        run.metrics,
+        [("seed".to_owned(), 9_007_199_254_740_991.0)].into()
+    );
+    assert!(run.incumbents[0].arrived <= run.incumbents[1].arrived);
+
+    // A failure after plans: the plans count.
+    let run = session.plan(&instance(), &budget(1));
+    assert_eq!(
+        (run.termination, run.claim),
+        (Termination::Completed, Some(Status::GaveUp))
+    );
+    assert_eq!(run.message.as_deref(), Some("as asked"));
+    assert_eq!(run.plan(), Some(&expected));
+
+    // A panic is a reported failure, and the session goes on.
+    let run = session.plan(&instance(), &budget(2));
+    assert_eq!(run.termination, Termination::Failed);
+    assert!(
+        run.fault
+            .unwrap()
+            .to_string()
+            .contains("panicked: as asked")
+    );
+    assert_eq!(
+        session.plan(&instance(), &budget(0)).termination,
+        Termination::Completed
+    );
+
+    // A plan for too few agents breaks the protocol.
+    let run = session.plan(&instance(), &budget(3));
+    assert_eq!(run.termination, Termination::ProtocolError);
+    let fault = run.fault.unwrap().to_string();
+    assert!(
+        fault.contains("the plan has 1 paths, but the instance has 2 agents"),
+        "{fault}"
+    );
+
+    let closing = session.close();
+    let texts: Vec<&str> = closing.log.iter().map(|line| line.text.as_str()).collect();
+    assert_eq!(texts[..2], ["prepared", "ümläut"]);
+    assert_eq!(closing.usage.is_none(), attach == Attach::InProcess);
+}
+
+fn fail_policy(attach: Attach) {
+    let mut session = open(attach, Kind::FailPolicy);
+    let run = session.recover(&instance(), None, &budget(0));
+    assert_eq!(
+        run.plan(),
+        Some(&GridPlan::from_paths([vec![0, 1, 4], vec![5, 4]]))
+    );
+    // Colliding, jumping, empty and off the map: everything arrives as it was.
+    for paths in [
+        vec![vec![0, 1, 4], vec![5, 4, 4]],
+        vec![vec![0, 5], vec![]],
+        vec![vec![3], vec![5, OFF_MAP]],
+    ] {
+        let failed = Plan::from_paths(&paths);
+        let run = session.recover(&instance(), Some(&failed), &budget(0));
+        assert_eq!(run.fault, None);
+        assert_eq!(run.plan(), Some(&GridPlan::from_paths(&paths)));
+    }
+    session.close();
+}
+
+fn instance_generator(attach: Attach) {
+    let mut session = open(attach, Kind::InstanceGenerator);
+    let mut state = FleetState {
+        time_s: 2.5,
+        cells: vec![0, 5],
+        headings: Some(vec![Heading::West, Heading::South]),
+        goals: Goals::from_flat(vec![0, 0, 1], vec![3]).unwrap(),
+        tasks: vec![
+            Task {
+                id: 1,
+                cells: vec![4],
+            },
+            Task {
+                id: 4,
+                cells: vec![],
+            },
+        ],
+        window_steps: 5,
+        motion: Motion::Rotation,
+        objective: Objective::Makespan,
+        radius_m: 0.125,
+    };
+    let next = session.generate(&state, &budget(0)).expect("an instance");
+    let expected = Instance {
+        starts: vec![0, 5],
+        headings: state.headings.clone(),
+        goals: Goals::from_flat(vec![0, 2, 4], vec![1, 4, 3, 4]).unwrap(),
+        motion: Motion::Rotation,
+        objective: Objective::Makespan,
+        window_steps: 7,
+        radius_m: 0.125,
+    };
+    assert_eq!(next, expected);
+    state.tasks.clear();
+    let fault = session.generate(&state, &budget(0)).expect_err("no tasks");
+    assert!(
+        matches!(
+            &fault,
+            Fault::Reported {
+                status: Status::GaveUp,
+                ..
+            }
+        ),
+        "{fault}"
+    );
+    session.close();
+}
+
+fn invocation_policy(attach: Attach) {
+    let mut session = open(attach, Kind::InvocationPolicy);
+    let limit = Duration::from_secs(20);
+    let mut status = FleetStatus {
+        time_s: 1.0,
+        since_last_call_s: 2.0,
+        expected_planning_s: 3.5,
+        actions_left: vec![2, 4],
+    };
+    assert_eq!(session.should_invoke(&status, limit), Ok(true));
+    status.actions_left.push(1);
+    assert_eq!(session.should_invoke(&status, limit), Ok(false));
+    status.time_s = -10.0;
+    let fault = session.should_invoke(&status, limit).expect_err("a fault");
+    assert!(fault.to_string().contains("time runs backwards"), "{fault}");
+    session.close();
+}
+
+fn main() {
+    supervisor::intercept(BUILT_IN);
+    if std::env::args().nth(1).as_deref() == Some(SERVE) {
+        std::process::exit(serve::serve_stdio(catalog()));
+    }
+    let cases: [(&str, fn(Attach)); 4] = [
+        ("planner", planner),
+        ("fail policy", fail_policy),
+        ("instance generator", instance_generator),
+        ("invocation policy", invocation_policy),
+    ];
+    let mut passed = 0;
+    for (name, case) in cases {
+        for attach in [Attach::InProcess, Attach::Worker, Attach::Stdio] {
+            println!("test {name}, {attach:?}");
+            case(attach);
+            passed += 1;
+        }
+    }
+    println!("\ntest result: ok. {passed} passed; 0 failed");
+}
