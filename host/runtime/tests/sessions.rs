@@ -414,12 +414,14 @@ fn invocation_policy(attach: Attach) {
     session.close();
 }
 
+type Case = fn(Attach);
+
 fn main() {
     supervisor::intercept(BUILT_IN);
     if std::env::args().nth(1).as_deref() == Some(SERVE) {
         std::process::exit(serve::serve_stdio(catalog()));
     }
-    let cases: [(&str, fn(Attach)); 4] = [
+    let cases: [(&str, Case); 4] = [
         ("planner", planner),
         ("fail policy", fail_policy),
         ("instance generator", instance_generator),
