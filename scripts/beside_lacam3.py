@@ -28,7 +28,7 @@ import tempfile
 CASES = {
     "first": "random-64-64-10:400 random-64-64-10:800 warehouse-10-20-10-2-1:400 "
     "warehouse-10-20-10-2-1:1000 den312d:400 den312d:900 maze-32-32-4:200 random-32-32-20:400",
-    "largest": "random-64-64-10:1000 maze-32-32-4:250 warehouse-10-20-10-2-1:1000 den312d:900",
+    "largest": "random-64-64-10:1000 maze-32-32-4:390 warehouse-10-20-10-2-1:1000 den312d:1000",
 }
 CASES["anytime"] = CASES["first"]
 
