@@ -18,6 +18,7 @@ use fleetyard_core::{GridPlan, OFF_MAP};
 use fleetyard_runtime::{
     Attach, Fault, Limits, PluginFile, Runtime, Session, Termination, supervisor,
 };
+use libtest_mimic::{Arguments, Trial};
 
 /// Answers every question with what it was told, so that nothing can get lost on
 /// the way unseen.
@@ -423,17 +424,23 @@ fn main() {
     }
     let cases: [(&str, Case); 4] = [
         ("planner", planner),
-        ("fail policy", fail_policy),
-        ("instance generator", instance_generator),
-        ("invocation policy", invocation_policy),
+        ("fail_policy", fail_policy),
+        ("instance_generator", instance_generator),
+        ("invocation_policy", invocation_policy),
     ];
-    let mut passed = 0;
-    for (name, case) in cases {
-        for attach in [Attach::InProcess, Attach::Worker, Attach::Stdio] {
-            println!("test {name}, {attach:?}");
-            case(attach);
-            passed += 1;
+    let attachments = [
+        ("in_process", Attach::InProcess),
+        ("worker", Attach::Worker),
+        ("stdio", Attach::Stdio),
+    ];
+    let mut trials = Vec::new();
+    for (kind, case) in cases {
+        for (name, attach) in attachments {
+            trials.push(Trial::test(format!("{kind}::{name}"), move || {
+                case(attach);
+                Ok(())
+            }));
         }
     }
-    println!("\ntest result: ok. {passed} passed; 0 failed");
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }
