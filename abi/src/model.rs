@@ -841,11 +841,6 @@ impl Plan {
             cells: &self.cells,
         }
     }
-
-    /// The flat arrays: offsets and cells.
-    pub fn into_flat(self) -> (Vec<u64>, Vec<u32>) {
-        (self.offsets, self.cells)
-    }
 }
 
 /// Shared environments: a planner may keep what it was prepared with.

@@ -138,6 +138,18 @@ pub(crate) struct MapArgs {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct InstanceArgs {
+    #[command(flatten)]
+    pub(crate) map: MapArgs,
+    /// MovingAI scenario file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scen: PathBuf,
+    /// How many of the scenario's entries to use, from the first
+    #[arg(long, value_name = "N")]
+    pub(crate) agents: usize,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct BudgetArgs {
     /// Wall-clock budget of a plan
     #[arg(long, value_name = "DURATION", default_value = "10s", value_parser = duration)]
@@ -190,13 +202,7 @@ pub(crate) struct WorldArgs {
 #[derive(Debug, Args)]
 pub(crate) struct Run {
     #[command(flatten)]
-    pub(crate) map: MapArgs,
-    /// MovingAI scenario file
-    #[arg(long, value_name = "FILE")]
-    pub(crate) scen: PathBuf,
-    /// How many of the scenario's entries to use, from the first
-    #[arg(long, value_name = "N")]
-    pub(crate) agents: usize,
+    pub(crate) instance: InstanceArgs,
     /// A plugin's identifier, or the path of a library or program; PATH:ID picks
     /// one of several
     #[arg(long, value_name = "PLUGIN")]
@@ -265,13 +271,7 @@ pub(crate) struct Compare {
 #[derive(Debug, Args)]
 pub(crate) struct Validate {
     #[command(flatten)]
-    pub(crate) map: MapArgs,
-    /// MovingAI scenario file
-    #[arg(long, value_name = "FILE")]
-    pub(crate) scen: PathBuf,
-    /// How many of the scenario's entries to use, from the first
-    #[arg(long, value_name = "N")]
-    pub(crate) agents: usize,
+    pub(crate) instance: InstanceArgs,
     /// Side of a cell in metres
     #[arg(long, value_name = "METRES", default_value_t = 1.0)]
     pub(crate) cell_size: f64,

@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
 use fleetyard_check::{metrics, sum_of_costs, validate};
-use fleetyard_core::{Connectivity, GridInstance, GridPlan};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Limits, LogLine, Origin, PlanRun, PluginFile, Runtime, Session,
     Termination, check_options, parse_option,
 };
-use fleetyard_sim::{Execution, NoTrace, SimConfig, TraceSink};
+use fleetyard_sim::{Execution, SimConfig, TraceSink};
 use serde_json::{Map, Value};
 
 use crate::BUILT_IN;
@@ -178,7 +178,8 @@ impl Trial<'_> {
         }
         let plan = run.plan().cloned();
         let execution = match &plan {
-            Some(plan) if self.execute => match execute(self.instance, plan, &config, trace) {
+            Some(plan) if self.execute => match execute(self.instance.grid(), plan, &config, trace)
+            {
                 Ok(execution) => Some(execution),
                 Err(failure) if failure.exit == Exit::Internal => return Err(failure),
                 Err(failure) => {
@@ -317,13 +318,21 @@ impl Trial<'_> {
         // The lower bound does not depend on the plan: an empty one will do.
         let empty = GridPlan::default();
         let of_plan = metrics(self.instance, plan.unwrap_or(&empty), self.world.cell_size);
-        let incumbents = run.incumbents.iter().map(|incumbent| IncumbentInfo {
-            time_ms: milliseconds(incumbent.arrived),
-            soc_steps: incumbent.plan.as_ref().map(sum_of_costs),
-            valid: incumbent
-                .plan
-                .as_ref()
-                .map(|plan| validate(self.instance, plan, 0).valid),
+        // The last one is the plan itself, which was validated already.
+        let last = run.incumbents.len().saturating_sub(1);
+        let incumbents = run.incumbents.iter().enumerate().map(|(index, incumbent)| {
+            let valid = |plan| {
+                if index == last {
+                    valid
+                } else {
+                    validate(self.instance, plan, 0).valid
+                }
+            };
+            IncumbentInfo {
+                time_ms: milliseconds(incumbent.arrived),
+                soc_steps: incumbent.plan.as_ref().map(sum_of_costs),
+                valid: incumbent.plan.as_ref().map(valid),
+            }
         });
         let bound = of_plan.lower_bound_steps;
         Metrics {
@@ -367,17 +376,7 @@ pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
 
 /// Executes a plan and takes the time.
 pub(crate) fn execute(
-    instance: &GridInstance,
-    plan: &GridPlan,
-    config: &SimConfig,
-    trace: &mut dyn TraceSink,
-) -> Result<ExecutionInfo> {
-    execute_on(instance.grid(), plan, config, trace)
-}
-
-/// As [`execute`], for a plan without an instance.
-pub(crate) fn execute_on(
-    grid: &fleetyard_core::Grid,
+    grid: &Grid,
     plan: &GridPlan,
     config: &SimConfig,
     trace: &mut dyn TraceSink,
@@ -408,9 +407,4 @@ fn peak_memory_kb() -> Option<u64> {
         .lines()
         .find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse().ok()
-}
-
-/// A trace that nobody asked for.
-pub(crate) fn no_trace() -> NoTrace {
-    NoTrace
 }

@@ -21,6 +21,10 @@ use crate::process::Process;
 use crate::session::Limits;
 use crate::supervisor::Report;
 
+/// How often a pipe is read before the deadline is looked at again, so that a
+/// flood cannot hide it.
+const ROUNDS: usize = 64;
+
 /// How long a process that closed its output has to end by itself.
 const ENDING: Duration = Duration::from_millis(500);
 
@@ -41,6 +45,8 @@ pub(crate) struct Client {
     limits: Limits,
     next_id: u64,
     unsent: Vec<u8>,
+    /// Bytes of `unsent` that were written already.
+    sent: usize,
     received: Vec<u8>,
     /// Bytes of `received` that were handled already. They are dropped many lines
     /// at a time: dropping each line's would take time quadratic in a flood.
@@ -119,6 +125,7 @@ impl Client {
             limits,
             next_id: 1,
             unsent: Vec::new(),
+            sent: 0,
             received: Vec::new(),
             handled: 0,
             searched: 0,
@@ -234,38 +241,28 @@ impl Client {
     }
 
     fn write_some(&mut self) {
-        let Some(stdin) = &mut self.process.stdin else {
-            self.unsent.clear();
-            return;
-        };
-        while !self.unsent.is_empty() {
-            match stdin.write(&self.unsent) {
-                Ok(written) => drop(self.unsent.drain(..written)),
+        while let Some(stdin) = &mut self.process.stdin
+            && self.sent < self.unsent.len()
+        {
+            match stdin.write(&self.unsent[self.sent..]) {
+                Ok(written) => self.sent += written,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(_) => {
-                    // The plugin closed its input; its output tells the rest.
-                    self.process.stdin = None;
-                    self.unsent.clear();
-                    return;
-                }
+                // The plugin closed its input; its output tells the rest.
+                Err(_) => self.process.stdin = None,
             }
         }
+        self.unsent.clear();
+        self.sent = 0;
     }
 
     fn read_stdout(&mut self) {
         let mut buffer = [0; 1 << 14];
-        // A bounded number of rounds, so that a flood cannot hide the deadline.
-        for _ in 0..64 {
-            match self.process.stdout.read(&mut buffer) {
-                Ok(0) => {
-                    self.stdout_open = false;
-                    return;
-                }
-                Ok(read) => self.receive(&buffer[..read]),
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-                Err(_) => {
+        for _ in 0..ROUNDS {
+            match read_some(&mut self.process.stdout, &mut buffer) {
+                Some([]) => return,
+                Some(bytes) => self.receive(bytes),
+                None => {
                     self.stdout_open = false;
                     return;
                 }
@@ -291,16 +288,14 @@ impl Client {
 
     fn drain_stderr(&mut self) {
         let mut buffer = [0; 1 << 14];
-        for _ in 0..64 {
+        for _ in 0..ROUNDS {
             if !self.stderr_open {
                 return;
             }
-            match self.process.stderr.read(&mut buffer) {
-                Ok(0) => self.stderr_open = false,
-                Ok(read) => self.stderr.push(&buffer[..read], self.limits.stderr_bytes),
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-                Err(_) => self.stderr_open = false,
+            match read_some(&mut self.process.stderr, &mut buffer) {
+                Some([]) => return,
+                Some(bytes) => self.stderr.push(bytes, self.limits.stderr_bytes),
+                None => self.stderr_open = false,
             }
         }
     }
@@ -516,6 +511,20 @@ impl Client {
             String::from_utf8_lossy(&self.stderr.kept).into_owned(),
             self.stderr.dropped,
         )
+    }
+}
+
+/// What can be read without waiting, if only nothing; `None` once the pipe is
+/// closed.
+fn read_some<'a>(pipe: &mut impl Read, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+    loop {
+        match pipe.read(buffer) {
+            Ok(0) => return None,
+            Ok(read) => return Some(&buffer[..read]),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Some(&[]),
+            Err(_) => return None,
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use fleetyard_abi::{Descriptor, Kind};
 use serde::Serialize;
 
+use crate::options::nearest;
 use crate::supervisor::Target;
 use crate::{Fault, Runtime};
 
@@ -180,7 +181,7 @@ impl Discovery {
             .into_iter()
             .chain([built_in])
             .map(|(file, origin)| {
-                let plugins = describe(runtime, &file);
+                let plugins = runtime.describe(&file);
                 Discovered {
                     file,
                     origin,
@@ -213,7 +214,7 @@ impl Discovery {
         {
             // A file that is refused is no reason not to look further;
             // `plugins list` shows it.
-            let Ok(plugins) = describe(runtime, &file) else {
+            let Ok(plugins) = runtime.describe(&file) else {
                 continue;
             };
             for plugin in plugins.into_iter().filter(|plugin| plugin.kind == kind) {
@@ -223,13 +224,8 @@ impl Discovery {
                 known.push(plugin.id);
             }
         }
-        let nearest = known
-            .iter()
-            .map(|candidate| (strsim::damerau_levenshtein(name, candidate), candidate))
-            .min()
-            .filter(|(distance, _)| *distance <= 2);
-        let hint = match nearest {
-            Some((_, candidate)) => format!("did you mean `{candidate}`?"),
+        let hint = match nearest(name, known.iter(), 2) {
+            Some(candidate) => format!("did you mean `{candidate}`?"),
             None => format!(
                 "known: {}; or name a file, as in ./{name}",
                 known.join(", ")
@@ -240,16 +236,4 @@ impl Discovery {
             hint: Some(hint),
         })
     }
-}
-
-/// What a file has. The built-ins need no process of their own to be described:
-/// they are this program.
-fn describe(runtime: &Runtime, file: &PluginFile) -> Result<Vec<Descriptor>, Fault> {
-    if *file == PluginFile::BuiltIn {
-        return runtime.built_in_descriptors();
-    }
-    let mut session = runtime.open(file, file.default_attach())?;
-    let descriptors = session.descriptors().to_vec();
-    session.close();
-    Ok(descriptors)
 }

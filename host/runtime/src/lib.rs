@@ -14,6 +14,7 @@
 #![allow(unsafe_code)]
 
 mod client;
+mod collector;
 mod convert;
 mod discover;
 mod fault;

@@ -79,14 +79,22 @@ pub fn check_options(options: &Map<String, Value>, schema: &Value) -> Result<(),
     }
 }
 
-fn unknown(name: &str, known: &Map<String, Value>) -> OptionError {
-    let nearest = known
-        .keys()
+/// The candidate that was probably meant: at most `most` edits away.
+pub(crate) fn nearest<'a>(
+    name: &str,
+    candidates: impl Iterator<Item = &'a String>,
+    most: usize,
+) -> Option<&'a String> {
+    candidates
         .map(|candidate| (strsim::damerau_levenshtein(name, candidate), candidate))
         .min()
-        .filter(|(distance, _)| *distance <= 3);
-    let hint = match nearest {
-        Some((_, candidate)) => format!("did you mean `{candidate}`?"),
+        .filter(|(distance, _)| *distance <= most)
+        .map(|(_, candidate)| candidate)
+}
+
+fn unknown(name: &str, known: &Map<String, Value>) -> OptionError {
+    let hint = match nearest(name, known.keys(), 3) {
+        Some(candidate) => format!("did you mean `{candidate}`?"),
         None if known.is_empty() => "this plugin has no options".to_owned(),
         None => {
             let mut names: Vec<_> = known.keys().map(String::as_str).collect();

@@ -2,20 +2,18 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use fleetyard_abi::convert::wrong_agents;
 use fleetyard_abi::paths::{PathContext, WritePaths};
-use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Rejected, Sink};
+use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Sink};
 use fleetyard_abi::wire::{
     CreateParams, GenerateParams, GenerateResult, InitializeParams, InitializeResult, Outcome,
     PROTOCOL_VERSION, Peer, PlanParams, PlanResult, PrepareParams, RecoverParams,
     ShouldInvokeParams, ShouldInvokeResult,
 };
 use fleetyard_abi::{
-    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel, PathEncoding, Plan,
-    PlanRef, SharedEnvironment, Status, c, monotonic_ns,
+    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
+    SharedEnvironment, Status, c, monotonic_ns,
 };
 use fleetyard_core::GridPlan;
 use serde::Serialize;
@@ -23,7 +21,7 @@ use serde::de::{DeserializeOwned, DeserializeSeed};
 use serde_json::value::RawValue;
 
 use crate::client::{Client, Deadline, Notice};
-use crate::convert::plan_from_abi;
+use crate::collector::{Collected, Collector};
 use crate::log::{Log, LogLine};
 use crate::process::{Process, Usage};
 use crate::{Attach, Fault, Library, PluginFile};
@@ -229,9 +227,15 @@ impl Runtime {
         })
     }
 
-    /// The plugins that are linked in.
-    pub fn built_in_descriptors(&self) -> Result<Vec<Descriptor>, Fault> {
-        Library::from_entries(self.built_in).map(|library| library.descriptors())
+    /// What a file has. The built-ins need no process of their own to be
+    /// described: they are this program.
+    pub fn describe(&self, file: &PluginFile) -> Result<Vec<Descriptor>, Fault> {
+        if *file == PluginFile::BuiltIn {
+            return Library::from_entries(self.built_in).map(|library| library.descriptors());
+        }
+        let mut session = self.open(file, file.default_attach())?;
+        session.close();
+        Ok(session.descriptors)
     }
 
     /// Starts a plugin and lets it introduce itself.
@@ -793,152 +797,4 @@ fn decode(context: PathContext<'_>, paths: &RawValue) -> Result<Plan, String> {
     context
         .deserialize(&mut serde_json::Deserializer::from_str(paths.get()))
         .map_err(|error| format!("the paths are malformed: {error}"))
-}
-
-/// Takes what a plugin submits during a call, whichever way it comes.
-struct Collector {
-    /// Of the map.
-    cells: u32,
-    started_ns: u64,
-    deadline_ns: u64,
-    agents: Option<usize>,
-    kept_cells: usize,
-    log_bytes: usize,
-    most_incumbents: usize,
-    collected: Mutex<Collected>,
-}
-
-#[derive(Default)]
-struct Collected {
-    incumbents: Vec<Incumbent>,
-    cells: usize,
-    late: u64,
-    metrics: BTreeMap<String, f64>,
-    log: Log,
-    instance: Option<Instance>,
-    fault: Option<String>,
-}
-
-impl Collector {
-    fn new(instance: &Instance, cells: u32, budget: &Budget, limits: &Limits) -> Self {
-        Self {
-            cells,
-            started_ns: monotonic_ns(),
-            deadline_ns: budget.deadline_monotonic_ns,
-            agents: Some(instance.agents()),
-            kept_cells: limits.kept_cells,
-            log_bytes: limits.log_bytes,
-            most_incumbents: limits.incumbents,
-            collected: Mutex::default(),
-        }
-    }
-
-    /// For calls that ask for no plan.
-    fn idle() -> Self {
-        Self {
-            cells: 0,
-            started_ns: monotonic_ns(),
-            deadline_ns: u64::MAX,
-            agents: None,
-            kept_cells: 0,
-            log_bytes: Limits::default().log_bytes,
-            most_incumbents: 0,
-            collected: Mutex::default(),
-        }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Collected> {
-        // A panic while the lock was held leaves plain values behind.
-        self.collected
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn into_inner(self) -> Collected {
-        self.collected
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn into_log(self) -> Log {
-        self.into_inner().log
-    }
-
-    /// Keeps a plan, or says why it breaks the protocol.
-    fn accept(&self, plan: &Plan, arrived_ns: u64) -> Result<(), String> {
-        self.accept_ref(plan.as_ref(), arrived_ns)
-    }
-
-    fn accept_ref(&self, plan: PlanRef<'_>, arrived_ns: u64) -> Result<(), String> {
-        let Some(agents) = self.agents else {
-            return Err("a plan was submitted in a call that asks for none".into());
-        };
-        if plan.agents() != agents {
-            return Err(wrong_agents(plan.agents(), agents));
-        }
-        let mut collected = self.lock();
-        if arrived_ns > self.deadline_ns {
-            collected.late += 1;
-            return Ok(());
-        }
-        collected.cells += plan.cells().len();
-        if collected.cells > self.kept_cells {
-            for incumbent in &mut collected.incumbents {
-                incumbent.plan = None;
-            }
-            collected.cells = plan.cells().len();
-        }
-        let arrived = Duration::from_nanos(arrived_ns.saturating_sub(self.started_ns));
-        if collected.incumbents.len() >= self.most_incumbents {
-            collected.incumbents.pop();
-        }
-        collected.incumbents.push(Incumbent {
-            arrived,
-            plan: Some(plan_from_abi(plan, self.cells)),
-        });
-        Ok(())
-    }
-}
-
-impl Sink for Collector {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
-        let arrived = monotonic_ns();
-        if let Err(reason) = self.accept_ref(plan, arrived) {
-            self.lock().fault.get_or_insert(reason);
-            return Err(Rejected);
-        }
-        if arrived > self.deadline_ns {
-            Err(Rejected)
-        } else {
-            Ok(())
-        }
-    }
-
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
-        self.lock().instance = Some(instance.clone());
-        Ok(())
-    }
-
-    fn metric(&self, name: &str, value: f64) {
-        const MOST: usize = 1000;
-        const LONGEST_NAME: usize = 256;
-        let mut collected = self.lock();
-        if value.is_finite()
-            && name.len() <= LONGEST_NAME
-            && (collected.metrics.len() < MOST || collected.metrics.contains_key(name))
-        {
-            collected.metrics.insert(name.to_owned(), value);
-        }
-    }
-
-    fn log(&self, level: LogLevel, text: &str) {
-        let mut collected = self.lock();
-        collected.log.push(level, text, self.log_bytes);
-    }
-
-    fn progress(&self, _: u64, _: u64) {}
-
-    fn cancelled(&self) -> bool {
-        monotonic_ns() >= self.deadline_ns
-    }
 }

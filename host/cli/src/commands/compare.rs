@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use fleetyard_core::{GridInstance, load_map, load_scen};
+use fleetyard_sim::NoTrace;
 use serde::Serialize;
 
 use super::file_name;
@@ -10,7 +11,7 @@ use crate::args::{Compare, Format};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::record::{Record, number};
-use crate::trial::{Candidate, Trial, no_trace, runtime};
+use crate::trial::{Candidate, Trial, runtime};
 
 /// One line of the table. Means are over the trials that succeeded; how many did
 /// stands beside them.
@@ -73,7 +74,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
                 world: &arguments.world,
                 execute: !arguments.no_execute,
             };
-            let outcome = trial.run(&mut no_trace())?;
+            let outcome = trial.run(&mut NoTrace)?;
             if let Some(fault) = &outcome.record.fault {
                 bar.suspend(|| {
                     output::warning(&format!("{} with {agents} agents: {fault}", candidate.name));

@@ -12,7 +12,7 @@ use fleetyard_core::{Grid, GridInstance, GridPlan, InputError, load_map, load_sc
 use fleetyard_sim::{TraceSink, TraceWriter};
 use tempfile::NamedTempFile;
 
-use crate::args::{Cli, MapArgs};
+use crate::args::{Cli, InstanceArgs};
 use crate::exit::{Exit, Result};
 use crate::{output, picture};
 
@@ -30,9 +30,10 @@ pub(crate) fn completions(shell: Shell) -> Result<Exit> {
     Ok(Exit::Success)
 }
 
-fn load_instance(map: &MapArgs, scen: &Path, agents: usize) -> Result<GridInstance> {
+fn load_instance(arguments: &InstanceArgs) -> Result<GridInstance> {
+    let InstanceArgs { map, scen, agents } = arguments;
     let grid = Arc::new(load_map(&map.map)?);
-    Ok(load_scen(scen)?.instance(grid, agents, map.connectivity)?)
+    Ok(load_scen(scen)?.instance(grid, *agents, map.connectivity)?)
 }
 
 fn file_name(path: &Path) -> String {

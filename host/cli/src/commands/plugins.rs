@@ -110,10 +110,7 @@ fn describe(runtime: &Runtime, name: &str) -> Result<Vec<Descriptor>> {
     let path = Path::new(name);
     if name.contains('/') || path.is_file() {
         let file = PluginFile::at(path)?;
-        let mut session = runtime.open(&file, file.default_attach())?;
-        let described = session.descriptors().to_vec();
-        session.close();
-        return Ok(described);
+        return Ok(runtime.describe(&file)?);
     }
     let found = Discovery::from_environment().scan(runtime);
     let all: Vec<Descriptor> = found

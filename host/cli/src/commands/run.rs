@@ -6,16 +6,17 @@ use fleetyard_abi::Status;
 use fleetyard_core::InputError;
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_runtime::LogLine;
+use fleetyard_sim::NoTrace;
 
 use super::{TraceFile, draw, file_name, load_instance};
 use crate::args::{Format, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::record::Record;
-use crate::trial::{Candidate, Outcome, Trial, no_trace, runtime};
+use crate::trial::{Candidate, Outcome, Trial, runtime};
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
-    let instance = load_instance(&arguments.map, &arguments.scen, arguments.agents)?;
+    let instance = load_instance(&arguments.instance)?;
     for path in [&arguments.plan_out, &arguments.picture]
         .into_iter()
         .flatten()
@@ -35,14 +36,14 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         attach: arguments.attach.map(Into::into),
         options: &arguments.options,
         instance: &instance,
-        scenario: file_name(&arguments.scen),
+        scenario: file_name(&arguments.instance.scen),
         budget: &arguments.budget,
         world: &arguments.world,
         execute: arguments.execute || arguments.trace_out.is_some(),
     };
     let outcome = match &mut trace {
         Some(trace) => trial.run(trace.sink())?,
-        None => trial.run(&mut no_trace())?,
+        None => trial.run(&mut NoTrace)?,
     };
     let Outcome { record, plan, .. } = &outcome;
     if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {

@@ -4,13 +4,14 @@ use std::fmt::Write as _;
 
 use fleetyard_core::plan_file::load_plan;
 use fleetyard_core::{InputError, load_map};
+use fleetyard_sim::NoTrace;
 
 use super::{TraceFile, draw};
 use crate::args::{Format, Simulate};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::record::{ExecutionInfo, number};
-use crate::trial::{execute_on, no_trace, sim_config};
+use crate::trial::{execute, sim_config};
 
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let grid = load_map(&arguments.map.map)?;
@@ -32,11 +33,11 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let execution = match &arguments.trace_out {
         Some(path) => {
             let mut trace = TraceFile::create(path)?;
-            let execution = execute_on(&grid, &file.plan, &config, trace.sink())?;
+            let execution = execute(&grid, &file.plan, &config, trace.sink())?;
             trace.finish()?;
             execution
         }
-        None => execute_on(&grid, &file.plan, &config, &mut no_trace())?,
+        None => execute(&grid, &file.plan, &config, &mut NoTrace)?,
     };
     if let Some(path) = &arguments.picture {
         draw(path, &grid, Some(&file.plan), None)?;

@@ -34,7 +34,7 @@ struct Figures {
 }
 
 pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
-    let instance = load_instance(&arguments.map, &arguments.scen, arguments.agents)?;
+    let instance = load_instance(&arguments.instance)?;
     let file = load_plan(&arguments.plan)?;
     file.check_for(&instance)?;
     let figures = metrics(&instance, &file.plan, arguments.cell_size);
