@@ -60,6 +60,8 @@ pub(crate) enum AttachArg {
     Worker,
     /// A program that speaks JSON over standard input and output
     Stdio,
+    /// A command-line solver that a planner.toml describes
+    Command,
 }
 
 impl From<AttachArg> for Attach {
@@ -68,6 +70,7 @@ impl From<AttachArg> for Attach {
             AttachArg::InProcess => Self::InProcess,
             AttachArg::Worker => Self::Worker,
             AttachArg::Stdio => Self::Stdio,
+            AttachArg::Command => Self::Command,
         }
     }
 }
@@ -213,7 +216,7 @@ pub(crate) struct Run {
     #[command(flatten)]
     pub(crate) budget: BudgetArgs,
     /// How the plugin is attached [default: worker for libraries, stdio for
-    /// programs]
+    /// programs, command for a planner.toml]
     #[arg(long, value_enum)]
     pub(crate) attach: Option<AttachArg>,
     /// Execute the plan in the simulator

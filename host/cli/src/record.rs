@@ -174,6 +174,7 @@ impl Record {
             Attach::InProcess => "in the host's process, unranked",
             Attach::Worker => "worker process",
             Attach::Stdio => "JSON over stdio",
+            Attach::Command => "command adapter",
         };
         let PlannerInfo { id, version, .. } = &self.planner;
         line("planner", format!("{id} {version} ({attach})"));

@@ -11,6 +11,17 @@ use crate::options::nearest;
 use crate::supervisor::Target;
 use crate::{Fault, Runtime};
 
+/// The name of a manifest, alone or after a name and a dot.
+const MANIFEST: &str = "planner.toml";
+
+/// Whether a file's name says that it is a manifest; a folder may hold other TOML
+/// files.
+fn is_manifest(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.and_then(|name| name.strip_suffix(MANIFEST))
+        .is_some_and(|before| before.is_empty() || before.ends_with('.'))
+}
+
 /// How a plugin is attached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -22,6 +33,8 @@ pub enum Attach {
     Worker,
     /// A program that speaks JSON over standard input and output.
     Stdio,
+    /// A command-line solver that a `planner.toml` describes.
+    Command,
 }
 
 /// Where a plugin comes from.
@@ -45,6 +58,8 @@ pub enum PluginFile {
     Library(PathBuf),
     /// A program, with the arguments that start it.
     Program(PathBuf, Vec<String>),
+    /// The manifest of a command adapter.
+    Adapter(PathBuf),
 }
 
 impl PluginFile {
@@ -58,13 +73,17 @@ impl PluginFile {
         let meta = fs::metadata(path).map_err(|error| {
             refused(
                 format!("{shown}: {error}"),
-                "a plugin is a shared library or a program",
+                "a plugin is a shared library, a program or a planner.toml",
             )
         })?;
         if !meta.is_file() {
+            let manifest = path.join(MANIFEST);
+            if manifest.is_file() {
+                return Self::at(&manifest);
+            }
             return Err(refused(
                 format!("{shown} is not a file"),
-                "name the plugin's file itself",
+                "name the plugin's file itself, or a folder with a planner.toml",
             ));
         }
         // The loader searches its own path for a name without a slash.
@@ -74,6 +93,7 @@ impl PluginFile {
         let executable = meta.permissions().mode() & 0o111 != 0;
         match extension {
             Some("so") => Ok(Self::Library(absolute)),
+            Some("toml") => Ok(Self::Adapter(absolute)),
             Some("py") if !executable => {
                 Ok(Self::Program(absolute, vec!["python3".into(), program]))
             }
@@ -91,6 +111,7 @@ impl PluginFile {
             Self::BuiltIn => Target::BuiltIn,
             Self::Library(path) => Target::Library(path.clone()),
             Self::Program(_, argv) => Target::Program(argv.clone()),
+            Self::Adapter(path) => Target::Adapter(path.clone()),
         }
     }
 
@@ -99,6 +120,7 @@ impl PluginFile {
         match self {
             Self::BuiltIn | Self::Library(_) => Attach::Worker,
             Self::Program(..) => Attach::Stdio,
+            Self::Adapter(_) => Attach::Command,
         }
     }
 
@@ -106,7 +128,7 @@ impl PluginFile {
     pub fn path(&self) -> Option<&Path> {
         match self {
             Self::BuiltIn => None,
-            Self::Library(path) | Self::Program(path, _) => Some(path),
+            Self::Library(path) | Self::Program(path, _) | Self::Adapter(path) => Some(path),
         }
     }
 }
@@ -165,8 +187,10 @@ impl Discovery {
                 .collect();
             paths.sort();
             for path in paths {
-                if let Ok(file) = PluginFile::at(&path) {
-                    found.push((file, Origin::Folder(folder.clone())));
+                match PluginFile::at(&path) {
+                    Ok(PluginFile::Adapter(manifest)) if !is_manifest(&manifest) => {}
+                    Ok(file) => found.push((file, Origin::Folder(folder.clone()))),
+                    Err(_) => {}
                 }
             }
         }

@@ -1,9 +1,10 @@
 //! Loads plugins, runs them under budgets, and says how each run ended.
 //!
-//! A [`Session`] is one plugin in one of three attachments: a shared library in
-//! the host's process, a shared library in a worker process, or a program that
-//! speaks JSON over standard input and output. Worker and program run under a
-//! [`supervisor`] process each, which kills the whole process tree when
+//! A [`Session`] is one plugin in one of four attachments: a shared library in
+//! the host's process, a shared library in a worker process, a program that
+//! speaks JSON over standard input and output, or a command-line solver that an
+//! [`adapter`] describes and a worker process starts. Worker and program run under
+//! a [`supervisor`] process each, which kills the whole process tree when
 //! the budget ends or the host goes away. The same C ABI and the same
 //! [`fleetyard_abi::sdk`] traits stand at every seam.
 //!
@@ -13,6 +14,7 @@
 // Loading libraries and supervising processes is what this crate is for.
 #![allow(unsafe_code)]
 
+pub mod adapter;
 mod client;
 mod collector;
 mod convert;

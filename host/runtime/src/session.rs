@@ -255,10 +255,23 @@ impl Runtime {
                 "a shared library does not speak JSON over stdio by itself",
                 "use `--attach worker`",
             ),
-            (PluginFile::Program(..), Attach::Stdio) | (_, Attach::Worker) => {
-                self.open_process(file)
+            (PluginFile::Adapter(_), Attach::InProcess | Attach::Worker | Attach::Stdio) => {
+                mismatch(
+                    "a planner.toml describes a command-line solver",
+                    "use `--attach command`",
+                )
             }
-            (_, Attach::InProcess) => {
+            (
+                PluginFile::BuiltIn | PluginFile::Library(_) | PluginFile::Program(..),
+                Attach::Command,
+            ) => mismatch(
+                "this is no planner.toml that describes a command-line solver",
+                "leave `--attach` away to attach the plugin as what it is",
+            ),
+            (PluginFile::Program(..), Attach::Stdio)
+            | (PluginFile::BuiltIn | PluginFile::Library(_), Attach::Worker)
+            | (PluginFile::Adapter(_), Attach::Command) => self.open_process(file),
+            (PluginFile::BuiltIn | PluginFile::Library(_), Attach::InProcess) => {
                 let library = match file {
                     PluginFile::Library(path) => Library::open(path)?,
                     _ => Library::from_entries(self.built_in)?,

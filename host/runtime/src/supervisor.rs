@@ -24,6 +24,8 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, kill_process, pidfd_open, wait};
 use serde::{Deserialize, Serialize};
 
+use crate::Fault;
+use crate::adapter::Adapter;
 use crate::library::Library;
 
 /// First argument of a process that is a supervisor.
@@ -42,6 +44,8 @@ pub enum Target {
     BuiltIn,
     /// A program that speaks JSON over standard input and output.
     Program(Vec<String>),
+    /// The solver that a manifest describes, started by a worker.
+    Adapter(PathBuf),
 }
 
 /// What the supervisor says at the end.
@@ -137,7 +141,7 @@ fn start(
             let child = command.spawn().map_err(|error| error.to_string())?;
             Pid::from_raw(child.id() as i32).ok_or_else(|| "the child has no identifier".into())
         }
-        Target::Library(_) | Target::BuiltIn => {
+        Target::Library(_) | Target::BuiltIn | Target::Adapter(_) => {
             // SAFETY: this process has one thread, so the child may do anything.
             match unsafe { libc::fork() } {
                 -1 => Err(std::io::Error::last_os_error().to_string()),
@@ -167,36 +171,48 @@ fn child_setup() {
     }
 }
 
-/// Becomes the worker: serves a library's plugins on private descriptors.
+/// Becomes the worker: serves a library's plugins, or an adapter's, on private
+/// descriptors.
 fn worker(target: &Target, built_in: &'static [&'static c::PluginEntry]) -> ! {
-    let (input, mut output) = match serve::private_stdio() {
+    let (input, output) = match serve::private_stdio() {
         Ok(streams) => streams,
         Err(error) => {
             eprintln!("cannot set up the worker's streams: {error}");
             std::process::exit(1);
         }
     };
+    let input = std::io::BufReader::with_capacity(1 << 16, input);
+    let gone = || std::process::exit(0);
     let library = match target {
+        Target::Adapter(path) => {
+            match Adapter::open(path) {
+                Ok(adapter) => serve::serve(&adapter, input, output, gone),
+                Err(fault) => refuse(&fault, output),
+            }
+            std::process::exit(0)
+        }
         Target::Library(path) => Library::open(path),
         _ => Library::from_entries(built_in),
     };
     match library {
         Ok(library) => {
-            let input = std::io::BufReader::with_capacity(1 << 16, input);
-            serve::serve(&library, input, output, || std::process::exit(0));
+            serve::serve(&library, input, output, gone);
             library.deinit();
         }
-        Err(fault) => {
-            // The host's first request is number 1; `fault` explains itself.
-            let hint = fault
-                .hint()
-                .map(|hint| format!("\n{hint}"))
-                .unwrap_or_default();
-            let answer = Response::error(Some(1), wire::REFUSED, format!("{fault}{hint}"));
-            let _ = output.write_all(&wire::line(&answer));
-        }
+        Err(fault) => refuse(&fault, output),
     }
     std::process::exit(0)
+}
+
+/// Answers the host's first request, which is number 1, with a fault.
+fn refuse(fault: &Fault, mut output: std::fs::File) {
+    let hint = fault
+        .hint()
+        .map(|hint| format!("\n{hint}"))
+        .unwrap_or_default();
+    let answer = Response::error(Some(1), wire::REFUSED, format!("{fault}{hint}"));
+    // A host that is gone needs no answer.
+    let _ = output.write_all(&wire::line(&answer));
 }
 
 /// The pipes belong to the plugin: without this the host would never see them
