@@ -3,13 +3,13 @@
  *
  * With `none` it is honest: the agents go to their goals one after the other while
  * all others stand. Faults of plans begin with that honest plan and add one wrong
- * thing, so that the host should find one rule broken and no other.
+ * thing, so that the host should find one rule broken and no other. What it does to
+ * its process and to the machine stands in mischief.h.
  *
  * -DVARIANT=NAME builds libraries that are faulty before any planner exists.
  */
 
-#define _POSIX_C_SOURCE 200809L
-#define _DEFAULT_SOURCE
+#define _GNU_SOURCE
 
 #define HONEST_ENTRY 0
 #define SHORT_ENTRY 1       /* struct_size too small */
@@ -30,16 +30,43 @@
 #define SHORT_PLANNER 16    /* create fills in a planner with struct_size too small */
 #define NULL_PLAN 17        /* create fills in a planner without `plan` */
 #define LYING_CAPABILITIES 18 /* claims everything, is told nothing of it */
+#define CONSTRUCTOR_FAULT 19  /* does FLEETYARD_FAULT while being loaded */
 
 #ifndef VARIANT
 #define VARIANT HONEST_ENTRY
 #endif
 
+#include <arpa/inet.h>
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <linux/perf_event.h>
+#include <netinet/in.h>
+#include <pthread.h>
+#include <pwd.h>
+#include <sched.h>
+#include <setjmp.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ipc.h>
+#include <sys/mman.h>
+#include <sys/mount.h>
+#include <sys/prctl.h>
+#include <sys/ptrace.h>
+#include <sys/resource.h>
+#include <sys/shm.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/time.h>
+#include <sys/uio.h>
+#include <sys/un.h>
+#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -68,132 +95,110 @@ FLEETYARD_EXPORT extern const int faulty_has_no_entry;
 const int faulty_has_no_entry = 1;
 #else
 
-/* Every fault, for the schema. */
+/* The faults of plans and answers, for the schema; the others are in mischief.h. */
 #define FAULTS(F)                                                                      \
   F("too-few-agents") F("too-many-agents") F("empty-path") F("wrong-start")            \
   F("not-at-goal") F("teleport") F("collide") F("collide-parked") F("swap")            \
-  F("leave-map") F("through-obstacle") F("late") F("twice") F("never") F("spin")       \
-  F("ignore-sigterm") F("crash") F("abort") F("exit-0") F("exit-3") F("garbage")       \
-  F("flood") F("log-flood") F("nan") F("grandchild") F("hog")                          \
+  F("leave-map") F("through-obstacle") F("late") F("twice")                            \
   F("claims-solved-without-plan") F("claims-infeasible") F("bad-status")               \
   F("huge-plan") F("null-plan") F("null-offsets") F("null-cells") F("bad-plan-size")   \
-  F("unordered-offsets") F("bad-instance") F("fails")
+  F("unordered-offsets") F("bad-instance") F("fails") F("exit-after-plan")             \
+  F("changes-plan-after") F("changes-plan-during") F("shrinks-plan")                   \
+  F("longjmp-callback") F("longjmp-stale") F("crash-after")
 
 #define ITEM(name) "\"" name "\","
+#define MISCHIEF_ITEM(name, function) ITEM(name)
 
 typedef struct {
-  char fault[48], during[16];
-  uint64_t size;
+  char fault[48], during[16], target[256];
+  uint64_t size, count; /* 0 for what the fault is usually done with */
+  int64_t pid;
   uint32_t rows, cols;
   uint8_t *passable;
 } Faulty;
 
-static void say(const FleetyardSink *sink, const char *text) {
-  sink->log(sink->context, FLEETYARD_LOG_INFO,
-            (FleetyardStr){(const uint8_t *)text, strlen(text)});
-}
+#include "mischief.h"
 
 static int32_t fail(const FleetyardSink *sink, int32_t status, const char *text) {
   sink->fail(sink->context, (FleetyardStr){(const uint8_t *)text, strlen(text)});
   return status;
 }
 
-/* ---- Faults of the process ------------------------------------------------- */
+/* ---- Where there is no sink ------------------------------------------------- */
 
-static void sleep_s(double seconds) {
-  struct timespec length = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
-  while (nanosleep(&length, &length) != 0)
-    continue;
+static int32_t no_plan(void *context, const FleetyardPlan *plan) {
+  (void)context;
+  (void)plan;
+  return FLEETYARD_REJECTED;
 }
 
-static void sleep_for_ever(void) {
-  for (;;)
-    sleep_s(3600);
+static int32_t no_instance(void *context, const FleetyardInstance *instance) {
+  (void)context;
+  (void)instance;
+  return FLEETYARD_REJECTED;
 }
 
-/* Leaves a process behind that is in another session, has another parent, ignores
- * polite signals and keeps the pipes open. Tests know it by its name. */
-static void leave_grandchild(const FleetyardSink *sink) {
-  pid_t child = fork();
-  if (child == 0) {
-    setsid();
-    if (fork() != 0)
-      _exit(0);
-    FILE *name = fopen("/proc/self/comm", "w");
-    if (name) {
-      fputs("fy-orphan", name);
-      fclose(name);
-    }
-    signal(SIGTERM, SIG_IGN);
-    signal(SIGHUP, SIG_IGN);
-    signal(SIGPIPE, SIG_IGN);
-    sleep_for_ever();
-  }
-  say(sink, child > 0 ? "left a grandchild behind" : "could not fork");
+static void metric_to_stderr(void *context, FleetyardStr name, double value) {
+  (void)context;
+  fprintf(stderr, "faulty: %.*s = %g\n", (int)name.len, (const char *)name.ptr, value);
 }
 
-/* The faults that are the same in every call. Most do not return. */
-static void misbehave(const Faulty *faulty, const char *call, const FleetyardSink *sink) {
-  const char *fault = faulty->fault;
-  if (strcmp(faulty->during, call) != 0)
-    return;
-  if (strcmp(fault, "never") == 0)
-    sleep_for_ever();
-  if (strcmp(fault, "spin") == 0)
-    for (volatile uint64_t turns = 0;; turns++)
-      continue;
-  if (strcmp(fault, "ignore-sigterm") == 0) {
-    signal(SIGTERM, SIG_IGN);
-    signal(SIGINT, SIG_IGN);
-    signal(SIGHUP, SIG_IGN);
-    sleep_for_ever();
-  }
-  if (strcmp(fault, "crash") == 0) {
-    volatile int *volatile nowhere = NULL; /* so that no compiler sees it coming */
-    *nowhere = 1;
-  }
-  if (strcmp(fault, "abort") == 0)
-    abort();
-  if (strcmp(fault, "exit-0") == 0)
-    _exit(0);
-  if (strcmp(fault, "exit-3") == 0)
-    exit(3);
-  if (strcmp(fault, "hog") == 0)
-    for (;;) {
-      size_t piece = (size_t)64 << 20;
-      char *memory = malloc(piece);
-      if (!memory)
-        abort();
-      memset(memory, 1, piece);
-    }
-  if (strcmp(fault, "garbage") == 0) {
-    static const char lines[] = "solving...\n{\"jsonrpc\":\"2.0\",\n\xff\xfe\n[1,2\n";
-    if (write(1, lines, sizeof lines - 1) < 0 || write(2, lines, sizeof lines - 1) < 0)
-      say(sink, "could not write garbage");
-  }
-  if (strcmp(fault, "flood") == 0) {
-    static char lines[1 << 16];
-    for (size_t i = 0; i < sizeof lines; i++)
-      lines[i] = i % 128 == 127 ? '\n' : 'x';
-    for (uint64_t written = 0; written < faulty->size; written += sizeof lines)
-      if (write(1, lines, sizeof lines) < 0)
-        break;
-  }
-  if (strcmp(fault, "log-flood") == 0) {
-    char line[1025];
-    memset(line, 'x', sizeof line - 1);
-    line[sizeof line - 1] = 0;
-    for (uint64_t written = 0; written < faulty->size; written += sizeof line - 1)
-      say(sink, line);
-  }
-  if (strcmp(fault, "nan") == 0) {
-    volatile double zero = 0;
-    sink->metric(sink->context, (FleetyardStr)TEXT("not-a-number"), zero / zero);
-    sink->metric(sink->context, (FleetyardStr)TEXT("infinity"), 1 / zero);
-  }
-  if (strcmp(fault, "grandchild") == 0)
-    leave_grandchild(sink);
+static void log_to_stderr(void *context, int32_t level, FleetyardStr text) {
+  (void)context;
+  (void)level;
+  fprintf(stderr, "faulty: %.*s\n", (int)text.len, (const char *)text.ptr);
 }
+
+static void no_progress(void *context, uint64_t done, uint64_t total) {
+  (void)context;
+  (void)done;
+  (void)total;
+}
+
+static int32_t never_cancelled(void *context) {
+  (void)context;
+  return 0;
+}
+
+static void no_message(void *context, FleetyardStr message) {
+  (void)context;
+  (void)message;
+}
+
+/* For what has no call to answer: constructors, `destroy`, `deinit`. */
+static const FleetyardSink standard_error = {
+    .struct_size = sizeof(FleetyardSink),
+    .submit_plan = no_plan,
+    .submit_instance = no_instance,
+    .metric = metric_to_stderr,
+    .log = log_to_stderr,
+    .progress = no_progress,
+    .cancelled = never_cancelled,
+    .fail = no_message,
+};
+
+/* What `deinit` does, which has no object. */
+static Faulty at_the_end;
+
+static void deinit(void) { misbehave(&at_the_end, "deinit", &standard_error); }
+
+#if VARIANT == CONSTRUCTOR_FAULT
+static const char *variable(const char *name) {
+  const char *value = getenv(name);
+  return value ? value : "";
+}
+
+__attribute__((constructor)) static void fault_at_load(void) {
+  static Faulty faulty;
+  snprintf(faulty.fault, sizeof faulty.fault, "%s", variable("FLEETYARD_FAULT"));
+  snprintf(faulty.target, sizeof faulty.target, "%s", variable("FLEETYARD_TARGET"));
+  strcpy(faulty.during, "load");
+  faulty.size = strtoull(variable("FLEETYARD_SIZE"), NULL, 10);
+  faulty.count = strtoull(variable("FLEETYARD_COUNT"), NULL, 10);
+  faulty.pid = strtoll(variable("FLEETYARD_PID"), NULL, 10);
+  misbehave(&faulty, "load", &standard_error);
+}
+#endif
 
 /* ---- The honest plan ------------------------------------------------------- */
 
@@ -421,6 +426,133 @@ static int32_t submit(const FleetyardSink *sink, const FleetyardPlan *plan) {
   return code;
 }
 
+/* ---- Plans that do not stay as they are ------------------------------------- */
+
+typedef struct {
+  uint64_t *offset;
+  uint32_t *cell;
+  atomic_bool started, stop;
+} Scribbler;
+
+static void *scribble(void *context) {
+  Scribbler *scribbler = context;
+  volatile uint64_t *offset = scribbler->offset;
+  volatile uint32_t *cell = scribbler->cell;
+  uint64_t honest_offset = *offset;
+  uint32_t honest_cell = *cell;
+  scribbler->started = true;
+  while (!scribbler->stop) {
+    *offset = UINT64_C(1) << 40;
+    *cell = UINT32_MAX;
+    *offset = honest_offset;
+    *cell = honest_cell;
+  }
+  return NULL;
+}
+
+/* Submits while another thread makes the plan a bad one and a good one again. */
+static void submit_while_changing(const FleetyardSink *sink, const FleetyardPlan *plan,
+                                  uint64_t *offsets, uint32_t *cells) {
+  Scribbler scribbler = {&offsets[plan->agents], &cells[0], false, false};
+  pthread_t thread;
+  if (pthread_create(&thread, NULL, scribble, &scribbler) != 0) {
+    say(sink, "could not start a thread");
+    return;
+  }
+  while (!scribbler.started)
+    sched_yield();
+  uint64_t rejected = 0;
+  for (int turn = 0; turn < 200; turn++)
+    rejected += sink->submit_plan(sink->context, plan) != FLEETYARD_OK;
+  scribbler.stop = true;
+  pthread_join(thread, NULL);
+  metric(sink, "rejected", (double)rejected);
+}
+
+/* The plan's cells are in a file that is empty before anybody reads them. */
+static int32_t submit_shrunk(const FleetyardSink *sink, FleetyardPlan plan, size_t size) {
+  char path[4200];
+  snprintf(path, sizeof path, "%.4096s/fy-plan-XXXXXX", scratch());
+  int descriptor = mkstemp(path);
+  void *mapped = MAP_FAILED;
+  if (descriptor >= 0) {
+    unlink(path);
+    if (write(descriptor, plan.cells, size) == (ssize_t)size)
+      mapped = mmap(NULL, size, PROT_READ, MAP_SHARED, descriptor, 0);
+  }
+  if (mapped == MAP_FAILED || ftruncate(descriptor, 0) != 0)
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, strerror(errno));
+  plan.cells = mapped;
+  submit(sink, &plan);
+  return FLEETYARD_STATUS_SOLVED;
+}
+
+/* ---- Jumps ------------------------------------------------------------------ */
+
+static sigjmp_buf out_of_callback;
+static jmp_buf out_of_prepare; /* useless once `prepare` has returned */
+static volatile sig_atomic_t in_callback;
+
+static void jump_out(int number) {
+  (void)number;
+  if (in_callback) {
+    in_callback = 0;
+    siglongjmp(out_of_callback, 1);
+  }
+}
+
+typedef struct {
+  pthread_t planner;
+  atomic_bool stop;
+} Pest;
+
+static void *pester(void *context) {
+  Pest *pest = context;
+  while (!pest->stop) {
+    usleep(500);
+    pthread_kill(pest->planner, SIGUSR1);
+  }
+  return NULL;
+}
+
+/* Leaves a function of the host by a signal handler that does not return to it:
+ * whatever that function held, it holds for ever. */
+static void longjmp_over_host(const FleetyardSink *sink) {
+  static char text[1 << 16];
+  static Pest pest;
+  pthread_t thread;
+  struct sigaction action = {.sa_handler = jump_out};
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGUSR1, &action, NULL);
+  memset(text, 'x', sizeof text - 1);
+  pest.planner = pthread_self();
+  pest.stop = false;
+  bool started = pthread_create(&thread, NULL, pester, &pest) == 0;
+  volatile bool jumped = false;
+  if (sigsetjmp(out_of_callback, 1) == 0)
+    for (int turn = 0; started && turn < 2000; turn++) {
+      in_callback = 1;
+      say(sink, text);
+      in_callback = 0;
+    }
+  else
+    jumped = true;
+  pest.stop = true;
+  if (started)
+    pthread_join(thread, NULL);
+  signal(SIGUSR1, SIG_IGN);
+  metric(sink, "jumped", jumped); /* may wait for ever */
+}
+
+/* ---- After the answer ------------------------------------------------------- */
+
+static void *crash_later(void *unused) {
+  (void)unused;
+  sleep_s(0.1);
+  crash(NULL, NULL);
+  return NULL;
+}
+
 /* Hands the steps over, as the fault wants it. */
 static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
                          const FleetyardSink *sink) {
@@ -458,9 +590,19 @@ static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
     offsets[1] = offsets[agents] + 7;
   if (strcmp(fault, "huge-plan") == 0)
     offsets[agents] = size << 20; /* and far fewer cells behind the pointer */
+  if (strcmp(fault, "changes-plan-during") == 0)
+    submit_while_changing(sink, &plan, offsets, cells);
+  if (strcmp(fault, "shrinks-plan") == 0)
+    return submit_shrunk(sink, plan, (size_t)agents * length * sizeof *cells);
   submit(sink, strcmp(fault, "null-plan") == 0 ? NULL : &plan);
   if (strcmp(fault, "twice") == 0)
     submit(sink, &plan);
+  if (strcmp(fault, "changes-plan-after") == 0) {
+    memset(offsets, 0xFF, ((size_t)agents + 2) * sizeof *offsets);
+    memset(cells, 0xFF, ((size_t)agents + 1) * length * sizeof *cells);
+  }
+  if (strcmp(fault, "exit-after-plan") == 0)
+    exit(0);
   free(offsets);
   free(cells);
   return strcmp(fault, "bad-status") == 0 ? 99 : FLEETYARD_STATUS_SOLVED;
@@ -474,6 +616,8 @@ static int32_t prepare(void *context, const FleetyardEnvironment *environment,
   const FleetyardGrid *grid = environment->view;
   (void)budget;
   misbehave(faulty, "prepare", sink);
+  if (strcmp(faulty->fault, "longjmp-stale") == 0 && setjmp(out_of_prepare) != 0)
+    return FLEETYARD_STATUS_SOLVED;
   if (grid->connectivity != 4)
     return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "4 neighbours only");
   free(faulty->passable);
@@ -499,6 +643,15 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
     return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "failed as asked");
   if (strcmp(fault, "bad-instance") == 0)
     sink->submit_instance(sink->context, instance); /* `plan` asks for a plan */
+  if (strcmp(fault, "longjmp-stale") == 0)
+    longjmp(out_of_prepare, 1);
+  if (strcmp(fault, "longjmp-callback") == 0)
+    longjmp_over_host(sink);
+  if (strcmp(fault, "crash-after") == 0) {
+    pthread_t thread;
+    if (pthread_create(&thread, NULL, crash_later, NULL) != 0)
+      say(sink, "could not start a thread");
+  }
 
   Steps steps = {faulty, instance->agents, 1, malloc(instance->agents * sizeof(uint32_t)), false};
   if (!steps.at)
@@ -517,7 +670,7 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
       sleep_s(left > 0 ? left + 0.5 : 0.5);
     }
     status = reason ? fail(sink, FLEETYARD_STATUS_UNSUPPORTED, reason)
-                    : hand_over(&steps, fault, faulty->size, sink);
+                    : hand_over(&steps, fault, or_else(faulty->size, GIB), sink);
   }
   free(steps.at);
   return status;
@@ -525,6 +678,9 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
 
 static void destroy(void *context) {
   Faulty *faulty = context;
+  misbehave(faulty, "destroy", &standard_error);
+  if (strcmp(faulty->fault, "crash-after") == 0)
+    sleep_s(1); /* so that the thread has its time */
   free(faulty->passable);
   free(faulty);
 }
@@ -551,10 +707,20 @@ static const FleetyardDescriptor descriptor_of_faulty = {
 #else
     .options_schema = TEXT(
         "{\"type\":\"object\",\"additionalProperties\":false,\"properties\":{"
-        "\"fault\":{\"enum\":[" FAULTS(ITEM) "\"none\"],\"default\":\"none\"},"
-        "\"during\":{\"enum\":[\"create\",\"prepare\",\"plan\"],\"default\":\"plan\"},"
-        "\"size\":{\"type\":\"integer\",\"minimum\":1,\"default\":1073741824,"
-        "\"description\":\"Bytes of a flood; a huge plan claims as many MiB of cells.\"}}}"),
+        "\"fault\":{\"enum\":[" FAULTS(ITEM) MISCHIEF(MISCHIEF_ITEM)
+        "\"none\"],\"default\":\"none\"},"
+        "\"during\":{\"enum\":[\"create\",\"prepare\",\"plan\",\"destroy\",\"deinit\"],"
+        "\"default\":\"plan\",\"description\":\"The call that fails.\"},"
+        "\"size\":{\"type\":\"integer\",\"minimum\":1,"
+        "\"description\":\"Bytes to take or to write [default: depends on the fault]; "
+        "a huge plan claims as many MiB of cells.\"},"
+        "\"count\":{\"type\":\"integer\",\"minimum\":1,"
+        "\"description\":\"Most processes, threads or files [default: depends on the fault].\"},"
+        "\"target\":{\"type\":\"string\",\"maxLength\":255,"
+        "\"description\":\"What an attempt is at: a path, HOST:PORT, the name of a variable, "
+        "an address in memory.\"},"
+        "\"pid\":{\"type\":\"integer\",\"minimum\":1,"
+        "\"description\":\"The process that an attempt is at [default: the parent].\"}}}"),
 #endif
 #if VARIANT == LYING_CAPABILITIES
     .capabilities = UINT64_MAX,
@@ -590,6 +756,11 @@ static void text_option(const char *options, const char *name, char *out, size_t
     snprintf(out, room, "%.*s", (int)strcspn(at + 1, "\""), at + 1);
 }
 
+static uint64_t number_option(const char *options, const char *name) {
+  const char *at = option(options, name);
+  return at ? strtoull(at, NULL, 10) : 0;
+}
+
 static int32_t create(uint32_t index, FleetyardStr options, const FleetyardSink *sink,
                       FleetyardPlanner *out) {
   (void)index;
@@ -606,9 +777,12 @@ static int32_t create(uint32_t index, FleetyardStr options, const FleetyardSink 
   strcpy(faulty->during, "plan");
   text_option(text, "\"fault\"", faulty->fault, sizeof faulty->fault);
   text_option(text, "\"during\"", faulty->during, sizeof faulty->during);
-  const char *size = option(text, "\"size\"");
-  faulty->size = size ? strtoull(size, NULL, 10) : UINT64_C(1) << 30;
+  text_option(text, "\"target\"", faulty->target, sizeof faulty->target);
+  faulty->size = number_option(text, "\"size\"");
+  faulty->count = number_option(text, "\"count\"");
+  faulty->pid = (int64_t)number_option(text, "\"pid\"");
   free(text);
+  at_the_end = *faulty;
   misbehave(faulty, "create", sink);
   if (strcmp(faulty->during, "create") == 0 && strcmp(faulty->fault, "fails") == 0) {
     free(faulty);
@@ -674,6 +848,7 @@ const FleetyardPluginEntry fleetyard_plugin_entry_v1 = {
 #if VARIANT == INIT_FAILS
     .init = init,
 #endif
+    .deinit = deinit,
 #if VARIANT != NULL_GET_FACTORY
     .get_factory = get_factory,
 #endif

@@ -335,39 +335,55 @@ fn reader(mut stream: impl Read + Send + 'static) -> thread::JoinHandle<String> 
     })
 }
 
-/// Compiles a C file of the repository to a shared library, unless that was done
-/// since it changed last. `variant` is the value of the macro `VARIANT`.
+/// Compiles a C or C++ file of the repository to a shared library, unless that was
+/// done since it changed last. `variant` is the value of the macro `VARIANT`.
 pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
     // One at a time: tests of one process ask for the same library at once.
     static COMPILER: Mutex<()> = Mutex::new(());
     let _only = COMPILER.lock().unwrap_or_else(PoisonError::into_inner);
     let source = root().join(source);
     let header = root().join("abi/include/fleetyard.h");
+    let cpp = source
+        .extension()
+        .is_some_and(|extension| extension == "cpp");
     let name = match variant {
         Some(variant) => variant.to_lowercase(),
         None => source.file_stem().unwrap().to_string_lossy().into_owned(),
-    };
+    } + if cpp { "_cpp" } else { "" };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("plugins");
     fs::create_dir_all(&folder).unwrap();
     let library = folder.join(format!("{name}.so"));
     let modified = |path: &Path| fs::metadata(path).and_then(|meta| meta.modified()).ok();
     let built = modified(&library);
-    if built.is_some() && built > modified(&source) && built > modified(&header) {
+    // Headers beside the source are a part of it.
+    let beside = fs::read_dir(source.parent().unwrap()).unwrap().flatten();
+    let headers = beside
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "h"));
+    let newest = headers
+        .chain([source.clone(), header.clone()])
+        .map(|path| modified(&path));
+    if built.is_some() && built > newest.max().flatten() {
         return library;
     }
     // Another test process may use the old one, and sees the new one when it is whole.
     let unfinished = folder.join(format!("{name}.so.{}", std::process::id()));
-    let compiler = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
+    let (variable, usual, standard) = match cpp {
+        false => ("CC", "cc", "-std=c11"),
+        true => ("CXX", "c++", "-std=c++17"),
+    };
+    let compiler = std::env::var_os(variable).unwrap_or_else(|| usual.into());
     let mut command = Command::new(compiler);
     command
-        .args(["-std=c11", "-O1", "-fPIC", "-shared", "-fvisibility=hidden"])
+        .args([standard, "-O1", "-fPIC", "-shared", "-fvisibility=hidden"])
+        .arg("-pthread")
         .args(variant.map(|variant| format!("-DVARIANT={variant}")))
         .arg("-I")
         .arg(header.parent().unwrap())
         .arg("-o")
         .arg(&unfinished)
         .arg(&source);
-    let output = command.output().expect("a C compiler is needed");
+    let output = command.output().expect("a compiler is needed");
     let messages = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{command:?}: {messages}");
     fs::rename(&unfinished, &library).unwrap();
@@ -377,6 +393,17 @@ pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
 /// The planner that misbehaves on request, as a shared library.
 pub(crate) fn faulty_library() -> PathBuf {
     c_library("plugins/faulty/faulty.c", None)
+}
+
+/// Its relative that throws exceptions; nothing without a C++ compiler.
+pub(crate) fn faulty_cpp_library() -> Option<PathBuf> {
+    let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
+    have(&compiler).then(|| c_library("plugins/faulty/faulty.cpp", None))
+}
+
+/// What misbehaves as a planner in Rust may, as a shared library.
+pub(crate) fn faulty_rust_library() -> PathBuf {
+    build("fleetyard-faulty").library.unwrap()
 }
 
 /// The same as a program.
