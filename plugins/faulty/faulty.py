@@ -5,25 +5,23 @@ which would not let it.
 
 With `none` it is honest: the agents go to their goals one after the other while all
 others stand. Faults of plans begin with that honest plan and add one wrong thing, as
-in faulty.c.
+in faulty.c. What it does to its process and to the machine stands in mischief.py.
 """
 
 import json
 import os
-import signal
 import sys
 import time
 from collections import deque
 
+import mischief
+
 PLAN_FAULTS = """too-few-agents too-many-agents empty-path wrong-start not-at-goal teleport
     collide collide-parked swap leave-map through-obstacle""".split()
-PROCESS_FAULTS = """never spin ignore-sigterm crash abort exit-0 exit-3 garbage flood
-    log-flood nan grandchild hog""".split()
 ANSWER_FAULTS = """late twice two-results claims-solved-without-plan claims-infeasible
-    bad-status huge-plan null-plan fails rpc-error""".split()
-WIRE_FAULTS = """malformed no-version batch not-utf8 deep wrong-id partial long-line
-    request no-message closes-stdout closes-stdin bad-cells bad-moves""".split()
-FAULTS = ["none", *PLAN_FAULTS, *PROCESS_FAULTS, *ANSWER_FAULTS, *WIRE_FAULTS]
+    bad-status huge-plan null-plan fails rpc-error bad-cells bad-moves exit-after-plan
+    crash-after thread-raises""".split()
+FAULTS = ["none", *PLAN_FAULTS, *ANSWER_FAULTS, *mischief.FAULTS]
 
 SCHEMA = {
     "type": "object",
@@ -35,7 +33,27 @@ SCHEMA = {
             "default": "plan",
             "description": "The call that fails; `initialize` only by FLEETYARD_FAULT.",
         },
-        "size": {"type": "integer", "minimum": 1, "default": 1 << 30},
+        "size": {
+            "type": "integer",
+            "minimum": 1,
+            "description": "Bytes to take or to write [default: depends on the fault].",
+        },
+        "count": {
+            "type": "integer",
+            "minimum": 1,
+            "description": "Most processes, threads or files [default: depends on the fault].",
+        },
+        "target": {
+            "type": "string",
+            "maxLength": 255,
+            "description": "What an attempt is at: a path, HOST:PORT, the name of a variable, "
+            "an address in memory.",
+        },
+        "pid": {
+            "type": "integer",
+            "minimum": 1,
+            "description": "The process that an attempt is at [default: the parent].",
+        },
     },
 }
 
@@ -192,97 +210,6 @@ def plan_paths(grid, instance, fault):
     return paths
 
 
-def sleep_for_ever():
-    while True:
-        time.sleep(3600)
-
-
-def misbehave(fault, size, request):
-    """The faults that do not depend on what is asked. Most do not return."""
-    if fault == "never":
-        sleep_for_ever()
-    elif fault == "spin":
-        while True:
-            pass
-    elif fault == "ignore-sigterm":
-        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-            signal.signal(number, signal.SIG_IGN)
-        sleep_for_ever()
-    elif fault == "crash":
-        os.kill(os.getpid(), signal.SIGSEGV)
-    elif fault == "abort":
-        os.abort()
-    elif fault == "exit-0":
-        os._exit(0)
-    elif fault == "exit-3":
-        sys.exit(3)
-    elif fault == "hog":
-        memory = []
-        while True:
-            memory.append(bytearray(b"x") * (64 << 20))
-    elif fault == "garbage":
-        write(b"solving...\n\xff\xfe\n\n  3 agents left\n[1,2\n")
-        os.write(2, b"\xff\xfe on standard error\n")
-    elif fault == "flood":
-        block = (b"x" * 127 + b"\n") * 512
-        for _ in range(0, size, len(block)):
-            write(block)
-    elif fault == "log-flood":
-        for _ in range(0, size, 1024):
-            notify("log", level="info", text="x" * 1024)
-    elif fault == "nan":
-        write(b'{"jsonrpc":"2.0","method":"metric","params":{"name":"x","value":NaN}}\n')
-    elif fault == "grandchild":
-        if os.fork() == 0:
-            os.setsid()
-            if os.fork() != 0:
-                os._exit(0)
-            with open("/proc/self/comm", "w") as name:
-                name.write("fy-orphan")
-            for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
-                signal.signal(number, signal.SIG_IGN)
-            sleep_for_ever()
-    elif fault == "malformed":
-        write(b'{"jsonrpc":"2.0","id":,"result"}\n')
-        sleep_for_ever()
-    elif fault == "no-version":
-        write(b'{"id":%d,"result":{"status":"solved"}}\n' % request)
-        sleep_for_ever()
-    elif fault == "batch":
-        write(b'[{"jsonrpc":"2.0","id":%d,"result":{"status":"solved"}}]\n' % request)
-        sleep_for_ever()
-    elif fault == "not-utf8":
-        text = b'{"jsonrpc":"2.0","method":"log","params":{"level":"info","text":"\xff\xfe"}}\n'
-        write(text)
-        sleep_for_ever()
-    elif fault == "deep":
-        write(b'{"jsonrpc":"2.0","id":%d,"result":' % request)
-        write(b"[" * 10**6 + b"]" * 10**6 + b"}\n")
-        sleep_for_ever()
-    elif fault == "wrong-id":
-        write(b'{"jsonrpc":"2.0","id":%d,"result":{"status":"solved"}}\n' % (request + 1000))
-        sleep_for_ever()
-    elif fault == "partial":
-        write(b'{"jsonrpc":"2.0","id":%d,"resu' % request)
-        sleep_for_ever()
-    elif fault == "long-line":
-        write(b'{"jsonrpc":"2.0","id":%d,"result":"' % request)
-        for _ in range(0, 2 * size, 1 << 20):
-            write(b"x" * (1 << 20))
-        sleep_for_ever()
-    elif fault == "request":
-        write(b'{"jsonrpc":"2.0","id":1,"method":"plan","params":{}}\n')
-        sleep_for_ever()
-    elif fault == "no-message":
-        write(b'{"jsonrpc":"2.0"}\n')
-        sleep_for_ever()
-    elif fault == "closes-stdout":
-        os.close(1)
-        sleep_for_ever()
-    elif fault == "closes-stdin":
-        os.close(0)
-
-
 def answer_plan(request, grid, params, fault, size):
     def reply(**result):
         send({"jsonrpc": "2.0", "id": request, "result": result})
@@ -313,6 +240,13 @@ def answer_plan(request, grid, params, fault, size):
     if fault == "late":
         left = params["budget"]["deadline_monotonic_ns"] - time.monotonic_ns()
         time.sleep(max(0, left) * 1e-9 + 0.5)
+    if fault == "exit-after-plan":
+        notify("incumbent", paths=paths)
+        sys.exit(0)
+    if fault == "crash-after":
+        mischief.crash_later()
+    if fault == "thread-raises":
+        mischief.thread_raises()
     if fault in ("twice", "two-results"):
         notify("incumbent", paths=paths)
         notify("incumbent", paths=paths)
@@ -324,6 +258,10 @@ def answer_plan(request, grid, params, fault, size):
 def main():
     # So that `initialize` can fail too, before there are options.
     options = {"fault": os.environ.get("FLEETYARD_FAULT", "none"), "during": "initialize"}
+    for name in ("target", "size", "count", "pid"):
+        value = os.environ.get(f"FLEETYARD_{name.upper()}")
+        if value:
+            options[name] = value if name == "target" else int(value)
     grid = None
     while True:
         line = sys.stdin.buffer.readline()
@@ -340,8 +278,8 @@ def main():
             options = dict(params.get("options") or {})
             options.setdefault("during", "plan")
         fault = options.get("fault", "none") if options["during"] == method else "none"
-        size = options.get("size", 1 << 30)
-        misbehave(fault, size, request)
+        if fault in mischief.FAULTS:
+            mischief.FAULTS[fault](mischief.Call(options, request, write, notify))
         if method == "initialize":
             about = {
                 "id": "faulty",
@@ -354,10 +292,12 @@ def main():
             }
             result = {"protocol_version": 1, "plugins": [about]}
         elif method == "plan":
-            answer_plan(request, grid, params, fault, size)
+            answer_plan(request, grid, params, fault, options.get("size", 1 << 30))
             continue
         elif method == "shutdown":
             result = None
+            if options.get("fault") == "crash-after":
+                time.sleep(1)  # so that the thread has its time
         else:
             if method == "prepare":
                 grid = params["environment"]

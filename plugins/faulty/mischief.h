@@ -649,10 +649,11 @@ static void list_folder(const Faulty *faulty, const FleetyardSink *sink) {
   DIR *folder = opendir(path);
   while (folder && readdir(folder))
     entries++;
+  entries -= folder ? 2 : 0; /* . and .. */
   metric(sink, "entries", (double)entries);
-  if (folder && entries <= 2)
+  if (folder && entries == 0)
     errno = ENOENT; /* an empty one was put in its place */
-  report(sink, entries > 2, path);
+  report(sink, entries > 0, path);
   if (folder)
     closedir(folder);
 }
