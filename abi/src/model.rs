@@ -382,6 +382,12 @@ impl TryFrom<GridWire> for GridEnvironment {
     type Error = String;
 
     fn try_from(wire: GridWire) -> Result<Self, String> {
+        if wire.rows == 0 || wire.cols == 0 {
+            return Err(format!(
+                "a grid of {} rows and {} columns has no cell",
+                wire.rows, wire.cols
+            ));
+        }
         let flatten = |what: &str, rows: &[String]| {
             let whole = rows.len() == wire.rows as usize
                 && rows

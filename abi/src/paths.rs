@@ -35,8 +35,8 @@ pub struct PathContext<'a> {
 
 /// Serialises the paths of a plan as a list with one entry per agent.
 ///
-/// A path that cannot be written as moves is written as cells, and one with
-/// [`OFF_MAP`] too, so that nothing is lost on the way to the validator.
+/// A path that cannot be written as moves is written as cells, and one that leaves
+/// the map too, so that nothing is lost on the way to the validator.
 #[derive(Debug, Clone, Copy)]
 pub struct WritePaths<'a> {
     /// The plan.
@@ -52,13 +52,17 @@ impl Serialize for WritePaths<'_> {
         let PathContext {
             rows, cols, starts, ..
         } = self.context;
+        let cells = u64::from(rows) * u64::from(cols);
         let mut list = serializer.serialize_seq(Some(self.plan.agents()))?;
         for (agent, path) in self.plan.paths().enumerate() {
+            // What is outside has no pair, and a walk that leaves the map does not
+            // come back.
+            let on_map = || path.iter().all(|cell| u64::from(*cell) < cells);
             match self.encoding {
-                PathEncoding::Pairs if path.iter().all(|cell| cell / cols.max(1) < rows) => {
+                PathEncoding::Pairs if on_map() => {
                     list.serialize_element(&Pairs { path, cols })?;
                 }
-                PathEncoding::Moves => {
+                PathEncoding::Moves if on_map() => {
                     let start = starts.get(agent).copied().unwrap_or(OFF_MAP);
                     let moves = moves::encode(path, cols).filter(|_| path[0] == start);
                     match moves {
@@ -66,7 +70,9 @@ impl Serialize for WritePaths<'_> {
                         None => list.serialize_element(path)?,
                     }
                 }
-                PathEncoding::Pairs | PathEncoding::Cells => list.serialize_element(path)?,
+                PathEncoding::Pairs | PathEncoding::Cells | PathEncoding::Moves => {
+                    list.serialize_element(path)?;
+                }
             }
         }
         list.end()
@@ -227,7 +233,7 @@ impl<'de> serde::Deserialize<'de> for Position {
             }
 
             fn visit_u64<E: de::Error>(self, cell: u64) -> Result<Position, E> {
-                Ok(Position::Cell(i64::try_from(cell).unwrap_or(-1)))
+                Ok(Position::Cell(saturate(cell)))
             }
 
             fn visit_i64<E: de::Error>(self, cell: i64) -> Result<Position, E> {
@@ -236,8 +242,8 @@ impl<'de> serde::Deserialize<'de> for Position {
 
             fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Position, A::Error> {
                 let missing = || de::Error::custom("a position is [row, col]");
-                let row = seq.next_element()?.ok_or_else(missing)?;
-                let col = seq.next_element()?.ok_or_else(missing)?;
+                let Coordinate(row) = seq.next_element()?.ok_or_else(missing)?;
+                let Coordinate(col) = seq.next_element()?.ok_or_else(missing)?;
                 if seq.next_element::<de::IgnoredAny>()?.is_some() {
                     return Err(missing());
                 }
@@ -247,4 +253,36 @@ impl<'de> serde::Deserialize<'de> for Position {
 
         deserializer.deserialize_any(PositionVisitor)
     }
+}
+
+/// A row or a column: any integer that JSON can hold, however far outside it is.
+struct Coordinate(i64);
+
+impl<'de> serde::Deserialize<'de> for Coordinate {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct CoordinateVisitor;
+
+        impl Visitor<'_> for CoordinateVisitor {
+            type Value = Coordinate;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a row or column")
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<Coordinate, E> {
+                Ok(Coordinate(saturate(value)))
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<Coordinate, E> {
+                Ok(Coordinate(value))
+            }
+        }
+
+        deserializer.deserialize_i64(CoordinateVisitor)
+    }
+}
+
+/// A number that is too large stays outside every map.
+fn saturate(value: u64) -> i64 {
+    i64::try_from(value).unwrap_or(i64::MAX)
 }

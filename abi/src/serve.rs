@@ -8,7 +8,7 @@
 use std::io::{self, BufRead, BufReader, IsTerminal, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::time::Duration;
 
 use serde::Serialize;
@@ -98,13 +98,14 @@ pub fn serve(
     gone: impl FnOnce() + Send + 'static,
 ) {
     let (sender, lines) = mpsc::channel::<String>();
-    let cancelled: &'static AtomicU64 = Box::leak(Box::new(AtomicU64::new(0)));
+    let cancelled = Arc::new(AtomicU64::new(0));
+    let heard = Arc::clone(&cancelled);
     std::thread::spawn(move || {
         let mut line = String::new();
         while matches!(input.read_line(&mut line), Ok(read) if read > 0) {
             let line = std::mem::take(&mut line);
             match notification(&line) {
-                Some(Notification::Cancel(id)) => cancelled.store(id, Ordering::Relaxed),
+                Some(Notification::Cancel(id)) => heard.store(id, Ordering::Relaxed),
                 Some(Notification::Exit) => break,
                 None if sender.send(line).is_err() => break,
                 None => {}
@@ -116,7 +117,7 @@ pub fn serve(
     let output = Mutex::new(output);
     let channel = Channel {
         output: &output,
-        cancelled,
+        cancelled: &cancelled,
     };
     let mut server = Server {
         catalog,
@@ -415,7 +416,7 @@ fn path_context<'a>(
 /// What all calls share: where messages go, and which request was cancelled.
 struct Channel<'a, W> {
     output: &'a Mutex<W>,
-    cancelled: &'static AtomicU64,
+    cancelled: &'a AtomicU64,
 }
 
 impl<W> Clone for Channel<'_, W> {

@@ -155,19 +155,26 @@ pub fn read_plan(source: &str, bytes: &[u8]) -> Result<PlanFile, InputError> {
         Some(_) => {}
     }
     let document: Document =
-        serde_json::from_slice(bytes).map_err(|error| json_error(source, &error))?;
+        serde_json::from_slice(bytes).map_err(|error| json_error(source, bytes, &error))?;
     document.into_plan_file(source)
 }
 
-/// Turns an error of serde_json into ours: place apart from reason.
-pub fn json_error(source: &str, error: &serde_json::Error) -> InputError {
+/// Turns serde_json's error about a text into ours: place apart from reason.
+pub fn json_error(source: &str, text: &[u8], error: &serde_json::Error) -> InputError {
     let place = format!(" at line {} column {}", error.line(), error.column());
-    let text = error.to_string();
-    let reason = text.strip_suffix(&place).unwrap_or(&text);
+    let whole = error.to_string();
+    let reason = whole.strip_suffix(&place).unwrap_or(&whole);
     let input = InputError::new(source, reason);
     let input = match error.line() {
         0 => input,
-        line => input.at(line as u64, error.column().max(1) as u64),
+        line => {
+            // Serde counts the bytes that it has read, the one at fault included.
+            let found = text.split(|byte| *byte == b'\n').nth(line - 1);
+            let found = found.unwrap_or_default();
+            let read = &found[..error.column().min(found.len())];
+            let column = String::from_utf8_lossy(read).chars().count();
+            input.at(line as u64, column.max(1) as u64)
+        }
     };
     match error.classify() {
         serde_json::error::Category::Eof => input.hint("the file is truncated"),

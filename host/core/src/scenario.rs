@@ -259,13 +259,21 @@ fn read_entry(source: &str, number: u64, line: &[u8]) -> Result<ScenarioEntry, I
             );
             place(length_at, reason)
         })?;
-    if fields[1].1.is_empty() {
-        return Err(place(fields[1].0, "the map name is empty".into()));
+    let (map_at, map) = fields[1];
+    if map.is_empty() {
+        return Err(place(map_at, "the map name is empty".into()));
+    }
+    if let Some(at) = map.find(char::is_control) {
+        let reason = format!(
+            "the map name {} has a control character",
+            quote(map.as_bytes())
+        );
+        return Err(place(map_at + at, reason));
     }
     Ok(ScenarioEntry {
         line: number,
         bucket: integer(0)?,
-        map: fields[1].1.to_owned(),
+        map: map.to_owned(),
         map_cols: integer(2)?,
         map_rows: integer(3)?,
         start: (integer(5)?, integer(4)?),
@@ -299,12 +307,12 @@ fn split(text: &str, separator: impl Fn(char) -> bool) -> Result<[(usize, &str);
 /// The content of a `.scen` file. Reading it gives the same scenario but for the
 /// source, the lines, and digits of the optimal length beyond the eighth.
 ///
-/// Tabs and line breaks in a map's name, which the format cannot hold, are
-/// written as blanks.
+/// Control characters in a map's name, which the format cannot hold, are written
+/// as blanks.
 pub fn write_scen(scenario: &Scenario) -> Vec<u8> {
     let mut text = String::from("version 1\n");
     for entry in &scenario.entries {
-        let map = entry.map.replace(['\t', '\n', '\r'], " ");
+        let map = entry.map.replace(char::is_control, " ");
         let _ = writeln!(
             text,
             "{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{:.8}",

@@ -253,6 +253,12 @@ fn bad_scenarios() {
     );
     bad(1, "", 3, "the map name is empty");
     bad(
+        1,
+        "ä\rb.map",
+        4,
+        "the map name 'ä\\rb.map' has a control character",
+    );
+    bad(
         2,
         "4.0",
         9,
@@ -432,6 +438,11 @@ fn bad_plans() {
     plan_fails(
         "{\"format\"",
         "a.plan:1:9: EOF while parsing an object\nhint: the file is truncated",
+    );
+    // Columns are characters, not bytes.
+    plan_fails(
+        "{\n\"planner\": \"äöü",
+        "a.plan:2:15: EOF while parsing a string\nhint: the file is truncated",
     );
     let object = "hint: a plan file is a JSON object with format, rows, cols and paths";
     plan_fails(
