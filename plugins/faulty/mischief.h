@@ -697,7 +697,7 @@ static void inherited(const Faulty *faulty, const FleetyardSink *sink) {
 }
 
 static void own_environment(const Faulty *faulty, const FleetyardSink *sink) {
-  const char *name = target_or(faulty, "FLEETYARD_SECRET");
+  const char *name = target_or(faulty, "HOST_SECRET");
   errno = ENOENT;
   report(sink, getenv(name) != NULL, name);
 }
@@ -719,7 +719,7 @@ static bool has_variable(const char *path, const char *name) {
 
 /* Looks for a variable in the environments of all processes that can be seen. */
 static void other_environments(const Faulty *faulty, const FleetyardSink *sink) {
-  const char *name = target_or(faulty, "FLEETYARD_SECRET");
+  const char *name = target_or(faulty, "HOST_SECRET");
   DIR *processes = opendir("/proc");
   uint64_t readable = 0;
   bool found = false;

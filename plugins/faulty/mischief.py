@@ -696,13 +696,13 @@ def inherited(call):
 
 @fault
 def getenv(call):
-    name = call.target or "FLEETYARD_SECRET"
+    name = call.target or "HOST_SECRET"
     call.report(name in os.environ or "not set", name)
 
 
 @fault
 def read_environment(call):
-    name = call.target or "FLEETYARD_SECRET"
+    name = call.target or "HOST_SECRET"
     readable, found = 0, False
     for process in filter(str.isdigit, os.listdir("/proc")):
         try:

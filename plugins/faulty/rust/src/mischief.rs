@@ -112,11 +112,11 @@ pub(crate) fn run(options: &FaultyOptions, sink: &dyn Sink) {
         }
         Fault::ListFolder => list_folder(sink, target("/root")),
         Fault::Getenv => {
-            let name = target("FLEETYARD_SECRET");
+            let name = target("HOST_SECRET");
             let found = std::env::var_os(name).is_some();
             attempt(sink, name, if found { Ok(()) } else { missing() });
         }
-        Fault::ReadEnvironment => read_environment(sink, target("FLEETYARD_SECRET")),
+        Fault::ReadEnvironment => read_environment(sink, target("HOST_SECRET")),
         Fault::ConnectTcp => connect_tcp(sink, target("127.0.0.1:9")),
         Fault::ConnectUdp => connect_udp(sink, target("127.0.0.1:9")),
         Fault::ConnectUnix => {
