@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use bytesize::ByteSize;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use fleetyard_core::Connectivity;
 use fleetyard_core::PathEncoding;
-use fleetyard_runtime::Attach;
+use fleetyard_runtime::{Attach, Level};
 use fleetyard_sim::Tier;
 
 use crate::exit;
@@ -177,6 +178,107 @@ pub(crate) struct BudgetArgs {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) sandbox: SandboxArgs,
+}
+
+/// A number of bytes with its unit.
+fn size(text: &str) -> Result<u64, String> {
+    let size: ByteSize = text
+        .parse()
+        .map_err(|_| "write a size with its unit, such as 512MiB or 4GiB".to_owned())?;
+    if size.as_u64() < 1 << 12 {
+        return Err("a limit is at least 4KiB".into());
+    }
+    Ok(size.as_u64())
+}
+
+/// A variable with its value, or the value that the host has.
+fn variable(text: &str) -> Result<(String, String), String> {
+    let (name, value) = match text.split_once('=') {
+        Some((name, value)) => (name, value.to_owned()),
+        None => match std::env::var(text) {
+            Ok(value) => (text, value),
+            Err(_) => return Err(format!("`{text}` is not set; write NAME=VALUE to set it")),
+        },
+    };
+    if name.is_empty() || text.contains('\0') {
+        return Err("write NAME or NAME=VALUE".into());
+    }
+    Ok((name.to_owned(), value))
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum LevelArg {
+    /// Refuse to run unless every required layer is active
+    Strict,
+    /// As many layers as the machine grants; each loss is in the record
+    Auto,
+    /// No layer; results are unranked
+    None,
+}
+
+impl From<LevelArg> for Level {
+    fn from(level: LevelArg) -> Self {
+        match level {
+            LevelArg::Strict => Self::Strict,
+            LevelArg::Auto => Self::Auto,
+            LevelArg::None => Self::None,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PinArg {
+    /// A physical core for each thread of the budget and one left for the host,
+    /// where the machine has so many that nobody else has reserved
+    Auto,
+    /// Let the kernel move the planner
+    Off,
+}
+
+/// What a plugin may use and see.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Sandbox and limits")]
+pub(crate) struct SandboxArgs {
+    /// How much of the sandbox is required
+    #[arg(long, value_enum, default_value = "auto", value_name = "LEVEL")]
+    pub(crate) sandbox: LevelArg,
+    /// Processor time of a plan, over all processes and threads [default: no limit]
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub(crate) cpu: Option<Duration>,
+    /// Processor time for learning the map [default: the plan's]
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub(crate) prepare_cpu: Option<Duration>,
+    /// Memory of all processes together [default: half of the machine's]
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(crate) memory: Option<u64>,
+    /// Memory for learning the map [default: the plan's]
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(crate) prepare_memory: Option<u64>,
+    /// Most processes and threads
+    #[arg(long, value_name = "N", default_value_t = 256,
+          value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    pub(crate) processes: u32,
+    /// Most output that is no message: standard error, stray lines
+    #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = size)]
+    pub(crate) output_limit: u64,
+    /// Size of the scratch folder, which is empty at the start of every run
+    #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = size)]
+    pub(crate) disk: u64,
+    /// Let the plugin read a file or folder; may be given several times
+    #[arg(long, value_name = "PATH")]
+    pub(crate) allow_read: Vec<PathBuf>,
+    /// Let the plugin use the network
+    #[arg(long)]
+    pub(crate) allow_network: bool,
+    /// Set an environment variable for the plugin, or pass the host's on; may be given
+    /// several times. Variables that begin with FLEETYARD_ are passed on anyway
+    #[arg(long, value_name = "NAME[=VALUE]", value_parser = variable)]
+    pub(crate) env: Vec<(String, String)>,
+    /// Whether the planner has processor cores of its own
+    #[arg(long, value_enum, default_value = "auto", value_name = "HOW")]
+    pub(crate) pin: PinArg,
 }
 
 #[derive(Debug, Args)]

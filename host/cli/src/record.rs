@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 use fleetyard_abi::Status;
 use fleetyard_check::{Verdict, Violation};
 use fleetyard_core::Digest;
-use fleetyard_runtime::{Attach, Termination, Usage};
+use fleetyard_runtime::measure::{Cpus, Difference, Reason};
+use fleetyard_runtime::{Attach, Layer, Level, Limit, SandboxReport, Termination, Usage};
 use serde::Serialize;
 
 use crate::exit::Exit;
@@ -23,6 +24,12 @@ pub(crate) struct Record {
     pub(crate) termination: Termination,
     /// What is wrong with the plugin, if something is.
     pub(crate) fault: Option<String>,
+    /// Whether the plugin was stopped, rather than ending its call by itself.
+    pub(crate) stopped: bool,
+    /// The limit that it exceeded, whether it was stopped for it or not.
+    pub(crate) limit: Option<Limit>,
+    /// From the decision to stop it until nobody was left.
+    pub(crate) kill_latency_ms: Option<f64>,
     /// What the planner claims.
     pub(crate) claim: Option<Status>,
     /// The planner's explanation.
@@ -33,6 +40,10 @@ pub(crate) struct Record {
     /// Figures that the planner reported of itself.
     pub(crate) claimed_metrics: BTreeMap<String, f64>,
     pub(crate) resources: Option<Usage>,
+    pub(crate) measurement: Measurement,
+    /// The layers that were active; absent in process, where there are none.
+    pub(crate) sandbox: Option<SandboxReport>,
+    pub(crate) environment_digest: Option<Digest>,
     pub(crate) execution: Option<ExecutionInfo>,
     pub(crate) instance_digest: Digest,
     pub(crate) plan_digest: Option<Digest>,
@@ -47,7 +58,37 @@ pub(crate) struct PlannerInfo {
     /// compared with others.
     pub(crate) ranked: bool,
     pub(crate) path: Option<String>,
+    /// Of the plugin's file; of this program, for built-ins.
+    pub(crate) digest: Option<Digest>,
     pub(crate) options: serde_json::Value,
+}
+
+/// How the times were taken, and what stood in the way.
+#[derive(Debug, Serialize)]
+pub(crate) struct Measurement {
+    /// From the start of the plugin until it had introduced itself, the sandbox
+    /// included.
+    pub(crate) startup_ms: f64,
+    pub(crate) prepare: Option<CallInfo>,
+    pub(crate) plan: CallInfo,
+    /// The processors that the plugin had to itself.
+    pub(crate) cpus: Option<Cpus>,
+    /// Those that were kept idle for it.
+    pub(crate) idle_siblings: Option<Cpus>,
+    /// Why it had none.
+    pub(crate) not_pinned: Option<String>,
+    /// What happened on the machine during `prepare` and `plan`.
+    pub(crate) load: Difference,
+    /// Why the times cannot be compared with others; empty when they can.
+    pub(crate) contended: Vec<Reason>,
+    pub(crate) machine_digest: Digest,
+}
+
+/// What a call used.
+#[derive(Debug, Serialize)]
+pub(crate) struct CallInfo {
+    pub(crate) cpu_ms: Option<f64>,
+    pub(crate) run_delay_ms: Option<f64>,
 }
 
 #[derive(Debug, Serialize)]
@@ -61,6 +102,15 @@ pub(crate) struct InstanceInfo {
 #[derive(Debug, Serialize)]
 pub(crate) struct BudgetInfo {
     pub(crate) wall_ms: f64,
+    pub(crate) prepare_wall_ms: f64,
+    pub(crate) grace_ms: Option<f64>,
+    pub(crate) cpu_ms: Option<f64>,
+    pub(crate) prepare_cpu_ms: Option<f64>,
+    pub(crate) memory_bytes: Option<u64>,
+    pub(crate) prepare_memory_bytes: Option<u64>,
+    pub(crate) processes: u32,
+    pub(crate) output_bytes: u64,
+    pub(crate) disk_bytes: u64,
     pub(crate) nodes: Option<u64>,
     pub(crate) threads: u32,
     pub(crate) seed: u64,
@@ -131,6 +181,23 @@ pub(crate) struct ExecutionInfo {
     pub(crate) trace_digest: Digest,
 }
 
+/// Which layers were active, in one line.
+fn sandbox_line(sandbox: &SandboxReport) -> String {
+    if sandbox.level == Level::None {
+        return "none, unranked".into();
+    }
+    let active = sandbox.layers.iter().filter(|state| state.active).count();
+    let refused: Vec<&str> = sandbox
+        .refused()
+        .map(|state| state.layer.as_str())
+        .collect();
+    let mut text = format!("{active} of {} layers", Layer::ALL.len());
+    if !refused.is_empty() {
+        let _ = write!(text, "; refused: {}", refused.join(", "));
+    }
+    text
+}
+
 /// A number without needless digits.
 pub(crate) fn number(value: f64) -> String {
     let digits = match value.abs() {
@@ -151,11 +218,13 @@ impl Record {
             | Termination::ProtocolError
             | Termination::Failed => Exit::Plugin,
             Termination::Unsupported => Exit::NoPlan,
-            Termination::Completed | Termination::TimedOut => match self.plan_digest {
-                None => Exit::NoPlan,
-                Some(_) if self.verdict.valid => Exit::Success,
-                Some(_) => Exit::InvalidPlan,
-            },
+            Termination::Completed | Termination::TimedOut | Termination::OverLimit => {
+                match self.plan_digest {
+                    None => Exit::NoPlan,
+                    Some(_) if self.verdict.valid => Exit::Success,
+                    Some(_) => Exit::InvalidPlan,
+                }
+            }
         }
     }
 
@@ -194,6 +263,14 @@ impl Record {
         );
         if let Some(message) = &self.message {
             line("message", message.clone());
+        }
+        if let Some(limit) = self.limit {
+            let how = match (self.stopped, self.kill_latency_ms) {
+                (true, Some(ms)) => format!("stopped, nobody left after {} ms", number(ms)),
+                (true, None) => "stopped".to_owned(),
+                (false, _) => "it stopped by itself".to_owned(),
+            };
+            line("exceeded", format!("{limit} limit ({how})"));
         }
         match (
             self.plan_digest,
@@ -234,18 +311,22 @@ impl Record {
             );
         }
         line("planning", planning);
-        if let Some(Usage {
-            user_us,
-            system_us,
-            max_rss_kb,
-        }) = self.resources
-        {
-            let cpu = (user_us + system_us) as f64 / 1000.0;
-            let memory = max_rss_kb as f64 / 1024.0;
-            line(
-                "plugin process",
-                format!("{} ms CPU, {memory:.0} MiB", number(cpu)),
-            );
+        if let Some(usage) = &self.resources {
+            let cpu_us = usage
+                .user_us
+                .map(|user| user + usage.system_us.unwrap_or(0));
+            let cpu = cpu_us.map(|us| format!("{} ms CPU", number(us as f64 / 1000.0)));
+            let memory = usage
+                .peak_memory_kb
+                .map(|kb| format!("{:.0} MiB", kb as f64 / 1024.0));
+            let parts: Vec<String> = [cpu, memory].into_iter().flatten().collect();
+            line("plugin process", parts.join(", "));
+        }
+        if let Some(sandbox) = &self.sandbox {
+            line("sandbox", sandbox_line(sandbox));
+        }
+        for reason in &self.measurement.contended {
+            line("contended", reason.to_string());
         }
         if let Some(execution) = &self.execution {
             let ExecutionInfo {

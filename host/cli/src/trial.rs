@@ -6,19 +6,23 @@ use std::time::{Duration, Instant};
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
 use fleetyard_check::{metrics, sum_of_costs, validate};
 use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan};
+use fleetyard_runtime::measure::{
+    Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
+    pin_this_process,
+};
 use fleetyard_runtime::{
-    Attach, Discovery, Fault, Limits, LogLine, Origin, PlanRun, PluginFile, Runtime, Session,
-    Termination, check_options, parse_option,
+    Attach, CallReport, CallUsage, Discovery, Fault, Level, Limits, LogLine, Origin, PlanRun,
+    PluginFile, Policy, Runtime, Session, Termination, check_options, parse_option,
 };
 use fleetyard_sim::{Execution, SimConfig, TraceSink};
 use serde_json::{Map, Value};
 
 use crate::BUILT_IN;
-use crate::args::{BudgetArgs, WorldArgs};
+use crate::args::{BudgetArgs, PinArg, WorldArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::record::{
-    BudgetInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Metrics, PlannerInfo, Record,
-    VerdictInfo,
+    BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
+    PlannerInfo, Record, VerdictInfo,
 };
 
 /// How many violations a record lists; all are counted.
@@ -31,14 +35,83 @@ pub(crate) struct Candidate {
     id: Option<String>,
 }
 
-/// The runtime with the limits that the arguments ask for.
-pub(crate) fn runtime(budget: Option<&BudgetArgs>) -> Result<Runtime> {
-    let mut limits = Limits::default();
-    if let Some(budget) = budget {
-        limits.grace = budget.grace.unwrap_or(Duration::ZERO);
-        limits.startup = budget.startup;
-    }
+/// The runtime with default limits.
+pub(crate) fn runtime() -> Result<Runtime> {
+    let limits = Limits {
+        memory_bytes: half_of_memory(),
+        ..Limits::default()
+    };
     Runtime::new(BUILT_IN, limits).map_err(internal)
+}
+
+/// Half of the machine's memory; no limit where nobody tells how much that is.
+fn half_of_memory() -> u64 {
+    Machine::here().memory_kb.unwrap_or(0) / 2 * 1024
+}
+
+/// Where trials run: the runtime with its limits, and the cores that are theirs.
+pub(crate) struct Host {
+    pub(crate) runtime: Runtime,
+    cores: Option<std::result::Result<Reservation, NoCores>>,
+}
+
+impl Host {
+    /// With the limits that the arguments ask for.
+    pub(crate) fn new(budget: &BudgetArgs) -> Result<Self> {
+        let sandbox = &budget.sandbox;
+        let cores = (sandbox.pin == PinArg::Auto).then(|| {
+            Topology::of_this_process().and_then(|topology| topology.reserve(budget.threads))
+        });
+        let reserved = cores.as_ref().and_then(|cores| cores.as_ref().ok());
+        if let Some(reserved) = reserved {
+            // Where it is refused, the load that is recorded shows it.
+            let _ = pin_this_process(&reserved.host);
+        }
+        let limits = Limits {
+            grace: budget.grace.unwrap_or(Duration::ZERO),
+            startup: budget.startup,
+            output_bytes: sandbox.output_limit,
+            policy: Policy {
+                level: sandbox.sandbox.into(),
+                read: sandbox.allow_read.clone(),
+                network: sandbox.allow_network,
+                env: sandbox.env.clone(),
+                processes: sandbox.processes,
+                disk_bytes: sandbox.disk,
+                ..Policy::default()
+            },
+            prepare_cpu: sandbox.prepare_cpu.or(sandbox.cpu),
+            cpu: sandbox.cpu,
+            memory_bytes: memory(budget).max(prepare_memory(budget)),
+            threads: budget.threads,
+            cpus: reserved.map(|reserved| reserved.mask.clone()),
+            ..Limits::default()
+        };
+        for path in &sandbox.allow_read {
+            if !path.exists() {
+                let message = format!("{}: there is no such file or folder", path.display());
+                return Err(Failure::new(Exit::Input, message)
+                    .hint("--allow-read names what the plugin may read"));
+            }
+        }
+        let runtime = Runtime::new(BUILT_IN, limits).map_err(internal)?;
+        Ok(Self { runtime, cores })
+    }
+
+    fn reserved(&self) -> Option<&Reservation> {
+        self.cores.as_ref()?.as_ref().ok()
+    }
+}
+
+fn memory(budget: &BudgetArgs) -> u64 {
+    budget.sandbox.memory.unwrap_or_else(half_of_memory)
+}
+
+fn prepare_memory(budget: &BudgetArgs) -> u64 {
+    budget
+        .sandbox
+        .prepare_memory
+        .unwrap_or_else(|| memory(budget))
 }
 
 impl Candidate {
@@ -117,7 +190,7 @@ impl Candidate {
 
 /// What a trial is about.
 pub(crate) struct Trial<'a> {
-    pub(crate) runtime: &'a Runtime,
+    pub(crate) host: &'a Host,
     pub(crate) candidate: &'a Candidate,
     pub(crate) attach: Option<Attach>,
     pub(crate) options: &'a [String],
@@ -145,19 +218,24 @@ impl Trial<'_> {
             config.validate()?;
         }
         let attach = self.candidate.attach(self.attach);
-        let (mut session, descriptor) = self.candidate.open(self.runtime, attach)?;
+        let (mut session, descriptor) = self.candidate.open(&self.host.runtime, attach)?;
         let options = self.options(&descriptor)?;
         self.check_capabilities(&descriptor)?;
         let environment =
             fleetyard_runtime::environment(self.instance, self.world.cell_size, self.world.step);
-        let (run, prepare_ms) = self.plan(
+        let watched = self.host.reserved().map(Reservation::watched);
+        let before = Snapshot::take(watched.as_ref());
+        let (run, prepared) = self.plan(
             &mut session,
             &descriptor,
             &options,
             &environment,
             config.radius_m(),
         );
+        let load = Snapshot::take(watched.as_ref()).since(&before);
+        let startup = session.startup();
         let closing = session.close();
+        let measurement = self.measurement(&run, prepared.as_ref(), startup, load);
         let mut warnings = Vec::new();
         let mut termination = run.termination;
         let mut fault = run.fault.as_ref().map(ToString::to_string);
@@ -198,12 +276,14 @@ impl Trial<'_> {
                 id: descriptor.id,
                 version: descriptor.version,
                 attach,
-                ranked: attach != Attach::InProcess,
+                ranked: attach != Attach::InProcess
+                    && self.host.runtime.limits().policy.level != Level::None,
                 path: self
                     .candidate
                     .file
                     .path()
                     .map(|path| path.display().to_string()),
+                digest: self.candidate.file.digest(),
                 options: Value::Object(options),
             },
             instance: InstanceInfo {
@@ -212,20 +292,26 @@ impl Trial<'_> {
                 agents: self.instance.agents(),
                 connectivity: self.instance.connectivity().degree(),
             },
-            budget: BudgetInfo {
-                wall_ms: milliseconds(self.budget.budget),
-                nodes: (self.budget.nodes > 0).then_some(self.budget.nodes),
-                threads: self.budget.threads,
-                seed: self.budget.seed,
-            },
+            budget: self.budget(),
             termination,
             fault,
+            stopped: run.stopped || closing.over.is_some(),
+            limit: run.limit.or(closing.over),
+            kill_latency_ms: closing.kill_latency.map(milliseconds),
             claim: run.claim,
             message: run.message.clone(),
-            metrics: self.metrics(&run, plan.as_ref(), verdict.valid, prepare_ms),
+            metrics: self.metrics(
+                &run,
+                plan.as_ref(),
+                verdict.valid,
+                prepared.map(|prepared| milliseconds(prepared.wall)),
+            ),
             verdict,
             claimed_metrics: run.metrics,
             resources: closing.usage,
+            measurement,
+            sandbox: closing.sandbox,
+            environment_digest: closing.environment,
             execution,
             instance_digest: self.instance.digest(),
             plan_digest: plan.as_ref().map(GridPlan::digest),
@@ -237,6 +323,72 @@ impl Trial<'_> {
             log: closing.log,
             stderr: closing.stderr,
         })
+    }
+
+    /// The limits of the run, as they are recorded.
+    fn budget(&self) -> BudgetInfo {
+        let budget = self.budget;
+        let sandbox = &budget.sandbox;
+        let limits = self.host.runtime.limits();
+        let ms = |duration: Option<Duration>| duration.map(milliseconds);
+        let bytes = |bytes: u64| (bytes > 0).then_some(bytes);
+        BudgetInfo {
+            wall_ms: milliseconds(budget.budget),
+            prepare_wall_ms: milliseconds(budget.prepare_budget.unwrap_or(budget.budget)),
+            grace_ms: ms(budget.grace),
+            cpu_ms: ms(limits.cpu),
+            prepare_cpu_ms: ms(limits.prepare_cpu),
+            memory_bytes: bytes(memory(budget)),
+            prepare_memory_bytes: bytes(prepare_memory(budget)),
+            processes: sandbox.processes,
+            output_bytes: sandbox.output_limit,
+            disk_bytes: sandbox.disk,
+            nodes: (budget.nodes > 0).then_some(budget.nodes),
+            threads: budget.threads,
+            seed: budget.seed,
+        }
+    }
+
+    fn measurement(
+        &self,
+        run: &PlanRun,
+        prepared: Option<&CallReport>,
+        startup: Duration,
+        load: Difference,
+    ) -> Measurement {
+        let micros = |us: Option<u64>| us.map(Duration::from_micros);
+        let call = |usage: &CallUsage| CallInfo {
+            cpu_ms: micros(usage.cpu_us).map(milliseconds),
+            run_delay_ms: micros(usage.run_delay_us).map(milliseconds),
+        };
+        let sum = |a: Option<u64>, b: Option<u64>| Some(a? + b?);
+        let first = prepared.map(|prepared| prepared.usage).unwrap_or_default();
+        let spent = Spent {
+            wall: run.planning + prepared.map_or(Duration::ZERO, |prepared| prepared.wall),
+            cpu: micros(sum(first.cpu_us, run.usage.cpu_us)),
+            run_delay: micros(sum(first.run_delay_us, run.usage.run_delay_us)),
+            threads: self.budget.threads,
+        };
+        let not_pinned = match &self.host.cores {
+            None => Some("not asked for".to_owned()),
+            Some(Err(reason)) => Some(reason.to_string()),
+            Some(Ok(_)) => None,
+        };
+        Measurement {
+            startup_ms: milliseconds(startup),
+            prepare: prepared.map(|prepared| call(&prepared.usage)),
+            plan: call(&run.usage),
+            cpus: self.host.reserved().map(|cores| cores.mask.clone()),
+            idle_siblings: self
+                .host
+                .reserved()
+                .map(|cores| cores.siblings.clone())
+                .filter(|siblings| !siblings.is_empty()),
+            not_pinned,
+            contended: contended(&load, &spent),
+            load,
+            machine_digest: Machine::here().digest(),
+        }
     }
 
     fn options(&self, descriptor: &Descriptor) -> Result<Map<String, Value>> {
@@ -281,16 +433,19 @@ impl Trial<'_> {
         options: &Map<String, Value>,
         environment: &SharedEnvironment,
         radius_m: f64,
-    ) -> (PlanRun, Option<f64>) {
-        let budget = |wall: Duration| Budget {
+    ) -> (PlanRun, Option<CallReport>) {
+        let budget = |wall: Duration, memory_bytes: u64| Budget {
             deadline_monotonic_ns: 0,
             wall_ns: wall.as_nanos() as u64,
             nodes: self.budget.nodes,
-            memory_bytes: 0,
+            memory_bytes,
             threads: self.budget.threads,
             seed: self.budget.seed,
         };
-        let prepare_budget = budget(self.budget.prepare_budget.unwrap_or(self.budget.budget));
+        let prepare_budget = budget(
+            self.budget.prepare_budget.unwrap_or(self.budget.budget),
+            prepare_memory(self.budget),
+        );
         let ready = session
             .create(
                 Kind::Planner,
@@ -301,8 +456,8 @@ impl Trial<'_> {
         match ready {
             Ok(report) => {
                 let instance = fleetyard_runtime::instance(self.instance, radius_m);
-                let run = session.plan(&instance, &budget(self.budget.budget));
-                (run, Some(milliseconds(report.wall)))
+                let budget = budget(self.budget.budget, memory(self.budget));
+                (session.plan(&instance, &budget), Some(report))
             }
             Err(fault) => (PlanRun::failed(fault), None),
         }

@@ -17,7 +17,9 @@ use serde_json::value::RawValue;
 
 use crate::Fault;
 use crate::log::Log;
+use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::process::Process;
+use crate::sandbox::Level;
 use crate::session::Limits;
 use crate::supervisor::Report;
 
@@ -58,8 +60,9 @@ pub(crate) struct Client {
     stray_bytes: u64,
     pub(crate) stray_lines: u64,
     pub(crate) log: Log,
-    /// Bytes of all log lines so far, kept or not.
     stderr: Tail,
+    /// Of the call that is running, or of the last one.
+    call: CallLimits,
     stdout_open: bool,
     stderr_open: bool,
     /// Once broken, always broken.
@@ -74,6 +77,11 @@ struct Tail {
 }
 
 impl Tail {
+    /// Bytes so far, kept or not.
+    fn total(&self) -> u64 {
+        self.dropped + self.kept.len() as u64
+    }
+
     fn push(&mut self, bytes: &[u8], limit: usize) {
         self.kept.extend_from_slice(bytes);
         if self.kept.len() > limit {
@@ -134,10 +142,27 @@ impl Client {
             stray_lines: 0,
             log: Log::default(),
             stderr: Tail::default(),
+            call: CallLimits::default(),
             stdout_open: true,
             stderr_open: true,
             fault: None,
         }
+    }
+
+    /// The next call has limits of its own, which count from here.
+    pub(crate) fn begin(&mut self, call: CallLimits) {
+        self.call = call;
+        self.process.begin(call, self.limits.grace);
+    }
+
+    /// What was used since then.
+    pub(crate) fn finish(&mut self) -> CallUsage {
+        self.process.finish().unwrap_or_default()
+    }
+
+    /// The limit that the supervisor found exceeded.
+    pub(crate) fn over(&self) -> Option<Limit> {
+        self.process.over()
     }
 
     /// Sends a request and waits for its answer, until the deadline plus the
@@ -190,7 +215,9 @@ impl Client {
                 let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
                 return Err(Fault::TimedOut { during, limit_ms });
             }
-            if now >= wait.deadline_ns && !cancelled {
+            // With a grace, the supervisor says first that a limit is exceeded.
+            let told = now >= wait.deadline_ns || self.process.over().is_some();
+            if told && !cancelled {
                 cancelled = true;
                 let params = CancelParams { id: wait.id };
                 self.unsent
@@ -199,7 +226,7 @@ impl Client {
             if !self.stdout_open {
                 return Err(self.ended(wait.method));
             }
-            let until = if cancelled {
+            let until = if now >= wait.deadline_ns {
                 wait.deadline_ns.saturating_add(grace_ns)
             } else {
                 wait.deadline_ns
@@ -222,7 +249,10 @@ impl Client {
             .stdin
             .as_ref()
             .filter(|_| !self.unsent.is_empty());
-        let mut waiting = Vec::with_capacity(3);
+        let mut waiting = Vec::with_capacity(4);
+        let control = self.process.control();
+        let has_control = control.is_some();
+        waiting.extend(control.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
         if self.stdout_open {
             waiting.push(PollFd::new(&self.process.stdout, PollFlags::IN));
         }
@@ -234,7 +264,11 @@ impl Client {
         }
         // An interrupted poll is a spurious wake-up.
         let _ = poll(&mut waiting, Some(&timeout));
+        let told = has_control && !waiting[0].revents().is_empty();
         drop(waiting);
+        if told {
+            self.process.catch_up();
+        }
         self.write_some();
         self.read_stdout();
         self.drain_stderr();
@@ -353,11 +387,10 @@ impl Client {
             let limit = self.limits.line_bytes >> 20;
             return Err(self.broken(wait, format!("a message is longer than {limit} MiB")));
         }
-        if self.stray_bytes > self.limits.stray_bytes {
-            let limit = self.limits.stray_bytes >> 20;
-            let reason =
-                format!("it wrote more than {limit} MiB to standard output that is no message");
-            return Err(self.broken(wait, reason));
+        if self.stray_bytes + self.stderr.total() > self.limits.output_bytes {
+            self.process.end(Duration::ZERO);
+            self.drain_stderr();
+            return Err(self.over_limit(Limit::Output, wait.method));
         }
         Ok(())
     }
@@ -444,6 +477,28 @@ impl Client {
         }
     }
 
+    fn over_limit(&self, limit: Limit, method: &str) -> Fault {
+        let bytes = |bytes: u64| bytesize::ByteSize::b(bytes).display().iec().to_string();
+        let policy = &self.limits.policy;
+        let allowed = match limit {
+            Limit::Wall => None,
+            Limit::Cpu => Some(format!("{:?}", Duration::from_nanos(self.call.cpu_ns))),
+            Limit::Memory => Some(bytes(self.call.memory_bytes)),
+            Limit::Processes => Some(policy.processes.to_string()),
+            Limit::Output => Some(bytes(self.limits.output_bytes)),
+            Limit::Disk => Some(format!(
+                "{} and {} files",
+                bytes(policy.disk_bytes),
+                policy.files
+            )),
+        };
+        Fault::OverLimit {
+            during: method.to_owned(),
+            limit,
+            allowed: allowed.unwrap_or_default(),
+        }
+    }
+
     /// Standard output is closed: how did the process end?
     fn ended(&mut self, method: &str) -> Fault {
         let report = self.process.end(ENDING);
@@ -451,10 +506,22 @@ impl Client {
         let during = method.to_owned();
         match report {
             Report {
+                over: Some(limit),
+                killed: true,
+                ..
+            } => self.over_limit(limit, method),
+            Report {
                 start_error: Some(reason),
+                sandbox,
                 ..
             } => {
-                let hint = "is it executable, and is its interpreter installed?".to_owned();
+                let strict = sandbox.level == Level::Strict && sandbox.refused().next().is_some();
+                let hint = if strict {
+                    "`fleetyard doctor` says what to do; `--sandbox auto` runs with what there is"
+                } else {
+                    "is it executable, and is its interpreter installed?"
+                };
+                let hint = hint.to_owned();
                 Fault::Spawn {
                     program: "the plugin".into(),
                     reason,

@@ -5,6 +5,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use fleetyard_abi::{Descriptor, Kind};
+use fleetyard_core::{Digest, Hasher};
 use serde::Serialize;
 
 use crate::options::nearest;
@@ -122,6 +123,14 @@ impl PluginFile {
             Self::Program(..) => Attach::Stdio,
             Self::Adapter(_) => Attach::Command,
         }
+    }
+
+    /// Stands for the content of the file; of the built-ins, for this program.
+    pub fn digest(&self) -> Option<Digest> {
+        let path = self.path().unwrap_or(Path::new("/proc/self/exe"));
+        let mut hasher = Hasher::new("fleetyard plugin");
+        hasher.bytes(&fs::read(path).ok()?);
+        Some(hasher.finish())
     }
 
     /// The file, if it is one.

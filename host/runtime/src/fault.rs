@@ -2,6 +2,8 @@
 
 use fleetyard_abi::Status;
 
+use crate::monitor::Limit;
+
 /// What went wrong with a plugin. The host itself is fine.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
@@ -47,6 +49,16 @@ pub enum Fault {
         /// The budget.
         limit_ms: u64,
     },
+    /// The plugin used more of a resource than it may, and was stopped.
+    #[error("exceeded its {limit} limit of {allowed} during `{during}` and was stopped")]
+    OverLimit {
+        /// The call that was running.
+        during: String,
+        /// The resource.
+        limit: Limit,
+        /// How much of it is allowed.
+        allowed: String,
+    },
     /// The plugin broke the protocol, and the process was killed.
     #[error("broke the protocol during `{during}`: {reason}")]
     Protocol {
@@ -80,6 +92,15 @@ impl Fault {
     /// said so.
     pub(crate) fn is_survivable(&self) -> bool {
         matches!(self, Self::Reported { .. })
+    }
+
+    /// The limit that was exceeded, if that is what went wrong.
+    pub fn limit(&self) -> Option<Limit> {
+        match self {
+            Self::TimedOut { .. } => Some(Limit::Wall),
+            Self::OverLimit { limit, .. } => Some(*limit),
+            _ => None,
+        }
     }
 
     /// What the user can do, where there is something.

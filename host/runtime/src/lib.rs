@@ -15,6 +15,7 @@
 #![allow(unsafe_code)]
 
 pub mod adapter;
+mod cgroup;
 mod client;
 mod collector;
 mod convert;
@@ -22,16 +23,23 @@ mod discover;
 mod fault;
 mod library;
 mod log;
+pub mod measure;
+mod monitor;
 mod options;
 mod process;
+mod python;
+pub mod sandbox;
 mod session;
+mod state;
 pub mod supervisor;
+mod tree;
 
 pub use convert::{environment, instance, plan_from_abi};
 pub use discover::{Attach, Discovered, Discovery, Origin, PluginFile};
 pub use fault::Fault;
 pub use library::Library;
 pub use log::LogLine;
-pub use options::{OptionError, check_options, parse_option};
-pub use process::Usage;
-pub use session::{CallReport, Incumbent, Limits, PlanRun, Runtime, Session, Termination};
+pub use monitor::{CallUsage, Limit, Source, Usage};
+pub use options::{OptionError, check_options, nearest, parse_option};
+pub use sandbox::{Layer, LayerState, Level, Policy, SandboxReport};
+pub use session::{CallReport, Closing, Incumbent, Limits, PlanRun, Runtime, Session, Termination};

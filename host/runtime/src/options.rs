@@ -80,7 +80,7 @@ pub fn check_options(options: &Map<String, Value>, schema: &Value) -> Result<(),
 }
 
 /// The candidate that was probably meant: at most `most` edits away.
-pub(crate) fn nearest<'a>(
+pub fn nearest<'a>(
     name: &str,
     candidates: impl Iterator<Item = &'a String>,
     most: usize,

@@ -1,57 +1,50 @@
 //! A supervised process: its pipes, its end, and what it used.
 
-use std::io::Read;
-use std::os::fd::{AsRawFd, OwnedFd};
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
-use std::time::Duration;
-
-use serde::Serialize;
+use std::time::{Duration, Instant};
 
 use crate::Fault;
-use crate::supervisor::{ARGUMENT, Report, Target};
-
-/// Resources that a plugin's process tree used, as the kernel counted them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Usage {
-    /// CPU time in user mode.
-    pub user_us: u64,
-    /// CPU time in the kernel.
-    pub system_us: u64,
-    /// Largest resident set of any process of the tree.
-    pub max_rss_kb: u64,
-}
+use crate::monitor::{CallLimits, CallUsage, Limit};
+use crate::sandbox::jail::Launch;
+use crate::state::RUN;
+use crate::supervisor::{ARGUMENT, Message, Order, Report};
 
 /// A plugin's process under its supervisor.
 pub(crate) struct Process {
     supervisor: Child,
     control: UnixStream,
+    received: Vec<u8>,
     pub(crate) stdin: Option<ChildStdin>,
     pub(crate) stdout: ChildStdout,
     pub(crate) stderr: ChildStderr,
     report: Option<Report>,
+    /// The limit that the supervisor says is exceeded, while the plugin has its grace.
+    over: Option<Limit>,
+    used: Option<CallUsage>,
 }
 
 impl Process {
-    /// Starts `target` under a supervisor; `executable` calls
+    /// Starts what is to be launched under a supervisor; `executable` calls
     /// [`intercept`](crate::supervisor::intercept) first of all.
-    pub(crate) fn start(executable: &Path, target: &Target) -> Result<Self, Fault> {
+    pub(crate) fn start(executable: &Path, launch: &Launch) -> Result<Self, Fault> {
         let spawn_fault = |error: &dyn std::fmt::Display| Fault::Spawn {
             program: executable.display().to_string(),
             reason: error.to_string(),
             hint: None,
         };
         let (control, theirs) = UnixStream::pair().map_err(|error| spawn_fault(&error))?;
-        let text = serde_json::to_string(target).map_err(|error| spawn_fault(&error))?;
         let theirs = OwnedFd::from(theirs);
         let descriptor = theirs.as_raw_fd();
         let mut command = Command::new(executable);
         command
             .arg(ARGUMENT)
-            .arg(text)
             .arg(descriptor.to_string())
+            .env(RUN, &launch.run)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
@@ -84,54 +77,126 @@ impl Process {
                 libc::fcntl(descriptor, libc::F_SETPIPE_SZ, 1 << 20);
             }
         }
-        Ok(Self {
+        let mut process = Self {
             supervisor,
             control,
+            received: Vec::new(),
             stdin: Some(stdin),
             stdout,
             stderr,
             report: None,
-        })
+            over: None,
+            used: None,
+        };
+        process.say(launch);
+        Ok(process)
     }
 
-    /// Waits up to `patience` for the plugin to end by itself, then kills its
-    /// whole tree. Nothing of it is left when this returns.
-    pub(crate) fn end(&mut self, patience: Duration) -> Report {
-        if let Some(report) = &self.report {
-            return report.clone();
+    /// Says something to the supervisor. One that is gone is noticed by its silence.
+    fn say(&mut self, what: &impl serde::Serialize) {
+        if let Ok(mut text) = serde_json::to_vec(what) {
+            text.push(b'\n');
+            let _ = self.control.write_all(&text);
         }
-        let mut text = Vec::new();
-        if !patience.is_zero() {
-            // The supervisor writes when the plugin has ended.
-            let _ = self.control.set_read_timeout(Some(patience));
-            let mut buffer = [0; 1024];
-            if let Ok(read) = self.control.read(&mut buffer) {
-                text.extend_from_slice(&buffer[..read]);
+    }
+
+    /// To be polled: readable when the supervisor has something to say.
+    pub(crate) fn control(&self) -> Option<BorrowedFd<'_>> {
+        self.report.is_none().then_some(self.control.as_fd())
+    }
+
+    /// A call begins: its limits count from here.
+    pub(crate) fn begin(&mut self, limits: CallLimits, grace: Duration) {
+        self.over = None;
+        self.used = None;
+        let grace_ns = grace.as_nanos() as u64;
+        self.say(&Order::Begin { limits, grace_ns });
+    }
+
+    /// A call has ended: what it used, unless the process ended by itself with it.
+    pub(crate) fn finish(&mut self) -> Option<CallUsage> {
+        if self.report.is_none() {
+            self.say(&Order::Finish);
+            while self.used.is_none() && self.report.is_none() && self.hear(None) {}
+        }
+        let stopped = self.report.as_ref().and_then(|report| report.call);
+        self.used.take().or(stopped)
+    }
+
+    /// The limit that is exceeded, once the supervisor has said so.
+    pub(crate) fn over(&self) -> Option<Limit> {
+        let report = self.report.as_ref();
+        report.and_then(|report| report.over).or(self.over)
+    }
+
+    /// Takes in what the supervisor has said already.
+    pub(crate) fn catch_up(&mut self) {
+        if self.report.is_none() && self.control.set_nonblocking(true).is_ok() {
+            while self.hear(None) && self.report.is_none() {}
+            let _ = self.control.set_nonblocking(false);
+        }
+    }
+
+    /// Waits for the next thing that the supervisor says; false when there was none in
+    /// time, or when it is gone.
+    fn hear(&mut self, patience: Option<Duration>) -> bool {
+        let _ = self.control.set_read_timeout(patience);
+        let mut buffer = [0; 4096];
+        let read = loop {
+            match self.control.read(&mut buffer) {
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return false,
+                Ok(0) | Err(_) => break 0,
+                Ok(read) => break read,
+            }
+        };
+        if read == 0 {
+            // A supervisor that was killed itself could not report.
+            self.report.get_or_insert_default();
+            return false;
+        }
+        self.received.extend_from_slice(&buffer[..read]);
+        while let Some(end) = self.received.iter().position(|byte| *byte == b'\n') {
+            let line: Vec<u8> = self.received.drain(..=end).collect();
+            match serde_json::from_slice(&line) {
+                Ok(Message::Used(used)) => self.used = Some(used),
+                Ok(Message::Over(limit)) => self.over = Some(limit),
+                Ok(Message::Ended(report)) => self.report = Some(*report),
+                Err(_) => {}
             }
         }
-        let _ = self.control.shutdown(std::net::Shutdown::Write);
-        let _ = self.control.set_read_timeout(None);
-        let _ = self.control.read_to_end(&mut text);
+        true
+    }
+
+    /// Waits up to `patience` for the plugin to end by itself, then ends its whole
+    /// tree. Nothing of it is left when this returns.
+    pub(crate) fn end(&mut self, patience: Duration) -> Report {
+        let until = Instant::now() + patience;
+        while self.report.is_none() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            self.hear(Some(left));
+        }
+        if self.report.is_none() {
+            let decided = Instant::now();
+            let _ = self.control.shutdown(std::net::Shutdown::Write);
+            while self.report.is_none() {
+                self.hear(None);
+            }
+            if let Some(report) = self.report.as_mut().filter(|report| report.killed) {
+                // As the host sees it, the way to the supervisor and back included.
+                report.kill_us = Some(decided.elapsed().as_micros() as u64);
+            }
+        }
         let _ = self.supervisor.wait();
-        // A supervisor that was killed itself could not report.
-        let report: Report = serde_json::from_slice(&text).unwrap_or_default();
-        self.report = Some(report.clone());
-        report
+        self.report.clone().unwrap_or_default()
     }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
         self.end(Duration::ZERO);
-    }
-}
-
-impl From<&Report> for Usage {
-    fn from(report: &Report) -> Self {
-        Self {
-            user_us: report.user_us,
-            system_us: report.system_us,
-            max_rss_kb: report.max_rss_kb,
-        }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use fleetyard_abi::paths::{PathContext, WritePaths};
@@ -15,7 +16,7 @@ use fleetyard_abi::{
     Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
     SharedEnvironment, Status, c, monotonic_ns,
 };
-use fleetyard_core::GridPlan;
+use fleetyard_core::{Digest, GridPlan};
 use serde::Serialize;
 use serde::de::{DeserializeOwned, DeserializeSeed};
 use serde_json::value::RawValue;
@@ -23,7 +24,12 @@ use serde_json::value::RawValue;
 use crate::client::{Client, Deadline, Notice};
 use crate::collector::{Collected, Collector};
 use crate::log::{Log, LogLine};
-use crate::process::{Process, Usage};
+use crate::measure::Cpus;
+use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
+use crate::process::Process;
+use crate::sandbox::jail::Launch;
+use crate::sandbox::{Policy, SandboxReport};
+use crate::supervisor::Target;
 use crate::{Attach, Fault, Library, PluginFile};
 
 /// Limits that are not a call's budget.
@@ -38,8 +44,8 @@ pub struct Limits {
     pub ending: Duration,
     /// Longest message.
     pub line_bytes: usize,
-    /// Most bytes on standard output that are no messages.
-    pub stray_bytes: u64,
+    /// Most bytes on standard output and standard error that are no messages.
+    pub output_bytes: u64,
     /// How much of the end of standard error is kept.
     pub stderr_bytes: usize,
     /// How much of the log is kept.
@@ -51,6 +57,19 @@ pub struct Limits {
     /// Most cells in all incumbents that are kept; beyond it older ones keep
     /// their time of arrival alone.
     pub kept_cells: usize,
+    /// What the sandbox grants.
+    pub policy: Policy,
+    /// Processor time of a `prepare` call, over all processes and threads.
+    pub prepare_cpu: Option<Duration>,
+    /// Processor time of every other call.
+    pub cpu: Option<Duration>,
+    /// Memory of all processes together while no call with a budget is running;
+    /// 0 for no limit.
+    pub memory_bytes: u64,
+    /// What numerical libraries are told through the environment.
+    pub threads: u32,
+    /// The processors that the plugin may run on.
+    pub cpus: Option<Cpus>,
 }
 
 impl Default for Limits {
@@ -60,12 +79,18 @@ impl Default for Limits {
             grace: Duration::ZERO,
             ending: Duration::from_secs(2),
             line_bytes: 1 << 30,
-            stray_bytes: 64 << 20,
+            output_bytes: 64 << 20,
             stderr_bytes: 64 << 10,
             log_bytes: 4 << 20,
             plan_cells: 1 << 28,
             incumbents: 10_000,
             kept_cells: 1 << 28,
+            policy: Policy::default(),
+            prepare_cpu: None,
+            cpu: None,
+            memory_bytes: 0,
+            threads: 1,
+            cpus: None,
         }
     }
 }
@@ -85,8 +110,10 @@ pub struct Incumbent {
 pub enum Termination {
     /// The call returned.
     Completed,
-    /// The budget ended first.
+    /// The wall-clock budget ended first.
     TimedOut,
+    /// The plugin used more of another resource than it may, and was stopped.
+    OverLimit,
     /// A signal ended the plugin.
     Crashed,
     /// The plugin ended by itself without a result.
@@ -104,6 +131,7 @@ impl std::fmt::Display for Termination {
         f.pad(match self {
             Self::Completed => "completed",
             Self::TimedOut => "timed-out",
+            Self::OverLimit => "over-limit",
             Self::Crashed => "crashed",
             Self::Exited => "exited",
             Self::ProtocolError => "protocol-error",
@@ -119,6 +147,7 @@ impl From<&Fault> for Termination {
             Fault::Crashed { .. } => Self::Crashed,
             Fault::Exited { .. } => Self::Exited,
             Fault::TimedOut { .. } => Self::TimedOut,
+            Fault::OverLimit { .. } => Self::OverLimit,
             Fault::Protocol { .. } => Self::ProtocolError,
             Fault::Reported {
                 status: Status::Unsupported,
@@ -134,6 +163,8 @@ impl From<&Fault> for Termination {
 pub struct CallReport {
     /// Wall time by the host's clock.
     pub wall: Duration,
+    /// What the plugin's processes used meanwhile.
+    pub usage: CallUsage,
 }
 
 /// Everything that came of a `plan` or `recover` call.
@@ -156,6 +187,13 @@ pub struct PlanRun {
     pub metrics: BTreeMap<String, f64>,
     /// Wall time of the call by the host's clock.
     pub planning: Duration,
+    /// What the plugin's processes used meanwhile.
+    pub usage: CallUsage,
+    /// Whether the plugin was stopped, rather than ending its call by itself.
+    pub stopped: bool,
+    /// The limit that was exceeded; a plugin may exceed one and end by itself, in its
+    /// grace, and it may be stopped for something else.
+    pub limit: Option<Limit>,
 }
 
 impl PlanRun {
@@ -165,6 +203,12 @@ impl PlanRun {
             termination: Termination::from(&fault),
             claim: None,
             message: None,
+            usage: CallUsage::default(),
+            stopped: matches!(
+                fault,
+                Fault::TimedOut { .. } | Fault::OverLimit { .. } | Fault::Protocol { .. }
+            ),
+            limit: fault.limit(),
             fault: Some(fault),
             incumbents: Vec::new(),
             late: 0,
@@ -196,6 +240,14 @@ pub struct Closing {
     pub log: Vec<LogLine>,
     /// Lines on standard output that were no messages.
     pub stray_lines: u64,
+    /// The layers of its sandbox; absent in process.
+    pub sandbox: Option<SandboxReport>,
+    /// The limit for which it was stopped, also after its last answer.
+    pub over: Option<Limit>,
+    /// From the decision to stop it until nobody was left, if it was stopped.
+    pub kill_latency: Option<Duration>,
+    /// Stands for the plugin's whole environment; absent in process.
+    pub environment: Option<Digest>,
 }
 
 /// Opens sessions.
@@ -213,6 +265,7 @@ impl Runtime {
         built_in: &'static [&'static c::PluginEntry],
         limits: Limits,
     ) -> std::io::Result<Self> {
+        crate::state::reap_orphans();
         // Through /proc, so that a binary replaced meanwhile is still this one.
         let executable = PathBuf::from("/proc/self/exe");
         let executable = if executable.exists() {
@@ -225,6 +278,11 @@ impl Runtime {
             built_in,
             limits,
         })
+    }
+
+    /// The limits of every session.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
     }
 
     /// What a file has. The built-ins need no process of their own to be
@@ -288,13 +346,49 @@ impl Runtime {
                     limits: self.limits.clone(),
                     environment: None,
                     encoding: PathEncoding::default(),
+                    startup: Duration::ZERO,
                 })
             }
         }
     }
 
+    fn launch(&self, target: Target) -> Launch {
+        static SERIAL: AtomicU64 = AtomicU64::new(0);
+        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+        // Unique on this machine since it was started.
+        let run = format!("{}-{serial}-{:x}", std::process::id(), monotonic_ns());
+        let limits = &self.limits;
+        Launch {
+            python: target.python(),
+            target,
+            policy: limits.policy.clone(),
+            threads: limits.threads,
+            cpus: limits.cpus.clone(),
+            memory_bytes: limits.memory_bytes,
+            run,
+        }
+    }
+
+    /// What a sandbox would be made of on this machine, for this user: all of it is
+    /// set up, and nothing is started in it.
+    pub fn probe(&self) -> Result<SandboxReport, Fault> {
+        let launch = self.launch(Target::Nothing);
+        let mut process = Process::start(&self.executable, &launch)?;
+        let report = process.end(self.limits.startup);
+        if let (Some(reason), true) = (report.start_error, report.sandbox.layers.is_empty()) {
+            return Err(Fault::Spawn {
+                program: "a sandbox".into(),
+                reason,
+                hint: None,
+            });
+        }
+        Ok(report.sandbox)
+    }
+
     fn open_process(&self, file: &PluginFile) -> Result<Session, Fault> {
-        let process = Process::start(&self.executable, &file.target())?;
+        let launch = self.launch(file.target());
+        let started = monotonic_ns();
+        let process = Process::start(&self.executable, &launch)?;
         let mut client = Client::new(process, self.limits.clone());
         let params = InitializeParams {
             protocol_versions: vec![PROTOCOL_VERSION],
@@ -323,6 +417,7 @@ impl Runtime {
             limits,
             environment: None,
             encoding: PathEncoding::default(),
+            startup: Duration::from_nanos(monotonic_ns() - started),
         })
     }
 }
@@ -403,6 +498,8 @@ pub struct Session {
     environment: Option<SharedEnvironment>,
     /// How the plugin that was made wants to read paths.
     encoding: PathEncoding,
+    /// From its start until it had introduced itself.
+    startup: Duration,
 }
 
 /// The calls that ask for a plan.
@@ -434,6 +531,12 @@ impl Session {
     /// The plugins that the session offers.
     pub fn descriptors(&self) -> &[Descriptor] {
         &self.descriptors
+    }
+
+    /// How long it took to start the plugin until it had introduced itself, the
+    /// sandbox included.
+    pub fn startup(&self) -> Duration {
+        self.startup
     }
 
     /// Makes one plugin. Its options were checked against its schema.
@@ -482,6 +585,7 @@ impl Session {
         environment: &SharedEnvironment,
         budget: &Budget,
     ) -> Result<CallReport, Fault> {
+        self.begin(budget, self.limits.prepare_cpu);
         let budget = from_now(budget);
         let started = monotonic_ns();
         match &mut self.inner {
@@ -508,10 +612,30 @@ impl Session {
                 succeeded("prepare", read("prepare", &answer)?)?;
             }
         }
+        let wall = Duration::from_nanos(monotonic_ns() - started);
         self.environment = Some(SharedEnvironment::clone(environment));
         Ok(CallReport {
-            wall: Duration::from_nanos(monotonic_ns() - started),
+            wall,
+            usage: self.finish(),
         })
+    }
+
+    /// A call begins, with the limits of its budget.
+    fn begin(&mut self, budget: &Budget, cpu: Option<Duration>) {
+        if let Inner::Process(client) = &mut self.inner {
+            client.begin(CallLimits {
+                cpu_ns: cpu.map_or(0, |cpu| cpu.as_nanos() as u64),
+                memory_bytes: budget.memory_bytes,
+            });
+        }
+    }
+
+    /// It has ended: what it used.
+    fn finish(&mut self) -> CallUsage {
+        match &mut self.inner {
+            Inner::InProcess { .. } => CallUsage::default(),
+            Inner::Process(client) => client.finish(),
+        }
     }
 
     /// Asks a planner for a plan.
@@ -531,6 +655,7 @@ impl Session {
 
     fn solve(&mut self, question: Question<'_>, instance: &Instance, budget: &Budget) -> PlanRun {
         let method = question.method();
+        self.begin(budget, self.limits.cpu);
         let budget = from_now(budget);
         let environment = self.environment.as_deref();
         let cells = environment.and_then(|environment| environment.grid());
@@ -539,6 +664,11 @@ impl Session {
         let called = self.call_solve(question, instance, &budget, &collector);
         let ended_ns = monotonic_ns();
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
+        let usage = self.finish();
+        let over = match &self.inner {
+            Inner::InProcess { .. } => None,
+            Inner::Process(client) => client.over(),
+        };
         // A library's plan is rejected after the deadline before it gets here; one
         // that claims success all the same is late, not silent.
         let overdue = ended_ns > budget.deadline_monotonic_ns;
@@ -575,6 +705,9 @@ impl Session {
             late,
             metrics,
             planning,
+            usage,
+            stopped: false,
+            limit: over.or((ended_ns > budget.deadline_monotonic_ns).then_some(Limit::Wall)),
         };
         match called {
             Ok(Outcome { status, message }) => {
@@ -593,6 +726,9 @@ impl Session {
                 }
             }
             Err(fault) => {
+                let PlanRun { stopped, limit, .. } = PlanRun::failed(fault.clone());
+                run.stopped = stopped && !matches!(self.inner, Inner::InProcess { .. });
+                run.limit = limit;
                 run.termination = Termination::from(&fault);
                 run.fault = Some(fault);
             }
@@ -701,6 +837,7 @@ impl Session {
 
     /// Asks an instance generator for the next instance.
     pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault> {
+        self.begin(budget, self.limits.cpu);
         let budget = from_now(budget);
         let method = "generate";
         let missing = || protocol(method, "it claims success but submitted no instance");
@@ -774,18 +911,26 @@ impl Session {
                     stderr_dropped: 0,
                     log: log.take(),
                     stray_lines: 0,
+                    sandbox: None,
+                    over: None,
+                    kill_latency: None,
+                    environment: None,
                 }
             }
             Inner::Process(client) => {
                 let (report, fault) = client.close(self.limits.ending);
                 let (stderr, stderr_dropped) = client.stderr();
                 Closing {
-                    usage: Some(Usage::from(&report)),
+                    usage: report.usage,
                     fault,
                     stderr,
                     stderr_dropped,
                     log: client.log.take(),
                     stray_lines: client.stray_lines,
+                    sandbox: Some(report.sandbox),
+                    over: report.over.filter(|_| report.killed),
+                    kill_latency: report.kill_us.map(Duration::from_micros),
+                    environment: report.environment,
                 }
             }
         }

@@ -1,32 +1,40 @@
 //! The supervisor: one small process per session that owns the plugin's process
 //! tree.
 //!
-//! The host re-executes itself with [`ARGUMENT`]. The supervisor makes itself the
-//! reaper of orphans, starts the plugin (a program, or a fork of itself that
-//! becomes the worker), and waits for whichever comes first: the plugin's main
-//! process ends, or the host closes the control socket, on purpose or by dying.
-//! Then it kills every descendant until none is left, reports exit status and
-//! resource usage on the socket, and ends. Daemons that left their process group
-//! or session are found all the same: an orphan's new parent is the supervisor.
+//! The host re-executes itself with [`ARGUMENT`]. The supervisor starts the plugin (a
+//! program, or a copy of itself that becomes the worker) in the [sandbox], watches
+//! what it uses, and waits for whichever comes first: the plugin's main process ends,
+//! a limit is exceeded, or the host closes the control socket, on purpose or by dying.
+//! Then it ends every process of the plugin, reports on the socket how it went and
+//! what was used, and ends. Daemons that left their process group or session are
+//! found all the same: they cannot leave their namespace, and where there is none an
+//! orphan's new parent is the supervisor.
 //!
-//! This is where a sandbox is locked before any code of the plugin runs.
+//! [sandbox]: crate::sandbox
 
-use std::io::Write;
+use std::convert::Infallible;
+use std::io::{ErrorKind, Read, Write};
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
-use std::process::Command;
+use std::path::{Path, PathBuf};
 
 use fleetyard_abi::wire::{self, Response};
-use fleetyard_abi::{c, serve};
+use fleetyard_abi::{c, monotonic_ns, serve};
+use fleetyard_core::Digest;
 use rustix::event::{PollFd, PollFlags, poll};
-use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, kill_process, pidfd_open, wait};
+use rustix::io::Errno;
+use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
-use crate::Fault;
 use crate::adapter::Adapter;
+use crate::cgroup::Cgroup;
 use crate::library::Library;
+use crate::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
+use crate::python::{self, Python};
+use crate::sandbox::jail::{self, Ended, Jail, Launch, News, NotStarted, ScratchFolder};
+use crate::sandbox::{Layer, SandboxReport};
+use crate::state::Registered;
+use crate::{Fault, sandbox};
 
 /// First argument of a process that is a supervisor.
 pub const ARGUMENT: &str = "__supervise";
@@ -46,6 +54,50 @@ pub enum Target {
     Program(Vec<String>),
     /// The solver that a manifest describes, started by a worker.
     Adapter(PathBuf),
+    /// Nothing: to see which layers a machine grants.
+    Nothing,
+}
+
+impl Target {
+    /// The interpreter that starts it, if it is a Python program.
+    pub(crate) fn python(&self) -> Option<Python> {
+        let Self::Program(argv) = self else {
+            return None;
+        };
+        let program = sandbox::find_program(argv.first()?)?;
+        let interpreter = if python::is_python(&program) {
+            program
+        } else {
+            sandbox::interpreter(&program).filter(|program| python::is_python(program))?
+        };
+        python::ask(&interpreter)
+    }
+}
+
+/// What the host says after it has said what to start.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Order {
+    /// A call begins.
+    Begin {
+        limits: CallLimits,
+        /// How long the plugin may go on once it was told to stop.
+        grace_ns: u64,
+    },
+    /// It has ended: say what it used.
+    Finish,
+}
+
+/// What the supervisor says.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Message {
+    /// What the call used.
+    Used(CallUsage),
+    /// A limit is exceeded; the plugin has its grace to stop.
+    Over(Limit),
+    /// Nobody is left.
+    Ended(Box<Report>),
 }
 
 /// What the supervisor says at the end.
@@ -55,46 +107,133 @@ pub struct Report {
     pub code: Option<i32>,
     /// Signal that ended it.
     pub signal: Option<i32>,
-    /// Whether the host asked for the end.
+    /// Whether the plugin was stopped: by the host, or for a limit.
     pub killed: bool,
+    /// The limit for which it was stopped, as far as the supervisor watches it.
+    pub over: Option<Limit>,
+    /// From the decision to stop it until nobody was left.
+    pub kill_us: Option<u64>,
     /// Why the plugin could not be started.
     pub start_error: Option<String>,
-    /// CPU time in user mode of the whole tree.
-    pub user_us: u64,
-    /// CPU time in the kernel of the whole tree.
-    pub system_us: u64,
-    /// Largest resident set of any process of the tree.
-    pub max_rss_kb: u64,
+    /// What the whole tree used.
+    pub usage: Option<Usage>,
+    /// What the call used in which it was stopped.
+    pub call: Option<CallUsage>,
+    /// Stands for the whole environment of the plugin.
+    pub environment: Option<Digest>,
+    /// The layers of its sandbox.
+    pub sandbox: SandboxReport,
 }
 
 /// Call first in `main`: becomes a supervisor and never returns when the process
 /// was started as one. `built_in` are the entries that are linked in.
 pub fn intercept(built_in: &'static [&'static c::PluginEntry]) {
     let mut arguments = std::env::args().skip(1);
-    if arguments.next().as_deref() != Some(ARGUMENT) {
+    let role = arguments.next();
+    if role.as_deref() == Some(sandbox::INSIDE_ARGUMENT) {
+        sandbox::enter_from_bwrap(arguments, &|target| worker(target, built_in));
+    }
+    if role.as_deref() != Some(ARGUMENT) {
         return;
     }
-    let (Some(target), Some(control)) = (arguments.next(), arguments.next()) else {
+    let control = arguments.next().and_then(|text| text.parse::<RawFd>().ok());
+    let Some(control) = control.filter(|fd| *fd > 2) else {
         eprintln!("{ARGUMENT} is how the host starts itself; it is not a command");
         std::process::exit(2);
     };
-    let target = serde_json::from_str(&target).ok();
-    let control = control.parse::<RawFd>().ok().filter(|fd| *fd > 2);
-    match (target, control) {
-        (Some(target), Some(control)) => {
-            // SAFETY: the host opened this descriptor for the supervisor alone.
-            let control = UnixStream::from(unsafe { OwnedFd::from_raw_fd(control) });
-            supervise(&target, control, built_in)
+    // SAFETY: the host opened this descriptor for the supervisor alone.
+    let stream = UnixStream::from(unsafe { OwnedFd::from_raw_fd(control) });
+    // Whatever else was left open by whoever started the host is not for plugins.
+    close_from(3, control);
+    supervise(Control::new(stream), built_in)
+}
+
+/// Closes all descriptors from a number on, but for one.
+fn close_from(first: RawFd, but: RawFd) {
+    let close = |from: RawFd, to: u32| {
+        // SAFETY: nobody in this young process owns any of them.
+        unsafe { libc::syscall(libc::SYS_close_range, from, to, 0) }
+    };
+    if but > first {
+        close(first, but as u32 - 1);
+    }
+    close(but + 1, u32::MAX);
+}
+
+/// The socket to the host.
+struct Control {
+    stream: UnixStream,
+    received: Vec<u8>,
+}
+
+/// What the host wants.
+enum Heard {
+    Order(Order),
+    Nothing,
+    /// The host wants an end, or is gone.
+    Stop,
+}
+
+impl Control {
+    fn new(stream: UnixStream) -> Self {
+        Self {
+            stream,
+            received: Vec::new(),
         }
-        _ => std::process::exit(2),
+    }
+
+    fn say(&mut self, message: &Message) {
+        if let Ok(mut text) = serde_json::to_vec(message) {
+            text.push(b'\n');
+            // A host that is gone needs to hear nothing.
+            let _ = self.stream.write_all(&text);
+        }
+    }
+
+    fn line(&mut self) -> Option<Vec<u8>> {
+        let end = self.received.iter().position(|byte| *byte == b'\n')?;
+        Some(self.received.drain(..=end).collect())
+    }
+
+    /// The first line, which has to come.
+    fn launch(&mut self) -> Option<Launch> {
+        loop {
+            if let Some(line) = self.line() {
+                return serde_json::from_slice(&line).ok();
+            }
+            self.read().then_some(())?;
+        }
+    }
+
+    /// Reads what is there, waiting for it if need be; false at the end.
+    fn read(&mut self) -> bool {
+        let mut buffer = [0; 4096];
+        loop {
+            match self.stream.read(&mut buffer) {
+                Ok(0) => return false,
+                Ok(read) => {
+                    self.received.extend_from_slice(&buffer[..read]);
+                    return true;
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return false,
+            }
+        }
+    }
+
+    /// Call when there is something to be read, then until nothing is left.
+    fn hear(&mut self, readable: bool) -> Heard {
+        if readable && !self.read() {
+            return Heard::Stop;
+        }
+        match self.line() {
+            Some(line) => serde_json::from_slice(&line).map_or(Heard::Stop, Heard::Order),
+            None => Heard::Nothing,
+        }
     }
 }
 
-fn supervise(
-    target: &Target,
-    mut control: UnixStream,
-    built_in: &'static [&'static c::PluginEntry],
-) -> ! {
+fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry]) -> ! {
     // SAFETY: a plain system call that makes orphans ours.
     unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) };
     // What the terminal, or `timeout`, sends to the whole process group is for the
@@ -104,75 +243,181 @@ fn supervise(
         // SAFETY: ignoring a signal has no precondition.
         unsafe { libc::signal(signal, libc::SIG_IGN) };
     }
-    let mut report = Report::default();
-    match start(target, &control, built_in) {
-        Ok(child) => {
-            release_stdio();
-            report.killed = wait_for_end(child, &control);
-            kill_everybody(child, &mut report);
-        }
-        Err(error) => report.start_error = Some(error),
-    }
-    fill_usage(&mut report);
-    if let Ok(text) = serde_json::to_vec(&report) {
-        // A host that is gone needs no report.
-        let _ = control.write_all(&text);
-    }
+    let Some(launch) = control.launch() else {
+        std::process::exit(2)
+    };
+    let report = run(&launch, &mut control, built_in);
+    control.say(&Message::Ended(Box::new(report)));
     std::process::exit(0)
 }
 
-fn start(
-    target: &Target,
-    control: &UnixStream,
+fn run(
+    launch: &Launch,
+    control: &mut Control,
     built_in: &'static [&'static c::PluginEntry],
-) -> Result<Pid, String> {
-    match target {
-        Target::Program(argv) => {
-            let (program, arguments) = argv.split_first().ok_or("there is no program to start")?;
-            let mut command = Command::new(program);
-            command.args(arguments).process_group(0);
-            // SAFETY: only async-signal-safe calls between fork and exec.
-            unsafe {
-                command.pre_exec(|| {
-                    child_setup();
-                    Ok(())
-                });
-            }
-            let child = command.spawn().map_err(|error| error.to_string())?;
-            Pid::from_raw(child.id() as i32).ok_or_else(|| "the child has no identifier".into())
+) -> Report {
+    let scratch = match ScratchFolder::create(&launch.run) {
+        Ok(scratch) => scratch,
+        Err(error) => {
+            return Report {
+                start_error: Some(format!("there is no scratch folder for it: {error}")),
+                ..Report::default()
+            };
         }
-        Target::Library(_) | Target::BuiltIn | Target::Adapter(_) => {
-            // SAFETY: this process has one thread, so the child may do anything.
-            match unsafe { libc::fork() } {
-                -1 => Err(std::io::Error::last_os_error().to_string()),
-                0 => {
-                    // SAFETY: the descriptor belongs to the parent's copy.
-                    unsafe { libc::close(control.as_raw_fd()) };
-                    // SAFETY: plain system call: a group of its own.
-                    unsafe { libc::setpgid(0, 0) };
-                    child_setup();
-                    worker(target, built_in)
-                }
-                child => Pid::from_raw(child).ok_or_else(|| "the child has no identifier".into()),
-            }
-        }
+    };
+    // Inherited by everybody who is started from here.
+    if let Some(cpus) = &launch.cpus {
+        // Where it is refused, the record's load shows who else was there.
+        let _ = crate::measure::pin(None, cpus);
     }
+    let become_plugin = || -> Infallible { worker(&launch.target, built_in) };
+    let jail = match jail::start(launch, scratch.path(), &become_plugin) {
+        Ok(jail) => jail,
+        Err(NotStarted { report, reason }) => {
+            return Report {
+                start_error: Some(reason),
+                sandbox: report,
+                ..Report::default()
+            };
+        }
+    };
+    let group = jail.cgroup.as_ref().map(Cgroup::folder);
+    let _registered = Registered::write(&launch.run, Some(scratch.path()), group);
+    release_stdio();
+    watch(launch, control, &jail)
+}
+
+/// Watches the plugin to its end.
+fn watch(launch: &Launch, control: &mut Control, jail: &Jail) -> Report {
+    let policy = &launch.policy;
+    let standing = Standing {
+        processes: u64::from(policy.processes),
+        disk_bytes: policy.disk_bytes,
+        files: policy.files,
+        own_disk: jail.report.has(Layer::MountNamespace),
+    };
+    let mut monitor = Monitor::new(standing, launch.memory_bytes);
+    let mut report = Report {
+        sandbox: jail.report.clone(),
+        environment: Some(jail.environment),
+        ..Report::default()
+    };
+    let mut grace_ns = 0;
+    // When a plugin that was told to stop has to have stopped.
+    let mut until = None;
+    let ended: Option<Ended> = loop {
+        let pause = monitor.pause();
+        let timeout = Timespec {
+            tv_sec: pause.as_secs() as i64,
+            tv_nsec: i64::from(pause.subsec_nanos()),
+        };
+        let mut waiting = [
+            PollFd::new(&control.stream, PollFlags::IN | PollFlags::RDHUP),
+            PollFd::from_borrowed_fd(jail.link(), PollFlags::IN),
+        ];
+        let (asked, told) = match poll(&mut waiting, Some(&timeout)) {
+            Ok(_) => (
+                !waiting[0].revents().is_empty(),
+                !waiting[1].revents().is_empty(),
+            ),
+            Err(Errno::INTR) => (false, false),
+            Err(_) => (true, true),
+        };
+        // What the plugin did comes before what the host wants: a crash is a crash
+        // also when the host has just lost its patience.
+        if told {
+            match jail.hear() {
+                Ok(News::Ended(ended)) => {
+                    jail.bury();
+                    break Some(ended);
+                }
+                Ok(News::CannotStart(reason)) => report.start_error = Some(reason),
+                Ok(News::Other) => {}
+                Err(jail::Gone) => {
+                    jail.bury();
+                    break None;
+                }
+            }
+        }
+        let mut stop = false;
+        let mut heard = control.hear(asked);
+        loop {
+            match heard {
+                Heard::Order(Order::Begin {
+                    limits,
+                    grace_ns: grace,
+                }) => {
+                    grace_ns = grace;
+                    until = None;
+                    monitor.begin(jail, limits);
+                }
+                Heard::Order(Order::Finish) => {
+                    let used = monitor.finish(jail);
+                    control.say(&Message::Used(used));
+                    until = None;
+                }
+                Heard::Nothing => break,
+                Heard::Stop => {
+                    stop = true;
+                    break;
+                }
+            }
+            heard = control.hear(false);
+        }
+        if !stop && let Some(limit) = monitor.look(jail) {
+            let now = monotonic_ns();
+            report.over.get_or_insert(limit);
+            if limit == Limit::Cpu && grace_ns > 0 {
+                if until.is_none() {
+                    control.say(&Message::Over(limit));
+                }
+                stop = now >= *until.get_or_insert(now.saturating_add(grace_ns));
+            } else {
+                stop = true;
+            }
+        }
+        if stop {
+            report.killed = true;
+            report.call = Some(monitor.finish(jail));
+            let decided = monotonic_ns();
+            let ended = jail.end();
+            report.kill_us = Some((monotonic_ns() - decided) / 1000);
+            break ended;
+        }
+    };
+    // The kernel may have stopped the plugin before we looked.
+    let by_kernel = match ended.and_then(|ended| ended.signal) {
+        _ if jail.cgroup.as_ref().is_some_and(Cgroup::out_of_memory) => Some(Limit::Memory),
+        Some(libc::SIGXFSZ) => Some(Limit::Disk),
+        Some(_) => None,
+        _ => monitor.last_look(jail),
+    };
+    if report.over.is_none() && by_kernel.is_some() {
+        report.over = by_kernel;
+        report.killed = true;
+    }
+    report.code = ended.and_then(|ended| ended.code);
+    report.signal = ended.and_then(|ended| ended.signal);
+    report.usage = Some(monitor.usage(jail, ended.as_ref()));
+    report
 }
 
 /// Runs in the plugin's process before any of its code.
-fn child_setup() {
-    // SAFETY: plain system calls on this process. The death signal is a
-    // convenience for a supervisor that dies; ignored signals would be inherited.
+pub(crate) fn child_setup() {
+    // SAFETY: plain system calls on this process. Ignored and blocked signals would
+    // be inherited, and so would the host's terminal.
     unsafe {
-        libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL);
+        libc::setsid();
         for signal in FOR_THE_HOST {
             libc::signal(signal, libc::SIG_DFL);
         }
+        let mut none: libc::sigset_t = std::mem::zeroed();
+        libc::sigemptyset(&raw mut none);
+        libc::sigprocmask(libc::SIG_SETMASK, &raw const none, std::ptr::null_mut());
     }
 }
 
-/// Becomes the worker: serves a library's plugins, or an adapter's, on private
-/// descriptors.
+/// Becomes the worker: serves a library's plugins on private descriptors.
 fn worker(target: &Target, built_in: &'static [&'static c::PluginEntry]) -> ! {
     let (input, output) = match serve::private_stdio() {
         Ok(streams) => streams,
@@ -204,7 +449,8 @@ fn worker(target: &Target, built_in: &'static [&'static c::PluginEntry]) -> ! {
     std::process::exit(0)
 }
 
-/// Answers the host's first request, which is number 1, with a fault.
+/// Answers the host's first request, which is number 1, by a fault that explains
+/// itself.
 fn refuse(fault: &Fault, mut output: std::fs::File) {
     let hint = fault
         .hint()
@@ -217,118 +463,23 @@ fn refuse(fault: &Fault, mut output: std::fs::File) {
 
 /// The pipes belong to the plugin: without this the host would never see them
 /// close.
-fn release_stdio() {
-    if let Ok(null) = std::fs::OpenOptions::new()
+pub(crate) fn release_stdio() {
+    match std::fs::OpenOptions::new()
         .read(true)
         .write(true)
-        .open("/dev/null")
+        .open(Path::new("/dev/null"))
     {
-        for descriptor in 0..3 {
-            // SAFETY: both descriptors are open.
-            unsafe { libc::dup2(null.as_raw_fd(), descriptor) };
-        }
-    }
-}
-
-/// Waits for the main process or the host; true when it was the host.
-fn wait_for_end(child: Pid, control: &UnixStream) -> bool {
-    let Ok(ended) = pidfd_open(child, PidfdFlags::empty()) else {
-        return true;
-    };
-    loop {
-        let mut waiting = [
-            PollFd::new(&ended, PollFlags::IN),
-            PollFd::new(control, PollFlags::IN | PollFlags::RDHUP),
-        ];
-        match poll(&mut waiting, None) {
-            Ok(_) => {
-                if !waiting[1].revents().is_empty() {
-                    return true;
-                }
-                if !waiting[0].revents().is_empty() {
-                    return false;
-                }
-            }
-            Err(rustix::io::Errno::INTR) => {}
-            Err(_) => return true,
-        }
-    }
-}
-
-/// Kills and reaps until this process has no children left.
-fn kill_everybody(child: Pid, report: &mut Report) {
-    loop {
-        loop {
-            match wait(WaitOptions::NOHANG) {
-                Ok(Some((pid, status))) => {
-                    if pid == child {
-                        report.code = status.exit_status();
-                        report.signal = status.terminating_signal();
-                    }
-                }
-                Ok(None) => break,
-                Err(rustix::io::Errno::INTR) => {}
-                Err(_) => return,
+        Ok(null) => {
+            for descriptor in 0..3 {
+                // SAFETY: both descriptors are open.
+                unsafe { libc::dup2(null.as_raw_fd(), descriptor) };
             }
         }
-        for descendant in descendants() {
-            // Gone already is as good.
-            let _ = kill_process(descendant, Signal::KILL);
-        }
-        // Killed processes need a moment to die.
-        std::thread::sleep(std::time::Duration::from_micros(200));
-    }
-}
-
-/// Every process below this one, by the parents in `/proc`.
-fn descendants() -> Vec<Pid> {
-    let mut parents: Vec<(i32, i32)> = Vec::new();
-    for entry in std::fs::read_dir("/proc").into_iter().flatten().flatten() {
-        let Some(pid) = entry
-            .file_name()
-            .to_str()
-            .and_then(|name| name.parse::<i32>().ok())
-        else {
-            continue;
-        };
-        let Ok(stat) = std::fs::read_to_string(format!("/proc/{pid}/stat")) else {
-            continue;
-        };
-        // The name, in parentheses, may contain anything; the parent is the
-        // second field after it.
-        let after_name = stat.rsplit(')').next().unwrap_or_default();
-        if let Some(parent) = after_name
-            .split_whitespace()
-            .nth(1)
-            .and_then(|p| p.parse().ok())
-        {
-            parents.push((pid, parent));
+        Err(_) => {
+            for descriptor in 0..3 {
+                // SAFETY: nobody uses them from here on.
+                unsafe { libc::close(descriptor) };
+            }
         }
     }
-    let mut found = vec![std::process::id() as i32];
-    let mut at = 0;
-    while at < found.len() {
-        let children = parents.iter().filter(|(_, parent)| *parent == found[at]);
-        let children: Vec<i32> = children.map(|(pid, _)| *pid).collect();
-        found.extend(children);
-        at += 1;
-    }
-    found
-        .into_iter()
-        .skip(1)
-        .filter_map(Pid::from_raw)
-        .collect()
-}
-
-fn fill_usage(report: &mut Report) {
-    // SAFETY: an all-zero structure is valid, and the call fills it in.
-    let usage = unsafe {
-        let mut usage: libc::rusage = std::mem::zeroed();
-        libc::getrusage(libc::RUSAGE_CHILDREN, &raw mut usage);
-        usage
-    };
-    let micros = |time: libc::timeval| time.tv_sec as u64 * 1_000_000 + time.tv_usec as u64;
-    report.user_us = micros(usage.ru_utime);
-    report.system_us = micros(usage.ru_stime);
-    report.max_rss_kb = usage.ru_maxrss as u64;
 }

@@ -11,7 +11,7 @@ use crate::args::{Compare, Format};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::record::{Record, number};
-use crate::trial::{Candidate, Trial, runtime};
+use crate::trial::{Candidate, Host, Trial};
 
 /// One line of the table. Means are over the trials that succeeded; how many did
 /// stands beside them.
@@ -28,6 +28,8 @@ struct Row {
     planning_time_ms_median: Option<f64>,
     rtf_median: Option<f64>,
     contacts: Option<u64>,
+    /// Trials whose times cannot be compared, because others were busy.
+    contended: usize,
     /// How the trials that failed ended.
     failures: Vec<String>,
 }
@@ -49,11 +51,11 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             instances.push((*agents, file_name(scen), instance));
         }
     }
-    let runtime = runtime(Some(&arguments.budget))?;
+    let host = Host::new(&arguments.budget)?;
     let candidates: Vec<Candidate> = arguments
         .planner
         .iter()
-        .map(|name| Candidate::find(&runtime, name))
+        .map(|name| Candidate::find(&host.runtime, name))
         .collect::<Result<_>>()?;
     let bar = output::progress((instances.len() * candidates.len()) as u64);
     let mut trials: Vec<(usize, usize, Record)> = Vec::new();
@@ -64,7 +66,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             let candidate = &candidates[which];
             bar.set_message(format!("{} with {agents} agents", candidate.name));
             let trial = Trial {
-                runtime: &runtime,
+                host: &host,
                 candidate,
                 attach: None,
                 options: &[],
@@ -144,6 +146,10 @@ fn row<'a>(agents: usize, planner: &str, records: impl Iterator<Item = &'a Recor
             .filter_map(|record| record.execution.as_ref())
             .map(|execution| execution.contacts)
             .reduce(|a, b| a + b),
+        contended: records
+            .iter()
+            .filter(|record| !record.measurement.contended.is_empty())
+            .count(),
         failures,
     }
 }
@@ -164,8 +170,18 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 
 fn text(rows: &[Row]) -> String {
     let header = [
-        "agents", "planner", "solved", "SoC", "SoC/LB", "makespan", "first ms", "total ms", "RTF",
-        "contacts", "failures",
+        "agents",
+        "planner",
+        "solved",
+        "SoC",
+        "SoC/LB",
+        "makespan",
+        "first ms",
+        "total ms",
+        "RTF",
+        "contacts",
+        "contended",
+        "failures",
     ];
     let cell = |value: Option<f64>| value.map_or("-".to_owned(), number);
     let lines = rows.iter().map(|row| {
@@ -182,8 +198,9 @@ fn text(rows: &[Row]) -> String {
             cell(row.rtf_median),
             row.contacts
                 .map_or("-".into(), |contacts| contacts.to_string()),
+            row.contended.to_string(),
             row.failures.join(" "),
         ]
     });
-    output::table(&header, lines.collect(), &[0, 2, 3, 4, 5, 6, 7, 8, 9])
+    output::table(&header, lines.collect(), &[0, 2, 3, 4, 5, 6, 7, 8, 9, 10])
 }

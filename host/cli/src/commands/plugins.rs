@@ -52,7 +52,7 @@ impl From<Discovered> for Listed {
 }
 
 pub(crate) fn list(format: Format) -> Result<Exit> {
-    let runtime = runtime(None)?;
+    let runtime = runtime()?;
     let found = Discovery::from_environment().scan(&runtime);
     let listed: Vec<Listed> = found.into_iter().map(Listed::from).collect();
     if format == Format::Json {
@@ -93,7 +93,7 @@ pub(crate) fn list(format: Format) -> Result<Exit> {
 }
 
 pub(crate) fn info(name: &str, format: Format) -> Result<Exit> {
-    let runtime = runtime(None)?;
+    let runtime = runtime()?;
     let described = describe(&runtime, name)?;
     match format {
         Format::Json => output::print_json(&described)?,

@@ -13,7 +13,7 @@ use crate::args::{Format, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::record::Record;
-use crate::trial::{Candidate, Outcome, Trial, runtime};
+use crate::trial::{Candidate, Host, Outcome, Trial};
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let instance = load_instance(&arguments.instance)?;
@@ -23,15 +23,15 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     {
         check_folder(path)?;
     }
-    let runtime = runtime(Some(&arguments.budget))?;
-    let candidate = Candidate::find(&runtime, &arguments.planner)?;
+    let host = Host::new(&arguments.budget)?;
+    let candidate = Candidate::find(&host.runtime, &arguments.planner)?;
     let mut trace = arguments
         .trace_out
         .as_deref()
         .map(TraceFile::create)
         .transpose()?;
     let trial = Trial {
-        runtime: &runtime,
+        host: &host,
         candidate: &candidate,
         attach: arguments.attach.map(Into::into),
         options: &arguments.options,

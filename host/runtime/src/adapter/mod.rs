@@ -3,31 +3,62 @@
 //!
 //! An [`Adapter`] is a [`Catalog`] with one planner, and the worker process serves
 //! it as it serves a library; the solver is a child of the worker, under the same
-//! supervisor and in the same sandbox.
+//! supervisor and in the same sandbox. The adapter writes map and scenario as
+//! MovingAI files into a folder of its own, fills in the solver's arguments, runs it,
+//! and reads its answer. It believes nothing: the plan is judged like any other, and
+//! an answer that is not in the declared format breaks the contract.
+//!
+//! [`Manifest`] is the file, `formats` reads answers, `process` runs programs.
 
-#[expect(dead_code, reason = "the sections that need the rest follow")]
 mod document;
+mod formats;
 mod manifest;
+mod process;
+mod solver;
+mod template;
 
-use std::path::Path;
+use std::env;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Arc, OnceLock};
+use std::time::Instant;
 
 use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Sink};
-use fleetyard_abi::{Capabilities, Capability, Descriptor, Kind, Status};
+use fleetyard_abi::{Descriptor, Kind, LogLevel, Status};
 use fleetyard_core::{InputError, read_file};
 
-pub use manifest::{MANIFEST_LIMIT, Manifest, Program};
+pub use manifest::{MANIFEST_LIMIT, Manifest};
 
-use crate::Fault;
+use crate::{Fault, check_options};
+use manifest::VersionQuery;
+use process::{Captured, End, Outputs};
+use solver::Solver;
+use template::Slot;
 
 /// A solver that a manifest describes.
 #[derive(Debug)]
 pub struct Adapter {
+    installed: Arc<Installed>,
+    /// What the solver says, asked once.
+    version: OnceLock<Result<String, String>>,
+}
+
+/// A manifest, and where it and the solver are.
+#[derive(Debug)]
+struct Installed {
     manifest: Manifest,
+    folder: PathBuf,
+    program: PathBuf,
 }
 
 impl Adapter {
-    /// Reads the manifest at `path`. Starts nothing.
+    /// Reads the manifest at `path` and finds its program. Starts nothing.
     pub fn open(path: &Path) -> Result<Self, Fault> {
+        let refused = |error: InputError| Fault::Refused {
+            reason: error.to_string(),
+            hint: error.hint,
+        };
         let source = path.display().to_string();
         let manifest = read_file(path, MANIFEST_LIMIT)
             .and_then(|bytes| {
@@ -35,27 +66,176 @@ impl Adapter {
                     .map_err(|_| InputError::new(source.as_str(), "the file is not UTF-8 text"))?;
                 Manifest::read(&text, &source)
             })
-            .map_err(|error| Fault::Refused {
-                reason: error.to_string(),
-                hint: error.hint,
-            })?;
-        Ok(Self { manifest })
+            .map_err(refused)?;
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let folder = absolute.parent().unwrap_or(Path::new("/")).to_owned();
+        let program = find_program(&manifest, &folder, &source).map_err(refused)?;
+        Ok(Self {
+            installed: Arc::new(Installed {
+                manifest,
+                folder,
+                program,
+            }),
+            version: OnceLock::new(),
+        })
+    }
+
+    /// The program that is started.
+    pub fn program(&self) -> &Path {
+        &self.installed.program
+    }
+
+    /// What the solver must be able to read besides the system's programs and
+    /// libraries: the program, the manifest's folder, and what the manifest lists.
+    pub fn readable(&self) -> Vec<PathBuf> {
+        let Installed {
+            manifest,
+            folder,
+            program,
+        } = &*self.installed;
+        let listed = manifest.read.iter().map(|path| folder.join(path));
+        [program.clone(), folder.clone()]
+            .into_iter()
+            .chain(listed)
+            .collect()
+    }
+
+    /// Environment variables that [`open`](Self::open) looks at: a process that
+    /// opens the adapter again must have them.
+    pub fn variables(&self) -> Vec<&str> {
+        let variable = self.installed.manifest.program.variable.as_deref();
+        ["PATH"].into_iter().chain(variable).collect()
+    }
+
+    fn version(&self) -> &Result<String, String> {
+        self.version.get_or_init(|| {
+            let version = &self.installed.manifest.version;
+            match &version.query {
+                None => Ok(version.text.clone()),
+                Some(query) => self.ask_version(query),
+            }
+        })
+    }
+
+    /// Starts the solver to ask for its version.
+    fn ask_version(&self, query: &VersionQuery) -> Result<String, String> {
+        const KEPT: usize = 1 << 16;
+        const LONGEST: usize = 100;
+        let Installed {
+            folder, program, ..
+        } = &*self.installed;
+        let mut command = Command::new(program);
+        for template in &query.arguments {
+            command.arg(template.render(|slot| match slot {
+                Slot::ManifestDir => folder.clone().into(),
+                // The manifest's reader lets no other pass.
+                _ => "".into(),
+            }));
+        }
+        let begun = Instant::now();
+        let outputs = Outputs {
+            stdout: Captured::new(KEPT, 0),
+            stderr: Captured::new(KEPT, 0),
+            stdout_line: &mut |_| {},
+            stderr_line: &mut |_| {},
+        };
+        let ended = process::run(command.current_dir(env::temp_dir()), outputs, &|| {
+            begun.elapsed() >= query.limit
+        })
+        .map_err(|error| format!("{} cannot be started: {error}", program.display()))?;
+        if ended.end == End::Stopped {
+            return Err(format!("it took longer than {} s", query.limit.as_secs()));
+        }
+        let texts = [ended.stdout.into_bytes(), ended.stderr.into_bytes()];
+        let found = texts.iter().find_map(|text| query.pattern.captures(text));
+        let version = found.and_then(|found| {
+            let text = String::from_utf8_lossy(found.get(1)?.as_bytes());
+            Some(text.trim().chars().take(LONGEST).collect::<String>())
+        });
+        version
+            .filter(|text| !text.is_empty() && !text.contains(char::is_control))
+            .ok_or_else(|| format!("it {}, and the pattern found nothing", ended.end))
+    }
+}
+
+fn is_executable(path: &Path) -> bool {
+    path.metadata()
+        .is_ok_and(|meta| meta.is_file() && meta.permissions().mode() & 0o111 != 0)
+}
+
+/// The program of a manifest: where its variable says, else where its command says.
+fn find_program(manifest: &Manifest, folder: &Path, source: &str) -> Result<PathBuf, InputError> {
+    let program = &manifest.program;
+    let command = program.command.as_str();
+    let refused = |reason: String| {
+        let error = InputError::new(source, reason).at(program.line, program.column);
+        error.hint(install_hint(manifest))
+    };
+    let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
+    if let Some(name) = &program.variable
+        && let Some(value) = set(name)
+    {
+        let path = std::path::absolute(&value).unwrap_or_else(|_| value.into());
+        if is_executable(&path) {
+            return Ok(path);
+        }
+        let shown = path.display();
+        return Err(refused(format!("{name} is {shown}, which is no program")));
+    }
+    if command.contains('/') {
+        let path = folder.join(command);
+        if is_executable(&path) {
+            return Ok(path);
+        }
+        let wrong = if path.exists() {
+            "is no program that may be executed"
+        } else {
+            "does not exist"
+        };
+        return Err(refused(format!("{} {wrong}", path.display())));
+    }
+    let folders = set("PATH").unwrap_or_else(|| "/usr/local/bin:/usr/bin:/bin".into());
+    env::split_paths(&folders)
+        .filter(|folder| folder.is_absolute())
+        .map(|folder| folder.join(command))
+        .find(|path| is_executable(path))
+        .ok_or_else(|| refused(format!("the program `{command}` is not on PATH")))
+}
+
+/// How to get a program that is missing.
+fn install_hint(manifest: &Manifest) -> String {
+    let program = &manifest.program;
+    let get = match (&program.install, manifest.homepage.as_str()) {
+        (Some(text), _) => text.clone(),
+        (None, "") => "install it".to_owned(),
+        (None, homepage) => format!("get it from {homepage}"),
+    };
+    match &program.variable {
+        Some(name) => format!("{get}; {name} may name the program"),
+        None => get,
     }
 }
 
 impl Catalog for Adapter {
     fn descriptors(&self) -> Vec<Descriptor> {
-        let manifest = &self.manifest;
+        let manifest = &self.installed.manifest;
+        let version = self.version().as_ref();
+        let mut description = manifest.description.trim().to_owned();
+        if !manifest.homepage.is_empty() {
+            let gap = if description.is_empty() { "" } else { " " };
+            description = format!("{description}{gap}<{}>", manifest.homepage);
+        }
         vec![Descriptor {
-            name: manifest.name.clone(),
-            version: manifest.version.clone(),
+            version: version.unwrap_or(&manifest.version.text).clone(),
             license: manifest.license.clone(),
-            capabilities: Capabilities::of(&[Capability::Grid, Capability::Pebble]),
-            ..Descriptor::new(
-                Kind::Planner,
-                manifest.id.as_str(),
-                manifest.description.as_str(),
-            )
+            capabilities: manifest.capabilities,
+            options_schema: manifest.options.clone(),
+            name: if manifest.name.is_empty() {
+                manifest.id.clone()
+            } else {
+                manifest.name.clone()
+            },
+            ..Descriptor::new(Kind::Planner, manifest.id.as_str(), description)
         }]
     }
 
@@ -63,10 +243,21 @@ impl Catalog for Adapter {
         &self,
         kind: Kind,
         id: &str,
-        _: Options<'_>,
-        _: &dyn Sink,
+        options: Options<'_>,
+        sink: &dyn Sink,
     ) -> Result<Object, Failure> {
-        let reason = format!("there is no {kind} `{id}`");
-        Err(Failure::new(Status::Unsupported, reason))
+        let manifest = &self.installed.manifest;
+        if kind != Kind::Planner || id != manifest.id {
+            let reason = format!("there is no {kind} `{id}`");
+            return Err(Failure::new(Status::Unsupported, reason));
+        }
+        if let Err(reason) = self.version() {
+            let text = format!("the solver did not say its version: {reason}");
+            sink.log(LogLevel::Warning, &text);
+        }
+        let options: serde_json::Map<_, _> = options.parse()?;
+        check_options(&options, &manifest.options)
+            .map_err(|error| Failure::new(Status::InvalidInput, error.reason))?;
+        Solver::new(self.installed.clone(), options).map(|solver| Object::Planner(Box::new(solver)))
     }
 }

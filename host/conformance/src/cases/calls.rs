@@ -1,0 +1,261 @@
+//! Many calls, wrong calls, and calls that take too long or too much.
+
+use std::time::{Duration, Instant};
+
+use fleetyard_abi::{Capability, Kind};
+use fleetyard_runtime::{Fault, Usage};
+
+use super::answers::{at_least, small};
+use crate::kit::milliseconds;
+use crate::scene::Scene;
+use crate::trial::{Call, Hope, Step, Stop, Trial, same};
+
+pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = small(trial)?;
+    let mut other = scene.clone();
+    other.name = "the way back".into();
+    for (start, goals) in other.starts.iter_mut().zip(&mut other.goals) {
+        if let Some(goal) = goals.last_mut() {
+            std::mem::swap(start, goal);
+        }
+    }
+    let mut session = trial.ready(&scene)?;
+    let mut answers = Vec::new();
+    for asked in [&scene, &other, &scene] {
+        let answer = trial.ask(&mut session, asked, &Call::of(trial.wall()))?;
+        trial.judge(asked, &answer, Hope::Plan)?;
+        answers.push(answer);
+    }
+    trial.close(session);
+    // A generator may remember what it gave out, and a policy what it was told.
+    let plans = !answers[0].plans().is_empty();
+    if plans && trial.claims(Capability::Deterministic) {
+        same(&answers[0], &answers[2]).map_err(|reason| {
+            Stop::Failed(format!("asked the same in one session, {reason}"))
+        })?;
+    }
+    Ok(())
+}
+
+pub(crate) fn other_map(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    let first = Scene::open("first map", 8, 6, &mut random)?;
+    let smaller = Scene::open("smaller map", 4, 3, &mut random)?;
+    let larger = Scene::open("larger map", 15, 20, &mut random)?;
+    let mut session = trial.open()?;
+    trial.create(&mut session)?;
+    for scene in [&first, &smaller, &larger, &first] {
+        trial.prepare(&mut session, scene)?;
+        let answer = trial.ask(&mut session, scene, &Call::of(trial.wall()))?;
+        trial.judge(scene, &answer, Hope::Plan)?;
+    }
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn made_again(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = small(trial)?;
+    let mut session = trial.open()?;
+    for _ in 0..3 {
+        trial.create(&mut session)?;
+        trial.prepare(&mut session, &scene)?;
+        let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+        trial.judge(&scene, &answer, Hope::Plan)?;
+    }
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn bad_input(trial: &mut Trial<'_>) -> Step<()> {
+    const OBSTACLE: u32 = 3;
+    let good = Scene::drawn("good", &["a..@", "...b"], &["..a@", "b..."])?;
+    let spoiled = |name: &str, spoil: &dyn Fn(&mut Scene)| {
+        let mut scene = good.clone();
+        scene.name = name.into();
+        spoil(&mut scene);
+        scene
+    };
+    let bad = [
+        spoiled("start on an obstacle", &|scene| scene.starts[0] = OBSTACLE),
+        spoiled("goal on an obstacle", &|scene| scene.goals[0] = vec![OBSTACLE]),
+        spoiled("two agents in one cell", &|scene| {
+            scene.starts[1] = scene.starts[0];
+        }),
+    ];
+    let mut session = trial.ready(&good)?;
+    for scene in bad {
+        let answer = trial.ask(&mut session, &scene, &Call::of(trial.config().slice()))?;
+        trial.judge(&scene, &answer, Hope::Survival)?;
+        let answer = trial.ask(&mut session, &good, &Call::of(trial.wall()))?;
+        trial.judge(&good, &answer, Hope::Plan)?;
+    }
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn deadline(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = Scene::jam(&mut trial.random())?;
+    let mut session = trial.ready(&scene)?;
+    let wall = at_least(trial.config().slice(), 100);
+    let answer = trial.ask(&mut session, &scene, &Call::of(wall))?;
+    trial.figure("budget_ms", milliseconds(wall));
+    trial.figure("returned_ms", milliseconds(answer.wall));
+    note_lateness(trial, answer.late);
+    // What came in time has to be right all the same.
+    let hope = if trial.kind() == Kind::Planner {
+        Hope::NoPlan
+    } else {
+        Hope::Perhaps
+    };
+    if trial.kind() != Kind::InstanceGenerator {
+        trial.judge(&scene, &answer, hope)?;
+    }
+    trial.close(session);
+    Ok(())
+}
+
+fn note_lateness(trial: &mut Trial<'_>, late: Duration) {
+    trial.figure("late_ms", milliseconds(late));
+    if late > trial.config().grace / 4 {
+        trial.warn(format!(
+            "returned {:.0} ms after the deadline: without a grace it would have been killed",
+            milliseconds(late)
+        ));
+    }
+}
+
+pub(crate) fn cancelled(trial: &mut Trial<'_>) -> Step<()> {
+    let jam = Scene::jam(&mut trial.random())?;
+    let mut session = trial.ready(&jam)?;
+    // Over before it has begun: the plugin is cancelled while it reads the request.
+    let answer = trial.ask(&mut session, &jam, &Call::of(Duration::from_nanos(1)))?;
+    note_lateness(trial, answer.late);
+    let scene = small(trial)?;
+    trial.prepare(&mut session, &scene)?;
+    let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+    trial.judge(&scene, &answer, Hope::Plan)?;
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn prepare_deadline(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = Scene::large(&mut trial.random())?;
+    let mut session = trial.open()?;
+    trial.create(&mut session)?;
+    let wall = Duration::from_millis(1);
+    let started = Instant::now();
+    let prepared = session.prepare(&scene.environment()?, &trial.budget(&Call::of(wall)));
+    let late = started.elapsed().saturating_sub(wall);
+    match prepared {
+        // It may have learned the map, or say that it could not.
+        Ok(_) | Err(Fault::Reported { .. }) => {}
+        Err(fault) => return Err(fault.into()),
+    }
+    if late > trial.config().grace {
+        return Err(Stop::Failed(format!(
+            "`prepare` returned {:.0} ms after its deadline",
+            milliseconds(late)
+        )));
+    }
+    note_lateness(trial, late);
+    let scene = small(trial)?;
+    trial.prepare(&mut session, &scene)?;
+    let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+    trial.judge(&scene, &answer, Hope::Plan)?;
+    trial.close(session);
+    Ok(())
+}
+
+fn not_measured() -> Stop {
+    Stop::Skipped("what a plugin uses in the host's own process is not measured".into())
+}
+
+/// What a session used.
+struct Used {
+    cpu: Duration,
+    memory_kb: u64,
+    /// The last call.
+    wall: Duration,
+}
+
+/// Makes some calls in a session of their own.
+fn used(trial: &mut Trial<'_>, scene: &Scene, call: &Call<'_>, calls: usize) -> Step<Used> {
+    let mut session = trial.ready(scene)?;
+    let mut wall = Duration::ZERO;
+    for _ in 0..calls {
+        wall = trial.ask(&mut session, scene, call)?.wall;
+    }
+    let usage = trial.close(session).usage;
+    let used = usage.and_then(|usage: Usage| {
+        let cpu_us = Option::from(usage.user_us)? + Option::<u64>::from(usage.system_us)?;
+        Some(Used {
+            cpu: Duration::from_micros(cpu_us),
+            memory_kb: Option::from(usage.max_rss_kb)?,
+            wall,
+        })
+    });
+    used.ok_or_else(not_measured)
+}
+
+pub(crate) fn memory_growth(trial: &mut Trial<'_>) -> Step<()> {
+    /// How long all calls together may take, about.
+    const WHOLE: Duration = Duration::from_secs(1);
+    const MIB: u64 = 1 << 10;
+    if trial.is_in_process() {
+        return Err(not_measured());
+    }
+    let scene = small(trial)?;
+    let call = if trial.claims(Capability::Anytime) {
+        Call::of(at_least(trial.config().slice() / 5, 10))
+    } else {
+        Call::of(trial.wall())
+    };
+    let started = Instant::now();
+    let mut session = trial.ready(&scene)?;
+    let ready = started.elapsed();
+    trial.ask(&mut session, &scene, &call)?;
+    let one = started.elapsed().saturating_sub(ready);
+    trial.close(session);
+    let fitting = WHOLE.as_secs_f64() / (5.0 * one.as_secs_f64().max(1e-6));
+    let calls = fitting.clamp(3.0, 50.0) as usize;
+    let few = used(trial, &scene, &call, calls)?.memory_kb;
+    let many = used(trial, &scene, &call, 4 * calls)?.memory_kb;
+    trial.figure("calls", calls as f64);
+    trial.figure("memory_mib", few as f64 / MIB as f64);
+    trial.figure("memory_of_four_times_mib", many as f64 / MIB as f64);
+    if many > few + few / 2 + 16 * MIB {
+        return Err(Stop::Failed(format!(
+            "{calls} calls need {} MiB, {} calls {} MiB",
+            few / MIB,
+            4 * calls,
+            many / MIB
+        )));
+    }
+    Ok(())
+}
+
+pub(crate) fn thread_limit(trial: &mut Trial<'_>) -> Step<()> {
+    if trial.is_in_process() {
+        return Err(not_measured());
+    }
+    let scene = if trial.claims(Capability::Pebble) {
+        Scene::jam(&mut trial.random())?
+    } else {
+        small(trial)?
+    };
+    let call = Call::of(at_least(trial.config().slice() * 2, 300));
+    // Starting, and learning the map, are no matter of this budget.
+    let idle = used(trial, &scene, &call, 0)?;
+    let Used { cpu, wall, .. } = used(trial, &scene, &call, 1)?;
+    let spent = cpu.saturating_sub(idle.cpu);
+    trial.figure("cpu_ms", milliseconds(spent));
+    trial.figure("wall_ms", milliseconds(wall));
+    if spent > wall.mul_f64(1.3) + Duration::from_millis(100) {
+        return Err(Stop::Failed(format!(
+            "allowed one thread, it spent {:.0} ms of CPU time in {:.0} ms",
+            milliseconds(spent),
+            milliseconds(wall)
+        )));
+    }
+    Ok(())
+}

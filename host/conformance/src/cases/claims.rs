@@ -1,0 +1,174 @@
+//! One case per capability beyond pebbles on grids with four neighbours.
+
+use fleetyard_abi::{Capability, Status};
+use fleetyard_core::Connectivity;
+use serde_json::{Map, json};
+
+use super::answers::{CROSSING, FOLLOWING, at_least, draw};
+use crate::judge::Arrival;
+use crate::scene::Scene;
+use crate::trial::{Call, Hope, Step, Stop, Trial, same};
+
+pub(crate) fn eight_connected(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    let drawn = [
+        Scene::drawn(
+            "diagonals",
+            &["a..b", "....", "....", "c..d"],
+            &["d..c", "....", "....", "b..a"],
+        )?,
+        // The diagonal would be the shortest way, past the corner of the obstacle.
+        Scene::drawn("corner", &["a@.", "..."], &[".@.", ".a."])?,
+    ];
+    let random = [
+        Scene::random("random 1", &mut random, 10)?,
+        Scene::random("random 2", &mut random, 10)?,
+    ];
+    for mut scene in drawn.into_iter().chain(random) {
+        scene.connectivity = Connectivity::Eight;
+        trial.solve(&scene)?;
+    }
+    Ok(())
+}
+
+pub(crate) fn rotation(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    let scenes = [
+        Scene::drawn("about-turn", &["....a"], &["a...."])?,
+        draw(CROSSING)?,
+        Scene::random("random", &mut random, 8)?,
+    ];
+    for scene in scenes {
+        trial.solve(&scene.turning())?;
+    }
+    Ok(())
+}
+
+pub(crate) fn windowed(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    for window in [1, 5, 50] {
+        let mut scene = Scene::open(&format!("window of {window}"), 8, 8, &mut random)?;
+        scene.window_steps = window;
+        // Everybody comes back to the start, where nobody else has a last goal.
+        for (goals, start) in scene.goals.iter_mut().zip(&scene.starts) {
+            goals.push(*start);
+        }
+        trial.solve(&scene)?;
+    }
+    Ok(())
+}
+
+pub(crate) fn duplicate_goals(trial: &mut Trial<'_>) -> Step<()> {
+    let mut scene = Scene::drawn("shared", &["a...", ".@..", "b..c"], &["..a.", ".@b.", "...c"])?;
+    let shared = scene.goals[0].clone();
+    scene.goals[1] = shared;
+    if trial.claims(Capability::Windowed) {
+        scene.window_steps = 5;
+    }
+    let mut session = trial.ready(&scene)?;
+    let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+    if answer.status == Status::Infeasible {
+        trial.warn("claims that agents with the same goal cannot both arrive: to visit is enough");
+    } else {
+        // Only one of two can stay there.
+        trial.judge_as(&scene, &answer, Hope::Plan, Arrival::Visit)?;
+    }
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn anytime(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    let scene = Scene::open("open", 12, 30, &mut random)?;
+    let wall = at_least(trial.config().slice() * 2, 100);
+    let answer = trial.solve_hoping(&scene, Hope::Plan, wall)?;
+    trial.figure("plans", answer.plans().len() as f64);
+    Ok(())
+}
+
+pub(crate) fn colliding_plans(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    let scenes = [
+        Scene::drawn("no-room", &["ab"], &["ba"])?,
+        Scene::jam(&mut random)?,
+    ];
+    let wall = at_least(trial.config().slice(), 100);
+    for scene in scenes {
+        let answer = trial.solve_hoping(&scene, Hope::NoPlan, wall)?;
+        if answer.plans().is_empty() {
+            trial.warn(format!("{}: left no paths, as it may", scene.name));
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn k_robust(trial: &mut Trial<'_>) -> Step<()> {
+    let schema = &trial.descriptor().options_schema;
+    if schema.pointer("/properties/k").is_none() {
+        return Err(Stop::Failed("its schema has no option `k`".into()));
+    }
+    trial.delay = 1;
+    let options = Map::from_iter([("k".to_owned(), json!(1))]);
+    for drawing in [FOLLOWING, CROSSING] {
+        let mut scene = draw(drawing)?;
+        scene.best = None;
+        let mut session = trial.open()?;
+        trial.create_with(&mut session, &options)?;
+        trial.prepare(&mut session, &scene)?;
+        let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+        trial.judge(&scene, &answer, Hope::Plan)?;
+        trial.close(session);
+    }
+    Ok(())
+}
+
+pub(crate) fn threads(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    let scene = Scene::open("open", 12, 20, &mut random)?;
+    let mut session = trial.ready(&scene)?;
+    let call = Call {
+        threads: 2,
+        ..Call::of(trial.wall())
+    };
+    let answer = trial.ask(&mut session, &scene, &call)?;
+    trial.judge(&scene, &answer, Hope::Plan)?;
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn not_here(_: &mut Trial<'_>) -> Step<()> {
+    Err(Stop::Skipped(
+        "this host has no such representation to ask about".into(),
+    ))
+}
+
+pub(crate) fn deterministic(trial: &mut Trial<'_>) -> Step<()> {
+    // Few enough that planners which count nodes stop by themselves.
+    const NODES: u64 = 1000;
+    let mut random = trial.random();
+    let scenes = [
+        Scene::open("open", 8, 8, &mut random)?,
+        Scene::random("random", &mut random, 8)?,
+    ];
+    for scene in scenes {
+        let mut answers = Vec::new();
+        for _ in 0..2 {
+            let mut session = trial.ready(&scene)?;
+            let call = Call {
+                nodes: NODES,
+                ..Call::of(trial.wall())
+            };
+            let answer = trial.ask(&mut session, &scene, &call)?;
+            trial.judge(&scene, &answer, Hope::Perhaps)?;
+            trial.close(session);
+            answers.push(answer);
+        }
+        if answers.iter().any(|answer| answer.by_clock) {
+            trial.figure("first_plans_only", 1.0);
+        }
+        same(&answers[0], &answers[1])
+            .map_err(|reason| Stop::Failed(format!("{}: {reason}", scene.name)))?;
+    }
+    Ok(())
+}
+

@@ -1,0 +1,283 @@
+//! How a plugin starts, describes itself, is made, and ends.
+
+use std::time::{Duration, Instant};
+
+use fleetyard_abi::{Capability, Descriptor, Kind};
+use fleetyard_runtime::{Fault, check_options};
+use serde_json::{Map, Value, json};
+
+use super::answers;
+use crate::kit::milliseconds;
+use crate::trial::{Call, Step, Stop, Trial};
+
+pub(crate) fn handshake(trial: &mut Trial<'_>) -> Step<()> {
+    let session = trial.open()?;
+    let Descriptor { kind, id, .. } = trial.descriptor();
+    let offered = session
+        .descriptors()
+        .iter()
+        .any(|offered| offered.kind == *kind && offered.id == *id);
+    trial.close(session);
+    if !offered {
+        return Err(Stop::Failed(format!(
+            "it offered a {kind} `{id}` before, and does not now"
+        )));
+    }
+    Ok(())
+}
+
+pub(crate) fn scan_time(trial: &mut Trial<'_>) -> Step<()> {
+    // A scan that takes longer than plugins may take to start ends by force.
+    const SLOW: Duration = Duration::from_secs(2);
+    let started = Instant::now();
+    let session = trial.open()?;
+    let taken = started.elapsed();
+    trial.close(session);
+    trial.figure("scan_ms", milliseconds(taken));
+    if taken > SLOW {
+        trial.warn(format!(
+            "took {:.1} s to describe itself: every listing waits for it",
+            taken.as_secs_f64()
+        ));
+    }
+    Ok(())
+}
+
+pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
+    let session = trial.open()?;
+    let first = session.descriptors().to_vec();
+    trial.close(session);
+    let session = trial.open()?;
+    let second = session.descriptors().to_vec();
+    trial.close(session);
+    let about = trial.descriptor();
+    if first != second {
+        return Err(Stop::Failed(
+            "it describes itself differently from one start to the next".into(),
+        ));
+    }
+    let (kind, id) = (about.kind, &about.id);
+    let namesakes = first
+        .iter()
+        .filter(|other| other.kind == kind && other.id == *id)
+        .count();
+    if namesakes > 1 {
+        return Err(Stop::Failed(format!("it has {namesakes} of kind {kind} named `{id}`")));
+    }
+    let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
+    let fits = id.bytes().next().is_some_and(letter)
+        && id.bytes().all(|byte| letter(byte) || b"._-".contains(&byte));
+    if !fits {
+        return Err(Stop::Failed(format!(
+            "`{id}` is no identifier: use a-z, 0-9, `.`, `_`, `-`, the first one a letter or digit"
+        )));
+    }
+    for (what, text) in [
+        ("version", &about.version),
+        ("name", &about.name),
+        ("description", &about.description),
+    ] {
+        if text.trim().is_empty() {
+            trial.warn(format!("has no {what}"));
+        }
+    }
+    claims_fit(trial)?;
+    let mut defaults = defaults(about);
+    defaults.extend(trial.subject.options.clone());
+    check_options(&defaults, &about.options_schema).map_err(|error| {
+        Stop::Failed(format!("its defaults do not satisfy its own schema: {error}"))
+    })?;
+    check_options(&trial.subject.options, &about.options_schema).map_err(|error| {
+        Stop::Failed(format!(
+            "it cannot be made without further options: {error}; leave them out of `required` \
+             or give them with --option"
+        ))
+    })
+}
+
+/// Whether what is claimed belongs together.
+fn claims_fit(trial: &mut Trial<'_>) -> Step<()> {
+    use Capability as C;
+    let claims = |capability: C| trial.claims(capability);
+    let needs_one = [
+        (C::EightConnected, &[C::Grid][..]),
+        (C::Grid, &[C::Pebble, C::Rotation]),
+    ];
+    let pairs = needs_one
+        .into_iter()
+        .find(|(claim, one_of)| claims(*claim) && !one_of.iter().any(|one| claims(*one)));
+    if let Some((claim, one_of)) = pairs {
+        let names: Vec<&str> = one_of.iter().map(|one| one.as_str()).collect();
+        return Err(Stop::Failed(format!(
+            "claims `{}` without {}",
+            claim.as_str(),
+            names.join(" or ")
+        )));
+    }
+    let about = trial.descriptor();
+    let somewhere = [C::Grid, C::Roadmap, C::Continuous];
+    if trial.kind() == Kind::Planner && !somewhere.iter().any(|claim| claims(*claim)) {
+        return Err(Stop::Failed(
+            "claims no representation (grid, roadmap, continuous): it can be asked nothing".into(),
+        ));
+    }
+    if claims(C::KRobust) && about.options_schema.pointer("/properties/k").is_none() {
+        return Err(Stop::Failed(
+            "claims `k-robust`, but its schema has no option `k`".into(),
+        ));
+    }
+    if trial.kind() == Kind::InvocationPolicy {
+        let idle: Vec<&str> = about
+            .capabilities
+            .iter()
+            .filter(|claim| *claim != C::Deterministic)
+            .map(C::as_str)
+            .collect();
+        if !idle.is_empty() {
+            trial.warn(format!("claims that mean nothing here: {}", idle.join(", ")));
+        }
+    }
+    Ok(())
+}
+
+/// The defaults of the schema, by name.
+fn defaults(about: &Descriptor) -> Map<String, Value> {
+    properties(about)
+        .filter_map(|(name, property)| Some((name.clone(), property.get("default")?.clone())))
+        .collect()
+}
+
+fn properties(about: &Descriptor) -> impl Iterator<Item = (&String, &Value)> {
+    let properties = about.options_schema.get("properties");
+    properties.and_then(Value::as_object).into_iter().flatten()
+}
+
+pub(crate) fn default_options(trial: &mut Trial<'_>) -> Step<()> {
+    let mut defaults = defaults(trial.descriptor());
+    // What the user wants otherwise stays as it is.
+    defaults.retain(|name, _| !trial.subject.options.contains_key(name));
+    let mut session = trial.open()?;
+    trial.create(&mut session)?;
+    let one = |(name, value): (&String, &Value)| Map::from_iter([(name.clone(), value.clone())]);
+    let together = std::iter::once(defaults.clone());
+    for options in defaults.iter().map(one).chain(together) {
+        trial
+            .create_with(&mut session, &options)
+            .map_err(|fault| with_options(fault, &options))?;
+    }
+    trial.close(session);
+    Ok(())
+}
+
+fn with_options(fault: Fault, options: &Map<String, Value>) -> Stop {
+    let options = Value::Object(options.clone());
+    match Stop::from(fault) {
+        Stop::Failed(reason) => Stop::Failed(format!("with {options} it {reason}")),
+        Stop::Crashed(reason) => Stop::Crashed(format!("with {options} it {reason}")),
+        skipped @ Stop::Skipped(_) => skipped,
+    }
+}
+
+pub(crate) fn unknown_option(trial: &mut Trial<'_>) -> Step<()> {
+    const NAME: &str = "an-option-of-no-plugin";
+    let mut session = trial.open()?;
+    let options = Map::from_iter([(NAME.to_owned(), json!(1))]);
+    match trial.create_with(&mut session, &options) {
+        Ok(()) => trial.warn("accepts an option that it does not have: the host refuses it first"),
+        Err(Fault::Reported { .. }) => {}
+        Err(fault) => return Err(with_options(fault, &options)),
+    }
+    trial.create(&mut session)?;
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn invalid_options(trial: &mut Trial<'_>) -> Step<()> {
+    const EACH: usize = 3;
+    let about = trial.descriptor();
+    let candidates = [
+        json!(-1),
+        json!("no such value"),
+        json!(1e300),
+        json!(u64::MAX),
+        json!([]),
+        json!({}),
+        json!(true),
+        Value::Null,
+    ];
+    let mut session = trial.open()?;
+    let mut accepted = Vec::new();
+    for (name, _) in properties(about) {
+        let given = |value: &Value| Map::from_iter([(name.clone(), value.clone())]);
+        let forbidden = candidates
+            .iter()
+            .map(given)
+            .filter(|options| check_options(options, &about.options_schema).is_err());
+        for options in forbidden.take(EACH) {
+            match trial.create_with(&mut session, &options) {
+                Ok(()) => accepted.push(Value::Object(options).to_string()),
+                Err(Fault::Reported { .. }) => {}
+                Err(fault) => return Err(with_options(fault, &options)),
+            }
+        }
+    }
+    if !accepted.is_empty() {
+        trial.warn(format!(
+            "accepts what its schema forbids: {}; the host refuses it first",
+            accepted.join(", ")
+        ));
+    }
+    trial.create(&mut session)?;
+    trial.close(session);
+    Ok(())
+}
+
+pub(crate) fn output(trial: &mut Trial<'_>) -> Step<()> {
+    const LOG_LINES: usize = 1000;
+    const LOG_BYTES: usize = 1 << 20;
+    let closing = answers::work(trial)?;
+    if closing.stray_lines > 0 {
+        trial.warn(format!(
+            "wrote {} lines to standard output that are no messages",
+            closing.stray_lines
+        ));
+    }
+    if closing.stderr_dropped > 0 {
+        trial.warn(format!(
+            "wrote {} bytes to standard error",
+            closing.stderr.len() as u64 + closing.stderr_dropped
+        ));
+    }
+    let (lines, bytes) = closing.log.iter().fold((0, 0), |(lines, bytes), line| {
+        (lines + 1, bytes + line.text.len())
+    });
+    if lines > LOG_LINES || bytes > LOG_BYTES {
+        trial.warn(format!("logged {lines} lines, {bytes} bytes, in one call"));
+    }
+    Ok(())
+}
+
+pub(crate) fn ending(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = answers::small(trial)?;
+    let mut session = trial.ready(&scene)?;
+    trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+    let started = Instant::now();
+    let closing = trial.close(session);
+    let taken = started.elapsed();
+    trial.figure("ending_ms", milliseconds(taken));
+    if let Some(fault) = closing.fault {
+        return Err(match Stop::from(fault) {
+            Stop::Crashed(reason) => Stop::Crashed(format!("after its last answer it {reason}")),
+            Stop::Failed(reason) | Stop::Skipped(reason) => {
+                Stop::Failed(format!("after its last answer it {reason}"))
+            }
+        });
+    }
+    if taken >= trial.config().ending() {
+        return Err(Stop::Failed(format!(
+            "it did not end within {:?} after it was told to, and was killed",
+            trial.config().ending()
+        )));
+    }
+    Ok(())
+}

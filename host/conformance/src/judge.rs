@@ -1,0 +1,291 @@
+//! What an answer has to be. Collisions and moves are for `fleetyard-check`; here
+//! is what a one-shot instance does not have: lists of goals, windows, headings,
+//! tolerance of delays, and instances as answers.
+
+use fleetyard_abi::{Heading, Instance, Motion};
+use fleetyard_check::{Rule, sum_of_costs, validate};
+use fleetyard_core::GridPlan;
+
+use crate::scene::Scene;
+
+/// How many violations are looked at. Those of goals are not wanted, and there is at
+/// most one per agent.
+const VIOLATIONS: usize = 10_000;
+
+/// What a plan has to do about goals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Arrival {
+    /// Visit them in order and stay at the last.
+    Stay,
+    /// Visit them in order.
+    Visit,
+    /// Nothing.
+    Free,
+}
+
+/// What a plan costs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Cost {
+    pub(crate) sum: u64,
+    pub(crate) makespan: u64,
+}
+
+/// Judges a plan; the reason why it is none.
+pub(crate) fn plan(
+    scene: &Scene,
+    plan: &GridPlan,
+    arrival: Arrival,
+    delay: u32,
+) -> Result<Cost, String> {
+    rules(scene, plan, |rule| rule != Rule::WrongGoal)?;
+    // In a window the goals may be too far away.
+    if scene.window_steps == 0 {
+        for (agent, path) in plan.paths().enumerate() {
+            arrives(&scene.goals[agent], path, arrival)
+                .map_err(|reason| format!("agent {agent} {reason}"))?;
+        }
+    }
+    if let (Motion::Rotation, Some(headings)) = (scene.motion, &scene.headings) {
+        for (agent, (path, heading)) in plan.paths().zip(headings).enumerate() {
+            turns(path, *heading, scene.grid.cols())
+                .map_err(|reason| format!("agent {agent} {reason}"))?;
+        }
+    }
+    tolerates(plan, delay)?;
+    let plan = plan.trimmed();
+    Ok(Cost {
+        sum: sum_of_costs(&plan),
+        makespan: plan.horizon() as u64,
+    })
+}
+
+/// Whether paths that may collide are at least paths of these agents.
+pub(crate) fn paths(scene: &Scene, plan: &GridPlan) -> Result<(), String> {
+    rules(scene, plan, |rule| {
+        matches!(
+            rule,
+            Rule::AgentCount
+                | Rule::EmptyPath
+                | Rule::WrongStart
+                | Rule::OutOfBounds
+                | Rule::Obstacle
+                | Rule::NotAdjacent
+                | Rule::CornerCut
+        )
+    })
+}
+
+fn rules(scene: &Scene, plan: &GridPlan, counts: impl Fn(Rule) -> bool) -> Result<(), String> {
+    let instance = scene.home()?;
+    let verdict = validate(&instance, plan, VIOLATIONS);
+    let in_window = |rule: Rule, time: u32| {
+        let collision = matches!(
+            rule,
+            Rule::VertexConflict
+                | Rule::ParkedConflict
+                | Rule::SwapConflict
+                | Rule::DiagonalCrossing
+                | Rule::CornerMeet
+        );
+        !collision || scene.window_steps == 0 || time <= scene.window_steps
+    };
+    let found = verdict
+        .violations
+        .iter()
+        .find(|found| counts(found.rule) && in_window(found.rule, found.time));
+    match found {
+        Some(found) => Err(format!("{} ({})", found.sentence, found.rule)),
+        None => Ok(()),
+    }
+}
+
+fn arrives(goals: &[u32], path: &[u32], arrival: Arrival) -> Result<(), String> {
+    if arrival == Arrival::Free {
+        return Ok(());
+    }
+    let mut left = path.iter();
+    for goal in goals {
+        // The next goal may be the cell where the agent is already.
+        let mut rest = left.clone();
+        if !rest.any(|cell| cell == goal) {
+            return Err(format!("does not visit its goal, cell {goal}"));
+        }
+        while left.as_slice().first().is_some_and(|cell| cell != goal) {
+            left.next();
+        }
+    }
+    match (arrival, goals.last(), path.last()) {
+        (Arrival::Stay, Some(goal), Some(end)) if goal != end => {
+            Err(format!("ends in cell {end} and not at its goal, cell {goal}"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether an agent that goes forward alone, and takes a step to turn by 90 degrees,
+/// can follow a path.
+fn turns(path: &[u32], heading: Heading, cols: u32) -> Result<(), String> {
+    let mut heading = heading.code();
+    let mut waited = 0;
+    for (time, step) in (1..).zip(path.windows(2)) {
+        let (from, to) = (step[0], step[1]);
+        let towards = if to == from {
+            waited += 1;
+            continue;
+        } else if to == from + cols {
+            Heading::South
+        } else if from == to + cols {
+            Heading::North
+        } else if to > from {
+            Heading::East
+        } else {
+            Heading::West
+        };
+        // Headings are numbered round the compass.
+        let apart = (heading - towards.code()).rem_euclid(4);
+        let quarters = apart.min(4 - apart);
+        if waited < quarters {
+            return Err(format!(
+                "moves {towards:?} at step {time}, but needs {quarters} steps to turn there and \
+                 had {waited}"
+            ));
+        }
+        heading = towards.code();
+        waited = 0;
+    }
+    Ok(())
+}
+
+/// Whether nobody is in a cell within `delay` steps after somebody else (Atzmon et
+/// al., "Robust Multi-Agent Path Finding", SoCS 2018).
+fn tolerates(plan: &GridPlan, delay: u32) -> Result<(), String> {
+    let (delay, agents, horizon) = (delay as usize, plan.agents(), plan.horizon());
+    if delay == 0 {
+        return Ok(());
+    }
+    for time in 0..=horizon + delay {
+        for (first, second) in
+            (0..agents).flat_map(|a| (0..agents).filter(move |b| a != *b).map(move |b| (a, b)))
+        {
+            for later in time..=time + delay {
+                if plan.at(first, time) == plan.at(second, later) {
+                    return Err(format!(
+                        "agent {second} enters cell {} at step {later}, {} steps after agent \
+                         {first}: a delay of {delay} makes them collide",
+                        plan.at(first, time),
+                        later - time
+                    ));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Judges the answer of an instance generator.
+pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
+    let asked = scene.state();
+    let cells = scene.grid.cell_count();
+    answer.check(cells as usize)?;
+    let wrong = |what: &str, got: &dyn std::fmt::Debug, wanted: &dyn std::fmt::Debug| {
+        Err(format!("the instance says {what} {got:?}, the fleet {wanted:?}"))
+    };
+    if answer.starts != asked.cells {
+        return wrong("starts", &answer.starts, &asked.cells);
+    }
+    if answer.motion != asked.motion {
+        return wrong("motion", &answer.motion, &asked.motion);
+    }
+    if answer.objective != asked.objective {
+        return wrong("objective", &answer.objective, &asked.objective);
+    }
+    if asked.headings.is_some() && answer.headings != asked.headings {
+        return wrong("headings", &answer.headings, &asked.headings);
+    }
+    let component = scene.grid.components();
+    for (agent, goals) in answer.goals.iter().enumerate() {
+        let home = component[scene.starts[agent] as usize];
+        for goal in goals {
+            if !scene.grid.is_passable(*goal) {
+                return Err(format!("the goal of agent {agent}, cell {goal}, is blocked"));
+            }
+            if component[*goal as usize] != home {
+                return Err(format!(
+                    "agent {agent} cannot reach its goal, cell {goal}: it is in another part of \
+                     the map"
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn corridor() -> Scene {
+        Scene::drawn("corridor", &["a..b.."], &["..a..b"]).unwrap_or_else(|_| panic!("a scene"))
+    }
+
+    #[test]
+    fn arrival_is_judged_as_asked() {
+        let scene = corridor();
+        let stays = GridPlan::from_paths([vec![0, 1, 2], vec![3, 4, 5]]);
+        let passes = GridPlan::from_paths([vec![0, 1, 2, 1], vec![3, 4, 5]]);
+        let nowhere = GridPlan::from_paths([vec![0], vec![3]]);
+        let judged = |paths, arrival| plan(&scene, paths, arrival, 0).is_ok();
+        assert_eq!(
+            plan(&scene, &stays, Arrival::Stay, 0),
+            Ok(Cost {
+                sum: 4,
+                makespan: 2
+            })
+        );
+        assert!(!judged(&passes, Arrival::Stay));
+        assert!(judged(&passes, Arrival::Visit));
+        assert!(!judged(&nowhere, Arrival::Visit));
+        assert!(judged(&nowhere, Arrival::Free));
+    }
+
+    #[test]
+    fn goals_are_visited_in_order() {
+        let visits = |goals: &[u32], path: &[u32]| arrives(goals, path, Arrival::Stay).is_ok();
+        assert!(visits(&[2, 0], &[0, 1, 2, 1, 0]));
+        assert!(visits(&[0, 0], &[0]));
+        assert!(!visits(&[2, 0], &[0]));
+        assert!(!visits(&[0, 2, 1, 2], &[0, 1, 2]));
+    }
+
+    #[test]
+    fn turning_takes_steps() {
+        let follows = |path: &[u32]| turns(path, Heading::East, 10).is_ok();
+        assert!(follows(&[0, 1, 1, 11]));
+        assert!(!follows(&[0, 1, 11]));
+        assert!(follows(&[1, 1, 1, 0]));
+        assert!(!follows(&[1, 1, 0]));
+        // From east to north is a quarter, not three.
+        assert!(follows(&[10, 10, 0]));
+    }
+
+    #[test]
+    fn delays_are_tolerated_or_not() {
+        let close = GridPlan::from_paths([vec![1, 2, 3], vec![0, 1, 2]]);
+        let far = GridPlan::from_paths([vec![1, 2, 3], vec![0, 0, 1]]);
+        assert!(tolerates(&close, 0).is_ok());
+        assert!(tolerates(&close, 1).is_err());
+        assert!(tolerates(&far, 1).is_ok());
+        assert!(tolerates(&far, 2).is_err());
+    }
+
+    #[test]
+    fn collisions_after_the_window_do_not_matter() {
+        let mut scene = corridor();
+        let late = GridPlan::from_paths([vec![0, 1, 2, 3], vec![3]]);
+        assert!(plan(&scene, &late, Arrival::Free, 0).is_err());
+        scene.window_steps = 2;
+        assert!(plan(&scene, &late, Arrival::Free, 0).is_ok());
+        scene.window_steps = 3;
+        assert!(plan(&scene, &late, Arrival::Free, 0).is_err());
+    }
+}

@@ -1,0 +1,395 @@
+//! What plugins are asked about: small instances, drawn by hand where the answer
+//! is to be known, made from a seed where many are wanted, and one that nobody
+//! can finish.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use fleetyard_abi::{
+    FleetState, FleetStatus, Goals, Heading, Instance, Motion, Objective, SharedEnvironment, Task,
+};
+use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
+use fleetyard_world::{EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec};
+use fleetyard_world::SeededRandom;
+
+use crate::trial::{Step, Stop};
+
+const CELL_SIZE_M: f64 = 1.0;
+const STEP_S: f64 = 1.0;
+const RADIUS_M: f64 = 0.35;
+
+/// An instance with a name.
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    pub(crate) name: String,
+    pub(crate) grid: Arc<Grid>,
+    pub(crate) connectivity: Connectivity,
+    pub(crate) starts: Vec<u32>,
+    pub(crate) goals: Vec<Vec<u32>>,
+    pub(crate) headings: Option<Vec<Heading>>,
+    pub(crate) motion: Motion,
+    pub(crate) objective: Objective,
+    pub(crate) window_steps: u32,
+    /// The least sum of costs, where it is known.
+    pub(crate) best: Option<u64>,
+    pub(crate) demand: Demand,
+}
+
+/// What the fleet of a scene has to do, for instance generators.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Demand {
+    /// Every third agent has still to reach its goal, and there are tasks for about
+    /// half of the fleet.
+    Some,
+    /// No goals, no tasks.
+    Nothing,
+    /// Everybody has a goal, and there are no tasks.
+    Everything,
+}
+
+/// Where the letters of a drawing are, by letter.
+fn lettered(rows: &[&str]) -> Vec<u32> {
+    let mut found: Vec<(u8, u32)> = rows
+        .concat()
+        .bytes()
+        .zip(0..)
+        .filter(|(letter, _)| letter.is_ascii_lowercase())
+        .collect();
+    found.sort_unstable();
+    found.into_iter().map(|(_, cell)| cell).collect()
+}
+
+impl Scene {
+    /// From two drawings of the same map: agents are small letters where they
+    /// start, and where they have to go.
+    pub(crate) fn drawn(name: &str, starts: &[&str], goals: &[&str]) -> Step<Self> {
+        let text = starts.concat();
+        let ground = |letter: u8| {
+            if letter.is_ascii_lowercase() {
+                b'.'
+            } else {
+                letter
+            }
+        };
+        let cols = starts.first().map_or(0, |row| row.len());
+        let grid = Grid::new(
+            name,
+            starts.len() as u32,
+            cols as u32,
+            text.bytes().map(ground).collect(),
+        )?;
+        Ok(Self::new(name, grid, lettered(starts), lettered(goals)))
+    }
+
+    fn new(name: &str, grid: Grid, starts: Vec<u32>, goals: Vec<u32>) -> Self {
+        Self {
+            name: name.into(),
+            grid: Arc::new(grid),
+            connectivity: Connectivity::Four,
+            starts,
+            goals: goals.into_iter().map(|goal| vec![goal]).collect(),
+            headings: None,
+            motion: Motion::Pebble,
+            objective: Objective::SumOfCosts,
+            window_steps: 0,
+            best: None,
+            demand: Demand::Some,
+        }
+    }
+
+    /// The least sum of costs.
+    pub(crate) fn best(mut self, best: u64) -> Self {
+        self.best = Some(best);
+        self
+    }
+
+    /// A map of a random sort and size, and agents on it who can reach their goals:
+    /// the goals are where the agents end when they go for random walks, one after
+    /// the other. So there is always a plan.
+    pub(crate) fn random(name: &str, random: &mut SeededRandom, agents: usize) -> Step<Self> {
+        let (rows, cols) = (6 + random.below(9) as u32, 6 + random.below(9) as u32);
+        let seed = random.below(1 << 31) as u64;
+        let spec = match random.below(4) {
+            0 => MapSpec::Empty(EmptySpec { rows, cols }),
+            1 => MapSpec::Random(RandomSpec {
+                rows,
+                cols,
+                obstacle_density: 0.2,
+                seed,
+            }),
+            2 => MapSpec::Room(RoomSpec {
+                rows,
+                cols,
+                room_size: 4,
+                doors: 1,
+                seed,
+            }),
+            _ => MapSpec::Maze(MazeSpec {
+                rows: rows | 1,
+                cols: cols | 1,
+                corridor: 1,
+                algorithm: MazeAlgorithm::Backtracker,
+                seed,
+            }),
+        };
+        let grid = spec.generate()?;
+        let room = grid.passable_count() as usize / 4;
+        let agents = 1 + random.below(agents.min(room).max(1));
+        Ok(Self::with_walks(name, grid, agents, random))
+    }
+
+    /// As many agents as possible up to a number, without walls.
+    pub(crate) fn open(
+        name: &str,
+        side: u32,
+        agents: usize,
+        random: &mut SeededRandom,
+    ) -> Step<Self> {
+        let grid = EmptySpec {
+            rows: side,
+            cols: side,
+        }
+        .generate()?;
+        Ok(Self::with_walks(name, grid, agents, random))
+    }
+
+    fn with_walks(name: &str, grid: Grid, agents: usize, random: &mut SeededRandom) -> Self {
+        let mut cells = free_cells(&grid);
+        random.shuffle(&mut cells);
+        cells.truncate(agents);
+        let goals = walks(&grid, &cells, random);
+        Self::new(name, grid, cells, goals)
+    }
+
+    /// Two agents at the end of a blind alley of three cells would have to change
+    /// places, which is impossible, beside a crowd that has room for more positions
+    /// than anybody can go through: proving it takes ages unless one looks at the
+    /// alley alone.
+    pub(crate) fn jam(random: &mut SeededRandom) -> Step<Self> {
+        const SIDE: usize = 16;
+        const CROWD: usize = 40;
+        let mut terrain = vec![b'.'; SIDE * SIDE];
+        terrain.extend([b'@'; SIDE]);
+        let alley = terrain.len() as u32;
+        terrain.extend(b"...");
+        terrain.extend([b'@'; SIDE - 3]);
+        let grid = Grid::new("jam", SIDE as u32 + 2, SIDE as u32, terrain)?;
+        let mut draw = || {
+            let mut cells: Vec<u32> = (0..(SIDE * SIDE) as u32).collect();
+            random.shuffle(&mut cells);
+            cells.truncate(CROWD);
+            cells
+        };
+        let (mut starts, mut goals) = (draw(), draw());
+        starts.extend([alley, alley + 1]);
+        goals.extend([alley + 1, alley]);
+        Ok(Self::new("jam", grid, starts, goals))
+    }
+
+    /// A map of 256 × 256 cells with one agent in it: a lot to learn.
+    pub(crate) fn large(random: &mut SeededRandom) -> Step<Self> {
+        let grid = RandomSpec {
+            rows: 256,
+            cols: 256,
+            obstacle_density: 0.2,
+            seed: random.below(1 << 31) as u64,
+        }
+        .generate()?;
+        Ok(Self::with_walks("large", grid, 1, random))
+    }
+
+    /// The same, where agents have to turn before they go another way.
+    pub(crate) fn turning(mut self) -> Self {
+        const ALL: [Heading; 4] = [
+            Heading::East,
+            Heading::South,
+            Heading::West,
+            Heading::North,
+        ];
+        let headings = (0..self.starts.len()).map(|agent| ALL[agent % 4]);
+        self.headings = Some(headings.collect());
+        self.motion = Motion::Rotation;
+        self.best = None;
+        self
+    }
+
+    pub(crate) fn agents(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// The same agents, all at home: what any map allows.
+    pub(crate) fn home(&self) -> Result<GridInstance, String> {
+        let starts = self.starts.clone();
+        GridInstance::new(
+            Arc::clone(&self.grid),
+            self.connectivity,
+            starts.clone(),
+            starts,
+        )
+        .map_err(|error| error.to_string())
+    }
+
+    /// What a plugin is told of the map.
+    pub(crate) fn environment(&self) -> Step<SharedEnvironment> {
+        // The conversion wants an instance; any will do.
+        let somewhere: Vec<u32> = free_cells(&self.grid).into_iter().take(1).collect();
+        let grid = Arc::clone(&self.grid);
+        let any = GridInstance::new(grid, self.connectivity, somewhere.clone(), somewhere)
+            .map_err(|error| Stop::Failed(format!("the kit has no map: {error}")))?;
+        Ok(fleetyard_runtime::environment(&any, CELL_SIZE_M, STEP_S))
+    }
+
+    /// What a planner or a fail policy is asked.
+    pub(crate) fn instance(&self) -> Instance {
+        Instance {
+            starts: self.starts.clone(),
+            headings: self.headings.clone(),
+            goals: lists(&self.goals),
+            motion: self.motion,
+            objective: self.objective,
+            window_steps: self.window_steps,
+            radius_m: RADIUS_M,
+        }
+    }
+
+    /// What an instance generator is told.
+    pub(crate) fn state(&self) -> FleetState {
+        let open = |(agent, goals): (usize, &Vec<u32>)| {
+            match self.demand {
+                Demand::Everything => goals.clone(),
+                Demand::Some if agent % 3 == 0 => goals.clone(),
+                Demand::Some | Demand::Nothing => Vec::new(),
+            }
+        };
+        let goals: Vec<Vec<u32>> = self.goals.iter().enumerate().map(open).collect();
+        // Within reach of the first agent, and so of all but in a jam.
+        let component = self.grid.components();
+        let home = self.starts.first().map_or(0, |start| component[*start as usize]);
+        let cells: Vec<u32> = free_cells(&self.grid)
+            .into_iter()
+            .filter(|cell| home == 0 || component[*cell as usize] == home)
+            .collect();
+        let tasks = match self.demand {
+            Demand::Some => self.agents() / 2 + 1,
+            Demand::Nothing | Demand::Everything => 0,
+        };
+        let task = |index: usize| Task {
+            id: 100 + index as u64,
+            cells: [index * 7, index * 11 + 3]
+                .into_iter()
+                .filter_map(|at| cells.get(at % cells.len().max(1)).copied())
+                .collect(),
+        };
+        FleetState {
+            time_s: 12.5,
+            cells: self.starts.clone(),
+            headings: self.headings.clone(),
+            goals: lists(&goals),
+            tasks: (0..tasks).map(task).collect(),
+            window_steps: self.window_steps,
+            motion: self.motion,
+            objective: self.objective,
+            radius_m: RADIUS_M,
+        }
+    }
+
+    /// What an invocation policy is told.
+    pub(crate) fn status(&self) -> FleetStatus {
+        FleetStatus {
+            time_s: 12.5,
+            since_last_call_s: 1.5,
+            expected_planning_s: 0.25,
+            actions_left: self.starts.iter().map(|start| start % 5).collect(),
+        }
+    }
+
+    /// The instance as a picture, if it is small enough to be of use.
+    pub(crate) fn picture(&self) -> String {
+        let (rows, cols) = (self.grid.rows() as usize, self.grid.cols() as usize);
+        if rows > 20 || cols > 36 || self.agents() > 26 {
+            return String::new();
+        }
+        let ground: Vec<u8> = self
+            .grid
+            .terrain()
+            .iter()
+            .map(|letter| {
+                if Grid::letter_is_passable(*letter) {
+                    b'.'
+                } else {
+                    b'@'
+                }
+            })
+            .collect();
+        let letters = |cells: &mut dyn Iterator<Item = u32>| {
+            let mut drawing = ground.clone();
+            for (cell, letter) in cells.zip(b'a'..) {
+                if let Some(place) = drawing.get_mut(cell as usize) {
+                    *place = letter;
+                }
+            }
+            drawing
+        };
+        let starts = letters(&mut self.starts.iter().copied());
+        let last = |goals: &Vec<u32>| goals.last().copied().unwrap_or(u32::MAX);
+        let goals = letters(&mut self.goals.iter().map(last));
+        let mut text = format!("\n{:cols$}   goals", "starts");
+        for (from, to) in starts.chunks(cols).zip(goals.chunks(cols)) {
+            let (from, to) = (String::from_utf8_lossy(from), String::from_utf8_lossy(to));
+            // Writing to a string cannot fail.
+            let _ = write!(text, "\n{from:6}   {to}");
+        }
+        text
+    }
+}
+
+impl From<InputError> for Stop {
+    fn from(error: InputError) -> Self {
+        Self::Failed(format!("the kit could not make its instance: {error}"))
+    }
+}
+
+/// Lists of cells in the terms of the contract.
+fn lists(lists: &[Vec<u32>]) -> Goals {
+    let mut offsets = vec![0];
+    let mut cells = Vec::new();
+    for list in lists {
+        cells.extend(list);
+        offsets.push(cells.len() as u64);
+    }
+    // The offsets fit by construction.
+    Goals::from_flat(offsets, cells).unwrap_or_else(|| Goals::single(Vec::new()))
+}
+
+pub(crate) fn free_cells(grid: &Grid) -> Vec<u32> {
+    (0..grid.cell_count())
+        .filter(|cell| grid.is_passable(*cell))
+        .collect()
+}
+
+/// Where agents end who go for walks one after the other, round those who stand.
+fn walks(grid: &Grid, starts: &[u32], random: &mut SeededRandom) -> Vec<u32> {
+    const ROUNDS: usize = 2;
+    let mut at = starts.to_vec();
+    let mut order: Vec<usize> = (0..at.len()).collect();
+    for _ in 0..ROUNDS {
+        random.shuffle(&mut order);
+        for agent in &order {
+            let standing: BTreeSet<u32> = at.iter().copied().collect();
+            let mut reached = vec![at[*agent]];
+            let mut seen: BTreeSet<u32> = reached.iter().copied().collect();
+            let mut next = 0;
+            while let Some(cell) = reached.get(next).copied() {
+                next += 1;
+                for near in grid.neighbors(cell, Connectivity::Four) {
+                    if !standing.contains(&near) && seen.insert(near) {
+                        reached.push(near);
+                    }
+                }
+            }
+            at[*agent] = reached[random.below(reached.len())];
+        }
+    }
+    at
+}

@@ -1,0 +1,590 @@
+//! One case and one plugin: sessions, questions, answers, and what is noted on
+//! the way.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use fleetyard_abi::{
+    Budget, Capability, Descriptor, FleetStatus, Instance, Kind, Objective, Plan, Status,
+};
+use fleetyard_core::GridPlan;
+use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Session};
+use fleetyard_world::SeededRandom;
+use serde_json::{Map, Value};
+
+use crate::cases::Case;
+use crate::judge::{self, Arrival, Cost};
+use crate::kit::{Config, Kit, Subject, milliseconds};
+use crate::report::Outcome;
+use crate::scene::Scene;
+
+/// Why a case goes no further.
+#[derive(Debug)]
+pub(crate) enum Stop {
+    Failed(String),
+    Crashed(String),
+    Skipped(String),
+}
+
+pub(crate) type Step<T> = Result<T, Stop>;
+
+impl Stop {
+    pub(crate) fn parts(self) -> (Outcome, String) {
+        match self {
+            Self::Failed(reason) => (Outcome::Failed, reason),
+            Self::Crashed(reason) => (Outcome::Crashed, reason),
+            Self::Skipped(reason) => (Outcome::Skipped, reason),
+        }
+    }
+}
+
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
+        let reason = fault.to_string();
+        match fault {
+            Fault::Crashed { .. } | Fault::Exited { .. } => Self::Crashed(reason),
+            _ => Self::Failed(reason),
+        }
+    }
+}
+
+/// What the kit knows of an instance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Hope {
+    /// There is a plan.
+    Plan,
+    /// There is a plan, and it is no wonder when it is not found.
+    Perhaps,
+    /// There is none.
+    NoPlan,
+    /// Nothing but that the plugin has to live through it: the input is nonsense.
+    Survival,
+}
+
+/// How a call is made.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Call<'a> {
+    pub(crate) wall: Duration,
+    pub(crate) nodes: u64,
+    pub(crate) threads: u32,
+    /// What a planner left, for fail policies.
+    pub(crate) failed: Option<&'a Plan>,
+}
+
+impl Call<'_> {
+    pub(crate) fn of(wall: Duration) -> Self {
+        Self {
+            wall,
+            nodes: 0,
+            threads: 1,
+            failed: None,
+        }
+    }
+}
+
+/// What a plugin answered.
+#[derive(Debug, Clone)]
+pub(crate) struct Answer {
+    pub(crate) status: Status,
+    pub(crate) message: Option<String>,
+    pub(crate) said: Said,
+    /// Wall time of the call.
+    pub(crate) wall: Duration,
+    /// How long after the deadline the call returned.
+    pub(crate) late: Duration,
+    /// Whether the clock had a say in it.
+    pub(crate) by_clock: bool,
+}
+
+/// What an answer has besides its status.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Said {
+    /// Plans that came in time, in order.
+    Plans(Vec<GridPlan>),
+    Instance(Box<Instance>),
+    Invoke(bool),
+    Nothing,
+}
+
+impl Answer {
+    /// The plans, if the answer has some.
+    pub(crate) fn plans(&self) -> &[GridPlan] {
+        match &self.said {
+            Said::Plans(plans) => plans,
+            _ => &[],
+        }
+    }
+
+    /// For people: the status and what the plugin said about it.
+    fn shown(&self) -> String {
+        match &self.message {
+            Some(message) => format!("`{}` ({message})", self.status),
+            None => format!("`{}`", self.status),
+        }
+    }
+}
+
+/// Whether two answers to the same question are the same, as far as they can be
+/// compared: which plan is the last when time is up is chance, the first is not.
+pub(crate) fn same(one: &Answer, other: &Answer) -> Result<(), String> {
+    let differ = |what: &str| Err(format!("{what} differs from one time to the next"));
+    if one.by_clock || other.by_clock {
+        return match (one.plans().first(), other.plans().first()) {
+            (Some(one), Some(other)) if one.trimmed() != other.trimmed() => {
+                differ("the first plan")
+            }
+            _ => Ok(()),
+        };
+    }
+    if one.status != other.status {
+        return differ(&format!("the status ({}, {})", one.status, other.status));
+    }
+    let last = |answer: &Answer| answer.plans().last().map(GridPlan::trimmed);
+    match (&one.said, &other.said) {
+        (Said::Plans(_), Said::Plans(_)) if last(one) != last(other) => differ("the plan"),
+        (Said::Plans(_), Said::Plans(_)) => Ok(()),
+        (one, other) if one != other => differ("the answer"),
+        _ => Ok(()),
+    }
+}
+
+/// One case in progress.
+pub(crate) struct Trial<'a> {
+    kit: &'a Kit,
+    pub(crate) subject: &'a Subject,
+    pub(crate) seed: u64,
+    warnings: Vec<String>,
+    figures: BTreeMap<String, f64>,
+    /// In the host's process a library is loaded and initialised once.
+    kept: Option<Session>,
+    /// How many steps of delay plans have to tolerate.
+    pub(crate) delay: u32,
+}
+
+impl<'a> Trial<'a> {
+    pub(crate) fn new(kit: &'a Kit, subject: &'a Subject, seed: u64) -> Self {
+        Self {
+            kit,
+            subject,
+            seed,
+            warnings: Vec::new(),
+            figures: BTreeMap::new(),
+            kept: None,
+            delay: 0,
+        }
+    }
+
+    pub(crate) fn into_notes(self) -> (Vec<String>, BTreeMap<String, f64>) {
+        (self.warnings, self.figures)
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.kit.config
+    }
+
+    pub(crate) fn descriptor(&self) -> &'a Descriptor {
+        &self.subject.descriptor
+    }
+
+    pub(crate) fn kind(&self) -> Kind {
+        self.subject.descriptor.kind
+    }
+
+    /// Something that is odd but allowed.
+    pub(crate) fn warn(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if !self.warnings.contains(&text) {
+            self.warnings.push(text);
+        }
+    }
+
+    pub(crate) fn figure(&mut self, name: &str, value: f64) {
+        self.figures.insert(name.into(), value);
+    }
+
+    /// Random numbers that follow from the seed of the case.
+    pub(crate) fn random(&self) -> SeededRandom {
+        SeededRandom::new("conformance", self.seed)
+    }
+
+    /// Whether the plugin says that it can do something. Plugins other than planners
+    /// have often nothing to claim; they are asked about pebbles on grids.
+    pub(crate) fn claims(&self, capability: Capability) -> bool {
+        let claimed = self.descriptor().capabilities;
+        let nothing = claimed.bits() == 0 && self.kind() != Kind::Planner;
+        let common = matches!(capability, Capability::Grid | Capability::Pebble);
+        claimed.has(capability) || (nothing && common)
+    }
+
+    /// Skips a case that is not for this plugin.
+    pub(crate) fn needs(&self, case: &Case) -> Step<()> {
+        let kind = self.kind();
+        if !case.kinds.contains(&kind) {
+            return Err(Stop::Skipped(format!("is not for a plugin of kind {kind}")));
+        }
+        let missing = case.needs.iter().find(|needed| !self.claims(**needed));
+        match missing {
+            Some(missing) => Err(Stop::Skipped(format!(
+                "the plugin does not claim `{}`",
+                missing.as_str()
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// The budget of a call: whoever takes all of it gets a part.
+    pub(crate) fn wall(&self) -> Duration {
+        if self.claims(Capability::Anytime) {
+            self.config().slice()
+        } else {
+            self.config().budget
+        }
+    }
+
+    // ---- Sessions ----------------------------------------------------------------
+
+    /// A session in which nothing has been made yet.
+    pub(crate) fn open(&mut self) -> Step<Session> {
+        match self.kept.take() {
+            Some(session) => Ok(session),
+            None => Ok(self
+                .kit
+                .runtime
+                .open(&self.subject.file, self.subject.attach)?),
+        }
+    }
+
+    /// Ends a session.
+    pub(crate) fn close(&mut self, mut session: Session) -> Closing {
+        let closing = session.close();
+        if self.is_in_process() {
+            self.kept = Some(session);
+        }
+        closing
+    }
+
+    pub(crate) fn is_in_process(&self) -> bool {
+        self.subject.attach == Attach::InProcess
+    }
+
+    /// Makes the plugin, with more options than it always gets.
+    pub(crate) fn create_with(
+        &self,
+        session: &mut Session,
+        more: &Map<String, Value>,
+    ) -> Result<(), Fault> {
+        let mut options = self.subject.options.clone();
+        options.extend(more.clone());
+        let Descriptor { kind, id, .. } = self.descriptor();
+        session.create(*kind, id, Value::Object(options))
+    }
+
+    pub(crate) fn create(&self, session: &mut Session) -> Step<()> {
+        Ok(self.create_with(session, &Map::new())?)
+    }
+
+    /// Tells the plugin a map, if its kind wants to know.
+    pub(crate) fn prepare(&self, session: &mut Session, scene: &Scene) -> Step<()> {
+        if self.kind() == Kind::InvocationPolicy {
+            return Ok(());
+        }
+        let budget = self.budget(&Call::of(self.config().budget));
+        session.prepare(&scene.environment()?, &budget)?;
+        Ok(())
+    }
+
+    /// A plugin that knows the map of a scene.
+    pub(crate) fn ready(&mut self, scene: &Scene) -> Step<Session> {
+        let mut session = self.open()?;
+        self.create(&mut session)?;
+        self.prepare(&mut session, scene)?;
+        Ok(session)
+    }
+
+    // ---- Questions ---------------------------------------------------------------
+
+    pub(crate) fn budget(&self, call: &Call<'_>) -> Budget {
+        Budget {
+            deadline_monotonic_ns: 0,
+            wall_ns: call.wall.as_nanos() as u64,
+            nodes: call.nodes,
+            memory_bytes: 0,
+            threads: call.threads,
+            seed: self.seed,
+        }
+    }
+
+    /// Asks what the plugin is for. The answer is not judged yet, but one that came
+    /// by force is none.
+    pub(crate) fn ask(
+        &mut self,
+        session: &mut Session,
+        scene: &Scene,
+        call: &Call<'_>,
+    ) -> Step<Answer> {
+        let budget = self.budget(call);
+        let started = Instant::now();
+        let answer = match self.kind() {
+            Kind::Planner => Self::planned(session.plan(&scene.instance(), &budget), call),
+            Kind::FailPolicy => {
+                let run = session.recover(&scene.instance(), call.failed, &budget);
+                Self::planned(run, call)
+            }
+            Kind::InstanceGenerator => {
+                let answered = session.generate(&scene.state(), &budget);
+                let said = answered.map(|instance| Said::Instance(Box::new(instance)));
+                answered_by(said, started.elapsed(), call)
+            }
+            Kind::InvocationPolicy => self.invoke(session, &scene.status(), call.wall),
+        }?;
+        let most = call.wall + self.config().grace;
+        // Who has a process of its own was stopped already.
+        if answer.wall > most {
+            return Err(Stop::Failed(format!(
+                "it returned {:.0} ms after the deadline",
+                milliseconds(answer.late)
+            )));
+        }
+        Ok(answer)
+    }
+
+    /// Asks an invocation policy.
+    pub(crate) fn invoke(
+        &mut self,
+        session: &mut Session,
+        status: &FleetStatus,
+        wall: Duration,
+    ) -> Step<Answer> {
+        let started = Instant::now();
+        let said = session.should_invoke(status, wall).map(Said::Invoke);
+        answered_by(said, started.elapsed(), &Call::of(wall))
+    }
+
+    fn planned(run: PlanRun, call: &Call<'_>) -> Step<Answer> {
+        let PlanRun {
+            claim,
+            message,
+            fault,
+            incumbents,
+            planning,
+            ..
+        } = run;
+        let (status, message) = match fault {
+            Some(Fault::Reported {
+                status, message, ..
+            }) => (status, Some(message)),
+            Some(fault) => return Err(fault.into()),
+            None => (claim.unwrap_or(Status::InternalError), message),
+        };
+        let plans: Vec<GridPlan> = incumbents
+            .into_iter()
+            .filter_map(|incumbent| incumbent.plan)
+            .collect();
+        let too_late = status == Status::Solved && plans.is_empty();
+        Ok(Answer {
+            status: if too_late { Status::TimedOut } else { status },
+            message,
+            said: if plans.is_empty() {
+                Said::Nothing
+            } else {
+                Said::Plans(plans)
+            },
+            wall: planning,
+            late: planning.saturating_sub(call.wall),
+            by_clock: is_long(planning, call.wall),
+        })
+    }
+
+    // ---- Answers -----------------------------------------------------------------
+
+    /// Judges an answer.
+    pub(crate) fn judge(&mut self, scene: &Scene, answer: &Answer, hope: Hope) -> Step<()> {
+        self.judge_as(scene, answer, hope, Arrival::Stay)
+    }
+
+    pub(crate) fn judge_as(
+        &mut self,
+        scene: &Scene,
+        answer: &Answer,
+        hope: Hope,
+        arrival: Arrival,
+    ) -> Step<()> {
+        let failed = |reason: String| {
+            let (name, picture) = (&scene.name, scene.picture());
+            Err(Stop::Failed(format!("{name}: {reason}{picture}")))
+        };
+        if hope == Hope::Survival {
+            return self.judge_survival(scene, answer);
+        }
+        match &answer.said {
+            Said::Plans(plans) => {
+                if let Err(reason) = self.judge_plans(scene, plans, answer.status, arrival) {
+                    return failed(reason);
+                }
+            }
+            Said::Instance(instance) => {
+                if let Err(reason) = judge::instance(scene, instance) {
+                    return failed(reason);
+                }
+                self.note_instance(scene, instance);
+            }
+            Said::Invoke(_) | Said::Nothing => {}
+        }
+        let shown = answer.shown();
+        match (hope, answer.status) {
+            (Hope::NoPlan, Status::Solved) => failed("claims `solved`, but there is no plan".into()),
+            (Hope::NoPlan, Status::InternalError) => failed(format!("claims {shown}")),
+            (Hope::Plan | Hope::Perhaps, Status::Infeasible) => {
+                failed(format!("claims {shown}, but there is a plan"))
+            }
+            (
+                Hope::Plan | Hope::Perhaps,
+                Status::Unsupported
+                | Status::InvalidInput
+                | Status::InternalError
+                | Status::Cancelled,
+            ) => failed(format!(
+                "claims {shown}, but the instance is one that the plugin says it can handle, and \
+                 nobody cancelled the call"
+            )),
+            (Hope::Plan, Status::GaveUp | Status::TimedOut) if answer.plans().is_empty() => {
+                let late = match answer.late {
+                    Duration::ZERO => String::new(),
+                    late => format!(", {:.0} ms after the deadline", milliseconds(late)),
+                };
+                self.warn(format!("{}: no answer: {shown}{late}", scene.name));
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn judge_survival(&mut self, scene: &Scene, answer: &Answer) -> Step<()> {
+        let shown = answer.shown();
+        match answer.status {
+            Status::Solved if self.kind() == Kind::Planner => self.warn(format!(
+                "{}: claims `solved`; better say `invalid-input`",
+                scene.name
+            )),
+            Status::InternalError => self.warn(format!(
+                "{}: claims {shown}; better say `invalid-input`",
+                scene.name
+            )),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn judge_plans(
+        &mut self,
+        scene: &Scene,
+        plans: &[GridPlan],
+        status: Status,
+        arrival: Arrival,
+    ) -> Result<(), String> {
+        let is_policy = self.kind() == Kind::FailPolicy;
+        let arrival = if is_policy { Arrival::Free } else { arrival };
+        let colliding = status != Status::Solved && self.claims(Capability::CollidingPlans);
+        let mut before: Option<Cost> = None;
+        for (plan, number) in plans.iter().zip(1..) {
+            let name = match plans.len() {
+                1 => "the plan".to_owned(),
+                _ => format!("plan {number}"),
+            };
+            if colliding {
+                judge::paths(scene, plan).map_err(|reason| format!("{name}: {reason}"))?;
+                continue;
+            }
+            let cost = judge::plan(scene, plan, arrival, self.delay)
+                .map_err(|reason| format!("{name} is invalid: {reason}"))?;
+            let of = |cost: Cost| match scene.objective {
+                Objective::SumOfCosts => cost.sum,
+                Objective::Makespan => cost.makespan,
+            };
+            // What a fail policy or a planner in a window improves is its own affair.
+            let comparable = !is_policy && scene.window_steps == 0;
+            if let Some(before) = before.filter(|_| comparable) {
+                let (new, old) = (of(cost), of(before));
+                if new > old {
+                    return Err(format!(
+                        "{name} costs {new}, the one before it {old}: each has to be better"
+                    ));
+                }
+                if new == old {
+                    self.warn(format!(
+                        "{}: {name} costs as much as the one before it",
+                        scene.name
+                    ));
+                }
+            }
+            before = Some(cost);
+        }
+        if let (Some(cost), Some(best)) = (before, scene.best) {
+            self.figure("cost", cost.sum as f64);
+            self.figure("best_cost", best as f64);
+        }
+        Ok(())
+    }
+
+    fn note_instance(&mut self, scene: &Scene, instance: &Instance) {
+        let mut last: Vec<u32> = instance
+            .goals
+            .iter()
+            .filter_map(|goals| goals.last().copied())
+            .collect();
+        last.sort_unstable();
+        if last.windows(2).any(|pair| pair[0] == pair[1]) && !self.claims(Capability::DuplicateGoals)
+        {
+            self.warn("agents share goals, which planners need not support; claim `duplicate-goals`");
+        }
+        if instance.window_steps != scene.window_steps {
+            self.warn(format!(
+                "the instance has a window of {} steps, asked was {}",
+                instance.window_steps, scene.window_steps
+            ));
+        }
+    }
+
+    /// Makes, prepares, asks, judges and ends: what most cases are.
+    pub(crate) fn solve(&mut self, scene: &Scene) -> Step<Answer> {
+        self.solve_hoping(scene, Hope::Plan, self.wall())
+    }
+
+    pub(crate) fn solve_hoping(
+        &mut self,
+        scene: &Scene,
+        hope: Hope,
+        wall: Duration,
+    ) -> Step<Answer> {
+        let mut session = self.ready(scene)?;
+        let answer = self.ask(&mut session, scene, &Call::of(wall))?;
+        self.judge(scene, &answer, hope)?;
+        self.close(session);
+        Ok(answer)
+    }
+}
+
+/// Whether a call took so long that its end was the clock's doing: who watches the
+/// clock stops a little before the deadline.
+fn is_long(taken: Duration, wall: Duration) -> bool {
+    taken >= wall.mul_f64(0.8)
+}
+
+/// An answer from a call that gives one thing or a reason.
+fn answered_by(said: Result<Said, Fault>, wall: Duration, call: &Call<'_>) -> Step<Answer> {
+    let (status, message, said) = match said {
+        Ok(said) => (Status::Solved, None, said),
+        Err(Fault::Reported {
+            status, message, ..
+        }) => (status, Some(message), Said::Nothing),
+        Err(fault) => return Err(fault.into()),
+    };
+    Ok(Answer {
+        status,
+        message,
+        said,
+        wall,
+        late: wall.saturating_sub(call.wall),
+        by_clock: is_long(wall, call.wall),
+    })
+}

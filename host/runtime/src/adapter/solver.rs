@@ -1,0 +1,537 @@
+//! The planner that an adapter makes: files out, a program run, an answer in.
+
+use std::ffi::OsString;
+use std::fs::{self, OpenOptions};
+use std::io::{self, Read};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+use std::time::Duration;
+
+use fleetyard_abi::sdk::{Failure, Planner, Sink};
+use fleetyard_abi::{
+    Budget, Capability, Environment, GridEnvironment, Instance, LogLevel, Motion, Plan,
+    SharedEnvironment, Status, monotonic_ns,
+};
+use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write_scen};
+use regex::bytes::Regex;
+use serde_json::{Map, Value as Json};
+use tempfile::TempDir;
+
+use super::Installed;
+use super::formats::{ANSWER_LIMIT, MapSize};
+use super::manifest::{Condition, From, MAP_NAME, SCEN_NAME};
+use super::process::{self, Captured, End, Ended, Outputs};
+use super::template::Slot;
+
+/// How much of the beginning and of the end of a solver's log patterns see.
+const LOG_HEAD: usize = 1 << 20;
+const LOG_TAIL: usize = 3 << 20;
+
+/// How many bytes of a solver's output go to the run's log.
+const FORWARDED: usize = 1 << 20;
+
+/// A solver, ready to be asked.
+pub(super) struct Solver {
+    installed: Arc<Installed>,
+    /// The options that were given, and the defaults of others.
+    options: Map<String, Json>,
+    /// Removed with the solver.
+    scratch: TempDir,
+    environment: Option<SharedEnvironment>,
+}
+
+/// What a solver left behind.
+struct Left {
+    stdout: Vec<u8>,
+    stderr: Vec<u8>,
+    answer: Answer,
+}
+
+enum Answer {
+    Stdout,
+    File(Vec<u8>),
+    Missing,
+}
+
+impl Left {
+    fn answer(&self) -> Option<&[u8]> {
+        match &self.answer {
+            Answer::Stdout => Some(&self.stdout),
+            Answer::File(bytes) => Some(bytes),
+            Answer::Missing => None,
+        }
+    }
+
+    fn texts(&self, from: From) -> [Option<&[u8]>; 2] {
+        match from {
+            From::Log => [Some(&self.stdout), Some(&self.stderr)],
+            From::Stdout => [Some(&self.stdout), None],
+            From::Stderr => [Some(&self.stderr), None],
+            From::Output => [self.answer(), None],
+        }
+    }
+
+    /// The line in which a pattern matches first.
+    fn line(&self, pattern: &Regex, from: From) -> Option<String> {
+        let texts = self.texts(from);
+        texts.into_iter().flatten().find_map(|text| {
+            let at = pattern.find(text)?.start();
+            let newline = |byte: &u8| *byte == b'\n';
+            let begin = text[..at].iter().rposition(newline).map_or(0, |at| at + 1);
+            let rest = &text[begin..];
+            let end = rest.iter().position(newline).unwrap_or(rest.len());
+            Some(excerpt(&rest[..end]))
+        })
+    }
+
+    /// For the end of a message: what the solver said last, on standard error
+    /// rather than standard output.
+    fn last_words(&self) -> String {
+        let words = [&self.stderr, &self.stdout].into_iter().find_map(|text| {
+            let mut lines = text.rsplit(|byte| *byte == b'\n');
+            let last = lines.find(|line| !line.trim_ascii().is_empty())?;
+            Some(excerpt(last))
+        });
+        words.map_or_else(String::new, |words| {
+            format!("; its last words were: {words}")
+        })
+    }
+}
+
+/// A line for a message.
+fn excerpt(line: &[u8]) -> String {
+    const LONGEST: usize = 200;
+    let line = line.trim_ascii();
+    let text = String::from_utf8_lossy(&line[..line.len().min(4 * LONGEST)]);
+    let mut shown: String = text.chars().take(LONGEST).collect();
+    if text.chars().nth(LONGEST).is_some() {
+        shown.push('…');
+    }
+    shown
+}
+
+fn internal(what: &str, error: impl std::fmt::Display) -> Failure {
+    Failure::new(Status::InternalError, format!("{what}: {error}"))
+}
+
+/// An error in one line, its hint after it.
+fn told(error: &InputError) -> String {
+    match &error.hint {
+        Some(hint) => format!("{error}; {hint}"),
+        None => error.to_string(),
+    }
+}
+
+/// The end of a solver as a claim; `None` when it solved the instance.
+type Claim = Option<Failure>;
+
+impl Solver {
+    pub(super) fn new(
+        installed: Arc<Installed>,
+        mut options: Map<String, Json>,
+    ) -> Result<Self, Failure> {
+        let scratch = tempfile::Builder::new()
+            .prefix("fleetyard-")
+            .tempdir()
+            .map_err(|error| internal("cannot make a folder for the solver's files", error))?;
+        let known = installed.manifest.options.get("properties");
+        for (name, property) in known.and_then(Json::as_object).into_iter().flatten() {
+            if let (false, Some(default)) = (options.contains_key(name), property.get("default")) {
+                options.insert(name.clone(), default.clone());
+            }
+        }
+        Ok(Self {
+            installed,
+            options,
+            scratch,
+            environment: None,
+        })
+    }
+
+    fn grid(&self) -> Result<&GridEnvironment, Failure> {
+        self.environment
+            .as_deref()
+            .and_then(Environment::grid)
+            .ok_or_else(|| Failure::new(Status::InvalidInput, "`plan` came before `prepare`"))
+    }
+
+    fn unsupported(&self, what: &str) -> Failure {
+        let id = &self.installed.manifest.id;
+        Failure::new(Status::Unsupported, format!("{id} {what}"))
+    }
+
+    /// The scenario's text.
+    fn scenario(&self, instance: &Instance, grid: &GridEnvironment) -> Result<Vec<u8>, Failure> {
+        let row_first = self.installed.manifest.input.row_first;
+        let cols = grid.cols.max(1);
+        let place = |cell: u32| {
+            let (row, col) = (cell / cols, cell % cols);
+            // A scenario's entry is (row, column) and is written column first.
+            if row_first { (col, row) } else { (row, col) }
+        };
+        let mut entries = Vec::with_capacity(instance.agents());
+        for (start, goals) in instance.starts.iter().zip(instance.goals.iter()) {
+            let [goal] = goals else {
+                return Err(self.unsupported("takes one goal per agent"));
+            };
+            entries.push(ScenarioEntry {
+                line: 0,
+                bucket: 0,
+                map: MAP_NAME.into(),
+                map_cols: grid.cols,
+                map_rows: grid.rows,
+                start: place(*start),
+                goal: place(*goal),
+                optimal_length: 0.0,
+            });
+        }
+        Ok(write_scen(&Scenario {
+            source: SCEN_NAME.into(),
+            entries,
+        }))
+    }
+
+    /// What the solver may take of what is left of the budget.
+    fn time(&self, budget: &Budget) -> Duration {
+        let left = budget.deadline_monotonic_ns.saturating_sub(monotonic_ns());
+        let left = Duration::from_nanos(left);
+        let reserve = self.installed.manifest.program.reserve.unwrap_or_else(|| {
+            let share = Duration::from_nanos(budget.wall_ns) / 20;
+            share.clamp(Duration::from_millis(20), Duration::from_secs(1))
+        });
+        left.saturating_sub(reserve).max(Duration::from_millis(1))
+    }
+
+    fn command(&self, instance: &Instance, budget: &Budget) -> Command {
+        let Installed {
+            manifest,
+            folder,
+            program,
+        } = &*self.installed;
+        let scratch = self.scratch.path();
+        let time = self.time(budget);
+        let value = |slot: &Slot| -> OsString {
+            match slot {
+                Slot::Map => scratch.join(MAP_NAME).into(),
+                Slot::Scen => scratch.join(SCEN_NAME).into(),
+                Slot::Output => match &manifest.output.file {
+                    Some(file) => scratch.join(file).into(),
+                    None => OsString::new(),
+                },
+                Slot::Scratch => scratch.into(),
+                Slot::ManifestDir => folder.into(),
+                Slot::Agents => instance.agents().to_string().into(),
+                Slot::Seconds => seconds(time).into(),
+                Slot::WholeSeconds => time.as_secs().max(1).to_string().into(),
+                Slot::Milliseconds => time.as_millis().to_string().into(),
+                Slot::Seed => budget.seed.to_string().into(),
+                Slot::Seed31 => (budget.seed & 0x7fff_ffff).to_string().into(),
+                Slot::Threads => budget.threads.max(1).to_string().into(),
+                Slot::MemoryMb => (budget.memory_bytes >> 20).to_string().into(),
+                Slot::Nodes => budget.nodes.to_string().into(),
+                Slot::Option(name) => match self.options.get(name) {
+                    Some(Json::String(text)) => text.into(),
+                    Some(value) => value.to_string().into(),
+                    None => OsString::new(),
+                },
+            }
+        };
+        let holds = |condition: &Condition| match condition {
+            Condition::Memory => budget.memory_bytes > 0,
+            Condition::Nodes => budget.nodes > 0,
+            Condition::Option(name) => !matches!(
+                self.options.get(name),
+                None | Some(Json::Null | Json::Bool(false))
+            ),
+        };
+        let mut command = Command::new(program);
+        for argument in &manifest.program.arguments {
+            if argument.when.as_ref().is_none_or(holds) {
+                let rendered = argument.templates.iter().map(|one| one.render(value));
+                command.args(rendered);
+            }
+        }
+        for (name, template) in &manifest.program.environment {
+            command.env(name, template.render(value));
+        }
+        let cwd = manifest.program.cwd.as_ref();
+        command.current_dir(cwd.map_or_else(|| scratch.into(), |cwd| cwd.render(value)));
+        command
+    }
+
+    /// Runs the solver, its output going to the log as it comes.
+    fn run(&self, instance: &Instance, budget: &Budget, sink: &dyn Sink) -> Result<Ended, Failure> {
+        let answer_on_stdout = self.installed.manifest.output.file.is_none();
+        let forward = |level: LogLevel, left: &mut Option<usize>, line: &str| {
+            let Some(room) = left else {
+                return;
+            };
+            if let Some(rest) = room.checked_sub(line.len() + 1) {
+                *room = rest;
+                sink.log(level, line);
+            } else {
+                *left = None;
+                let text =
+                    format!("the solver wrote more than {FORWARDED} bytes; the rest is not kept");
+                sink.log(LogLevel::Warning, &text);
+            }
+        };
+        let (mut stdout_left, mut stderr_left) = (Some(FORWARDED), Some(FORWARDED));
+        let outputs = Outputs {
+            stdout: if answer_on_stdout {
+                Captured::new(ANSWER_LIMIT as usize, 0)
+            } else {
+                Captured::new(LOG_HEAD, LOG_TAIL)
+            },
+            stderr: Captured::new(LOG_HEAD, LOG_TAIL),
+            stdout_line: &mut |line| {
+                if !answer_on_stdout {
+                    forward(LogLevel::Debug, &mut stdout_left, line);
+                }
+            },
+            stderr_line: &mut |line| forward(LogLevel::Info, &mut stderr_left, line),
+        };
+        let mut command = self.command(instance, budget);
+        process::run(&mut command, outputs, &|| sink.cancelled()).map_err(|error| {
+            let program = self.installed.program.display();
+            internal(&format!("{program} cannot be started"), error)
+        })
+    }
+
+    /// What the end of the solver means, by the manifest's patterns, then its exit
+    /// codes.
+    fn claim(&self, end: End, left: &Left) -> Claim {
+        let exit = &self.installed.manifest.exit;
+        for rule in &exit.patterns {
+            let Some(line) = left.line(&rule.pattern, rule.from) else {
+                continue;
+            };
+            if rule.status == Status::Solved {
+                return None;
+            }
+            let message = match &rule.message {
+                Some(message) => format!("{message} (the solver wrote: {line})"),
+                None => format!("the solver wrote: {line}"),
+            };
+            return Some(Failure::new(rule.status, message));
+        }
+        let code = match end {
+            End::Exited(code) => Some(code),
+            End::Signalled(_) | End::Stopped => None,
+        };
+        let rule = exit.codes.iter().find(|(known, _)| Some(*known) == code);
+        let status = match (rule, code) {
+            (Some((_, status)), _) => *status,
+            (None, Some(0)) => Status::Solved,
+            (None, _) => Status::InternalError,
+        };
+        if status == Status::Solved {
+            return None;
+        }
+        let words = left.last_words();
+        Some(Failure::new(status, format!("the solver {end}{words}")))
+    }
+
+    /// Reads the answer as a plan.
+    fn plan_in(&self, answer: &[u8], instance: &Instance) -> Result<Plan, InputError> {
+        let output = &self.installed.manifest.output;
+        let size = match self.grid() {
+            Ok(grid) => MapSize {
+                rows: grid.rows,
+                cols: grid.cols,
+            },
+            Err(failure) => return Err(InputError::new(output.source(), failure.message)),
+        };
+        let source = output.source();
+        output.layout.read(&source, answer, size, instance.agents())
+    }
+
+    fn report_metrics(&self, left: &Left, sink: &dyn Sink) {
+        for metric in &self.installed.manifest.metrics {
+            let texts = left.texts(metric.from).into_iter().flatten();
+            let found = texts.flat_map(|text| metric.pattern.captures_iter(text));
+            // The last one is that of the answer.
+            let Some(value) = found.last().and_then(|found| found.get(1)) else {
+                continue;
+            };
+            let text = String::from_utf8_lossy(value.as_bytes());
+            match text.trim().parse::<f64>() {
+                Ok(value) if value.is_finite() => sink.metric(&metric.name, value),
+                _ => {
+                    let shown = excerpt(value.as_bytes());
+                    let text = format!("the figure `{}` is no number: {shown}", metric.name);
+                    sink.log(LogLevel::Warning, &text);
+                }
+            }
+        }
+    }
+
+    /// Takes what the solver left, and the answer in it.
+    fn left(&self, ended: Ended) -> Result<Left, Failure> {
+        let output = &self.installed.manifest.output;
+        let answer = match &output.file {
+            Some(name) => read_answer(&self.scratch.path().join(name)),
+            None if ended.stdout.dropped > 0 => Err(too_large()),
+            None => Ok(Answer::Stdout),
+        };
+        let broken = |error| Failure::broke_contract(format!("{}: {error}", output.source()));
+        Ok(Left {
+            answer: answer.map_err(broken)?,
+            stdout: ended.stdout.into_bytes(),
+            stderr: ended.stderr.into_bytes(),
+        })
+    }
+}
+
+fn too_large() -> io::Error {
+    let reason = format!("the answer is larger than {ANSWER_LIMIT} bytes");
+    io::Error::other(reason)
+}
+
+/// Reads the answer's file, if there is one. What the solver put there may be
+/// anything: links are not followed, and pipes not waited for.
+fn read_answer(path: &Path) -> io::Result<Answer> {
+    let opened = OpenOptions::new()
+        .read(true)
+        .custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK)
+        .open(path);
+    let file = match opened {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Answer::Missing),
+        Err(error) => return Err(error),
+    };
+    let meta = file.metadata()?;
+    if !meta.is_file() {
+        return Err(io::Error::other("the answer is not a regular file"));
+    }
+    if meta.len() > ANSWER_LIMIT {
+        return Err(too_large());
+    }
+    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    file.take(ANSWER_LIMIT + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > ANSWER_LIMIT {
+        return Err(too_large());
+    }
+    Ok(Answer::File(bytes))
+}
+
+/// Seconds with as many decimals as they need, milliseconds at most.
+fn seconds(time: Duration) -> String {
+    let text = format!("{}.{:03}", time.as_secs(), time.subsec_millis());
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+impl Planner for Solver {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.environment = None;
+        let Environment::Grid(grid) = &**environment;
+        let manifest = &self.installed.manifest;
+        if grid.connectivity != 4 && !manifest.capabilities.has(Capability::EightConnected) {
+            return Err(self.unsupported("plans on four-connected grids"));
+        }
+        let terrain = if manifest.input.all_letters {
+            grid.terrain.clone()
+        } else {
+            let letter = |free: &u8| if *free == 0 { b'@' } else { b'.' };
+            grid.passable.iter().map(letter).collect()
+        };
+        let written = Grid::new("map", grid.rows, grid.cols, terrain)
+            .map_err(|error| Failure::new(Status::InvalidInput, told(&error)))?;
+        fs::write(self.scratch.path().join(MAP_NAME), write_map(&written))
+            .map_err(|error| internal("cannot write the map", error))?;
+        self.environment = Some(environment.clone());
+        Ok(())
+    }
+
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let grid = self.grid()?;
+        instance
+            .check(grid.rows as usize * grid.cols as usize)
+            .map_err(|reason| Failure::new(Status::InvalidInput, reason))?;
+        if instance.motion != Motion::Pebble {
+            return Err(self.unsupported("does not plan rotations"));
+        }
+        let scratch = self.scratch.path();
+        fs::write(scratch.join(SCEN_NAME), self.scenario(instance, grid)?)
+            .map_err(|error| internal("cannot write the scenario", error))?;
+        let output = &self.installed.manifest.output;
+        if let Some(file) = &output.file {
+            // The answer of the last call is none of this one's.
+            match fs::remove_file(scratch.join(file)) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(internal("cannot remove the last answer", error));
+                }
+                _ => {}
+            }
+        }
+        let ended = self.run(instance, budget, sink)?;
+        if ended.end == End::Stopped {
+            let reason = "the solver did not end in time and was stopped";
+            return Err(Failure::new(Status::TimedOut, reason));
+        }
+        let end = ended.end;
+        let left = self.left(ended)?;
+        let result = match (self.claim(end, &left), left.answer()) {
+            (None, Some(answer)) if output.says_unsolved && says_unsolved(answer) => {
+                let reason = "the solver found no solution: its answer says `solved=0`";
+                Err(Failure::new(Status::GaveUp, reason))
+            }
+            (None, Some(answer)) => self
+                .plan_in(answer, instance)
+                .map_err(|error| Failure::broke_contract(told(&error)))
+                .and_then(|plan| submit(&plan, sink)),
+            (None, None) => {
+                let reason = format!(
+                    "the solver {end} but wrote no {}{}",
+                    output.source(),
+                    left.last_words()
+                );
+                Err(Failure::new(Status::InternalError, reason))
+            }
+            (Some(failure), answer) => {
+                let may_collide = self.installed.manifest.capabilities;
+                let answer = answer.filter(|_| may_collide.has(Capability::CollidingPlans));
+                // A solver that failed may have left anything, or nothing.
+                match answer.map(|answer| self.plan_in(answer, instance)) {
+                    Some(Ok(plan)) => submit(&plan, sink)?,
+                    Some(Err(error)) => sink.log(LogLevel::Debug, &told(&error)),
+                    None => {}
+                }
+                Err(failure)
+            }
+        };
+        self.report_metrics(&left, sink);
+        result
+    }
+}
+
+fn submit(plan: &Plan, sink: &dyn Sink) -> Result<(), Failure> {
+    sink.submit_plan(plan.as_ref()).map_err(|rejected| {
+        if sink.cancelled() {
+            Failure::new(Status::TimedOut, "the answer was read after the deadline")
+        } else {
+            rejected.into()
+        }
+    })
+}
+
+/// Whether the head of a `lacam` answer says that there is no solution.
+fn says_unsolved(answer: &[u8]) -> bool {
+    answer
+        .split(|byte| *byte == b'\n')
+        .map(<[u8]>::trim_ascii)
+        .take_while(|line| *line != b"solution=")
+        .any(|line| line == b"solved=0")
+}

@@ -1,0 +1,435 @@
+//! Watches what a plugin uses, and says when it is too much.
+//!
+//! The kernel's own limits are the first line where they exist; this is what holds
+//! everywhere. Memory is the sum over all processes: resident sets first, which are
+//! cheap and count shared pages several times, and proportional sets when that sum is
+//! too large, so that sharing is not held against a plugin. What neither of them
+//! shows (memory files, System V memory) the sandbox refuses.
+
+use std::fs;
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use fleetyard_abi::monotonic_ns;
+use serde::{Deserialize, Serialize};
+
+use crate::sandbox::jail::{Ended, Jail};
+use crate::tree::Census;
+
+/// A resource with a limit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Limit {
+    /// Wall time of a call.
+    Wall,
+    /// Processor time of a call, over all processes and threads.
+    Cpu,
+    /// Memory, over all processes.
+    Memory,
+    /// Processes and threads.
+    Processes,
+    /// Output that is no message.
+    Output,
+    /// Bytes or files in the scratch folder.
+    Disk,
+}
+
+impl std::fmt::Display for Limit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Wall => "wall",
+            Self::Cpu => "cpu",
+            Self::Memory => "memory",
+            Self::Processes => "processes",
+            Self::Output => "output",
+            Self::Disk => "disk",
+        })
+    }
+}
+
+/// Where a figure comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Source {
+    /// The kernel counted it for the control group.
+    Cgroup,
+    /// The kernel counted it for processes that were waited for.
+    Rusage,
+    /// Read from `/proc` every few milliseconds.
+    Polled,
+}
+
+/// What a plugin's processes used, as the kernel counted them. What is not known is
+/// absent.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Usage {
+    /// Processor time in user mode.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub user_us: Option<u64>,
+    /// Processor time in the kernel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub system_us: Option<u64>,
+    /// Where processor times come from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu_source: Option<Source>,
+    /// Most memory that was seen in use, over all processes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_memory_kb: Option<u64>,
+    /// Where that comes from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_memory_source: Option<Source>,
+    /// Largest resident set of any one process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_rss_kb: Option<u64>,
+    /// Most processes and threads that were seen at a time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_tasks: Option<u64>,
+    /// Most bytes that were seen in the scratch folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_disk_kb: Option<u64>,
+    /// Switches to another process while waiting for something.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voluntary_switches: Option<u64>,
+    /// Switches because somebody else had a turn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub involuntary_switches: Option<u64>,
+    /// Page faults that read from a disk.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub major_faults: Option<u64>,
+    /// Page faults that did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub minor_faults: Option<u64>,
+    /// Time in which a bandwidth limit stopped the plugin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub throttled_us: Option<u64>,
+}
+
+/// What one call used.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CallUsage {
+    /// Processor time of all processes and threads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu_us: Option<u64>,
+    /// Time in which they could have run but others did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run_delay_us: Option<u64>,
+}
+
+/// The limits of one call; 0 stands for none.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct CallLimits {
+    pub(crate) cpu_ns: u64,
+    pub(crate) memory_bytes: u64,
+}
+
+/// Limits that hold all the time.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Standing {
+    pub(crate) processes: u64,
+    pub(crate) disk_bytes: u64,
+    pub(crate) files: u64,
+    /// Whether the scratch folder is a file system of its own.
+    pub(crate) own_disk: bool,
+}
+
+/// Processor time and delays so far.
+#[derive(Debug, Clone, Copy, Default)]
+struct Times {
+    cpu_us: Option<u64>,
+    run_delay_us: Option<u64>,
+}
+
+pub(crate) struct Monitor {
+    standing: Standing,
+    call: CallLimits,
+    at_start: Times,
+    tick_us: u64,
+    page_kb: u64,
+    peak_memory_kb: u64,
+    peak_tasks: u64,
+    peak_disk_kb: u64,
+    /// What the last look took, so that looking never takes much of a processor.
+    cost_ns: u64,
+    disk_looked_ns: u64,
+    shares_looked_ns: u64,
+    last_cpu_us: u64,
+}
+
+impl Monitor {
+    pub(crate) fn new(standing: Standing, memory_bytes: u64) -> Self {
+        let ticks = rustix::param::clock_ticks_per_second().max(1);
+        Self {
+            standing,
+            call: CallLimits {
+                memory_bytes,
+                cpu_ns: 0,
+            },
+            at_start: Times::default(),
+            tick_us: 1_000_000 / ticks,
+            page_kb: rustix::param::page_size() as u64 / 1024,
+            peak_memory_kb: 0,
+            peak_tasks: 0,
+            peak_disk_kb: 0,
+            cost_ns: 0,
+            disk_looked_ns: 0,
+            shares_looked_ns: 0,
+            last_cpu_us: 0,
+        }
+    }
+
+    /// How long to wait before looking again.
+    pub(crate) fn pause(&self) -> Duration {
+        const SHORTEST: u64 = 5_000_000;
+        const LONGEST: u64 = 50_000_000;
+        // A twentieth of a processor, and more only for very many processes.
+        Duration::from_nanos((self.cost_ns * 20).clamp(SHORTEST, LONGEST))
+    }
+
+    /// A call begins: its limits count from here.
+    pub(crate) fn begin(&mut self, jail: &Jail, call: CallLimits) {
+        self.call = call;
+        if let Some(group) = &jail.cgroup {
+            group.limit(call.memory_bytes, self.standing.processes as u32);
+        }
+        self.at_start = self.times(jail, &jail.view.census());
+    }
+
+    /// A call has ended.
+    pub(crate) fn finish(&mut self, jail: &Jail) -> CallUsage {
+        let now = self.times(jail, &jail.view.census());
+        let since = |now: Option<u64>, start: Option<u64>| Some(now?.saturating_sub(start?));
+        let usage = CallUsage {
+            cpu_us: since(now.cpu_us, self.at_start.cpu_us),
+            run_delay_us: since(now.run_delay_us, self.at_start.run_delay_us),
+        };
+        self.call.cpu_ns = 0;
+        usage
+    }
+
+    /// Looks once; the limit that is exceeded, if one is.
+    pub(crate) fn look(&mut self, jail: &Jail) -> Option<Limit> {
+        let started = monotonic_ns();
+        let over = self.check(jail);
+        self.cost_ns = monotonic_ns() - started;
+        over
+    }
+
+    /// What can still be seen when everybody is gone: a scratch folder that is full.
+    pub(crate) fn last_look(&mut self, jail: &Jail) -> Option<Limit> {
+        self.disk_looked_ns = 0;
+        self.disk_is_over(jail).then_some(Limit::Disk)
+    }
+
+    fn check(&mut self, jail: &Jail) -> Option<Limit> {
+        let census = jail.view.census();
+        self.peak_tasks = self.peak_tasks.max(census.tasks);
+        if census.tasks > self.standing.processes {
+            return Some(Limit::Processes);
+        }
+        if self.memory_is_over(jail, &census) {
+            return Some(Limit::Memory);
+        }
+        if self.disk_is_over(jail) {
+            return Some(Limit::Disk);
+        }
+        if self.call.cpu_ns > 0 {
+            let start = self.at_start.cpu_us.unwrap_or(0);
+            let now = self.cpu_us(jail, &census).unwrap_or(0);
+            if now.saturating_sub(start) * 1000 > self.call.cpu_ns {
+                return Some(Limit::Cpu);
+            }
+        }
+        None
+    }
+
+    fn memory_is_over(&mut self, jail: &Jail, census: &Census) -> bool {
+        let limit_kb = self.call.memory_bytes / 1024;
+        if let Some(group) = &jail.cgroup {
+            if group.out_of_memory() {
+                return true;
+            }
+            if let Some(bytes) = group.memory_bytes() {
+                self.peak_memory_kb = self.peak_memory_kb.max(bytes / 1024);
+                return limit_kb > 0 && bytes / 1024 > limit_kb;
+            }
+        }
+        let resident_kb = census.resident_pages * self.page_kb;
+        if resident_kb <= self.peak_memory_kb && (limit_kb == 0 || resident_kb <= limit_kb) {
+            return false;
+        }
+        // Proportional sets are dear: for the limit when need be, for the peak now and
+        // then.
+        const EVERY_NS: u64 = 100_000_000;
+        let now = monotonic_ns();
+        let too_much = limit_kb > 0 && resident_kb > limit_kb;
+        if census.members.len() > 1 && !too_much && now < self.shares_looked_ns + EVERY_NS {
+            return false;
+        }
+        let used = if census.members.len() > 1 {
+            self.shares_looked_ns = now;
+            let folder = jail.view.folder();
+            let proportional = |member: &crate::tree::Member| {
+                proportional_kb(&folder, member.pid).unwrap_or(member.resident_pages * self.page_kb)
+            };
+            census.members.iter().map(proportional).sum()
+        } else {
+            resident_kb
+        };
+        self.peak_memory_kb = self.peak_memory_kb.max(used);
+        limit_kb > 0 && used > limit_kb
+    }
+
+    fn disk_is_over(&mut self, jail: &Jail) -> bool {
+        if self.standing.own_disk {
+            let Ok(stat) = rustix::fs::fstatfs(jail.scratch.as_fd()) else {
+                return false;
+            };
+            let used = (stat.f_blocks - stat.f_bfree) * stat.f_bsize as u64;
+            let files = stat.f_files - stat.f_ffree;
+            self.peak_disk_kb = self.peak_disk_kb.max(used / 1024);
+            return used > self.standing.disk_bytes || files > self.standing.files;
+        }
+        // A folder on somebody's disk has to be walked through: now and then.
+        const EVERY_NS: u64 = 50_000_000;
+        let now = monotonic_ns();
+        if now < self.disk_looked_ns + EVERY_NS {
+            return false;
+        }
+        let path = std::path::PathBuf::from(format!(
+            "/proc/self/fd/{}",
+            std::os::fd::AsRawFd::as_raw_fd(&jail.scratch)
+        ));
+        let mut total = Walk::default();
+        total.walk(&path, self.standing.files, 0);
+        self.disk_looked_ns = monotonic_ns();
+        self.peak_disk_kb = self.peak_disk_kb.max(total.bytes / 1024);
+        total.bytes > self.standing.disk_bytes || total.files > self.standing.files
+    }
+
+    fn cpu_us(&mut self, jail: &Jail, census: &Census) -> Option<u64> {
+        if let Some(exact) = jail.cgroup.as_ref().and_then(|group| group.cpu_us()) {
+            return Some(exact);
+        }
+        // Ticks are coarse but forget nobody; they never run backwards, whoever has
+        // just been waited for by whom.
+        self.last_cpu_us = self.last_cpu_us.max(census.ticks * self.tick_us);
+        Some(self.last_cpu_us)
+    }
+
+    fn times(&mut self, jail: &Jail, census: &Census) -> Times {
+        let folder = jail.view.folder();
+        let mut run_us = 0;
+        let mut delay_us = None;
+        for member in &census.members {
+            if let Some((run, delay)) = schedule_us(&folder, member.pid) {
+                run_us += run;
+                *delay_us.get_or_insert(0) += delay;
+            }
+        }
+        let counted = self.cpu_us(jail, census);
+        let exact = jail
+            .cgroup
+            .as_ref()
+            .is_some_and(|group| group.cpu_us().is_some());
+        Times {
+            // Of living threads the scheduler knows more than the ticks tell.
+            cpu_us: if exact {
+                counted
+            } else {
+                counted.map(|counted| counted.max(run_us))
+            },
+            run_delay_us: delay_us,
+        }
+    }
+
+    /// What was used in all, once everybody is gone.
+    pub(crate) fn usage(&self, jail: &Jail, ended: Option<&Ended>) -> Usage {
+        let group = jail.cgroup.as_ref();
+        let from_group = group.and_then(|group| group.cpu_parts_us());
+        let (user_us, system_us, cpu_source) = match (ended, from_group) {
+            (Some(ended), _) => (
+                Some(ended.user_us),
+                Some(ended.system_us),
+                Some(Source::Rusage),
+            ),
+            (None, Some((user, system))) => (Some(user), Some(system), Some(Source::Cgroup)),
+            // The last look is the least that it can have been, in one sum.
+            (None, None) => (Some(self.last_cpu_us), None, Some(Source::Polled)),
+        };
+        let max_rss_kb = ended.map(|ended| ended.max_rss_kb);
+        let (peak_memory_kb, peak_memory_source) =
+            match group.and_then(|group| group.memory_peak_bytes()) {
+                Some(bytes) => (bytes / 1024, Source::Cgroup),
+                None => match max_rss_kb {
+                    Some(one) if one >= self.peak_memory_kb => (one, Source::Rusage),
+                    _ => (self.peak_memory_kb, Source::Polled),
+                },
+            };
+        Usage {
+            user_us,
+            system_us,
+            cpu_source,
+            peak_memory_kb: (peak_memory_kb > 0).then_some(peak_memory_kb),
+            peak_memory_source: (peak_memory_kb > 0).then_some(peak_memory_source),
+            max_rss_kb,
+            peak_tasks: (self.peak_tasks > 0).then_some(self.peak_tasks),
+            peak_disk_kb: Some(self.peak_disk_kb),
+            voluntary_switches: ended.map(|ended| ended.voluntary_switches),
+            involuntary_switches: ended.map(|ended| ended.involuntary_switches),
+            major_faults: ended.map(|ended| ended.major_faults),
+            minor_faults: ended.map(|ended| ended.minor_faults),
+            throttled_us: group.and_then(|group| group.throttled_us()),
+        }
+    }
+}
+
+/// Bytes and files below a folder.
+#[derive(Default)]
+struct Walk {
+    bytes: u64,
+    files: u64,
+}
+
+impl Walk {
+    fn walk(&mut self, folder: &std::path::Path, most_files: u64, depth: u32) {
+        use std::os::unix::fs::MetadataExt;
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            self.files += 1;
+            // Links are not followed: `DirEntry` looks at the entry itself.
+            let Ok(meta) = entry.metadata() else { continue };
+            self.bytes += meta.blocks() * 512;
+            if self.files > most_files {
+                return;
+            }
+            if meta.is_dir() && depth < 64 {
+                self.walk(&entry.path(), most_files, depth + 1);
+            }
+        }
+    }
+}
+
+/// A process's share of the memory that it uses together with others.
+fn proportional_kb(proc: &str, pid: i32) -> Option<u64> {
+    let text = fs::read_to_string(format!("{proc}/{pid}/smaps_rollup")).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("Pss:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok()
+}
+
+/// How long the threads of a process ran, and how long they waited for their turn.
+fn schedule_us(proc: &str, pid: i32) -> Option<(u64, u64)> {
+    let mut sum = None;
+    for thread in fs::read_dir(format!("{proc}/{pid}/task")).ok()?.flatten() {
+        let Ok(text) = fs::read_to_string(thread.path().join("schedstat")) else {
+            continue;
+        };
+        let mut numbers = text
+            .split_whitespace()
+            .map_while(|word| word.parse::<u64>().ok());
+        if let (Some(run), Some(delay)) = (numbers.next(), numbers.next()) {
+            let (runs, delays) = sum.get_or_insert((0, 0));
+            *runs += run / 1000;
+            *delays += delay / 1000;
+        }
+    }
+    sum
+}

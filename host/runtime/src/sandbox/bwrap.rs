@@ -1,0 +1,130 @@
+//! The way in through the program `bwrap` (bubblewrap), for machines where it holds
+//! a right to make namespaces that is refused to everybody else: set-user-identifier
+//! on old or hardened systems, an AppArmor profile on Ubuntu.
+//!
+//! It makes the namespaces and the tree of files; the host then runs itself inside,
+//! as the init, and goes on as if it had made them itself.
+
+use std::convert::Infallible;
+use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::Command;
+
+use rustix::io::Errno;
+use serde::{Deserialize, Serialize};
+
+use super::Layer;
+use super::grants::{Grants, find_program};
+use super::jail::Launch;
+use super::lock::DEVICES;
+use super::root::{SCRATCH, as_errno};
+use crate::supervisor::Target;
+
+/// First argument of the host's own program inside of what `bwrap` made.
+pub(crate) const INSIDE_ARGUMENT: &str = "__inside";
+
+/// Where the host's program is found there.
+const EXECUTABLE: &str = "/run/fleetyard";
+
+/// What the init is told on its command line.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Handed {
+    pub(super) launch: Launch,
+    pub(super) grants: Grants,
+    pub(super) wanted: Vec<Layer>,
+    pub(super) link: RawFd,
+    pub(super) gate: RawFd,
+}
+
+/// Whether there is such a program.
+pub(super) fn exists() -> bool {
+    find_program("bwrap").is_some()
+}
+
+/// Starts the init in it; the process that is returned is `bwrap` itself, which ends
+/// when the init does and takes it along.
+pub(super) fn spawn(
+    launch: &Launch,
+    grants: &Grants,
+    wanted: &[Layer],
+    link: &OwnedFd,
+    gate: &OwnedFd,
+) -> Result<i32, Errno> {
+    let program = find_program("bwrap").ok_or(Errno::NOENT)?;
+    let handed = Handed {
+        launch: launch.clone(),
+        grants: grants.clone(),
+        wanted: wanted.to_vec(),
+        link: link.as_raw_fd(),
+        gate: gate.as_raw_fd(),
+    };
+    let text = serde_json::to_string(&handed).map_err(|_| Errno::INVAL)?;
+    let own = std::env::current_exe().map_err(|error| as_errno(&error))?;
+    let mut command = Command::new(program);
+    command.args(["--unshare-user-try", "--unshare-pid", "--unshare-ipc"]);
+    command.args(["--unshare-uts", "--unshare-cgroup-try", "--as-pid-1"]);
+    command.args(["--die-with-parent", "--new-session"]);
+    if !launch.policy.network {
+        command.arg("--unshare-net");
+    }
+    // As in our own tree: the scratch folder first, some grants may be below it.
+    let size = launch.policy.disk_bytes.max(4096) + (64 << 10);
+    command.args(["--size", &size.to_string(), "--tmpfs", SCRATCH]);
+    command.args(["--proc", "/proc"]);
+    for path in &grants.read {
+        match std::fs::read_link(path) {
+            Ok(to) => command.arg("--symlink").arg(to).arg(path),
+            Err(_) => command.arg("--ro-bind").arg(path).arg(path),
+        };
+    }
+    for device in DEVICES {
+        command.args(["--dev-bind-try", device, device]);
+    }
+    command.arg("--ro-bind").arg(own).arg(EXECUTABLE);
+    command.args(["--remount-ro", "/", "--chdir", SCRATCH, "--", EXECUTABLE]);
+    command.arg(INSIDE_ARGUMENT).arg(text);
+    let descriptors = [link.as_raw_fd(), gate.as_raw_fd()];
+    // SAFETY: `fcntl` is async-signal-safe; only the child's copies stay open.
+    unsafe {
+        command.pre_exec(move || {
+            for descriptor in descriptors {
+                if libc::fcntl(descriptor, libc::F_SETFD, 0) < 0 {
+                    return Err(std::io::Error::last_os_error());
+                }
+            }
+            Ok(())
+        });
+    }
+    let child = command.spawn().map_err(|error| as_errno(&error))?;
+    Ok(child.id() as i32)
+}
+
+/// The init's life inside of what `bwrap` made. Never returns.
+pub(crate) fn enter(
+    mut arguments: impl Iterator<Item = String>,
+    become_plugin: &dyn Fn(&Target) -> Infallible,
+) -> ! {
+    let handed = arguments
+        .next()
+        .and_then(|text| serde_json::from_str::<Handed>(&text).ok())
+        .filter(|handed| handed.link > 2 && handed.gate > 2);
+    let Some(handed) = handed else {
+        eprintln!("{INSIDE_ARGUMENT} is how the host starts itself; it is not a command");
+        std::process::exit(2);
+    };
+    // SAFETY: the supervisor left these open for us alone.
+    let (link, gate) = unsafe {
+        (
+            OwnedFd::from_raw_fd(handed.link),
+            OwnedFd::from_raw_fd(handed.gate),
+        )
+    };
+    for descriptor in [&link, &gate] {
+        // They are not for the plugin, should it be a program.
+        let _ = rustix::io::fcntl_setfd(descriptor, rustix::io::FdFlags::CLOEXEC);
+    }
+    super::jail::enter(&handed, &link, &gate, Path::new(SCRATCH), &|| {
+        become_plugin(&handed.launch.target)
+    })
+}

@@ -1,0 +1,216 @@
+//! What the plugin's own process gives up before it becomes the plugin.
+
+use std::path::{Path, PathBuf};
+
+use landlock::{
+    ABI, Access, AccessFs, AccessNet, BitFlags, CompatLevel, Compatible, PathBeneath, PathFd,
+    Ruleset, RulesetAttr, RulesetCreatedAttr, RulesetStatus, Scope,
+};
+use rustix::io::Errno;
+use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
+use rustix::thread::{CapabilitySet, CapabilitySets, capabilities, set_capabilities};
+
+use super::{Layer, Refusal, syscalls};
+
+/// What is to be locked.
+pub(super) struct Lock<'a> {
+    /// Paths that may be read and executed.
+    pub(super) read: &'a [PathBuf],
+    /// The folder that may be written to.
+    pub(super) scratch: &'a Path,
+    pub(super) network: bool,
+    /// Most bytes of a file.
+    pub(super) file_bytes: u64,
+    /// Most processes of this user, where the kernel counts them for this sandbox
+    /// alone.
+    pub(super) processes: Option<u64>,
+    /// A user to become, when that was not done by a user namespace.
+    pub(super) become_user: Option<u32>,
+}
+
+impl Lock<'_> {
+    /// Gives everything up. What could not be given up is returned; the rest is.
+    pub(super) fn apply(&self) -> Vec<Refusal> {
+        let mut refused = Vec::new();
+        let mut note = |result: Result<(), Refusal>| refused.extend(result.err());
+        note(self.resource_limits());
+        note(self.change_user());
+        note(drop_capabilities());
+        note(no_new_privileges());
+        note(self.landlock());
+        // After Landlock: its own calls are not refused, but nothing that comes
+        // later should need any.
+        note(
+            syscalls::install(self.network)
+                .map_err(|(errno, reason)| Refusal::new(Layer::Seccomp, errno, reason)),
+        );
+        // Giving up rights made this process unreadable for the supervisor, which
+        // has to measure it.
+        let _ = set_dumpable_behavior(DumpableBehavior::Dumpable);
+        refused
+    }
+
+    fn resource_limits(&self) -> Result<(), Refusal> {
+        let refused = Refusal::of(Layer::ResourceLimits, "setting resource limits");
+        let limits = [
+            (Resource::Core, 0),
+            (Resource::Fsize, self.file_bytes),
+            (Resource::Nofile, 4096),
+            (Resource::Memlock, 64 << 10),
+            (Resource::Msgqueue, 0),
+            (Resource::Rtprio, 0),
+            (Resource::Nice, 0),
+        ];
+        let processes = self.processes.map(|most| (Resource::Nproc, most));
+        for (resource, most) in limits.into_iter().chain(processes) {
+            let now = rustix::process::getrlimit(resource);
+            // Nobody may raise what somebody before us has lowered.
+            let most = now.maximum.map_or(most, |maximum| maximum.min(most));
+            let limit = Rlimit {
+                current: Some(now.current.map_or(most, |current| current.min(most))),
+                maximum: Some(most),
+            };
+            let limit = if resource == Resource::Nofile {
+                limit
+            } else {
+                Rlimit {
+                    current: Some(most),
+                    ..limit
+                }
+            };
+            setrlimit(resource, limit).map_err(&refused)?;
+        }
+        // When memory runs out, the plugin goes first.
+        let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
+        Ok(())
+    }
+
+    fn change_user(&self) -> Result<(), Refusal> {
+        let Some(user) = self.become_user else {
+            return Ok(());
+        };
+        // SAFETY: plain system calls; this process has one thread.
+        let result = unsafe {
+            if libc::setgroups(0, std::ptr::null()) != 0
+                || libc::setresgid(user, user, user) != 0
+                || libc::setresuid(user, user, user) != 0
+            {
+                Err(std::io::Error::last_os_error())
+            } else {
+                Ok(())
+            }
+        };
+        result.map_err(|error| {
+            let errno = Errno::from_io_error(&error).unwrap_or(Errno::PERM);
+            Refusal::new(Layer::OwnUser, errno, "changing the user")
+        })
+    }
+
+    fn landlock(&self) -> Result<(), Refusal> {
+        // The crate tells what was enforced, not why nothing was.
+        // SAFETY: asks for the version, touches no memory.
+        let version = unsafe {
+            libc::syscall(
+                libc::SYS_landlock_create_ruleset,
+                std::ptr::null::<u8>(),
+                0,
+                1,
+            )
+        };
+        if version < 0 {
+            let errno = Errno::from_io_error(&std::io::Error::last_os_error());
+            let reason = "the kernel has no Landlock, or it is not switched on";
+            return Err(Refusal::new(
+                Layer::Landlock,
+                errno.unwrap_or(Errno::NOSYS),
+                reason,
+            ));
+        }
+        let refused = |error: &dyn std::fmt::Display| {
+            Refusal::new(Layer::Landlock, Errno::INVAL, error.to_string())
+        };
+        self.restrict()
+            .map_err(|error| refused(&error))
+            .and_then(|status| match status {
+                RulesetStatus::NotEnforced => Err(refused(&"nothing was enforced")),
+                _ => Ok(()),
+            })
+    }
+
+    fn restrict(&self) -> Result<RulesetStatus, landlock::RulesetError> {
+        let abi = ABI::V6;
+        let mut ruleset = Ruleset::default()
+            .set_compatibility(CompatLevel::BestEffort)
+            .handle_access(AccessFs::from_all(abi))?
+            .scope(Scope::Signal)?;
+        if !self.network {
+            ruleset = ruleset
+                .handle_access(AccessNet::from_all(abi))?
+                .scope(Scope::AbstractUnixSocket)?;
+        }
+        let mut ruleset = ruleset.create()?;
+        let device = AccessFs::ReadFile | AccessFs::WriteFile | AccessFs::IoctlDev;
+        let mut allow = |path: &Path, access: BitFlags<AccessFs>| {
+            // What does not exist need not be allowed.
+            let Ok(fd) = PathFd::new(path) else {
+                return Ok(());
+            };
+            let access = if path.is_dir() {
+                access
+            } else {
+                access & AccessFs::from_file(abi)
+            };
+            (&mut ruleset)
+                .add_rule(PathBeneath::new(fd, access))
+                .map(|_| ())
+        };
+        for path in self.read {
+            allow(path, AccessFs::from_read(abi))?;
+        }
+        allow(self.scratch, AccessFs::from_all(abi))?;
+        for path in DEVICES {
+            allow(Path::new(path), device)?;
+        }
+        ruleset.restrict_self().map(|status| status.ruleset)
+    }
+}
+
+/// Devices that a plugin may use.
+pub(super) const DEVICES: [&str; 5] = [
+    "/dev/null",
+    "/dev/zero",
+    "/dev/full",
+    "/dev/random",
+    "/dev/urandom",
+];
+
+/// Gives up every capability, and the means to get one by starting a program.
+pub(super) fn drop_capabilities() -> Result<(), Refusal> {
+    let refused = Refusal::of(Layer::Capabilities, "giving up capabilities");
+    // Fails without CAP_SETPCAP; whoever has none has nothing to bound.
+    for capability in 0..64 {
+        // SAFETY: a plain system call on this process.
+        if unsafe { libc::prctl(libc::PR_CAPBSET_DROP, capability, 0, 0, 0) } != 0 {
+            break;
+        }
+    }
+    let none = CapabilitySets {
+        effective: CapabilitySet::empty(),
+        permitted: CapabilitySet::empty(),
+        inheritable: CapabilitySet::empty(),
+    };
+    set_capabilities(None, none).map_err(&refused)?;
+    let left = capabilities(None).map_err(&refused)?;
+    if left.permitted.is_empty() {
+        Ok(())
+    } else {
+        Err(refused(Errno::PERM))
+    }
+}
+
+fn no_new_privileges() -> Result<(), Refusal> {
+    rustix::thread::set_no_new_privs(true).map_err(Refusal::of(
+        Layer::NoNewPrivileges,
+        "refusing new privileges",
+    ))
+}

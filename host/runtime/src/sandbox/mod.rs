@@ -1,0 +1,295 @@
+//! The sandbox: what a plugin may see and do, and which layers make it so.
+//!
+//! A plugin is taken to be buggy or competitive, not to carry an exploit of the
+//! kernel. Each [`Layer`] takes something away from it; no layer is needed by
+//! another to be of use, and what one machine refuses another one grants. So the
+//! layers are tried as a whole chain, every time that a plugin is started, and a
+//! refusal costs that layer alone and is written into the record with its error
+//! number. [`Level`] says what to do about it.
+//!
+//! `jail` makes the namespaces and is the first process in them, `root` builds the
+//! tree of files, `lock` takes rights away from the plugin's own process before any
+//! code of the plugin runs (constructors of libraries included), `syscalls` is the
+//! table of refused system calls, `grants` finds what a plugin needs to read,
+//! `bwrap` is the way in where only that program may make namespaces.
+
+mod bwrap;
+mod grants;
+pub(crate) mod jail;
+mod lock;
+mod root;
+mod syscalls;
+
+use std::path::PathBuf;
+
+pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
+pub(crate) use grants::{find_program, interpreter};
+use rustix::io::Errno;
+use serde::{Deserialize, Serialize};
+
+/// What to do about layers that the machine refuses.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Level {
+    /// Refuse to run unless every required layer is active.
+    Strict,
+    /// As many layers as the machine grants; each loss is recorded.
+    #[default]
+    Auto,
+    /// No layer. Budgets hold, and the process tree is still ended; results are
+    /// unranked.
+    None,
+}
+
+/// One thing that is taken away from a plugin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Layer {
+    /// Rights over the other namespaces without rights over the machine.
+    UserNamespace,
+    /// Other processes cannot be seen or signalled, and all of the plugin's end
+    /// with the first one.
+    PidNamespace,
+    /// A tree of files with nothing but what the plugin may read.
+    MountNamespace,
+    /// No network but an unused loopback.
+    NetworkNamespace,
+    /// No System V or POSIX message queues, semaphores and memory of others.
+    IpcNamespace,
+    /// A `/proc` that shows the plugin's own processes alone.
+    OwnProc,
+    /// A user identifier that nobody else has, when the host is root.
+    OwnUser,
+    /// A control group: exact accounting, and one switch that ends everybody.
+    Cgroup,
+    /// Limits on core files, file sizes, descriptors, processes and locked memory.
+    ResourceLimits,
+    /// Every capability is given up, for good.
+    Capabilities,
+    /// Set-user-identifier programs give no rights.
+    NoNewPrivileges,
+    /// Files, sockets and signals outside of the grants are refused by the kernel,
+    /// whatever the namespaces are.
+    Landlock,
+    /// System calls that no planner needs are refused.
+    Seccomp,
+}
+
+impl Layer {
+    /// All of them, in the order in which they are set up.
+    pub const ALL: [Self; 13] = [
+        Self::UserNamespace,
+        Self::PidNamespace,
+        Self::MountNamespace,
+        Self::NetworkNamespace,
+        Self::IpcNamespace,
+        Self::OwnProc,
+        Self::OwnUser,
+        Self::Cgroup,
+        Self::ResourceLimits,
+        Self::Capabilities,
+        Self::NoNewPrivileges,
+        Self::Landlock,
+        Self::Seccomp,
+    ];
+
+    /// The name, as in records.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::UserNamespace => "user-namespace",
+            Self::PidNamespace => "pid-namespace",
+            Self::MountNamespace => "mount-namespace",
+            Self::NetworkNamespace => "network-namespace",
+            Self::IpcNamespace => "ipc-namespace",
+            Self::OwnProc => "own-proc",
+            Self::OwnUser => "own-user",
+            Self::Cgroup => "cgroup",
+            Self::ResourceLimits => "resource-limits",
+            Self::Capabilities => "capabilities",
+            Self::NoNewPrivileges => "no-new-privileges",
+            Self::Landlock => "landlock",
+            Self::Seccomp => "seccomp",
+        }
+    }
+
+    /// Whether `strict` insists on it. A control group and a user of its own are
+    /// not for everybody to have.
+    pub fn is_required(self) -> bool {
+        !matches!(self, Self::Cgroup | Self::OwnUser)
+    }
+
+    /// What is lost without it.
+    pub fn cost_of_missing(self) -> &'static str {
+        match self {
+            Self::UserNamespace => "the namespaces below, unless the host is root",
+            Self::PidNamespace => {
+                "a plugin sees other processes; its tree is ended by a search of /proc, and \
+                 memory and processor limits are watched less often"
+            }
+            Self::MountNamespace => {
+                "files are guarded by Landlock alone, and the scratch folder has no fixed size"
+            }
+            Self::NetworkNamespace => "the network is guarded by seccomp and Landlock alone",
+            Self::IpcNamespace => "System V memory is guarded by seccomp alone",
+            Self::OwnProc => "a plugin that needs /proc does not find it",
+            Self::OwnUser => {
+                "the plugin runs as root without rights; the kernel's own limit on processes \
+                 does not bind it"
+            }
+            Self::Cgroup => {
+                "processor time and memory are read from /proc every few milliseconds instead \
+                 of being counted by the kernel"
+            }
+            Self::ResourceLimits => "core files and open descriptors are unlimited",
+            Self::Capabilities => "the plugin keeps the rights of the host over the machine",
+            Self::NoNewPrivileges => "set-user-identifier programs give the plugin rights",
+            Self::Landlock => "files are guarded by the mount namespace alone",
+            Self::Seccomp => {
+                "sockets, tracing and rarely used parts of the kernel are open to the plugin"
+            }
+        }
+    }
+}
+
+impl std::fmt::Display for Layer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+/// Whether a layer was active, and if not, why.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LayerState {
+    /// The layer.
+    pub layer: Layer,
+    /// Whether it was active when the plugin's first code ran.
+    pub active: bool,
+    /// The error by which the kernel refused it.
+    #[serde(default)]
+    pub errno: Option<String>,
+    /// What was refused, or why it was not asked for.
+    #[serde(default)]
+    pub reason: Option<String>,
+}
+
+/// The layers of one run.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SandboxReport {
+    /// What was asked for.
+    pub level: Level,
+    /// Who made the namespaces: this host, or the program `bwrap`.
+    #[serde(default)]
+    pub backend: Option<Backend>,
+    /// Every layer, in the order of [`Layer::ALL`].
+    pub layers: Vec<LayerState>,
+}
+
+impl SandboxReport {
+    /// Whether a layer was active.
+    pub fn has(&self, layer: Layer) -> bool {
+        let mut layers = self.layers.iter();
+        layers.any(|state| state.layer == layer && state.active)
+    }
+
+    /// The layers that were asked for and refused.
+    pub fn refused(&self) -> impl Iterator<Item = &LayerState> {
+        let refused = |state: &&LayerState| !state.active && state.errno.is_some();
+        self.layers.iter().filter(refused)
+    }
+}
+
+/// Who made the namespaces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backend {
+    /// This host, by system calls.
+    Own,
+    /// The program `bwrap`, where only it is allowed to.
+    Bwrap,
+}
+
+/// What a plugin is granted beyond the least.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Policy {
+    /// What to do about refused layers.
+    pub level: Level,
+    /// Files and folders that the plugin may read, beside its own and the system's.
+    pub read: Vec<PathBuf>,
+    /// Whether it may use the network.
+    pub network: bool,
+    /// Environment variables beside the fixed ones.
+    pub env: Vec<(String, String)>,
+    /// Most processes and threads.
+    pub processes: u32,
+    /// Most bytes in the scratch folder.
+    pub disk_bytes: u64,
+    /// Most files in the scratch folder.
+    pub files: u64,
+}
+
+impl Default for Policy {
+    fn default() -> Self {
+        Self {
+            level: Level::default(),
+            read: Vec::new(),
+            network: false,
+            env: Vec::new(),
+            processes: 256,
+            disk_bytes: 256 << 20,
+            files: 10_000,
+        }
+    }
+}
+
+/// A layer that was refused, and by which error.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Refusal {
+    pub(crate) layer: Layer,
+    pub(crate) errno: i32,
+    pub(crate) reason: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(layer: Layer, errno: Errno, reason: impl Into<String>) -> Self {
+        Self {
+            layer,
+            errno: errno.raw_os_error(),
+            reason: reason.into(),
+        }
+    }
+
+    /// For `map_err`: the layer, and what was being done.
+    pub(crate) fn of(layer: Layer, what: &str) -> impl Fn(Errno) -> Self + '_ {
+        move |errno| Self::new(layer, errno, what)
+    }
+}
+
+/// The name of an error number, as in the manual.
+pub(crate) fn errno_name(errno: i32) -> String {
+    let name = match errno {
+        libc::EPERM => "EPERM",
+        libc::ENOENT => "ENOENT",
+        libc::EIO => "EIO",
+        libc::E2BIG => "E2BIG",
+        libc::EAGAIN => "EAGAIN",
+        libc::ENOMEM => "ENOMEM",
+        libc::EACCES => "EACCES",
+        libc::EBUSY => "EBUSY",
+        libc::EEXIST => "EEXIST",
+        libc::ENODEV => "ENODEV",
+        libc::ENOTDIR => "ENOTDIR",
+        libc::EINVAL => "EINVAL",
+        libc::EMFILE => "EMFILE",
+        libc::ENOSPC => "ENOSPC",
+        libc::EROFS => "EROFS",
+        libc::ELOOP => "ELOOP",
+        libc::ENOSYS => "ENOSYS",
+        libc::EUSERS => "EUSERS",
+        libc::EOPNOTSUPP => "EOPNOTSUPP",
+        libc::EOVERFLOW => "EOVERFLOW",
+        _ => return format!("errno {errno}"),
+    };
+    name.to_owned()
+}

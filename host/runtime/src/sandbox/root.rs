@@ -1,0 +1,325 @@
+//! The tree of files that a plugin sees: a new root in memory, read-only, on which
+//! the granted folders are mounted read-only at their own places, with a scratch
+//! folder of fixed size at `/tmp`.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::CWD;
+use rustix::io::Errno;
+use rustix::mount::{
+    MountFlags, MountPropagationFlags, MoveMountFlags, OpenTreeFlags, UnmountFlags, mount,
+    mount_change, move_mount, open_tree, unmount,
+};
+
+use super::lock::DEVICES;
+use super::{Layer, Refusal};
+
+/// Where the plugin may write.
+pub(super) const SCRATCH: &str = "/tmp";
+
+/// Who the plugin is inside of a user namespace.
+pub(super) const INSIDE_USER: u32 = 1000;
+
+/// Mounts that were taken by the host when it is root, so that files are readable
+/// for a user whom they do not belong to; by path.
+pub(super) type Trees = BTreeMap<PathBuf, OwnedFd>;
+
+/// How the tree is made.
+pub(super) struct Root<'a> {
+    pub(super) read: &'a [PathBuf],
+    pub(super) trees: &'a Trees,
+    pub(super) disk_bytes: u64,
+    pub(super) files: u64,
+    /// Whether there is a new namespace of processes to show.
+    pub(super) proc: bool,
+}
+
+/// A copy of what is mounted at a path, attached nowhere.
+fn take(path: &Path) -> Result<OwnedFd, Errno> {
+    let flags = OpenTreeFlags::OPEN_TREE_CLONE | OpenTreeFlags::OPEN_TREE_CLOEXEC;
+    open_tree(CWD, path, flags | OpenTreeFlags::AT_RECURSIVE)
+}
+
+/// Changes what may be done through a mount that is attached nowhere, or that a
+/// descriptor stands for.
+fn set_attributes(
+    tree: BorrowedFd<'_>,
+    set: u64,
+    owner: Option<BorrowedFd<'_>>,
+    recursive: bool,
+) -> Result<(), Errno> {
+    let attributes = libc::mount_attr {
+        attr_set: set | owner.map_or(0, |_| libc::MOUNT_ATTR_IDMAP),
+        attr_clr: 0,
+        propagation: 0,
+        userns_fd: owner.map_or(0, |owner| owner.as_raw_fd() as u64),
+    };
+    let recursive = if recursive { libc::AT_RECURSIVE } else { 0 };
+    // SAFETY: the structure outlives the call, and its size is its own.
+    let result = unsafe {
+        libc::syscall(
+            libc::SYS_mount_setattr,
+            tree.as_raw_fd(),
+            c"".as_ptr(),
+            libc::AT_EMPTY_PATH | recursive,
+            &raw const attributes,
+            size_of::<libc::mount_attr>(),
+        )
+    };
+    if result == 0 {
+        Ok(())
+    } else {
+        Err(Errno::from_io_error(&std::io::Error::last_os_error()).unwrap_or(Errno::IO))
+    }
+}
+
+const HARMLESS: u64 = libc::MOUNT_ATTR_RDONLY | libc::MOUNT_ATTR_NOSUID;
+
+/// Takes the mounts of the plugin's own paths as root, shown as files of `user`:
+/// otherwise a plugin below a folder that only root may enter could not be read by
+/// the user that it runs as. Paths that cannot be taken are left to be taken from
+/// inside.
+pub(super) fn take_as_root(read: &[PathBuf], user: u32) -> Trees {
+    let system = |path: &&PathBuf| {
+        let mut systems = super::grants::SYSTEM.iter();
+        !systems.any(|system| path.starts_with(system))
+    };
+    let mut trees = Trees::new();
+    for path in read.iter().filter(system) {
+        let Ok(meta) = fs::symlink_metadata(path) else {
+            continue;
+        };
+        if meta.is_symlink() {
+            continue;
+        }
+        let Ok(tree) = take(path) else { continue };
+        let owner = std::os::unix::fs::MetadataExt::uid(&meta);
+        if let Some(namespace) = mapping(owner, user) {
+            // Not every file system can show other owners; whoever may read a file
+            // anyway still can.
+            let _ = set_attributes(tree.as_fd(), 0, Some(namespace.as_fd()), true);
+        }
+        trees.insert(path.clone(), tree);
+    }
+    trees
+}
+
+/// A user namespace in which files of `owner` are files of `user`.
+fn mapping(owner: u32, user: u32) -> Option<OwnedFd> {
+    let (ready, child_waits) = rustix::pipe::pipe_with(rustix::pipe::PipeFlags::CLOEXEC).ok()?;
+    // SAFETY: this process has one thread, and the child only reads and ends.
+    let child = unsafe {
+        libc::syscall(
+            libc::SYS_clone,
+            libc::CLONE_NEWUSER | libc::SIGCHLD,
+            0,
+            0,
+            0,
+            0,
+        )
+    };
+    if child == 0 {
+        drop(child_waits);
+        let _ = rustix::io::read(&ready, &mut [0_u8; 1][..]);
+        // SAFETY: ends this process without running anything of the parent's.
+        unsafe { libc::_exit(0) };
+    }
+    if child < 0 {
+        return None;
+    }
+    let map = |kind: &str| {
+        fs::write(
+            format!("/proc/{child}/{kind}_map"),
+            format!("{owner} {user} 1\n"),
+        )
+    };
+    let namespace = map("uid")
+        .and_then(|()| map("gid"))
+        .and_then(|()| fs::File::open(format!("/proc/{child}/ns/user")));
+    drop(child_waits);
+    // SAFETY: waits for the child that was made above.
+    unsafe { libc::waitpid(child as i32, std::ptr::null_mut(), 0) };
+    namespace.ok().map(OwnedFd::from)
+}
+
+impl Root<'_> {
+    /// Builds the tree and makes it the root of this process and of the mount
+    /// namespace, which must be a new one. Returns what was refused although the
+    /// tree stands.
+    pub(super) fn enter(&self) -> Result<Vec<Refusal>, Refusal> {
+        let refused = |what: &'static str| Refusal::of(Layer::MountNamespace, what);
+        mount_change(
+            "/",
+            MountPropagationFlags::PRIVATE | MountPropagationFlags::REC,
+        )
+        .map_err(refused("making mounts private"))?;
+        // Everything is taken before the new root hides what is below its place.
+        let mut trees: Vec<(&Path, OwnedFd)> = Vec::new();
+        let mut links: Vec<(&Path, PathBuf)> = Vec::new();
+        for path in self.read {
+            if let Ok(to) = fs::read_link(path) {
+                links.push((path, to));
+                continue;
+            }
+            let tree = match self.trees.get(path) {
+                Some(tree) => tree.try_clone().map_err(|_| Errno::MFILE),
+                None => take(path),
+            };
+            match tree {
+                Ok(tree) => {
+                    // A device that was granted is to be used as one.
+                    let nodev = if is_device(path) {
+                        0
+                    } else {
+                        libc::MOUNT_ATTR_NODEV
+                    };
+                    set_attributes(tree.as_fd(), HARMLESS | nodev, None, true)
+                        .map_err(refused("mounting read-only"))?;
+                    trees.push((path, tree));
+                }
+                // Grants are no promise: what this user cannot read stays away.
+                Err(Errno::ACCESS | Errno::NOENT) => {}
+                Err(errno) => {
+                    return Err(refused("taking what is mounted")(errno));
+                }
+            }
+        }
+        let mut devices = Vec::new();
+        for path in DEVICES {
+            if let Ok(tree) = take(Path::new(path)) {
+                devices.push((path, tree));
+            }
+        }
+        let base = Path::new(SCRATCH);
+        let size = "size=4m,nr_inodes=4k,mode=755";
+        memory(base, size).map_err(refused("mounting a root in memory"))?;
+        std::env::set_current_dir(base)
+            .map_err(|error| refused("entering the new root")(as_errno(&error)))?;
+        self.furnish(trees, links, devices)
+            .map_err(refused("filling the new root"))?;
+        let mut lost = Vec::new();
+        if self.proc {
+            let made = fs::create_dir("proc")
+                .map_err(|error| as_errno(&error))
+                .and_then(|()| {
+                    let flags = MountFlags::NOSUID | MountFlags::NODEV | MountFlags::NOEXEC;
+                    mount("proc", "proc", "proc", flags, None)
+                });
+            lost.extend(
+                made.err()
+                    .map(|errno| Refusal::new(Layer::OwnProc, errno, "mounting a new /proc")),
+            );
+        }
+        let here = take_descriptor(".").map_err(refused("entering the new root"))?;
+        set_attributes(here.as_fd(), HARMLESS | libc::MOUNT_ATTR_NODEV, None, false)
+            .map_err(refused("making the new root read-only"))?;
+        drop(here);
+        rustix::process::pivot_root(".", ".").map_err(refused("changing the root"))?;
+        unmount(".", UnmountFlags::DETACH).map_err(refused("leaving the old root"))?;
+        std::env::set_current_dir(SCRATCH)
+            .map_err(|error| refused("entering the scratch folder")(as_errno(&error)))?;
+        Ok(lost)
+    }
+
+    /// Fills the new root, which is the current folder.
+    fn furnish(
+        &self,
+        trees: Vec<(&Path, OwnedFd)>,
+        links: Vec<(&Path, PathBuf)>,
+        devices: Vec<(&str, OwnedFd)>,
+    ) -> Result<(), Errno> {
+        let io = |result: std::io::Result<()>| result.map_err(|error| as_errno(&error));
+        for (at, to) in links {
+            let place = below(at);
+            io(parents(&place))?;
+            io(std::os::unix::fs::symlink(to, place))?;
+        }
+        io(fs::create_dir_all("etc"))?;
+        io(fs::write(
+            "etc/passwd",
+            format!("planner:x:{INSIDE_USER}:{INSIDE_USER}::{SCRATCH}:/bin/sh\n"),
+        ))?;
+        io(fs::write(
+            "etc/group",
+            format!("planner:x:{INSIDE_USER}:\n"),
+        ))?;
+        // Before the granted paths, some of which may be below it.
+        io(fs::create_dir_all("tmp"))?;
+        let size = format!(
+            "size={},nr_inodes={},mode=1777",
+            self.disk_bytes, self.files
+        );
+        memory(Path::new("tmp"), &size)?;
+        for (at, tree) in trees {
+            attach(at, &tree)?;
+        }
+        for (at, tree) in devices {
+            attach(Path::new(at), &tree)?;
+        }
+        io(fs::create_dir_all("var"))?;
+        if !Path::new("var/tmp").exists() {
+            io(std::os::unix::fs::symlink(SCRATCH, "var/tmp"))?;
+        }
+        Ok(())
+    }
+}
+
+/// An absolute path as one below the current folder.
+fn below(path: &Path) -> PathBuf {
+    path.strip_prefix("/").unwrap_or(path).to_owned()
+}
+
+fn parents(place: &Path) -> std::io::Result<()> {
+    match place.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => fs::create_dir_all(parent),
+        _ => Ok(()),
+    }
+}
+
+/// Puts a tree at its place below the current folder.
+fn attach(at: &Path, tree: &OwnedFd) -> Result<(), Errno> {
+    let place = below(at);
+    parents(&place).map_err(|error| as_errno(&error))?;
+    let stat = rustix::fs::fstat(tree)?;
+    let is_folder = rustix::fs::FileType::from_raw_mode(stat.st_mode).is_dir();
+    let made = if is_folder {
+        fs::create_dir_all(&place)
+    } else if place.exists() {
+        Ok(())
+    } else {
+        fs::File::create(&place).map(|_| ())
+    };
+    made.map_err(|error| as_errno(&error))?;
+    move_mount(
+        tree,
+        "",
+        CWD,
+        &place,
+        MoveMountFlags::MOVE_MOUNT_F_EMPTY_PATH,
+    )
+}
+
+fn memory(at: &Path, options: &str) -> Result<(), Errno> {
+    let options = std::ffi::CString::new(options).map_err(|_| Errno::INVAL)?;
+    let flags = MountFlags::NOSUID | MountFlags::NODEV;
+    mount("tmpfs", at, "tmpfs", flags, options.as_c_str())
+}
+
+fn take_descriptor(path: &str) -> Result<OwnedFd, Errno> {
+    let flags = rustix::fs::OFlags::PATH | rustix::fs::OFlags::CLOEXEC;
+    rustix::fs::open(path, flags, rustix::fs::Mode::empty())
+}
+
+fn is_device(path: &Path) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    fs::metadata(path).is_ok_and(|meta| meta.file_type().is_char_device())
+}
+
+pub(super) fn as_errno(error: &std::io::Error) -> Errno {
+    error
+        .raw_os_error()
+        .map_or(Errno::IO, Errno::from_raw_os_error)
+}

@@ -1,0 +1,179 @@
+//! The processes below one process, as `/proc` tells.
+
+use std::fs;
+use std::path::PathBuf;
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// One process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Member {
+    pub(crate) pid: i32,
+    parent: i32,
+    zombie: bool,
+    /// In user mode and in the kernel, of this process.
+    own_ticks: u64,
+    /// The same of its children that were waited for.
+    reaped_ticks: u64,
+    pub(crate) threads: u64,
+    pub(crate) started_ticks: u64,
+    pub(crate) resident_pages: u64,
+}
+
+impl Member {
+    fn read(proc: &str, pid: i32) -> Option<Self> {
+        Self::parse(pid, &fs::read(format!("{proc}/{pid}/stat")).ok()?)
+    }
+
+    fn parse(pid: i32, stat: &[u8]) -> Option<Self> {
+        // The name, in parentheses, may contain anything.
+        let end = stat.iter().rposition(|byte| *byte == b')')?;
+        let fields: Vec<&str> = std::str::from_utf8(&stat[end + 1..])
+            .ok()?
+            .split_ascii_whitespace()
+            .collect();
+        // proc(5) counts from 1 and begins with the number and the name.
+        let number = |field: usize| fields.get(field - 3)?.parse::<u64>().ok();
+        Some(Self {
+            pid,
+            parent: fields.get(1)?.parse().ok()?,
+            zombie: matches!(*fields.first()?, "Z" | "X"),
+            own_ticks: number(14)? + number(15)?,
+            reaped_ticks: number(16)? + number(17)?,
+            threads: number(20)?,
+            started_ticks: number(22)?,
+            resident_pages: number(24)?,
+        })
+    }
+}
+
+/// Where a plugin's processes are found.
+#[derive(Debug)]
+pub(crate) enum View {
+    /// A `/proc` that shows them alone; its first process is the sandbox's.
+    Inside(PathBuf),
+    /// Everything below a process, in the host's `/proc`.
+    Below(i32),
+}
+
+/// What a look at all processes gives.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Census {
+    /// Living processes of the plugin, and where their files are.
+    pub(crate) members: Vec<Member>,
+    /// Processes and threads that have not ended.
+    pub(crate) tasks: u64,
+    /// Processor time of all, dead ones included.
+    pub(crate) ticks: u64,
+    pub(crate) resident_pages: u64,
+}
+
+impl View {
+    /// The folder that has a process's files.
+    pub(crate) fn folder(&self) -> String {
+        match self {
+            Self::Inside(proc) => proc.display().to_string(),
+            Self::Below(_) => "/proc".into(),
+        }
+    }
+
+    /// Counts everybody.
+    pub(crate) fn census(&self) -> Census {
+        let proc = self.folder();
+        let everybody = everybody(&proc);
+        let (init, members) = match self {
+            Self::Inside(_) => everybody.into_iter().partition(|member| member.pid == 1),
+            Self::Below(top) => {
+                let init = everybody.iter().filter(|member| member.pid == *top);
+                (init.copied().collect(), below(*top, &everybody))
+            }
+        };
+        let init: Vec<Member> = init;
+        let mut census = Census {
+            // What the first process has waited for was the plugin's.
+            ticks: init.iter().map(|member| member.reaped_ticks).sum(),
+            ..Census::default()
+        };
+        for member in members {
+            census.ticks += member.own_ticks + member.reaped_ticks;
+            if !member.zombie {
+                census.tasks += member.threads;
+                census.resident_pages += member.resident_pages;
+                census.members.push(member);
+            }
+        }
+        census
+    }
+}
+
+fn everybody(proc: &str) -> Vec<Member> {
+    let entries = fs::read_dir(proc).into_iter().flatten().flatten();
+    let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    numbers.filter_map(|pid| Member::read(proc, pid)).collect()
+}
+
+/// Everybody below a process, the process itself aside.
+fn below(top: i32, everybody: &[Member]) -> Vec<Member> {
+    let mut found: Vec<Member> = Vec::new();
+    let mut parents = vec![top];
+    while let Some(parent) = parents.pop() {
+        for member in everybody.iter().filter(|member| member.parent == parent) {
+            // Numbers are used again while the folder is being read: no circles.
+            if member.pid != top && !found.iter().any(|known| known.pid == member.pid) {
+                found.push(*member);
+                parents.push(member.pid);
+            }
+        }
+    }
+    found
+}
+
+/// Kills everybody below this process, once.
+pub(crate) fn kill_descendants() {
+    let me = std::process::id() as i32;
+    for member in below(me, &everybody("/proc")) {
+        if let Some(pid) = Pid::from_raw(member.pid) {
+            // Gone already is as good.
+            let _ = kill_process(pid, Signal::KILL);
+        }
+    }
+}
+
+/// When a process was started, in ticks since the machine was; tells it from a
+/// later one of the same number.
+pub(crate) fn started_ticks(pid: i32) -> Option<u64> {
+    Member::read("/proc", pid).map(|member| member.started_ticks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_forge_fields() {
+        let stat = b"7 (a) S 1 (b) R 5 7 7 0 -1 4194304 9 0 0 0 11 12 13 14 20 0 3 0 99 1000 42 x";
+        let member = Member::parse(7, stat).unwrap();
+        assert_eq!(member.parent, 5);
+        assert_eq!((member.own_ticks, member.reaped_ticks), (23, 27));
+        assert_eq!((member.threads, member.resident_pages), (3, 42));
+        for end in 0..stat.len() {
+            let _ = Member::parse(7, &stat[..end]);
+        }
+    }
+
+    #[test]
+    fn this_process_has_children() {
+        let mut child = std::process::Command::new("sleep")
+            .arg("60")
+            .spawn()
+            .unwrap();
+        let census = View::Below(std::process::id() as i32).census();
+        let found = census
+            .members
+            .iter()
+            .any(|member| member.pid == child.id() as i32);
+        let _ = child.kill();
+        let _ = child.wait();
+        assert!(found && census.tasks >= 1);
+    }
+}
