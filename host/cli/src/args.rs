@@ -37,6 +37,15 @@ pub(crate) enum Command {
     /// Make and look at maps
     #[command(subcommand)]
     Maps(Maps),
+    /// Say what this machine grants to this user, and what to do about what it does not
+    Doctor {
+        /// The level that is needed; the exit code is 1 when it cannot be had
+        #[arg(long, value_enum, default_value = "auto", value_name = "LEVEL")]
+        sandbox: LevelArg,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
     /// Print a completion script for a shell
     Completions {
         /// The shell

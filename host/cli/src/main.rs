@@ -51,6 +51,7 @@ fn dispatch(command: Command) -> Result<Exit> {
             out,
         }) => commands::maps::scenario(&map, agents, seed, &out),
         Command::Maps(Maps::Info { map, format }) => commands::maps::info(&map, format),
+        Command::Doctor { sandbox, format } => commands::doctor::doctor(sandbox, format),
         Command::Completions { shell } => commands::completions(shell),
     }
 }

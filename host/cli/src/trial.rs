@@ -37,8 +37,14 @@ pub(crate) struct Candidate {
 
 /// The runtime with default limits.
 pub(crate) fn runtime() -> Result<Runtime> {
+    runtime_with(Policy::default())
+}
+
+/// The same, with another sandbox.
+pub(crate) fn runtime_with(policy: Policy) -> Result<Runtime> {
     let limits = Limits {
         memory_bytes: half_of_memory(),
+        policy,
         ..Limits::default()
     };
     Runtime::new(BUILT_IN, limits).map_err(internal)

@@ -206,6 +206,11 @@ impl Discovery {
         found
     }
 
+    /// How many files in the folders may be plugins.
+    pub fn count(&self) -> usize {
+        self.candidates().len()
+    }
+
     /// Every file and what it has, then the built-ins. Runs each in a process of
     /// its own, and nothing but its descriptors.
     pub fn scan(&self, runtime: &Runtime) -> Vec<Discovered> {

@@ -43,3 +43,8 @@ pub use monitor::{CallUsage, Limit, Source, Usage};
 pub use options::{OptionError, check_options, nearest, parse_option};
 pub use sandbox::{Layer, LayerState, Level, Policy, SandboxReport};
 pub use session::{CallReport, Closing, Incumbent, Limits, PlanRun, Runtime, Session, Termination};
+
+/// The user that this process runs as.
+pub fn user() -> u32 {
+    rustix::process::geteuid().as_raw()
+}

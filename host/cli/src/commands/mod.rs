@@ -17,6 +17,7 @@ use crate::exit::{Exit, Result};
 use crate::{output, picture};
 
 pub(crate) mod compare;
+pub(crate) mod doctor;
 pub(crate) mod maps;
 pub(crate) mod plugins;
 pub(crate) mod run;

@@ -153,6 +153,62 @@ impl Layer {
     }
 }
 
+impl Layer {
+    /// What a user can do about a refusal by this error.
+    pub fn advice(self, errno: &str) -> &'static str {
+        match (self, errno) {
+            (
+                Self::UserNamespace
+                | Self::PidNamespace
+                | Self::MountNamespace
+                | Self::NetworkNamespace
+                | Self::IpcNamespace,
+                "ENOSPC" | "EUSERS",
+            ) => {
+                "the machine's number of namespaces is used up or 0: \
+                 `sysctl user.max_user_namespaces=10000` as root, or install bubblewrap"
+            }
+            (
+                Self::UserNamespace
+                | Self::PidNamespace
+                | Self::MountNamespace
+                | Self::NetworkNamespace
+                | Self::IpcNamespace,
+                _,
+            ) => {
+                "on Debian `sysctl kernel.unprivileged_userns_clone=1`, on Ubuntu \
+                 `sysctl kernel.apparmor_restrict_unprivileged_userns=0` as root, or install \
+                 bubblewrap; a container needs `--security-opt seccomp=unconfined \
+                 --security-opt apparmor=unconfined`"
+            }
+            (Self::OwnProc, _) => {
+                "a container that hides parts of /proc needs \
+                 `--security-opt systempaths=unconfined`"
+            }
+            (Self::OwnUser, _) => {
+                "let others read the plugin's files: `chmod -R o+rX` on its folder, and \
+                 `chmod o+x` on the folders above"
+            }
+            (Self::Cgroup, "ENOENT") => {
+                "mount control groups of version 2: boot with \
+                 `systemd.unified_cgroup_hierarchy=1`"
+            }
+            (Self::Cgroup, _) => {
+                "start the host in a group of its own: \
+                 `systemd-run --user --scope -p Delegate=yes fleetyard ...`"
+            }
+            (Self::Landlock, _) => {
+                "a kernel of 5.13 or later with `landlock` in the list of its boot option \
+                 `lsm=`; `cat /sys/kernel/security/lsm` shows the list"
+            }
+            (Self::Seccomp, _) => "a kernel with CONFIG_SECCOMP_FILTER",
+            (Self::ResourceLimits | Self::Capabilities | Self::NoNewPrivileges, _) => {
+                "whoever started the host has set limits of its own: try from a login shell"
+            }
+        }
+    }
+}
+
 impl std::fmt::Display for Layer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(self.as_str())
