@@ -17,6 +17,7 @@ use fleetyard_abi::moves::OFF_MAP;
 use fleetyard_core::InputError;
 use regex::bytes::Regex;
 
+use super::document::shown;
 use super::template;
 
 /// The largest answer that is read, in bytes.
@@ -212,6 +213,16 @@ fn tokens(
     let Ok(pieces) = template::pieces(text) else {
         return fault("a single brace", hint);
     };
+    let touch = pieces
+        .windows(2)
+        .find(|pair| pair.iter().all(Result::is_err));
+    if let Some([Err(one), Err(other)]) = touch {
+        let (one, other) = (shown(one), shown(other));
+        return fault(
+            format!("nothing stands between `{{{one}}}` and `{{{other}}}`"),
+            hint,
+        );
+    }
     let mut found = Vec::new();
     for piece in pieces {
         match piece {
@@ -223,13 +234,14 @@ fn tokens(
                         .map(|word| Token::Text(word.into())),
                 );
             }
-            Err(name) => match names.iter().find(|(known, _)| *known == name) {
-                Some((_, token)) => found.push(token.clone()),
-                None => {
-                    let name = super::document::shown(&name);
+            Err(name) => {
+                let token = names.iter().find(|(known, _)| *known == name);
+                let Some((_, token)) = token else {
+                    let name = shown(&name);
                     return fault(format!("unknown placeholder `{{{name}}}`"), hint);
-                }
-            },
+                };
+                found.push(token.clone());
+            }
         }
     }
     Ok(found)
@@ -251,13 +263,6 @@ fn line_tokens(major: Major, text: &str) -> Result<Vec<Token>, LayoutError> {
     }
     if count(&Token::Index) > 1 {
         return fault(format!("the line has `{{{index}}}` twice"), hint);
-    }
-    let touches = |pair: &[Token]| !pair.iter().any(|token| matches!(token, Token::Text(_)));
-    if tokens.windows(2).any(touches) {
-        return fault(
-            format!("nothing stands between `{{{index}}}` and `{{path}}`"),
-            hint,
-        );
     }
     Ok(tokens)
 }
@@ -457,7 +462,7 @@ impl<'a> Reader<'a> {
         if cursor.at_end() {
             Ok(index)
         } else {
-            Err(cursor.expected(&self.after_position(None)))
+            Err(cursor.expected("the end of the line"))
         }
     }
 
@@ -605,5 +610,315 @@ impl<'a> Reader<'a> {
             plan.push_path(&path);
         }
         Ok(plan)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write as _;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const SIZE: MapSize = MapSize { rows: 3, cols: 4 };
+
+    fn read(layout: &Layout, text: &str, agents: usize) -> Result<Vec<Vec<u32>>, String> {
+        let plan = layout
+            .read("answer", text.as_bytes(), SIZE, agents)
+            .map_err(|error| error.to_string())?;
+        Ok(plan.as_ref().paths().map(<[u32]>::to_vec).collect())
+    }
+
+    fn custom(major: Major, line: &str, position: &str, separator: &str) -> Layout {
+        Layout::new(major, line, position, separator)
+            .map_err(|(key, error)| format!("{key}: {}", error.reason))
+            .expect("a layout")
+    }
+
+    #[test]
+    fn named_formats_are_read() {
+        let both = vec![vec![1, 5, 6], vec![11, 11, 7]];
+        // As lacam3 writes it: x is the column.
+        let lacam = "agents=2\nmap_file=x\nsolved=1\nsolution=\n0:(1,0),(3,2),\n1:(1,1),(3,2),\n\
+                     2:(2,1),(3,1),\n";
+        assert_eq!(read(&Layout::lacam(), lacam, 2), Ok(both.clone()));
+        // As the CBS family writes it, and as MAPF-LNS2 does.
+        for text in [
+            "Agent 0: (0,1)->(1,1)->(1,2)->\nAgent 1: (2,3)->(2,3)->(1,3)->\n",
+            "Agent 1:(2,3)->(2,3)->(1,3)->\r\nAgent 0:(0,1)->(1,1)->(1,2)",
+        ] {
+            assert_eq!(read(&Layout::paths_txt(), text, 2), Ok(both.clone()));
+        }
+    }
+
+    #[test]
+    fn custom_formats_are_read() {
+        let agent = |line, position, separator| custom(Major::Agent, line, position, separator);
+        let cases: Vec<(Layout, &str)> = vec![
+            (agent("{path}", "{cell}", ""), "1 5 6\n11\t11  7\n\n \n"),
+            (
+                agent("[{path}]", "[{row},{col}]", ","),
+                "[[0, 1], [1,1],[1,2]]\n[[2,3],[2,3],[1,3],]",
+            ),
+            (
+                agent("{path}", "{row} {col}", ""),
+                "0 1 1 1 1 2\n2 3 2 3 1 3",
+            ),
+            (
+                agent("#{agent} = {path};", "{x}/{y}", "|"),
+                "#1=3/2|3/2|3/1;\n#0=1/0|1/1|2/1;",
+            ),
+            (
+                custom(Major::Time, "{path}", "({row},{col})", " "),
+                "(0,1)(2,3)\n(1,1) (2,3)\n(1,2) (1,3)",
+            ),
+            (
+                Layout {
+                    coordinates_from: 1,
+                    index_from: 1,
+                    skip_lines: 1,
+                    begin: Some(Begin::Pattern(Regex::new("^BEGIN").expect("a pattern"))),
+                    end: Regex::new("^END$").ok(),
+                    ignore: Regex::new("^#").ok(),
+                    ..custom(Major::Time, "step {time} {path}", "{cell}", ";")
+                },
+                "BEGIN too early\nhead\nBEGIN here\n# a remark\nstep 1 2;12\nstep 2 6;12\n#\nstep 3 7;8\n\nEND\njunk",
+            ),
+        ];
+        for (layout, text) in cases {
+            let expected = vec![vec![1, 5, 6], vec![11, 11, 7]];
+            assert_eq!(read(&layout, text, 2), Ok(expected), "{text}");
+        }
+    }
+
+    #[test]
+    fn places_outside_the_map_are_for_the_validator() {
+        let layout = custom(Major::Agent, "{path}", "{row},{col}", ";");
+        let text = "0,0; -1,0; 0,4; 3,0; 999999999999999,999999999999999; 2,3";
+        let path = vec![0, OFF_MAP, OFF_MAP, OFF_MAP, OFF_MAP, 11];
+        assert_eq!(read(&layout, text, 1), Ok(vec![path]));
+        let cells = custom(Major::Agent, "{path}", "{cell}", ",");
+        let path = vec![11, OFF_MAP, OFF_MAP];
+        assert_eq!(read(&cells, "11,12,-1", 1), Ok(vec![path]));
+    }
+
+    #[test]
+    fn malformed_answers_are_told_by_line_and_column() {
+        let (lacam, paths) = (Layout::lacam(), Layout::paths_txt());
+        let cells = custom(Major::Agent, "{path}", "{cell}", "");
+        let steps = custom(Major::Time, "[{path}]", "({x},{y})", ",");
+        let cases: [(&Layout, &str, &str); 24] = [
+            (&lacam, "", "answer: there is no line 'solution='"),
+            (&lacam, "solved=1\n", "answer: there is no line 'solution='"),
+            (&lacam, "solution=\n", "answer:2: there are no time steps"),
+            (
+                &lacam,
+                "solution=\n0:(1,0)",
+                "answer:2:1: 1 positions for 2 agents",
+            ),
+            (
+                &lacam,
+                "solution=\n0:(1,0),(1,1),(1,2)",
+                "answer:2:1: 3 positions for 2",
+            ),
+            (
+                &lacam,
+                "solution=\n1:(1,0),(1,1)",
+                "answer:2:1: expected time step 0, found 1",
+            ),
+            (
+                &lacam,
+                "solution=\n0:(1,0);(1,1)",
+                "answer:2:8: expected ',' or the end of the line, found ';(1,1)'",
+            ),
+            (
+                &lacam,
+                "solution=\n0:(1.5,0),",
+                "answer:2:5: expected ',', found '.5,0),'",
+            ),
+            (
+                &lacam,
+                "solution=\n0:(1,0,(1,1)",
+                "answer:2:7: expected ')', found ',(1,1)'",
+            ),
+            (
+                &lacam,
+                "solution=\n0:",
+                "answer:2:3: expected '(', found the end of the line",
+            ),
+            (
+                &lacam,
+                "solution=\n0:(1,0),(1,1),\n\n1:(1,0),(1,1)",
+                "answer:3:1: a blank line",
+            ),
+            (
+                &lacam,
+                "solution=\n0:(1,0),(1234567890123456,1)",
+                "answer:2:10: a column has more than 15 digits",
+            ),
+            (
+                &paths,
+                "Agent 0: (0,1)->\n",
+                "answer:2: there is no path for agent 1: 1 paths for 2 agents",
+            ),
+            (
+                &paths,
+                "Agent 0: (0,1)\nAgent 0: (0,1)",
+                "answer:2:1: a second path for agent 0; the first is on line 1",
+            ),
+            (
+                &paths,
+                "Agent 2: (0,1)",
+                "answer:1:1: a path for agent 2, but there are 2 agents, from 0 on",
+            ),
+            (
+                &paths,
+                "Agent -1: (0,1)",
+                "answer:1:1: a path for agent -1, but",
+            ),
+            (
+                &paths,
+                "Agent x: (0,1)",
+                "answer:1:7: expected the number of an agent, found 'x: (0,1)'",
+            ),
+            (
+                &paths,
+                "agent 0: (0,1)",
+                "answer:1:1: expected 'Agent', found 'agent 0: (0,1)'",
+            ),
+            (
+                &paths,
+                "Agent 0: (0,ä)",
+                "answer:1:13: expected a column, found 'ä)'",
+            ),
+            (
+                &paths,
+                "Agent 0:",
+                "answer:1:9: expected '(', found the end of the line",
+            ),
+            (&cells, "1 2\n1 a", "answer:2:3: expected a cell, found 'a'"),
+            (
+                &cells,
+                "1\n2\n3",
+                "answer:3:1: a path for agent 2, but there are 2",
+            ),
+            (
+                &steps,
+                "[(0,0),(1,1)",
+                "answer:1:13: expected ',' or ']', found the end of the line",
+            ),
+            (
+                &steps,
+                "[(0,0),(1,1)] x",
+                "answer:1:15: expected the end of the line, found 'x'",
+            ),
+        ];
+        for (layout, text, expected) in cases {
+            let error = read(layout, text, 2).expect_err(text);
+            assert!(error.starts_with(expected), "{text}: {error}");
+        }
+        let binary = lacam.read("answer", b"solution=\n0:(1,\xff)", SIZE, 1);
+        let error = binary.expect_err("binary").to_string();
+        assert!(error.starts_with("answer:2:6: expected a row"), "{error}");
+    }
+
+    /// Writes paths as a layout says.
+    fn write(layout: &Layout, plan: &Plan) -> String {
+        let paths: Vec<&[u32]> = plan.as_ref().paths().collect();
+        let by_time = layout.major == Major::Time;
+        let steps = paths[0].len();
+        let lines = if by_time { steps } else { paths.len() };
+        let mut text = String::from("head\nBEGIN\n");
+        for index in 0..lines {
+            for token in &layout.line {
+                let written = match token {
+                    Token::Text(word) => word.clone(),
+                    Token::Index => (index as i64 + layout.index_from).to_string(),
+                    _ => {
+                        let row: Vec<u32> = if by_time {
+                            paths.iter().map(|path| path[index]).collect()
+                        } else {
+                            paths[index].to_vec()
+                        };
+                        let separator = if layout.separator.is_empty() {
+                            " "
+                        } else {
+                            &layout.separator
+                        };
+                        let written = row.iter().map(|cell| position(layout, *cell));
+                        written.collect::<Vec<_>>().join(separator)
+                    }
+                };
+                write!(text, "{written} ").expect("a string");
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    fn position(layout: &Layout, cell: u32) -> String {
+        let from = layout.coordinates_from;
+        let words = layout.position.iter().map(|token| match token {
+            Token::Text(word) => word.clone(),
+            Token::Row => (i64::from(cell / SIZE.cols) + from).to_string(),
+            Token::Col => (i64::from(cell % SIZE.cols) + from).to_string(),
+            _ => (i64::from(cell) + from).to_string(),
+        });
+        words.collect::<Vec<_>>().join(" ")
+    }
+
+    fn layouts() -> impl Strategy<Value = Layout> {
+        let major = prop_oneof![Just(Major::Agent), Just(Major::Time)];
+        let position = prop_oneof![
+            Just("({row},{col})"),
+            Just("({x},{y})"),
+            Just("{cell}"),
+            Just("<{col} {row}>"),
+        ];
+        let separator = prop_oneof![Just(","), Just("->"), Just(" "), Just(";;")];
+        let line = prop_oneof![Just("{path}"), Just("I {i}: {path}"), Just("[{path}]")];
+        (major, position, separator, line, 0..2_i64, 0..2_i64).prop_map(
+            |(major, position, separator, line, coordinates_from, index_from)| {
+                let position = position.replace("{col} {row}", "{x} {y}");
+                let index = match major {
+                    Major::Agent => "{agent}",
+                    Major::Time => "{time}",
+                };
+                Layout {
+                    coordinates_from,
+                    index_from,
+                    begin: Some(Begin::Line("BEGIN")),
+                    ..custom(major, &line.replace("{i}", index), &position, separator)
+                }
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_again(
+            layout in layouts(),
+            agents in 1..5_usize,
+            steps in 1..6_usize,
+            cells in prop::collection::vec(0..12_u32, 30),
+        ) {
+            let plan = Plan::from_paths(cells.chunks(6).take(agents).map(|path| &path[..steps]));
+            let text = write(&layout, &plan);
+            let again = layout.read("answer", text.as_bytes(), SIZE, agents);
+            prop_assert_eq!(again, Ok(plan), "{}", text);
+        }
+
+        /// Whatever a solver writes is a plan for all agents or an error.
+        #[test]
+        fn any_answer_is_read_or_refused(
+            layout in layouts(),
+            text in "(BEGIN\n)?([0-9A-Za-z(),:;>\\[\\] \\-\n]|\\PC){0,60}",
+            agents in 1..4_usize,
+        ) {
+            if let Ok(plan) = layout.read("answer", text.as_bytes(), SIZE, agents) {
+                prop_assert_eq!(plan.as_ref().agents(), agents);
+            }
+        }
     }
 }

@@ -128,7 +128,7 @@ impl Output {
 
 /// A text that patterns look at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum From {
+pub(super) enum Searched {
     /// Standard output and standard error.
     Log,
     Stdout,
@@ -137,25 +137,25 @@ pub(super) enum From {
     Output,
 }
 
-const FROM: [(&str, From); 4] = [
-    ("log", From::Log),
-    ("stdout", From::Stdout),
-    ("stderr", From::Stderr),
-    ("output", From::Output),
+const FROM: [(&str, Searched); 4] = [
+    ("log", Searched::Log),
+    ("stdout", Searched::Stdout),
+    ("stderr", Searched::Stderr),
+    ("output", Searched::Output),
 ];
 
 /// What the end of the solver means.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Exit {
     pub(super) codes: Vec<(i32, Status)>,
-    pub(super) patterns: Vec<Pattern>,
+    pub(super) patterns: Vec<Rule>,
 }
 
 /// A text that means something.
 #[derive(Debug, Clone)]
-pub(super) struct Pattern {
+pub(super) struct Rule {
     pub(super) pattern: Regex,
-    pub(super) from: From,
+    pub(super) from: Searched,
     pub(super) status: Status,
     pub(super) message: Option<String>,
 }
@@ -166,7 +166,7 @@ pub(super) struct Metric {
     /// With its unit.
     pub(super) name: String,
     pub(super) pattern: Regex,
-    pub(super) from: From,
+    pub(super) from: Searched,
 }
 
 const STATUSES: [(&str, Status); 8] = [
@@ -618,7 +618,7 @@ fn options(table: &Table<'_, '_>) -> Result<Json, InputError> {
         one.insert(key.to_owned(), Json::Object(property.clone()));
         if let Some(value) = default {
             let given = Map::from_iter([(key.to_owned(), value.json()?)]);
-            check_options(&given, &schema(one)).map_err(|error| {
+            check_options(&given, &schema(&one)).map_err(|error| {
                 let fault = value.error(format!("the default of {}", error.reason));
                 match error.hint {
                     Some(hint) => fault.hint(hint),
@@ -628,10 +628,10 @@ fn options(table: &Table<'_, '_>) -> Result<Json, InputError> {
         }
         properties.insert(key.to_owned(), Json::Object(property));
     }
-    Ok(schema(properties))
+    Ok(schema(&properties))
 }
 
-fn schema(properties: Map<String, Json>) -> Json {
+fn schema(properties: &Map<String, Json>) -> Json {
     serde_json::json!({
         "type": "object",
         "properties": properties,
@@ -796,7 +796,7 @@ impl Exit {
             for value in patterns.list()? {
                 let keys = ["pattern", "from", "status", "message"];
                 let table = value.table("[[exit.patterns]]", &keys)?;
-                exit.patterns.push(Pattern {
+                exit.patterns.push(Rule {
                     pattern: pattern(&table.require("pattern")?, 0)?,
                     from: from(&table)?,
                     status: table.require("status")?.choice(&STATUSES)?,
@@ -808,10 +808,10 @@ impl Exit {
     }
 }
 
-fn from(table: &Table<'_, '_>) -> Result<From, InputError> {
+fn from(table: &Table<'_, '_>) -> Result<Searched, InputError> {
     match table.get("from") {
         Some(value) => value.choice(&FROM),
-        None => Ok(From::Log),
+        None => Ok(Searched::Log),
     }
 }
 

@@ -16,6 +16,8 @@ mod manifest;
 mod process;
 mod solver;
 mod template;
+#[cfg(test)]
+mod tests;
 
 use std::env;
 use std::os::unix::fs::PermissionsExt;

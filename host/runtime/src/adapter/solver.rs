@@ -21,7 +21,7 @@ use tempfile::TempDir;
 
 use super::Installed;
 use super::formats::{ANSWER_LIMIT, MapSize};
-use super::manifest::{Condition, From, MAP_NAME, SCEN_NAME};
+use super::manifest::{Condition, MAP_NAME, SCEN_NAME, Searched};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
 
@@ -64,17 +64,17 @@ impl Left {
         }
     }
 
-    fn texts(&self, from: From) -> [Option<&[u8]>; 2] {
+    fn texts(&self, from: Searched) -> [Option<&[u8]>; 2] {
         match from {
-            From::Log => [Some(&self.stdout), Some(&self.stderr)],
-            From::Stdout => [Some(&self.stdout), None],
-            From::Stderr => [Some(&self.stderr), None],
-            From::Output => [self.answer(), None],
+            Searched::Log => [Some(&self.stdout), Some(&self.stderr)],
+            Searched::Stdout => [Some(&self.stdout), None],
+            Searched::Stderr => [Some(&self.stderr), None],
+            Searched::Output => [self.answer(), None],
         }
     }
 
     /// The line in which a pattern matches first.
-    fn line(&self, pattern: &Regex, from: From) -> Option<String> {
+    fn line(&self, pattern: &Regex, from: Searched) -> Option<String> {
         let texts = self.texts(from);
         texts.into_iter().flatten().find_map(|text| {
             let at = pattern.find(text)?.start();

@@ -1,0 +1,611 @@
+//! What the manifest's reader takes and refuses.
+
+use serde_json::json;
+
+use super::manifest::{Condition, Manifest, Searched};
+
+const MINIMAL: &str = r#"manifest = 1
+id = "solver"
+[program]
+command = "solver"
+args = ["{map}", "{scen}", "{output}"]
+[output]
+format = "lacam"
+"#;
+
+#[track_caller]
+fn read(text: &str) -> Manifest {
+    Manifest::read(text, "p.toml").unwrap_or_else(|error| panic!("{error}\n{text}"))
+}
+
+#[test]
+fn the_smallest_manifest() {
+    let manifest = read(MINIMAL);
+    assert_eq!(manifest.id(), "solver");
+    assert_eq!(manifest.options, serde_json::Value::Null);
+    assert_eq!(manifest.output.source(), "output.txt");
+    assert_eq!((manifest.program.line, manifest.program.column), (4, 11));
+}
+
+#[test]
+fn everything_that_a_manifest_may_say() {
+    let manifest = read(
+        r#"
+manifest = 1
+id = "my-solver.v2"
+name = "My Solver"
+description = "Solves."
+license = "MIT"
+homepage = "https://example.org"
+
+[version]
+args = ["--version"]
+pattern = 'version (\S+)'
+seconds = 2
+otherwise = "2.x"
+
+[program]
+command = "bin/solver"
+variable = "SOLVER"
+args = [
+    "-m={map}", "-i", "{scen}", "{{literal}}",
+    { when = "option.greedy", args = ["--greedy"] },
+    { when = "option.bound", args = ["-w", "{option.bound}"] },
+    { when = "memory_mb", args = ["--memory", "{memory_mb}"] },
+    { when = "nodes", args = ["--nodes", "{nodes}"] },
+]
+env = { OMP_NUM_THREADS = "{threads}" }
+cwd = "{manifest_dir}/data"
+install = "build it"
+reserve_ms = 250
+
+[options.greedy]
+type = "boolean"
+default = false
+
+[options.bound]
+type = "number"
+description = "Suboptimality"
+minimum = 1
+maximum = 2.5
+
+[options.mode]
+type = "string"
+enum = ["fast", "good"]
+default = "good"
+
+[input]
+map = "movingai"
+scen = "movingai"
+letters = "all"
+order = "row-col"
+
+[output]
+from = "stdout"
+format = "custom"
+
+[output.custom]
+layout = "agent-major"
+line = "Agent {agent}: {path}"
+position = "[{row} {col}]"
+separator = "; "
+coordinates_from = 1
+index_from = 1
+skip_lines = 2
+begin = "^paths$"
+end = "^done"
+ignore = "^#"
+
+[exit]
+codes = { 0 = "solved", 3 = "timed-out" }
+
+[[exit.patterns]]
+pattern = "(?i)no solution"
+from = "stderr"
+status = "infeasible"
+message = "it proved that there is none"
+
+[metrics]
+expanded = { pattern = 'expanded: (\d+)' }
+runtime = { pattern = 'took ([0-9.]+) ?ms', from = "output", unit = "ms" }
+
+[capabilities]
+deterministic = true
+threads = false
+eight-connected = true
+
+[files]
+read = ["/opt/solver", "weights"]
+"#,
+    );
+    let program = &manifest.program;
+    assert_eq!(
+        program.arguments[5].when,
+        Some(Condition::Option("bound".into()))
+    );
+    assert_eq!(
+        manifest.options["properties"]["bound"],
+        json!({ "type": "number", "description": "Suboptimality", "minimum": 1, "maximum": 2.5 })
+    );
+    assert_eq!(manifest.options["additionalProperties"], json!(false));
+    assert_eq!(manifest.output.source(), "standard output");
+    assert_eq!(manifest.exit.codes.len(), 2);
+    assert_eq!(manifest.exit.patterns[0].from, Searched::Stderr);
+    let names: Vec<&str> = manifest
+        .metrics
+        .iter()
+        .map(|metric| metric.name.as_str())
+        .collect();
+    assert_eq!(names, ["expanded", "runtime_ms"]);
+    let claimed: Vec<&str> = manifest
+        .capabilities
+        .iter()
+        .map(|one| one.as_str())
+        .collect();
+    assert_eq!(
+        claimed,
+        ["grid", "eight-connected", "pebble", "deterministic"]
+    );
+    assert_eq!(manifest.read.len(), 2);
+}
+
+/// In `MINIMAL`, `old` becomes `new`; the error and its hint begin and contain.
+#[test]
+fn faults_say_where_and_what_to_do() {
+    let cases = [
+        (
+            "manifest = 1",
+            "manifest = 2",
+            "p.toml:1:12: this manifest is written for a newer",
+            "manifest = 1",
+        ),
+        (
+            "manifest = 1",
+            "",
+            "p.toml:1:1: the key `manifest` is missing",
+            "add `manifest = …`",
+        ),
+        (
+            "manifest = 1",
+            "manifest = one",
+            "p.toml:1:12: this is not TOML",
+            "",
+        ),
+        (
+            "manifest = 1",
+            "manifest = \"1\"",
+            "p.toml:1:12: `manifest` is a string, expected an integer",
+            "",
+        ),
+        (
+            "manifest = 1",
+            "manifest = 1\nid = \"x\"",
+            "p.toml:3:1: this is not TOML: duplicate key",
+            "",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"My Solver\"",
+            "p.toml:2:6: \"My Solver\" is no identifier",
+            "begins with a-z",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nlisence = \"MIT\"",
+            "p.toml:3:1: unknown key `lisence`",
+            "did you mean `license`?",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nzzzzzzzz = 1",
+            "p.toml:3:1: unknown key `zzzzzzzz`",
+            "known keys: manifest, id",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = 2",
+            "p.toml:3:11: `version` is an integer, expected a string",
+            "",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = { args = [] }",
+            "p.toml:3:11: the key `pattern` is missing in [version]",
+            "",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = { args = [], pattern = 'v' }",
+            "p.toml:3:34: the pattern has 0 groups in parentheses, expected 1",
+            "",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = { args = [], pattern = '(v' }",
+            "p.toml:3:34: the pattern cannot be used: unclosed group",
+            "crate `regex`",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = { args = ['{map}'], pattern = '(v)' }",
+            "p.toml:3:21: here the only placeholder is",
+            "",
+        ),
+        (
+            "command = \"solver\"",
+            "comand = \"solver\"",
+            "p.toml:4:1: unknown key `comand` in [program]",
+            "did you mean `command`?",
+        ),
+        (
+            "command = \"solver\"",
+            "command = \" \"",
+            "p.toml:4:11: `command` is empty",
+            "",
+        ),
+        (
+            "command = \"solver\"",
+            "command = \"s\\u0000\"",
+            "p.toml:4:11: a NUL character",
+            "",
+        ),
+        (
+            "command = \"solver\"",
+            "",
+            "p.toml:3:1: the key `command` is missing in [program]",
+            "add `command = …`",
+        ),
+        (
+            "args = [\"{map}\"",
+            "args = [\"{mapp}\"",
+            "p.toml:5:9: unknown placeholder `{mapp}`",
+            "did you mean `{map}`?",
+        ),
+        (
+            "args = [\"{map}\"",
+            "args = [\"{map\"",
+            "p.toml:5:9: a single `{`",
+            "write {{",
+        ),
+        (
+            "\"{map}\", \"{scen}\"",
+            "\"{map}\"",
+            "p.toml:3:1: no argument uses `{scen}`",
+            "what to solve",
+        ),
+        (
+            "\"{output}\"",
+            "3",
+            "p.toml:5:28: `args` is an integer, expected a string",
+            "",
+        ),
+        (
+            "\"{output}\"",
+            "{ wen = \"nodes\" }",
+            "p.toml:5:30: unknown key `wen` in a conditional argument",
+            "`when`",
+        ),
+        (
+            "\"{output}\"",
+            "{ when = \"option.x\", args = [] }",
+            "p.toml:5:37: \"option.x\" is no condition",
+            "[options]",
+        ),
+        (
+            "\"{output}\"",
+            "\"{option.x}\"",
+            "p.toml:5:28: there is no option `x`",
+            "[options.x]",
+        ),
+        (
+            "[output]",
+            "variable = \"A-B\"\n[output]",
+            "p.toml:6:12: `A-B` cannot be the name of an environment",
+            "",
+        ),
+        (
+            "[output]",
+            "reserve_ms = -1\n[output]",
+            "p.toml:6:14: `reserve_ms` is not between 0 and 60000",
+            "",
+        ),
+        (
+            "[output]",
+            "cwd = \"{map}\"\n[output]",
+            "p.toml:6:7: the working folder is made from",
+            "",
+        ),
+        (
+            "[output]",
+            "[options.x]\ntype = \"list\"\n[output]",
+            "p.toml:7:8: `type` cannot be \"list\"",
+            "integer, number, boolean, string",
+        ),
+        (
+            "[output]",
+            "[options.x]\ntype = \"integr\"\n[output]",
+            "p.toml:7:8: `type` cannot be \"integr\"",
+            "did you mean \"integer\"?",
+        ),
+        (
+            "[output]",
+            "[options.X]\ntype = \"integer\"\n[output]",
+            "p.toml:6:10: `X` cannot be the name of an option",
+            "a-z",
+        ),
+        (
+            "[output]",
+            "[options.x]\ntype = \"integer\"\ndefault = 1.5\n[output]",
+            "p.toml:8:11: the default of option `x`: 1.5 is not of type",
+            "integer",
+        ),
+        (
+            "[output]",
+            "[options.x]\ntype = \"integer\"\ndefault = 0\nminimum = 1\n[output]",
+            "p.toml:8:11: the default of option `x`: 0 is less than",
+            "",
+        ),
+        (
+            "[output]",
+            "[options.x]\ntype = \"string\"\nminimum = 1\n[output]",
+            "p.toml:8:11: `minimum` is a number, for options",
+            "",
+        ),
+        (
+            "[output]",
+            "[options.x]\ntype = \"number\"\ndefault = nan\n[output]",
+            "p.toml:8:11: `default` is out of range",
+            "",
+        ),
+        (
+            "[output]",
+            "[options.x]\ntype = \"string\"\nenum = []\n[output]",
+            "p.toml:8:8: `enum` is empty",
+            "",
+        ),
+        (
+            "[output]",
+            "[input]\nmap = \"yaml\"\n[output]",
+            "p.toml:7:7: `map` cannot be \"yaml\"",
+            "movingai",
+        ),
+        (
+            "[output]",
+            "[input]\norder = \"rowcol\"\n[output]",
+            "p.toml:7:9: `order` cannot be \"rowcol\"",
+            "did you mean \"row-col\"?",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam2\"",
+            "p.toml:7:10: `format` cannot be \"lacam2\"",
+            "did you mean \"lacam\"?",
+        ),
+        (
+            "format = \"lacam\"",
+            "",
+            "p.toml:6:1: the key `format` is missing in [output]",
+            "",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"custom\"",
+            "p.toml:7:10: a custom format is described in [output.custom]",
+            "",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\nfile = \"../x\"",
+            "p.toml:8:8: \"../x\" is no name for a file",
+            "without folders",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\nfile = \"map.map\"",
+            "p.toml:8:8: \"map.map\" is no name",
+            "",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\nfrom = \"stdout\"",
+            "p.toml:3:1: an argument uses `{output}`, but",
+            "{scratch}",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\nfrom = \"stdout\"\nfile = \"x\"",
+            "p.toml:9:8: there is no file",
+            "",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\ncustom = {}",
+            "p.toml:8:10: the format is a named one",
+            "",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[metrics]\nsoc = { pattern = 'soc' }",
+            "p.toml:9:19: the pattern has 0 groups in parentheses, expected 1",
+            "one group",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[metrics]\nsoc = { pattern = '(s)', unit = 'µ' }",
+            "p.toml:9:33: \"µ\" is no unit",
+            "\"ms\"",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[metrics]\nsoc = { pattern = '(s)', from = 'logs' }",
+            "p.toml:9:33: `from` cannot be \"logs\"",
+            "\"log\"",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[exit]\ncodes = { 256 = \"solved\" }",
+            "p.toml:9:17: `256` is no exit code",
+            "0 to 255",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[exit]\ncodes = { 2 = \"timeout\" }",
+            "p.toml:9:15: `2` cannot be \"timeout\"",
+            "timed-out",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[[exit.patterns]]\npattern = '(x)'\nstatus = 'solved'",
+            "p.toml:9:11: the pattern has 1 groups",
+            "(?:…)",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[[exit.patterns]]\npattern = 'x'",
+            "p.toml:8:1: the key `status` is missing in [[exit.patterns]]",
+            "",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[capabilities]\nanytime = true",
+            "p.toml:9:1: an adapter cannot claim `anytime`",
+            "it may claim eight-connected",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[capabilities]\nfast = true",
+            "p.toml:9:1: unknown capability `fast`",
+            "deterministic",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[capabilities]\nthreads = 4",
+            "p.toml:9:11: `threads` is an integer, expected true or false",
+            "",
+        ),
+        (
+            "format = \"lacam\"",
+            "format = \"lacam\"\n[files]\nread = \"/opt\"",
+            "p.toml:9:8: `read` is a string, expected a list",
+            "",
+        ),
+    ];
+    for (old, new, reason, hint) in cases {
+        assert!(MINIMAL.contains(old), "{old}");
+        let text = MINIMAL.replacen(old, new, 1);
+        let error = Manifest::read(&text, "p.toml").expect_err(&text);
+        assert!(error.to_string().starts_with(reason), "{text}\n{error}");
+        let told = error.hint.unwrap_or_default();
+        assert!(
+            told.contains(hint),
+            "{text}\n{error:?}\n{told}",
+            error = reason
+        );
+    }
+}
+
+#[test]
+fn faults_in_custom_formats() {
+    let cases = [
+        ("", "p.toml:8:1: the key `layout` is missing"),
+        (
+            "layout = 'rows'",
+            "p.toml:9:10: `layout` cannot be \"rows\"",
+        ),
+        (
+            "layout = 'agent-major'",
+            "p.toml:8:1: neither `order` nor `position` says",
+        ),
+        (
+            "layout = 'agent-major'\norder = 'xy'",
+            "p.toml:10:9: `order` cannot be \"xy\"",
+        ),
+        (
+            "layout = 'agent-major'\norder = 'x-y'\nposition = '{cell}'",
+            "p.toml:11:12: `order` and `position` say",
+        ),
+        (
+            "layout = 'agent-major'\nposition = '({row},{row})'",
+            "p.toml:10:12: the position needs a row and a column",
+        ),
+        (
+            "layout = 'agent-major'\nposition = '({row},{z})'",
+            "p.toml:10:12: unknown placeholder `{z}`",
+        ),
+        (
+            "layout = 'agent-major'\nposition = '({row'",
+            "p.toml:10:12: a single brace",
+        ),
+        (
+            "layout = 'agent-major'\nposition = '{row}{col}'",
+            "p.toml:10:12: nothing stands between",
+        ),
+        (
+            "layout = 'agent-major'\norder = 'cell'\nline = '{agent}'",
+            "p.toml:11:8: the line needs `{path}` once",
+        ),
+        (
+            "layout = 'agent-major'\norder = 'cell'\nline = '{agent}{path}'",
+            "p.toml:11:8: nothing stands between",
+        ),
+        (
+            "layout = 'agent-major'\norder = 'cell'\nline = '{time}:{path}'",
+            "p.toml:11:8: unknown placeholder `{time}`",
+        ),
+        (
+            "layout = 'time-major'\norder = 'cell'\nline = '{time}:{time}:{path}'",
+            "p.toml:11:8: the line has `{time}` twice",
+        ),
+        (
+            "layout = 'time-major'\norder = 'cell'\nseparator = '1'",
+            "p.toml:11:13: the separator reads like a number",
+        ),
+        (
+            "layout = 'time-major'\norder = 'cell'\ncoordinates_from = 2",
+            "p.toml:11:20: `coordinates_from` is not between 0 and 1",
+        ),
+        (
+            "layout = 'time-major'\norder = 'cell'\nskip = 1",
+            "p.toml:11:1: unknown key `skip` in [output.custom]",
+        ),
+        (
+            "layout = 'time-major'\norder = 'cell'\nbegin = '('",
+            "p.toml:11:9: the pattern cannot be used",
+        ),
+    ];
+    for (custom, reason) in cases {
+        let described = format!("format = \"custom\"\n[output.custom]\n{custom}\n");
+        let text = MINIMAL.replace("format = \"lacam\"", &described);
+        let error = Manifest::read(&text, "p.toml").expect_err(&text);
+        assert!(error.to_string().starts_with(reason), "{text}\n{error}");
+    }
+}
+
+#[test]
+fn a_manifest_is_bounded() {
+    let text = format!("{MINIMAL}# {}", "x".repeat(1 << 20));
+    let error = Manifest::read(&text, "p.toml").expect_err("too long");
+    assert!(
+        error.to_string().contains("at most 1048576 bytes"),
+        "{error}"
+    );
+    let deep = format!("x = {}1{}", "[".repeat(100_000), "]".repeat(100_000));
+    assert!(Manifest::read(&deep, "p.toml").is_err());
+    // A pattern that would need much memory is refused before it does.
+    let pattern = r"format = 'lacam'
+[metrics]
+x = { pattern = '((a{1000}){1000}){1000}' }";
+    let text = MINIMAL.replace("format = \"lacam\"", pattern);
+    assert!(Manifest::read(&text, "p.toml").is_err());
+}
+
+proptest::proptest! {
+    /// Whatever is cut out of a manifest, or put into it, it is read or refused.
+    #[test]
+    fn no_manifest_panics(at in 0..400_usize, length in 0..40_usize, put in "\\PC{0,8}") {
+        let at = MINIMAL.floor_char_boundary(at.min(MINIMAL.len()));
+        let end = MINIMAL.floor_char_boundary((at + length).min(MINIMAL.len()));
+        let text = format!("{}{put}{}", &MINIMAL[..at], &MINIMAL[end..]);
+        let _ = Manifest::read(&text, "p.toml");
+    }
+}
