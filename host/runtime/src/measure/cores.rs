@@ -75,13 +75,13 @@ pub enum NoCores {
 
 fn too_few(needed: u32, free: u32, reserved: u32) -> String {
     let cores = if needed == 1 { "core" } else { "cores" };
-    let are = if free == 1 { "is" } else { "are" };
-    let mut text = format!("needs {needed} physical {cores} beside the host's, {free} {are} free");
-    if reserved > 0 {
-        let are = if reserved == 1 { "is" } else { "are" };
-        text += &format!(" and {reserved} {are} reserved by others");
-    }
-    text
+    let are = |count| if count == 1 { "is" } else { "are" };
+    let others = match reserved {
+        0 => String::new(),
+        _ => format!(" and {reserved} {} reserved by others", are(reserved)),
+    };
+    let are = are(free);
+    format!("needs {needed} physical {cores} beside the host's, {free} {are} free{others}")
 }
 
 impl NoCores {
@@ -141,15 +141,14 @@ pub(super) fn layout(source: &Source) -> Option<Vec<Core>> {
         let siblings = source
             .cpus(&format!("{topology}/core_cpus_list"))
             .or_else(|| source.cpus(&format!("{topology}/thread_siblings_list")));
-        let siblings = match siblings {
-            Some(siblings) => siblings,
-            None => {
-                let identifiers =
-                    identifiers.get_or_insert_with(|| identifiers_of(source, &online, &cpuinfo));
-                let own = identifiers.get(&cpu)?;
-                let same = identifiers.iter().filter(|(_, other)| *other == own);
-                same.map(|(cpu, _)| *cpu).collect()
-            }
+        let siblings = if let Some(siblings) = siblings {
+            siblings
+        } else {
+            let identifiers =
+                identifiers.get_or_insert_with(|| identifiers_of(source, &online, &cpuinfo));
+            let own = identifiers.get(&cpu)?;
+            let same = identifiers.iter().filter(|(_, other)| *other == own);
+            same.map(|(cpu, _)| *cpu).collect()
         };
         // Whatever the lists say, every CPU ends up in one core.
         let cpus: Cpus = siblings
@@ -176,7 +175,9 @@ pub(super) fn layout(source: &Source) -> Option<Vec<Core>> {
     }
     if cores.iter().all(|core| core.slow) {
         // All of one kind.
-        cores.iter_mut().for_each(|core| core.slow = false);
+        for core in &mut cores {
+            core.slow = false;
+        }
     }
     Some(cores)
 }
@@ -486,7 +487,7 @@ impl Folder {
         Ok(Self { path, handle })
     }
 
-    fn failed(&self, error: impl ToString) -> NoCores {
+    fn failed(&self, error: &(impl ToString + ?Sized)) -> NoCores {
         NoCores::Folder {
             folder: self.path.clone(),
             detail: error.to_string(),
@@ -503,12 +504,12 @@ impl Folder {
         };
         loop {
             let file = openat(&self.handle, name, flags, Mode::RUSR | Mode::WUSR)
-                .map_err(|error| self.failed(error))?;
+                .map_err(|error| self.failed(&error))?;
             match rustix::fs::flock(&file, operation) {
                 Ok(()) => {}
                 Err(rustix::io::Errno::WOULDBLOCK) => return Ok(None),
                 Err(rustix::io::Errno::INTR) => continue,
-                Err(error) => return Err(self.failed(error)),
+                Err(error) => return Err(self.failed(&error)),
             }
             // What cleans `/tmp` must see that the file is in use; and if it was
             // quicker than we, others will lock another file.
@@ -523,7 +524,7 @@ impl Folder {
                     last_modification: now,
                 },
             );
-            let opened = fstat(&file).map_err(|error| self.failed(error))?;
+            let opened = fstat(&file).map_err(|error| self.failed(&error))?;
             let named = statat(&self.handle, name, AtFlags::SYMLINK_NOFOLLOW);
             if named.is_ok_and(|named| named.st_ino == opened.st_ino) {
                 return Ok(Some(Lock(file)));
@@ -615,7 +616,7 @@ pub fn pin_this_process(cpus: &Cpus) -> io::Result<()> {
 }
 
 /// The CPUs that a thread, by default the calling one, may run on.
-fn affinity(thread: Option<Pid>) -> io::Result<Cpus> {
+pub fn affinity(thread: Option<Pid>) -> io::Result<Cpus> {
     let words = words_of(thread)?;
     let cpus = (0..CPU_LIMIT).filter(|cpu| {
         let cpu = *cpu as usize;

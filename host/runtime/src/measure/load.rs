@@ -543,35 +543,11 @@ fn milliseconds(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1000.0
 }
 
-/// Time that the threads of a process were ready to run and did not, as the
-/// scheduler counted it. Threads that have ended are not in it, so it is a lower
-/// bound for planners with several; of an ended process it can be read until it is
-/// reaped.
-pub fn run_delay(process: u32) -> Option<Duration> {
-    run_delay_from(&Source::system(), process)
-}
-
-fn run_delay_from(source: &Source, process: u32) -> Option<Duration> {
-    let folder = format!("proc/{process}/task");
-    let mut sum = None;
-    for thread in source.numbered(&folder, "") {
-        let text = source.text(&format!("{folder}/{thread}/schedstat"));
-        let numbers = text.iter().flat_map(|text| text.split(' '));
-        let numbers: Vec<u64> = numbers.map_while(|number| number.parse().ok()).collect();
-        // A kernel that does not count says so by three zeros.
-        if let [run, delay, slices] = *numbers
-            && (run, delay, slices) != (0, 0, 0)
-        {
-            sum = Some(Duration::from_nanos(delay).saturating_add(sum.unwrap_or_default()));
-        }
-    }
-    sum
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::measure::fixture::Fixture;
+    use proptest::prelude::*;
     use serde_json::json;
 
     const BEFORE: &[(&str, &str)] = &[
@@ -732,23 +708,6 @@ mod tests {
         let before = Snapshot::take(None);
         let difference = Snapshot::take(None).since(&before);
         assert!(difference.elapsed_ms >= 0.0 && difference.cpus.is_none());
-        // Of this very process: it has run, so it is known or not counted at all.
-        let _ = run_delay(std::process::id());
-        assert_eq!(run_delay(u32::MAX), None);
-    }
-
-    #[test]
-    fn run_delay_is_the_sum_over_threads() {
-        let fixture = Fixture::new(&[
-            ("proc/7/task/7/schedstat", "500 2000000 4"),
-            ("proc/7/task/9/schedstat", "100 1000000 2"),
-            ("proc/8/task/8/schedstat", "0 0 0"),
-            ("proc/9/task/9/schedstat", "1 2"),
-        ]);
-        let source = fixture.source();
-        assert_eq!(run_delay_from(&source, 7), Some(Duration::from_millis(3)));
-        assert_eq!(run_delay_from(&source, 8), None);
-        assert_eq!(run_delay_from(&source, 9), None);
     }
 
     fn ms(ms: u64) -> Duration {
@@ -938,6 +897,41 @@ mod tests {
             let reasons = contended(&difference, &spent);
             let reasons: Vec<_> = reasons.iter().map(ToString::to_string).collect();
             assert_eq!(&reasons, expected, "{name}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_reason_is_over_its_limit(
+            figures in prop::array::uniform7(prop::option::of(any::<u64>())),
+            wall in any::<u64>(),
+            elapsed_ms in 0.0..1e12f64,
+            threads in any::<u32>(),
+        ) {
+            let [steal_ms, busy_ms, stalled, thermal_ms, quota_us, cpu, delay] = figures;
+            let stalled = stalled.map(|some_us| Pressure { some_us, full_us: None });
+            let difference = Difference {
+                elapsed_ms,
+                cpus: busy_ms.map(|_| Cpus::default()),
+                steal_ms,
+                busy_ms,
+                pressure: Pressures { cpu: stalled, memory: stalled, io: stalled },
+                thermal_ms,
+                quota_us,
+                ..Difference::default()
+            };
+            let spent = Spent {
+                wall: Duration::from_nanos(wall),
+                cpu: cpu.map(Duration::from_micros),
+                run_delay: delay.map(Duration::from_micros),
+                threads,
+            };
+            let reasons = contended(&difference, &spent);
+            prop_assert!(reasons.is_sorted_by_key(|reason| reason.cause));
+            for reason in reasons {
+                prop_assert!(reason.ms.is_finite() && reason.ms > reason.limit_ms);
+                prop_assert!(reason.limit_ms > 0.0);
+            }
         }
     }
 

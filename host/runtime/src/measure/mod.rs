@@ -18,9 +18,9 @@ pub mod load;
 pub mod machine;
 mod source;
 
-pub use cores::{NoCores, Reservation, Topology, pin, pin_this_process};
+pub use cores::{NoCores, Reservation, Topology, affinity, pin, pin_this_process};
 pub use cpus::Cpus;
-pub use load::{Cause, Difference, Reason, Snapshot, Spent, contended, run_delay};
+pub use load::{Cause, Difference, Reason, Snapshot, Spent, contended};
 pub use machine::Machine;
 
 #[cfg(test)]
