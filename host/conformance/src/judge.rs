@@ -115,9 +115,9 @@ fn arrives(goals: &[u32], path: &[u32], arrival: Arrival) -> Result<(), String> 
         }
     }
     match (arrival, goals.last(), path.last()) {
-        (Arrival::Stay, Some(goal), Some(end)) if goal != end => {
-            Err(format!("ends in cell {end} and not at its goal, cell {goal}"))
-        }
+        (Arrival::Stay, Some(goal), Some(end)) if goal != end => Err(format!(
+            "ends in cell {end} and not at its goal, cell {goal}"
+        )),
         _ => Ok(()),
     }
 }
@@ -188,7 +188,9 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
     let cells = scene.grid.cell_count();
     answer.check(cells as usize)?;
     let wrong = |what: &str, got: &dyn std::fmt::Debug, wanted: &dyn std::fmt::Debug| {
-        Err(format!("the instance says {what} {got:?}, the fleet {wanted:?}"))
+        Err(format!(
+            "the instance says {what} {got:?}, the fleet {wanted:?}"
+        ))
     };
     if answer.starts != asked.cells {
         return wrong("starts", &answer.starts, &asked.cells);
@@ -207,7 +209,9 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
         let home = component[scene.starts[agent] as usize];
         for goal in goals {
             if !scene.grid.is_passable(*goal) {
-                return Err(format!("the goal of agent {agent}, cell {goal}, is blocked"));
+                return Err(format!(
+                    "the goal of agent {agent}, cell {goal}, is blocked"
+                ));
             }
             if component[*goal as usize] != home {
                 return Err(format!(

@@ -10,8 +10,8 @@ use fleetyard_abi::{
     FleetState, FleetStatus, Goals, Heading, Instance, Motion, Objective, SharedEnvironment, Task,
 };
 use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
-use fleetyard_world::{EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec};
 use fleetyard_world::SeededRandom;
+use fleetyard_world::{EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec};
 
 use crate::trial::{Step, Stop};
 
@@ -201,12 +201,7 @@ impl Scene {
 
     /// The same, where agents have to turn before they go another way.
     pub(crate) fn turning(mut self) -> Self {
-        const ALL: [Heading; 4] = [
-            Heading::East,
-            Heading::South,
-            Heading::West,
-            Heading::North,
-        ];
+        const ALL: [Heading; 4] = [Heading::East, Heading::South, Heading::West, Heading::North];
         let headings = (0..self.starts.len()).map(|agent| ALL[agent % 4]);
         self.headings = Some(headings.collect());
         self.motion = Motion::Rotation;
@@ -255,17 +250,18 @@ impl Scene {
 
     /// What an instance generator is told.
     pub(crate) fn state(&self) -> FleetState {
-        let open = |(agent, goals): (usize, &Vec<u32>)| {
-            match self.demand {
-                Demand::Everything => goals.clone(),
-                Demand::Some if agent % 3 == 0 => goals.clone(),
-                Demand::Some | Demand::Nothing => Vec::new(),
-            }
+        let open = |(agent, goals): (usize, &Vec<u32>)| match self.demand {
+            Demand::Everything => goals.clone(),
+            Demand::Some if agent % 3 == 0 => goals.clone(),
+            Demand::Some | Demand::Nothing => Vec::new(),
         };
         let goals: Vec<Vec<u32>> = self.goals.iter().enumerate().map(open).collect();
         // Within reach of the first agent, and so of all but in a jam.
         let component = self.grid.components();
-        let home = self.starts.first().map_or(0, |start| component[*start as usize]);
+        let home = self
+            .starts
+            .first()
+            .map_or(0, |start| component[*start as usize]);
         let cells: Vec<u32> = free_cells(&self.grid)
             .into_iter()
             .filter(|cell| home == 0 || component[*cell as usize] == home)

@@ -335,7 +335,7 @@ impl<'a> Trial<'a> {
                 let said = answered.map(|instance| Said::Instance(Box::new(instance)));
                 answered_by(said, started.elapsed(), call)
             }
-            Kind::InvocationPolicy => self.invoke(session, &scene.status(), call.wall),
+            Kind::InvocationPolicy => invoke(session, &scene.status(), call.wall),
         }?;
         let most = call.wall + self.config().grace;
         // Who has a process of its own was stopped already.
@@ -346,18 +346,6 @@ impl<'a> Trial<'a> {
             )));
         }
         Ok(answer)
-    }
-
-    /// Asks an invocation policy.
-    pub(crate) fn invoke(
-        &mut self,
-        session: &mut Session,
-        status: &FleetStatus,
-        wall: Duration,
-    ) -> Step<Answer> {
-        let started = Instant::now();
-        let said = session.should_invoke(status, wall).map(Said::Invoke);
-        answered_by(said, started.elapsed(), &Call::of(wall))
     }
 
     fn planned(run: PlanRun, call: &Call<'_>) -> Step<Answer> {
@@ -414,7 +402,8 @@ impl<'a> Trial<'a> {
             Err(Stop::Failed(format!("{name}: {reason}{picture}")))
         };
         if hope == Hope::Survival {
-            return self.judge_survival(scene, answer);
+            self.judge_survival(scene, answer);
+            return Ok(());
         }
         match &answer.said {
             Said::Plans(plans) => {
@@ -432,7 +421,9 @@ impl<'a> Trial<'a> {
         }
         let shown = answer.shown();
         match (hope, answer.status) {
-            (Hope::NoPlan, Status::Solved) => failed("claims `solved`, but there is no plan".into()),
+            (Hope::NoPlan, Status::Solved) => {
+                failed("claims `solved`, but there is no plan".into())
+            }
             (Hope::NoPlan, Status::InternalError) => failed(format!("claims {shown}")),
             (Hope::Plan | Hope::Perhaps, Status::Infeasible) => {
                 failed(format!("claims {shown}, but there is a plan"))
@@ -447,7 +438,10 @@ impl<'a> Trial<'a> {
                 "claims {shown}, but the instance is one that the plugin says it can handle, and \
                  nobody cancelled the call"
             )),
-            (Hope::Plan, Status::GaveUp | Status::TimedOut) if answer.plans().is_empty() => {
+            // What is left by one who may leave collisions was not judged as a plan.
+            (Hope::Plan, Status::GaveUp | Status::TimedOut)
+                if answer.plans().is_empty() || self.claims(Capability::CollidingPlans) =>
+            {
                 let late = match answer.late {
                     Duration::ZERO => String::new(),
                     late => format!(", {:.0} ms after the deadline", milliseconds(late)),
@@ -459,7 +453,7 @@ impl<'a> Trial<'a> {
         }
     }
 
-    fn judge_survival(&mut self, scene: &Scene, answer: &Answer) -> Step<()> {
+    fn judge_survival(&mut self, scene: &Scene, answer: &Answer) {
         let shown = answer.shown();
         match answer.status {
             Status::Solved if self.kind() == Kind::Planner => self.warn(format!(
@@ -472,7 +466,6 @@ impl<'a> Trial<'a> {
             )),
             _ => {}
         }
-        Ok(())
     }
 
     fn judge_plans(
@@ -533,9 +526,12 @@ impl<'a> Trial<'a> {
             .filter_map(|goals| goals.last().copied())
             .collect();
         last.sort_unstable();
-        if last.windows(2).any(|pair| pair[0] == pair[1]) && !self.claims(Capability::DuplicateGoals)
+        if last.windows(2).any(|pair| pair[0] == pair[1])
+            && !self.claims(Capability::DuplicateGoals)
         {
-            self.warn("agents share goals, which planners need not support; claim `duplicate-goals`");
+            self.warn(
+                "agents share goals, which planners need not support; claim `duplicate-goals`",
+            );
         }
         if instance.window_steps != scene.window_steps {
             self.warn(format!(
@@ -562,6 +558,13 @@ impl<'a> Trial<'a> {
         self.close(session);
         Ok(answer)
     }
+}
+
+/// Asks an invocation policy.
+pub(crate) fn invoke(session: &mut Session, status: &FleetStatus, wall: Duration) -> Step<Answer> {
+    let started = Instant::now();
+    let said = session.should_invoke(status, wall).map(Said::Invoke);
+    answered_by(said, started.elapsed(), &Call::of(wall))
 }
 
 /// Whether a call took so long that its end was the clock's doing: who watches the

@@ -7,7 +7,7 @@ use fleetyard_abi::{FleetStatus, Kind, Objective, Plan, Status};
 use fleetyard_runtime::Closing;
 
 use crate::scene::{Demand, Scene};
-use crate::trial::{Answer, Call, Hope, Said, Step, Stop, Trial};
+use crate::trial::{Answer, Call, Hope, Said, Step, Stop, Trial, invoke};
 
 /// Drawings of which the best plan is known: name, starts, goals, sum of costs.
 pub(crate) type Drawing = (
@@ -34,12 +34,8 @@ pub(crate) const CROSSING: Drawing = (
     &[".....", ".....", "....a", ".....", "..b.."],
     9,
 );
-pub(crate) const PASSING_BAY: Drawing = (
-    "passing-bay",
-    &["a...b", "@@.@@"],
-    &["b...a", "@@.@@"],
-    11,
-);
+pub(crate) const PASSING_BAY: Drawing =
+    ("passing-bay", &["a...b", "@@.@@"], &["b...a", "@@.@@"], 11);
 
 pub(crate) fn draw((name, starts, goals, best): Drawing) -> Step<Scene> {
     Ok(Scene::drawn(name, starts, goals)?.best(best))
@@ -191,7 +187,7 @@ pub(crate) fn fleet_statuses(trial: &mut Trial<'_>) -> Step<()> {
         trial.create(&mut session)?;
         let mut answers = Vec::new();
         for status in &statuses {
-            answers.push(trial.invoke(&mut session, status, trial.wall())?);
+            answers.push(invoke(&mut session, status, trial.wall())?);
         }
         trial.close(session);
         asked.push(answers);
@@ -299,14 +295,18 @@ mod tests {
                     return Some(cost);
                 }
                 // To arrive for good costs nothing.
-                for agent in (0..at.len()).filter(|agent| !done[*agent] && at[*agent] == goals[*agent]) {
+                for agent in
+                    (0..at.len()).filter(|agent| !done[*agent] && at[*agent] == goals[*agent])
+                {
                     let mut arrived = done.clone();
                     arrived[agent] = true;
                     states.push((at.clone(), arrived));
                 }
                 let step = done.iter().filter(|done| !**done).count() as u64;
                 for to in moves(scene, &at, &done) {
-                    open.entry(cost + step).or_default().insert((to, done.clone()));
+                    open.entry(cost + step)
+                        .or_default()
+                        .insert((to, done.clone()));
                 }
             }
         }
@@ -316,7 +316,14 @@ mod tests {
     #[test]
     fn known_answers_are_right() {
         let drawings = [
-            ONE_CELL, CORRIDOR, WALL, ARRIVED, FOLLOWING, CYCLE, CROSSING, PASSING_BAY,
+            ONE_CELL,
+            CORRIDOR,
+            WALL,
+            ARRIVED,
+            FOLLOWING,
+            CYCLE,
+            CROSSING,
+            PASSING_BAY,
         ];
         for drawing in drawings {
             let scene = draw(drawing).unwrap_or_else(|_| panic!("{}", drawing.0));

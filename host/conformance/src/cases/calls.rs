@@ -30,9 +30,8 @@ pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
     // A generator may remember what it gave out, and a policy what it was told.
     let plans = !answers[0].plans().is_empty();
     if plans && trial.claims(Capability::Deterministic) {
-        same(&answers[0], &answers[2]).map_err(|reason| {
-            Stop::Failed(format!("asked the same in one session, {reason}"))
-        })?;
+        same(&answers[0], &answers[2])
+            .map_err(|reason| Stop::Failed(format!("asked the same in one session, {reason}")))?;
     }
     Ok(())
 }
@@ -77,7 +76,9 @@ pub(crate) fn bad_input(trial: &mut Trial<'_>) -> Step<()> {
     };
     let bad = [
         spoiled("start on an obstacle", &|scene| scene.starts[0] = OBSTACLE),
-        spoiled("goal on an obstacle", &|scene| scene.goals[0] = vec![OBSTACLE]),
+        spoiled("goal on an obstacle", &|scene| {
+            scene.goals[0] = vec![OBSTACLE];
+        }),
         spoiled("two agents in one cell", &|scene| {
             scene.starts[1] = scene.starts[0];
         }),
@@ -187,10 +188,10 @@ fn used(trial: &mut Trial<'_>, scene: &Scene, call: &Call<'_>, calls: usize) -> 
     }
     let usage = trial.close(session).usage;
     let used = usage.and_then(|usage: Usage| {
-        let cpu_us = Option::from(usage.user_us)? + Option::<u64>::from(usage.system_us)?;
+        let cpu_us = usage.user_us? + usage.system_us?;
         Some(Used {
             cpu: Duration::from_micros(cpu_us),
-            memory_kb: Option::from(usage.max_rss_kb)?,
+            memory_kb: usage.max_rss_kb?,
             wall,
         })
     });

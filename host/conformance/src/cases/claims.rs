@@ -59,7 +59,11 @@ pub(crate) fn windowed(trial: &mut Trial<'_>) -> Step<()> {
 }
 
 pub(crate) fn duplicate_goals(trial: &mut Trial<'_>) -> Step<()> {
-    let mut scene = Scene::drawn("shared", &["a...", ".@..", "b..c"], &["..a.", ".@b.", "...c"])?;
+    let mut scene = Scene::drawn(
+        "shared",
+        &["a...", ".@..", "b..c"],
+        &["..a.", ".@b.", "...c"],
+    )?;
     let shared = scene.goals[0].clone();
     scene.goals[1] = shared;
     if trial.claims(Capability::Windowed) {
@@ -171,4 +175,3 @@ pub(crate) fn deterministic(trial: &mut Trial<'_>) -> Step<()> {
     }
     Ok(())
 }
-

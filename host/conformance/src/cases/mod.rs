@@ -221,7 +221,10 @@ mod tests {
     fn names_are_unique_and_every_capability_is_asked_for() {
         for (index, case) in CASES.iter().enumerate() {
             let name = case.name;
-            assert!(CASES[..index].iter().all(|other| other.name != name), "{name}");
+            assert!(
+                CASES[..index].iter().all(|other| other.name != name),
+                "{name}"
+            );
             assert!(!case.kinds.is_empty(), "{name}");
             // A sentence is put after the name, in a table.
             assert!(!case.about.contains(['|', '\n']), "{name}");
@@ -235,7 +238,10 @@ mod tests {
 
     #[test]
     fn unknown_names_are_near_to_known_ones() {
-        assert_eq!(find("deadline").map(|case| case.name).ok(), Some("deadline"));
+        assert_eq!(
+            find("deadline").map(|case| case.name).ok(),
+            Some("deadline")
+        );
         let nearest = |name: &str| find(name).err().and_then(|unknown| unknown.nearest);
         assert_eq!(nearest("dedline").as_deref(), Some("deadline"));
         assert_eq!(nearest("xyzzy"), None);

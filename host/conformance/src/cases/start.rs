@@ -62,11 +62,15 @@ pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
         .filter(|other| other.kind == kind && other.id == *id)
         .count();
     if namesakes > 1 {
-        return Err(Stop::Failed(format!("it has {namesakes} of kind {kind} named `{id}`")));
+        return Err(Stop::Failed(format!(
+            "it has {namesakes} of kind {kind} named `{id}`"
+        )));
     }
     let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
     let fits = id.bytes().next().is_some_and(letter)
-        && id.bytes().all(|byte| letter(byte) || b"._-".contains(&byte));
+        && id
+            .bytes()
+            .all(|byte| letter(byte) || b"._-".contains(&byte));
     if !fits {
         return Err(Stop::Failed(format!(
             "`{id}` is no identifier: use a-z, 0-9, `.`, `_`, `-`, the first one a letter or digit"
@@ -85,7 +89,9 @@ pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
     let mut defaults = defaults(about);
     defaults.extend(trial.subject.options.clone());
     check_options(&defaults, &about.options_schema).map_err(|error| {
-        Stop::Failed(format!("its defaults do not satisfy its own schema: {error}"))
+        Stop::Failed(format!(
+            "its defaults do not satisfy its own schema: {error}"
+        ))
     })?;
     check_options(&trial.subject.options, &about.options_schema).map_err(|error| {
         Stop::Failed(format!(
@@ -134,7 +140,10 @@ fn claims_fit(trial: &mut Trial<'_>) -> Step<()> {
             .map(C::as_str)
             .collect();
         if !idle.is_empty() {
-            trial.warn(format!("claims that mean nothing here: {}", idle.join(", ")));
+            trial.warn(format!(
+                "claims that mean nothing here: {}",
+                idle.join(", ")
+            ));
         }
     }
     Ok(())
