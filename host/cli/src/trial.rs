@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
 use fleetyard_check::{metrics, sum_of_costs, validate};
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan};
+use fleetyard_core::{Connectivity, Digest, Grid, GridInstance, GridPlan};
 use fleetyard_runtime::measure::{
     Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
@@ -33,6 +33,8 @@ pub(crate) struct Candidate {
     pub(crate) name: String,
     file: PluginFile,
     id: Option<String>,
+    /// Of its file, which is read once.
+    digest: Option<Digest>,
 }
 
 /// The runtime with default limits.
@@ -141,7 +143,13 @@ impl Candidate {
             (Origin::Path, Some(stem)) => stem.to_string_lossy().into_owned(),
             _ => name.to_owned(),
         };
-        Ok(Self { name, file, id })
+        let digest = file.digest();
+        Ok(Self {
+            name,
+            file,
+            id,
+            digest,
+        })
     }
 
     /// Starts the planner and picks its descriptor.
@@ -289,7 +297,7 @@ impl Trial<'_> {
                     .file
                     .path()
                     .map(|path| path.display().to_string()),
-                digest: self.candidate.file.digest(),
+                digest: self.candidate.digest,
                 options: Value::Object(options),
             },
             instance: InstanceInfo {

@@ -68,9 +68,9 @@ pub(super) fn spawn(
     if !launch.policy.network {
         command.arg("--unshare-net");
     }
-    // As in our own tree: the scratch folder first, some grants may be below it.
-    let size = launch.policy.disk_bytes.max(4096) + (64 << 10);
-    command.args(["--size", &size.to_string(), "--tmpfs", SCRATCH]);
+    // As in our own tree: the scratch folder first, some grants may be below it. Its
+    // size is watched, not fixed: `--size` is refused to those for whom bwrap is there.
+    command.args(["--tmpfs", SCRATCH]);
     command.args(["--proc", "/proc"]);
     for path in &grants.read {
         match std::fs::read_link(path) {

@@ -19,7 +19,7 @@ use crate::state::RUN;
 use crate::supervisor::Target;
 
 /// Folders and links at the root that hold programs and libraries.
-pub(super) const SYSTEM: &[&str] = &[
+const SYSTEM: &[&str] = &[
     "/usr",
     "/bin",
     "/sbin",
@@ -30,6 +30,12 @@ pub(super) const SYSTEM: &[&str] = &[
     "/opt",
     "/nix/store",
 ];
+
+/// Whether a path is the system's, which everybody may read.
+pub(super) fn is_system(path: &Path) -> bool {
+    let mut known = SYSTEM.iter().chain(CONFIGURATION).chain(NETWORK);
+    known.any(|system| path.starts_with(system))
+}
 
 /// What programs read when they start. No users, no passwords, no machine's secrets.
 const CONFIGURATION: &[&str] = &[

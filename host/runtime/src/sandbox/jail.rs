@@ -259,6 +259,8 @@ pub(crate) fn start(
         trees: Trees::new(),
         backend: Backend::Own,
     };
+    // What was refused to us before bwrap was tried.
+    let mut own: Option<Refusal> = None;
     // Every refusal takes a layer away, so this ends.
     loop {
         let refusal = match attempt.once(become_plugin) {
@@ -280,12 +282,15 @@ pub(crate) fn start(
         );
         if namespace && first && attempt.backend == Backend::Own && !is_root() && bwrap::exists() {
             attempt.backend = Backend::Bwrap;
+            own = Some(refusal);
             continue;
         }
-        if attempt.backend == Backend::Bwrap && refusal.layer == Layer::UserNamespace {
-            // It is not allowed to either; its namespaces go as one.
+        if let Some(Refusal { reason, .. }) = own.as_mut().filter(|_| namespace) {
+            // It is not allowed to either: what was refused to us is what counts.
             attempt.backend = Backend::Own;
+            reason.push_str("; bwrap did not start either");
         }
+        let refusal = own.take().filter(|_| namespace).unwrap_or(refusal);
         attempt.leave_out(refusal);
     }
 }
@@ -366,16 +371,12 @@ impl Attempt<'_> {
         let child = if self.backend == Backend::Bwrap {
             bwrap::spawn(self.launch, self.grants, &self.wanted, &theirs, &gate)
         } else {
-            // SAFETY: this process has one thread, so the copy may do anything.
-            let child =
-                unsafe { libc::syscall(libc::SYS_clone, self.flags() | libc::SIGCHLD, 0, 0, 0, 0) };
-            match child {
-                0 => {
+            match copy_process(self.flags(), cgroup.as_ref()) {
+                Ok(0) => {
                     drop((link, opener));
                     inside.run(Some(&self.trees), become_plugin)
                 }
-                child if child > 0 => Ok(child as i32),
-                _ => Err(as_errno(&std::io::Error::last_os_error())),
+                other => other,
             }
         };
         let layer = if self.wants(Layer::UserNamespace) {
@@ -397,6 +398,7 @@ impl Attempt<'_> {
             link,
         };
         if let Some(group) = &cgroup
+            && !group.has(init.as_raw_nonzero().get())
             && let Err(error) = group.add(init.as_raw_nonzero().get())
         {
             return Tried::Refused(Refusal::new(
@@ -425,9 +427,18 @@ impl Attempt<'_> {
             }
         }
         if rustix::io::write(&opener, b"g").is_err() {
-            return Tried::Hopeless("the sandbox ended before it began".into());
+            return self.silent();
         }
         self.attend(&mut child, cgroup, opener)
+    }
+
+    /// Nobody answers: `bwrap` says on standard error why, if it was asked.
+    fn silent(&self) -> Tried {
+        if self.backend == Backend::Bwrap {
+            let what = "bwrap did not start";
+            return Tried::Refused(Refusal::new(Layer::UserNamespace, Errno::PERM, what));
+        }
+        Tried::Hopeless("the sandbox ended before the plugin began".into())
     }
 
     /// Without user namespaces, root may still make the others.
@@ -452,14 +463,7 @@ impl Attempt<'_> {
         let mut scratch = None;
         loop {
             let Some((packet, mut descriptors)) = receive(&child.link) else {
-                if self.backend == Backend::Bwrap {
-                    return Tried::Refused(Refusal::new(
-                        Layer::UserNamespace,
-                        Errno::PERM,
-                        "bwrap did not start",
-                    ));
-                }
-                return Tried::Hopeless("the sandbox ended before the plugin began".into());
+                return self.silent();
             };
             match packet {
                 Packet::Failed(refusal) => return Tried::Refused(refusal),
@@ -604,6 +608,42 @@ pub(crate) enum News {
 
 /// The init is no more.
 pub(crate) struct Gone;
+
+/// Like `fork`, into new namespaces, and into the group at once where the kernel can:
+/// moving a process later makes it wait for every processor.
+fn copy_process(flags: i32, cgroup: Option<&Cgroup>) -> Result<i32, Errno> {
+    const INTO_CGROUP: u64 = 0x2_0000_0000;
+    let group = cgroup.and_then(|group| {
+        let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::CLOEXEC;
+        rustix::fs::open(group.folder(), flags, Mode::empty()).ok()
+    });
+    if let Some(group) = &group {
+        // SAFETY: zero is what all the other fields should be.
+        let mut arguments: libc::clone_args = unsafe { std::mem::zeroed() };
+        arguments.flags = flags as u64 | INTO_CGROUP;
+        arguments.exit_signal = libc::SIGCHLD as u64;
+        arguments.cgroup = group.as_raw_fd() as u64;
+        // SAFETY: this process has one thread, so the copy may do anything; the
+        // structure outlives the call.
+        let child = unsafe {
+            libc::syscall(
+                libc::SYS_clone3,
+                &raw const arguments,
+                size_of::<libc::clone_args>(),
+            )
+        };
+        if child >= 0 {
+            return Ok(child as i32);
+        }
+    }
+    // SAFETY: this process has one thread, so the copy may do anything.
+    let child = unsafe { libc::syscall(libc::SYS_clone, flags | libc::SIGCHLD, 0, 0, 0, 0) };
+    if child >= 0 {
+        Ok(child as i32)
+    } else {
+        Err(as_errno(&std::io::Error::last_os_error()))
+    }
+}
 
 fn map_user(init: Pid, (user, group): (u32, u32)) -> std::io::Result<()> {
     let proc = format!("/proc/{}", init.as_raw_nonzero());
@@ -829,8 +869,7 @@ fn plugin(
     // Relative paths of a plugin mean its scratch folder.
     let _ = std::env::set_current_dir(scratch);
     if launch.policy.level != Level::None {
-        let mut read = grants.read.clone();
-        read.extend(readable_proc(inside).into_iter().map(PathBuf::from));
+        let read = readable(inside);
         let refused = Lock {
             read: &read,
             scratch,
@@ -912,13 +951,14 @@ fn counts_alone(inside: &Inside<'_>) -> bool {
     inside.wants(Layer::OwnUser) || (inside.wants(Layer::UserNamespace) && version >= (5, 14))
 }
 
-/// What may be read of `/proc`: all of it when it is the plugin's own, what tells
-/// about the machine and the process itself when it is everybody's.
-fn readable_proc(inside: &Inside<'_>) -> Vec<&'static str> {
+/// What may be read: everything in a tree that holds nothing else; otherwise what was
+/// granted, and of everybody's `/proc` what tells about the machine and the process
+/// itself.
+fn readable(inside: &Inside<'_>) -> Vec<PathBuf> {
     if inside.wants(Layer::MountNamespace) {
-        return vec!["/proc"];
+        return vec!["/".into(), "/proc".into()];
     }
-    vec![
+    let of_proc = [
         "/proc/self",
         "/proc/cpuinfo",
         "/proc/meminfo",
@@ -926,7 +966,9 @@ fn readable_proc(inside: &Inside<'_>) -> Vec<&'static str> {
         "/proc/filesystems",
         "/proc/sys/vm/overcommit_memory",
         "/proc/sys/kernel/osrelease",
-    ]
+    ];
+    let granted = inside.grants.read.iter().cloned();
+    granted.chain(of_proc.map(PathBuf::from)).collect()
 }
 
 /// Waits for the supervisor's word; false when it is gone.

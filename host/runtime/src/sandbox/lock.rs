@@ -149,7 +149,8 @@ impl Lock<'_> {
                 .scope(Scope::AbstractUnixSocket)?;
         }
         let mut ruleset = ruleset.create()?;
-        let device = AccessFs::ReadFile | AccessFs::WriteFile | AccessFs::IoctlDev;
+        let device =
+            AccessFs::ReadFile | AccessFs::WriteFile | AccessFs::Truncate | AccessFs::IoctlDev;
         let mut allow = |path: &Path, access: BitFlags<AccessFs>| {
             // What does not exist need not be allowed.
             let Ok(fd) = PathFd::new(path) else {
@@ -165,7 +166,14 @@ impl Lock<'_> {
                 .map(|_| ())
         };
         for path in self.read {
-            allow(path, AccessFs::from_read(abi))?;
+            // Threads are named by writing there; what is not a process's own to
+            // change belongs to root.
+            let write = if path.starts_with("/proc") {
+                AccessFs::WriteFile | AccessFs::Truncate
+            } else {
+                BitFlags::EMPTY
+            };
+            allow(path, AccessFs::from_read(abi) | write)?;
         }
         allow(self.scratch, AccessFs::from_all(abi))?;
         for path in DEVICES {

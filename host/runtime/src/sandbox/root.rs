@@ -83,12 +83,9 @@ const HARMLESS: u64 = libc::MOUNT_ATTR_RDONLY | libc::MOUNT_ATTR_NOSUID;
 /// the user that it runs as. Paths that cannot be taken are left to be taken from
 /// inside.
 pub(super) fn take_as_root(read: &[PathBuf], user: u32) -> Trees {
-    let system = |path: &&PathBuf| {
-        let mut systems = super::grants::SYSTEM.iter();
-        !systems.any(|system| path.starts_with(system))
-    };
     let mut trees = Trees::new();
-    for path in read.iter().filter(system) {
+    let mut mappings: BTreeMap<u32, Option<OwnedFd>> = BTreeMap::new();
+    for path in read.iter().filter(|path| !super::grants::is_system(path)) {
         let Ok(meta) = fs::symlink_metadata(path) else {
             continue;
         };
@@ -97,7 +94,10 @@ pub(super) fn take_as_root(read: &[PathBuf], user: u32) -> Trees {
         }
         let Ok(tree) = take(path) else { continue };
         let owner = std::os::unix::fs::MetadataExt::uid(&meta);
-        if let Some(namespace) = mapping(owner, user) {
+        let namespace = mappings
+            .entry(owner)
+            .or_insert_with(|| mapping(owner, user));
+        if let Some(namespace) = namespace {
             // Not every file system can show other owners; whoever may read a file
             // anyway still can.
             let _ = set_attributes(tree.as_fd(), 0, Some(namespace.as_fd()), true);

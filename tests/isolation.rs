@@ -1,0 +1,614 @@
+//! What a plugin does stays in its sandbox, budgets end what goes on for too long, and
+//! the record says which layer or limit it was.
+//!
+//! `plugins/faulty` misbehaves on request; `scripts/isolation.py` tries everything that
+//! it can do, ten times and as several users. Here is what must never break, once each,
+//! as whoever runs the tests. Where the machine refuses namespaces, the tests that need
+//! them say so and why.
+
+mod common;
+
+use std::fs;
+use std::io::Read;
+use std::net::TcpListener;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+use common::{
+    Ended, NO_PLAN, PLUGIN, SUCCESS, Yard, c_library, faulty_library, faulty_program,
+    faulty_rust_library, have, instance, root, until, words,
+};
+use serde_json::Value;
+
+/// The arguments of a run of a faulty planner.
+fn faulty(plugin: &Path, fault: &str, more: &str) -> Vec<String> {
+    let mut line = vec!["run".to_owned()];
+    line.extend(instance("empty-8-8", 3));
+    line.extend(["--planner".into(), plugin.display().to_string()]);
+    line.extend(words(&format!(
+        "--option fault={fault} --format json {more}"
+    )));
+    line
+}
+
+/// Why this machine cannot keep a plugin apart as a whole; `None` where it can.
+fn refused() -> Option<String> {
+    static REFUSED: OnceLock<Option<String>> = OnceLock::new();
+    let refused = REFUSED.get_or_init(|| {
+        let findings = Yard::new()
+            .line("doctor --format json")
+            .expect(SUCCESS)
+            .json();
+        if findings["sandbox"]["strict"] == true {
+            return None;
+        }
+        let layers = findings["sandbox"]["layers"].as_array().unwrap();
+        let missing = layers.iter().find(|layer| !layer["errno"].is_null())?;
+        Some(format!("{}: {}", missing["layer"], missing["errno"]))
+    });
+    if let Some(why) = refused {
+        eprintln!("skipped: this machine refuses a layer of the sandbox, {why}");
+    }
+    refused.clone()
+}
+
+/// The libraries and programs that can have a fault.
+fn plugins(by: &str) -> Vec<std::path::PathBuf> {
+    let mut found = Vec::new();
+    for letter in by.chars() {
+        match letter {
+            'c' => found.push(faulty_library()),
+            'p' if have("python3") => found.push(faulty_program()),
+            'r' => found.push(faulty_rust_library()),
+            _ => {}
+        }
+    }
+    found
+}
+
+fn active(record: &Value, layer: &str) -> bool {
+    let layers = record["sandbox"]["layers"].as_array().unwrap();
+    let state = layers.iter().find(|state| state["layer"] == layer).unwrap();
+    state["active"].as_bool().unwrap()
+}
+
+// ---- Limits ------------------------------------------------------------------------
+
+#[test]
+fn the_limit_that_is_exceeded_is_named() {
+    // Fault, plugins, arguments, the limits that it may be.
+    let cases: &[(&str, &str, &str, &[&str])] = &[
+        ("never", "cpr", "--budget 300ms", &["wall"]),
+        ("ignore-signals", "cp", "--budget 300ms", &["wall"]),
+        ("spin", "cpr", "--budget 60s --cpu 200ms", &["cpu"]),
+        ("spin-processes", "c", "--budget 60s --cpu 200ms", &["cpu"]),
+        (
+            "fork-bomb",
+            "cp",
+            "--budget 60s --processes 32",
+            &["processes"],
+        ),
+        (
+            "thread-bomb",
+            "cpr",
+            "--budget 60s --processes 32",
+            &["processes"],
+        ),
+        ("hog", "cpr", "--budget 60s --memory 128MiB", &["memory"]),
+        (
+            "allocate-many",
+            "cp",
+            "--budget 60s --memory 128MiB --option size=2147483648",
+            &["memory"],
+        ),
+        (
+            "flood",
+            "cpr",
+            "--budget 60s --output-limit 1MiB --option size=134217728",
+            &["output"],
+        ),
+        (
+            "flood-stderr",
+            "cpr",
+            "--budget 60s --output-limit 1MiB --option size=134217728",
+            &["output"],
+        ),
+        (
+            "huge-file",
+            "cpr",
+            "--budget 60s --disk 8MiB --option size=134217728",
+            &["disk"],
+        ),
+        (
+            "many-files",
+            "cpr",
+            "--budget 60s --disk 64MiB --option count=50000",
+            &["disk"],
+        ),
+    ];
+    for (fault, by, arguments, limits) in cases {
+        for plugin in plugins(by) {
+            let ended = Yard::new().run(&faulty(&plugin, fault, arguments));
+            assert!(ended.left.is_empty(), "{fault}: {:?} {ended}", ended.left);
+            let record = ended.json();
+            let limit = record["limit"].as_str().unwrap_or("none");
+            assert!(limits.contains(&limit), "{fault}: {limit} {ended}");
+            assert_eq!(record["stopped"], true, "{fault}: {ended}");
+            assert!(record["kill_latency_ms"].is_number(), "{fault}: {ended}");
+        }
+    }
+}
+
+#[test]
+fn memory_that_is_shared_counts_once() {
+    if refused().is_some() {
+        return;
+    }
+    let arguments = "--budget 60s --memory 300MiB --option size=67108864";
+    for plugin in plugins("cp") {
+        let ended = Yard::new()
+            .run(&faulty(&plugin, "shared-memory", arguments))
+            .expect(SUCCESS);
+        assert_eq!(ended.json()["claimed_metrics"]["reached"], 1.0, "{ended}");
+    }
+}
+
+#[test]
+fn a_planner_that_stops_by_itself_was_not_stopped() {
+    let arguments = "--budget 300ms --grace 20s";
+    let ended = Yard::new()
+        .run(&faulty(&faulty_library(), "late", arguments))
+        .expect(NO_PLAN);
+    let record = ended.json();
+    assert_eq!(record["stopped"], false, "{ended}");
+    assert_eq!(record["limit"], "wall", "{ended}");
+    assert!(record["kill_latency_ms"].is_null(), "{ended}");
+}
+
+#[test]
+fn learning_the_map_has_limits_of_its_own() {
+    let base = "--option during=prepare --budget 60s";
+    let cases = [
+        ("never", "--prepare-budget 300ms", "wall"),
+        ("spin", "--prepare-cpu 200ms", "cpu"),
+        ("hog", "--prepare-memory 128MiB", "memory"),
+    ];
+    for (fault, arguments, limit) in cases {
+        let line = faulty(&faulty_library(), fault, &format!("{base} {arguments}"));
+        let ended = Yard::new().run(&line).expect(NO_PLAN);
+        let record = ended.json();
+        assert_eq!(record["limit"], limit, "{ended}");
+        assert!(ended.stderr.contains("`prepare`"), "{ended}");
+    }
+    // The same limits leave the plan alone when they are the plan's.
+    let line = faulty(
+        &faulty_library(),
+        "none",
+        "--prepare-memory 128MiB --cpu 30s",
+    );
+    Yard::new().run(&line).expect(SUCCESS);
+}
+
+// ---- Containment -------------------------------------------------------------------
+
+/// Runs an attempt that the sandbox must not let succeed.
+#[track_caller]
+fn fails_to(fault: &str, by: &str, option: &str) -> Vec<Ended> {
+    let mut ends = Vec::new();
+    for plugin in plugins(by) {
+        let yard = Yard::new();
+        let line = faulty(&plugin, fault, &format!("--budget 60s {option}"));
+        let ended = yard.run(&line);
+        assert!(ended.left.is_empty(), "{fault}: {:?} {ended}", ended.left);
+        let record = ended.json();
+        let signalled = record["fault"]
+            .as_str()
+            .unwrap_or_default()
+            .contains("SIGSYS");
+        let reached = &record["claimed_metrics"]["reached"];
+        assert!(
+            signalled || *reached == 0.0,
+            "{fault} by {}: {ended}",
+            plugin.display()
+        );
+        ends.push(ended);
+    }
+    ends
+}
+
+#[test]
+fn nothing_gets_out() {
+    if refused().is_some() {
+        return;
+    }
+    let outside = tempfile::tempdir().unwrap();
+    // A plugin of another user must not be stopped by this folder alone.
+    fs::set_permissions(outside.path(), fs::Permissions::from_mode(0o777)).unwrap();
+    let file = outside.path().join("precious");
+    fs::write(&file, "as it was").unwrap();
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o666)).unwrap();
+    let target = format!("--option target={}", file.display());
+    let folder = format!("--option target={}", outside.path().display());
+    fails_to("read-file", "cpr", &target);
+    fails_to("read-file", "cpr", "--option target=/etc/shadow");
+    fails_to("write-outside", "cpr", &target);
+    fails_to("remove-outside", "cpr", &target);
+    fails_to("list-folder", "cpr", &folder);
+    assert_eq!(fs::read_to_string(&file).unwrap(), "as it was");
+
+    let tcp = TcpListener::bind("127.0.0.1:0").unwrap();
+    tcp.set_nonblocking(true).unwrap();
+    let address = format!("--option target={}", tcp.local_addr().unwrap());
+    fails_to("connect-tcp", "cpr", &address);
+    assert!(tcp.accept().is_err(), "somebody came by");
+    let udp = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    udp.set_nonblocking(true).unwrap();
+    let address = format!("--option target={}", udp.local_addr().unwrap());
+    fails_to("connect-udp", "cpr", &address);
+    assert!(udp.recv(&mut [0; 64]).is_err(), "something came by");
+    let path = outside.path().join("socket");
+    let unix = std::os::unix::net::UnixListener::bind(&path).unwrap();
+    unix.set_nonblocking(true).unwrap();
+    fails_to(
+        "connect-unix",
+        "cpr",
+        &format!("--option target={}", path.display()),
+    );
+    assert!(unix.accept().is_err(), "somebody came by");
+
+    for fault in [
+        "kill-parent",
+        "unshare",
+        "mount",
+        "io-uring",
+        "bpf",
+        "perf-event",
+    ] {
+        fails_to(fault, "cp", "");
+    }
+    for fault in ["userfaultfd", "keyctl", "x32", "memfd", "sysv-shm", "repin"] {
+        fails_to(fault, "c", "--memory 1GiB --option size=67108864");
+    }
+}
+
+#[test]
+fn other_processes_are_out_of_reach() {
+    if refused().is_some() {
+        return;
+    }
+    let mut victim = Command::new("sleep").arg("600").spawn().unwrap();
+    let target = format!("--option pid={}", victim.id());
+    for fault in ["kill-pid", "see-process", "ptrace", "steal-descriptor"] {
+        fails_to(fault, "cp", &target);
+    }
+    assert!(victim.try_wait().unwrap().is_none(), "it was killed");
+    victim.kill().unwrap();
+    victim.wait().unwrap();
+}
+
+#[test]
+fn the_environment_is_the_same_for_everybody() {
+    let yard = Yard::new().set("HOST_SECRET", "xyzzy");
+    let getenv = |more: &str| {
+        let option = "--option target=HOST_SECRET";
+        let line = faulty(&faulty_library(), "getenv", &format!("{option} {more}"));
+        yard.run(&line).expect(SUCCESS).json()
+    };
+    let without = getenv("");
+    assert_eq!(without["claimed_metrics"]["reached"], 0.0);
+    let with = getenv("--env HOST_SECRET");
+    assert_eq!(with["claimed_metrics"]["reached"], 1.0);
+    assert_ne!(with["environment_digest"], without["environment_digest"]);
+}
+
+#[test]
+fn the_sandbox_is_locked_before_a_constructor_runs() {
+    if refused().is_some() {
+        return;
+    }
+    let outside = tempfile::tempdir().unwrap();
+    fs::set_permissions(outside.path(), fs::Permissions::from_mode(0o777)).unwrap();
+    let file = outside.path().join("precious");
+    fs::write(&file, "as it was").unwrap();
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o666)).unwrap();
+    let library = c_library("plugins/faulty/faulty.c", Some("CONSTRUCTOR_FAULT"));
+    let yard = Yard::new()
+        .set("FLEETYARD_FAULT", "write-outside")
+        .set("FLEETYARD_TARGET", &file.display().to_string());
+    let ended = yard.run(&faulty(&library, "none", "--budget 30s"));
+    assert!(ended.left.is_empty(), "{ended}");
+    assert_eq!(fs::read_to_string(&file).unwrap(), "as it was", "{ended}");
+}
+
+#[test]
+fn grants_are_grants() {
+    if refused().is_some() {
+        return;
+    }
+    let outside = tempfile::tempdir().unwrap();
+    let file = outside.path().join("map data");
+    fs::write(&file, "readable").unwrap();
+    let yard = Yard::new();
+    let mut line = faulty(&faulty_library(), "read-file", "--budget 30s");
+    line.extend(["--option".into(), format!("target={}", file.display())]);
+    let ended = yard.run(&line).expect(SUCCESS);
+    assert_eq!(ended.json()["claimed_metrics"]["reached"], 0.0, "{ended}");
+    line.extend(["--allow-read".into(), outside.path().display().to_string()]);
+    let ended = yard.run(&line).expect(SUCCESS);
+    assert_eq!(ended.json()["claimed_metrics"]["reached"], 1.0, "{ended}");
+
+    let tcp = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("--option target={}", tcp.local_addr().unwrap());
+    let line = faulty(
+        &faulty_library(),
+        "connect-tcp",
+        &format!("--budget 30s --allow-network {address}"),
+    );
+    let ended = yard.run(&line).expect(SUCCESS);
+    assert_eq!(ended.json()["claimed_metrics"]["reached"], 1.0, "{ended}");
+}
+
+// ---- Levels and records ------------------------------------------------------------
+
+#[test]
+fn the_record_says_which_layers_were_active() {
+    let record = |level: &str| {
+        let more = format!("--budget 30s --sandbox {level}");
+        let line = faulty(&faulty_library(), "none", &more);
+        Yard::new().run(&line).expect(SUCCESS).json()
+    };
+    let none = record("none");
+    assert_eq!(none["planner"]["ranked"], false);
+    assert!(!active(&none, "seccomp"));
+    let auto = record("auto");
+    assert_eq!(auto["planner"]["ranked"], true);
+    for state in auto["sandbox"]["layers"].as_array().unwrap() {
+        // Either it is there, or somebody says why not.
+        assert!(
+            state["active"] == true || state["reason"].is_string(),
+            "{state}"
+        );
+    }
+    assert_eq!(auto["plan_digest"], none["plan_digest"]);
+    let usage = &auto["resources"];
+    assert!(usage["peak_memory_kb"].as_u64().unwrap() > 0);
+    assert!(usage["cpu_source"].is_string() && usage["peak_memory_source"].is_string());
+    assert!(auto["measurement"]["machine_digest"].is_string());
+    if refused().is_none() {
+        let strict = record("strict");
+        assert!(active(&strict, "mount-namespace") && active(&strict, "landlock"));
+    }
+}
+
+/// Starts the command where a filter of system calls refuses namespaces and mounts, as
+/// a container does.
+fn in_a_container(yard: &Yard, line: &[String]) -> Option<Ended> {
+    if !have("python3") {
+        return None;
+    }
+    let id = Command::new("id").arg("-u").output().unwrap().stdout;
+    let uid: u32 = String::from_utf8_lossy(&id).trim().parse().unwrap();
+    let wanted = format!("{{\"refused\": true, \"uid\": {uid}, \"gid\": {uid}}}");
+    let script = root().join("scripts/isolation.py");
+    let mut child = Command::new("python3")
+        .arg(script)
+        .args(["--launch", &wanted, env!("CARGO_BIN_EXE_fleetyard")])
+        .args(line)
+        .current_dir(yard.path(""))
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let (mut stdout, mut stderr) = (String::new(), String::new());
+    child
+        .stdout
+        .take()
+        .unwrap()
+        .read_to_string(&mut stdout)
+        .unwrap();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut stderr)
+        .unwrap();
+    Some(Ended {
+        code: child.wait().unwrap().code(),
+        stdout,
+        stderr,
+        left: Vec::new(),
+    })
+}
+
+#[test]
+fn what_a_container_refuses_is_in_the_record_not_hidden() {
+    let yard = Yard::new();
+    let line = faulty(&faulty_library(), "none", "--budget 30s");
+    let Some(ended) = in_a_container(&yard, &line) else {
+        return;
+    };
+    let record = ended.expect(SUCCESS).json();
+    let layers = record["sandbox"]["layers"].as_array().unwrap();
+    for layer in ["user-namespace", "pid-namespace", "mount-namespace"] {
+        let state = layers.iter().find(|state| state["layer"] == layer).unwrap();
+        assert_eq!(state["active"], false, "{state}");
+        assert_eq!(state["errno"], "EPERM", "{state}");
+    }
+    // What is left still holds.
+    assert!(active(&record, "seccomp") && active(&record, "no-new-privileges"));
+
+    let line = faulty(&faulty_library(), "none", "--sandbox strict");
+    let ended = in_a_container(&yard, &line).unwrap();
+    assert_eq!(ended.code, Some(PLUGIN), "{ended}");
+    for text in ["refuses layers of the sandbox", "EPERM", "fleetyard doctor"] {
+        assert!(ended.stderr.contains(text), "{ended}");
+    }
+    let ended = in_a_container(&yard, &words("doctor --sandbox strict")).unwrap();
+    assert_eq!(ended.code, Some(NO_PLAN), "{ended}");
+    assert!(ended.stdout.contains("What you can do"), "{ended}");
+}
+
+/// Becomes an ordinary user of a machine where nobody may make user namespaces, then a
+/// command.
+const WITHOUT_USER_NAMESPACES: &str = r#"
+import ctypes, os, sys
+inside, outside, ready, go = *os.pipe(), *os.pipe()
+child = os.fork()
+if child == 0:
+    if ctypes.CDLL(None).unshare(0x10000000) != 0:
+        sys.exit(77)
+    os.write(outside, b"x")
+    os.read(ready, 1)
+    os.setgid(0), os.setuid(0)
+    with open("/proc/sys/user/max_user_namespaces", "w") as most:
+        most.write("0")
+    os.setgroups([]), os.setgid(1234), os.setuid(1234)
+    os.execvp(sys.argv[1], sys.argv[1:])
+os.close(outside)
+if os.read(inside, 1) == b"x":
+    for kind in ("uid", "gid"):
+        with open(f"/proc/{child}/{kind}_map", "w") as where:
+            where.write("0 0 65536\n")
+    os.write(go, b"x")
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"#;
+
+#[test]
+fn bwrap_makes_the_namespaces_where_only_it_may() {
+    let root = Command::new("id").arg("-u").output().unwrap().stdout == b"0\n";
+    if !root || !have("python3") || !have("bwrap") {
+        eprintln!("skipped: this needs root, Python and bwrap");
+        return;
+    }
+    // Where another user can read it; a set-user-identifier program, as on machines
+    // that keep namespaces from everybody else.
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mode = |path: &Path, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode));
+    mode(folder.path(), 0o755).unwrap();
+    let bwrap = Command::new("sh")
+        .args(["-c", "command -v bwrap"])
+        .output()
+        .unwrap();
+    fs::copy(
+        String::from_utf8(bwrap.stdout).unwrap().trim(),
+        path("bwrap"),
+    )
+    .unwrap();
+    mode(&path("bwrap"), 0o4755).unwrap();
+    fs::copy(env!("CARGO_BIN_EXE_fleetyard"), path("fleetyard")).unwrap();
+    for name in ["empty-8-8.map", "empty-8-8-random-1.scen"] {
+        fs::copy(common::map(name), path(name)).unwrap();
+        mode(&path(name), 0o644).unwrap();
+    }
+    let output = Command::new("python3")
+        .args(["-c", WITHOUT_USER_NAMESPACES, "./fleetyard"])
+        .args(words(
+            "run --map empty-8-8.map --scen empty-8-8-random-1.scen --agents 3",
+        ))
+        .args(words(
+            "--planner lacam --budget 30s --sandbox strict --format json",
+        ))
+        .current_dir(folder.path())
+        .env("PATH", format!("{}:/usr/bin:/bin", folder.path().display()))
+        .env_remove("XDG_RUNTIME_DIR")
+        .output()
+        .unwrap();
+    if output.status.code() == Some(77) {
+        eprintln!("skipped: this machine refuses user namespaces to root");
+        return;
+    }
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(SUCCESS), "{stderr}");
+    let record: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(record["sandbox"]["backend"], "bwrap", "{record}");
+    assert!(active(&record, "pid-namespace") && active(&record, "mount-namespace"));
+}
+
+// ---- The end of the host -----------------------------------------------------------
+
+/// A planner that leaves a daemon behind when it is started, and then never answers.
+const HANGS: &str = r#"
+import os, time
+if os.fork() == 0:
+    os.setsid()
+    if os.fork() != 0:
+        os._exit(0)
+    os.closerange(0, 64)
+    while True:
+        time.sleep(60)
+while True:
+    time.sleep(60)
+"#;
+
+/// Starts a comparison whose second planner is that one, and waits until the daemon is
+/// there.
+fn in_the_middle_of_a_comparison(yard: &Yard, level: &str) -> common::Started {
+    yard.write("hangs.py", HANGS);
+    let mut line = words("compare --budget 60s --planner lacam --planner ./hangs.py --format json");
+    line.extend(["--sandbox".into(), level.into()]);
+    line.extend(instance("empty-8-8", 3));
+    let started = yard.start(&line);
+    let daemons = || {
+        let processes = started.processes();
+        let scripts = processes
+            .iter()
+            .filter(|process| process.command.contains("hangs.py"));
+        scripts.count()
+    };
+    // The comparison's own command line names the script too.
+    assert!(until(|| daemons() >= 3), "{:?}", started.processes());
+    started
+}
+
+#[test]
+fn a_killed_host_leaves_nothing() {
+    if !have("python3") {
+        return;
+    }
+    for level in ["auto", "none"] {
+        let yard = Yard::new();
+        let mut started = in_the_middle_of_a_comparison(&yard, level);
+        let before = yard.files();
+        started.child.kill().unwrap();
+        started.child.wait().unwrap();
+        let gone = until(|| started.processes().is_empty());
+        assert!(gone, "{level}: {:?}", started.processes());
+        assert_eq!(yard.files(), before);
+    }
+}
+
+#[test]
+fn orphans_of_a_host_that_died_with_its_supervisor_are_ended_at_the_next_start() {
+    if !have("python3") {
+        return;
+    }
+    // Without namespaces, so that nothing ends the daemon by itself.
+    let yard = Yard::new();
+    let mut started = in_the_middle_of_a_comparison(&yard, "none");
+    let processes = started.processes();
+    let (plugin, host): (Vec<_>, Vec<_>) = processes
+        .into_iter()
+        .partition(|process| process.command.starts_with("python3"));
+    assert!(plugin.len() >= 2 && host.len() >= 2, "{plugin:?} {host:?}");
+    for process in &host {
+        process.signal("STOP");
+    }
+    for process in &host {
+        process.signal("KILL");
+    }
+    started.child.wait().unwrap();
+    let hosts_gone = || {
+        let processes = started.processes();
+        processes
+            .iter()
+            .all(|process| process.command.starts_with("python3"))
+    };
+    assert!(until(hosts_gone), "{:?}", started.processes());
+    Yard::new().line("plugins list").expect(SUCCESS);
+    let gone = until(|| started.processes().is_empty());
+    assert!(gone, "{:?}", started.processes());
+}
