@@ -50,6 +50,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 MAP = ROOT / "maps" / "random-32-32-20"
 MARK = "FLEETYARD_ISOLATION_MARK"
+FOREIGN = b"FLEETYARD_TEST_MARK="
 SECRET = "HOST_SECRET"
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 HANGING_S = 120
@@ -476,23 +477,31 @@ def available_memory():
     return GIB
 
 
-def survivors(mark):
-    """Living processes that carry the mark, or the name of what faulty plugins leave."""
+def survivors(mark, began):
+    """Living processes that carry the mark, or the name of what faulty plugins leave.
+
+    The name alone counts when the process began during the run and carries no mark of
+    somebody else's: tests may run on the same machine.
+    """
     found = []
     wanted = f"{MARK}={mark}".encode()
+    tick = os.sysconf("SC_CLK_TCK")
     for entry in filter(str.isdigit, os.listdir("/proc")):
         process = pathlib.Path("/proc", entry)
         try:
             name = (process / "comm").read_text().strip()
-            if (process / "stat").read_text().rsplit(")", 1)[1].split()[0] in "ZX":
-                continue
+            state, *fields = (process / "stat").read_text().rsplit(")", 1)[1].split()
             try:
-                marked = wanted in (process / "environ").read_bytes().split(b"\0")
+                variables = (process / "environ").read_bytes().split(b"\0")
             except PermissionError:
-                marked = False  # somebody else's
+                variables = []  # somebody else's
         except OSError:
             continue  # it has just ended
-        if marked or name == "fy-orphan":
+        if state in "ZX":
+            continue
+        marked = any(one.startswith((f"{MARK}=".encode(), FOREIGN)) for one in variables)
+        young = int(fields[18]) / tick >= began - 0.1
+        if wanted in variables or (name == "fy-orphan" and young and not marked):
             found.append((int(entry), name))
     return found
 
@@ -505,26 +514,24 @@ class Yard:
 
     def __init__(self, fleetyard, libraries):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="fy-isolation-", dir="/var/tmp"))
-        os.chmod(self.folder, 0o755)
-        shutil.copy(fleetyard, self.folder / "fleetyard")
-        self.fleetyard = self.folder / "fleetyard"
+        # A plugin may read its folder: nothing that it must not read is in there.
+        host, plugins = self.folder / "host", self.folder / "plugins"
+        host.mkdir()
+        plugins.mkdir()
+        self.fleetyard, self.launcher = host / "fleetyard", host / "launcher.py"
+        shutil.copy(fleetyard, self.fleetyard)
+        shutil.copy(__file__, self.launcher)
         self.plugins = {}
         for letter, files in libraries.items():
             for file in files:
-                shutil.copy(file, self.folder)
-            self.plugins[letter] = self.folder / files[0].name
-        for suffix in (".map", "-random-1.scen"):
-            shutil.copy(f"{MAP}{suffix}", self.folder)
-        for path in self.folder.iterdir():
+                shutil.copy(file, plugins)
+            self.plugins[letter] = plugins / files[0].name
+        self.instance = []
+        for flag, suffix in (("--map", ".map"), ("--scen", "-random-1.scen")):
+            copy = shutil.copy(f"{MAP}{suffix}", host)
+            self.instance += [flag, copy]
+        for path in [self.folder, *self.folder.rglob("*")]:
             os.chmod(path, 0o755)
-        self.instance = [
-            "--map",
-            str(self.folder / f"{MAP.name}.map"),
-            "--scen",
-            str(self.folder / f"{MAP.name}-random-1.scen"),
-        ]
-        self.launcher = self.folder / "launcher.py"
-        shutil.copy(__file__, self.launcher)
         shown = [str(self.fleetyard), "run", "--help"]
         self.help = subprocess.run(shown, capture_output=True, text=True, check=True).stdout
 
@@ -572,7 +579,7 @@ def run(yard, condition, words, env=None, descriptors=()):
     if yard.knows("--env"):
         words = [*words, "--env", MARK]
     command = condition.command(yard, words)
-    started = time.monotonic()
+    began, started = time.clock_gettime(time.CLOCK_BOOTTIME), time.monotonic()
     process = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
@@ -589,7 +596,7 @@ def run(yard, condition, words, env=None, descriptors=()):
     except subprocess.TimeoutExpired:
         code = None
     seconds = time.monotonic() - started
-    left = survivors(mark)
+    left = survivors(mark, began)
     for pid, _ in left:
         try:
             os.kill(pid, signal.SIGKILL)
@@ -607,7 +614,7 @@ def run(yard, condition, words, env=None, descriptors=()):
     return {
         "code": code,
         "record": record,
-        "stderr": stderr.decode(errors="replace")[-400:],
+        "stderr": stderr.decode(errors="replace")[-4096:],
         "seconds": seconds,
         "left": [name for _, name in left],
         "files": files,
@@ -651,7 +658,8 @@ def judge(behaviour, letter, ended, harm):
         wrong.append(f"the host died of signal {-ended['code']}")
     elif ended["record"] is None and not (letter == "l" and ended["code"] == 5):
         # A plugin that dies while being loaded is refused, without a record.
-        wrong.append(f"no record (exit code {ended['code']}): {ended['stderr'][-160:].strip()}")
+        said = [line for line in ended["stderr"].splitlines() if line.startswith("error: ")]
+        wrong.append(f"no record (exit code {ended['code']}) {said[0] if said else ''}".strip())
     if ended["left"]:
         wrong.append(f"left running: {', '.join(sorted(set(ended['left'])))}")
     if any(name.startswith("fy-") for name in ended["files"]):
@@ -792,7 +800,7 @@ def summary(results, names):
 def exceptions(results, names):
     counted = {}
     for one in results:
-        shown = [reason.splitlines()[-1] for reason in one["wrong"]]
+        shown = [reason.replace(str(one["folder"]), "…") for reason in one["wrong"]]
         if not one["right"]:
             limit = one["limit"] or "none"
             shown.append(f"the record names the limit {limit} ({one['termination']})")
@@ -1070,6 +1078,7 @@ def containment(yard, conditions, arguments):
                 for _ in range(arguments.repeats):
                     one = trial(yard, condition, victims[condition.user.pw_name], behaviour, letter)
                     one.update(behaviour=behaviour, letter=letter, condition=condition.name)
+                    one["folder"] = yard.folder
                     ones.append(one)
                     progress(
                         f"{len(results) + len(ones)}/{total} {time.monotonic() - begun:.0f} s: "
