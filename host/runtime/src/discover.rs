@@ -8,6 +8,7 @@ use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_core::{Digest, Hasher};
 use serde::Serialize;
 
+use crate::adapter::Adapter;
 use crate::options::nearest;
 use crate::supervisor::Target;
 use crate::{Fault, Runtime};
@@ -125,11 +126,16 @@ impl PluginFile {
         }
     }
 
-    /// Stands for the content of the file; of the built-ins, for this program.
+    /// Stands for the content of the file; of the built-ins, for this program; of a
+    /// manifest, for its program as well.
     pub fn digest(&self) -> Option<Digest> {
         let path = self.path().unwrap_or(Path::new("/proc/self/exe"));
         let mut hasher = Hasher::new("fleetyard plugin");
         hasher.bytes(&fs::read(path).ok()?);
+        if let Self::Adapter(manifest) = self {
+            let adapter = Adapter::open(manifest).ok()?;
+            hasher.bytes(&fs::read(adapter.program()).ok()?);
+        }
         Some(hasher.finish())
     }
 

@@ -79,6 +79,10 @@ pub(super) enum Condition {
     Memory,
     /// The budget limits nodes.
     Nodes,
+    /// The budget has one thread.
+    OneThread,
+    /// The budget has several threads.
+    Threads,
 }
 
 /// The solver's version.
@@ -514,13 +518,15 @@ impl Argument {
         let condition = match when.text()? {
             "memory_mb" => Condition::Memory,
             "nodes" => Condition::Nodes,
+            "one_thread" => Condition::OneThread,
+            "threads" => Condition::Threads,
             text => match text.strip_prefix("option.") {
                 Some(option) if options.contains_key(option) => Condition::Option(option.into()),
                 _ => {
                     let reason = format!("\"{}\" is no condition", shown(text));
                     return Err(when.error(reason).hint(
-                        "a condition is \"option.NAME\", \"memory_mb\" or \"nodes\", and the \
-                         option stands in [options]",
+                        "a condition is \"option.NAME\", \"memory_mb\", \"nodes\", \"one_thread\" or \
+                         \"threads\"; the option stands in [options]",
                     ));
                 }
             },

@@ -87,19 +87,13 @@ impl Adapter {
         &self.installed.program
     }
 
-    /// What the solver must be able to read besides the system's programs and
-    /// libraries: the program, the manifest's folder, and what the manifest lists.
+    /// What the manifest says that the solver must be able to read, besides itself
+    /// and the manifest's folder.
     pub fn readable(&self) -> Vec<PathBuf> {
         let Installed {
-            manifest,
-            folder,
-            program,
+            manifest, folder, ..
         } = &*self.installed;
-        let listed = manifest.read.iter().map(|path| folder.join(path));
-        [program.clone(), folder.clone()]
-            .into_iter()
-            .chain(listed)
-            .collect()
+        manifest.read.iter().map(|path| folder.join(path)).collect()
     }
 
     /// Environment variables that [`open`](Self::open) looks at: a process that
@@ -186,6 +180,7 @@ fn find_program(manifest: &Manifest, folder: &Path, source: &str) -> Result<Path
     }
     if command.contains('/') {
         let path = folder.join(command);
+        let path = std::path::absolute(&path).unwrap_or(path);
         if is_executable(&path) {
             return Ok(path);
         }
@@ -201,7 +196,13 @@ fn find_program(manifest: &Manifest, folder: &Path, source: &str) -> Result<Path
         .filter(|folder| folder.is_absolute())
         .map(|folder| folder.join(command))
         .find(|path| is_executable(path))
-        .ok_or_else(|| refused(format!("the program `{command}` is not on PATH")))
+        .ok_or_else(|| {
+            let error = refused(format!("the program `{command}` is not on PATH"));
+            if folder.join(command).exists() {
+                return error.hint(format!("\"./{command}\" is the file beside the manifest"));
+            }
+            error
+        })
 }
 
 /// How to get a program that is missing.

@@ -241,6 +241,8 @@ impl Solver {
         let holds = |condition: &Condition| match condition {
             Condition::Memory => budget.memory_bytes > 0,
             Condition::Nodes => budget.nodes > 0,
+            Condition::OneThread => budget.threads <= 1,
+            Condition::Threads => budget.threads > 1,
             Condition::Option(name) => !matches!(
                 self.options.get(name),
                 None | Some(Json::Null | Json::Bool(false))
@@ -534,4 +536,53 @@ fn says_unsolved(answer: &[u8]) -> bool {
         .map(<[u8]>::trim_ascii)
         .take_while(|line| *line != b"solution=")
         .any(|line| line == b"solved=0")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_plain_file_is_an_answer() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let told = |name: &str| match read_answer(&path(name)) {
+            Ok(Answer::File(bytes)) => format!("{} bytes", bytes.len()),
+            Ok(_) => "missing".into(),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(told("nothing"), "missing");
+        fs::write(path("plain"), "text").unwrap();
+        assert_eq!(told("plain"), "4 bytes");
+        std::os::unix::fs::symlink(path("plain"), path("link")).unwrap();
+        assert!(told("link").contains("symbolic links"), "{}", told("link"));
+        fs::create_dir(path("folder")).unwrap();
+        assert_eq!(told("folder"), "the answer is not a regular file");
+        let pipe = Command::new("mkfifo").arg(path("pipe")).status();
+        if pipe.is_ok_and(|status| status.success()) {
+            assert_eq!(told("pipe"), "the answer is not a regular file");
+        }
+        let huge = fs::File::create(path("huge")).unwrap();
+        huge.set_len(ANSWER_LIMIT + 1).unwrap();
+        assert_eq!(told("huge"), "the answer is larger than 268435456 bytes");
+    }
+
+    #[test]
+    fn seconds_have_the_digits_that_they_need() {
+        for (ms, text) in [
+            (0, "0"),
+            (1, "0.001"),
+            (1500, "1.5"),
+            (10_000, "10"),
+            (9_876, "9.876"),
+        ] {
+            assert_eq!(seconds(Duration::from_millis(ms)), text);
+        }
+    }
+
+    #[test]
+    fn an_unsolved_answer_says_so_in_its_head() {
+        assert!(says_unsolved(b"agents=2\r\nsolved=0\r\nsolution=\r\n"));
+        assert!(!says_unsolved(b"solved=1\nsolution=\nsolved=0\n"));
+    }
 }

@@ -140,7 +140,7 @@ read = ["/opt/solver", "weights"]
     let claimed: Vec<&str> = manifest
         .capabilities
         .iter()
-        .map(|one| one.as_str())
+        .map(fleetyard_abi::Capability::as_str)
         .collect();
     assert_eq!(
         claimed,
@@ -496,11 +496,7 @@ fn faults_say_where_and_what_to_do() {
         let error = Manifest::read(&text, "p.toml").expect_err(&text);
         assert!(error.to_string().starts_with(reason), "{text}\n{error}");
         let told = error.hint.unwrap_or_default();
-        assert!(
-            told.contains(hint),
-            "{text}\n{error:?}\n{told}",
-            error = reason
-        );
+        assert!(told.contains(hint), "{text}\n{reason}: {told}");
     }
 }
 
