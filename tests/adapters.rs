@@ -408,9 +408,17 @@ fn adapters_are_found_and_described() {
     }
     let folder = yard.path("").display().to_string();
     yard.write("Cargo.toml", "[package]");
+    yard.write("other.planner.toml", text.replace("test-solver", "other-solver"));
+    std::fs::create_dir(yard.path("third")).unwrap();
+    let third = text
+        .replace("test-solver", "third-solver")
+        .replace("./solver.py", "../solver.py");
+    yard.write("third/planner.toml", third);
     let yard = yard.set("FLEETYARD_PLUGIN_PATH", &folder);
     let listed = yard.line("plugins list").expect(SUCCESS);
-    assert!(listed.stdout.contains("test-solver"), "{listed}");
+    for id in ["test-solver", "other-solver", "third-solver"] {
+        assert!(listed.stdout.contains(id), "{id}: {listed}");
+    }
     assert!(!listed.stdout.contains("Cargo.toml"), "{listed}");
     let record = yard
         .run(&arguments("test-solver", ""))

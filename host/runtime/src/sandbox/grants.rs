@@ -14,6 +14,7 @@ use fleetyard_core::{Digest, Hasher};
 use serde::{Deserialize, Serialize};
 
 use super::jail::Launch;
+use crate::adapter::Adapter;
 use crate::python::is_python;
 use crate::state::RUN;
 use crate::supervisor::Target;
@@ -94,15 +95,33 @@ impl Grants {
         let mut search = Vec::new();
         let mut program = None;
         let mut file = None;
+        let mut variables: Vec<String> = Vec::new();
         let mut use_program = |found: &Path, read: &mut Vec<PathBuf>| {
             read.extend(installation(found));
             search.extend(found.parent().map(Path::to_owned));
         };
         match &launch.target {
             Target::BuiltIn | Target::Nothing => {}
-            Target::Library(path) | Target::Adapter(path) => {
+            Target::Library(path) => {
                 read.extend(around(path));
                 file = Some(path.clone());
+            }
+            Target::Adapter(path) => {
+                read.extend(around(path));
+                file = Some(path.clone());
+                // A manifest that cannot be read is refused by whoever reads it next.
+                if let Ok(adapter) = Adapter::open(path) {
+                    if let Some(interpreter) = interpreter(adapter.program()) {
+                        use_program(&interpreter, &mut read);
+                    }
+                    use_program(adapter.program(), &mut read);
+                    read.extend(adapter.readable());
+                    variables = adapter
+                        .variables()
+                        .iter()
+                        .map(ToString::to_string)
+                        .collect();
+                }
             }
             Target::Program(argv) => {
                 let mut found = argv.first().and_then(|name| find_program(name));
@@ -155,6 +174,9 @@ impl Grants {
         search.extend(SEARCH_PATH.split(':').map(PathBuf::from));
         if let Ok(path) = std::env::join_paths(search) {
             env.insert("PATH".into(), path);
+        }
+        for name in variables.iter().filter(|name| *name != "PATH") {
+            env.extend(std::env::var_os(name).map(|value| (name.clone(), value)));
         }
         env.extend(
             policy
