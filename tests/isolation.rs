@@ -531,7 +531,7 @@ fn bwrap_makes_the_namespaces_where_only_it_may() {
 // ---- The end of the host -----------------------------------------------------------
 
 /// A planner that leaves a daemon behind when it is started, and then never answers.
-const HANGS: &str = r#"
+const HANGS: &str = r"
 import os, time
 if os.fork() == 0:
     os.setsid()
@@ -542,7 +542,7 @@ if os.fork() == 0:
         time.sleep(60)
 while True:
     time.sleep(60)
-"#;
+";
 
 /// Starts a comparison whose second planner is that one, and waits until the daemon is
 /// there.

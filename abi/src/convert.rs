@@ -10,7 +10,7 @@ use std::ptr;
 use crate::c;
 use crate::model::{
     Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading, Instance,
-    LogLevel, Motion, Objective, PlanRef, SharedEnvironment, Task,
+    LogLevel, Motion, Objective, Plan, PlanRef, SharedEnvironment, Task,
 };
 use crate::sdk::{Rejected, Sink};
 
@@ -51,6 +51,27 @@ unsafe fn slice<'a, T>(name: &str, pointer: *const T, len: usize) -> Result<&'a 
     }
     // SAFETY: by the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts(pointer, len) })
+}
+
+/// Copies without a look at what is copied.
+///
+/// # Safety
+/// As [`slice`], except that somebody may be writing to the elements, of which any
+/// bytes are a value.
+unsafe fn copied<T: Copy>(name: &str, pointer: *const T, len: usize) -> Result<Vec<T>, String> {
+    if len == 0 {
+        return Ok(Vec::new());
+    }
+    if pointer.is_null() {
+        return Err(format!("{name} is null"));
+    }
+    let mut copy = Vec::with_capacity(len);
+    // SAFETY: as promised, and the copy has room for them.
+    unsafe {
+        std::ptr::copy_nonoverlapping(pointer, copy.as_mut_ptr(), len);
+        copy.set_len(len);
+    }
+    Ok(copy)
 }
 
 /// Reads text; bytes that are not UTF-8 are replaced.
@@ -303,6 +324,29 @@ impl Instance {
     }
 }
 
+/// The number of paths, if it is the one that was asked for.
+fn expected(paths: u32, agents: Option<usize>) -> Result<usize, String> {
+    let paths = paths as usize;
+    match agents.filter(|agents| *agents != paths) {
+        Some(agents) => Err(wrong_agents(paths, agents)),
+        None => Ok(paths),
+    }
+}
+
+/// The number of cells that offsets promise, before anybody looks at a cell.
+fn total(offsets: &[u64], max_cells: usize) -> Result<usize, String> {
+    let total = offsets.last().copied().unwrap_or(0);
+    if offsets.first() != Some(&0) || !offsets.is_sorted() {
+        return Err("plan.offsets do not begin with 0 or are out of order".into());
+    }
+    if total > max_cells as u64 {
+        return Err(format!(
+            "the plan has {total} cells, more than the limit of {max_cells}"
+        ));
+    }
+    Ok(total as usize)
+}
+
 impl<'a> PlanRef<'a> {
     /// The C form; valid as long as the plan is.
     pub fn to_c(self) -> c::Plan {
@@ -327,23 +371,12 @@ impl<'a> PlanRef<'a> {
     ) -> Result<Self, String> {
         // SAFETY: by the caller's promise, here and below.
         let plan = unsafe { checked("plan", pointer)? };
-        let paths = plan.agents as usize;
-        if let Some(agents) = agents.filter(|agents| *agents != paths) {
-            return Err(wrong_agents(paths, agents));
-        }
+        let paths = expected(plan.agents, agents)?;
         // SAFETY: as promised.
         let offsets = unsafe { slice("plan.offsets", plan.offsets, paths + 1)? };
-        let total = offsets[paths];
-        if offsets[0] != 0 || !offsets.is_sorted() {
-            return Err("plan.offsets do not begin with 0 or are out of order".into());
-        }
-        if total > max_cells as u64 {
-            return Err(format!(
-                "the plan has {total} cells, more than the limit of {max_cells}"
-            ));
-        }
+        let total = total(offsets, max_cells)?;
         // SAFETY: as promised.
-        let cells = unsafe { slice("plan.cells", plan.cells, total as usize)? };
+        let cells = unsafe { slice("plan.cells", plan.cells, total)? };
         Self::new(offsets, cells).ok_or_else(|| "plan.offsets do not fit the cells".into())
     }
 }
@@ -555,12 +588,36 @@ unsafe fn context<'a>(pointer: *mut c_void) -> &'a SinkContext<'a> {
     unsafe { &*pointer.cast::<SinkContext<'a>>() }
 }
 
+impl Plan {
+    /// Copies from the C form, then looks at the copy: another thread of the plugin may
+    /// still write to its arrays. Refuses what [`PlanRef::from_c`] refuses.
+    ///
+    /// # Safety
+    /// As [`checked`], and the arrays are as long as the header says.
+    unsafe fn copy_from_c(
+        pointer: *const c::Plan,
+        agents: Option<usize>,
+        max_cells: usize,
+    ) -> Result<Self, String> {
+        // SAFETY: by the caller's promise, here and below.
+        let plan = unsafe { std::ptr::read(checked("plan", pointer)?) };
+        let paths = expected(plan.agents, agents)?;
+        // SAFETY: as promised.
+        let offsets = unsafe { copied("plan.offsets", plan.offsets, paths + 1)? };
+        let total = total(&offsets, max_cells)?;
+        // SAFETY: as promised.
+        let cells = unsafe { copied("plan.cells", plan.cells, total)? };
+        Plan::from_parts(offsets, cells)
+            .ok_or_else(|| "plan.offsets do not fit the cells".into())
+    }
+}
+
 unsafe extern "C" fn submit_plan(pointer: *mut c_void, plan: *const c::Plan) -> i32 {
     // SAFETY: the plugin passes back the context of the sink it was given.
     let context = unsafe { context(pointer) };
     // SAFETY: the plugin's promise by the header.
-    match unsafe { PlanRef::from_c(plan, context.agents, context.max_cells) } {
-        Ok(plan) => code(context.sink.submit_plan(plan)),
+    match unsafe { Plan::copy_from_c(plan, context.agents, context.max_cells) } {
+        Ok(plan) => code(context.sink.submit_plan(plan.as_ref())),
         Err(fault) => context.broken(fault),
     }
 }

@@ -815,6 +815,12 @@ impl Default for Plan {
 }
 
 impl Plan {
+    /// From flat arrays; `None` when the offsets do not fit the cells.
+    pub(crate) fn from_parts(offsets: Vec<u64>, cells: Vec<u32>) -> Option<Self> {
+        PlanRef::new(&offsets, &cells)?;
+        Some(Self { offsets, cells })
+    }
+
     /// Collects one path per agent.
     pub fn from_paths<P: AsRef<[u32]>>(paths: impl IntoIterator<Item = P>) -> Self {
         let mut plan = Self::default();

@@ -368,9 +368,10 @@ pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
     }
     // Another test process may use the old one, and sees the new one when it is whole.
     let unfinished = folder.join(format!("{name}.so.{}", std::process::id()));
-    let (variable, usual, standard) = match cpp {
-        false => ("CC", "cc", "-std=c11"),
-        true => ("CXX", "c++", "-std=c++17"),
+    let (variable, usual, standard) = if cpp {
+        ("CXX", "c++", "-std=c++17")
+    } else {
+        ("CC", "cc", "-std=c11")
     };
     let compiler = std::env::var_os(variable).unwrap_or_else(|| usual.into());
     let mut command = Command::new(compiler);

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use fleetyard_abi::Status;
 use fleetyard_check::{Verdict, Violation};
 use fleetyard_core::Digest;
-use fleetyard_runtime::measure::{Cpus, Difference, Reason};
+use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{Attach, Layer, Level, Limit, SandboxReport, Termination, Usage};
 use serde::Serialize;
 
@@ -82,6 +82,7 @@ pub(crate) struct Measurement {
     /// Why the times cannot be compared with others; empty when they can.
     pub(crate) contended: Vec<Reason>,
     pub(crate) machine_digest: Digest,
+    pub(crate) machine: &'static Machine,
 }
 
 /// What a call used.

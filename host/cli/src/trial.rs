@@ -53,7 +53,7 @@ pub(crate) fn runtime_with(policy: Policy) -> Result<Runtime> {
 }
 
 /// Half of the machine's memory; no limit where nobody tells how much that is.
-fn half_of_memory() -> u64 {
+pub(crate) fn half_of_memory() -> u64 {
     Machine::here().memory_kb.unwrap_or(0) / 2 * 1024
 }
 
@@ -65,9 +65,11 @@ pub(crate) struct Host {
 
 impl Host {
     /// With the limits that the arguments ask for.
-    pub(crate) fn new(budget: &BudgetArgs) -> Result<Self> {
+    pub(crate) fn new(budget: &BudgetArgs, attach: Option<Attach>) -> Result<Self> {
         let sandbox = &budget.sandbox;
-        let cores = (sandbox.pin == PinArg::Auto).then(|| {
+        // In process the planner runs where the host does.
+        let apart = attach != Some(Attach::InProcess);
+        let cores = (apart && sandbox.pin == PinArg::Auto).then(|| {
             Topology::of_this_process().and_then(|topology| topology.reserve(budget.threads))
         });
         let reserved = cores.as_ref().and_then(|cores| cores.as_ref().ok());
@@ -402,6 +404,7 @@ impl Trial<'_> {
             contended: contended(&load, &spent),
             load,
             machine_digest: Machine::here().digest(),
+            machine: Machine::here(),
         }
     }
 

@@ -13,8 +13,15 @@ use std::time::Duration;
 use fleetyard_abi::monotonic_ns;
 use serde::{Deserialize, Serialize};
 
+use crate::cgroup::Cgroup;
 use crate::sandbox::jail::{Ended, Jail};
 use crate::tree::Census;
+
+/// How often proportional sets are read although no limit asks for it.
+const SHARES_EVERY_NS: u64 = 100_000_000;
+
+/// How often a folder on somebody's disk is walked through.
+const FOLDER_EVERY_NS: u64 = 50_000_000;
 
 /// A resource with a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -234,7 +241,7 @@ impl Monitor {
         }
         if self.call.cpu_ns > 0 {
             let start = self.at_start.cpu_us.unwrap_or(0);
-            let now = self.cpu_us(jail, &census).unwrap_or(0);
+            let now = self.cpu_us(jail, &census);
             if now.saturating_sub(start) * 1000 > self.call.cpu_ns {
                 return Some(Limit::Cpu);
             }
@@ -259,24 +266,33 @@ impl Monitor {
         }
         // Proportional sets are dear: for the limit when need be, for the peak now and
         // then.
-        const EVERY_NS: u64 = 100_000_000;
         let now = monotonic_ns();
         let too_much = limit_kb > 0 && resident_kb > limit_kb;
-        if census.members.len() > 1 && !too_much && now < self.shares_looked_ns + EVERY_NS {
+        if census.members.len() > 1 && !too_much && now < self.shares_looked_ns + SHARES_EVERY_NS {
             return false;
         }
         let used = if census.members.len() > 1 {
             self.shares_looked_ns = now;
-            let folder = jail.view.folder();
-            let proportional = |member: &crate::tree::Member| {
-                proportional_kb(&folder, member.pid).unwrap_or(member.resident_pages * self.page_kb)
-            };
-            census.members.iter().map(proportional).sum()
+            // Shares are read one after the other while they change: the first of those
+            // who touch the same memory has all of it, the last a part. The least of a
+            // few sums is near the truth, and a real excess does not go away.
+            let readings = if too_much { 3 } else { 1 };
+            let sums = (0..readings).map(|_| self.shares_kb(jail, census));
+            sums.min().unwrap_or(resident_kb)
         } else {
             resident_kb
         };
         self.peak_memory_kb = self.peak_memory_kb.max(used);
         limit_kb > 0 && used > limit_kb
+    }
+
+    /// The memory of all processes, what several of them have counted once.
+    fn shares_kb(&self, jail: &Jail, census: &Census) -> u64 {
+        let folder = jail.view.folder();
+        let share = |member: &crate::tree::Member| {
+            proportional_kb(&folder, member.pid).unwrap_or(member.resident_pages * self.page_kb)
+        };
+        census.members.iter().map(share).sum()
     }
 
     fn disk_is_over(&mut self, jail: &Jail) -> bool {
@@ -290,9 +306,8 @@ impl Monitor {
             return used > self.standing.disk_bytes || files > self.standing.files;
         }
         // A folder on somebody's disk has to be walked through: now and then.
-        const EVERY_NS: u64 = 50_000_000;
         let now = monotonic_ns();
-        if now < self.disk_looked_ns + EVERY_NS {
+        if now < self.disk_looked_ns + FOLDER_EVERY_NS {
             return false;
         }
         let path = std::path::PathBuf::from(format!(
@@ -306,14 +321,14 @@ impl Monitor {
         total.bytes > self.standing.disk_bytes || total.files > self.standing.files
     }
 
-    fn cpu_us(&mut self, jail: &Jail, census: &Census) -> Option<u64> {
-        if let Some(exact) = jail.cgroup.as_ref().and_then(|group| group.cpu_us()) {
-            return Some(exact);
+    fn cpu_us(&mut self, jail: &Jail, census: &Census) -> u64 {
+        if let Some(exact) = jail.cgroup.as_ref().and_then(Cgroup::cpu_us) {
+            return exact;
         }
         // Ticks are coarse but forget nobody; they never run backwards, whoever has
         // just been waited for by whom.
         self.last_cpu_us = self.last_cpu_us.max(census.ticks * self.tick_us);
-        Some(self.last_cpu_us)
+        self.last_cpu_us
     }
 
     fn times(&mut self, jail: &Jail, census: &Census) -> Times {
@@ -327,17 +342,10 @@ impl Monitor {
             }
         }
         let counted = self.cpu_us(jail, census);
-        let exact = jail
-            .cgroup
-            .as_ref()
-            .is_some_and(|group| group.cpu_us().is_some());
+        let exact = jail.cgroup.as_ref().and_then(Cgroup::cpu_us).is_some();
         Times {
             // Of living threads the scheduler knows more than the ticks tell.
-            cpu_us: if exact {
-                counted
-            } else {
-                counted.map(|counted| counted.max(run_us))
-            },
+            cpu_us: Some(if exact { counted } else { counted.max(run_us) }),
             run_delay_us: delay_us,
         }
     }
@@ -345,7 +353,7 @@ impl Monitor {
     /// What was used in all, once everybody is gone.
     pub(crate) fn usage(&self, jail: &Jail, ended: Option<&Ended>) -> Usage {
         let group = jail.cgroup.as_ref();
-        let from_group = group.and_then(|group| group.cpu_parts_us());
+        let from_group = group.and_then(Cgroup::cpu_parts_us);
         let (user_us, system_us, cpu_source) = match (ended, from_group) {
             (Some(ended), _) => (
                 Some(ended.user_us),
@@ -357,14 +365,13 @@ impl Monitor {
             (None, None) => (Some(self.last_cpu_us), None, Some(Source::Polled)),
         };
         let max_rss_kb = ended.map(|ended| ended.max_rss_kb);
-        let (peak_memory_kb, peak_memory_source) =
-            match group.and_then(|group| group.memory_peak_bytes()) {
-                Some(bytes) => (bytes / 1024, Source::Cgroup),
-                None => match max_rss_kb {
-                    Some(one) if one >= self.peak_memory_kb => (one, Source::Rusage),
-                    _ => (self.peak_memory_kb, Source::Polled),
-                },
-            };
+        let (peak_memory_kb, peak_memory_source) = match group.and_then(Cgroup::memory_peak_bytes) {
+            Some(bytes) => (bytes / 1024, Source::Cgroup),
+            None => match max_rss_kb {
+                Some(one) if one >= self.peak_memory_kb => (one, Source::Rusage),
+                _ => (self.peak_memory_kb, Source::Polled),
+            },
+        };
         Usage {
             user_us,
             system_us,
@@ -378,7 +385,7 @@ impl Monitor {
             involuntary_switches: ended.map(|ended| ended.involuntary_switches),
             major_faults: ended.map(|ended| ended.major_faults),
             minor_faults: ended.map(|ended| ended.minor_faults),
-            throttled_us: group.and_then(|group| group.throttled_us()),
+            throttled_us: group.and_then(Cgroup::throttled_us),
         }
     }
 }

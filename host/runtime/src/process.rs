@@ -1,5 +1,6 @@
 //! A supervised process: its pipes, its end, and what it used.
 
+use std::ffi::OsStr;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
@@ -13,6 +14,13 @@ use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::sandbox::jail::Launch;
 use crate::state::RUN;
 use crate::supervisor::{ARGUMENT, Message, Order, Report};
+
+/// Where programs are, where state is kept, and what plugins are told anyway.
+fn is_for_supervisors(name: &OsStr) -> bool {
+    let known = ["PATH", "XDG_RUNTIME_DIR"];
+    name.to_str()
+        .is_some_and(|name| known.contains(&name) || name.starts_with("FLEETYARD_"))
+}
 
 /// A plugin's process under its supervisor.
 pub(crate) struct Process {
@@ -44,6 +52,10 @@ impl Process {
         command
             .arg(ARGUMENT)
             .arg(descriptor.to_string())
+            // A worker is a copy of the supervisor, so what this one is told can be read
+            // by the plugin.
+            .env_clear()
+            .envs(std::env::vars_os().filter(|(name, _)| is_for_supervisors(name)))
             .env(RUN, &launch.run)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())

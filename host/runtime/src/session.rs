@@ -28,7 +28,7 @@ use crate::measure::Cpus;
 use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
 use crate::process::Process;
 use crate::sandbox::jail::Launch;
-use crate::sandbox::{Policy, SandboxReport};
+use crate::sandbox::{Grants, Policy, SandboxReport};
 use crate::supervisor::Target;
 use crate::{Attach, Fault, Library, PluginFile};
 
@@ -359,7 +359,7 @@ impl Runtime {
         let run = format!("{}-{serial}-{:x}", std::process::id(), monotonic_ns());
         let limits = &self.limits;
         Launch {
-            python: target.python(),
+            grants: Grants::new(&target, &limits.policy, limits.threads),
             target,
             policy: limits.policy.clone(),
             threads: limits.threads,

@@ -2,47 +2,94 @@
 //! what a killed one left, and where their scratch folders are.
 
 use std::fs;
-use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
-use rustix::process::{Pid, Signal, geteuid, kill_process};
+use rustix::fs::{Mode, OFlags, fstat, mkdirat, open, openat};
+use rustix::process::geteuid;
 use serde::{Deserialize, Serialize};
 
-use crate::tree::started_ticks;
+use crate::tree::{self, started_ticks};
 
 /// The variable that all processes of a run have.
 pub(crate) const RUN: &str = "FLEETYARD_RUN";
 
-/// A folder of this user alone, made when it is not there: below the folder that the
-/// system empties when the user leaves, or below `/tmp`.
-pub(crate) fn folder(name: &str) -> io::Result<PathBuf> {
-    let base = std::env::var_os("XDG_RUNTIME_DIR")
-        .map(PathBuf::from)
-        .filter(|folder| folder.is_absolute() && owned(folder).is_ok())
-        .map_or_else(
-            || PathBuf::from(format!("/tmp/fleetyard-{}", geteuid().as_raw())),
-            |folder| folder.join("fleetyard"),
-        );
-    let folder = base.join(name);
-    for folder in [&base, &folder] {
-        // Others may pass through it, which a sandbox of another user has to do.
-        match fs::DirBuilder::new().mode(0o711).create(folder) {
-            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(error),
-            _ => owned(folder)?,
-        }
-    }
-    Ok(folder)
+/// A folder that only this user can write to.
+#[derive(Debug)]
+pub(crate) struct Folder {
+    pub(crate) path: PathBuf,
+    pub(crate) handle: OwnedFd,
 }
 
-/// Somebody else's folder, or a link, under our name would be a trap.
-fn owned(folder: &Path) -> io::Result<()> {
-    let meta = fs::symlink_metadata(folder)?;
-    if meta.is_dir() && meta.uid() == geteuid().as_raw() && meta.mode() & 0o022 == 0 {
-        return Ok(());
+/// Why there is none.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot use {}: {detail}", .folder.display())]
+pub(crate) struct NoFolder {
+    pub(crate) folder: PathBuf,
+    pub(crate) detail: String,
+}
+
+/// The first of these that can be had, so that processes with and without a login
+/// session agree: `$XDG_RUNTIME_DIR/fleetyard/NAME`, `/run/user/UID/fleetyard/NAME`,
+/// `/tmp/fleetyard-UID/NAME`.
+pub(crate) fn folder(name: &str) -> Result<Folder, NoFolder> {
+    let user = geteuid().as_raw();
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    let runtime = runtime.filter(|path| path.is_absolute());
+    let usual = PathBuf::from(format!("/run/user/{user}"));
+    for base in runtime.into_iter().chain([usual]) {
+        if let Ok(folder) = below(&base, "fleetyard", name, true) {
+            return Ok(folder);
+        }
     }
-    let reason = format!("{} is not a folder of this user alone", folder.display());
-    Err(io::Error::new(io::ErrorKind::PermissionDenied, reason))
+    below(Path::new("/tmp"), &format!("fleetyard-{user}"), name, false)
+}
+
+/// `BASE/OURS/NAME`, made if need be; `private` when the base must be ours as well.
+pub(crate) fn below(
+    base: &Path,
+    ours: &str,
+    name: &str,
+    private: bool,
+) -> Result<Folder, NoFolder> {
+    // Others may pass through, as a sandbox of another user has to.
+    const MODE: Mode = Mode::RWXU.union(Mode::XGRP).union(Mode::XOTH);
+    let mut path = base.to_owned();
+    let failed = |path: &Path, detail: String| NoFolder {
+        folder: path.to_owned(),
+        detail,
+    };
+    let flags = OFlags::DIRECTORY | OFlags::RDONLY | OFlags::CLOEXEC;
+    let mut handle =
+        open(base, flags, Mode::empty()).map_err(|error| failed(base, error.to_string()))?;
+    if private {
+        check_private(&handle).map_err(|detail| failed(base, detail))?;
+    }
+    for name in [ours, name] {
+        path.push(name);
+        match mkdirat(&handle, name, MODE) {
+            Ok(()) | Err(rustix::io::Errno::EXIST) => {}
+            Err(error) => return Err(failed(&path, error.to_string())),
+        }
+        // Without following links: anybody may put one into `/tmp`.
+        handle = openat(&handle, name, flags | OFlags::NOFOLLOW, Mode::empty())
+            .map_err(|error| failed(&path, error.to_string()))?;
+        check_private(&handle).map_err(|detail| failed(&path, detail))?;
+    }
+    Ok(Folder { path, handle })
+}
+
+/// Nobody but us may put files there.
+fn check_private(folder: &OwnedFd) -> Result<(), String> {
+    let stat = fstat(folder).map_err(|error| error.to_string())?;
+    let user = geteuid().as_raw();
+    if stat.st_uid != user {
+        return Err(format!("it belongs to user {}, not {user}", stat.st_uid));
+    }
+    if stat.st_mode & 0o022 != 0 {
+        return Err("others may write to it".into());
+    }
+    Ok(())
 }
 
 /// A process that cannot be mistaken for a later one of the same number.
@@ -87,7 +134,7 @@ impl Registered {
             scratch: scratch.map(Path::to_owned),
             cgroup: cgroup.map(Path::to_owned),
         };
-        let note = folder("runs").ok()?.join(format!("{run}.json"));
+        let note = folder("runs").ok()?.path.join(format!("{run}.json"));
         fs::write(&note, serde_json::to_vec(&entry).ok()?).ok()?;
         Some(Self { note })
     }
@@ -103,7 +150,7 @@ impl Drop for Registered {
 pub(crate) fn reap_orphans() -> usize {
     let Ok(runs) = folder("runs") else { return 0 };
     let mut reaped = 0;
-    for note in fs::read_dir(runs).into_iter().flatten().flatten() {
+    for note in fs::read_dir(runs.path).into_iter().flatten().flatten() {
         let path = note.path();
         let entry = fs::read(&path)
             .ok()
@@ -125,11 +172,7 @@ pub(crate) fn reap_orphans() -> usize {
         }
         // A supervisor ends by itself when its host is gone; one that does not is
         // ended, and takes its sandbox along.
-        if entry.supervisor.is_alive()
-            && let Some(pid) = Pid::from_raw(entry.supervisor.pid)
-        {
-            let _ = kill_process(pid, Signal::KILL);
-        }
+        tree::kill(entry.supervisor.pid, |_| entry.supervisor.is_alive());
         if let Some(group) = &entry.cgroup {
             let _ = fs::write(group.join("cgroup.kill"), "1");
         }
@@ -151,6 +194,11 @@ pub(crate) fn reap_orphans() -> usize {
 /// Kills every process whose environment says that it belongs to a run.
 fn kill_marked(run: &str) {
     let mark = format!("{RUN}={run}");
+    let is_marked = |pid: i32| {
+        let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+        let mut variables = environment.split(|byte| *byte == 0);
+        variables.any(|variable| variable == mark.as_bytes())
+    };
     // Whoever was about to make another process is found in the next round.
     for _ in 0..100 {
         let mut found = false;
@@ -159,18 +207,9 @@ fn kill_marked(run: &str) {
                 .file_name()
                 .to_str()
                 .and_then(|name| name.parse().ok());
-            let Some(pid) = pid.and_then(Pid::from_raw) else {
-                continue;
-            };
-            let Ok(environment) = fs::read(entry.path().join("environ")) else {
-                continue;
-            };
-            if environment
-                .split(|byte| *byte == 0)
-                .any(|variable| variable == mark.as_bytes())
-            {
+            if let Some(pid) = pid.filter(|pid| is_marked(*pid)) {
                 found = true;
-                let _ = kill_process(pid, Signal::KILL);
+                tree::kill(pid, is_marked);
             }
         }
         if !found {
@@ -187,11 +226,12 @@ mod tests {
     #[test]
     fn a_link_is_no_folder_of_ours() {
         let base = tempfile::tempdir().unwrap();
-        let link = base.path().join("link");
-        std::os::unix::fs::symlink(base.path(), &link).unwrap();
-        assert!(owned(base.path()).is_ok());
-        assert!(owned(&link).is_err());
-        assert!(owned(Path::new("/tmp")).is_err());
+        let made = below(base.path(), "ours", "runs", true).unwrap();
+        assert!(made.path.ends_with("ours/runs") && made.path.is_dir());
+        std::os::unix::fs::symlink(base.path(), base.path().join("link")).unwrap();
+        assert!(below(base.path(), "link", "runs", true).is_err());
+        // Anybody may write there.
+        assert!(below(Path::new("/tmp"), "ours", "runs", true).is_err());
     }
 
     #[test]

@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 use crate::adapter::Adapter;
 use crate::cgroup::Cgroup;
 use crate::library::Library;
+use crate::measure::{affinity, pin};
 use crate::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
 use crate::python::{self, Python};
 use crate::sandbox::jail::{self, Ended, Jail, Launch, News, NotStarted, ScratchFolder};
@@ -265,13 +266,18 @@ fn run(
             };
         }
     };
-    // Inherited by everybody who is started from here.
+    // Inherited by everybody who is started from here, until this process goes back to
+    // where the host is. Where it is refused, the record's load shows who else was there.
+    let own = affinity(None);
     if let Some(cpus) = &launch.cpus {
-        // Where it is refused, the record's load shows who else was there.
-        let _ = crate::measure::pin(None, cpus);
+        let _ = pin(None, cpus);
     }
     let become_plugin = || -> Infallible { worker(&launch.target, built_in) };
-    let jail = match jail::start(launch, scratch.path(), &become_plugin) {
+    let started = jail::start(launch, scratch.path(), &become_plugin);
+    if let (Ok(own), Some(_)) = (own, &launch.cpus) {
+        let _ = pin(None, &own);
+    }
+    let jail = match started {
         Ok(jail) => jail,
         Err(NotStarted { report, reason }) => {
             return Report {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// One process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -132,10 +132,24 @@ fn below(top: i32, everybody: &[Member]) -> Vec<Member> {
 pub(crate) fn kill_descendants() {
     let me = std::process::id() as i32;
     for member in below(me, &everybody("/proc")) {
-        if let Some(pid) = Pid::from_raw(member.pid) {
-            // Gone already is as good.
-            let _ = kill_process(pid, Signal::KILL);
-        }
+        kill(member.pid, |pid| {
+            started_ticks(pid) == Some(member.started_ticks)
+        });
+    }
+}
+
+/// Kills a process if it still is the one that was meant: by the time that a list of
+/// processes has been read, a number of it may be somebody else's.
+pub(crate) fn kill(pid: i32, is_meant: impl Fn(i32) -> bool) {
+    let Some(number) = Pid::from_raw(pid) else {
+        return;
+    };
+    // Whoever this descriptor stands for does not change any more.
+    if let Ok(process) = pidfd_open(number, PidfdFlags::empty())
+        && is_meant(pid)
+    {
+        // Gone already is as good.
+        let _ = pidfd_send_signal(process, Signal::KILL);
     }
 }
 

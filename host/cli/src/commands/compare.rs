@@ -51,7 +51,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             instances.push((*agents, file_name(scen), instance));
         }
     }
-    let host = Host::new(&arguments.budget)?;
+    let host = Host::new(&arguments.budget, None)?;
     let candidates: Vec<Candidate> = arguments
         .planner
         .iter()

@@ -23,7 +23,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     {
         check_folder(path)?;
     }
-    let host = Host::new(&arguments.budget)?;
+    let host = Host::new(&arguments.budget, arguments.attach.map(Into::into))?;
     let candidate = Candidate::find(&host.runtime, &arguments.planner)?;
     let mut trace = arguments
         .trace_out

@@ -23,20 +23,21 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use rustix::fs::{
     AtFlags, FlockOperation, Mode, OFlags, Timespec, Timestamps, UTIME_NOW, fstat, futimens,
-    mkdirat, open, openat, statat,
+    openat, statat,
 };
-use rustix::process::{Pid, geteuid};
+use rustix::process::Pid;
 use serde::Serialize;
 
 use super::Cpus;
 use super::cpus::CPU_LIMIT;
 use super::source::{Source, values};
+use crate::state;
 
 /// A core with less than this share of the strongest core's capacity is a slow
 /// one. Favoured cores of one kind differ by a few percent, kinds by half.
@@ -442,49 +443,23 @@ struct Folder {
     handle: OwnedFd,
 }
 
-impl Folder {
-    /// The first of these that can be had, so that processes with and without a
-    /// login session agree: `$XDG_RUNTIME_DIR/fleetyard/cores`,
-    /// `/run/user/UID/fleetyard/cores`, `/tmp/fleetyard-UID/cores`.
-    fn open() -> Result<Self, NoCores> {
-        let user = geteuid().as_raw();
-        let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
-        let runtime = runtime.filter(|path| path.is_absolute());
-        let usual = PathBuf::from(format!("/run/user/{user}"));
-        for base in runtime.into_iter().chain([usual]) {
-            if let Ok(folder) = Self::below(&base, "fleetyard", true) {
-                return Ok(folder);
-            }
-        }
-        Self::below(Path::new("/tmp"), &format!("fleetyard-{user}"), false)
+impl From<state::Folder> for Folder {
+    fn from(state::Folder { path, handle }: state::Folder) -> Self {
+        Self { path, handle }
     }
+}
 
-    /// `BASE/NAME/cores`, made if need be; `private` when the base must be ours as
-    /// well.
-    fn below(base: &Path, name: &str, private: bool) -> Result<Self, NoCores> {
-        let mut path = base.to_owned();
-        let failed = |path: &Path, detail: String| NoCores::Folder {
-            folder: path.to_owned(),
-            detail,
-        };
-        let flags = OFlags::DIRECTORY | OFlags::RDONLY | OFlags::CLOEXEC;
-        let mut handle =
-            open(base, flags, Mode::empty()).map_err(|error| failed(base, error.to_string()))?;
-        if private {
-            check_private(&handle).map_err(|detail| failed(base, detail))?;
-        }
-        for name in [name, "cores"] {
-            path.push(name);
-            match mkdirat(&handle, name, Mode::RWXU) {
-                Ok(()) | Err(rustix::io::Errno::EXIST) => {}
-                Err(error) => return Err(failed(&path, error.to_string())),
-            }
-            // Without following links: anybody may put one into `/tmp`.
-            handle = openat(&handle, name, flags | OFlags::NOFOLLOW, Mode::empty())
-                .map_err(|error| failed(&path, error.to_string()))?;
-            check_private(&handle).map_err(|detail| failed(&path, detail))?;
-        }
-        Ok(Self { path, handle })
+impl From<state::NoFolder> for NoCores {
+    fn from(state::NoFolder { folder, detail }: state::NoFolder) -> Self {
+        Self::Folder { folder, detail }
+    }
+}
+
+impl Folder {
+    fn open() -> Result<Self, NoCores> {
+        state::folder("cores")
+            .map(Self::from)
+            .map_err(NoCores::from)
     }
 
     fn failed(&self, error: &(impl ToString + ?Sized)) -> NoCores {
@@ -545,19 +520,6 @@ impl Folder {
             std::thread::sleep(Duration::from_micros(200));
         }
     }
-}
-
-/// Nobody but us may put files there.
-fn check_private(folder: &OwnedFd) -> Result<(), String> {
-    let stat = fstat(folder).map_err(|error| error.to_string())?;
-    let user = geteuid().as_raw();
-    if stat.st_uid != user {
-        return Err(format!("it belongs to user {}, not {user}", stat.st_uid));
-    }
-    if stat.st_mode & 0o022 != 0 {
-        return Err("others may write to it".into());
-    }
-    Ok(())
 }
 
 const WORD: usize = libc::c_ulong::BITS as usize;
@@ -652,7 +614,9 @@ mod tests {
     }
 
     fn folder(at: &tempfile::TempDir) -> Folder {
-        Folder::below(at.path(), "fleetyard", true).unwrap()
+        state::below(at.path(), "fleetyard", "cores", true)
+            .unwrap()
+            .into()
     }
 
     fn topology(fixture: &Fixture, allowed: &str) -> Topology {
@@ -805,9 +769,9 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let real = place.path().join("real");
         std::fs::create_dir(&real).unwrap();
-        let open = |name: &str| Folder::below(place.path(), name, false).map(|_| ());
+        let open = |name: &str| state::below(place.path(), name, "cores", false).map(|_| ());
         symlink(&real, place.path().join("link")).unwrap();
-        assert!(matches!(open("link"), Err(NoCores::Folder { .. })));
+        assert!(open("link").is_err());
         assert!(real.read_dir().unwrap().next().is_none());
         let wide = place.path().join("wide");
         std::fs::create_dir(&wide).unwrap();
@@ -819,13 +783,13 @@ mod tests {
         );
         std::fs::write(place.path().join("file"), "").unwrap();
         assert!(open("file").is_err());
-        assert!(Folder::below(&place.path().join("none"), "x", true).is_err());
+        assert!(state::below(&place.path().join("none"), "x", "cores", true).is_err());
         // Nobody else's files are locked, even if they are put there.
         let folder = folder(&place);
         symlink(&real, folder.path.join("core-0")).unwrap();
         assert!(folder.try_lock("core-0", true).is_err());
         let made = place.path().join("fleetyard").metadata().unwrap();
-        assert_eq!(made.permissions().mode() & 0o777, 0o700);
+        assert_eq!(made.permissions().mode() & 0o777, 0o711);
     }
 
     #[test]
@@ -1029,7 +993,9 @@ mod tests {
         let Some(place) = std::env::var_os("FLEETYARD_TEST_CORES") else {
             return;
         };
-        let folder = Folder::below(Path::new(&place), "fleetyard", true).unwrap();
+        let folder: Folder = state::below(std::path::Path::new(&place), "fleetyard", "cores", true)
+            .unwrap()
+            .into();
         let topology = topology(&laptop(), "0-7");
         let held = topology.reserve_in(&folder, 1);
         let text = held

@@ -15,7 +15,7 @@ use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 use super::Layer;
-use super::grants::{Grants, find_program};
+use super::grants::find_program;
 use super::jail::Launch;
 use super::lock::DEVICES;
 use super::root::{SCRATCH, as_errno};
@@ -31,7 +31,6 @@ const EXECUTABLE: &str = "/run/fleetyard";
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Handed {
     pub(super) launch: Launch,
-    pub(super) grants: Grants,
     pub(super) wanted: Vec<Layer>,
     pub(super) link: RawFd,
     pub(super) gate: RawFd,
@@ -46,7 +45,6 @@ pub(super) fn exists() -> bool {
 /// when the init does and takes it along.
 pub(super) fn spawn(
     launch: &Launch,
-    grants: &Grants,
     wanted: &[Layer],
     link: &OwnedFd,
     gate: &OwnedFd,
@@ -54,7 +52,6 @@ pub(super) fn spawn(
     let program = find_program("bwrap").ok_or(Errno::NOENT)?;
     let handed = Handed {
         launch: launch.clone(),
-        grants: grants.clone(),
         wanted: wanted.to_vec(),
         link: link.as_raw_fd(),
         gate: gate.as_raw_fd(),
@@ -72,7 +69,7 @@ pub(super) fn spawn(
     // size is watched, not fixed: `--size` is refused to those for whom bwrap is there.
     command.args(["--tmpfs", SCRATCH]);
     command.args(["--proc", "/proc"]);
-    for path in &grants.read {
+    for path in &launch.grants.read {
         match std::fs::read_link(path) {
             Ok(to) => command.arg("--symlink").arg(to).arg(path),
             Err(_) => command.arg("--ro-bind").arg(path).arg(path),
@@ -124,7 +121,7 @@ pub(crate) fn enter(
         // They are not for the plugin, should it be a program.
         let _ = rustix::io::fcntl_setfd(descriptor, rustix::io::FdFlags::CLOEXEC);
     }
-    super::jail::enter(&handed, &link, &gate, Path::new(SCRATCH), &|| {
+    super::init::enter(&handed, &link, &gate, Path::new(SCRATCH), &|| {
         become_plugin(&handed.launch.target)
     })
 }

@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use fleetyard_core::{Digest, Hasher};
 use serde::{Deserialize, Serialize};
 
-use super::jail::Launch;
+use super::Policy;
+use super::root::SCRATCH;
 use crate::adapter::Adapter;
 use crate::python::is_python;
 use crate::state::RUN;
@@ -87,8 +88,9 @@ pub(crate) struct Grants {
 
 impl Grants {
     /// For a plugin that is started from this environment.
-    pub(crate) fn new(launch: &Launch, scratch: &Path) -> Self {
-        let Launch { policy, .. } = launch;
+    pub(crate) fn new(target: &Target, policy: &Policy, threads: u32) -> Self {
+        let scratch = Path::new(SCRATCH);
+        let python = target.python();
         let system = SYSTEM.iter().chain(CONFIGURATION);
         let network: &[&str] = if policy.network { NETWORK } else { &[] };
         let mut read: Vec<PathBuf> = system.chain(network).map(PathBuf::from).collect();
@@ -100,7 +102,7 @@ impl Grants {
             read.extend(installation(found));
             search.extend(found.parent().map(Path::to_owned));
         };
-        match &launch.target {
+        match target {
             Target::BuiltIn | Target::Nothing => {}
             Target::Library(path) => {
                 read.extend(around(path));
@@ -125,7 +127,7 @@ impl Grants {
             }
             Target::Program(argv) => {
                 let mut found = argv.first().and_then(|name| find_program(name));
-                if let (Some(found), Some(python)) = (&mut found, &launch.python) {
+                if let (Some(found), Some(python)) = (&mut found, &python) {
                     // The real one, not a script that looks for it.
                     if is_python(found) {
                         found.clone_from(&python.executable);
@@ -153,7 +155,6 @@ impl Grants {
                 file.clone_from(&program);
             }
         }
-        let threads = launch.threads;
         let mut env = environment(threads, scratch);
         for name in SOFTWARE {
             if let Some(value) = std::env::var_os(name).filter(|value| !value.is_empty()) {
@@ -162,7 +163,7 @@ impl Grants {
                 env.insert(name.into(), value);
             }
         }
-        if let Some(python) = &launch.python {
+        if let Some(python) = &python {
             let (name, value) = python.env();
             env.insert(name.into(), value.into());
         }

@@ -1,4 +1,5 @@
-//! Makes the namespaces, and is the first process in them.
+//! The supervisor's side of the sandbox: makes the namespaces, and what is between them
+//! and the host.
 //!
 //! Three processes take part. The *supervisor*, outside, starts the *init* in new
 //! namespaces and tells the kernel who it is there. The init builds the tree of
@@ -10,41 +11,31 @@
 //! A layer that the kernel refuses half-way is left out, and everything is tried
 //! again without it.
 
-use std::ffi::OsString;
 use std::fs;
-use std::io::{IoSlice, IoSliceMut};
-use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use fleetyard_core::Digest;
 use rustix::event::{PollFd, PollFlags, poll};
-use rustix::fs::{Access, Mode, OFlags};
+use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
-use rustix::net::{
-    AddressFamily, RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer,
-    SendAncillaryMessage, SendFlags, SocketFlags, SocketType, recvmsg, sendmsg, socketpair,
-};
+use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 use rustix::pipe::{PipeFlags, pipe_with};
-use rustix::process::{
-    DumpableBehavior, Pid, PidfdFlags, Signal, WaitOptions, pidfd_open, pidfd_send_signal,
-    set_dumpable_behavior, set_parent_process_death_signal, wait,
-};
+use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, pidfd_open, pidfd_send_signal};
 use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
 use super::grants::Grants;
-use super::lock::{Lock, drop_capabilities};
-use super::root::{INSIDE_USER, Root, SCRATCH, Trees, as_errno, take_as_root};
+use super::init::{Inside, reap_descendants};
+pub(crate) use super::link::Ended;
+use super::link::{Packet, receive};
+use super::root::{INSIDE_USER, Trees, as_errno, take_as_root};
 use super::{Backend, Layer, LayerState, Level, Policy, Refusal, SandboxReport, bwrap, errno_name};
 use crate::cgroup::Cgroup;
 use crate::measure::Cpus;
-use crate::python::Python;
 use crate::state;
 use crate::supervisor::Target;
-use crate::tree::{View, kill_descendants};
+use crate::tree::View;
 
 /// Users of sandboxes when the host is root: one per supervisor, far from those
 /// that people and containers are given.
@@ -61,41 +52,11 @@ pub(crate) struct Launch {
     pub(crate) cpus: Option<Cpus>,
     /// The memory limit until a call has one of its own; 0 for none.
     pub(crate) memory_bytes: u64,
-    /// The interpreter of a program that is a script for it.
-    pub(crate) python: Option<Python>,
+    /// What it may read, and its environment: found by the host, whose environment does
+    /// not come this far.
+    pub(crate) grants: Grants,
     /// Stands for this run in the environment of all its processes.
     pub(crate) run: String,
-}
-
-/// What comes out of the sandbox; a packet is one message.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Packet {
-    /// A layer was refused and the rest cannot stand as it is: try again without.
-    Failed(Refusal),
-    /// The tree stands; with it come descriptors of `/proc`, if it is a new one, and
-    /// of the scratch folder.
-    Ready(Vec<Refusal>),
-    /// The plugin's process has locked itself, but for these.
-    Locked(Vec<Refusal>),
-    /// The plugin could not be started.
-    CannotStart(String),
-    /// Nobody is left.
-    Ended(Ended),
-}
-
-/// How the plugin's process ended, and what all processes used.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
-pub(crate) struct Ended {
-    pub(crate) code: Option<i32>,
-    pub(crate) signal: Option<i32>,
-    pub(crate) user_us: u64,
-    pub(crate) system_us: u64,
-    pub(crate) max_rss_kb: u64,
-    pub(crate) voluntary_switches: u64,
-    pub(crate) involuntary_switches: u64,
-    pub(crate) minor_faults: u64,
-    pub(crate) major_faults: u64,
 }
 
 /// A plugin that was started.
@@ -233,7 +194,6 @@ pub(crate) fn start(
     scratch: &Path,
     become_plugin: &dyn Fn() -> std::convert::Infallible,
 ) -> Result<Jail, NotStarted> {
-    let grants = Grants::new(launch, Path::new(SCRATCH));
     let level = launch.policy.level;
     let mut left_out = Vec::new();
     let mut wanted: Vec<Layer> = Layer::ALL.to_vec();
@@ -251,7 +211,7 @@ pub(crate) fn start(
     }
     let mut attempt = Attempt {
         launch,
-        grants: &grants,
+        grants: &launch.grants,
         wanted,
         refused: Vec::new(),
         left_out,
@@ -272,10 +232,6 @@ pub(crate) fn start(
             .refused
             .iter()
             .any(|known| known.layer == refusal.layer);
-        if level == Level::Strict && refusal.layer.is_required() {
-            attempt.leave_out(refusal);
-            return Err(attempt.not_started(missing(&attempt.refused)));
-        }
         let namespace = matches!(
             refusal.layer,
             Layer::UserNamespace | Layer::PidNamespace | Layer::MountNamespace
@@ -291,6 +247,10 @@ pub(crate) fn start(
             reason.push_str("; bwrap did not start either");
         }
         let refusal = own.take().filter(|_| namespace).unwrap_or(refusal);
+        if level == Level::Strict && refusal.layer.is_required() {
+            attempt.leave_out(refusal);
+            return Err(attempt.not_started(missing(&attempt.refused)));
+        }
         attempt.leave_out(refusal);
     }
 }
@@ -369,7 +329,7 @@ impl Attempt<'_> {
                 .then_some(own_user),
         };
         let child = if self.backend == Backend::Bwrap {
-            bwrap::spawn(self.launch, self.grants, &self.wanted, &theirs, &gate)
+            bwrap::spawn(self.launch, &self.wanted, &theirs, &gate)
         } else {
             match copy_process(self.flags(), cgroup.as_ref()) {
                 Ok(0) => {
@@ -429,7 +389,7 @@ impl Attempt<'_> {
         if rustix::io::write(&opener, b"g").is_err() {
             return self.silent();
         }
-        self.attend(&mut child, cgroup, opener)
+        self.attend(&mut child, cgroup, &opener)
     }
 
     /// Nobody answers: `bwrap` says on standard error why, if it was asked.
@@ -458,7 +418,7 @@ impl Attempt<'_> {
     }
 
     /// Follows what the init says until the plugin has started.
-    fn attend(&mut self, child: &mut Child, cgroup: Option<Cgroup>, gate: OwnedFd) -> Tried {
+    fn attend(&mut self, child: &mut Child, cgroup: Option<Cgroup>, gate: &OwnedFd) -> Tried {
         let mut proc = None;
         let mut scratch = None;
         loop {
@@ -472,14 +432,16 @@ impl Attempt<'_> {
                     return Tried::Hopeless("the plugin ended before it began".into());
                 }
                 Packet::Ready(lost) => {
-                    lost.into_iter().for_each(|refusal| self.leave_out(refusal));
+                    for refusal in lost {
+                        self.leave_out(refusal);
+                    }
                     scratch = descriptors.pop();
                     proc = descriptors.pop();
                 }
                 Packet::Locked(refused) => {
-                    refused
-                        .into_iter()
-                        .for_each(|refusal| self.leave_out(refusal));
+                    for refusal in refused {
+                        self.leave_out(refusal);
+                    }
                     if self.launch.policy.level == Level::Strict
                         && self
                             .refused
@@ -505,7 +467,7 @@ impl Attempt<'_> {
         let Ok(link) = child.link.try_clone() else {
             return Tried::Hopeless("no descriptors are left".into());
         };
-        if rustix::io::write(&gate, b"g").is_err() {
+        if rustix::io::write(gate, b"g").is_err() {
             return Tried::Hopeless("the sandbox is gone".into());
         }
         child.init = None;
@@ -661,466 +623,14 @@ fn map_user(init: Pid, (user, group): (u32, u32)) -> std::io::Result<()> {
     )
 }
 
-/// Becomes the user that was mapped, for a host that is root: until then this is
-/// nobody in the new namespace, and still in root's groups.
-fn become_mapped_user() -> Result<(), Refusal> {
-    // SAFETY: plain system calls; this process has one thread.
-    let changed = unsafe {
-        // Refused to those who are not root, whose groups are their own.
-        libc::setgroups(0, std::ptr::null());
-        libc::setresgid(INSIDE_USER, INSIDE_USER, INSIDE_USER) == 0
-            && libc::setresuid(INSIDE_USER, INSIDE_USER, INSIDE_USER) == 0
-    };
-    if changed {
-        return Ok(());
-    }
-    let errno = as_errno(&std::io::Error::last_os_error());
-    Err(Refusal::new(
-        Layer::UserNamespace,
-        errno,
-        "becoming the mapped user",
-    ))
-}
-
-fn send(link: &OwnedFd, packet: &Packet, descriptors: &[BorrowedFd<'_>]) {
-    let Ok(text) = serde_json::to_vec(packet) else {
-        return;
-    };
-    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(2))];
-    let mut ancillary = SendAncillaryBuffer::new(&mut space);
-    if !descriptors.is_empty() {
-        ancillary.push(SendAncillaryMessage::ScmRights(descriptors));
-    }
-    // A supervisor that is gone is noticed elsewhere.
-    let _ = sendmsg(
-        link,
-        &[IoSlice::new(&text)],
-        &mut ancillary,
-        SendFlags::NOSIGNAL,
-    );
-}
-
-fn receive(link: &OwnedFd) -> Option<(Packet, Vec<OwnedFd>)> {
-    let mut text = vec![0; 1 << 16];
-    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(2))];
-    let mut ancillary = RecvAncillaryBuffer::new(&mut space);
-    let received = loop {
-        let mut into = [IoSliceMut::new(&mut text)];
-        match recvmsg(link, &mut into, &mut ancillary, RecvFlags::CMSG_CLOEXEC) {
-            Err(Errno::INTR) => {}
-            other => break other.ok()?,
-        }
-    };
-    let mut descriptors = Vec::new();
-    for message in ancillary.drain() {
-        if let RecvAncillaryMessage::ScmRights(rights) = message {
-            descriptors.extend(rights);
-        }
-    }
-    let packet = serde_json::from_slice(&text[..received.bytes]).ok()?;
-    Some((packet, descriptors))
-}
-
-/// What the init and the plugin's process know.
-struct Inside<'a> {
-    launch: &'a Launch,
-    grants: &'a Grants,
-    wanted: &'a [Layer],
-    /// On disk, for when there is no tree of our own.
-    scratch: &'a Path,
-    link: &'a OwnedFd,
-    gate: &'a OwnedFd,
-    become_user: Option<u32>,
-}
-
-impl Inside<'_> {
-    fn wants(&self, layer: Layer) -> bool {
-        self.wanted.contains(&layer)
-    }
-
-    /// The init's life. `trees` is absent when somebody else has built the tree of
-    /// files already.
-    fn run(
-        &self,
-        trees: Option<&Trees>,
-        become_plugin: &dyn Fn() -> std::convert::Infallible,
-    ) -> ! {
-        if !wait_at(self.gate) {
-            exit(1);
-        }
-        // As long as this process has rights, nobody may look into it. Not before the
-        // user was mapped, which needs to.
-        let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
-        if self.wants(Layer::UserNamespace) && trees.is_some() {
-            become_mapped_user().unwrap_or_else(|refusal| self.fail(refusal));
-        }
-        let mount = self.wants(Layer::MountNamespace);
-        let mut lost = Vec::new();
-        if mount && let Some(trees) = trees {
-            let root = Root {
-                read: &self.grants.read,
-                trees,
-                // A little more than the limit, so that reaching it can be seen.
-                disk_bytes: self.launch.policy.disk_bytes.max(4096) + (64 << 10),
-                files: self.launch.policy.files + 64,
-                proc: self.wants(Layer::OwnProc),
-            };
-            match root.enter() {
-                Ok(also) => lost = also,
-                Err(refusal) => self.fail(refusal),
-            }
-        }
-        let scratch = if mount {
-            Path::new(SCRATCH)
-        } else {
-            self.scratch
-        };
-        if self.wants(Layer::OwnUser)
-            && let Some(file) = &self.grants.file
-            && self.become_user.is_none()
-            && rustix::fs::access(file, Access::READ_OK) == Err(Errno::ACCESS)
-        {
-            let reason = format!("{} cannot be read by another user", file.display());
-            self.fail(Refusal::new(Layer::OwnUser, Errno::ACCESS, reason));
-        }
-        self.tell_ready(lost, scratch);
-        start_plugin(self, scratch, become_plugin)
-    }
-
-    fn tell_ready(&self, lost: Vec<Refusal>, scratch: &Path) {
-        let open = |path: &Path| {
-            let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
-            rustix::fs::open(path, flags, Mode::empty())
-        };
-        let new_proc = self.wants(Layer::OwnProc) && lost.is_empty();
-        let proc = new_proc.then(|| open(Path::new("/proc")).ok()).flatten();
-        let folder = open(scratch).ok();
-        let descriptors: Vec<BorrowedFd<'_>> = [proc.as_ref(), folder.as_ref()]
-            .into_iter()
-            .flatten()
-            .map(AsFd::as_fd)
-            .collect();
-        send(self.link, &Packet::Ready(lost), &descriptors);
-    }
-
-    fn fail(&self, refusal: Refusal) -> ! {
-        send(self.link, &Packet::Failed(refusal), &[]);
-        exit(1)
-    }
-}
-
-/// The init's life where `bwrap` made namespaces and tree.
-pub(super) fn enter(
-    handed: &bwrap::Handed,
-    link: &OwnedFd,
-    gate: &OwnedFd,
-    scratch: &Path,
-    become_plugin: &dyn Fn() -> std::convert::Infallible,
-) -> ! {
-    let inside = Inside {
-        launch: &handed.launch,
-        grants: &handed.grants,
-        wanted: &handed.wanted,
-        scratch,
-        link,
-        gate,
-        become_user: None,
-    };
-    inside.run(None, become_plugin)
-}
-
-/// Starts the plugin's process and is its init from then on.
-fn start_plugin(
-    inside: &Inside<'_>,
-    scratch: &Path,
-    become_plugin: &dyn Fn() -> std::convert::Infallible,
-) -> ! {
-    // SAFETY: plain system call that makes orphans ours where there is no
-    // namespace that does.
-    unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) };
-    // SAFETY: this process has one thread, so the copy may do anything.
-    match unsafe { libc::fork() } {
-        -1 => {
-            let reason = std::io::Error::last_os_error().to_string();
-            send(inside.link, &Packet::CannotStart(reason), &[]);
-            exit(1)
-        }
-        0 => plugin(inside, scratch, become_plugin),
-        child => {
-            crate::supervisor::release_stdio();
-            // Everything is made; what is left needs no rights.
-            let _ = drop_capabilities();
-            // The supervisor's end is noticed on the link; this is for the case
-            // that somebody else holds it open.
-            let _ = set_parent_process_death_signal(Some(Signal::KILL));
-            init(child, inside.link)
-        }
-    }
-}
-
-/// The plugin's process: locks itself and becomes the plugin.
-fn plugin(
-    inside: &Inside<'_>,
-    scratch: &Path,
-    become_plugin: &dyn Fn() -> std::convert::Infallible,
-) -> ! {
-    let (launch, grants) = (inside.launch, inside.grants);
-    crate::supervisor::child_setup();
-    // Relative paths of a plugin mean its scratch folder.
-    let _ = std::env::set_current_dir(scratch);
-    if launch.policy.level != Level::None {
-        let read = readable(inside);
-        let refused = Lock {
-            read: &read,
-            scratch,
-            network: launch.policy.network,
-            file_bytes: launch.policy.disk_bytes + (64 << 10),
-            processes: counts_alone(inside).then_some(u64::from(launch.policy.processes) + 2),
-            become_user: inside.become_user,
-        }
-        .apply();
-        send(inside.link, &Packet::Locked(refused), &[]);
-    } else {
-        send(inside.link, &Packet::Locked(Vec::new()), &[]);
-    }
-    if !wait_at(inside.gate) {
-        exit(1);
-    }
-    let mut env = grants.env.clone();
-    env.insert(state::RUN.into(), OsString::from(&launch.run));
-    if scratch != Path::new(SCRATCH) {
-        for value in env.values_mut() {
-            if value == SCRATCH {
-                *value = scratch.into();
-            }
-        }
-    }
-    match &launch.target {
-        Target::Nothing => exit(0),
-        Target::Program(argv) => {
-            let program = grants.program.clone().unwrap_or_default();
-            let mut command = Command::new(program);
-            command.args(argv.iter().skip(1)).env_clear().envs(env);
-            if let Some(name) = argv.first() {
-                command.arg0(name);
-            }
-            close_descriptors(libc::CLOSE_RANGE_CLOEXEC);
-            // Only returns when it failed; the link closes when it did not.
-            let error = command.exec();
-            send(inside.link, &Packet::CannotStart(error.to_string()), &[]);
-            exit(127)
-        }
-        Target::Library(_) | Target::BuiltIn | Target::Adapter(_) => {
-            // SAFETY: this process has one thread, and nobody holds on to the old
-            // environment.
-            unsafe {
-                for (name, _) in std::env::vars_os() {
-                    std::env::remove_var(name);
-                }
-                for (name, value) in env {
-                    std::env::set_var(name, value);
-                }
-            }
-            close_descriptors(0);
-            match become_plugin() {}
-        }
-    }
-}
-
-/// Closes everything but the standard streams: the plugin must not speak for its init,
-/// nor hold on to what the supervisor has open.
-fn close_descriptors(flags: libc::c_uint) {
-    // SAFETY: this process ends without using any of them again, but for sending
-    // that a program could not be started, for which they are still open.
-    unsafe { libc::syscall(libc::SYS_close_range, 3, u32::MAX, flags) };
-}
-
-/// Whether the kernel counts this sandbox's processes apart from all others of the
-/// user.
-fn counts_alone(inside: &Inside<'_>) -> bool {
-    let release = fs::read_to_string("/proc/sys/kernel/osrelease")
-        .or_else(|_| {
-            let name = rustix::system::uname();
-            Ok::<_, std::io::Error>(name.release().to_string_lossy().into_owned())
-        })
-        .unwrap_or_default();
-    let mut numbers = release
-        .split(['.', '-'])
-        .map_while(|part| part.parse::<u32>().ok());
-    let version = (numbers.next().unwrap_or(0), numbers.next().unwrap_or(0));
-    inside.wants(Layer::OwnUser) || (inside.wants(Layer::UserNamespace) && version >= (5, 14))
-}
-
-/// What may be read: everything in a tree that holds nothing else; otherwise what was
-/// granted, and of everybody's `/proc` what tells about the machine and the process
-/// itself.
-fn readable(inside: &Inside<'_>) -> Vec<PathBuf> {
-    if inside.wants(Layer::MountNamespace) {
-        return vec!["/".into(), "/proc".into()];
-    }
-    let of_proc = [
-        "/proc/self",
-        "/proc/cpuinfo",
-        "/proc/meminfo",
-        "/proc/stat",
-        "/proc/filesystems",
-        "/proc/sys/vm/overcommit_memory",
-        "/proc/sys/kernel/osrelease",
-    ];
-    let granted = inside.grants.read.iter().cloned();
-    granted.chain(of_proc.map(PathBuf::from)).collect()
-}
-
-/// Waits for the supervisor's word; false when it is gone.
-fn wait_at(gate: &OwnedFd) -> bool {
-    let mut word = [0_u8; 1];
-    loop {
-        match rustix::io::read(gate, &mut word[..]) {
-            Ok(read) => return read == 1,
-            Err(Errno::INTR) => {}
-            Err(_) => return false,
-        }
-    }
-}
-
-/// Waits for the plugin's process, for a word of the supervisor or for its end; then
-/// ends everybody, reports, and ends.
-fn init(child: i32, link: &OwnedFd) -> ! {
-    let mut status = Status {
-        child,
-        ..Status::default()
-    };
-    let children = signals_of_children();
-    loop {
-        status.reap(WaitOptions::NOHANG);
-        if status.over {
-            break;
-        }
-        let mut waiting = vec![PollFd::new(link, PollFlags::IN)];
-        if let Some(children) = &children {
-            waiting.push(PollFd::new(children, PollFlags::IN));
-        }
-        // Without a descriptor for signals, looking now and then has to do.
-        let now_and_then = Timespec {
-            tv_sec: 0,
-            tv_nsec: 2_000_000,
-        };
-        let timeout = children.is_none().then_some(&now_and_then);
-        match poll(&mut waiting, timeout) {
-            Ok(_) if !waiting[0].revents().is_empty() => break,
-            Ok(_) => {
-                if let Some(children) = &children {
-                    let mut news = [0_u8; 1024];
-                    let _ = rustix::io::read(children, &mut news[..]);
-                }
-            }
-            Err(Errno::INTR) => {}
-            Err(_) => break,
-        }
-    }
-    reap_descendants(Some(&mut status));
-    send(link, &Packet::Ended(status.ended()), &[]);
-    exit(0)
-}
-
-/// A descriptor that is readable when a child has ended.
-fn signals_of_children() -> Option<OwnedFd> {
-    use std::os::fd::FromRawFd;
-    // SAFETY: the sets live on the stack; the descriptor is owned by nobody else.
-    unsafe {
-        let mut set: libc::sigset_t = std::mem::zeroed();
-        libc::sigemptyset(&raw mut set);
-        libc::sigaddset(&raw mut set, libc::SIGCHLD);
-        libc::sigprocmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut());
-        let fd = libc::signalfd(-1, &raw const set, libc::SFD_CLOEXEC | libc::SFD_NONBLOCK);
-        (fd >= 0).then(|| OwnedFd::from_raw_fd(fd))
-    }
-}
-
-/// What the init knows of the plugin's process.
-#[derive(Default)]
-struct Status {
-    child: i32,
-    over: bool,
-    code: Option<i32>,
-    signal: Option<i32>,
-}
-
-impl Status {
-    /// Waits for whoever has ended; false when nobody is left.
-    fn reap(&mut self, options: WaitOptions) -> bool {
-        loop {
-            match wait(options) {
-                Ok(Some((pid, status))) => {
-                    if pid.as_raw_nonzero().get() == self.child {
-                        self.over = true;
-                        self.code = status.exit_status();
-                        self.signal = status.terminating_signal();
-                    }
-                }
-                Ok(None) => return true,
-                Err(Errno::INTR) => {}
-                Err(_) => return false,
-            }
-        }
-    }
-
-    fn ended(&self) -> Ended {
-        // SAFETY: an all-zero structure is valid, and the call fills it in.
-        let usage = unsafe {
-            let mut usage: libc::rusage = std::mem::zeroed();
-            libc::getrusage(libc::RUSAGE_CHILDREN, &raw mut usage);
-            usage
-        };
-        let micros = |time: libc::timeval| time.tv_sec as u64 * 1_000_000 + time.tv_usec as u64;
-        Ended {
-            code: self.code,
-            signal: self.signal,
-            user_us: micros(usage.ru_utime),
-            system_us: micros(usage.ru_stime),
-            max_rss_kb: usage.ru_maxrss as u64,
-            voluntary_switches: usage.ru_nvcsw as u64,
-            involuntary_switches: usage.ru_nivcsw as u64,
-            minor_faults: usage.ru_minflt as u64,
-            major_faults: usage.ru_majflt as u64,
-        }
-    }
-}
-
-/// Kills and reaps until this process has no children left.
-fn reap_descendants(status: Option<&mut Status>) {
-    let mut nobody = Status::default();
-    let status = status.unwrap_or(&mut nobody);
-    let first = std::process::id() == 1;
-    while status.reap(WaitOptions::NOHANG) {
-        if first {
-            // SAFETY: reaches everybody in this namespace but this process, at once.
-            unsafe { libc::kill(-1, libc::SIGKILL) };
-            // They are dying: waiting for them is all there is to do.
-            if !status.reap(WaitOptions::empty()) {
-                return;
-            }
-        } else {
-            kill_descendants();
-            // Killed processes need a moment to die.
-            std::thread::sleep(std::time::Duration::from_micros(200));
-        }
-    }
-}
-
-/// Ends this process without running what the parent left to run.
-fn exit(code: i32) -> ! {
-    // SAFETY: ends the process.
-    unsafe { libc::_exit(code) }
-}
-
 /// A scratch folder on disk, for sandboxes without a tree of their own; it is
 /// removed with the value.
 pub(crate) struct ScratchFolder(PathBuf);
 
 impl ScratchFolder {
     pub(crate) fn create(run: &str) -> std::io::Result<Self> {
-        let folder = state::folder("scratch")?.join(run);
+        let folder = state::folder("scratch").map_err(std::io::Error::other)?;
+        let folder = folder.path.join(run);
         fs::create_dir(&folder)?;
         Ok(Self(folder))
     }

@@ -7,15 +7,17 @@
 //! refusal costs that layer alone and is written into the record with its error
 //! number. [`Level`] says what to do about it.
 //!
-//! `jail` makes the namespaces and is the first process in them, `root` builds the
-//! tree of files, `lock` takes rights away from the plugin's own process before any
+//! `jail` makes the namespaces, `init` is the first process in them, `link` is what the
+//! two say to each other, `root` builds the tree of files, `lock` takes rights away from the plugin's own process before any
 //! code of the plugin runs (constructors of libraries included), `syscalls` is the
 //! table of refused system calls, `grants` finds what a plugin needs to read,
 //! `bwrap` is the way in where only that program may make namespaces.
 
 mod bwrap;
 mod grants;
+mod init;
 pub(crate) mod jail;
+mod link;
 mod lock;
 mod root;
 mod syscalls;
@@ -23,7 +25,7 @@ mod syscalls;
 use std::path::PathBuf;
 
 pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
-pub(crate) use grants::{find_program, interpreter};
+pub(crate) use grants::{Grants, find_program, interpreter};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 

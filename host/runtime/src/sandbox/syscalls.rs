@@ -203,7 +203,7 @@ fn programs(network: bool) -> Result<Vec<BpfProgram>, String> {
             }
             rules.insert(libc::SYS_clone, any_flag(0, NAMESPACES)?);
             // Typing into the terminal of somebody else.
-            let typing = [libc::TIOCSTI, libc::TIOCLINUX].map(|request| equals(1, request as u64));
+            let typing = [libc::TIOCSTI, libc::TIOCLINUX].map(|request| equals(1, request));
             rules.insert(
                 libc::SYS_ioctl,
                 typing.into_iter().collect::<Result<_, _>>()?,
