@@ -390,10 +390,10 @@ impl<'a> Reader<'a> {
         let mut last = 0;
         for (number, line) in (1..).zip(bytes.split(|byte| *byte == b'\n')) {
             let line = line.strip_suffix(b"\r").unwrap_or(line);
+            last = number;
             if number <= layout.skip_lines {
                 continue;
             }
-            last = number;
             if let Some(pattern) = begin {
                 if pattern.is(line) {
                     begin = None;
@@ -821,6 +821,21 @@ mod tests {
         let binary = lacam.read("answer", b"solution=\n0:(1,\xff)", SIZE, 1);
         let error = binary.expect_err("binary").to_string();
         assert!(error.starts_with("answer:2:6: expected a row"), "{error}");
+    }
+
+    #[test]
+    fn an_answer_of_skipped_lines_alone_is_told_by_its_last_line() {
+        for (major, expected) in [
+            (Major::Agent, "answer:2: there is no path for agent 0"),
+            (Major::Time, "answer:2: there are no time steps"),
+        ] {
+            let layout = Layout {
+                skip_lines: 9,
+                ..custom(major, "{path}", "{cell}", ",")
+            };
+            let error = read(&layout, "1\n2", 1).expect_err("no answer");
+            assert!(error.starts_with(expected), "{error}");
+        }
     }
 
     /// Writes paths as a layout says.

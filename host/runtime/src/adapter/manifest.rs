@@ -4,13 +4,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use fleetyard_abi::{Capabilities, Capability, Status};
+use fleetyard_abi::{Capabilities, Capability, Plan, Status};
 use fleetyard_core::InputError;
 use regex::bytes::{Regex, RegexBuilder};
 use serde_json::{Map, Value as Json};
 
 use super::document::{Document, Table, Value, shown};
-use super::formats::{Begin, Layout, Major};
+use super::formats::{Begin, Layout, Major, MapSize};
 use super::template::{Slot, Template};
 use crate::options::check_options;
 
@@ -284,6 +284,19 @@ impl Manifest {
     /// Identifier of the planner.
     pub fn id(&self) -> &str {
         &self.id
+    }
+
+    /// Reads a solver's answer in the declared format: paths of so many agents on a map
+    /// of so many rows and columns.
+    pub fn read_answer(
+        &self,
+        answer: &[u8],
+        (rows, cols): (u32, u32),
+        agents: usize,
+    ) -> Result<Plan, InputError> {
+        let size = MapSize { rows, cols };
+        let source = self.output.source();
+        self.output.layout.read(&source, answer, size, agents)
     }
 }
 

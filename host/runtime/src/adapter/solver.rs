@@ -162,35 +162,58 @@ impl Solver {
         Failure::new(Status::Unsupported, format!("{id} {what}"))
     }
 
+    /// Refuses what solvers were not written for: they would not notice, or crash.
+    fn check(&self, instance: &Instance, grid: &GridEnvironment) -> Result<(), Failure> {
+        let invalid = |reason: String| Err(Failure::new(Status::InvalidInput, reason));
+        if let Err(reason) = instance.check(grid.passable.len()) {
+            return invalid(reason);
+        }
+        if instance.motion != Motion::Pebble {
+            return Err(self.unsupported("does not plan rotations"));
+        }
+        if instance.goals.iter().any(|goals| goals.len() != 1) {
+            return Err(self.unsupported("takes one goal per agent"));
+        }
+        let mut cells = instance.starts.iter().chain(instance.goals.cells());
+        if let Some(cell) = cells.find(|cell| grid.passable[**cell as usize] == 0) {
+            return invalid(format!("cell {cell} is blocked, but a start or a goal"));
+        }
+        if let Some(cell) = twice(&instance.starts) {
+            return invalid(format!("two agents start in cell {cell}"));
+        }
+        let capabilities = self.installed.manifest.capabilities;
+        if !capabilities.has(Capability::DuplicateGoals)
+            && let Some(cell) = twice(instance.goals.cells())
+        {
+            return Err(self.unsupported(&format!("takes no goal twice, as cell {cell}")));
+        }
+        Ok(())
+    }
+
     /// The scenario's text.
-    fn scenario(&self, instance: &Instance, grid: &GridEnvironment) -> Result<Vec<u8>, Failure> {
+    fn scenario(&self, instance: &Instance, grid: &GridEnvironment) -> Vec<u8> {
         let row_first = self.installed.manifest.input.row_first;
         let cols = grid.cols.max(1);
-        let place = |cell: u32| {
+        let place = |cell: &u32| {
             let (row, col) = (cell / cols, cell % cols);
             // A scenario's entry is (row, column) and is written column first.
             if row_first { (col, row) } else { (row, col) }
         };
-        let mut entries = Vec::with_capacity(instance.agents());
-        for (start, goals) in instance.starts.iter().zip(instance.goals.iter()) {
-            let [goal] = goals else {
-                return Err(self.unsupported("takes one goal per agent"));
-            };
-            entries.push(ScenarioEntry {
-                line: 0,
-                bucket: 0,
-                map: MAP_NAME.into(),
-                map_cols: grid.cols,
-                map_rows: grid.rows,
-                start: place(*start),
-                goal: place(*goal),
-                optimal_length: 0.0,
-            });
-        }
-        Ok(write_scen(&Scenario {
+        let places = instance.starts.iter().zip(instance.goals.cells());
+        let entries = places.map(|(start, goal)| ScenarioEntry {
+            line: 0,
+            bucket: 0,
+            map: MAP_NAME.into(),
+            map_cols: grid.cols,
+            map_rows: grid.rows,
+            start: place(start),
+            goal: place(goal),
+            optimal_length: 0.0,
+        });
+        write_scen(&Scenario {
             source: SCEN_NAME.into(),
-            entries,
-        }))
+            entries: entries.collect(),
+        })
     }
 
     /// What the solver may take of what is left of the budget.
@@ -459,14 +482,9 @@ impl Planner for Solver {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let grid = self.grid()?;
-        instance
-            .check(grid.rows as usize * grid.cols as usize)
-            .map_err(|reason| Failure::new(Status::InvalidInput, reason))?;
-        if instance.motion != Motion::Pebble {
-            return Err(self.unsupported("does not plan rotations"));
-        }
+        self.check(instance, grid)?;
         let scratch = self.scratch.path();
-        fs::write(scratch.join(SCEN_NAME), self.scenario(instance, grid)?)
+        fs::write(scratch.join(SCEN_NAME), self.scenario(instance, grid))
             .map_err(|error| internal("cannot write the scenario", error))?;
         let output = &self.installed.manifest.output;
         if let Some(file) = &output.file {
@@ -527,6 +545,16 @@ fn submit(plan: &Plan, sink: &dyn Sink) -> Result<(), Failure> {
             rejected.into()
         }
     })
+}
+
+/// A cell that occurs more than once.
+fn twice(cells: &[u32]) -> Option<u32> {
+    let mut sorted = cells.to_vec();
+    sorted.sort_unstable();
+    sorted
+        .windows(2)
+        .find(|pair| pair[0] == pair[1])
+        .map(|pair| pair[0])
 }
 
 /// Whether the head of a `lacam` answer says that there is no solution.
