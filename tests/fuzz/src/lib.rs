@@ -1,0 +1,57 @@
+//! What is fuzzed: everything that reads bytes from outside, each reader with the
+//! properties that it must have for any input.
+//!
+//! A target is a function of some bytes that panics when a property does not hold. It
+//! stands here once and is run twice: by libFuzzer, through the programs in
+//! `fuzz_targets/`, and by `tests/fuzz_corpus.rs` on the committed corpus and seeded
+//! mutations of it, as a test like any other. Neither measures time.
+//!
+//! What may not happen, whatever the bytes: a panic, an endless loop, a small input that
+//! takes a lot of memory (the test counts it; libFuzzer is given a limit), an error that
+//! points outside the text, a value that changes when it is written and read again.
+
+pub mod adapter;
+pub mod map;
+pub mod options;
+pub mod plan;
+pub mod scen;
+pub mod wire;
+
+use fleetyard_core::InputError;
+
+/// Panics when a property does not hold for some bytes.
+pub type Target = fn(&[u8]);
+
+/// Every target with its name, which is also its folder in `corpus/`.
+pub const TARGETS: &[(&str, Target)] = &[
+    ("adapter", adapter::run),
+    ("map", map::run),
+    ("options", options::run),
+    ("plan", plan::run),
+    ("scen", scen::run),
+    ("wire", wire::run),
+];
+
+/// An error about `text` names its source and, where it names a place, one that is there;
+/// it says what is wrong.
+fn check_error(error: &InputError, source: &str, text: &[u8]) {
+    assert_eq!(error.source, source, "{error:?}");
+    assert!(!error.reason.trim().is_empty(), "{error:?}");
+    assert!(
+        error.hint.as_ref().is_none_or(|hint| !hint.is_empty()),
+        "{error:?}"
+    );
+    assert!(error.column.is_none() || error.line.is_some(), "{error:?}");
+    let Some(line) = error.line else { return };
+    // One past the end is where something is missing.
+    let mut lines: Vec<&[u8]> = text.split(|byte| *byte == b'\n').collect();
+    lines.push(b"");
+    let at = (line as usize).checked_sub(1).and_then(|at| lines.get(at));
+    let at = at.unwrap_or_else(|| panic!("no such line: {error:?}"));
+    let columns = String::from_utf8_lossy(at).chars().count() as u64 + 1;
+    let column = error.column.unwrap_or(1);
+    assert!(
+        (1..=columns).contains(&column),
+        "no such column, there are {columns}: {error:?}"
+    );
+}

@@ -1,0 +1,399 @@
+//! The JSON wire: what the host reads of a plugin, and what a plugin reads of the host.
+
+use fleetyard_abi::paths::{PathContext, WritePaths};
+use fleetyard_abi::wire::{
+    self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
+    InitializeParams, InitializeResult, LogParams, MetricParams, Outcome, PlanParams, PlanResult,
+    PrepareParams, ProgressParams, RecoverParams, Request, Response, ShouldInvokeParams,
+    ShouldInvokeResult,
+};
+use fleetyard_abi::{Environment, Instance, PathEncoding, Plan, moves::OFF_MAP};
+use fleetyard_runtime::plan_from_abi;
+use serde::de::DeserializeSeed;
+use serde_json::value::RawValue;
+
+/// Messages, one a line: reads each as the host does and as a plugin does, then lets a
+/// server of plugins answer them all.
+pub fn run(data: &[u8]) {
+    for line in data.split(|byte| *byte == b'\n') {
+        message(line);
+    }
+    server::converse(data);
+}
+
+/// Reads a value, writes it, reads that, and writes it again: the same text. A macro,
+/// because some types borrow from the text.
+macro_rules! round_trip {
+    ($text:expr, $type:ty) => {{
+        let value = serde_json::from_str::<$type>($text).ok();
+        if let Some(value) = &value {
+            let written = serde_json::to_string(value).expect("a value can be written");
+            let read = serde_json::from_str::<$type>(&written).expect("what was written");
+            assert_eq!(serde_json::to_string(&read).expect("the same"), written);
+        }
+        value
+    }};
+}
+
+fn message(line: &[u8]) {
+    let Ok(text) = std::str::from_utf8(line.trim_ascii()) else {
+        return;
+    };
+    let Ok(envelope) = serde_json::from_str::<Envelope<'_>>(text) else {
+        return;
+    };
+    if let Some(params) = envelope.params {
+        let method = envelope.method.as_deref().unwrap_or_default();
+        parameters(params.get());
+        let again = match envelope.id {
+            Some(id) => wire::line(&Request::new(id, method, params)),
+            None => wire::line(&Request::notification(method, params)),
+        };
+        let again = one_line(&again);
+        let again: Envelope<'_> = serde_json::from_str(again).expect("a message");
+        assert_eq!((again.id, again.jsonrpc.as_ref()), (envelope.id, "2.0"));
+        assert_eq!(again.method.as_deref(), Some(method));
+        assert_eq!(again.params.map(RawValue::get), Some(params.get()));
+    }
+    if let Some(result) = envelope.result {
+        results(result.get());
+        let again = wire::line(&Response::result(7, result));
+        let again: Envelope<'_> = serde_json::from_str(one_line(&again)).expect("a message");
+        assert_eq!((again.id, again.method), (Some(7), None));
+        assert_eq!(again.result.map(RawValue::get), Some(result.get()));
+    }
+    if let Some(error) = envelope.error {
+        let again = wire::line(&Response::error(envelope.id, error.code, &error.message));
+        let again: Envelope<'_> = serde_json::from_str(one_line(&again)).expect("a message");
+        assert_eq!(again.id, envelope.id);
+        let again = again.error.expect("the error");
+        assert_eq!((again.code, again.message), (error.code, error.message));
+    }
+}
+
+fn one_line(line: &[u8]) -> &str {
+    let text = std::str::from_utf8(line).expect("UTF-8");
+    let text = text.strip_suffix('\n').expect("a line");
+    assert!(!text.contains('\n'));
+    text
+}
+
+fn parameters(text: &str) {
+    round_trip!(text, LogParams);
+    round_trip!(text, ProgressParams);
+    round_trip!(text, CancelParams);
+    round_trip!(text, InitializeParams);
+    round_trip!(text, CreateParams);
+    round_trip!(text, PlanParams);
+    round_trip!(text, GenerateParams);
+    round_trip!(text, ShouldInvokeParams);
+    if let Some(metric) = round_trip!(text, MetricParams) {
+        assert!(metric.value.is_finite());
+    }
+    if let Some(incumbent) = round_trip!(text, IncumbentParams<&RawValue>) {
+        paths(incumbent.paths);
+    }
+    if let Some(RecoverParams {
+        failed_paths: Some(failed),
+        ..
+    }) = round_trip!(text, RecoverParams<'_>)
+    {
+        paths(failed);
+    }
+    if let Some(prepare) = round_trip!(text, PrepareParams) {
+        let Environment::Grid(grid) = prepare.environment;
+        let cells = u64::from(grid.rows) * u64::from(grid.cols);
+        assert_eq!(grid.passable.len() as u64, cells);
+        assert_eq!(grid.terrain.len() as u64, cells);
+        assert!(cells > 0 && grid.passable.len() <= text.len());
+    }
+}
+
+fn results(text: &str) {
+    round_trip!(text, InitializeResult);
+    round_trip!(text, Outcome);
+    round_trip!(text, ShouldInvokeResult);
+    if let Some(PlanResult {
+        paths: Some(found), ..
+    }) = round_trip!(text, PlanResult<'_>)
+    {
+        paths(found);
+    }
+    if let Some(GenerateResult {
+        instance: Some(found),
+        ..
+    }) = round_trip!(text, GenerateResult)
+    {
+        instance(&found);
+    }
+}
+
+/// What a check lets pass is as the rest of the host relies on.
+fn instance(instance: &Instance) {
+    for cells in [0, 1, 12, 1 << 20] {
+        if instance.check(cells).is_err() {
+            continue;
+        }
+        assert!(instance.agents() > 0);
+        assert_eq!(instance.goals.len(), instance.agents());
+        assert!(instance.goals.iter().all(|goals| !goals.is_empty()));
+        let all = instance.starts.iter().chain(instance.goals.cells());
+        assert!(all.into_iter().all(|cell| (*cell as usize) < cells));
+        // A larger map has the same cells and more.
+        assert!(instance.check(cells + 1).is_ok());
+    }
+}
+
+/// Rows, columns and starts of maps on which paths are read.
+const MAPS: [(u32, u32, &[u32]); 6] = [
+    (3, 4, &[0, 5, 11]),
+    (1, 1, &[0]),
+    (5, 1, &[4, 0, 9]),
+    (2, 0, &[0]),
+    (0, 0, &[]),
+    (1 << 15, 1 << 15, &[(1 << 30) - 1, 1 << 30, OFF_MAP]),
+];
+
+fn paths(text: &RawValue) {
+    for (rows, cols, starts) in MAPS {
+        let [few, many] = [5, 1 << 20].map(|max_cells| PathContext {
+            rows,
+            cols,
+            starts,
+            max_cells,
+        });
+        let cells = rows * cols;
+        if let Ok(plan) = read(many, text.get()) {
+            assert!(plan.as_ref().agents() <= text.get().len());
+            assert!(plan.as_ref().cells().len() <= text.get().len());
+            let on_map = |cell: &u32| *cell < cells || *cell == OFF_MAP;
+            assert!(plan.as_ref().cells().iter().all(on_map));
+            through_every_encoding(many, &plan);
+            let kept = plan_from_abi(plan.as_ref(), cells);
+            assert!(kept.paths().eq(plan.as_ref().paths()));
+            // The limit is on the sum, whatever the encoding.
+            let fits = plan.as_ref().cells().len() <= few.max_cells;
+            let limited = read(few, text.get());
+            assert_eq!(limited.is_ok(), fits);
+            assert!(!fits || limited.is_ok_and(|limited| limited == plan));
+        } else {
+            assert!(read(few, text.get()).is_err());
+        }
+        // As a library hands it over: any numbers.
+        if let Ok(numbers) = serde_json::from_str::<Vec<Vec<u32>>>(text.get()) {
+            through_every_encoding(many, &Plan::from_paths(numbers));
+        }
+    }
+}
+
+fn read(context: PathContext<'_>, text: &str) -> serde_json::Result<Plan> {
+    context.deserialize(&mut serde_json::Deserializer::from_str(text))
+}
+
+/// A plan is the same by every encoding, and by none at all as in process; positions
+/// outside the map are [`OFF_MAP`].
+fn through_every_encoding(context: PathContext<'_>, plan: &Plan) {
+    let kept = plan_from_abi(plan.as_ref(), context.rows * context.cols);
+    for encoding in PathEncoding::ALL {
+        let written = serde_json::to_string(&WritePaths {
+            plan: plan.as_ref(),
+            context,
+            encoding,
+        });
+        let written = written.expect("paths can be written");
+        let again = read(context, &written).expect("what was written can be read");
+        assert!(
+            again.as_ref().paths().eq(kept.paths()),
+            "{plan:?} as {written} is {again:?}"
+        );
+    }
+}
+
+mod server {
+    //! The plugin's side, with one well-behaved plugin of every kind.
+
+    use std::io::{Cursor, Write};
+    use std::sync::{Arc, Mutex, PoisonError};
+
+    use fleetyard_abi::sdk::{
+        Entry, FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Object, Options, Planner,
+        Sink, StaticCatalog,
+    };
+    use fleetyard_abi::wire::{CancelParams, Envelope};
+    use fleetyard_abi::{
+        Budget, Descriptor, FleetState, FleetStatus, Goals, Instance, Kind, LogLevel, Plan,
+        PlanRef, SharedEnvironment, serve,
+    };
+
+    struct Calm;
+
+    macro_rules! prepare {
+        () => {
+            fn prepare(
+                &mut self,
+                environment: &SharedEnvironment,
+                _: &Budget,
+                sink: &dyn Sink,
+            ) -> Result<(), Failure> {
+                let grid = environment.grid().expect("a grid");
+                let cells = u64::from(grid.rows) * u64::from(grid.cols);
+                assert!(grid.passable.len() as u64 == cells && cells > 0);
+                sink.log(LogLevel::Info, &grid.map_name);
+                Ok(())
+            }
+        };
+    }
+
+    impl Planner for Calm {
+        prepare!();
+
+        fn plan(
+            &mut self,
+            instance: &Instance,
+            budget: &Budget,
+            sink: &dyn Sink,
+        ) -> Result<(), Failure> {
+            assert_eq!(instance.goals.len(), instance.agents());
+            sink.metric("agents", instance.agents() as f64);
+            sink.metric("radius", instance.radius_m);
+            sink.progress(budget.seed, budget.nodes);
+            // A leap to each goal, and past the end of the map.
+            let paths = (0..instance.agents()).map(|agent| {
+                let start = instance.starts[agent];
+                let mut path = vec![start, start.wrapping_add(1)];
+                path.extend_from_slice(instance.goals.get(agent));
+                path
+            });
+            sink.submit_plan(Plan::from_paths(paths).as_ref())?;
+            Ok(())
+        }
+    }
+
+    impl FailPolicy for Calm {
+        prepare!();
+
+        fn recover(
+            &mut self,
+            instance: &Instance,
+            failed: Option<PlanRef<'_>>,
+            _: &Budget,
+            sink: &dyn Sink,
+        ) -> Result<(), Failure> {
+            let stay = Plan::from_paths(instance.starts.iter().map(|cell| [*cell]));
+            sink.submit_plan(failed.unwrap_or(stay.as_ref()))?;
+            Ok(())
+        }
+    }
+
+    impl InstanceGenerator for Calm {
+        prepare!();
+
+        fn generate(
+            &mut self,
+            state: &FleetState,
+            _: &Budget,
+            sink: &dyn Sink,
+        ) -> Result<(), Failure> {
+            let instance = Instance {
+                headings: state.headings.clone(),
+                goals: Goals::single(state.cells.clone()),
+                motion: state.motion,
+                objective: state.objective,
+                window_steps: state.window_steps,
+                radius_m: state.radius_m,
+                ..Instance::one_shot(state.cells.clone(), Vec::new())
+            };
+            sink.submit_instance(&instance)?;
+            Ok(())
+        }
+    }
+
+    impl InvocationPolicy for Calm {
+        fn should_invoke(&mut self, status: &FleetStatus, _: &dyn Sink) -> Result<bool, Failure> {
+            Ok(status.actions_left.iter().any(|left| *left < 3))
+        }
+    }
+
+    fn options(options: Options<'_>) -> Result<(), Failure> {
+        options.parse::<serde_json::Map<_, _>>().map(drop)
+    }
+
+    static CATALOG: StaticCatalog = StaticCatalog(&[
+        Entry {
+            descriptor: || Descriptor::new(Kind::Planner, "calm", "Leaps"),
+            create: |given| options(given).map(|()| Object::Planner(Box::new(Calm))),
+        },
+        Entry {
+            descriptor: || Descriptor::new(Kind::FailPolicy, "calm", "Stays"),
+            create: |given| options(given).map(|()| Object::FailPolicy(Box::new(Calm))),
+        },
+        Entry {
+            descriptor: || Descriptor::new(Kind::InstanceGenerator, "calm", "Asks for nothing"),
+            create: |given| options(given).map(|()| Object::InstanceGenerator(Box::new(Calm))),
+        },
+        Entry {
+            descriptor: || Descriptor::new(Kind::InvocationPolicy, "calm", "Plans early"),
+            create: |given| options(given).map(|()| Object::InvocationPolicy(Box::new(Calm))),
+        },
+    ]);
+
+    #[derive(Clone, Default)]
+    struct Output(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Output {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            kept.extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// Every line is answered once and in order, whatever it is, until `exit`, the end,
+    /// or a line that is no text.
+    pub(super) fn converse(data: &[u8]) {
+        let output = Output::default();
+        serve::serve(&CATALOG, Cursor::new(data.to_vec()), output.clone(), || ());
+        let bytes = output.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = std::str::from_utf8(&bytes).expect("answers are UTF-8");
+        let mut answers = Vec::new();
+        for line in text.lines() {
+            let envelope: Envelope<'_> = serde_json::from_str(line).expect("answers are messages");
+            assert_eq!(envelope.jsonrpc, "2.0");
+            if let Some(error) = &envelope.error {
+                let panicked = error.message.starts_with("the plugin panicked");
+                assert!(!panicked, "{}", error.message);
+            }
+            if envelope.method.is_none() {
+                answers.push(envelope.id);
+            }
+        }
+        assert_eq!(answers, expected(data));
+    }
+
+    /// The identifiers of the answers that are due.
+    fn expected(data: &[u8]) -> Vec<Option<u64>> {
+        let mut due = Vec::new();
+        for line in data.split_inclusive(|byte| *byte == b'\n') {
+            let Ok(line) = std::str::from_utf8(line) else {
+                break;
+            };
+            let envelope = serde_json::from_str::<Envelope<'_>>(line).ok();
+            // Longer ones are not heard.
+            if line.len() <= 256
+                && let Some(envelope) = &envelope
+            {
+                match envelope.method.as_deref() {
+                    Some("exit") => break,
+                    Some("$/cancel") if envelope.params::<CancelParams>().is_ok() => continue,
+                    _ => {}
+                }
+            }
+            due.push(envelope.and_then(|envelope| envelope.id));
+        }
+        due
+    }
+}
