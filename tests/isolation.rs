@@ -440,6 +440,14 @@ fn what_a_container_refuses_is_in_the_record_not_hidden() {
     // What is left still holds.
     assert!(active(&record, "seccomp") && active(&record, "no-new-privileges"));
 
+    // A plugin that only its owner can read cannot be run as another user there.
+    let private = yard.path("private.so");
+    fs::copy(faulty_library(), &private).unwrap();
+    fs::set_permissions(&private, fs::Permissions::from_mode(0o700)).unwrap();
+    let line = faulty(&private, "none", "--budget 30s");
+    let record = in_a_container(&yard, &line).unwrap().expect(SUCCESS).json();
+    assert!(!active(&record, "own-user") && active(&record, "seccomp"));
+
     let line = faulty(&faulty_library(), "none", "--sandbox strict");
     let ended = in_a_container(&yard, &line).unwrap();
     assert_eq!(ended.code, Some(PLUGIN), "{ended}");

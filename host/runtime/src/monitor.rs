@@ -273,12 +273,7 @@ impl Monitor {
         }
         let used = if census.members.len() > 1 {
             self.shares_looked_ns = now;
-            // Shares are read one after the other while they change: the first of those
-            // who touch the same memory has all of it, the last a part. The least of a
-            // few sums is near the truth, and a real excess does not go away.
-            let readings = if too_much { 3 } else { 1 };
-            let sums = (0..readings).map(|_| self.shares_kb(jail, census));
-            sums.min().unwrap_or(resident_kb)
+            self.shares_kb(jail, census, if too_much { 3 } else { 1 })
         } else {
             resident_kb
         };
@@ -287,12 +282,22 @@ impl Monitor {
     }
 
     /// The memory of all processes, what several of them have counted once.
-    fn shares_kb(&self, jail: &Jail, census: &Census) -> u64 {
+    ///
+    /// Shares are read one after the other while they change: whoever is the first to
+    /// touch common memory has all of it for a moment, and so has, for another moment,
+    /// the next. So every share is the least of a few readings; what really is too much
+    /// does not get less.
+    fn shares_kb(&self, jail: &Jail, census: &Census, readings: u32) -> u64 {
         let folder = jail.view.folder();
-        let share = |member: &crate::tree::Member| {
-            proportional_kb(&folder, member.pid).unwrap_or(member.resident_pages * self.page_kb)
-        };
-        census.members.iter().map(share).sum()
+        let mut shares = vec![u64::MAX; census.members.len()];
+        for _ in 0..readings {
+            for (least, member) in shares.iter_mut().zip(&census.members) {
+                let share = proportional_kb(&folder, member.pid)
+                    .unwrap_or(member.resident_pages * self.page_kb);
+                *least = share.min(*least);
+            }
+        }
+        shares.into_iter().sum()
     }
 
     fn disk_is_over(&mut self, jail: &Jail) -> bool {
@@ -415,9 +420,16 @@ impl Walk {
     }
 }
 
-/// A process's share of the memory that it uses together with others.
+/// A process's share of the memory that it uses together with others; nothing once it
+/// has ended, and `None` where it may not be read.
 fn proportional_kb(proc: &str, pid: i32) -> Option<u64> {
-    let text = fs::read_to_string(format!("{proc}/{pid}/smaps_rollup")).ok()?;
+    let text = match fs::read_to_string(format!("{proc}/{pid}/smaps_rollup")) {
+        Ok(text) => text,
+        Err(error) => {
+            let gone = [Some(libc::ENOENT), Some(libc::ESRCH)].contains(&error.raw_os_error());
+            return gone.then_some(0);
+        }
+    };
     let line = text.lines().find_map(|line| line.strip_prefix("Pss:"))?;
     line.trim().strip_suffix("kB")?.trim().parse().ok()
 }

@@ -20,7 +20,7 @@ use serde_json::{Map, Value as Json};
 use tempfile::TempDir;
 
 use super::Installed;
-use super::formats::{ANSWER_LIMIT, MapSize};
+use super::formats::ANSWER_LIMIT;
 use super::manifest::{Condition, MAP_NAME, SCEN_NAME, Searched};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
@@ -361,16 +361,15 @@ impl Solver {
 
     /// Reads the answer as a plan.
     fn plan_in(&self, answer: &[u8], instance: &Instance) -> Result<Plan, InputError> {
-        let output = &self.installed.manifest.output;
+        let manifest = &self.installed.manifest;
         let size = match self.grid() {
-            Ok(grid) => MapSize {
-                rows: grid.rows,
-                cols: grid.cols,
-            },
-            Err(failure) => return Err(InputError::new(output.source(), failure.message)),
+            Ok(grid) => (grid.rows, grid.cols),
+            Err(failure) => {
+                let source = manifest.output.source();
+                return Err(InputError::new(source, failure.message));
+            }
         };
-        let source = output.source();
-        output.layout.read(&source, answer, size, instance.agents())
+        manifest.read_answer(answer, size, instance.agents())
     }
 
     fn report_metrics(&self, left: &Left, sink: &dyn Sink) {

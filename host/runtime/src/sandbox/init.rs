@@ -81,14 +81,6 @@ impl Inside<'_> {
         } else {
             self.scratch
         };
-        if self.wants(Layer::OwnUser)
-            && let Some(file) = &self.grants.file
-            && self.become_user.is_none()
-            && rustix::fs::access(file, Access::READ_OK) == Err(Errno::ACCESS)
-        {
-            let reason = format!("{} cannot be read by another user", file.display());
-            self.fail(Refusal::new(Layer::OwnUser, Errno::ACCESS, reason));
-        }
         self.tell_ready(lost, scratch);
         start_plugin(self, scratch, become_plugin)
     }
@@ -208,6 +200,13 @@ fn plugin(
         }
         .apply()
     };
+    if inside.wants(Layer::OwnUser)
+        && let Some(file) = &grants.file
+        && rustix::fs::access(file, Access::READ_OK) == Err(Errno::ACCESS)
+    {
+        let reason = format!("{} cannot be read by another user", file.display());
+        inside.fail(Refusal::new(Layer::OwnUser, Errno::ACCESS, reason));
+    }
     send(inside.link, &Packet::Locked(refused), &[]);
     if !wait_at(inside.gate) {
         exit(1);

@@ -246,7 +246,10 @@ pub(crate) fn start(
             attempt.backend = Backend::Own;
             reason.push_str("; bwrap did not start either");
         }
-        let refusal = own.take().filter(|_| namespace).unwrap_or(refusal);
+        let refusal = if namespace { own.take() } else { None }.unwrap_or(refusal);
+        if !attempt.wants(refusal.layer) {
+            return Err(attempt.not_started(refusal.reason));
+        }
         if level == Level::Strict && refusal.layer.is_required() {
             attempt.leave_out(refusal);
             return Err(attempt.not_started(missing(&attempt.refused)));
