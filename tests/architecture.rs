@@ -18,10 +18,21 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("fleetyard-sim", &["fleetyard-core", "fleetyard-world"]),
     ("fleetyard-runtime", &["fleetyard-abi", "fleetyard-core"]),
     (
+        "fleetyard-conformance",
+        &[
+            "fleetyard-abi",
+            "fleetyard-check",
+            "fleetyard-core",
+            "fleetyard-runtime",
+            "fleetyard-world",
+        ],
+    ),
+    (
         "fleetyard",
         &[
             "fleetyard-abi",
             "fleetyard-check",
+            "fleetyard-conformance",
             "fleetyard-core",
             "fleetyard-plugins",
             "fleetyard-runtime",

@@ -6,6 +6,7 @@ use std::time::Duration;
 use bytesize::ByteSize;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use fleetyard_abi::Kind;
 use fleetyard_core::Connectivity;
 use fleetyard_core::PathEncoding;
 use fleetyard_runtime::{Attach, Level};
@@ -424,6 +425,8 @@ pub(crate) enum Plugins {
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
+    /// Ask a plugin what the contract promises, and show where it does otherwise
+    Check(Check),
     /// Describe a plugin: what it can do and its options
     Info {
         /// A plugin's identifier, or the path of a library or program
@@ -432,6 +435,61 @@ pub(crate) enum Plugins {
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
+}
+
+fn kind(text: &str) -> Result<Kind, String> {
+    let named = Kind::ALL.into_iter().find(|kind| kind.as_str() == text);
+    named.ok_or_else(|| format!("kinds are {}", Kind::ALL.map(Kind::as_str).join(", ")))
+}
+
+/// Ask a plugin what the contract promises, and show where it does otherwise.
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// A plugin's identifier, or the path of a library or program, of which all
+    /// plugins are checked; PATH:ID picks one of several
+    #[arg(required_unless_present = "list")]
+    pub(crate) plugin: Option<String>,
+    /// Run this case alone; may be given several times
+    #[arg(long, value_name = "CASE")]
+    pub(crate) only: Vec<String>,
+    /// Check plugins of this kind alone
+    #[arg(long, value_name = "KIND", value_parser = kind)]
+    pub(crate) kind: Option<Kind>,
+    /// Check plugins with this identifier alone
+    #[arg(long, value_name = "ID")]
+    pub(crate) id: Option<String>,
+    /// An option of the plugin in every case; may be given several times
+    #[arg(long = "option", value_name = "NAME=VALUE")]
+    pub(crate) options: Vec<String>,
+    /// How the plugin is attached [default: worker for libraries, stdio for
+    /// programs]
+    #[arg(long, value_enum)]
+    pub(crate) attach: Option<AttachArg>,
+    /// Seed of the whole run: of all instances, and of the plugin's random choices
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Ask one case again, by the seed that it showed
+    #[arg(long, value_name = "SEED", conflicts_with = "seed")]
+    pub(crate) reproduce: Option<u64>,
+    /// Wall-clock budget of a call; a tenth for those who use all of it
+    #[arg(long, value_name = "DURATION", default_value = "5s", value_parser = duration)]
+    pub(crate) budget: Duration,
+    /// How long a plugin may go on after the deadline once it was told to stop
+    #[arg(long, value_name = "DURATION", default_value = "2s", value_parser = duration)]
+    pub(crate) grace: Duration,
+    /// How long a plugin may take to start and be made
+    #[arg(long, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    pub(crate) startup: Duration,
+    /// Show the cases and what they ask
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
+    /// Write the report of one case to a file: how the command asks a plugin in the
+    /// process of a host that may be lost
+    #[arg(long, value_name = "FILE", hide = true, requires = "reproduce")]
+    pub(crate) report_to: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]

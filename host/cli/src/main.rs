@@ -40,6 +40,7 @@ fn dispatch(command: Command) -> Result<Exit> {
         Command::Validate(arguments) => commands::validate::validate(&arguments),
         Command::Simulate(arguments) => commands::simulate::simulate(&arguments),
         Command::Plugins(Plugins::List { format }) => commands::plugins::list(format),
+        Command::Plugins(Plugins::Check(arguments)) => commands::check::check(&arguments),
         Command::Plugins(Plugins::Info { plugin, format }) => {
             commands::plugins::info(&plugin, format)
         }

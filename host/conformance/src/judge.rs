@@ -23,20 +23,13 @@ pub(crate) enum Arrival {
     Free,
 }
 
-/// What a plan costs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Cost {
-    pub(crate) sum: u64,
-    pub(crate) makespan: u64,
-}
-
-/// Judges a plan; the reason why it is none.
+/// Judges a plan: its sum of costs, or the reason why it is none.
 pub(crate) fn plan(
     scene: &Scene,
     plan: &GridPlan,
     arrival: Arrival,
     delay: u32,
-) -> Result<Cost, String> {
+) -> Result<u64, String> {
     rules(scene, plan, |rule| rule != Rule::WrongGoal)?;
     // In a window the goals may be too far away.
     if scene.window_steps == 0 {
@@ -52,11 +45,7 @@ pub(crate) fn plan(
         }
     }
     tolerates(plan, delay)?;
-    let plan = plan.trimmed();
-    Ok(Cost {
-        sum: sum_of_costs(&plan),
-        makespan: plan.horizon() as u64,
-    })
+    Ok(sum_of_costs(plan))
 }
 
 /// Whether paths that may collide are at least paths of these agents.
@@ -239,13 +228,7 @@ mod tests {
         let passes = GridPlan::from_paths([vec![0, 1, 2, 1], vec![3, 4, 5]]);
         let nowhere = GridPlan::from_paths([vec![0], vec![3]]);
         let judged = |paths, arrival| plan(&scene, paths, arrival, 0).is_ok();
-        assert_eq!(
-            plan(&scene, &stays, Arrival::Stay, 0),
-            Ok(Cost {
-                sum: 4,
-                makespan: 2
-            })
-        );
+        assert_eq!(plan(&scene, &stays, Arrival::Stay, 0), Ok(4));
         assert!(!judged(&passes, Arrival::Stay));
         assert!(judged(&passes, Arrival::Visit));
         assert!(!judged(&nowhere, Arrival::Visit));

@@ -13,7 +13,7 @@ use fleetyard_world::SeededRandom;
 use serde_json::{Map, Value};
 
 use crate::cases::Case;
-use crate::judge::{self, Arrival, Cost};
+use crate::judge::{self, Arrival};
 use crate::kit::{Config, Kit, Subject, milliseconds};
 use crate::report::Outcome;
 use crate::scene::Scene;
@@ -420,7 +420,12 @@ impl<'a> Trial<'a> {
             Said::Invoke(_) | Said::Nothing => {}
         }
         let shown = answer.shown();
-        match (hope, answer.status) {
+        // The host cancels a call when its time is up.
+        let status = match answer.status {
+            Status::Cancelled if answer.by_clock => Status::TimedOut,
+            status => status,
+        };
+        match (hope, status) {
             (Hope::NoPlan, Status::Solved) => {
                 failed("claims `solved`, but there is no plan".into())
             }
@@ -478,7 +483,7 @@ impl<'a> Trial<'a> {
         let is_policy = self.kind() == Kind::FailPolicy;
         let arrival = if is_policy { Arrival::Free } else { arrival };
         let colliding = status != Status::Solved && self.claims(Capability::CollidingPlans);
-        let mut before: Option<Cost> = None;
+        let mut before: Option<u64> = None;
         for (plan, number) in plans.iter().zip(1..) {
             let name = match plans.len() {
                 1 => "the plan".to_owned(),
@@ -490,20 +495,17 @@ impl<'a> Trial<'a> {
             }
             let cost = judge::plan(scene, plan, arrival, self.delay)
                 .map_err(|reason| format!("{name} is invalid: {reason}"))?;
-            let of = |cost: Cost| match scene.objective {
-                Objective::SumOfCosts => cost.sum,
-                Objective::Makespan => cost.makespan,
-            };
-            // What a fail policy or a planner in a window improves is its own affair.
-            let comparable = !is_policy && scene.window_steps == 0;
+            // What a fail policy improves is its own affair, and so is what a planner
+            // does in a window, or about an objective that no capability names.
+            let comparable =
+                !is_policy && scene.window_steps == 0 && scene.objective == Objective::SumOfCosts;
             if let Some(before) = before.filter(|_| comparable) {
-                let (new, old) = (of(cost), of(before));
-                if new > old {
+                if cost > before {
                     return Err(format!(
-                        "{name} costs {new}, the one before it {old}: each has to be better"
+                        "{name} costs {cost}, the one before it {before}: each has to be better"
                     ));
                 }
-                if new == old {
+                if cost == before {
                     self.warn(format!(
                         "{}: {name} costs as much as the one before it",
                         scene.name
@@ -513,7 +515,7 @@ impl<'a> Trial<'a> {
             before = Some(cost);
         }
         if let (Some(cost), Some(best)) = (before, scene.best) {
-            self.figure("cost", cost.sum as f64);
+            self.figure("cost", cost as f64);
             self.figure("best_cost", best as f64);
         }
         Ok(())

@@ -1,11 +1,13 @@
 //! A planner that does nothing: everybody stays at their start.
 //!
 //! It measures what a call costs the host, and solves instances in which
-//! everybody has arrived already.
+//! everybody has arrived already. Of all others it leaves the same plan and says
+//! that it gave up.
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, Instance, Kind, PlanRef, SharedEnvironment,
+    Status,
 };
 
 /// Everybody stays.
@@ -23,6 +25,7 @@ impl Plugin for Empty {
                 Capability::Rotation,
                 Capability::Windowed,
                 Capability::DuplicateGoals,
+                Capability::CollidingPlans,
                 Capability::Deterministic,
             ]),
             ..Descriptor::new(
@@ -49,6 +52,12 @@ impl Planner for Empty {
         if let Some(plan) = PlanRef::new(&offsets, &instance.starts) {
             sink.submit_plan(plan)?;
         }
-        Ok(())
+        let mut agents = instance.starts.iter().zip(instance.goals.iter());
+        if agents.all(|(start, goals)| goals.iter().all(|goal| goal == start)) {
+            Ok(())
+        } else {
+            let reason = "somebody is not at the goal, and this planner moves nobody";
+            Err(Failure::new(Status::GaveUp, reason))
+        }
     }
 }

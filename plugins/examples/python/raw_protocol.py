@@ -4,6 +4,7 @@ object per line, requests on standard input, answers on standard output. The age
 one after the other while all others stand, which works where there is room to pass."""
 import json
 import sys
+import time
 from collections import deque
 
 
@@ -25,12 +26,14 @@ def steps(grid, start, goal, standing):
     return path[::-1]
 
 
-def plan(grid, instance):
+def plan(grid, instance, budget):
     paths = [[start] for start in instance["starts"]]
     waiting = [(agent, goals[-1]) for agent, goals in enumerate(instance["goals"])]
-    for _ in range(len(waiting) ** 2):  # who finds no way now may find one later
+    for _ in range(len(waiting) ** 2 + 1):  # who finds no way now may find one later
         if not waiting:
             return {"status": "solved", "paths": paths}
+        if time.monotonic_ns() > budget["deadline_monotonic_ns"]:
+            return {"status": "timed-out"}  # or the host would kill this process
         agent, goal = waiting.pop(0)
         standing = {path[-1] for path in paths} - {paths[agent][-1]}
         path = steps(grid, paths[agent][-1], goal, standing)[1:]
@@ -45,12 +48,13 @@ for line in sys.stdin:
     message = json.loads(line)
     answer, params = {"jsonrpc": "2.0", "id": message.get("id")}, message.get("params")
     if message["method"] == "initialize":  # params["protocol_versions"] has 1, for now
-        about = {"id": "raw-protocol", "kind": "planner", "capabilities": ["grid", "pebble"]}
+        about = {"id": "raw-protocol", "kind": "planner", "version": "0.1.0"}
+        about["capabilities"] = ["grid", "pebble"]
         answer["result"] = {"protocol_version": 1, "plugins": [about]}
     elif message["method"] == "prepare":
         grid, answer["result"] = params["environment"], {"status": "solved"}
     elif message["method"] == "plan":
-        answer["result"] = plan(grid, params["instance"])
+        answer["result"] = plan(grid, params["instance"], params["budget"])
     elif message["method"] == "exit":
         break
     else:  # create and shutdown; the notification $/cancel may be ignored

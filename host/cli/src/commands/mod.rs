@@ -16,6 +16,7 @@ use crate::args::{Cli, InstanceArgs};
 use crate::exit::{Exit, Result};
 use crate::{output, picture};
 
+pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod doctor;
 pub(crate) mod maps;

@@ -218,13 +218,13 @@ pub(crate) fn memory_growth(trial: &mut Trial<'_>) -> Step<()> {
     let one = started.elapsed().saturating_sub(ready);
     trial.close(session);
     let fitting = WHOLE.as_secs_f64() / (5.0 * one.as_secs_f64().max(1e-6));
-    let calls = fitting.clamp(3.0, 50.0) as usize;
+    let calls = fitting.clamp(3.0, 20.0) as usize;
     let few = used(trial, &scene, &call, calls)?.memory_kb;
     let many = used(trial, &scene, &call, 4 * calls)?.memory_kb;
     trial.figure("calls", calls as f64);
     trial.figure("memory_mib", few as f64 / MIB as f64);
     trial.figure("memory_of_four_times_mib", many as f64 / MIB as f64);
-    if many > few + few / 2 + 16 * MIB {
+    if many > few + few / 2 + 32 * MIB {
         return Err(Stop::Failed(format!(
             "{calls} calls need {} MiB, {} calls {} MiB",
             few / MIB,
@@ -244,14 +244,14 @@ pub(crate) fn thread_limit(trial: &mut Trial<'_>) -> Step<()> {
     } else {
         small(trial)?
     };
-    let call = Call::of(at_least(trial.config().slice() * 2, 300));
+    let call = Call::of(at_least(trial.config().slice() * 2, 500));
     // Starting, and learning the map, are no matter of this budget.
     let idle = used(trial, &scene, &call, 0)?;
     let Used { cpu, wall, .. } = used(trial, &scene, &call, 1)?;
     let spent = cpu.saturating_sub(idle.cpu);
     trial.figure("cpu_ms", milliseconds(spent));
     trial.figure("wall_ms", milliseconds(wall));
-    if spent > wall.mul_f64(1.3) + Duration::from_millis(100) {
+    if spent > wall.mul_f64(1.25) + Duration::from_millis(50) {
         return Err(Stop::Failed(format!(
             "allowed one thread, it spent {:.0} ms of CPU time in {:.0} ms",
             milliseconds(spent),

@@ -59,25 +59,30 @@ pub(crate) fn windowed(trial: &mut Trial<'_>) -> Step<()> {
 }
 
 pub(crate) fn duplicate_goals(trial: &mut Trial<'_>) -> Step<()> {
-    let mut scene = Scene::drawn(
+    let mut shared = Scene::drawn(
         "shared",
         &["a...", ".@..", "b..c"],
         &["..a.", ".@b.", "...c"],
     )?;
-    let shared = scene.goals[0].clone();
-    scene.goals[1] = shared;
-    if trial.claims(Capability::Windowed) {
-        scene.window_steps = 5;
+    let goal = shared.goals[0].clone();
+    shared.goals[1] = goal;
+    let mut windowed = shared.clone();
+    windowed.name = "shared, in a window".into();
+    windowed.window_steps = 5;
+    for scene in [shared, windowed] {
+        if scene.window_steps > 0 && !trial.claims(Capability::Windowed) {
+            continue;
+        }
+        let mut session = trial.ready(&scene)?;
+        let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+        if answer.status == Status::Infeasible {
+            trial.warn("claims that agents with one goal cannot both arrive: a visit is enough");
+        } else {
+            // Only one of two can stay there.
+            trial.judge_as(&scene, &answer, Hope::Plan, Arrival::Visit)?;
+        }
+        trial.close(session);
     }
-    let mut session = trial.ready(&scene)?;
-    let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-    if answer.status == Status::Infeasible {
-        trial.warn("claims that agents with the same goal cannot both arrive: to visit is enough");
-    } else {
-        // Only one of two can stay there.
-        trial.judge_as(&scene, &answer, Hope::Plan, Arrival::Visit)?;
-    }
-    trial.close(session);
     Ok(())
 }
 

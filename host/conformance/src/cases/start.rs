@@ -51,16 +51,20 @@ pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
     let second = session.descriptors().to_vec();
     trial.close(session);
     let about = trial.descriptor();
-    if first != second {
+    let (kind, id) = (about.kind, &about.id);
+    let own = |all: &[Descriptor]| -> Vec<Descriptor> {
+        let own = all.iter().filter(|one| one.kind == kind && one.id == *id);
+        own.cloned().collect()
+    };
+    let names = |all: &[Descriptor]| -> Vec<(Kind, String)> {
+        all.iter().map(|one| (one.kind, one.id.clone())).collect()
+    };
+    if own(&first) != own(&second) || names(&first) != names(&second) {
         return Err(Stop::Failed(
             "it describes itself differently from one start to the next".into(),
         ));
     }
-    let (kind, id) = (about.kind, &about.id);
-    let namesakes = first
-        .iter()
-        .filter(|other| other.kind == kind && other.id == *id)
-        .count();
+    let namesakes = own(&first).len();
     if namesakes > 1 {
         return Err(Stop::Failed(format!(
             "it has {namesakes} of kind {kind} named `{id}`"
@@ -230,10 +234,13 @@ pub(crate) fn invalid_options(trial: &mut Trial<'_>) -> Step<()> {
             }
         }
     }
-    if !accepted.is_empty() {
+    if let Some(first) = accepted.first() {
+        let more = match accepted.len() - 1 {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
         trial.warn(format!(
-            "accepts what its schema forbids: {}; the host refuses it first",
-            accepted.join(", ")
+            "accepts what its schema forbids: {first}{more}; the host refuses it first"
         ));
     }
     trial.create(&mut session)?;

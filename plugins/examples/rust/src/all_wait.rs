@@ -8,6 +8,8 @@ use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, Instance, Kind, Plan, PlanRef, SharedEnvironment,
 };
 
+use crate::NoOptions;
+
 /// Keeps every agent where it is.
 pub struct AllWait;
 
@@ -34,7 +36,8 @@ impl Plugin for AllWait {
         }
     }
 
-    fn create(_: Options<'_>) -> Result<Self, Failure> {
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        options.parse::<NoOptions>()?;
         Ok(Self)
     }
 }

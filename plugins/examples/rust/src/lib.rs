@@ -22,6 +22,12 @@ fleetyard_abi::export! {
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Environment, GridEnvironment, Status};
+use serde::Deserialize;
+
+/// The options of a plugin that has none: a name is a spelling mistake.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NoOptions {}
 
 /// The grid of an environment, if this crate can plan on it.
 fn four_connected(environment: &Environment) -> Result<&GridEnvironment, Failure> {

@@ -13,7 +13,7 @@ use fleetyard_abi::{
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng as _, SeedableRng};
 
-use crate::{four_connected, neighbours};
+use crate::{NoOptions, four_connected, neighbours};
 
 /// Gives agents without a goal a random one.
 pub struct RandomGoals {
@@ -43,7 +43,8 @@ impl Plugin for RandomGoals {
         }
     }
 
-    fn create(_: Options<'_>) -> Result<Self, Failure> {
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        options.parse::<NoOptions>()?;
         Ok(Self {
             region: Vec::new(),
             calls: 0,

@@ -1,0 +1,595 @@
+//! `fleetyard plugins check`: the conformance kit on the command line.
+//!
+//! In the host's own process a plugin that crashes or hangs takes the host with it.
+//! So each case of that attachment is a host of its own: this command again, for one
+//! case.
+
+use std::fmt::Write as _;
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use fleetyard_abi::{Descriptor, Kind};
+use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
+use fleetyard_runtime::{
+    Attach, Discovery, Limits, OptionError, PluginFile, check_options, parse_option,
+};
+use serde::Serialize;
+use serde_json::Map;
+
+use crate::BUILT_IN;
+use crate::args::{Check, Format};
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::output;
+use crate::trial::{half_of_memory, milliseconds, runtime};
+
+#[derive(Serialize)]
+struct Document {
+    fleetyard: &'static str,
+    plugin: String,
+    attach: Attach,
+    seed: u64,
+    budget_ms: f64,
+    grace_ms: f64,
+    plugins: Vec<Checked>,
+    summary: Summary,
+}
+
+/// One plugin of a file; kind and so on are absent when it could not be described.
+#[derive(Serialize)]
+struct Checked {
+    kind: Option<Kind>,
+    id: Option<String>,
+    version: Option<String>,
+    cases: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    #[serde(flatten)]
+    report: CaseReport,
+    /// The command that asks the same again, where something went wrong.
+    replay: Option<String>,
+}
+
+#[derive(Default, Serialize)]
+struct Summary {
+    passed: usize,
+    failed: usize,
+    crashed: usize,
+    skipped: usize,
+    warnings: usize,
+}
+
+impl Summary {
+    fn count(&mut self, report: &CaseReport) {
+        *match report.outcome {
+            Outcome::Passed => &mut self.passed,
+            Outcome::Failed => &mut self.failed,
+            Outcome::Crashed => &mut self.crashed,
+            Outcome::Skipped => &mut self.skipped,
+        } += 1;
+        self.warnings += report.warnings.len();
+    }
+
+    fn text(&self) -> String {
+        let Self {
+            passed,
+            failed,
+            crashed,
+            skipped,
+            warnings,
+        } = self;
+        format!(
+            "{passed} passed, {failed} failed, {crashed} crashed, {skipped} skipped, {warnings} \
+             warnings"
+        )
+    }
+}
+
+pub(crate) fn check(arguments: &Check) -> Result<Exit> {
+    let cases = selected(arguments)?;
+    if arguments.list {
+        return list(&cases, arguments.format);
+    }
+    let config = Config {
+        budget: arguments.budget,
+        grace: arguments.grace,
+        startup: arguments.startup,
+    };
+    let limits = Limits {
+        memory_bytes: half_of_memory(),
+        ..Limits::default()
+    };
+    let kit = Kit::new(BUILT_IN, config, limits).map_err(internal)?;
+    let name = arguments.plugin.as_deref().unwrap_or_default();
+    let Located { file, id } = locate(name, arguments)?;
+    let attach = attachment(&file, arguments)?;
+    let mut run = Run {
+        arguments,
+        name,
+        kit,
+        attach,
+        document: Document {
+            fleetyard: env!("CARGO_PKG_VERSION"),
+            plugin: name.to_owned(),
+            attach,
+            seed: arguments.seed,
+            budget_ms: milliseconds(arguments.budget),
+            grace_ms: milliseconds(arguments.grace),
+            plugins: Vec::new(),
+            summary: Summary::default(),
+        },
+    };
+    let started = Instant::now();
+    match run.kit.describe(&file) {
+        Ok(all) => {
+            let chosen = chosen(all, id.as_deref(), name, arguments)?;
+            let several = chosen.len() > 1;
+            // Before anything is started.
+            let subjects = chosen
+                .into_iter()
+                .map(|descriptor| subject(&file, attach, descriptor, arguments, several))
+                .collect::<Result<Vec<Subject>>>()?;
+            for subject in subjects {
+                run.plugin(&subject, &cases)?;
+            }
+        }
+        Err(fault) => run.refused(Kit::refused(fault, arguments.seed, started.elapsed()))?,
+    }
+    run.finish()
+}
+
+/// The cases that are asked for, in the order of the table.
+fn selected(arguments: &Check) -> Result<Vec<&'static Case>> {
+    for name in &arguments.only {
+        find(name).map_err(|unknown| {
+            let failure = Failure::new(Exit::Usage, format!("there is no case `{name}`"));
+            failure.hint(match unknown.nearest {
+                Some(nearest) => format!("did you mean `{nearest}`?"),
+                None => "`fleetyard plugins check --list` shows them all".to_owned(),
+            })
+        })?;
+    }
+    let wanted = |case: &&Case| {
+        arguments.only.is_empty() || arguments.only.iter().any(|name| name == case.name)
+    };
+    let cases: Vec<&Case> = CASES.iter().filter(wanted).collect();
+    if arguments.reproduce.is_some() && cases.len() != 1 {
+        return Err(
+            Failure::new(Exit::Usage, "--reproduce is the seed of one case")
+                .hint("name the case, as in --only random-instances"),
+        );
+    }
+    Ok(cases)
+}
+
+fn list(cases: &[&Case], format: Format) -> Result<Exit> {
+    #[derive(Serialize)]
+    struct Listed {
+        case: &'static str,
+        kinds: &'static [Kind],
+        needs: Vec<&'static str>,
+        about: &'static str,
+    }
+    let needs = |case: &Case| case.needs.iter().map(|needed| needed.as_str()).collect();
+    if format == Format::Json {
+        let listed = cases.iter().map(|case| Listed {
+            case: case.name,
+            kinds: case.kinds,
+            needs: needs(case),
+            about: case.about,
+        });
+        output::print_json(&listed.collect::<Vec<_>>())?;
+        return Ok(Exit::Success);
+    }
+    let width = widest(cases);
+    let lines = cases
+        .iter()
+        .map(|case| format!("{:width$}  {}", case.name, case.about));
+    output::print(&lines.collect::<Vec<_>>().join("\n"))?;
+    Ok(Exit::Success)
+}
+
+fn widest(cases: &[&Case]) -> usize {
+    cases.iter().map(|case| case.name.len()).max().unwrap_or(0)
+}
+
+struct Located {
+    file: PluginFile,
+    /// When one of the file's plugins was named.
+    id: Option<String>,
+}
+
+/// Finds the file by path, `PATH:ID` or identifier.
+fn locate(name: &str, arguments: &Check) -> Result<Located> {
+    let (path, id) = match name.rsplit_once(':') {
+        Some((path, id)) if !id.contains('/') && !Path::new(name).exists() => {
+            (path, Some(id.to_owned()))
+        }
+        _ => (name, None),
+    };
+    if name.contains('/') || Path::new(path).is_file() {
+        let file = PluginFile::at(Path::new(path))?;
+        return Ok(Located { file, id });
+    }
+    let found = Discovery::from_environment().scan(&runtime()?);
+    let mut known = Vec::new();
+    for file in found {
+        // A file that is refused is no reason not to look further.
+        for plugin in file.plugins.unwrap_or_default() {
+            if plugin.id == name && arguments.kind.is_none_or(|kind| kind == plugin.kind) {
+                return Ok(Located {
+                    file: file.file,
+                    id: Some(plugin.id),
+                });
+            }
+            known.push(plugin.id);
+        }
+    }
+    known.dedup();
+    Err(
+        Failure::new(Exit::Usage, format!("there is no plugin `{name}`"))
+            .hint(format!("known: {}; or name a file", known.join(", "))),
+    )
+}
+
+/// A library can be in this process as well; there is no other choice.
+fn attachment(file: &PluginFile, arguments: &Check) -> Result<Attach> {
+    let default = file.default_attach();
+    let attach = arguments.attach.map_or(default, Attach::from);
+    if attach == default || (attach, default) == (Attach::InProcess, Attach::Worker) {
+        return Ok(attach);
+    }
+    let (failure, hint) = if default == Attach::Worker {
+        (
+            "a shared library does not speak JSON over stdio by itself",
+            "use `--attach worker` or `--attach in-process`",
+        )
+    } else {
+        (
+            "a program cannot be loaded as a library",
+            "leave out `--attach`",
+        )
+    };
+    Err(Failure::new(Exit::Usage, failure).hint(hint))
+}
+
+/// The plugins of a file that are asked for.
+fn chosen(
+    all: Vec<Descriptor>,
+    id: Option<&str>,
+    name: &str,
+    arguments: &Check,
+) -> Result<Vec<Descriptor>> {
+    let known: Vec<String> = all
+        .iter()
+        .map(|plugin| format!("{} ({})", plugin.id, plugin.kind))
+        .collect();
+    let id = arguments.id.as_deref().or(id);
+    let wanted = |plugin: &Descriptor| {
+        id.is_none_or(|id| id == plugin.id) && arguments.kind.is_none_or(|kind| kind == plugin.kind)
+    };
+    let chosen: Vec<Descriptor> = all.into_iter().filter(wanted).collect();
+    if !chosen.is_empty() {
+        return Ok(chosen);
+    }
+    if known.is_empty() {
+        return Err(Failure::new(Exit::Plugin, format!("{name} has no plugins")));
+    }
+    Err(
+        Failure::new(Exit::Usage, format!("{name} has no such plugin"))
+            .hint(format!("it has {}", known.join(", "))),
+    )
+}
+
+/// A plugin with the options that it gets in every case.
+fn subject(
+    file: &PluginFile,
+    attach: Attach,
+    descriptor: Descriptor,
+    arguments: &Check,
+    several: bool,
+) -> Result<Subject> {
+    let read = || -> std::result::Result<_, OptionError> {
+        let schema = &descriptor.options_schema;
+        let mut options = Map::new();
+        for text in &arguments.options {
+            options.extend([parse_option(text, schema)?]);
+        }
+        check_options(&options, schema)?;
+        Ok(options)
+    };
+    let options = read().map_err(|error| {
+        let Descriptor { kind, id, .. } = &descriptor;
+        let failure = Failure::from(error);
+        if several {
+            let message = format!("{kind} `{id}`: {}", failure.message);
+            Failure::new(Exit::Usage, message).hint("choose one plugin with --kind and --id")
+        } else {
+            failure
+        }
+    })?;
+    Ok(Subject {
+        file: file.clone(),
+        attach,
+        descriptor,
+        options,
+    })
+}
+
+/// A run of the command.
+struct Run<'a> {
+    arguments: &'a Check,
+    name: &'a str,
+    kit: Kit,
+    attach: Attach,
+    document: Document,
+}
+
+impl Run<'_> {
+    fn is_text(&self) -> bool {
+        self.arguments.format == Format::Text && self.arguments.report_to.is_none()
+    }
+
+    /// All cases of one plugin.
+    fn plugin(&mut self, subject: &Subject, cases: &[&'static Case]) -> Result<()> {
+        let descriptor = &subject.descriptor;
+        let Descriptor {
+            kind, id, version, ..
+        } = descriptor;
+        if self.is_text() {
+            if !self.document.plugins.is_empty() {
+                output::print("")?;
+            }
+            let attach = match self.attach {
+                Attach::InProcess => "in the host's process",
+                Attach::Worker => "worker process",
+                Attach::Stdio => "JSON over stdio",
+                Attach::Command => "command adapter",
+            };
+            let title = format!("{id} {version} ({kind}, {attach})");
+            output::print(&output::plain(&title))?;
+        }
+        self.document.plugins.push(Checked {
+            kind: Some(*kind),
+            id: Some(id.clone()),
+            version: Some(version.clone()),
+            cases: Vec::new(),
+        });
+        // What is for another kind is worth a line only if it was asked for.
+        let cases: Vec<&Case> = cases
+            .iter()
+            .copied()
+            .filter(|case| case.kinds.contains(kind) || !self.arguments.only.is_empty())
+            .collect();
+        let width = widest(&cases);
+        for case in cases {
+            let seed = self
+                .arguments
+                .reproduce
+                .unwrap_or_else(|| Kit::seed_of(case, *kind, self.arguments.seed));
+            let report = if self.attach == Attach::InProcess && self.arguments.report_to.is_none() {
+                self.elsewhere(subject, case, seed)?
+            } else {
+                self.kit.check(subject, case, seed)
+            };
+            if let Some(path) = &self.arguments.report_to {
+                let text = serde_json::to_vec(&report).map_err(internal)?;
+                std::fs::write(path, text).map_err(internal)?;
+            }
+            let replay = matches!(report.outcome, Outcome::Failed | Outcome::Crashed).then(|| {
+                let words = self.words(self.name, descriptor, case, seed);
+                let quoted: Vec<String> = words.iter().map(|word| quoted(word)).collect();
+                format!("fleetyard {}", quoted.join(" "))
+            });
+            self.row(Row { report, replay }, width)?;
+        }
+        Ok(())
+    }
+
+    fn refused(&mut self, report: CaseReport) -> Result<()> {
+        if self.is_text() {
+            output::print(&output::plain(self.name))?;
+        }
+        self.document.plugins.push(Checked {
+            kind: None,
+            id: None,
+            version: None,
+            cases: Vec::new(),
+        });
+        let width = report.case.len();
+        let replay = None;
+        self.row(Row { report, replay }, width)
+    }
+
+    fn row(&mut self, row: Row, width: usize) -> Result<()> {
+        if self.is_text() {
+            output::print(&output::plain(&text(&row, width)))?;
+        }
+        self.document.summary.count(&row.report);
+        if let Some(checked) = self.document.plugins.last_mut() {
+            checked.cases.push(row);
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Exit> {
+        let summary = &self.document.summary;
+        let bad = summary.failed + summary.crashed > 0;
+        if self.is_text() {
+            output::print(&format!("\n{}", summary.text()))?;
+        } else if self.arguments.report_to.is_none() {
+            output::print_json(&self.document)?;
+        }
+        Ok(if bad { Exit::Plugin } else { Exit::Success })
+    }
+
+    /// Arguments that ask one case again.
+    fn words(&self, plugin: &str, of: &Descriptor, case: &Case, seed: u64) -> Vec<String> {
+        let defaults = Config::default();
+        let Check {
+            budget,
+            grace,
+            startup,
+            options,
+            attach,
+            ..
+        } = self.arguments;
+        let mut words: Vec<String> = ["plugins", "check", plugin].map(str::to_owned).into();
+        let mut add = |name: &str, value: String| words.extend([format!("--{name}"), value]);
+        add("kind", of.kind.to_string());
+        add("id", of.id.clone());
+        if attach.is_some() && self.attach == Attach::InProcess {
+            add("attach", "in-process".into());
+        }
+        for option in options {
+            add("option", option.clone());
+        }
+        for (name, value, default) in [
+            ("budget", budget, defaults.budget),
+            ("grace", grace, defaults.grace),
+            ("startup", startup, defaults.startup),
+        ] {
+            if *value != default {
+                add(name, humantime::format_duration(*value).to_string());
+            }
+        }
+        add("only", case.name.into());
+        add("reproduce", seed.to_string());
+        words
+    }
+
+    /// One case in a host of its own.
+    fn elsewhere(&self, subject: &Subject, case: &Case, seed: u64) -> Result<CaseReport> {
+        // The longest cases make so many calls that may take all of their time.
+        const CALLS: u32 = 12;
+        let Check {
+            budget,
+            grace,
+            startup,
+            ..
+        } = self.arguments;
+        let patience = (*budget + *grace) * CALLS + *startup;
+        let report = tempfile::NamedTempFile::new().map_err(internal)?;
+        // A file that was found by its identifier need not be the first next time.
+        let plugin = match subject.file.path() {
+            Some(path) => path.display().to_string(),
+            None => self.name.to_owned(),
+        };
+        let started = Instant::now();
+        let mut child = Command::new(std::env::current_exe().map_err(internal)?)
+            .args(self.words(&plugin, &subject.descriptor, case, seed))
+            .arg("--report-to")
+            .arg(report.path())
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(internal)?;
+        let ended = loop {
+            match child.try_wait().map_err(internal)? {
+                Some(status) => break Some(status),
+                None if started.elapsed() > patience => break None,
+                None => std::thread::sleep(Duration::from_millis(2)),
+            }
+        };
+        if ended.is_none() {
+            // Gone already is as good.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+        let written = std::fs::read(report.path()).unwrap_or_default();
+        if let (Some(_), Ok(report)) = (ended, serde_json::from_slice(&written)) {
+            return Ok(report);
+        }
+        let (outcome, reason) = match ended {
+            Some(status) => (Outcome::Crashed, ending(status)),
+            None => (
+                Outcome::Failed,
+                format!("did not come to an end within {patience:?} and was killed"),
+            ),
+        };
+        Ok(CaseReport {
+            case: case.name.into(),
+            outcome,
+            reason: Some(reason),
+            warnings: Vec::new(),
+            figures: [].into(),
+            seed,
+            time_ms: milliseconds(started.elapsed()),
+        })
+    }
+}
+
+fn ending(status: ExitStatus) -> String {
+    match (status.signal(), status.code()) {
+        (Some(signal), _) => format!("the host that ran it crashed with signal {signal}"),
+        (_, code) => format!(
+            "the host that ran it exited with code {}",
+            code.unwrap_or_default()
+        ),
+    }
+}
+
+/// A word for a shell.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// A case for people: a line, and more where there is more to say.
+fn text(row: &Row, width: usize) -> String {
+    const MARGIN: usize = 12;
+    let CaseReport {
+        case,
+        outcome,
+        reason,
+        warnings,
+        time_ms,
+        ..
+    } = &row.report;
+    let mut text = format!("  {outcome:8}  {case:width$}");
+    // Writing to a string cannot fail.
+    if *outcome == Outcome::Skipped {
+        let reason = reason.as_deref().unwrap_or_default();
+        let _ = write!(text, "             {reason}");
+        return text;
+    }
+    let digits = usize::from(*time_ms < 10.0);
+    let _ = write!(text, "  {time_ms:>8.digits$} ms");
+    let mut more = |name: &str, words: &str| {
+        for (number, line) in words.lines().enumerate() {
+            let name = if number == 0 { name } else { "" };
+            let _ = write!(text, "\n{:MARGIN$}{name}{line}", "");
+        }
+    };
+    if let Some(reason) = reason {
+        more("", reason);
+    }
+    for warning in warnings {
+        more("warning: ", warning);
+    }
+    if let Some(replay) = &row.replay {
+        more("replay: ", replay);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_survive_a_shell() {
+        assert_eq!(quoted("--only"), "--only");
+        assert_eq!(quoted("fault=too-few-agents"), "fault=too-few-agents");
+        assert_eq!(quoted("my plugin's.so"), r"'my plugin'\''s.so'");
+        assert_eq!(quoted(""), "''");
+    }
+}

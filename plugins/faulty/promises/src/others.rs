@@ -1,0 +1,238 @@
+//! The other kinds, and planners whose description alone is wrong.
+
+use std::collections::BTreeSet;
+
+use fleetyard_abi::sdk::{
+    FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
+};
+use fleetyard_abi::{
+    Budget, Capabilities, Capability, Descriptor, FleetState, FleetStatus, Goals, Instance, Kind,
+    Plan, PlanRef, SharedEnvironment, Status, monotonic_ns,
+};
+use serde_json::json;
+
+use crate::{Choice, Mistake};
+
+fn claims() -> Capabilities {
+    Capabilities::of(&[
+        Capability::Grid,
+        Capability::EightConnected,
+        Capability::Pebble,
+        Capability::Rotation,
+        Capability::Windowed,
+        Capability::DuplicateGoals,
+        Capability::Deterministic,
+    ])
+}
+
+/// Everybody stays.
+pub(crate) struct Policy(Mistake);
+
+impl Plugin for Policy {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            capabilities: claims(),
+            ..Choice::descriptor(Kind::FailPolicy, "promising-policy")
+        }
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self(Choice::read(options)?.mistake))
+    }
+}
+
+impl FailPolicy for Policy {
+    fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        match (self.0, failed) {
+            (Mistake::ReturnsFailedPlan, Some(failed)) => sink.submit_plan(failed)?,
+            (Mistake::NeedsFailedPlan, None) => {
+                return Err(Failure::new(Status::InvalidInput, "no plan has failed"));
+            }
+            (Mistake::StandsElsewhere, _) => {
+                let last = instance.starts.iter().rev();
+                sink.submit_plan(Plan::from_paths(last.map(|start| [*start])).as_ref())?;
+            }
+            _ => {
+                let stay = instance.starts.iter().map(|start| [*start]);
+                sink.submit_plan(Plan::from_paths(stay).as_ref())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Who has no goal gets the cell where it is.
+pub(crate) struct Generator {
+    mistake: Mistake,
+    blocked: Vec<u32>,
+}
+
+impl Plugin for Generator {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            capabilities: claims(),
+            ..Choice::descriptor(Kind::InstanceGenerator, "promising-generator")
+        }
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self {
+            mistake: Choice::read(options)?.mistake,
+            blocked: Vec::new(),
+        })
+    }
+}
+
+impl InstanceGenerator for Generator {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let passable = environment.grid().map(|grid| grid.passable.clone());
+        let passable = passable.unwrap_or_default();
+        self.blocked = (0..passable.len() as u32)
+            .filter(|cell| passable[*cell as usize] == 0)
+            .collect();
+        Ok(())
+    }
+
+    fn generate(&mut self, state: &FleetState, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+        if self.mistake == Mistake::IdleFleetFails && state.goals.cells().is_empty() {
+            return Err(Failure::new(Status::InternalError, "nobody has a goal"));
+        }
+        let (mut offsets, mut goals) = (vec![0], Vec::new());
+        for (cell, open) in state.cells.iter().zip(state.goals.iter()) {
+            goals.extend_from_slice(open);
+            if open.is_empty() {
+                goals.push(*cell);
+            }
+            offsets.push(goals.len() as u64);
+        }
+        if let (Mistake::BlockedGoals, Some(cell)) = (self.mistake, self.blocked.first()) {
+            goals[0] = *cell;
+        }
+        let goals = Goals::from_flat(offsets, goals)
+            .ok_or_else(|| Failure::new(Status::InternalError, "broken lists"))?;
+        let mut instance = Instance {
+            goals,
+            headings: state.headings.clone(),
+            motion: state.motion,
+            objective: state.objective,
+            radius_m: state.radius_m,
+            window_steps: state.window_steps,
+            ..Instance::one_shot(state.cells.clone(), Vec::new())
+        };
+        match self.mistake {
+            Mistake::MovesFleet => instance.starts.reverse(),
+            Mistake::ForgetsHeadings => instance.headings = None,
+            Mistake::ForgetsWindow => instance.window_steps = 0,
+            _ => {}
+        }
+        sink.submit_instance(&instance)?;
+        Ok(())
+    }
+}
+
+/// Every five seconds, and when nobody has anything to do.
+pub(crate) struct Invocation(Mistake);
+
+impl Plugin for Invocation {
+    fn descriptor() -> Descriptor {
+        Choice::descriptor(Kind::InvocationPolicy, "promising-invocation")
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self(Choice::read(options)?.mistake))
+    }
+}
+
+impl InvocationPolicy for Invocation {
+    fn should_invoke(&mut self, status: &FleetStatus, _: &dyn Sink) -> Result<bool, Failure> {
+        if self.0 == Mistake::DiesOfCrowd && status.actions_left.len() > 1000 {
+            std::process::abort();
+        }
+        let left: BTreeSet<u32> = status.actions_left.iter().copied().collect();
+        let idle = left == BTreeSet::from([0]);
+        Ok(self.0 != Mistake::NeverCalls && (idle || status.since_last_call_s >= 5.0))
+    }
+}
+
+/// What three planners have in common that are described wrongly and never get far.
+macro_rules! described {
+    ($name:ident, $about:literal, $descriptor:expr) => {
+        #[doc = $about]
+        pub(crate) struct $name;
+
+        impl Plugin for $name {
+            fn descriptor() -> Descriptor {
+                $descriptor
+            }
+
+            fn create(_: Options<'_>) -> Result<Self, Failure> {
+                Ok(Self)
+            }
+        }
+
+        impl Planner for $name {
+            fn prepare(
+                &mut self,
+                _: &SharedEnvironment,
+                _: &Budget,
+                _: &dyn Sink,
+            ) -> Result<(), Failure> {
+                Ok(())
+            }
+
+            fn plan(&mut self, _: &Instance, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
+                Err(Failure::new(Status::GaveUp, "not before it is described"))
+            }
+        }
+    };
+}
+
+fn described(id: &str, claims: &[Capability]) -> Descriptor {
+    Descriptor {
+        version: env!("CARGO_PKG_VERSION").into(),
+        capabilities: Capabilities::of(claims),
+        ..Descriptor::new(Kind::Planner, id, "Is described wrongly.")
+    }
+}
+
+const PEBBLES: &[Capability] = &[Capability::Grid, Capability::Pebble];
+
+described! {
+    TwoFaces, "Describes itself in another way each time.",
+    Descriptor {
+        description: format!("Made {} ns after the machine.", monotonic_ns()),
+        ..described("two-faces", PEBBLES)
+    }
+}
+
+described! {
+    BadDefault, "Has a default that its schema forbids.",
+    Descriptor {
+        options_schema: json!({
+            "type": "object",
+            "additionalProperties": false,
+            "properties": { "depth": { "type": "integer", "minimum": 1, "default": 0 } },
+        }),
+        ..described("bad-default", PEBBLES)
+    }
+}
+
+described! {
+    Contradiction, "Claims neighbours without a grid.",
+    described("contradiction", &[Capability::EightConnected, Capability::Continuous])
+}
