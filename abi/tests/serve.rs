@@ -148,6 +148,19 @@ fn instances_that_do_not_fit_the_map_are_refused() {
 }
 
 #[test]
+fn numbers_cross_the_wire_to_the_last_bit() {
+    // serde_json reads these to the nearest number but one, unless it is asked not to.
+    for radius_m in [9.274748156681489e-6, 90.40945382657235, 123.28299016780049] {
+        let sent = Instance {
+            radius_m,
+            ..Instance::one_shot(vec![0], vec![1])
+        };
+        let text = serde_json::to_string(&sent).unwrap();
+        assert_eq!(serde_json::from_str::<Instance>(&text).unwrap(), sent);
+    }
+}
+
+#[test]
 fn a_panic_is_an_answer() {
     let answers = converse(&[&create(r#"{"panic":true}"#), PREPARE, PLAN]);
     assert!(

@@ -89,6 +89,8 @@ fn parameters(text: &str) {
     round_trip!(text, ShouldInvokeParams);
     if let Some(metric) = round_trip!(text, MetricParams) {
         assert!(metric.value.is_finite());
+        let written = serde_json::to_string(&metric.value).expect("a number");
+        assert_eq!(written.parse(), Ok(metric.value));
     }
     if let Some(incumbent) = round_trip!(text, IncumbentParams<&RawValue>) {
         paths(incumbent.paths);
