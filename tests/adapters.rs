@@ -408,7 +408,10 @@ fn adapters_are_found_and_described() {
     }
     let folder = yard.path("").display().to_string();
     yard.write("Cargo.toml", "[package]");
-    yard.write("other.planner.toml", text.replace("test-solver", "other-solver"));
+    yard.write(
+        "other.planner.toml",
+        text.replace("test-solver", "other-solver"),
+    );
     std::fs::create_dir(yard.path("third")).unwrap();
     let third = text
         .replace("test-solver", "third-solver")
