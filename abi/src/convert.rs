@@ -607,8 +607,7 @@ impl Plan {
         let total = total(&offsets, max_cells)?;
         // SAFETY: as promised.
         let cells = unsafe { copied("plan.cells", plan.cells, total)? };
-        Plan::from_parts(offsets, cells)
-            .ok_or_else(|| "plan.offsets do not fit the cells".into())
+        Plan::from_parts(offsets, cells).ok_or_else(|| "plan.offsets do not fit the cells".into())
     }
 }
 
