@@ -150,7 +150,11 @@ fn instances_that_do_not_fit_the_map_are_refused() {
 #[test]
 fn numbers_cross_the_wire_to_the_last_bit() {
     // serde_json reads these to the nearest number but one, unless it is asked not to.
-    for radius_m in [9.274748156681489e-6, 90.40945382657235, 123.28299016780049] {
+    for radius_m in [
+        9.274_748_156_681_489e-6,
+        90.409_453_826_572_35,
+        123.282_990_167_800_49,
+    ] {
         let sent = Instance {
             radius_m,
             ..Instance::one_shot(vec![0], vec![1])
