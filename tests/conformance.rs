@@ -113,6 +113,62 @@ fn the_examples_in_python_pass() {
     }
 }
 
+/// A solver for the command line that stays at home, and exits with 3 when it should not.
+const SOLVER: &str = r#"#!/usr/bin/env python3
+import sys
+if "--version" in sys.argv:
+    sys.exit(print("stays 1"))
+_, scenario, output = sys.argv[1:]
+paths = []
+for line in open(scenario).read().splitlines()[1:]:
+    x, y, goal_x, goal_y = map(int, line.split("\t")[4:8])
+    if (x, y) != (goal_x, goal_y):
+        sys.exit(3)
+    paths.append(f"Agent {len(paths)}: ({y},{x})->\n")
+open(output, "w").write("".join(paths))
+"#;
+
+const MANIFEST: &str = r#"manifest = 1
+id = "stays"
+description = "Stays at home."
+
+[version]
+args = ["--version"]
+pattern = 'stays (\S+)'
+
+[program]
+command = "./solver.py"
+args = ["{map}", "{scen}", "{output}"]
+
+[output]
+format = "paths-txt"
+"#;
+
+#[test]
+fn an_adapter_is_checked_like_any_other_plugin() {
+    use std::os::unix::fs::PermissionsExt;
+    if !have("python3") {
+        return;
+    }
+    let yard = Yard::new();
+    let solver = yard.write("solver.py", SOLVER);
+    fs::set_permissions(solver, fs::Permissions::from_mode(0o755)).unwrap();
+    let some = "--format json --only handshake --only descriptor --only default-options \
+                --only ending --only arrived --only crossing --only deadline";
+    let line = format!("plugins check ./planner.toml {some}");
+    yard.write("planner.toml", MANIFEST);
+    let document = yard.line(&line).expect(PLUGIN).json();
+    // What its exit code means nobody has said.
+    assert_eq!(bad(&document), expected("crossing deadline"), "{document}");
+    assert_eq!(document["attach"], "command");
+    yard.write(
+        "planner.toml",
+        format!("{MANIFEST}\n[exit]\ncodes = {{ 3 = \"gave-up\" }}\n"),
+    );
+    let document = yard.line(&line).expect(SUCCESS).json();
+    assert_eq!(bad(&document), expected(""), "{document}");
+}
+
 // ---- One broken promise each -----------------------------------------------------
 
 /// A plugin of `plugins/faulty/promises`, its mistake, and what it fails. What answers

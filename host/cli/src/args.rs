@@ -247,48 +247,57 @@ pub(crate) enum PinArg {
     Off,
 }
 
+/// Where the help shows what follows; a heading of the whole would go on after it.
+const LIMITS: &str = "Sandbox and limits";
+
 /// What a plugin may use and see.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Sandbox and limits")]
 pub(crate) struct SandboxArgs {
-    /// How much of the sandbox is required
-    #[arg(long, value_enum, default_value = "auto", value_name = "LEVEL")]
-    pub(crate) sandbox: LevelArg,
+    #[command(flatten)]
+    pub(crate) grants: GrantArgs,
     /// Processor time of a plan, over all processes and threads [default: no limit]
-    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", value_parser = duration)]
     pub(crate) cpu: Option<Duration>,
     /// Processor time for learning the map [default: the plan's]
-    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", value_parser = duration)]
     pub(crate) prepare_cpu: Option<Duration>,
     /// Memory of all processes together [default: half of the machine's]
-    #[arg(long, value_name = "SIZE", value_parser = size)]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size)]
     pub(crate) memory: Option<u64>,
     /// Memory for learning the map [default: the plan's]
-    #[arg(long, value_name = "SIZE", value_parser = size)]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size)]
     pub(crate) prepare_memory: Option<u64>,
+    /// Whether the planner has processor cores of its own
+    #[arg(long, help_heading = LIMITS, value_enum, default_value = "auto", value_name = "HOW")]
+    pub(crate) pin: PinArg,
+}
+
+/// What a plugin may use and see in every call, whoever makes it.
+#[derive(Debug, Args)]
+pub(crate) struct GrantArgs {
+    /// How much of the sandbox is required
+    #[arg(long, help_heading = LIMITS, value_enum, default_value = "auto", value_name = "LEVEL")]
+    pub(crate) sandbox: LevelArg,
     /// Most processes and threads
-    #[arg(long, value_name = "N", default_value_t = 256,
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 256,
           value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub(crate) processes: u32,
     /// Most output that is no message: standard error, stray lines
-    #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = size)]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", default_value = "64MiB", value_parser = size)]
     pub(crate) output_limit: u64,
     /// Size of the scratch folder, which is empty at the start of every run
-    #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = size)]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", default_value = "256MiB", value_parser = size)]
     pub(crate) disk: u64,
     /// Let the plugin read a file or folder; may be given several times
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, help_heading = LIMITS, value_name = "PATH")]
     pub(crate) allow_read: Vec<PathBuf>,
     /// Let the plugin use the network
-    #[arg(long)]
+    #[arg(long, help_heading = LIMITS)]
     pub(crate) allow_network: bool,
     /// Set an environment variable for the plugin, or pass the host's on; may be given
     /// several times. Variables that begin with FLEETYARD_ are passed on anyway
-    #[arg(long, value_name = "NAME[=VALUE]", value_parser = variable)]
+    #[arg(long, help_heading = LIMITS, value_name = "NAME[=VALUE]", value_parser = variable)]
     pub(crate) env: Vec<(String, String)>,
-    /// Whether the planner has processor cores of its own
-    #[arg(long, value_enum, default_value = "auto", value_name = "HOW")]
-    pub(crate) pin: PinArg,
 }
 
 #[derive(Debug, Args)]
@@ -426,7 +435,7 @@ pub(crate) enum Plugins {
         format: Format,
     },
     /// Ask a plugin what the contract promises, and show where it does otherwise
-    Check(Check),
+    Check(Box<Check>),
     /// Describe a plugin: what it can do and its options
     Info {
         /// A plugin's identifier, or the path of a library or program
@@ -480,6 +489,8 @@ pub(crate) struct Check {
     /// How long a plugin may take to start and be made
     #[arg(long, value_name = "DURATION", default_value = "1m", value_parser = duration)]
     pub(crate) startup: Duration,
+    #[command(flatten)]
+    pub(crate) grants: GrantArgs,
     /// Show the cases and what they ask
     #[arg(long)]
     pub(crate) list: bool,

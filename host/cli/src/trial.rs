@@ -18,7 +18,7 @@ use fleetyard_sim::{Execution, SimConfig, TraceSink};
 use serde_json::{Map, Value};
 
 use crate::BUILT_IN;
-use crate::args::{BudgetArgs, PinArg, WorldArgs};
+use crate::args::{BudgetArgs, GrantArgs, PinArg, WorldArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
@@ -80,16 +80,8 @@ impl Host {
         let limits = Limits {
             grace: budget.grace.unwrap_or(Duration::ZERO),
             startup: budget.startup,
-            output_bytes: sandbox.output_limit,
-            policy: Policy {
-                level: sandbox.sandbox.into(),
-                read: sandbox.allow_read.clone(),
-                network: sandbox.allow_network,
-                env: sandbox.env.clone(),
-                processes: sandbox.processes,
-                disk_bytes: sandbox.disk,
-                ..Policy::default()
-            },
+            output_bytes: sandbox.grants.output_limit,
+            policy: policy(&sandbox.grants)?,
             prepare_cpu: sandbox.prepare_cpu.or(sandbox.cpu),
             cpu: sandbox.cpu,
             memory_bytes: memory(budget).max(prepare_memory(budget)),
@@ -97,13 +89,6 @@ impl Host {
             cpus: reserved.map(|reserved| reserved.mask.clone()),
             ..Limits::default()
         };
-        for path in &sandbox.allow_read {
-            if !path.exists() {
-                let message = format!("{}: there is no such file or folder", path.display());
-                return Err(Failure::new(Exit::Input, message)
-                    .hint("--allow-read names what the plugin may read"));
-            }
-        }
         let runtime = Runtime::new(BUILT_IN, limits).map_err(internal)?;
         Ok(Self { runtime, cores })
     }
@@ -111,6 +96,26 @@ impl Host {
     fn reserved(&self) -> Option<&Reservation> {
         self.cores.as_ref()?.as_ref().ok()
     }
+}
+
+/// What the sandbox is to grant.
+pub(crate) fn policy(grants: &GrantArgs) -> Result<Policy> {
+    for path in &grants.allow_read {
+        if !path.exists() {
+            let message = format!("{}: there is no such file or folder", path.display());
+            return Err(Failure::new(Exit::Input, message)
+                .hint("--allow-read names what the plugin may read"));
+        }
+    }
+    Ok(Policy {
+        level: grants.sandbox.into(),
+        read: grants.allow_read.clone(),
+        network: grants.allow_network,
+        env: grants.env.clone(),
+        processes: grants.processes,
+        disk_bytes: grants.disk,
+        ..Policy::default()
+    })
 }
 
 fn memory(budget: &BudgetArgs) -> u64 {
@@ -356,9 +361,9 @@ impl Trial<'_> {
             prepare_cpu_ms: ms(limits.prepare_cpu),
             memory_bytes: bytes(memory(budget)),
             prepare_memory_bytes: bytes(prepare_memory(budget)),
-            processes: sandbox.processes,
-            output_bytes: sandbox.output_limit,
-            disk_bytes: sandbox.disk,
+            processes: sandbox.grants.processes,
+            output_bytes: sandbox.grants.output_limit,
+            disk_bytes: sandbox.grants.disk,
             nodes: (budget.nodes > 0).then_some(budget.nodes),
             threads: budget.threads,
             seed: budget.seed,

@@ -10,19 +10,20 @@ use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use clap::ValueEnum;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
 use fleetyard_runtime::{
-    Attach, Discovery, Limits, OptionError, PluginFile, check_options, parse_option,
+    Attach, Discovery, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
 };
 use serde::Serialize;
 use serde_json::Map;
 
 use crate::BUILT_IN;
-use crate::args::{Check, Format};
+use crate::args::{Check, Format, GrantArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
-use crate::trial::{half_of_memory, milliseconds, runtime};
+use crate::trial::{half_of_memory, milliseconds, policy, runtime};
 
 #[derive(Serialize)]
 struct Document {
@@ -99,6 +100,8 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
         startup: arguments.startup,
     };
     let limits = Limits {
+        policy: policy(&arguments.grants)?,
+        output_bytes: arguments.grants.output_limit,
         memory_bytes: half_of_memory(),
         ..Limits::default()
     };
@@ -458,6 +461,7 @@ impl Run<'_> {
         }
         add("only", case.name.into());
         add("reproduce", seed.to_string());
+        words.extend(granted(&self.arguments.grants));
         words
     }
 
@@ -521,6 +525,37 @@ impl Run<'_> {
             time_ms: milliseconds(started.elapsed()),
         })
     }
+}
+
+/// Arguments that grant the same, where it is not what everybody gets.
+fn granted(grants: &GrantArgs) -> Vec<String> {
+    let usual = Policy::default();
+    let mut words = Vec::new();
+    let mut add = |name: &str, value: String| words.extend([format!("--{name}"), value]);
+    if let Some(level) = grants.sandbox.to_possible_value()
+        && Level::from(grants.sandbox) != usual.level
+    {
+        add("sandbox", level.get_name().to_owned());
+    }
+    if grants.processes != usual.processes {
+        add("processes", grants.processes.to_string());
+    }
+    if grants.disk != usual.disk_bytes {
+        add("disk", format!("{}B", grants.disk));
+    }
+    if grants.output_limit != Limits::default().output_bytes {
+        add("output-limit", format!("{}B", grants.output_limit));
+    }
+    for path in &grants.allow_read {
+        add("allow-read", path.display().to_string());
+    }
+    for (name, value) in &grants.env {
+        add("env", format!("{name}={value}"));
+    }
+    if grants.allow_network {
+        words.push("--allow-network".into());
+    }
+    words
 }
 
 fn ending(status: ExitStatus) -> String {
