@@ -136,7 +136,10 @@ fn the_limit_that_is_exceeded_is_named() {
             let limit = record["limit"].as_str().unwrap_or("none");
             assert!(limits.contains(&limit), "{fault}: {limit} {ended}");
             assert_eq!(record["stopped"], true, "{fault}: {ended}");
-            assert!(record["kill_latency_ms"].is_number(), "{fault}: {ended}");
+            // A file that grows too large is stopped by the kernel, at once.
+            let stopped_by_us = limit != "disk";
+            let latency = &record["kill_latency_ms"];
+            assert!(latency.is_number() || !stopped_by_us, "{fault}: {ended}");
         }
     }
 }
