@@ -638,7 +638,11 @@ fn wrong_command_lines_are_refused_before_anything_is_started() {
             ["a shared library does not speak", "--attach worker"],
         ),
         ("pibt", "--id lacamm", ["no such plugin", "pibt (planner)"]),
-        ("pibtt", "", ["there is no plugin `pibtt`", "known: lacam"]),
+        (
+            "pibtt",
+            "",
+            ["there is no plugin `pibtt`", "did you mean `pibt`?"],
+        ),
         (
             &program,
             "--attach in-process",

@@ -129,23 +129,31 @@ fn prepare_memory(budget: &BudgetArgs) -> u64 {
         .unwrap_or_else(|| memory(budget))
 }
 
+/// Finds a plugin by path, `PATH:ID` or identifier.
+pub(crate) fn find(
+    runtime: &Runtime,
+    kind: Option<Kind>,
+    name: &str,
+) -> Result<(PluginFile, Origin, Option<String>)> {
+    let found = Discovery::from_environment().find(runtime, kind, name);
+    found.map_err(|fault| {
+        let exit = match &fault {
+            // An unknown name is the user's mistake, a bad file the plugin's.
+            Fault::Refused { .. } if !name.contains('/') && !Path::new(name).exists() => {
+                Exit::Usage
+            }
+            _ => Exit::Plugin,
+        };
+        Failure {
+            exit,
+            ..Failure::from(fault)
+        }
+    })
+}
+
 impl Candidate {
     pub(crate) fn find(runtime: &Runtime, name: &str) -> Result<Self> {
-        let discovery = Discovery::from_environment();
-        let found = discovery.find(runtime, Kind::Planner, name);
-        let (file, origin, id) = found.map_err(|fault| {
-            let exit = match &fault {
-                // An unknown name is the user's mistake, a bad file the plugin's.
-                Fault::Refused { .. } if !name.contains('/') && !Path::new(name).exists() => {
-                    Exit::Usage
-                }
-                _ => Exit::Plugin,
-            };
-            Failure {
-                exit,
-                ..Failure::from(fault)
-            }
-        })?;
+        let (file, origin, id) = find(runtime, Some(Kind::Planner), name)?;
         let name = match (&origin, file.path().and_then(|path| path.file_stem())) {
             (Origin::Path, Some(stem)) => stem.to_string_lossy().into_owned(),
             _ => name.to_owned(),

@@ -235,11 +235,11 @@ impl Discovery {
             .collect()
     }
 
-    /// Finds a plugin by path or identifier.
+    /// Finds a plugin by path, `PATH:ID` or identifier, of one kind or of any.
     pub fn find(
         &self,
         runtime: &Runtime,
-        kind: Kind,
+        kind: Option<Kind>,
         name: &str,
     ) -> Result<(PluginFile, Origin, Option<String>), Fault> {
         // `path:id` picks one of several plugins of a file.
@@ -261,7 +261,8 @@ impl Discovery {
             let Ok(plugins) = runtime.describe(&file) else {
                 continue;
             };
-            for plugin in plugins.into_iter().filter(|plugin| plugin.kind == kind) {
+            let wanted = |plugin: &Descriptor| kind.is_none_or(|kind| kind == plugin.kind);
+            for plugin in plugins.into_iter().filter(wanted) {
                 if plugin.id == name {
                     return Ok((file, origin, Some(plugin.id)));
                 }
@@ -276,7 +277,10 @@ impl Discovery {
             ),
         };
         Err(Fault::Refused {
-            reason: format!("there is no {kind} `{name}`"),
+            reason: format!(
+                "there is no {} `{name}`",
+                kind.map_or("plugin", Kind::as_str)
+            ),
             hint: Some(hint),
         })
     }

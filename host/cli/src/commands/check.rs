@@ -6,7 +6,6 @@
 
 use std::fmt::Write as _;
 use std::os::unix::process::ExitStatusExt;
-use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -14,7 +13,7 @@ use clap::ValueEnum;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
 use fleetyard_runtime::{
-    Attach, Discovery, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
+    Attach, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
 };
 use serde::Serialize;
 use serde_json::Map;
@@ -23,7 +22,7 @@ use crate::BUILT_IN;
 use crate::args::{Check, Format, GrantArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
-use crate::trial::{half_of_memory, milliseconds, policy, runtime};
+use crate::trial::{self, half_of_memory, milliseconds, policy, runtime};
 
 #[derive(Serialize)]
 struct Document {
@@ -107,7 +106,7 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
     };
     let kit = Kit::new(BUILT_IN, config, limits).map_err(internal)?;
     let name = arguments.plugin.as_deref().unwrap_or_default();
-    let Located { file, id } = locate(name, arguments)?;
+    let (file, _, id) = trial::find(&runtime()?, arguments.kind, name)?;
     let attach = attachment(&file, arguments)?;
     let mut run = Run {
         arguments,
@@ -197,45 +196,6 @@ fn list(cases: &[&Case], format: Format) -> Result<Exit> {
 
 fn widest(cases: &[&Case]) -> usize {
     cases.iter().map(|case| case.name.len()).max().unwrap_or(0)
-}
-
-struct Located {
-    file: PluginFile,
-    /// When one of the file's plugins was named.
-    id: Option<String>,
-}
-
-/// Finds the file by path, `PATH:ID` or identifier.
-fn locate(name: &str, arguments: &Check) -> Result<Located> {
-    let (path, id) = match name.rsplit_once(':') {
-        Some((path, id)) if !id.contains('/') && !Path::new(name).exists() => {
-            (path, Some(id.to_owned()))
-        }
-        _ => (name, None),
-    };
-    if name.contains('/') || Path::new(path).is_file() {
-        let file = PluginFile::at(Path::new(path))?;
-        return Ok(Located { file, id });
-    }
-    let found = Discovery::from_environment().scan(&runtime()?);
-    let mut known = Vec::new();
-    for file in found {
-        // A file that is refused is no reason not to look further.
-        for plugin in file.plugins.unwrap_or_default() {
-            if plugin.id == name && arguments.kind.is_none_or(|kind| kind == plugin.kind) {
-                return Ok(Located {
-                    file: file.file,
-                    id: Some(plugin.id),
-                });
-            }
-            known.push(plugin.id);
-        }
-    }
-    known.dedup();
-    Err(
-        Failure::new(Exit::Usage, format!("there is no plugin `{name}`"))
-            .hint(format!("known: {}; or name a file", known.join(", "))),
-    )
 }
 
 /// A library can be in this process as well; there is no other choice.
