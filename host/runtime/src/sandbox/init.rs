@@ -167,8 +167,11 @@ fn start_plugin(
         0 => plugin(inside, scratch, become_plugin),
         child => {
             crate::supervisor::release_stdio();
-            // Everything is made; what is left needs no rights.
-            let _ = drop_capabilities();
+            // Everything is made; what is left needs no rights, but for ending processes of
+            // another user where there is no namespace in which this one may.
+            if inside.become_user.is_none() {
+                let _ = drop_capabilities();
+            }
             // The supervisor's end is noticed on the link; this is for the case
             // that somebody else holds it open.
             let _ = set_parent_process_death_signal(Some(Signal::KILL));
