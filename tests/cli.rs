@@ -601,8 +601,8 @@ fn hanging(yard: &Yard, planner: &Path, fault: &str) -> Started {
     line.extend(words(&format!("--option fault={fault}")));
     line.extend(instance("empty-8-8", 2));
     let started = yard.start(&line);
-    // The host, its supervisor and the plugin.
-    assert!(until(|| started.processes().len() >= 3));
+    // Host, supervisor, the sandbox's first process, and the plugin, in this order.
+    assert!(until(|| started.processes().len() >= 4));
     started
 }
 
