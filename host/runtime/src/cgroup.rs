@@ -46,12 +46,6 @@ impl Cgroup {
         &self.folder
     }
 
-    /// Whether a process is in the group.
-    pub(crate) fn has(&self, pid: i32) -> bool {
-        let processes = fs::read_to_string(self.folder.join("cgroup.procs")).unwrap_or_default();
-        processes.lines().any(|line| line == pid.to_string())
-    }
-
     /// Moves a process, and all that it will start, into the group.
     pub(crate) fn add(&self, pid: i32) -> std::io::Result<()> {
         fs::write(self.folder.join("cgroup.procs"), pid.to_string())

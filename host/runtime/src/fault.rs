@@ -94,6 +94,14 @@ impl Fault {
         matches!(self, Self::Reported { .. })
     }
 
+    /// Whether the host stopped the plugin, rather than found it ended.
+    pub(crate) fn is_stop(&self) -> bool {
+        matches!(
+            self,
+            Self::TimedOut { .. } | Self::OverLimit { .. } | Self::Protocol { .. }
+        )
+    }
+
     /// The limit that was exceeded, if that is what went wrong.
     pub fn limit(&self) -> Option<Limit> {
         match self {

@@ -326,12 +326,15 @@ impl Monitor {
         total.bytes > self.standing.disk_bytes || total.files > self.standing.files
     }
 
+    /// As exactly as the kernel counts it for the group, else in ticks.
     fn cpu_us(&mut self, jail: &Jail, census: &Census) -> u64 {
-        if let Some(exact) = jail.cgroup.as_ref().and_then(Cgroup::cpu_us) {
-            return exact;
-        }
-        // Ticks are coarse but forget nobody; they never run backwards, whoever has
-        // just been waited for by whom.
+        let exact = jail.cgroup.as_ref().and_then(Cgroup::cpu_us);
+        exact.unwrap_or_else(|| self.ticks_us(census))
+    }
+
+    /// Ticks are coarse but forget nobody; they never run backwards, whoever has just
+    /// been waited for by whom.
+    fn ticks_us(&mut self, census: &Census) -> u64 {
         self.last_cpu_us = self.last_cpu_us.max(census.ticks * self.tick_us);
         self.last_cpu_us
     }
@@ -346,11 +349,10 @@ impl Monitor {
                 *delay_us.get_or_insert(0) += delay;
             }
         }
-        let counted = self.cpu_us(jail, census);
-        let exact = jail.cgroup.as_ref().and_then(Cgroup::cpu_us).is_some();
+        let exact = jail.cgroup.as_ref().and_then(Cgroup::cpu_us);
         Times {
             // Of living threads the scheduler knows more than the ticks tell.
-            cpu_us: Some(if exact { counted } else { counted.max(run_us) }),
+            cpu_us: Some(exact.unwrap_or_else(|| self.ticks_us(census).max(run_us))),
             run_delay_us: delay_us,
         }
     }

@@ -204,10 +204,7 @@ impl PlanRun {
             claim: None,
             message: None,
             usage: CallUsage::default(),
-            stopped: matches!(
-                fault,
-                Fault::TimedOut { .. } | Fault::OverLimit { .. } | Fault::Protocol { .. }
-            ),
+            stopped: fault.is_stop(),
             limit: fault.limit(),
             fault: Some(fault),
             incumbents: Vec::new(),
@@ -726,9 +723,8 @@ impl Session {
                 }
             }
             Err(fault) => {
-                let PlanRun { stopped, limit, .. } = PlanRun::failed(fault.clone());
-                run.stopped = stopped && !matches!(self.inner, Inner::InProcess { .. });
-                run.limit = limit;
+                run.stopped = fault.is_stop() && !matches!(self.inner, Inner::InProcess { .. });
+                run.limit = fault.limit();
                 run.termination = Termination::from(&fault);
                 run.fault = Some(fault);
             }

@@ -115,7 +115,7 @@ impl Identity {
 struct Entry {
     host: Identity,
     supervisor: Identity,
-    scratch: Option<PathBuf>,
+    scratch: PathBuf,
     cgroup: Option<PathBuf>,
 }
 
@@ -127,11 +127,11 @@ pub(crate) struct Registered {
 impl Registered {
     /// Called by a supervisor. Where nothing can be written, nothing is: the
     /// supervisor ends everybody by itself, unless it is killed too.
-    pub(crate) fn write(run: &str, scratch: Option<&Path>, cgroup: Option<&Path>) -> Option<Self> {
+    pub(crate) fn write(run: &str, scratch: &Path, cgroup: Option<&Path>) -> Option<Self> {
         let entry = Entry {
             host: Identity::of(std::os::unix::process::parent_id() as i32)?,
             supervisor: Identity::of(std::process::id() as i32)?,
-            scratch: scratch.map(Path::to_owned),
+            scratch: scratch.to_owned(),
             cgroup: cgroup.map(Path::to_owned),
         };
         let note = folder("runs").ok()?.path.join(format!("{run}.json"));
@@ -179,9 +179,7 @@ pub(crate) fn reap_orphans() -> usize {
         if let Some(run) = path.file_stem().and_then(|name| name.to_str()) {
             kill_marked(run);
         }
-        if let Some(scratch) = &entry.scratch {
-            let _ = fs::remove_dir_all(scratch);
-        }
+        let _ = fs::remove_dir_all(&entry.scratch);
         if let Some(group) = &entry.cgroup {
             let _ = fs::remove_dir(group);
         }

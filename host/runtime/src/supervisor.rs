@@ -288,7 +288,7 @@ fn run(
         }
     };
     let group = jail.cgroup.as_ref().map(Cgroup::folder);
-    let _registered = Registered::write(&launch.run, Some(scratch.path()), group);
+    let _registered = Registered::write(&launch.run, scratch.path(), group);
     release_stdio();
     watch(launch, control, &jail)
 }

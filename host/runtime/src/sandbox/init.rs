@@ -17,7 +17,6 @@ use rustix::process::{
 };
 use rustix::time::Timespec;
 
-use super::grants::Grants;
 use super::jail::Launch;
 use super::link::{Ended, Packet, send};
 use super::lock::{Lock, drop_capabilities};
@@ -30,7 +29,6 @@ use crate::tree::kill_descendants;
 /// What the init and the plugin's process know.
 pub(super) struct Inside<'a> {
     pub(super) launch: &'a Launch,
-    pub(super) grants: &'a Grants,
     pub(super) wanted: &'a [Layer],
     /// On disk, for when there is no tree of our own.
     pub(super) scratch: &'a Path,
@@ -64,7 +62,7 @@ impl Inside<'_> {
         let mut lost = Vec::new();
         if mount && let Some(trees) = trees {
             let root = Root {
-                read: &self.grants.read,
+                read: &self.launch.grants.read,
                 trees,
                 // A little more than the limit, so that reaching it can be seen.
                 disk_bytes: self.launch.policy.disk_bytes.max(4096) + (64 << 10),
@@ -138,7 +136,6 @@ pub(super) fn enter(
 ) -> ! {
     let inside = Inside {
         launch: &handed.launch,
-        grants: &handed.launch.grants,
         wanted: &handed.wanted,
         scratch,
         link,
@@ -186,7 +183,8 @@ fn plugin(
     scratch: &Path,
     become_plugin: &dyn Fn() -> std::convert::Infallible,
 ) -> ! {
-    let (launch, grants) = (inside.launch, inside.grants);
+    let launch = inside.launch;
+    let grants = &launch.grants;
     crate::supervisor::child_setup();
     // Relative paths of a plugin mean its scratch folder.
     let _ = std::env::set_current_dir(scratch);
@@ -295,7 +293,7 @@ fn readable(inside: &Inside<'_>) -> Vec<PathBuf> {
         "/proc/sys/vm/overcommit_memory",
         "/proc/sys/kernel/osrelease",
     ];
-    let granted = inside.grants.read.iter().cloned();
+    let granted = inside.launch.grants.read.iter().cloned();
     granted.chain(of_proc.map(PathBuf::from)).collect()
 }
 

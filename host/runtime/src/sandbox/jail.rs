@@ -85,7 +85,6 @@ pub(crate) struct NotStarted {
 /// What is being tried.
 struct Attempt<'a> {
     launch: &'a Launch,
-    grants: &'a Grants,
     /// Layers that are asked for, without those that were refused.
     wanted: Vec<Layer>,
     refused: Vec<Refusal>,
@@ -211,7 +210,6 @@ pub(crate) fn start(
     }
     let mut attempt = Attempt {
         launch,
-        grants: &launch.grants,
         wanted,
         refused: Vec::new(),
         left_out,
@@ -302,7 +300,7 @@ impl Attempt<'_> {
         let hopeless = |error: Errno| Tried::Hopeless(error.to_string());
         if root && self.wants(Layer::OwnUser) {
             if self.wants(Layer::MountNamespace) && self.trees.is_empty() {
-                self.trees = take_as_root(&self.grants.read, own_user);
+                self.trees = take_as_root(&self.launch.grants.read, own_user);
             }
             // Where files are not remapped, the scratch folder has to be theirs.
             let _ = std::os::unix::fs::chown(self.scratch, Some(own_user), Some(own_user));
@@ -323,7 +321,6 @@ impl Attempt<'_> {
         };
         let inside = Inside {
             launch: self.launch,
-            grants: self.grants,
             wanted: &self.wanted,
             scratch: self.scratch,
             link: &theirs,
@@ -332,10 +329,11 @@ impl Attempt<'_> {
                 .then_some(own_user),
         };
         let child = if self.backend == Backend::Bwrap {
-            bwrap::spawn(self.launch, &self.wanted, &theirs, &gate)
+            let child = bwrap::spawn(self.launch, &self.wanted, &theirs, &gate);
+            child.map(|child| (child, false))
         } else {
             match copy_process(self.flags(), cgroup.as_ref()) {
-                Ok(0) => {
+                Ok((0, _)) => {
                     drop((link, opener));
                     inside.run(Some(&self.trees), become_plugin)
                 }
@@ -347,7 +345,7 @@ impl Attempt<'_> {
         } else {
             Layer::PidNamespace
         };
-        let child = match child {
+        let (child, grouped) = match child {
             Ok(child) => child,
             Err(errno) if self.flags() == 0 => return hopeless(errno),
             Err(errno) => return self.refuse_namespaces(layer, errno),
@@ -361,7 +359,7 @@ impl Attempt<'_> {
             link,
         };
         if let Some(group) = &cgroup
-            && !group.has(init.as_raw_nonzero().get())
+            && !grouped
             && let Err(error) = group.add(init.as_raw_nonzero().get())
         {
             return Tried::Refused(Refusal::new(
@@ -479,7 +477,7 @@ impl Attempt<'_> {
             init_fd,
             link,
             report: self.report(),
-            environment: self.grants.environment_digest(),
+            environment: self.launch.grants.environment_digest(),
             cgroup,
             view,
             scratch,
@@ -575,8 +573,9 @@ pub(crate) enum News {
 pub(crate) struct Gone;
 
 /// Like `fork`, into new namespaces, and into the group at once where the kernel can:
-/// moving a process later makes it wait for every processor.
-fn copy_process(flags: i32, cgroup: Option<&Cgroup>) -> Result<i32, Errno> {
+/// moving a process later makes it wait for every processor. Whether it is in the group
+/// comes with it.
+fn copy_process(flags: i32, cgroup: Option<&Cgroup>) -> Result<(i32, bool), Errno> {
     const INTO_CGROUP: u64 = 0x2_0000_0000;
     let group = cgroup.and_then(|group| {
         let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::CLOEXEC;
@@ -598,13 +597,13 @@ fn copy_process(flags: i32, cgroup: Option<&Cgroup>) -> Result<i32, Errno> {
             )
         };
         if child >= 0 {
-            return Ok(child as i32);
+            return Ok((child as i32, true));
         }
     }
     // SAFETY: this process has one thread, so the copy may do anything.
     let child = unsafe { libc::syscall(libc::SYS_clone, flags | libc::SIGCHLD, 0, 0, 0, 0) };
     if child >= 0 {
-        Ok(child as i32)
+        Ok((child as i32, false))
     } else {
         Err(as_errno(&std::io::Error::last_os_error()))
     }
