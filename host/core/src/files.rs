@@ -192,17 +192,25 @@ pub(crate) fn column(line: &[u8], at: usize) -> u64 {
     String::from_utf8_lossy(before).chars().count() as u64 + 1
 }
 
-/// Text for an error message: escaped, and cut when it is long.
+/// Text from outside for a message: escaped, and cut when it is long.
+pub fn shown(text: &str) -> String {
+    cut(text, 60)
+}
+
+/// The same for bytes, in quotes.
 pub(crate) fn quote(bytes: &[u8]) -> String {
-    const SHOWN: usize = 40;
-    let text = String::from_utf8_lossy(bytes);
-    let mut shown: String = text
+    format!("'{}'", cut(&String::from_utf8_lossy(bytes), 40))
+}
+
+/// At most so many characters of a text, escaped.
+pub(crate) fn cut(text: &str, longest: usize) -> String {
+    let mut cut: String = text
         .chars()
-        .take(SHOWN)
+        .take(longest)
         .flat_map(char::escape_debug)
         .collect();
-    if text.chars().nth(SHOWN).is_some() {
-        shown.push('…');
+    if text.chars().nth(longest).is_some() {
+        cut.push('…');
     }
-    format!("'{shown}'")
+    cut
 }

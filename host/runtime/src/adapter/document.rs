@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use fleetyard_core::InputError;
+use fleetyard_core::{InputError, shown};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -306,18 +306,4 @@ impl<'t, 'a> Value<'t, 'a> {
             }
         }
     }
-}
-
-/// Text of the author in a message: cut, and without control characters.
-pub(super) fn shown(text: &str) -> String {
-    const LONGEST: usize = 60;
-    let mut shown: String = text
-        .chars()
-        .take(LONGEST)
-        .flat_map(char::escape_debug)
-        .collect();
-    if text.chars().nth(LONGEST).is_some() {
-        shown.push('…');
-    }
-    shown
 }

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fleetyard_abi::{Capabilities, Capability, Plan, Status};
-use fleetyard_core::InputError;
+use fleetyard_core::formats::{Begin, Layout, Major, MapSize};
+use fleetyard_core::{InputError, shown};
 use regex::bytes::{Regex, RegexBuilder};
 use serde_json::{Map, Value as Json};
 
-use super::document::{Document, Table, Value, shown};
-use super::formats::{Begin, Layout, Major, MapSize};
+use super::document::{Document, Table, Value};
 use super::template::{Slot, Template};
 use crate::options::check_options;
 
@@ -296,7 +296,9 @@ impl Manifest {
     ) -> Result<Plan, InputError> {
         let size = MapSize { rows, cols };
         let source = self.output.source();
-        self.output.layout.read(&source, answer, size, agents)
+        let layout = &self.output.layout;
+        let plan = layout.read(&source, answer, size, Some(agents))?;
+        Ok(Plan::from_paths(plan.paths()))
     }
 }
 
@@ -773,8 +775,8 @@ fn custom(value: &Value<'_, '_>) -> Result<Layout, InputError> {
     };
     let line = table.text("line")?.unwrap_or("{path}");
     let separator = table.text("separator")?.unwrap_or(",");
-    let mut layout = Layout::new(major, line, position, separator).map_err(|(key, error)| {
-        let fault = match table.get(key) {
+    let mut layout = Layout::new(major, line, position, separator).map_err(|error| {
+        let fault = match table.get(error.part) {
             Some(value) => value.error(error.reason),
             None => table.error(error.reason),
         };

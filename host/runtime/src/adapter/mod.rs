@@ -8,10 +8,10 @@
 //! and reads its answer. It believes nothing: the plan is judged like any other, and
 //! an answer that is not in the declared format breaks the contract.
 //!
-//! [`Manifest`] is the file, `formats` reads answers, `process` runs programs.
+//! [`Manifest`] is the file, [`fleetyard_core::formats`] reads answers, `process` runs
+//! programs.
 
 mod document;
-mod formats;
 mod manifest;
 mod process;
 mod solver;

@@ -14,13 +14,13 @@ use fleetyard_abi::{
     Budget, Capability, Environment, GridEnvironment, Instance, LogLevel, Motion, Plan,
     SharedEnvironment, Status, monotonic_ns,
 };
+use fleetyard_core::formats::PATHS_LIMIT;
 use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write_scen};
 use regex::bytes::Regex;
 use serde_json::{Map, Value as Json};
 use tempfile::TempDir;
 
 use super::Installed;
-use super::formats::ANSWER_LIMIT;
 use super::manifest::{Condition, MAP_NAME, SCEN_NAME, Searched};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
@@ -306,7 +306,7 @@ impl Solver {
         let (mut stdout_left, mut stderr_left) = (Some(FORWARDED), Some(FORWARDED));
         let outputs = Outputs {
             stdout: if answer_on_stdout {
-                Captured::new(ANSWER_LIMIT as usize, 0)
+                Captured::new(PATHS_LIMIT as usize, 0)
             } else {
                 Captured::new(LOG_HEAD, LOG_TAIL)
             },
@@ -410,7 +410,7 @@ impl Solver {
 }
 
 fn too_large() -> io::Error {
-    let reason = format!("the answer is larger than {ANSWER_LIMIT} bytes");
+    let reason = format!("the answer is larger than {PATHS_LIMIT} bytes");
     io::Error::other(reason)
 }
 
@@ -430,12 +430,12 @@ fn read_answer(path: &Path) -> io::Result<Answer> {
     if !meta.is_file() {
         return Err(io::Error::other("the answer is not a regular file"));
     }
-    if meta.len() > ANSWER_LIMIT {
+    if meta.len() > PATHS_LIMIT {
         return Err(too_large());
     }
     let mut bytes = Vec::with_capacity(meta.len() as usize);
-    file.take(ANSWER_LIMIT + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > ANSWER_LIMIT {
+    file.take(PATHS_LIMIT + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > PATHS_LIMIT {
         return Err(too_large());
     }
     Ok(Answer::File(bytes))
@@ -590,7 +590,7 @@ mod tests {
             assert_eq!(told("pipe"), "the answer is not a regular file");
         }
         let huge = fs::File::create(path("huge")).unwrap();
-        huge.set_len(ANSWER_LIMIT + 1).unwrap();
+        huge.set_len(PATHS_LIMIT + 1).unwrap();
         assert_eq!(told("huge"), "the answer is larger than 268435456 bytes");
     }
 

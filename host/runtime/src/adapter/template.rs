@@ -5,7 +5,9 @@
 
 use std::ffi::OsString;
 
-use super::document::shown;
+use fleetyard_core::formats::{Piece, PieceError, pieces};
+use fleetyard_core::shown;
+
 use crate::options::nearest;
 
 /// What a placeholder stands for.
@@ -62,7 +64,7 @@ const SLOTS: [(&str, Slot); 14] = [
 ];
 
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum Piece {
+enum Part {
     Text(String),
     Slot(Slot),
 }
@@ -70,7 +72,7 @@ enum Piece {
 /// An argument with placeholders.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Template {
-    pieces: Vec<Piece>,
+    parts: Vec<Part>,
 }
 
 /// Why a text is no template, and what to do about it.
@@ -80,34 +82,40 @@ pub(super) struct TemplateError {
     pub(super) hint: String,
 }
 
+impl From<PieceError> for TemplateError {
+    fn from(PieceError { reason, hint }: PieceError) -> Self {
+        Self { reason, hint }
+    }
+}
+
 impl Template {
     /// Reads a template; `options` are the names of the planner's options.
     pub(super) fn parse(text: &str, options: &[&str]) -> Result<Self, TemplateError> {
-        let pieces = pieces(text)?
+        let parts = pieces(text)?
             .into_iter()
             .map(|piece| match piece {
-                Ok(text) => Ok(Piece::Text(text)),
-                Err(name) => slot(&name, options).map(Piece::Slot),
+                Piece::Text(text) => Ok(Part::Text(text)),
+                Piece::Name(name) => slot(&name, options).map(Part::Slot),
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { pieces })
+        Ok(Self { parts })
     }
 
     /// Its placeholders.
     pub(super) fn slots(&self) -> impl Iterator<Item = &Slot> {
-        self.pieces.iter().filter_map(|piece| match piece {
-            Piece::Slot(slot) => Some(slot),
-            Piece::Text(_) => None,
+        self.parts.iter().filter_map(|part| match part {
+            Part::Slot(slot) => Some(slot),
+            Part::Text(_) => None,
         })
     }
 
     /// The argument.
     pub(super) fn render(&self, mut value: impl FnMut(&Slot) -> OsString) -> OsString {
         let mut rendered = OsString::new();
-        for piece in &self.pieces {
-            match piece {
-                Piece::Text(text) => rendered.push(text),
-                Piece::Slot(slot) => rendered.push(value(slot)),
+        for part in &self.parts {
+            match part {
+                Part::Text(text) => rendered.push(text),
+                Part::Slot(slot) => rendered.push(value(slot)),
             }
         }
         rendered
@@ -142,42 +150,6 @@ fn slot(name: &str, options: &[&str]) -> Result<Slot, TemplateError> {
             },
         }
     })
-}
-
-/// Splits a text with placeholders: `Ok` is literal text, `Err` a name in braces.
-pub(super) fn pieces(text: &str) -> Result<Vec<Result<String, String>>, TemplateError> {
-    let mut pieces = Vec::new();
-    let mut literal = String::new();
-    let mut rest = text;
-    while let Some(at) = rest.find(['{', '}']) {
-        literal.push_str(&rest[..at]);
-        let brace = &rest[at..=at];
-        rest = &rest[at + 1..];
-        if let Some(after) = rest.strip_prefix(brace) {
-            literal.push_str(brace);
-            rest = after;
-            continue;
-        }
-        let end = rest
-            .find(['{', '}'])
-            .filter(|end| brace == "{" && rest[*end..].starts_with('}'));
-        let Some(end) = end else {
-            return Err(TemplateError {
-                reason: format!("a single `{brace}` in \"{}\"", shown(text)),
-                hint: format!("write {brace}{brace} for a brace, and {{name}} for a placeholder"),
-            });
-        };
-        if !literal.is_empty() {
-            pieces.push(Ok(std::mem::take(&mut literal)));
-        }
-        pieces.push(Err(rest[..end].to_owned()));
-        rest = &rest[end + 1..];
-    }
-    literal.push_str(rest);
-    if !literal.is_empty() {
-        pieces.push(Ok(literal));
-    }
-    Ok(pieces)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Answers of solvers: text with paths, read strictly by a [`Layout`].
+//! Paths as lines of text, as most solvers write them, read strictly by a [`Layout`].
 //!
 //! A layout is small on purpose. It says which lines carry paths, whether a line is
 //! an agent's path or a time step of all agents, and how a position is written. The
@@ -12,23 +12,25 @@
 //! Whether a plan is valid is not asked here; a position outside the map becomes
 //! [`OFF_MAP`] for the validator to find.
 
-use fleetyard_abi::Plan;
-use fleetyard_abi::moves::OFF_MAP;
-use fleetyard_core::InputError;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
 use regex::bytes::Regex;
 
-use super::document::shown;
-use super::template;
+use super::{Piece, pieces};
+use crate::files::{cut, shown};
+use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::{GridPlan, InputError, OFF_MAP};
 
-/// The largest answer that is read, in bytes.
-pub(super) const ANSWER_LIMIT: u64 = 1 << 28;
+/// The largest file of paths that is read, in bytes.
+pub const PATHS_LIMIT: u64 = 1 << 28;
 
 /// Most positions in an answer.
 const MOST_CELLS: usize = 1 << 27;
 
 /// What a line of paths is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Major {
+pub enum Major {
     /// An agent's path.
     Agent,
     /// The positions of all agents at one time.
@@ -51,8 +53,9 @@ enum Token {
 
 /// How an answer is written.
 #[derive(Debug, Clone)]
-pub(super) struct Layout {
-    pub(super) major: Major,
+pub struct Layout {
+    /// What a line of paths is.
+    pub major: Major,
     /// A line with paths, one [`Token::Path`] in it.
     line: Vec<Token>,
     /// A position.
@@ -60,23 +63,25 @@ pub(super) struct Layout {
     /// Between positions; empty for blanks.
     separator: String,
     /// The first row, column and cell.
-    pub(super) coordinates_from: i64,
+    pub coordinates_from: i64,
     /// The first agent and time step.
-    pub(super) index_from: i64,
+    pub index_from: i64,
     /// Lines at the beginning that carry nothing.
-    pub(super) skip_lines: u64,
+    pub skip_lines: u64,
     /// Lines up to the first that matches carry nothing.
-    pub(super) begin: Option<Begin>,
+    pub begin: Option<Begin>,
     /// The first line that matches, and all after it, carry nothing.
-    pub(super) end: Option<Regex>,
+    pub end: Option<Regex>,
     /// Lines that match carry nothing.
-    pub(super) ignore: Option<Regex>,
+    pub ignore: Option<Regex>,
 }
 
 /// The line after which the paths begin.
 #[derive(Debug, Clone)]
-pub(super) enum Begin {
+pub enum Begin {
+    /// The line that is this.
     Line(&'static str),
+    /// The first line that matches.
     Pattern(Regex),
 }
 
@@ -98,32 +103,35 @@ impl std::fmt::Display for Begin {
     }
 }
 
-/// What a text must be to be a part of a [`Layout`].
-pub(super) struct LayoutError {
-    pub(super) reason: String,
-    pub(super) hint: &'static str,
+/// Why a text is no part of a [`Layout`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LayoutError {
+    /// The part: `line`, `position` or `separator`.
+    pub part: &'static str,
+    /// What is wrong with it.
+    pub reason: String,
+    /// What to write.
+    pub hint: &'static str,
 }
 
 impl Layout {
     /// From the texts of a manifest: `line` as in `Agent {agent}: {path}`,
-    /// `position` as in `({row},{col})`, and what stands between positions. The
-    /// error says which of the three it is about.
-    pub(super) fn new(
+    /// `position` as in `({row},{col})`, and what stands between positions.
+    pub fn new(
         major: Major,
         line: &str,
         position: &str,
         separator: &str,
-    ) -> Result<Self, (&'static str, LayoutError)> {
-        let of = |what: &'static str| move |error: LayoutError| (what, error);
-        let line = line_tokens(major, line).map_err(of("line"))?;
-        let position = position_tokens(position).map_err(of("position"))?;
+    ) -> Result<Self, LayoutError> {
+        let line = line_tokens(major, line)?;
+        let position = position_tokens(position)?;
         let separator = separator.trim();
         if separator.starts_with(|letter: char| letter.is_ascii_digit()) {
-            let error = LayoutError {
-                reason: "the separator reads like a number".into(),
-                hint: "a separator is text such as \",\" or \"->\", or a blank",
-            };
-            return Err(("separator", error));
+            return fault(
+                "separator",
+                "the separator reads like a number",
+                "a separator is text such as \",\" or \"->\", or a blank",
+            );
         }
         Ok(Self::plain(major, line, position, separator))
     }
@@ -144,7 +152,7 @@ impl Layout {
     }
 
     /// The format `lacam`.
-    pub(super) fn lacam() -> Self {
+    pub fn lacam() -> Self {
         let line = vec![Token::Index, Token::Text(":".into()), Token::Path];
         let position = bracketed(Token::Col, Token::Row);
         Self {
@@ -154,7 +162,7 @@ impl Layout {
     }
 
     /// The format `paths-txt`.
-    pub(super) fn paths_txt() -> Self {
+    pub fn paths_txt() -> Self {
         let line = vec![
             Token::Text("Agent".into()),
             Token::Index,
@@ -164,15 +172,15 @@ impl Layout {
         Self::plain(Major::Agent, line, bracketed(Token::Row, Token::Col), "->")
     }
 
-    /// Reads an answer for so many agents on a map of so many rows and columns;
-    /// `source` is its name in errors.
-    pub(super) fn read(
+    /// Reads the paths of so many agents, or of as many as there are, on a map of so
+    /// many rows and columns; `source` is named in errors.
+    pub fn read(
         &self,
         source: &str,
         bytes: &[u8],
         size: MapSize,
-        agents: usize,
-    ) -> Result<Plan, InputError> {
+        agents: Option<usize>,
+    ) -> Result<GridPlan, InputError> {
         let reader = Reader {
             layout: self,
             source,
@@ -194,51 +202,52 @@ fn bracketed(first: Token, second: Token) -> Vec<Token> {
 
 /// Rows and columns.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct MapSize {
-    pub(super) rows: u32,
-    pub(super) cols: u32,
+pub struct MapSize {
+    /// Number of rows, the height in cells.
+    pub rows: u32,
+    /// Number of columns, the width in cells.
+    pub cols: u32,
 }
 
-fn fault<T>(reason: impl Into<String>, hint: &'static str) -> Result<T, LayoutError> {
+fn fault<T>(
+    part: &'static str,
+    reason: impl Into<String>,
+    hint: &'static str,
+) -> Result<T, LayoutError> {
     let reason = reason.into();
-    Err(LayoutError { reason, hint })
+    Err(LayoutError { part, reason, hint })
 }
 
 /// Tokens of a text with names in braces.
 fn tokens(
+    part: &'static str,
     text: &str,
     names: &[(&str, Token)],
     hint: &'static str,
 ) -> Result<Vec<Token>, LayoutError> {
-    let Ok(pieces) = template::pieces(text) else {
-        return fault("a single brace", hint);
+    let Ok(pieces) = pieces(text) else {
+        return fault(part, "a single brace", hint);
     };
-    let touch = pieces
-        .windows(2)
-        .find(|pair| pair.iter().all(Result::is_err));
-    if let Some([Err(one), Err(other)]) = touch {
-        let (one, other) = (shown(one), shown(other));
-        return fault(
-            format!("nothing stands between `{{{one}}}` and `{{{other}}}`"),
-            hint,
-        );
+    for pair in pieces.windows(2) {
+        if let [Piece::Name(one), Piece::Name(other)] = pair {
+            let (one, other) = (shown(one), shown(other));
+            let reason = format!("nothing stands between `{{{one}}}` and `{{{other}}}`");
+            return fault(part, reason, hint);
+        }
     }
     let mut found = Vec::new();
     for piece in pieces {
         match piece {
             // Blanks in a text stand for any number of them, and none.
-            Ok(literal) => {
-                found.extend(
-                    literal
-                        .split_whitespace()
-                        .map(|word| Token::Text(word.into())),
-                );
+            Piece::Text(literal) => {
+                let words = literal.split_whitespace();
+                found.extend(words.map(|word| Token::Text(word.into())));
             }
-            Err(name) => {
+            Piece::Name(name) => {
                 let token = names.iter().find(|(known, _)| *known == name);
                 let Some((_, token)) = token else {
                     let name = shown(&name);
-                    return fault(format!("unknown placeholder `{{{name}}}`"), hint);
+                    return fault(part, format!("unknown placeholder `{{{name}}}`"), hint);
                 };
                 found.push(token.clone());
             }
@@ -256,13 +265,13 @@ fn line_tokens(major: Major, text: &str) -> Result<Vec<Token>, LayoutError> {
         Major::Time => ("time", "a line is one time step, as in \"{time}: {path}\""),
     };
     let names = [("path", Token::Path), (index, Token::Index)];
-    let tokens = tokens(text, &names, hint)?;
+    let tokens = tokens("line", text, &names, hint)?;
     let count = |wanted: &Token| tokens.iter().filter(|token| *token == wanted).count();
     if count(&Token::Path) != 1 {
-        return fault("the line needs `{path}` once", hint);
+        return fault("line", "the line needs `{path}` once", hint);
     }
     if count(&Token::Index) > 1 {
-        return fault(format!("the line has `{{{index}}}` twice"), hint);
+        return fault("line", format!("the line has `{{{index}}}` twice"), hint);
     }
     Ok(tokens)
 }
@@ -277,13 +286,17 @@ fn position_tokens(text: &str) -> Result<Vec<Token>, LayoutError> {
         ("x", Token::Col),
         ("cell", Token::Cell),
     ];
-    let tokens = tokens(text, &names, HINT)?;
+    let tokens = tokens("position", text, &names, HINT)?;
     let count = |wanted: &Token| tokens.iter().filter(|token| *token == wanted).count();
     if !matches!(
         (count(&Token::Row), count(&Token::Col), count(&Token::Cell)),
         (1, 1, 0) | (0, 0, 1)
     ) {
-        return fault("the position needs a row and a column, or a cell", HINT);
+        return fault(
+            "position",
+            "the position needs a row and a column, or a cell",
+            HINT,
+        );
     }
     Ok(tokens)
 }
@@ -327,11 +340,7 @@ impl Cursor<'_> {
             "the end of the line".to_owned()
         } else {
             let text = String::from_utf8_lossy(&rest[..rest.len().min(4 * SHOWN)]);
-            let mut found: String = text.chars().take(SHOWN).collect();
-            if text.chars().nth(SHOWN).is_some() {
-                found.push('…');
-            }
-            format!("'{}'", found.escape_debug())
+            format!("'{}'", cut(&text, SHOWN))
         };
         self.error(format!("expected {what}, found {found}"))
     }
@@ -373,7 +382,7 @@ struct Reader<'a> {
     layout: &'a Layout,
     source: &'a str,
     size: MapSize,
-    agents: usize,
+    agents: Option<usize>,
 }
 
 impl<'a> Reader<'a> {
@@ -537,50 +546,63 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn by_agent(&self, bytes: &'a [u8]) -> Result<Plan, InputError> {
+    fn by_agent(&self, bytes: &'a [u8]) -> Result<GridPlan, InputError> {
+        let from = self.layout.index_from;
+        let most = self.agents.unwrap_or(PLAN_MAX_AGENTS) as i64;
         let mut cells = Vec::new();
         // Per agent its line and its range of `cells`.
-        let mut paths: Vec<Option<(u64, std::ops::Range<usize>)>> = vec![None; self.agents];
-        let mut count = 0;
+        let mut paths: BTreeMap<i64, (u64, std::ops::Range<usize>)> = BTreeMap::new();
         let last = self.lines(bytes, |mut cursor| {
             let begin = cells.len();
-            let index = self.line(&mut cursor, &mut cells)?.unwrap_or(count);
+            let index = self.line(&mut cursor, &mut cells)?;
+            let index = index.unwrap_or(paths.len() as i64);
             cursor.at = 0;
-            let from = self.layout.index_from;
             let agent = index + from;
-            let Some(slot) = usize::try_from(index).ok().and_then(|at| paths.get_mut(at)) else {
+            if !(0..most).contains(&index) {
+                let many = if self.agents.is_some() {
+                    ""
+                } else {
+                    "at most "
+                };
                 return Err(cursor.error(format!(
-                    "a path for agent {agent}, but there are {} agents, from {from} on",
-                    self.agents
+                    "a path for agent {agent}, but there are {many}{most} agents, from {from} on"
                 )));
-            };
-            if let Some((line, _)) = slot {
+            }
+            if let Some((line, _)) = paths.get(&index) {
                 return Err(cursor.error(format!(
                     "a second path for agent {agent}; the first is on line {line}"
                 )));
             }
-            *slot = Some((cursor.number, begin..cells.len()));
-            count += 1;
+            paths.insert(index, (cursor.number, begin..cells.len()));
             Ok(())
         })?;
-        let mut plan = Plan::default();
-        for (agent, path) in paths.iter().enumerate() {
-            let Some((_, range)) = path else {
-                let agent = agent as i64 + self.layout.index_from;
+        let agents = match (self.agents, paths.last_key_value()) {
+            (Some(agents), _) => agents as i64,
+            (None, Some((index, _))) => index + 1,
+            (None, None) => {
+                let reason = "there are no paths";
+                return Err(InputError::new(self.source, reason).at_line(last));
+            }
+        };
+        let mut plan = GridPlan::with_capacity(paths.len(), cells.len());
+        for index in 0..agents {
+            let Some((_, range)) = paths.get(&index) else {
                 let reason = format!(
-                    "there is no path for agent {agent}: {count} paths for {} agents",
-                    self.agents
+                    "there is no path for agent {}: {} paths for {agents} agents",
+                    index + from,
+                    paths.len(),
                 );
                 return Err(InputError::new(self.source, reason).at_line(last));
             };
-            plan.push_path(&cells[range.clone()]);
+            plan.push_path(cells[range.clone()].iter().copied());
         }
         Ok(plan)
     }
 
-    fn by_time(&self, bytes: &'a [u8]) -> Result<Plan, InputError> {
+    fn by_time(&self, bytes: &'a [u8]) -> Result<GridPlan, InputError> {
         let mut cells = Vec::new();
         let mut steps: i64 = 0;
+        let mut agents = self.agents;
         let last = self.lines(bytes, |mut cursor| {
             let before = cells.len();
             let index = self.line(&mut cursor, &mut cells)?;
@@ -591,32 +613,140 @@ impl<'a> Reader<'a> {
                 return Err(cursor.error(format!("expected time step {wanted}, found {found}")));
             }
             let found = cells.len() - before;
-            if found != self.agents {
-                let wanted = self.agents;
+            let wanted = *agents.get_or_insert(found);
+            if found != wanted {
                 return Err(cursor.error(format!("{found} positions for {wanted} agents")));
+            }
+            if found > PLAN_MAX_AGENTS {
+                return Err(cursor.error(format!("more than {PLAN_MAX_AGENTS} agents")));
             }
             steps += 1;
             Ok(())
         })?;
-        if steps == 0 {
+        let Some(agents) = agents.filter(|_| steps > 0) else {
             let reason = "there are no time steps in the answer";
             return Err(InputError::new(self.source, reason).at_line(last));
-        }
-        let mut plan = Plan::default();
-        let mut path = Vec::with_capacity(steps as usize);
-        for agent in 0..self.agents {
-            path.clear();
-            path.extend(cells.iter().skip(agent).step_by(self.agents.max(1)));
-            plan.push_path(&path);
+        };
+        let mut plan = GridPlan::with_capacity(agents, cells.len());
+        for agent in 0..agents {
+            plan.push_path(cells.iter().skip(agent).step_by(agents).copied());
         }
         Ok(plan)
     }
 }
 
+/// Whether a plan can be written as lines of positions: somebody is in it, and
+/// everybody is somewhere.
+pub(super) fn check_paths(plan: &GridPlan) -> Result<(), InputError> {
+    if plan.agents() == 0 {
+        return Err(InputError::new("plan", "there are no agents in the plan"));
+    }
+    match plan.paths().position(<[u32]>::is_empty) {
+        None => Ok(()),
+        Some(agent) => {
+            let reason =
+                format!("the path of agent {agent} is empty, which this format cannot say");
+            Err(InputError::new("plan", reason))
+        }
+    }
+}
+
+/// Row and column for writing; what is not on the map is at -1, -1.
+pub(super) fn row_col(cell: u32, size: MapSize) -> (i64, i64) {
+    if u64::from(cell) < u64::from(size.rows) * u64::from(size.cols) {
+        (i64::from(cell / size.cols), i64::from(cell % size.cols))
+    } else {
+        (-1, -1)
+    }
+}
+
+/// The content of a file in the format `paths-txt`.
+///
+/// A plan without agents or with an empty path is an error.
+pub fn write_paths_txt(plan: &GridPlan, size: MapSize) -> Result<Vec<u8>, InputError> {
+    check_paths(plan)?;
+    let mut text = String::with_capacity(10 * plan.cells().len());
+    for (agent, path) in plan.paths().enumerate() {
+        let _ = write!(text, "Agent {agent}: ");
+        for cell in path {
+            let (row, col) = row_col(*cell, size);
+            let _ = write!(text, "({row},{col})->");
+        }
+        text.push('\n');
+    }
+    Ok(text.into_bytes())
+}
+
+/// What stands above the paths in a file of the format `lacam`.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LacamHeader<'a> {
+    /// Name of the map's file.
+    pub map_file: Option<&'a str>,
+    /// Start cells.
+    pub starts: Option<&'a [u32]>,
+    /// Goal cells.
+    pub goals: Option<&'a [u32]>,
+}
+
+/// The content of a file in the format `lacam`. Agents whose paths are shorter stay
+/// where they are.
+///
+/// A plan without agents or with an empty path is an error.
+pub fn write_lacam(
+    header: &LacamHeader<'_>,
+    plan: &GridPlan,
+    size: MapSize,
+) -> Result<Vec<u8>, InputError> {
+    let steps = write_steps(plan, size)?;
+    let mut text = format!("agents={}\n", plan.agents());
+    if let Some(name) = header.map_file {
+        let name = name.replace(char::is_control, " ");
+        let _ = writeln!(text, "map_file={name}");
+    }
+    text.push_str("solved=1\n");
+    for (key, cells) in [("starts", header.starts), ("goals", header.goals)] {
+        if let Some(cells) = cells {
+            let _ = write!(text, "{key}=");
+            positions(&mut text, cells.iter().copied(), size);
+        }
+    }
+    text.push_str("solution=\n");
+    let mut bytes = text.into_bytes();
+    bytes.extend_from_slice(&steps);
+    Ok(bytes)
+}
+
+/// A line per time step, as the format `lacam` and the program mapf-visualizer have
+/// them.
+pub(super) fn write_steps(plan: &GridPlan, size: MapSize) -> Result<Vec<u8>, InputError> {
+    check_paths(plan)?;
+    let steps = plan.horizon() + 1;
+    if steps.saturating_mul(plan.agents()) > MOST_CELLS {
+        let reason = format!("the plan has more than {MOST_CELLS} positions, written step by step");
+        return Err(InputError::new("plan", reason));
+    }
+    let mut text = String::with_capacity(8 * steps * plan.agents());
+    for time in 0..steps {
+        let _ = write!(text, "{time}:");
+        positions(
+            &mut text,
+            (0..plan.agents()).map(|agent| plan.at(agent, time)),
+            size,
+        );
+    }
+    Ok(text.into_bytes())
+}
+
+fn positions(text: &mut String, cells: impl Iterator<Item = u32>, size: MapSize) {
+    for cell in cells {
+        let (row, col) = row_col(cell, size);
+        let _ = write!(text, "({col},{row}),");
+    }
+    text.push('\n');
+}
+
 #[cfg(test)]
 mod tests {
-    use std::fmt::Write as _;
-
     use proptest::prelude::*;
 
     use super::*;
@@ -625,14 +755,14 @@ mod tests {
 
     fn read(layout: &Layout, text: &str, agents: usize) -> Result<Vec<Vec<u32>>, String> {
         let plan = layout
-            .read("answer", text.as_bytes(), SIZE, agents)
+            .read("answer", text.as_bytes(), SIZE, Some(agents))
             .map_err(|error| error.to_string())?;
-        Ok(plan.as_ref().paths().map(<[u32]>::to_vec).collect())
+        Ok(plan.paths().map(<[u32]>::to_vec).collect())
     }
 
     fn custom(major: Major, line: &str, position: &str, separator: &str) -> Layout {
         Layout::new(major, line, position, separator)
-            .map_err(|(key, error)| format!("{key}: {}", error.reason))
+            .map_err(|error| format!("{}: {}", error.part, error.reason))
             .expect("a layout")
     }
 
@@ -818,9 +948,75 @@ mod tests {
             let error = read(layout, text, 2).expect_err(text);
             assert!(error.starts_with(expected), "{text}: {error}");
         }
-        let binary = lacam.read("answer", b"solution=\n0:(1,\xff)", SIZE, 1);
+        let binary = lacam.read("answer", b"solution=\n0:(1,\xff)", SIZE, Some(1));
         let error = binary.expect_err("binary").to_string();
         assert!(error.starts_with("answer:2:6: expected a row"), "{error}");
+    }
+
+    #[test]
+    fn agents_are_counted_where_nobody_says_how_many() {
+        let alone = |layout: &Layout, text: &str| {
+            let plan = layout.read("file", text.as_bytes(), SIZE, None);
+            plan.map(|plan| plan.agents())
+                .map_err(|error| error.to_string())
+        };
+        let (lacam, paths) = (Layout::lacam(), Layout::paths_txt());
+        let cases: [(&Layout, &str, Result<usize, &str>); 8] = [
+            (&lacam, "solution=\n0:(1,0),(1,1),\n1:(1,0),(1,1),", Ok(2)),
+            (
+                &lacam,
+                "solution=\n0:(1,0),(1,1)\n1:(1,0)",
+                Err("file:3:1: 1 positions for 2 agents"),
+            ),
+            (
+                &lacam,
+                "solution=\n",
+                Err("file:2: there are no time steps"),
+            ),
+            (&paths, "Agent 1: (0,1)\nAgent 0: (0,0)", Ok(2)),
+            (&paths, "", Err("file:1: there are no paths")),
+            (
+                &paths,
+                "Agent 2: (0,1)\nAgent 0: (0,0)",
+                Err("file:2: there is no path for agent 1: 2 paths for 3 agents"),
+            ),
+            (
+                &paths,
+                "Agent 99999999999: (0,1)",
+                Err("file:1:1: a path for agent 99999999999, but there are at most 4194304"),
+            ),
+            (
+                &paths,
+                "Agent -1: (0,1)",
+                Err("file:1:1: a path for agent -1, but"),
+            ),
+        ];
+        for (layout, text, expected) in cases {
+            match (alone(layout, text), expected) {
+                (Err(error), Err(expected)) => {
+                    assert!(error.starts_with(expected), "{text}: {error}");
+                }
+                (found, expected) => assert_eq!(found, expected.map_err(str::to_owned), "{text}"),
+            }
+        }
+    }
+
+    #[test]
+    fn what_lines_of_positions_cannot_say_is_not_written() {
+        let nobody = GridPlan::default();
+        let nowhere = GridPlan::from_paths([&[0][..], &[]]);
+        for (plan, expected) in [
+            (nobody, "plan: there are no agents"),
+            (nowhere, "plan: the path of agent 1 is empty"),
+        ] {
+            for written in [
+                write_paths_txt(&plan, SIZE),
+                write_lacam(&LacamHeader::default(), &plan, SIZE),
+            ] {
+                let error = written.expect_err(expected).to_string();
+                assert!(error.starts_with(expected), "{error}");
+            }
+        }
     }
 
     #[test]
@@ -839,8 +1035,8 @@ mod tests {
     }
 
     /// Writes paths as a layout says.
-    fn write(layout: &Layout, plan: &Plan) -> String {
-        let paths: Vec<&[u32]> = plan.as_ref().paths().collect();
+    fn write(layout: &Layout, plan: &GridPlan) -> String {
+        let paths: Vec<&[u32]> = plan.paths().collect();
         let by_time = layout.major == Major::Time;
         let steps = paths[0].len();
         let lines = if by_time { steps } else { paths.len() };
@@ -918,10 +1114,32 @@ mod tests {
             steps in 1..6_usize,
             cells in prop::collection::vec(0..12_u32, 30),
         ) {
-            let plan = Plan::from_paths(cells.chunks(6).take(agents).map(|path| &path[..steps]));
+            let plan = GridPlan::from_paths(cells.chunks(6).take(agents).map(|path| &path[..steps]));
             let text = write(&layout, &plan);
-            let again = layout.read("answer", text.as_bytes(), SIZE, agents);
+            let again = layout.read("answer", text.as_bytes(), SIZE, Some(agents));
             prop_assert_eq!(again, Ok(plan), "{}", text);
+        }
+
+        #[test]
+        fn named_formats_keep_the_plan(
+            lengths in prop::collection::vec(1..5_usize, 1..5),
+            cells in prop::collection::vec(prop_oneof![0..12_u32, Just(OFF_MAP)], 20),
+        ) {
+            let paths = lengths.iter().zip(cells.chunks(4)).map(|(length, path)| &path[..*length]);
+            let plan = GridPlan::from_paths(paths);
+            let starts: Vec<u32> = plan.paths().map(|path| path[0]).collect();
+            let header = LacamHeader {
+                map_file: Some("a\n.map"),
+                starts: Some(&starts),
+                goals: None,
+            };
+            let lacam = write_lacam(&header, &plan, SIZE).expect("a plan");
+            let paths_txt = write_paths_txt(&plan, SIZE).expect("a plan");
+            for (layout, text) in [(Layout::lacam(), lacam), (Layout::paths_txt(), paths_txt)] {
+                let again = layout.read("answer", &text, SIZE, None).expect("a plan");
+                prop_assert_eq!(again.agents(), plan.agents());
+                prop_assert_eq!(again.digest(), plan.digest());
+            }
         }
 
         /// Whatever a solver writes is a plan for all agents or an error.
@@ -931,8 +1149,8 @@ mod tests {
             text in "(BEGIN\n)?([0-9A-Za-z(),:;>\\[\\] \\-\n]|\\PC){0,60}",
             agents in 1..4_usize,
         ) {
-            if let Ok(plan) = layout.read("answer", text.as_bytes(), SIZE, agents) {
-                prop_assert_eq!(plan.as_ref().agents(), agents);
+            if let Ok(plan) = layout.read("answer", text.as_bytes(), SIZE, Some(agents)) {
+                prop_assert_eq!(plan.agents(), agents);
             }
         }
     }
