@@ -1,4 +1,5 @@
-//! `include/fleetyard.h` is what `src/c.rs` says, and compilers take it.
+//! `include/fleetyard.h` is what `src/c.rs` says, and compilers take it, and
+//! `include/fleetyard.hpp` over it.
 
 #![allow(missing_docs)]
 
@@ -126,4 +127,99 @@ fn header_compiles_as_c11_and_cpp17() {
         cases.iter().any(|(program, ..)| installed(program)),
         "no C compiler is installed"
     );
+}
+
+/// The example in the comment at the top of `fleetyard.hpp`, as a file.
+fn example() -> String {
+    let header = std::fs::read_to_string(root().join("include/fleetyard.hpp")).expect("the header");
+    let lines = header
+        .lines()
+        .skip_while(|line| !line.starts_with(" *     #include"))
+        .map(|line| line.strip_prefix(" *").expect("within the comment"))
+        .map(|line| line.strip_prefix("     ").unwrap_or(line));
+    let mut text = String::new();
+    for line in lines {
+        text.extend([line, "\n"]);
+        if line.starts_with("FLEETYARD_PLUGINS") {
+            return text;
+        }
+    }
+    panic!("the example has no end");
+}
+
+/// Runs a program that has to succeed; its standard output.
+fn succeed(command: &mut Command) -> String {
+    let output = command.output().expect("the program starts");
+    let log = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}:\n{log}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn strict(compiler: &str, standard: &str) -> Command {
+    let mut command = Command::new(compiler);
+    command
+        .arg(standard)
+        .args(["-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"])
+        .args(["-Wsign-conversion", "-Wshadow", "-Werror", "-I"])
+        .arg(root().join("include"));
+    command
+}
+
+/// The C++ compilers that are here, each with the standards to try.
+fn cpp() -> Vec<(&'static str, &'static str)> {
+    let compilers = ["g++", "clang++"].into_iter().filter(|program| {
+        let found = installed(program);
+        if !found {
+            eprintln!("skipped: {program} is not installed");
+        }
+        found
+    });
+    compilers
+        .flat_map(|program| [(program, "-std=c++17"), (program, "-std=c++20")])
+        .collect()
+}
+
+#[test]
+fn the_cpp_header_makes_a_library_with_one_symbol() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let source = folder.path().join("blind.cpp");
+    std::fs::write(&source, example()).expect("write the example");
+    let library = folder.path().join("blind.so");
+    for (compiler, standard) in cpp() {
+        let mut script = std::ffi::OsString::from("-Wl,--version-script=");
+        script.push(root().join("include/fleetyard.map"));
+        succeed(
+            strict(compiler, standard)
+                .args(["-fPIC", "-shared", "-fvisibility=hidden"])
+                .arg(script)
+                .arg("-o")
+                .args([&library, &source]),
+        );
+        if installed("nm") {
+            let exported = succeed(
+                Command::new("nm")
+                    .args(["--dynamic", "--defined-only", "--format=just-symbols"])
+                    .arg(&library),
+            );
+            assert_eq!(
+                exported, "fleetyard_plugin_entry_v1\n",
+                "{compiler} {standard}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_cpp_header_reads_options_and_keeps_exceptions() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let program = folder.path().join("wrapper");
+    for (compiler, standard) in cpp().into_iter().step_by(2) {
+        succeed(
+            strict(compiler, standard)
+                .arg("-o")
+                .arg(&program)
+                .arg(root().join("tests/wrapper.cpp")),
+        );
+        succeed(&mut Command::new(&program));
+    }
 }
