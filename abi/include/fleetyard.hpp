@@ -767,9 +767,10 @@ private:
 
   std::uint32_t hex() {
     std::uint32_t code = 0;
-    const auto [end, error] =
-        std::from_chars(text_.data() + at_, text_.data() + std::min(at_ + 4, text_.size()), code, 16);
-    if (error != std::errc() || end != text_.data() + at_ + 4)
+    const std::string_view four = text_.substr(at_, 4);
+    const char *const after = four.data() + four.size();
+    const auto [end, error] = std::from_chars(four.data(), after, code, 16);
+    if (error != std::errc() || end != after || four.size() != 4)
       fail("not four hexadecimal digits");
     at_ += 4;
     return code;

@@ -105,7 +105,8 @@ void options_are_read() {
 std::int32_t submit_plan(void *, const FleetyardPlan *plan) {
   submitted.clear();
   for (std::uint32_t agent = 0; agent < plan->agents; agent++)
-    submitted.emplace_back(plan->cells + plan->offsets[agent], plan->cells + plan->offsets[agent + 1]);
+    submitted.emplace_back(plan->cells + plan->offsets[agent],
+                           plan->cells + plan->offsets[agent + 1]);
   return FLEETYARD_OK;
 }
 std::int32_t submit_instance(void *, const FleetyardInstance *) { return FLEETYARD_REJECTED; }
