@@ -326,55 +326,6 @@ fn pictures_are_well_formed() {
     }
 }
 
-// ---- compare -------------------------------------------------------------------------
-
-#[test]
-fn compare_in_text_and_json() {
-    let scen = "{maps}/empty-16-16-random-1.scen";
-    let line = format!(
-        "compare --map {{maps}}/empty-16-16.map --scen {scen} --agents 5,20 --planner lacam \
-         --planner pibt --budget 300ms --prepare-budget 60s"
-    );
-    let yard = Yard::new();
-    let ended = yard.line(&format!("{line} --format json")).expect(SUCCESS);
-    let report = ended.json();
-    let rows = report["rows"].as_array().unwrap();
-    let who: Vec<String> = rows
-        .iter()
-        .map(|row| format!("{} {}", row["agents"], row["planner"].as_str().unwrap()))
-        .collect();
-    assert_eq!(who, ["5 lacam", "5 pibt", "20 lacam", "20 pibt"]);
-    for row in rows {
-        assert_eq!((&row["trials"], &row["solved"]), (&1.into(), &1.into()));
-        for key in [
-            "soc_steps_mean",
-            "suboptimality_mean",
-            "rtf_median",
-            "first_solution_ms_median",
-        ] {
-            assert!(
-                row[key].as_f64().is_some_and(|number| number > 0.0),
-                "{key}: {row}"
-            );
-        }
-        assert_eq!(row["contacts"], 0);
-    }
-    let trials = report["trials"].as_array().unwrap();
-    assert_eq!(trials.len(), 4);
-    for trial in trials {
-        assert_eq!(at(trial, "verdict.valid"), true);
-        at(trial, "execution.trace_digest");
-    }
-    let text = yard
-        .line(&format!("{line} --no-execute"))
-        .expect(SUCCESS)
-        .stdout;
-    let lines: Vec<&str> = text.lines().collect();
-    assert_eq!(lines.len(), 5, "{text}");
-    assert!(lines[0].contains("planner") && lines[0].contains("SoC/LB"));
-    assert!(lines[1].contains("lacam") && lines[1].contains("1/1"));
-}
-
 // ---- maps ----------------------------------------------------------------------------
 
 #[test]

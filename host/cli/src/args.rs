@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use bytesize::ByteSize;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::error::ErrorKind;
+use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use fleetyard_abi::Kind;
 use fleetyard_core::Connectivity;
@@ -368,17 +369,21 @@ pub(crate) struct Run {
 /// Run several planners on the same instances and show who did better.
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
-    #[command(flatten)]
-    pub(crate) map: MapArgs,
-    /// MovingAI scenario files; may be given several times
+    /// MovingAI scenario files, of one map or of several
     #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
     pub(crate) scen: Vec<PathBuf>,
+    /// Where the maps are that the scenarios name: map files, or folders with NAME.map
+    /// [default: the folder of each scenario]
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub(crate) map: Vec<PathBuf>,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    pub(crate) connectivity: Connectivity,
     /// Team sizes
     #[arg(long, value_name = "N,…", required = true, value_delimiter = ',')]
     pub(crate) agents: Vec<usize>,
-    /// Planners, by identifier or path; give at least one
-    #[arg(long, value_name = "PLUGIN", required = true)]
-    pub(crate) planner: Vec<String>,
+    #[command(flatten)]
+    pub(crate) planners: Contestants,
     #[command(flatten)]
     pub(crate) budget: BudgetArgs,
     #[command(flatten)]
@@ -389,6 +394,68 @@ pub(crate) struct Compare {
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     pub(crate) format: Format,
+}
+
+/// A planner that is compared, and its options.
+#[derive(Debug, Clone)]
+pub(crate) struct Contestant {
+    pub(crate) plugin: String,
+    /// `NAME=VALUE` each.
+    pub(crate) options: Vec<String>,
+}
+
+/// Every `--planner PLUGIN [NAME=VALUE]…`, in order. The parser's derive keeps no
+/// occurrences apart.
+#[derive(Debug)]
+pub(crate) struct Contestants(pub(crate) Vec<Contestant>);
+
+impl Contestants {
+    const ID: &str = "planner";
+}
+
+impl FromArgMatches for Contestants {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let given = matches.get_occurrences::<String>(Self::ID);
+        let mut contestants = Vec::new();
+        for mut words in given.into_iter().flatten() {
+            let plugin = words.next().cloned().unwrap_or_default();
+            let options: Vec<String> = words.cloned().collect();
+            if let Some(wrong) = options.iter().find(|option| !option.contains('=')) {
+                let message = format!(
+                    "`{wrong}` after `--planner {plugin}` is no option NAME=VALUE\n\n  tip: every \
+                     planner has a --planner of its own\n"
+                );
+                return Err(clap::Error::raw(ErrorKind::ValueValidation, message));
+            }
+            contestants.push(Contestant { plugin, options });
+        }
+        Ok(Self(contestants))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for Contestants {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command.arg(
+            Arg::new(Self::ID)
+                .long(Self::ID)
+                .value_names(["PLUGIN", "NAME=VALUE"])
+                .num_args(1..)
+                .action(ArgAction::Append)
+                .required(true)
+                .help(
+                    "A planner, by identifier or path, and its options; may be given several times",
+                ),
+        )
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
 }
 
 /// Say whether a plan is valid, and what it costs.

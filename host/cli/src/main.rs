@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod claims;
 mod commands;
 mod exit;
 mod output;

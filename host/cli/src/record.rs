@@ -10,6 +10,7 @@ use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{Attach, Layer, Level, Limit, SandboxReport, Termination, Usage};
 use serde::Serialize;
 
+use crate::claims::Claim;
 use crate::exit::Exit;
 
 /// Everything there is to say about one run. Values that do not exist are
@@ -39,6 +40,8 @@ pub(crate) struct Record {
     pub(crate) metrics: Metrics,
     /// Figures that the planner reported of itself.
     pub(crate) claimed_metrics: BTreeMap<String, f64>,
+    /// What it claims, held against what the host found.
+    pub(crate) claims: Vec<Claim>,
     pub(crate) resources: Option<Usage>,
     pub(crate) measurement: Measurement,
     /// The layers that were active; absent in process, where there are none.
@@ -233,6 +236,12 @@ impl Record {
         self.exit() == Exit::Success
     }
 
+    /// Claims that are not what the host found.
+    pub(crate) fn disagreements(&self) -> impl Iterator<Item = &Claim> {
+        let claims = self.claims.iter();
+        claims.filter(|claim| claim.agrees == Some(false))
+    }
+
     /// For people.
     pub(crate) fn text(&self) -> String {
         let mut out = String::new();
@@ -284,6 +293,9 @@ impl Record {
         }
         for violation in self.verdict.violations.iter().take(5) {
             line("", violation.sentence.clone());
+        }
+        for claim in self.disagreements() {
+            line("false claim", claim.to_string());
         }
         let metrics = &self.metrics;
         let bound = metrics.lower_bound_steps;

@@ -17,13 +17,13 @@ use fleetyard_runtime::{
 use fleetyard_sim::{Execution, SimConfig, TraceSink};
 use serde_json::{Map, Value};
 
-use crate::BUILT_IN;
 use crate::args::{BudgetArgs, GrantArgs, PinArg, WorldArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo,
 };
+use crate::{BUILT_IN, claims};
 
 /// How many violations a record lists; all are counted.
 const VIOLATIONS: usize = 20;
@@ -240,6 +240,16 @@ pub(crate) struct Outcome {
 }
 
 impl Trial<'_> {
+    /// Whether the planner can be asked at all: it starts, takes its options, and can do
+    /// what the instance needs.
+    pub(crate) fn check(&self) -> Result<()> {
+        let attach = self.candidate.attach(self.attach);
+        let (mut session, descriptor) = self.candidate.open(&self.host.runtime, attach)?;
+        session.close();
+        self.options(&descriptor)?;
+        self.check_capabilities(&descriptor)
+    }
+
     pub(crate) fn run(&self, trace: &mut dyn TraceSink) -> Result<Outcome> {
         let config = sim_config(self.world);
         if self.execute {
@@ -299,7 +309,7 @@ impl Trial<'_> {
         let verdict = plan.as_ref().map_or_else(VerdictInfo::default, |plan| {
             validate(self.instance, plan, VIOLATIONS).into()
         });
-        let record = Record {
+        let mut record = Record {
             fleetyard: env!("CARGO_PKG_VERSION"),
             planner: PlannerInfo {
                 id: descriptor.id,
@@ -337,6 +347,7 @@ impl Trial<'_> {
             ),
             verdict,
             claimed_metrics: run.metrics,
+            claims: Vec::new(),
             resources: closing.usage,
             measurement,
             sandbox: closing.sandbox,
@@ -345,6 +356,7 @@ impl Trial<'_> {
             instance_digest: self.instance.digest(),
             plan_digest: plan.as_ref().map(GridPlan::digest),
         };
+        record.claims = claims::of(&record);
         Ok(Outcome {
             record,
             plan,

@@ -48,6 +48,11 @@ pub struct Scenario {
 }
 
 impl Scenario {
+    /// The map that the first entry names, without folders and extension.
+    pub fn map_name(&self) -> Option<&str> {
+        self.entries.first().map(|entry| stem(&entry.map))
+    }
+
     /// The instance of the first `agents` entries on `grid`.
     ///
     /// Everything that can be wrong is an error that names the scenario's line:

@@ -1,22 +1,26 @@
 //! `fleetyard compare`: several planners on the same instances.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fleetyard_core::{GridInstance, load_map, load_scen};
+use fleetyard_core::{Grid, GridInstance, InputError, Scenario, load_map, load_scen};
 use fleetyard_sim::NoTrace;
 use serde::Serialize;
 
 use super::file_name;
 use crate::args::{Compare, Format};
+use crate::claims::{self, Claim, signed};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::record::{Record, number};
 use crate::trial::{Candidate, Host, Trial};
 
-/// One line of the table. Means are over the trials that succeeded; how many did
-/// stands beside them.
+/// One line of the table. Means and medians are over the trials that succeeded; how
+/// many did stands beside them.
 #[derive(Debug, Serialize)]
 struct Row {
+    map: String,
     agents: usize,
     planner: String,
     trials: usize,
@@ -34,76 +38,143 @@ struct Row {
     failures: Vec<String>,
 }
 
+/// A trial that was to be, and could not begin: the planner had started before the
+/// first trial, and then it did not.
+#[derive(Debug, Serialize)]
+struct Missed {
+    planner: String,
+    map: String,
+    scenario: String,
+    agents: usize,
+    reason: String,
+}
+
+/// A claim that is not what was found.
+#[derive(Debug, Serialize)]
+struct Disagreement {
+    planner: String,
+    map: String,
+    scenario: String,
+    agents: usize,
+    #[serde(flatten)]
+    claim: Claim,
+    difference: Option<f64>,
+}
+
+/// What became of all claims.
+#[derive(Debug, Default, Serialize)]
+struct Claims {
+    agree: usize,
+    /// Nothing was found that they could be held against.
+    unchecked: usize,
+    disagree: Vec<Disagreement>,
+}
+
 #[derive(Serialize)]
 struct Report {
     rows: Vec<Row>,
+    claims: Claims,
+    missed: Vec<Missed>,
     trials: Vec<Record>,
 }
 
+/// What all planners are asked.
+struct Question {
+    agents: usize,
+    scenario: String,
+    instance: GridInstance,
+}
+
+impl Question {
+    fn map(&self) -> &str {
+        self.instance.grid().name()
+    }
+}
+
 pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
-    let grid = Arc::new(load_map(&arguments.map.map)?);
-    let mut instances: Vec<(usize, String, GridInstance)> = Vec::new();
-    for scen in &arguments.scen {
-        let scenario = load_scen(scen)?;
-        for agents in &arguments.agents {
-            let instance =
-                scenario.instance(Arc::clone(&grid), *agents, arguments.map.connectivity)?;
-            instances.push((*agents, file_name(scen), instance));
+    let questions = questions(arguments)?;
+    let host = Host::new(&arguments.budget, None)?;
+    let contestants = &arguments.planners.0;
+    let candidates: Vec<Candidate> = contestants
+        .iter()
+        .map(|contestant| Candidate::find(&host.runtime, &contestant.plugin))
+        .collect::<Result<_>>()?;
+    let labels: Vec<String> = candidates
+        .iter()
+        .zip(contestants)
+        .map(|(candidate, contestant)| {
+            let name = std::iter::once(candidate.name.as_str());
+            let words: Vec<&str> = name
+                .chain(contestant.options.iter().map(String::as_str))
+                .collect();
+            words.join(" ")
+        })
+        .collect();
+    let trial = |which: usize, question| trial(arguments, &host, &candidates, which, question);
+    if let Some(first) = questions.first() {
+        // Before budgets are spent, not after the first hour.
+        for which in 0..candidates.len() {
+            trial(which, first).check()?;
         }
     }
-    let host = Host::new(&arguments.budget, None)?;
-    let candidates: Vec<Candidate> = arguments
-        .planner
-        .iter()
-        .map(|name| Candidate::find(&host.runtime, name))
-        .collect::<Result<_>>()?;
-    let bar = output::progress((instances.len() * candidates.len()) as u64);
-    let mut trials: Vec<(usize, usize, Record)> = Vec::new();
-    for (number, (agents, scenario, instance)) in instances.iter().enumerate() {
+    let bar = output::progress((questions.len() * candidates.len()) as u64);
+    let mut trials: Vec<(usize, Record)> = Vec::new();
+    let mut missed: Vec<Missed> = Vec::new();
+    for (number, question) in questions.iter().enumerate() {
         for turn in 0..candidates.len() {
             // The order rotates, so that no planner is always first.
             let which = (number + turn) % candidates.len();
-            let candidate = &candidates[which];
-            bar.set_message(format!("{} with {agents} agents", candidate.name));
-            let trial = Trial {
-                host: &host,
-                candidate,
-                attach: None,
-                options: &[],
-                instance,
-                scenario: scenario.clone(),
-                budget: &arguments.budget,
-                world: &arguments.world,
-                execute: !arguments.no_execute,
+            let what = format!(
+                "{} on {} with {} agents",
+                labels[which], question.scenario, question.agents
+            );
+            bar.set_message(what.clone());
+            let failed = match trial(which, question).run(&mut NoTrace) {
+                Ok(outcome) => {
+                    let fault = outcome.record.fault.clone();
+                    trials.push((which, outcome.record));
+                    fault
+                }
+                Err(failure) if failure.exit == Exit::Plugin => {
+                    missed.push(Missed {
+                        planner: labels[which].clone(),
+                        map: question.map().to_owned(),
+                        scenario: question.scenario.clone(),
+                        agents: question.agents,
+                        reason: failure.message.clone(),
+                    });
+                    Some(failure.message)
+                }
+                Err(failure) => return Err(failure),
             };
-            let outcome = trial.run(&mut NoTrace)?;
-            if let Some(fault) = &outcome.record.fault {
-                bar.suspend(|| {
-                    output::warning(&format!("{} with {agents} agents: {fault}", candidate.name));
-                });
+            if let Some(fault) = failed {
+                bar.suspend(|| output::warning(&format!("{what}: {fault}")));
             }
-            trials.push((*agents, which, outcome.record));
             bar.inc(1);
         }
     }
     bar.finish_and_clear();
-    let mut rows = Vec::new();
-    for agents in &arguments.agents {
-        for (which, candidate) in candidates.iter().enumerate() {
-            let mine = trials.iter().filter(|(n, c, _)| n == agents && *c == which);
-            rows.push(row(
-                *agents,
-                &candidate.name,
-                mine.map(|(.., record)| record),
-            ));
-        }
-    }
+    let mut named: Vec<(&str, &mut Record)> = trials
+        .iter_mut()
+        .map(|(which, record)| (labels[*which].as_str(), record))
+        .collect();
+    claims::confront(&mut named);
+    let claims = gather(&labels, &trials);
+    let rows = rows(&questions, &labels, &trials, &missed);
     let solved_all = rows.iter().all(|row| row.solved == row.trials);
     match arguments.format {
-        Format::Text => output::print(&text(&rows))?,
+        Format::Text => {
+            let text = format!("{}\n\n{}", table(&rows), claims.text());
+            output::print(&output::plain(&text))?;
+        }
         Format::Json => {
-            let trials = trials.into_iter().map(|(.., record)| record).collect();
-            output::print_json(&Report { rows, trials })?;
+            let trials = trials.into_iter().map(|(_, record)| record).collect();
+            output::print_json(&Report {
+                rows,
+                claims,
+                missed,
+                trials,
+            })?;
         }
     }
     Ok(if solved_all {
@@ -113,25 +184,145 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     })
 }
 
-fn row<'a>(agents: usize, planner: &str, records: impl Iterator<Item = &'a Record>) -> Row {
-    let records: Vec<&Record> = records.collect();
+fn trial<'a>(
+    arguments: &'a Compare,
+    host: &'a Host,
+    candidates: &'a [Candidate],
+    which: usize,
+    question: &'a Question,
+) -> Trial<'a> {
+    Trial {
+        host,
+        candidate: &candidates[which],
+        attach: None,
+        options: &arguments.planners.0[which].options,
+        instance: &question.instance,
+        scenario: question.scenario.clone(),
+        budget: &arguments.budget,
+        world: &arguments.world,
+        execute: !arguments.no_execute,
+    }
+}
+
+/// Every instance, scenario by scenario.
+fn questions(arguments: &Compare) -> Result<Vec<Question>> {
+    let mut grids: BTreeMap<PathBuf, Arc<Grid>> = BTreeMap::new();
+    let mut questions = Vec::new();
+    for file in &arguments.scen {
+        let scenario = load_scen(file)?;
+        let map = map_of(&scenario, file, &arguments.map)?;
+        let grid = if let Some(grid) = grids.get(&map) {
+            Arc::clone(grid)
+        } else {
+            let grid = Arc::new(load_map(&map)?);
+            grids.insert(map, Arc::clone(&grid));
+            grid
+        };
+        for agents in &arguments.agents {
+            let instance = scenario.instance(Arc::clone(&grid), *agents, arguments.connectivity)?;
+            questions.push(Question {
+                agents: *agents,
+                scenario: file_name(file),
+                instance,
+            });
+        }
+    }
+    Ok(questions)
+}
+
+/// The file of the map that a scenario names, in one of `places` or else beside it.
+fn map_of(
+    scenario: &Scenario,
+    file: &Path,
+    places: &[PathBuf],
+) -> std::result::Result<PathBuf, InputError> {
+    let Some(name) = scenario.map_name() else {
+        let reason = "the scenario has no entry, and so no map";
+        return Err(InputError::new(scenario.source.as_str(), reason));
+    };
+    let inside = |folder: &Path| folder.join(format!("{name}.map"));
+    let beside = inside(file.parent().unwrap_or(Path::new("")));
+    let mut candidates: Vec<PathBuf> = Vec::new();
+    for place in places {
+        if place.is_dir() {
+            candidates.push(inside(place));
+        } else if places.len() == 1 || place.file_stem().is_some_and(|stem| stem == name) {
+            // A file that is the only one is meant: reading it says what is wrong with it.
+            return Ok(place.clone());
+        }
+    }
+    if places.is_empty() {
+        candidates.push(beside);
+    }
+    let found = candidates.iter().find(|candidate| candidate.is_file());
+    found.cloned().ok_or_else(|| {
+        let reason = format!("the scenario is for map {name}, which was not found");
+        let hint = match candidates.as_slice() {
+            [] => "name its file by --map as well".to_owned(),
+            [only] => format!("there is no {}; --map says where it is", only.display()),
+            _ => format!("none of the folders of --map has {name}.map"),
+        };
+        InputError::new(scenario.source.as_str(), reason).hint(hint)
+    })
+}
+
+/// A line for every map, team size and planner, in the order in which they were given.
+fn rows(
+    questions: &[Question],
+    labels: &[String],
+    trials: &[(usize, Record)],
+    missed: &[Missed],
+) -> Vec<Row> {
+    let mut groups: Vec<(&str, usize)> = Vec::new();
+    let mut maps: Vec<&str> = Vec::new();
+    for question in questions {
+        if !maps.contains(&question.map()) {
+            maps.push(question.map());
+        }
+    }
+    for map in maps {
+        for question in questions.iter().filter(|question| question.map() == map) {
+            if !groups.contains(&(map, question.agents)) {
+                groups.push((map, question.agents));
+            }
+        }
+    }
+    let mut rows = Vec::new();
+    for (map, agents) in groups {
+        for (which, label) in labels.iter().enumerate() {
+            let mine = trials.iter().filter(|(by, record)| {
+                let instance = &record.instance;
+                *by == which && instance.agents == agents && instance.map == map
+            });
+            let lost = missed
+                .iter()
+                .filter(|lost| lost.planner == *label && lost.agents == agents && lost.map == map);
+            let records: Vec<&Record> = mine.map(|(_, record)| record).collect();
+            rows.push(row(map, agents, label, &records, lost.count()));
+        }
+    }
+    rows
+}
+
+fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usize) -> Row {
     let solved: Vec<&&Record> = records.iter().filter(|record| record.succeeded()).collect();
     let values = |value: &dyn Fn(&Record) -> Option<f64>| -> Vec<f64> {
         solved.iter().filter_map(|record| value(record)).collect()
     };
-    let mut failures: Vec<String> = records
-        .iter()
-        .filter(|record| !record.succeeded())
+    let failed = records.iter().filter(|record| !record.succeeded());
+    let mut failures: Vec<String> = failed
         .map(|record| match record.plan_digest {
             Some(_) if !record.verdict.valid => "invalid-plan".into(),
             _ => record.termination.to_string(),
         })
+        .chain(std::iter::repeat_n("not-started".to_owned(), missed))
         .collect();
     failures.sort();
     Row {
+        map: map.to_owned(),
         agents,
         planner: planner.to_owned(),
-        trials: records.len(),
+        trials: records.len() + missed,
         solved: solved.len(),
         soc_steps_mean: mean(&values(&|r| r.metrics.soc_steps.map(|soc| soc as f64))),
         suboptimality_mean: mean(&values(&|r| r.metrics.suboptimality)),
@@ -168,8 +359,73 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     }
 }
 
-fn text(rows: &[Row]) -> String {
+fn gather(labels: &[String], trials: &[(usize, Record)]) -> Claims {
+    let mut gathered = Claims::default();
+    for (which, record) in trials {
+        for claim in &record.claims {
+            match claim.agrees {
+                Some(true) => gathered.agree += 1,
+                None => gathered.unchecked += 1,
+                Some(false) => gathered.disagree.push(Disagreement {
+                    planner: labels[*which].clone(),
+                    map: record.instance.map.clone(),
+                    scenario: record.instance.scenario.clone(),
+                    agents: record.instance.agents,
+                    difference: claim.difference(),
+                    claim: claim.clone(),
+                }),
+            }
+        }
+    }
+    gathered
+}
+
+impl Claims {
+    fn text(&self) -> String {
+        let checked = self.agree + self.disagree.len();
+        if checked == 0 {
+            return format!("claims: none of {} could be checked", self.unchecked);
+        }
+        let unchecked = match self.unchecked {
+            0 => String::new(),
+            unchecked => format!("; {unchecked} could not be checked"),
+        };
+        if self.disagree.is_empty() {
+            return format!("claims: all {checked} agree with what was found{unchecked}");
+        }
+        let header = [
+            "planner",
+            "scenario",
+            "agents",
+            "claim",
+            "claimed",
+            "found",
+            "difference",
+        ];
+        let lines = self.disagree.iter().map(|disagreement| {
+            let claim = &disagreement.claim;
+            let found = claim.found.as_ref();
+            vec![
+                disagreement.planner.clone(),
+                disagreement.scenario.clone(),
+                disagreement.agents.to_string(),
+                claim.what.to_string(),
+                claim.claimed.to_string(),
+                found.map_or("-".into(), ToString::to_string),
+                disagreement.difference.map_or(String::new(), signed),
+            ]
+        });
+        format!(
+            "claims: {} of {checked} disagree with what was found{unchecked}\n{}",
+            self.disagree.len(),
+            output::table(&header, lines.collect(), &[2, 6])
+        )
+    }
+}
+
+fn table(rows: &[Row]) -> String {
     let header = [
+        "map",
         "agents",
         "planner",
         "solved",
@@ -186,6 +442,7 @@ fn text(rows: &[Row]) -> String {
     let cell = |value: Option<f64>| value.map_or("-".to_owned(), number);
     let lines = rows.iter().map(|row| {
         vec![
+            row.map.clone(),
             row.agents.to_string(),
             row.planner.clone(),
             format!("{}/{}", row.solved, row.trials),
@@ -199,8 +456,20 @@ fn text(rows: &[Row]) -> String {
             row.contacts
                 .map_or("-".into(), |contacts| contacts.to_string()),
             row.contended.to_string(),
-            row.failures.join(" "),
+            counted(&row.failures),
         ]
     });
-    output::table(&header, lines.collect(), &[0, 2, 3, 4, 5, 6, 7, 8, 9, 10])
+    output::table(&header, lines.collect(), &[1, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+}
+
+/// Each of the sorted words once, with how often it is there.
+fn counted(words: &[String]) -> String {
+    let groups = words.chunk_by(|a, b| a == b);
+    let groups: Vec<String> = groups
+        .map(|group| match group {
+            [only] => only.clone(),
+            _ => format!("{} ×{}", group[0], group.len()),
+        })
+        .collect();
+    groups.join(", ")
 }

@@ -1,0 +1,222 @@
+//! What a planner claims, held against what the host found.
+//!
+//! A planner claims by its status, and by figures that are named as ours are: every
+//! `claimed_sum_of_costs` and `claimed_makespan` is compared with the cost of the plan
+//! that it handed over. Nothing is believed, and nothing is corrected: claims stand in
+//! the record beside the verdict, and where they differ it says so.
+
+use std::fmt;
+
+use fleetyard_abi::Status;
+use serde::Serialize;
+
+use crate::record::{Record, number};
+
+/// A claim that can be checked in principle.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Claim {
+    pub(crate) what: Subject,
+    pub(crate) claimed: Figure,
+    /// What the host found; absent when it found nothing that it could hold the claim
+    /// against.
+    pub(crate) found: Option<Figure>,
+    /// Absent when the claim could not be checked.
+    pub(crate) agrees: Option<bool>,
+}
+
+/// What is claimed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Subject {
+    /// How the call went.
+    Status,
+    /// In steps.
+    SumOfCosts,
+    /// In steps.
+    Makespan,
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Status => "status",
+            Self::SumOfCosts => "sum of costs",
+            Self::Makespan => "makespan",
+        })
+    }
+}
+
+/// A number of steps, or words.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(crate) enum Figure {
+    Steps(f64),
+    Words(String),
+}
+
+impl fmt::Display for Figure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Steps(steps) => write!(f, "{steps}"),
+            Self::Words(words) => f.write_str(words),
+        }
+    }
+}
+
+impl Claim {
+    /// How much more was claimed than found.
+    pub(crate) fn difference(&self) -> Option<f64> {
+        match (&self.claimed, &self.found) {
+            (Figure::Steps(claimed), Some(Figure::Steps(found))) => Some(claimed - found),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Claim {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, claimed, .. } = self;
+        write!(f, "{what}: {claimed} claimed")?;
+        match &self.found {
+            Some(found) => write!(f, ", {found} found")?,
+            None => return Ok(()),
+        }
+        match self.difference() {
+            Some(difference) if difference != 0.0 => write!(f, " ({})", signed(difference)),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A difference with its sign.
+pub(crate) fn signed(difference: f64) -> String {
+    let sign = if difference > 0.0 { "+" } else { "" };
+    if difference.fract() == 0.0 {
+        format!("{sign}{difference}")
+    } else {
+        format!("{sign}{}", number(difference))
+    }
+}
+
+/// Every claim of a trial, from its record as far as it is written.
+pub(crate) fn of(record: &Record) -> Vec<Claim> {
+    let valid = record.plan_digest.map(|_| record.verdict.valid);
+    let mut claims: Vec<Claim> = status(record.claim, valid).into_iter().collect();
+    let metrics = &record.metrics;
+    for (what, name, ours) in [
+        (
+            Subject::SumOfCosts,
+            "claimed_sum_of_costs",
+            metrics.soc_steps,
+        ),
+        (
+            Subject::Makespan,
+            "claimed_makespan",
+            metrics.makespan_steps,
+        ),
+    ] {
+        let Some(claimed) = record.claimed_metrics.get(name).copied() else {
+            continue;
+        };
+        let ours = ours.map(|steps| steps as f64);
+        claims.push(Claim {
+            what,
+            claimed: Figure::Steps(claimed),
+            found: ours.map(Figure::Steps),
+            // Both are whole numbers of steps, unless the planner counts otherwise.
+            agrees: ours.map(|ours| (claimed - ours).abs() < 1e-6),
+        });
+    }
+    claims
+}
+
+/// What a status claims; most claim nothing. `valid` is the verdict on the plan, if
+/// there is one.
+fn status(claim: Option<Status>, valid: Option<bool>) -> Option<Claim> {
+    let found = valid.map(|valid| {
+        if valid {
+            "a valid plan"
+        } else {
+            "an invalid plan"
+        }
+    });
+    let agrees = match claim? {
+        Status::Solved => valid,
+        // That there is no plan cannot be checked; that there is one can.
+        Status::Infeasible => valid.filter(|valid| *valid).map(|_| false),
+        _ => return None,
+    };
+    Some(Claim {
+        what: Subject::Status,
+        claimed: Figure::Words(claim?.to_string()),
+        found: found.map(|found| Figure::Words(found.into())),
+        agrees,
+    })
+}
+
+/// Holds planners against each other: who claims that no plan exists is wrong when
+/// another one found a valid plan of the same instance. Records come with the names
+/// that their planners have in the comparison.
+pub(crate) fn confront(records: &mut [(&str, &mut Record)]) {
+    for index in 0..records.len() {
+        let mine = &records[index].1;
+        if mine.claim != Some(Status::Infeasible) {
+            continue;
+        }
+        let instance = mine.instance_digest;
+        let solver = records
+            .iter()
+            .find(|(_, other)| other.instance_digest == instance && other.succeeded())
+            .map(|(name, _)| *name);
+        let Some(solver) = solver else { continue };
+        for claim in &mut records[index].1.claims {
+            if claim.what == Subject::Status && claim.agrees.is_none() {
+                claim.agrees = Some(false);
+                claim.found = Some(Figure::Words(format!("a valid plan by {solver}")));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_is_held_against_the_plan() {
+        for (claim, valid, expected) in [
+            (Status::Solved, Some(true), Some(Some(true))),
+            (Status::Solved, Some(false), Some(Some(false))),
+            (Status::Solved, None, Some(None)),
+            (Status::Infeasible, None, Some(None)),
+            (Status::Infeasible, Some(false), Some(None)),
+            (Status::Infeasible, Some(true), Some(Some(false))),
+            (Status::GaveUp, Some(false), None),
+            (Status::TimedOut, None, None),
+        ] {
+            let found = status(Some(claim), valid).map(|claim| claim.agrees);
+            assert_eq!(found, expected, "{claim} {valid:?}");
+        }
+        assert_eq!(status(None, Some(true)), None);
+    }
+
+    #[test]
+    fn a_difference_has_a_sign() {
+        let claim = |claimed: f64, found: f64| Claim {
+            what: Subject::SumOfCosts,
+            claimed: Figure::Steps(claimed),
+            found: Some(Figure::Steps(found)),
+            agrees: Some(false),
+        };
+        for (claim, text) in [
+            (claim(12.0, 10.0), "sum of costs: 12 claimed, 10 found (+2)"),
+            (
+                claim(9.5, 10.0),
+                "sum of costs: 9.5 claimed, 10 found (-0.50)",
+            ),
+            (claim(10.0, 10.0), "sum of costs: 10 claimed, 10 found"),
+        ] {
+            assert_eq!(claim.to_string(), text);
+        }
+    }
+}
