@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fleetyard_core::formats::load_lorr;
 use fleetyard_core::{
     Connectivity, Grid, GridInstance, GridPlan, GridSearch, OFF_MAP, PathEncoding, PlanFile,
     Scenario, ScenarioEntry, load_map, load_scen, moves, read_map, read_plan, read_scen, save_plan,
@@ -307,4 +308,30 @@ fn public_benchmark_files() {
         }
     }
     println!("compared {lengths} optimal lengths");
+}
+
+#[test]
+fn league_instances_are_read() {
+    let Some(folder) = std::env::var_os("FLEETYARD_DATA").map(PathBuf::from) else {
+        eprintln!("skipped: FLEETYARD_DATA is not set");
+        return;
+    };
+    for (file, tasks, agents) in [
+        ("random.domain/random-example_400.json", 3200, 400),
+        ("warehouse.domain/fulfill-example_2500.json", 22_500, 2500),
+    ] {
+        let path = folder.join("lorr").join(file);
+        if !path.is_file() {
+            eprintln!("skipped: {} is not there", path.display());
+            continue;
+        }
+        let league = load_lorr(&path).unwrap();
+        assert_eq!((league.tasks, league.agents.agents.len()), (tasks, agents));
+        assert!(league.errands > league.tasks);
+        let instance = league
+            .agents
+            .instance(Arc::new(league.grid), None, Connectivity::Four)
+            .unwrap();
+        assert_eq!(instance.agents(), agents);
+    }
 }
