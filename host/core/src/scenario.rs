@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::files::{Lines, column, quote, read_file, stem, write_atomically};
-use crate::{Connectivity, Grid, GridInstance, InputError, InstanceError};
+use crate::{Connectivity, Grid, GridInstance, GridSearch, InputError, InstanceError};
 
 /// Largest `.scen` file that is read, in bytes.
 pub const SCEN_FILE_LIMIT: u64 = 1 << 28;
@@ -48,6 +48,29 @@ pub struct Scenario {
 }
 
 impl Scenario {
+    /// A scenario of starts and goals, cells of `grid`, with the lengths of shortest
+    /// paths; a goal that is out of reach has length 0. `map` is the map's file.
+    pub fn of(grid: &Grid, map: &str, agents: impl IntoIterator<Item = (u32, u32)>) -> Self {
+        let mut search = GridSearch::new(grid);
+        let entry = |(start, goal): (u32, u32)| {
+            let length = search.octile(start, goal).unwrap_or_default().cells();
+            ScenarioEntry {
+                line: 0,
+                bucket: (length / 4.0).floor() as u32,
+                map: map.to_owned(),
+                map_cols: grid.cols(),
+                map_rows: grid.rows(),
+                start: grid.row_col(start),
+                goal: grid.row_col(goal),
+                optimal_length: length,
+            }
+        };
+        Self {
+            source: format!("{}.scen", grid.name()),
+            entries: agents.into_iter().map(entry).collect(),
+        }
+    }
+
     /// The map that the first entry names, without folders and extension.
     pub fn map_name(&self) -> Option<&str> {
         self.entries.first().map(|entry| stem(&entry.map))

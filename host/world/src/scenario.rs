@@ -57,25 +57,7 @@ impl ScenarioSpec {
         }
         let goals = draw_goals(&starts, &component, pools);
         let map = format!("{}.map", grid.name());
-        let mut search = GridSearch::new(grid);
-        let entry = |(start, goal): (u32, u32)| {
-            // Within reach, since they are in the same piece.
-            let length = search.octile(start, goal).unwrap_or_default().cells();
-            ScenarioEntry {
-                line: 0,
-                bucket: (length / 4.0).floor() as u32,
-                map: map.clone(),
-                map_cols: grid.cols(),
-                map_rows: grid.rows(),
-                start: grid.row_col(start),
-                goal: grid.row_col(goal),
-                optimal_length: length,
-            }
-        };
-        Ok(Scenario {
-            source: format!("{}.scen", grid.name()),
-            entries: starts.into_iter().zip(goals).map(entry).collect(),
-        })
+        Ok(Scenario::of(grid, &map, starts.into_iter().zip(goals)))
     }
 }
 

@@ -7,7 +7,10 @@
 //! - `lacam`, the result files of lacam, lacam2, lacam3 and pibt2: after a line
 //!   `solution=` a line per time step, `t:(x,y),(x,y),`;
 //! - `paths-txt`, the path files of the solvers CBSH2-RTC, EECBS, PBS and MAPF-LNS2:
-//!   a line per agent, `Agent 0: (row,col)->(row,col)->`.
+//!   a line per agent, `Agent 0: (row,col)->(row,col)->`;
+//! - `mapf-visualizer`, what that program shows, <https://github.com/Kei18/mapf-visualizer>:
+//!   the lines of `lacam` alone. A position may say where its agent looks,
+//!   `(x,y,Y_MINUS)`; a plan does not keep it, so that turns become waits.
 //!
 //! Whether a plan is valid is not asked here; a position outside the map becomes
 //! [`OFF_MAP`] for the validator to find.
@@ -49,6 +52,8 @@ enum Token {
     Row,
     Col,
     Cell,
+    /// Where an agent looks, after a comma: `,Y_MINUS`. It may be missing.
+    Heading,
 }
 
 /// How an answer is written.
@@ -159,6 +164,17 @@ impl Layout {
             begin: Some(Begin::Line("solution=")),
             ..Self::plain(Major::Time, line, position, ",")
         }
+    }
+
+    /// The format `mapf-visualizer`.
+    pub fn mapf_visualizer() -> Self {
+        let mut layout = Self {
+            begin: None,
+            ..Self::lacam()
+        };
+        let end = layout.position.len() - 1;
+        layout.position.insert(end, Token::Heading);
+        layout
     }
 
     /// The format `paths-txt`.
@@ -354,6 +370,21 @@ impl Cursor<'_> {
         Ok(())
     }
 
+    /// A comma and where an agent looks, if there is a comma.
+    fn heading(&mut self) -> Result<(), InputError> {
+        const HEADINGS: [&str; 4] = ["X_PLUS", "X_MINUS", "Y_PLUS", "Y_MINUS"];
+        self.skip_blanks();
+        if !self.next_is(",") {
+            return Ok(());
+        }
+        self.at += 1;
+        let Some(heading) = HEADINGS.iter().find(|heading| self.next_is(heading)) else {
+            return Err(self.expected("X_PLUS, X_MINUS, Y_PLUS or Y_MINUS"));
+        };
+        self.at += heading.len();
+        Ok(())
+    }
+
     /// A whole number; never so long that arithmetic on it overflows.
     fn number(&mut self, what: &str) -> Result<i64, InputError> {
         const DIGITS: usize = 15;
@@ -532,6 +563,7 @@ impl<'a> Reader<'a> {
                 Token::Text(text) => cursor.text(text)?,
                 Token::Row => row = cursor.number("a row")? - from,
                 Token::Col => col = cursor.number("a column")? - from,
+                Token::Heading => cursor.heading()?,
                 _ => {
                     let cell = cursor.number("a cell")? - from;
                     (row, col) = (cell.div_euclid(cols.max(1)), cell.rem_euclid(cols.max(1)));
@@ -697,7 +729,7 @@ pub fn write_lacam(
     plan: &GridPlan,
     size: MapSize,
 ) -> Result<Vec<u8>, InputError> {
-    let steps = write_steps(plan, size)?;
+    let steps = write_mapf_visualizer(plan, size)?;
     let mut text = format!("agents={}\n", plan.agents());
     if let Some(name) = header.map_file {
         let name = name.replace(char::is_control, " ");
@@ -716,9 +748,10 @@ pub fn write_lacam(
     Ok(bytes)
 }
 
-/// A line per time step, as the format `lacam` and the program mapf-visualizer have
-/// them.
-pub(super) fn write_steps(plan: &GridPlan, size: MapSize) -> Result<Vec<u8>, InputError> {
+/// The content of a file in the format `mapf-visualizer`: a line per time step.
+///
+/// A plan without agents or with an empty path is an error.
+pub fn write_mapf_visualizer(plan: &GridPlan, size: MapSize) -> Result<Vec<u8>, InputError> {
     check_paths(plan)?;
     let steps = plan.horizon() + 1;
     if steps.saturating_mul(plan.agents()) > MOST_CELLS {
@@ -780,6 +813,18 @@ mod tests {
         ] {
             assert_eq!(read(&Layout::paths_txt(), text, 2), Ok(both.clone()));
         }
+    }
+
+    #[test]
+    fn headings_are_passed_over() {
+        let layout = Layout::mapf_visualizer();
+        let text = "0:(0,0,Y_MINUS),(3,2),\n1:(0,0,X_PLUS),(3,2,X_MINUS),\n";
+        assert_eq!(read(&layout, text, 2), Ok(vec![vec![0, 0], vec![11, 11]]));
+        let error = read(&layout, "0:(0,0,NORTH),", 1).expect_err("no heading");
+        assert!(
+            error.starts_with("answer:1:8: expected X_PLUS, X_MINUS"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -1135,7 +1180,12 @@ mod tests {
             };
             let lacam = write_lacam(&header, &plan, SIZE).expect("a plan");
             let paths_txt = write_paths_txt(&plan, SIZE).expect("a plan");
-            for (layout, text) in [(Layout::lacam(), lacam), (Layout::paths_txt(), paths_txt)] {
+            let steps = write_mapf_visualizer(&plan, SIZE).expect("a plan");
+            for (layout, text) in [
+                (Layout::lacam(), lacam),
+                (Layout::paths_txt(), paths_txt),
+                (Layout::mapf_visualizer(), steps),
+            ] {
                 let again = layout.read("answer", &text, SIZE, None).expect("a plan");
                 prop_assert_eq!(again.agents(), plan.agents());
                 prop_assert_eq!(again.digest(), plan.digest());

@@ -1,0 +1,206 @@
+//! YAML read from left to right, strictly: no anchors, aliases and tags, so that a
+//! small text stays small, and every error has a place.
+
+use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, StrInput};
+
+use crate::InputError;
+use crate::files::quote;
+
+/// Events of one document.
+pub(super) struct Yaml<'a> {
+    source: &'a str,
+    parser: Parser<'a, StrInput<'a>>,
+}
+
+/// What a node is, once its beginning was read.
+enum Node {
+    Mapping,
+    Sequence,
+    Text(String, ScalarStyle),
+    /// The end of the mapping or sequence around it.
+    End,
+}
+
+impl<'a> Yaml<'a> {
+    /// At the beginning of the document in `text`.
+    pub(super) fn new(source: &'a str, text: &'a str) -> Result<Self, InputError> {
+        let mut yaml = Self {
+            source,
+            parser: Parser::new_from_str(text),
+        };
+        loop {
+            match yaml.event()? {
+                (Event::StreamStart | Event::Nothing, _) => {}
+                (Event::DocumentStart(_), _) => return Ok(yaml),
+                _ => return Err(InputError::new(source, "the file is empty")),
+            }
+        }
+    }
+
+    /// Refuses a second document.
+    pub(super) fn finish(mut self) -> Result<(), InputError> {
+        loop {
+            match self.event()? {
+                (Event::DocumentEnd | Event::Nothing, _) => {}
+                (Event::StreamEnd, _) => return Ok(()),
+                (_, place) => return Err(self.error(place, "the document goes on after its end")),
+            }
+        }
+    }
+
+    pub(super) fn error(&self, place: Marker, reason: impl Into<String>) -> InputError {
+        let (line, column) = (place.line().max(1), place.col() + 1);
+        InputError::new(self.source, reason).at(line as u64, column as u64)
+    }
+
+    fn event(&mut self) -> Result<(Event<'a>, Marker), InputError> {
+        match self.parser.next_event() {
+            Some(Ok((event, span))) => Ok((event, span.start)),
+            Some(Err(error)) => Err(self.syntax(&error)),
+            None => Err(InputError::new(self.source, "the file ends too early")),
+        }
+    }
+
+    fn syntax(&self, error: &ScanError) -> InputError {
+        let reason = format!("this is not YAML: {}", error.info());
+        self.error(*error.marker(), reason)
+    }
+
+    fn node(&mut self) -> Result<(Node, Marker), InputError> {
+        const HINT: &str = "write the value itself";
+        let (event, place) = self.event()?;
+        let (anchor, tagged) = match &event {
+            Event::Scalar(_, _, anchor, tag) => (*anchor, tag.is_some()),
+            Event::SequenceStart(anchor, tag) | Event::MappingStart(anchor, tag) => {
+                (*anchor, tag.is_some())
+            }
+            _ => (0, false),
+        };
+        if anchor != 0 || tagged {
+            let reason = "anchors and tags are not accepted";
+            return Err(self.error(place, reason).hint(HINT));
+        }
+        let node = match event {
+            Event::MappingStart(..) => Node::Mapping,
+            Event::SequenceStart(..) => Node::Sequence,
+            Event::Scalar(text, style, ..) => Node::Text(text.into_owned(), style),
+            Event::SequenceEnd | Event::MappingEnd => Node::End,
+            Event::Alias(_) => {
+                return Err(self.error(place, "aliases are not accepted").hint(HINT));
+            }
+            _ => return Err(self.error(place, "the document ends too early")),
+        };
+        Ok((node, place))
+    }
+
+    fn wrong(&self, (node, place): (Node, Marker), expected: &str) -> InputError {
+        let found = match node {
+            Node::Mapping => "a mapping".to_owned(),
+            Node::Sequence => "a list".to_owned(),
+            Node::Text(text, _) => quote(text.as_bytes()),
+            Node::End => "the end of the list".to_owned(),
+        };
+        self.error(place, format!("expected {expected}, found {found}"))
+    }
+
+    /// Reads a mapping: calls `each` with every key, which reads the value.
+    pub(super) fn mapping(
+        &mut self,
+        what: &str,
+        mut each: impl FnMut(&mut Self, &str, Marker) -> Result<(), InputError>,
+    ) -> Result<Marker, InputError> {
+        let (node, begin) = self.node()?;
+        if !matches!(node, Node::Mapping) {
+            return Err(self.wrong((node, begin), what));
+        }
+        // In the order of the text; few enough to be searched, or many and then sorted.
+        let mut keys = std::collections::HashSet::new();
+        loop {
+            match self.node()? {
+                (Node::End, _) => return Ok(begin),
+                (Node::Text(key, _), place) => {
+                    if !keys.insert(key.clone()) {
+                        let reason = format!("{} is given twice", quote(key.as_bytes()));
+                        return Err(self.error(place, reason));
+                    }
+                    each(self, &key, place)?;
+                }
+                other => return Err(self.wrong(other, "a key")),
+            }
+        }
+    }
+
+    /// Reads a list: calls `each` before every entry, which reads it.
+    pub(super) fn list(
+        &mut self,
+        what: &str,
+        mut each: impl FnMut(&mut Self) -> Result<(), InputError>,
+    ) -> Result<Marker, InputError> {
+        let (node, begin) = self.node()?;
+        if !matches!(node, Node::Sequence) {
+            return Err(self.wrong((node, begin), what));
+        }
+        loop {
+            match self.parser.peek() {
+                Some(Ok((Event::SequenceEnd, _))) => {
+                    self.event()?;
+                    return Ok(begin);
+                }
+                _ => each(self)?,
+            }
+        }
+    }
+
+    /// A list of exactly two integers, such as `[x, y]`.
+    pub(super) fn pair(&mut self, what: &str) -> Result<((i64, i64), Marker), InputError> {
+        let mut values = Vec::with_capacity(2);
+        let place = self.list(what, |yaml| {
+            let (value, place) = yaml.integer("a coordinate")?;
+            if values.len() == 2 {
+                return Err(yaml.error(place, format!("expected {what}, found a third number")));
+            }
+            values.push(value);
+            Ok(())
+        })?;
+        match values[..] {
+            [x, y] => Ok(((x, y), place)),
+            _ => Err(self.error(
+                place,
+                format!("expected {what}, found {} numbers", values.len()),
+            )),
+        }
+    }
+
+    /// A plain integer.
+    pub(super) fn integer(&mut self, what: &str) -> Result<(i64, Marker), InputError> {
+        let (node, place) = self.node()?;
+        if let Node::Text(text, ScalarStyle::Plain) = &node
+            && let Some(value) = whole(text)
+        {
+            return Ok((value, place));
+        }
+        Err(self.wrong((node, place), what))
+    }
+
+    /// Reads a value of whatever kind and forgets it.
+    pub(super) fn skip(&mut self) -> Result<(), InputError> {
+        let mut depth = 0_usize;
+        loop {
+            match self.node()?.0 {
+                Node::Mapping | Node::Sequence => depth += 1,
+                Node::End => depth = depth.saturating_sub(1),
+                Node::Text(..) => {}
+            }
+            if depth == 0 {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// A whole number of at most 15 digits.
+fn whole(text: &str) -> Option<i64> {
+    let digits = text.strip_prefix('-').unwrap_or(text);
+    let fits = (1..=15).contains(&digits.len()) && digits.bytes().all(|byte| byte.is_ascii_digit());
+    fits.then(|| text.parse().ok()).flatten()
+}
