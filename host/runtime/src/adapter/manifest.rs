@@ -61,6 +61,9 @@ pub(super) struct Program {
     pub(super) install: Option<String>,
     /// Kept back from the budget to read the answer.
     pub(super) reserve: Option<Duration>,
+    /// The same in nanoseconds per agent and free cell, for what the solver does before
+    /// its own clock starts.
+    pub(super) reserve_per_agent_cell: u64,
 }
 
 /// One argument, or some that are there only under a condition.
@@ -99,6 +102,8 @@ pub(super) struct VersionQuery {
     pub(super) arguments: Vec<Template>,
     pub(super) pattern: Regex,
     pub(super) limit: Duration,
+    /// What the whole version must match, as the manifest has it.
+    pub(super) supported: Option<(String, Regex)>,
 }
 
 /// What the solver reads.
@@ -378,6 +383,7 @@ impl Program {
                 "cwd",
                 "install",
                 "reserve_ms",
+                "reserve_ns_per_agent_cell",
             ],
         )?;
         let command = table.require("command")?;
@@ -413,6 +419,10 @@ impl Program {
             let ms = value.integer(0, 60_000)?;
             Ok(Duration::from_millis(ms as u64))
         });
+        let reserve_per_agent_cell = match table.get("reserve_ns_per_agent_cell") {
+            Some(value) => value.integer(0, 1_000_000)? as u64,
+            None => 0,
+        };
         let text = command.nonempty()?;
         if text.contains('\0') {
             return Err(command.error("a NUL character cannot be part of a path"));
@@ -427,6 +437,7 @@ impl Program {
             cwd: cwd.transpose()?,
             install: table.text("install")?.map(str::to_owned),
             reserve: reserve.transpose()?,
+            reserve_per_agent_cell,
         })
     }
 
@@ -561,12 +572,17 @@ impl Argument {
 }
 
 impl Version {
+    /// What the version must match, if that is said.
+    pub(super) fn supported(&self) -> Option<&(String, Regex)> {
+        self.query.as_ref()?.supported.as_ref()
+    }
+
     fn read(value: &Value<'_, '_>) -> Result<Self, InputError> {
         if !value.is_table() {
             let text = value.text()?.to_owned();
             return Ok(Self { text, query: None });
         }
-        let keys = ["args", "pattern", "seconds", "otherwise"];
+        let keys = ["args", "pattern", "seconds", "otherwise", "supported"];
         let table = value.table("[version]", &keys)?;
         let mut arguments = Vec::new();
         for argument in table.require("args")?.list()? {
@@ -580,12 +596,29 @@ impl Version {
             Some(value) => value.integer(1, 30)?,
             None => 5,
         };
+        let supported = match table.get("supported") {
+            Some(value) => {
+                pattern(&value, 0)?;
+                let text = value.nonempty()?;
+                let whole = Regex::new(&format!(r"\A(?:{text})\z"));
+                let whole = whole.map_err(|_| value.error("the pattern cannot be used"))?;
+                Some((text.to_owned(), whole))
+            }
+            None => None,
+        };
+        let otherwise = table.get("otherwise");
+        if let (Some(_), Some(otherwise)) = (&supported, &otherwise) {
+            return Err(otherwise
+                .error("`otherwise` lets any program pass, `supported` does not")
+                .hint("remove one of them"));
+        }
         Ok(Self {
             text: table.text("otherwise")?.unwrap_or_default().to_owned(),
             query: Some(VersionQuery {
                 arguments,
                 pattern: pattern(&table.require("pattern")?, 1)?,
                 limit: Duration::from_secs(seconds as u64),
+                supported,
             }),
         })
     }

@@ -113,6 +113,18 @@ impl Adapter {
         })
     }
 
+    /// The solver is not the one that the manifest was written for.
+    fn unsuitable(&self, what: &str) -> Failure {
+        let Installed {
+            manifest, program, ..
+        } = &*self.installed;
+        let (program, hint) = (program.display(), install_hint(manifest));
+        Failure::new(
+            Status::Unsupported,
+            format!("{program} {what}; hint: {hint}"),
+        )
+    }
+
     /// Starts the solver to ask for its version.
     fn ask_version(&self, query: &VersionQuery) -> Result<String, String> {
         const KEPT: usize = 1 << 16;
@@ -254,9 +266,22 @@ impl Catalog for Adapter {
             let reason = format!("there is no {kind} `{id}`");
             return Err(Failure::new(Status::Unsupported, reason));
         }
-        if let Err(reason) = self.version() {
-            let text = format!("the solver did not say its version: {reason}");
-            sink.log(LogLevel::Warning, &text);
+        match (self.version(), manifest.version.supported()) {
+            (Ok(version), Some((text, whole))) if !whole.is_match(version.as_bytes()) => {
+                return Err(self.unsuitable(&format!(
+                    "is version {version}, and the manifest is for `{text}`"
+                )));
+            }
+            (Err(reason), Some((text, _))) => {
+                return Err(self.unsuitable(&format!(
+                    "did not say its version, and the manifest is for `{text}`: {reason}"
+                )));
+            }
+            (Err(reason), None) => {
+                let text = format!("the solver did not say its version: {reason}");
+                sink.log(LogLevel::Warning, &text);
+            }
+            (Ok(_), _) => {}
         }
         let options: serde_json::Map<_, _> = options.parse()?;
         check_options(&options, &manifest.options)

@@ -40,6 +40,7 @@ pub(super) struct Solver {
     /// Removed with the solver.
     scratch: TempDir,
     environment: Option<SharedEnvironment>,
+    free_cells: u64,
 }
 
 /// What a solver left behind.
@@ -147,6 +148,7 @@ impl Solver {
             options,
             scratch,
             environment: None,
+            free_cells: 0,
         })
     }
 
@@ -216,15 +218,24 @@ impl Solver {
         })
     }
 
+    /// What the solver is thought to take before its own clock starts.
+    fn preparation_ns(&self, agents: usize) -> u64 {
+        let each = self.installed.manifest.program.reserve_per_agent_cell;
+        each.saturating_mul(agents as u64)
+            .saturating_mul(self.free_cells)
+    }
+
     /// What the solver may take of what is left of the budget.
-    fn time(&self, budget: &Budget) -> Duration {
+    fn time(&self, instance: &Instance, budget: &Budget) -> Duration {
         let left = budget.deadline_monotonic_ns.saturating_sub(monotonic_ns());
         let left = Duration::from_nanos(left);
         let reserve = self.installed.manifest.program.reserve.unwrap_or_else(|| {
             let share = Duration::from_nanos(budget.wall_ns) / 20;
             share.clamp(Duration::from_millis(20), Duration::from_secs(1))
         });
-        left.saturating_sub(reserve).max(Duration::from_millis(1))
+        let preparation = Duration::from_nanos(self.preparation_ns(instance.agents()));
+        left.saturating_sub(reserve + preparation)
+            .max(Duration::from_millis(1))
     }
 
     fn command(&self, instance: &Instance, budget: &Budget) -> Command {
@@ -234,7 +245,7 @@ impl Solver {
             program,
         } = &*self.installed;
         let scratch = self.scratch.path();
-        let time = self.time(budget);
+        let time = self.time(instance, budget);
         let value = |slot: &Slot| -> OsString {
             match slot {
                 Slot::Map => scratch.join(MAP_NAME).into(),
@@ -470,6 +481,7 @@ impl Planner for Solver {
             .map_err(|error| Failure::new(Status::InvalidInput, told(&error)))?;
         fs::write(self.scratch.path().join(MAP_NAME), write_map(&written))
             .map_err(|error| internal("cannot write the map", error))?;
+        self.free_cells = grid.passable.iter().filter(|free| **free != 0).count() as u64;
         self.environment = Some(environment.clone());
         Ok(())
     }
