@@ -3,8 +3,6 @@
 
 mod common;
 
-use std::path::PathBuf;
-
 use common::{INPUT, NO_PLAN, PLUGIN, SUCCESS, Yard, have, instance, root, words};
 use fleetyard_runtime::adapter::Manifest;
 use serde_json::Value;
@@ -490,65 +488,13 @@ fn manifests_that_are_shown_can_be_read() {
     }
     for entry in std::fs::read_dir(root().join("plugins/adapters")).unwrap() {
         let file = entry.unwrap().path().join("planner.toml");
-        let text = std::fs::read_to_string(&file).unwrap();
-        shown.push((file.display().to_string(), text));
+        // An adapter in code has none.
+        if let Ok(text) = std::fs::read_to_string(&file) {
+            shown.push((file.display().to_string(), text));
+        }
     }
     assert!(shown.len() >= 3);
     for (file, text) in shown {
         Manifest::read(&text, &file).unwrap_or_else(|error| panic!("{error}"));
     }
-}
-
-/// Where LaCAM3 is, if it is there.
-fn lacam3() -> Option<PathBuf> {
-    let named = std::env::var_os("LACAM3").map(PathBuf::from);
-    let folders = std::env::var_os("PATH").unwrap_or_default();
-    let mut candidates = std::env::split_paths(&folders).map(|folder| folder.join("lacam3"));
-    named.or_else(|| candidates.find(|path| path.is_file()))
-}
-
-#[test]
-fn the_adapter_of_lacam3() {
-    let manifest = root().join("plugins/adapters/lacam3");
-    let manifest = manifest.display().to_string();
-    let Some(program) = lacam3() else {
-        println!("skipped: lacam3 is neither on PATH nor named by LACAM3");
-        // Without the program the adapter says how to get it.
-        let ended = Yard::new().run(&["plugins", "info", &manifest]);
-        assert!(ended.code != Some(SUCCESS), "{ended}");
-        assert!(
-            ended
-                .stderr
-                .contains("hint: build it from https://github.com/Kei18/lacam3")
-        );
-        return;
-    };
-    let program = program.display().to_string();
-    for agents in [10, 60] {
-        let yard = Yard::new().set("LACAM3", &program);
-        let mut line = words("run --budget 20s --format json --option no-star=true --planner");
-        line.push(manifest.clone());
-        line.extend(instance("random-32-32-20", agents));
-        let record = yard.run(&line).expect(SUCCESS).json();
-        assert_eq!(record["verdict"]["valid"], true, "{record}");
-        let (claims, found) = (&record["claimed_metrics"], &record["metrics"]);
-        assert_eq!(claims["soc_steps"].as_f64(), found["soc_steps"].as_f64());
-        assert_eq!(
-            claims["makespan_steps"].as_f64(),
-            found["makespan_steps"].as_f64()
-        );
-    }
-    // Two robots that have to pass each other where there is no room.
-    let yard = Yard::new().set("LACAM3", &program);
-    yard.write("lane.map", "type octile\nheight 1\nwidth 3\nmap\n...\n");
-    yard.write(
-        "lane.scen",
-        "version 1\n0\tlane.map\t3\t1\t0\t0\t2\t0\t2\n0\tlane.map\t3\t1\t2\t0\t0\t0\t2\n",
-    );
-    let line =
-        "run --budget 20s --format json --map lane.map --scen lane.scen --agents 2 --planner";
-    let mut line = words(line);
-    line.push(manifest);
-    let record = yard.run(&line).expect(NO_PLAN).json();
-    assert_eq!(record["claim"], "infeasible", "{record}");
 }

@@ -232,6 +232,24 @@ fn faults_say_where_and_what_to_do() {
             "",
         ),
         (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = { args = [], pattern = '(v)', supported = '(1' }",
+            "p.toml:3:53: the pattern cannot be used: unclosed group",
+            "crate `regex`",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = { args = [], pattern = '(v)', supported = '(1)' }",
+            "p.toml:3:53: the pattern has 1 groups in parentheses, expected 0",
+            "(?:…)",
+        ),
+        (
+            "id = \"solver\"",
+            "id = \"x\"\nversion = { args = [], pattern = '(v)', supported = '1', otherwise = '2' }",
+            "p.toml:3:70: `otherwise` lets any program pass",
+            "remove one of them",
+        ),
+        (
             "command = \"solver\"",
             "comand = \"solver\"",
             "p.toml:4:1: unknown key `comand` in [program]",
@@ -307,6 +325,12 @@ fn faults_say_where_and_what_to_do() {
             "[output]",
             "reserve_ms = -1\n[output]",
             "p.toml:6:14: `reserve_ms` is not between 0 and 60000",
+            "",
+        ),
+        (
+            "[output]",
+            "reserve_ns_per_agent_cell = 0.5\n[output]",
+            "p.toml:6:29: `reserve_ns_per_agent_cell` is a number, expected an integer",
             "",
         ),
         (
