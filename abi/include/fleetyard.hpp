@@ -236,7 +236,7 @@ public:
   std::chrono::nanoseconds remaining() const noexcept {
     return deadline() - std::chrono::steady_clock::now();
   }
-  /* Whether the deadline has passed. Sink::cancelled knows more: it also hears the host. */
+  /* Whether the deadline has passed. Sink::cancelled tells earlier, and hears the host. */
   bool expired() const noexcept { return remaining().count() <= 0; }
   /* Length of the budget when the call began. */
   std::chrono::nanoseconds wall() const noexcept { return nanoseconds(raw_.wall_ns); }
@@ -569,6 +569,10 @@ struct NextInstance {
 class Sink {
 public:
   explicit Sink(const FleetyardSink *raw) : raw_(&detail::checked(raw, "sink")) {}
+  Sink(const Sink &sink, const Budget &budget) : raw_(sink.raw_) {
+    const std::chrono::nanoseconds least = std::chrono::milliseconds(1), most = 100 * least;
+    stop_ = budget.deadline() - std::clamp(budget.wall() / 50, least, most);
+  }
 
   /* Hands over a plan; may be called again with a better one. Returns whether the host
    * took it: it refuses what is malformed or comes too late. */
@@ -613,9 +617,12 @@ public:
   void progress(std::uint64_t done, std::uint64_t total) const noexcept {
     raw_->progress(raw_->context, done, total);
   }
-  /* Whether the call should end: the deadline has passed or the host gave up on it.
-   * Cheap; ask often. */
-  bool cancelled() const noexcept { return raw_->cancelled(raw_->context) != 0; }
+  /* Whether the call should end: the host gave up on it, or the deadline is near. It is so
+   * a fiftieth of the budget before, but at least 1 ms and at most 100 ms, because an answer
+   * that comes after the deadline does not count. Cheap; ask often. */
+  bool cancelled() const noexcept {
+    return std::chrono::steady_clock::now() >= stop_ || raw_->cancelled(raw_->context) != 0;
+  }
   /* Ends the call as timed out when it should end. */
   void check() const {
     if (cancelled())
@@ -624,6 +631,7 @@ public:
 
 private:
   const FleetyardSink *raw_;
+  std::chrono::steady_clock::time_point stop_ = std::chrono::steady_clock::time_point::max();
 };
 
 /* ---- Options ----------------------------------------------------------------- */
@@ -1070,7 +1078,8 @@ template <class Base> struct Made {
     return guarded(sink, [&](const Sink &to) {
       Made &made = of(context);
       made.prepared = false;
-      made.plugin->prepare(Environment(environment), Budget(budget), to);
+      const Budget limits(budget);
+      made.plugin->prepare(Environment(environment), limits, Sink(to, limits));
       made.prepared = true;
     });
   }
@@ -1094,7 +1103,8 @@ template <> struct Kind<Planner> {
   static std::int32_t plan(void *context, const FleetyardInstance *instance,
                            const FleetyardBudget *budget, const FleetyardSink *sink) noexcept {
     return guarded(sink, [&](const Sink &to) {
-      Made<Planner>::of(context).ready().plan(Instance(instance), Budget(budget), to);
+      const Budget limits(budget);
+      Made<Planner>::of(context).ready().plan(Instance(instance), limits, Sink(to, limits));
     });
   }
   static void fill(Object &out) noexcept {
@@ -1118,7 +1128,8 @@ template <> struct Kind<FailPolicy> {
         failed.emplace(failed_plan);
       if (failed && failed->agents() != asked.agents())
         invalid("failed_plan has paths for another number of agents than the instance");
-      Made<FailPolicy>::of(context).ready().recover(asked, failed, Budget(budget), to);
+      const Budget limits(budget);
+      Made<FailPolicy>::of(context).ready().recover(asked, failed, limits, Sink(to, limits));
     });
   }
   static void fill(Object &out) noexcept {
@@ -1135,7 +1146,9 @@ template <> struct Kind<InstanceGenerator> {
   static std::int32_t generate(void *context, const FleetyardFleetState *state,
                                const FleetyardBudget *budget, const FleetyardSink *sink) noexcept {
     return guarded(sink, [&](const Sink &to) {
-      Made<InstanceGenerator>::of(context).ready().generate(FleetState(state), Budget(budget), to);
+      const Budget limits(budget);
+      Made<InstanceGenerator>::of(context).ready().generate(FleetState(state), limits,
+                                                            Sink(to, limits));
     });
   }
   static void fill(Object &out) noexcept {
