@@ -492,12 +492,27 @@ static bool push(Work *work, uint32_t cell, uint32_t time, uint32_t parent, uint
   return true;
 }
 
+static uint64_t now_ns(void) {
+  struct timespec now = {0, 0};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+/* Whether time is up: a fiftieth of the budget before the deadline, but at least 1 ms and at
+ * most 100 ms, because an answer that comes after it does not count. */
+static bool late(const FleetyardBudget *budget) {
+  uint64_t reserve = budget->wall_ns / 50, now = now_ns();
+  reserve = reserve < 1000000 ? 1000000 : reserve > 100000000 ? 100000000 : reserve;
+  return now >= budget->deadline_monotonic_ns || budget->deadline_monotonic_ns - now < reserve;
+}
+
 /* Whether the call has to end. The host is asked now and then only. */
 static bool stopped(Work *work) {
   uint64_t limit = work->budget->nodes;
   if (limit && work->expansions >= limit)
     work->out_of_nodes = true;
-  if (work->expansions % 256 == 0 && work->sink->cancelled(work->sink->context))
+  if (work->expansions % 256 == 0 &&
+      (late(work->budget) || work->sink->cancelled(work->sink->context)))
     work->cancelled = true;
   return work->out_of_nodes || work->cancelled || work->out_of_memory;
 }
@@ -683,16 +698,13 @@ static int32_t submit(Work *work) {
 /* Why the search was stopped, as a status. */
 static int32_t explain(const Work *work) {
   uint64_t restarts = work->restarts;
-  struct timespec now = {0, 0};
   if (work->out_of_memory)
     return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
                 "the memory ran out after %" PRIu64 " restarts", restarts);
   if (work->out_of_nodes)
     return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
                 "the node limit was reached after %" PRIu64 " restarts", restarts);
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  if ((uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec <
-      work->budget->deadline_monotonic_ns)
+  if (!late(work->budget))
     return fail(work->sink, FLEETYARD_STATUS_CANCELLED, "cancelled after %" PRIu64 " restarts",
                 restarts);
   return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
@@ -715,7 +727,8 @@ static int32_t solve(Work *work) {
     if (length == NONE)
       status = fail(work->sink, FLEETYARD_STATUS_INFEASIBLE,
                     "no path leads agent %" PRIu32 " to its goal", agent);
-    else if (agent % 16 == 0 && work->sink->cancelled(work->sink->context))
+    else if (agent % 16 == 0 &&
+             (late(work->budget) || work->sink->cancelled(work->sink->context)))
       status = explain(work);
   }
   if (status == FLEETYARD_STATUS_SOLVED) {
