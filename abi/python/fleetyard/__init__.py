@@ -34,6 +34,7 @@ from ._model import (
     TimedOut,
     Unsupported,
 )
+from ._paths import Paths
 from ._plugins import (
     Context,
     FailPolicy,
@@ -64,6 +65,7 @@ __all__ = [
     "InternalError",
     "InvalidInput",
     "InvocationPolicy",
+    "Paths",
     "Planner",
     "Plugin",
     "Task",

@@ -6,9 +6,11 @@ Field names are those of the wire. Cells are indices, ``row * cols + col``, with
 
 from __future__ import annotations
 
+import importlib
+import operator
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 OFF_MAP = -1
@@ -90,6 +92,12 @@ class Budget:
         """Whether the deadline has passed."""
         return time.monotonic_ns() >= self.deadline_monotonic_ns
 
+    def ending(self) -> bool:
+        """Whether it is time to answer: a fiftieth of the budget before the deadline, but
+        at least 1 ms and at most 100 ms, because a late answer does not count."""
+        reserve = min(max(self.wall_ns // 50, 1_000_000), 100_000_000)
+        return time.monotonic_ns() >= self.deadline_monotonic_ns - reserve
+
     @classmethod
     def _from_wire(cls, wire: Mapping[str, Any]) -> Budget:
         return cls(
@@ -139,6 +147,12 @@ class Grid:
     def free_cells(self) -> List[int]:
         """Every cell where a robot may stand."""
         return [cell for cell, free in enumerate(self.passable) if free]
+
+    def as_numpy(self) -> Any:
+        """``passable`` as an array of ``bool``, rows by columns. Needs NumPy."""
+        numpy = importlib.import_module("numpy")
+        cells = numpy.frombuffer(self.passable, dtype=numpy.uint8)
+        return cells.reshape(self.rows, self.cols) != 0
 
     def neighbors(self, cell: int) -> Tuple[int, ...]:
         """The cells that one move reaches. Waiting is always possible too."""
@@ -260,6 +274,18 @@ class Instance:
         instance._check(grid)
         return instance
 
+    def _plain(self) -> Instance:
+        """The same with lists of numbers, whatever an author has put in."""
+        goals = getattr(self.goals, "tolist", lambda: self.goals)()
+        if isinstance(goals, (str, bytes)) or not hasattr(goals, "__iter__"):
+            raise TypeError(f"`goals` is no list with one list per agent but {goals!r:.60}")
+        return replace(
+            self,
+            starts=_cells(self.starts, "`starts`"),
+            goals=[_cells(each, f"`goals` of agent {agent}") for agent, each in enumerate(goals)],
+            headings=None if self.headings is None else list(self.headings),
+        )
+
     def _check(self, grid: Grid) -> None:
         if not self.starts or len(self.goals) != len(self.starts):
             raise ValueError(f"{len(self.starts)} starts but {len(self.goals)} goal lists")
@@ -271,19 +297,21 @@ class Instance:
                 raise ValueError(f"agent {agent} has no goal")
             for cell in (self.starts[agent], *goals):
                 if not 0 <= cell < cells:
-                    raise ValueError(f"cell {cell} is not on a map of {cells} cells")
+                    raise ValueError(
+                        f"agent {agent}: cell {cell} is not on a map of {cells} cells"
+                    )
 
     def _to_wire(self) -> Dict[str, Any]:
         wire: Dict[str, Any] = {
-            "starts": _cells(self.starts),
-            "goals": [_cells(goals) for goals in self.goals],
+            "starts": self.starts,
+            "goals": self.goals,
             "motion": self.motion,
             "objective": self.objective,
             "window_steps": self.window_steps,
             "radius_m": self.radius_m,
         }
         if self.headings is not None:
-            wire["headings"] = list(self.headings)
+            wire["headings"] = self.headings
         return wire
 
 
@@ -362,6 +390,22 @@ class FleetStatus:
         )
 
 
-def _cells(values: Any) -> List[int]:
+def whole(value: Any) -> int:
+    """An integer of any kind; no float, and no truth value."""
+    if isinstance(value, bool):
+        raise TypeError("a truth value is no number")
+    return operator.index(value)
+
+
+def _cells(values: Any, what: str = "the list") -> List[int]:
     """A list of ints from a list, or from an array that has ``tolist``."""
-    return [int(value) for value in getattr(values, "tolist", lambda: values)()]
+    values = getattr(values, "tolist", lambda: values)()
+    if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
+        raise TypeError(f"{what} is no list but {values!r:.60}")
+    cells = []
+    for place, value in enumerate(values):
+        try:
+            cells.append(whole(value))
+        except TypeError:
+            raise TypeError(f"{what} has {value!r:.60} at place {place}, no whole number") from None
+    return cells

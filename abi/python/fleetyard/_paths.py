@@ -1,17 +1,20 @@
 """How paths are written on the wire, and what an author may hand over.
 
 Per agent a list of cells, of ``(row, col)``, an array of either (anything with
-``tolist``), or a string of moves from the agent's start: ``N E S W`` for a step up,
-right, down, left, ``.`` for a wait, and ``n e s w`` for the diagonal steps up-right,
-down-right, down-left, up-left.
+``tolist``, as NumPy's arrays), or a string of moves from the agent's start: ``N E S W``
+for a step up, right, down, left, ``.`` for a wait, and ``n e s w`` for the diagonal steps
+up-right, down-right, down-left, up-left. The whole plan may be one array as well: agents
+by time steps, or agents by time steps by 2.
 """
 
 from __future__ import annotations
 
-import operator
-from typing import Any, List, Sequence, Tuple
+from typing import Any, Iterable, List, Mapping, Sequence, Set, SupportsIndex, Tuple, Union
 
-from ._model import OFF_MAP
+from ._model import OFF_MAP, whole
+
+Paths = Iterable[Union[str, Iterable[Union[SupportsIndex, Sequence[SupportsIndex]]]]]
+"""What an author may hand over as a plan: one path per agent."""
 
 _MOVES = {
     ".": (0, 0),
@@ -30,8 +33,8 @@ _LETTERS = {move: letter for letter, move in _MOVES.items()}
 def encode(paths: Any, starts: Sequence[int], rows: int, cols: int) -> List[Any]:
     """The paths as the wire has them: moves where the path is made of moves, so that
     plans are short, and positions otherwise, so that the host sees every fault."""
-    paths = getattr(paths, "tolist", lambda: paths)()
-    if isinstance(paths, (str, bytes)) or not hasattr(paths, "__iter__"):
+    paths = _plain(paths, "the plan", 1)
+    if isinstance(paths, (str, bytes, Mapping, Set)) or not hasattr(paths, "__iter__"):
         raise TypeError(f"a plan is a list with one path per agent, not {_short(paths)}")
     paths = list(paths)
     if len(paths) != len(starts):
@@ -52,8 +55,8 @@ def _encode_path(agent: int, path: Any, start: int, rows: int, cols: int) -> Any
                     f"letter {letter!r} at position {index} of the path of agent {agent} is no move"
                 )
         return path
-    path = getattr(path, "tolist", lambda: path)()
-    if not hasattr(path, "__iter__"):
+    path = _plain(path, f"the path of agent {agent}", 0)
+    if isinstance(path, (bytes, Mapping, Set)) or not hasattr(path, "__iter__"):
         raise TypeError(f"the path of agent {agent} is not a list but {_short(path)}")
     positions = [_position(agent, time, item, cols) for time, item in enumerate(path)]
     on_map = all(0 <= row < rows and 0 <= col < cols for row, col in positions)
@@ -68,14 +71,32 @@ def _encode_path(agent: int, path: Any, start: int, rows: int, cols: int) -> Any
     return [list(position) for position in positions]
 
 
+def _plain(value: Any, what: str, more: int) -> Any:
+    """An array as lists, if it can be what it should: cells, or (row, col), with ``more``
+    dimensions before them. Anything else as it is."""
+    kind = getattr(getattr(value, "dtype", None), "kind", "O")
+    if kind not in "iuO":
+        raise TypeError(f"{what} is an array of {value.dtype}, but cells are whole numbers")
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple) and kind != "O":
+        cells, pairs = len(shape) == 1 + more, len(shape) == 2 + more and shape[-1] == 2
+        if not (cells or pairs):
+            wanted = ("agents, steps", "agents, steps, 2") if more else ("steps,", "steps, 2")
+            raise TypeError(
+                f"{what} is an array of shape {shape}, not ({wanted[0]}) of cells "
+                f"or ({wanted[1]}) of rows and columns"
+            )
+    return getattr(value, "tolist", lambda: value)()
+
+
 def _position(agent: int, time: int, item: Any, cols: int) -> Tuple[int, int]:
     try:
         if isinstance(item, (tuple, list)):
             row, col = item
-            return operator.index(row), operator.index(col)
+            return whole(row), whole(col)
         if hasattr(item, "__len__"):  # a row of an array
             return _position(agent, time, tuple(item), cols)
-        return divmod(operator.index(item), cols)
+        return divmod(whole(item), cols)
     except (TypeError, ValueError):
         raise TypeError(
             f"the path of agent {agent} has {_short(item)} at time {time}, "

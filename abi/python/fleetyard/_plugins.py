@@ -17,6 +17,7 @@ from ._model import (
     Instance,
     TimedOut,
 )
+from ._paths import Paths
 
 if TYPE_CHECKING:
     from ._server import Channel
@@ -41,26 +42,29 @@ class Context:
         self._submitted = False
 
     def cancelled(self) -> bool:
-        """Whether the call should end: its deadline has passed, or the host gave up
-        on it. Cheap; ask often."""
-        if self._channel.cancelled == self._request:
-            return True
-        return self._budget is not None and self._budget.expired()
+        """Whether the call should end: its deadline is so near that an answer may just
+        arrive in time (see :meth:`Budget.ending`), or the host gave up on it. Cheap; ask
+        often."""
+        return self._revoked() or (self._budget is not None and self._budget.ending())
+
+    def _revoked(self) -> bool:
+        return self._channel.cancelled == self._request
 
     def check(self) -> None:
         """Raises :class:`TimedOut` or :class:`Cancelled` if the call should end."""
-        if self._budget is not None and self._budget.expired():
-            raise TimedOut("the deadline has passed")
-        if self.cancelled():
+        if self._budget is not None and self._budget.ending():
+            raise TimedOut("the call's time is up")
+        if self._revoked():
             raise Cancelled("cancelled by the host")
 
-    def incumbent(self, paths: Any) -> bool:
+    def incumbent(self, paths: Paths) -> bool:
         """Hands over a plan, better than the last one, and goes on. Whether it was
         sent: after the deadline it is not. Paths are as :meth:`Planner.plan` returns
         them."""
         if self._encode is None:
             raise RuntimeError("only planners and fail policies have plans")
-        if self.cancelled():
+        late = self._budget is not None and self._budget.expired()
+        if late or self._revoked():
             return False
         self._channel.notify("incumbent", {"paths": self._encode(paths)})
         self._submitted = True
@@ -141,13 +145,14 @@ class Planner(_Prepared):
     capabilities = ("grid", "pebble")
 
     @abstractmethod
-    def plan(self, instance: Instance, budget: Budget, context: Context) -> Any:
+    def plan(self, instance: Instance, budget: Budget, context: Context) -> Optional[Paths]:
         """Returns one path per agent, or ``None`` when the last
         ``context.incumbent(...)`` is the answer. Raises a
         :class:`~fleetyard.Failure` to give up.
 
         A path lists where the agent is at time 0, 1, 2, ...: cells, or ``(row,
-        col)``, or a string of moves. After its last cell an agent stays there.
+        col)``, or an array of either, or a string of moves. After its last cell an agent
+        stays there.
         """
 
 
@@ -163,7 +168,7 @@ class FailPolicy(_Prepared):
         failed_paths: Optional[List[List[int]]],
         budget: Budget,
         context: Context,
-    ) -> Any:
+    ) -> Optional[Paths]:
         """Returns collision-free paths, as :meth:`Planner.plan`. ``failed_paths`` is
         what the planner left, collisions and all, as lists of cells."""
 

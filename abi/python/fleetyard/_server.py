@@ -234,6 +234,7 @@ class _Server:
             instance = generator.generate(state, budget, context)
             if not isinstance(instance, Instance):
                 raise TypeError(f"`generate` returned no Instance but {instance!r:.60}")
+            instance = instance._plain()
             instance._check(grid)
             made["instance"] = instance._to_wire()
 
@@ -245,11 +246,14 @@ class _Server:
         policy = self._of(InvocationPolicy, "should_invoke")
         status = _read(FleetStatus._from_wire, params, "status")
         answer: List[bool] = []
-        outcome = _outcome(
-            lambda: answer.append(
-                bool(policy.should_invoke(status, Context(self._channel, request)))
-            )
-        )
+
+        def decide() -> None:
+            invoke: Any = policy.should_invoke(status, Context(self._channel, request))
+            if invoke is None:
+                raise TypeError("`should_invoke` returned None, not whether to call the planner")
+            answer.append(bool(invoke))
+
+        outcome = _outcome(decide)
         if not answer:
             raise _Refusal(INTERNAL_ERROR, f"{outcome['status']}: {outcome['message']}")
         return {"invoke": answer[0]}
@@ -313,7 +317,7 @@ def _plan_result(context: Context, call: Callable[[], Any]) -> Dict[str, Any]:
             assert context._encode is not None
             written.append(context._encode(paths))
         elif not context._submitted:
-            raise GaveUp("the plugin returned no plan")
+            raise GaveUp("the plugin returned None and had handed over no plan")
 
     result = _outcome(plan)
     if written:

@@ -14,6 +14,7 @@ import tempfile
 import textwrap
 import time
 import unittest
+import zipfile
 from contextlib import redirect_stderr
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -21,6 +22,11 @@ sys.path.insert(0, str(ROOT))
 
 import fleetyard  # noqa: E402
 from fleetyard import _paths  # noqa: E402
+
+try:
+    import numpy
+except ImportError:
+    numpy = None
 
 FAR = 2**63
 BUDGET = {"deadline_monotonic_ns": FAR, "wall_ns": 1}
@@ -228,6 +234,13 @@ class Plans(unittest.TestCase):
             ([[0], [4, 5.0]], "the path of agent 1 has 5.0 at time 1"),
             ([[0], [(1, 1), (1,)]], "the path of agent 1 has (1,) at time 1"),
             ([[0], "EQ"], "letter 'Q' at position 1 of the path of agent 1 is no move"),
+            ([[0], None], "TypeError: the path of agent 1 is not a list but None"),
+            ([[0], [4, None]], "the path of agent 1 has None at time 1"),
+            ([[0], [4, "5"]], "the path of agent 1 has '5' at time 1"),
+            ([[0], [4, True]], "the path of agent 1 has True at time 1"),
+            ([[0], [(1, 1), (1, 2.0)]], "the path of agent 1 has (1, 2.0) at time 1"),
+            ([[0], {4}], "the path of agent 1 is not a list but {4}"),
+            ({0: [0], 1: [4]}, "a plan is a list with one path per agent, not {0: [0], 1: [4]}"),
         ]:
             with self.subTest(message=message):
                 (answer,), errors = planned(lambda self, *_: paths)
@@ -324,6 +337,108 @@ class Plans(unittest.TestCase):
                          [[0, -1, -1], [1, -1, 4, -1]])
 
 
+@unittest.skipUnless(numpy, "needs NumPy")
+class Arrays(unittest.TestCase):
+    def test_every_form_of_an_array(self):
+        for paths in [
+            numpy.array([[0, 1], [4, 5]]),
+            numpy.array([[0, 1], [4, 5]], dtype=numpy.uint8),
+            numpy.array([[[0, 0], [0, 1]], [[1, 1], [1, 2]]]),
+            [numpy.array([0, 1]), numpy.array([[1, 1], [1, 2]], dtype=numpy.int32)],
+            [[numpy.int64(0), numpy.int16(1)], [numpy.array([1, 1]), (1, numpy.int8(2))]],
+            numpy.array([[0, 1], "E"], dtype=object),
+        ]:
+            with self.subTest(paths=paths):
+                (answer,), errors = planned(lambda self, *_: paths)
+                expected = {"status": "solved", "paths": ["E", "E"]}
+                self.assertEqual(answer["result"], expected, errors)
+
+        def plan(self, instance, budget, context):
+            context.incumbent(numpy.array([[0, 1, 1], [4, 4, 5]]))
+            context.metric("figure", numpy.float32(1.5))
+            context.progress(numpy.int64(1), numpy.int64(2))
+
+        messages, _ = planned(plan)
+        self.assertEqual(messages[0]["params"], {"paths": ["E.", ".E"]})
+        self.assertEqual(messages[1]["params"]["value"], 1.5)
+        self.assertEqual(messages[3]["result"], {"status": "solved"})
+
+    def test_what_is_no_plan_says_why(self):
+        for paths, message in [
+            (numpy.zeros((2, 3)), "the plan is an array of float64, but cells are whole numbers"),
+            (numpy.zeros((2, 3), bool), "the plan is an array of bool"),
+            ([[0], numpy.array([4.0])], "the path of agent 1 is an array of float64"),
+            (numpy.zeros(2, int), "the plan is an array of shape (2,), not (agents, steps)"),
+            (numpy.zeros((2, 3, 4), int), "shape (2, 3, 4), not (agents, steps) of cells or "
+                                          "(agents, steps, 2) of rows and columns"),
+            (numpy.zeros((3, 2), int), "the plan has 3 paths, but the instance has 2 agents"),
+            ([[0], numpy.zeros((2, 3), int)], "the path of agent 1 is an array of shape (2, 3), "
+                                              "not (steps,) of cells or (steps, 2)"),
+            ([[0], numpy.int64(4)], "the path of agent 1 is an array of shape ()"),
+            ([[0], [4, numpy.float32(5)]], "at time 1, which is neither a cell nor (row, col)"),
+        ]:
+            with self.subTest(message=message):
+                (answer,), _ = planned(lambda self, *_: paths)
+                self.assertEqual(answer["result"]["status"], "internal-error")
+                self.assertIn(message, answer["result"]["message"])
+
+    def test_a_grid_as_an_array(self):
+        grid = fleetyard.Grid.from_rows(["..@", "..."])
+        array = grid.as_numpy()
+        self.assertEqual(array.dtype, bool)
+        self.assertEqual(array.tolist(), [[True, True, False], [True, True, True]])
+
+    def test_an_instance_of_arrays(self):
+        class Draw(fleetyard.InstanceGenerator):
+            def generate(self, state, budget, context):
+                starts = numpy.array(state.cells)
+                return fleetyard.Instance(starts, self.goals(numpy.array([[5]])))
+
+        state = {"time_s": 0, "cells": [0], "goals": [[]], "tasks": []}
+        for goals, status, message in [
+            (lambda goals: goals, "solved", ""),
+            (lambda goals: goals[0] * 1.0, "internal-error", "`goals` of agent 0 is no list"),
+            (lambda goals: goals * 1.0, "internal-error", "`goals` of agent 0 has 5.0 at place 0"),
+            (lambda goals: 5, "internal-error", "`goals` is no list with one list per agent"),
+        ]:
+            with self.subTest(message=message):
+                Draw.goals = staticmethod(goals)
+                answers, _ = converse(
+                    [Draw],
+                    create("instance-generator", "draw"),
+                    PREPARE,
+                    request(3, "generate", state=state, budget=BUDGET),
+                )
+                result = answers[2]["result"]
+                self.assertEqual(result["status"], status)
+                self.assertIn(message, result.get("message", ""))
+
+
+class Package(unittest.TestCase):
+    def test_a_wheel_of_the_standard_library_alone(self):
+        sys.path.insert(0, str(ROOT))
+        import build_backend
+
+        with tempfile.TemporaryDirectory() as folder:
+            name = build_backend.build_wheel(folder)
+            self.assertEqual(name, f"fleetyard-{fleetyard.__version__}-py3-none-any.whl")
+            with zipfile.ZipFile(pathlib.Path(folder) / name) as wheel:
+                names = wheel.namelist()
+                info = name.replace("-py3-none-any.whl", ".dist-info")
+                record = wheel.read(f"{info}/RECORD").decode().splitlines()
+                metadata = wheel.read(f"{info}/METADATA").decode()
+            self.assertEqual([line.split(",")[0] for line in record], names)
+            self.assertIn("fleetyard/py.typed", names)
+            self.assertIn("Requires-Python: >=3.9\n", metadata)
+            script = "import fleetyard; print(fleetyard.__file__)"
+            environment = dict(os.environ, PYTHONPATH=str(pathlib.Path(folder) / name))
+            found = subprocess.run([sys.executable, "-c", script], env=environment, cwd=folder,
+                                   stdout=subprocess.PIPE, check=True).stdout
+            self.assertIn(name, found.decode())
+            sdist = build_backend.build_sdist(folder)
+            self.assertTrue((pathlib.Path(folder) / sdist).stat().st_size > 1000)
+
+
 class OtherKinds(unittest.TestCase):
     def test_recover(self):
         class Wait(fleetyard.FailPolicy):
@@ -373,7 +488,7 @@ class OtherKinds(unittest.TestCase):
                 self.assertEqual(result["instance"]["goals"], [[5]])
                 self.assertNotIn("headings", result["instance"])
             else:
-                self.assertIn("cell 6 is not on a map", result["message"])
+                self.assertIn("agent 0: cell 6 is not on a map", result["message"])
 
     def test_should_invoke(self):
         class Late(fleetyard.InvocationPolicy):
@@ -390,6 +505,13 @@ class OtherKinds(unittest.TestCase):
         self.assertEqual(answers[1]["result"], {"invoke": False})
         self.assertEqual(answers[2]["result"], {"invoke": True})
         self.assertIn("ZeroDivisionError", answers[3]["error"]["message"])
+
+        class Forgetful(fleetyard.InvocationPolicy):
+            def should_invoke(self, status, context):
+                pass
+
+        answers, _ = converse([Forgetful], create("invocation-policy", "forgetful"), call([1]))
+        self.assertIn("`should_invoke` returned None", answers[1]["error"]["message"])
 
 
 class Grids(unittest.TestCase):
