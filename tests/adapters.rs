@@ -95,6 +95,16 @@ elif style == "crossed":
     answer = ""
     for agent, path in enumerate(paths):
         answer += f"Agent {agent}: " + "".join(f"({c},{r})->" for r, c in path) + "\n"
+elif style == "half":
+    whole = "".join(f"Agent {agent}: " + "".join(f"({r},{c})->" for r, c in path) + "\n" for agent, path in enumerate(paths))
+    answer = whole[: whole.index("->") + 6]
+elif style in ("short", "jump"):
+    answer = ""
+    for agent, path in enumerate(paths):
+        path = path[:-1] if style == "short" else path[:1] + path[3:]
+        answer += f"Agent {agent}: " + "".join(f"({r},{c})->" for r, c in path) + "\n"
+elif style == "empty":
+    answer = ""
 elif style == "unsolved":
     answer = "solved=0\nsolution=\n"
 elif style == "fewer":
@@ -105,6 +115,8 @@ elif style == "binary":
     open(given["output"], "wb").write(bytes(range(256)))
 elif style == "code":
     sys.exit(1)
+elif style == "shell":
+    sys.exit(139)
 elif style == "timeout-code":
     sys.exit(9)
 elif style == "killed":
@@ -112,7 +124,15 @@ elif style == "killed":
 elif style == "infeasible":
     print("search over: NO SOLUTION EXISTS")
 elif style == "forever":
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     time.sleep(600)
+elif style == "escapes":
+    if os.fork() == 0:
+        os.setsid()
+        if os.fork() == 0:
+            time.sleep(600)
+        os._exit(0)
 elif style == "daemon":
     if os.fork() == 0:
         time.sleep(600)
@@ -238,10 +258,61 @@ fn rows_before_columns_on_request() {
     );
     text = text.replace("\"style=lacam\"", "\"style=lacam\", \"order=row-col\"");
     run(&text, "", SUCCESS);
-    // The classic mistake is found by the validator, not believed.
-    let text = manifest("crossed", "format = \"paths-txt\"", "");
-    let record = run(&text, "", common::INVALID_PLAN);
-    assert_eq!(record["verdict"]["valid"], false);
+    // The classic mistake is told by its name.
+    misbehaves(
+        "crossed",
+        "",
+        PLUGIN,
+        "protocol-error",
+        "output.txt: agents do not begin at their starts; rows and columns look swapped",
+    );
+}
+
+/// What is a plan, but a wrong one, is the validator's to judge.
+#[test]
+fn wrong_plans_are_invalid_whatever_the_solver_claims() {
+    if !have("python3") {
+        return;
+    }
+    for (style, kind) in [("short", "wrong-goal"), ("jump", "not-adjacent")] {
+        let text = manifest(style, "format = \"paths-txt\"", "");
+        let record = run(&text, "", common::INVALID_PLAN);
+        assert_eq!(record["claim"], "solved");
+        assert_eq!(record["verdict"]["valid"], false);
+        let violations = record["verdict"]["violations"].as_array().unwrap();
+        let kinds: Vec<&Value> = violations.iter().map(|one| &one["rule"]).collect();
+        assert!(kinds.iter().any(|one| **one == kind), "{style}: {kinds:?}");
+    }
+}
+
+#[test]
+fn another_version_is_refused() {
+    if !have("python3") {
+        return;
+    }
+    let text = manifest("lacam", "format = \"lacam\"", "");
+    let of = |supported: &str| {
+        let line = format!("pattern = 'version (\\S+)'\nsupported = '{supported}'");
+        text.replace("pattern = 'version (\\S+)'", &line)
+    };
+    run(&of(r"7\.\d+.*"), "", SUCCESS);
+    let refused = |text: &str, told: &str| {
+        let ended = yard(text).run(&arguments("./planner.toml", ""));
+        let ended = ended.expect(PLUGIN);
+        for told in [told, "hint: get it from https://example.org/solver"] {
+            assert!(ended.stderr.contains(told), "{told}: {ended}");
+        }
+    };
+    // It must match whole.
+    refused(
+        &of("7"),
+        "solver.py is version 7.3-test, and the manifest is for `7`",
+    );
+    let silent = of("7").replace("version (", "edition (");
+    refused(
+        &silent,
+        "solver.py did not say its version, and the manifest is for `7`",
+    );
 }
 
 /// What the record of a solver that misbehaves says.
@@ -271,6 +342,14 @@ fn solvers_that_misbehave_are_told_apart() {
         "fewer",
         "output.txt:2: there is no path for agent 1: 1 paths for 20 agents",
     );
+    broken(
+        "half",
+        "output.txt:1:23: expected a column, found the end of the line",
+    );
+    broken(
+        "empty",
+        "there is no path for agent 0: 0 paths for 20 agents",
+    );
     broken("binary", "output.txt:1:1: expected 'Agent', found");
     broken("link", "output.txt:");
     broken("pipe", "output.txt: the answer is not a regular file");
@@ -279,6 +358,8 @@ fn solvers_that_misbehave_are_told_apart() {
         "the solver exited with code 1; its last words were: progress on",
     );
     failed("killed", "the solver was ended by SIGSEGV");
+    failed("shell", "exited with code 139, which stands for SIGSEGV");
+    failed("escapes", "exited with code 0 but wrote no output.txt");
     failed("nothing", "exited with code 0 but wrote no output.txt");
     failed("daemon", "exited with code 0 but wrote no output.txt");
     failed("flood", "exited with code 0 but wrote no output.txt");
@@ -452,6 +533,18 @@ fn a_manifest_that_cannot_be_used_says_why() {
         &elsewhere,
         "planner.toml:11:11: the program `no-such-solver` is not on PATH",
         "NO_SOLVER may name the program",
+    );
+    let wrong = text.replace("{map}", "{mapp}");
+    refused(
+        &wrong,
+        "planner.toml:12:24: unknown placeholder `{mapp}`",
+        "did you mean `{map}`?",
+    );
+    let wrong = text.replace("(\\S+)", "(\\S+");
+    refused(
+        &wrong,
+        "planner.toml:8:11: the pattern cannot be used: unclosed group",
+        "patterns are regular expressions",
     );
     let wrong = text.replace("format = \"lacam\"", "format = \"lacan\"");
     refused(

@@ -28,7 +28,7 @@ struct Solver {
     fails: &'static [&'static str],
 }
 
-const SOLVERS: [Solver; 6] = [
+const SOLVERS: [Solver; 7] = [
     Solver {
         name: "cbsh2-rtc",
         variable: "CBSH2_RTC",
@@ -76,6 +76,14 @@ const SOLVERS: [Solver; 6] = [
         quick: "",
         in_a_lane: "gave-up",
         says: (true, false),
+        fails: &[],
+    },
+    Solver {
+        name: "pibt2",
+        variable: "PIBT2",
+        quick: "",
+        in_a_lane: "gave-up",
+        says: (true, true),
         fails: &[],
     },
 ];
@@ -201,6 +209,7 @@ works! {
     lacam3: 3;
     mapf_lns2: 4;
     pbs: 5;
+    pibt2: 6;
 }
 
 /// Without its program an adapter says how to get it.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use fleetyard_abi::{Capabilities, Capability, Plan, Status};
 use fleetyard_core::formats::{Begin, Layout, Major, MapSize};
-use fleetyard_core::{InputError, shown};
+use fleetyard_core::{GridPlan, InputError, shown};
 use regex::bytes::{Regex, RegexBuilder};
 use serde_json::{Map, Value as Json};
 
@@ -111,8 +111,25 @@ pub(super) struct VersionQuery {
 pub(super) struct Input {
     /// Whether terrain letters are those of the map, or `.` and `@` alone.
     pub(super) all_letters: bool,
-    /// Whether the scenario has rows before columns.
-    pub(super) row_first: bool,
+    pub(super) agents: AgentsFormat,
+}
+
+/// How starts and goals are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum AgentsFormat {
+    /// A MovingAI scenario; with rows before columns, against the format, or not.
+    Scenario { row_first: bool },
+    /// An instance file of pibt2, which names the map and has the seed.
+    Pibt2,
+}
+
+impl Default for Input {
+    fn default() -> Self {
+        Self {
+            all_letters: false,
+            agents: AgentsFormat::Scenario { row_first: false },
+        }
+    }
 }
 
 /// Where the answer is and how it is written.
@@ -240,7 +257,11 @@ impl Manifest {
         let properties = properties.unwrap_or(&empty);
         let program = Program::read(&root.require("program")?, properties)?;
         let output = Output::read(&root.require("output")?)?;
-        program.check_use(&output, &root.require("program")?)?;
+        let input = match root.get("input") {
+            Some(value) => Input::read(&value)?,
+            None => Input::default(),
+        };
+        program.check_use(&input, &output, &root.require("program")?)?;
         Ok(Self {
             id: identifier(id.text()?).map_err(|reason| {
                 id.error(reason)
@@ -259,13 +280,7 @@ impl Manifest {
             homepage: text("homepage")?,
             program,
             options,
-            input: match root.get("input") {
-                Some(value) => Input::read(&value)?,
-                None => Input {
-                    all_letters: false,
-                    row_first: false,
-                },
-            },
+            input,
             output,
             exit: match root.get("exit") {
                 Some(value) => Exit::read(&value)?,
@@ -299,11 +314,18 @@ impl Manifest {
         (rows, cols): (u32, u32),
         agents: usize,
     ) -> Result<Plan, InputError> {
-        let size = MapSize { rows, cols };
-        let source = self.output.source();
-        let layout = &self.output.layout;
-        let plan = layout.read(&source, answer, size, Some(agents))?;
+        let plan = self.read_paths(answer, MapSize { rows, cols }, agents)?;
         Ok(Plan::from_paths(plan.paths()))
+    }
+
+    pub(super) fn read_paths(
+        &self,
+        answer: &[u8],
+        size: MapSize,
+        agents: usize,
+    ) -> Result<GridPlan, InputError> {
+        let source = self.output.source();
+        self.output.layout.read(&source, answer, size, Some(agents))
     }
 }
 
@@ -442,7 +464,12 @@ impl Program {
     }
 
     /// Whether the solver is told what to solve and where to write.
-    fn check_use(&self, output: &Output, value: &Value<'_, '_>) -> Result<(), InputError> {
+    fn check_use(
+        &self,
+        input: &Input,
+        output: &Output,
+        value: &Value<'_, '_>,
+    ) -> Result<(), InputError> {
         let used = |wanted: &Slot| {
             let arguments = self
                 .arguments
@@ -453,8 +480,9 @@ impl Program {
                 .chain(environment)
                 .any(|template| template.slots().any(|slot| slot == wanted))
         };
+        let names_map = input.agents == AgentsFormat::Pibt2;
         for (slot, name) in [(Slot::Map, "map"), (Slot::Scen, "scen")] {
-            if !used(&slot) {
+            if !used(&slot) && !(names_map && slot == Slot::Map) {
                 return Err(value
                     .error(format!("no argument uses `{{{name}}}`"))
                     .hint("the solver needs the files of map and scenario to know what to solve"));
@@ -696,18 +724,27 @@ fn schema(properties: &Map<String, Json>) -> Json {
 impl Input {
     fn read(value: &Value<'_, '_>) -> Result<Self, InputError> {
         let table = value.table("[input]", &["map", "scen", "letters", "order"])?;
-        for key in ["map", "scen"] {
-            if let Some(value) = table.get(key) {
-                value.choice(&[("movingai", ())])?;
-            }
+        if let Some(value) = table.get("map") {
+            value.choice(&[("movingai", ())])?;
         }
         let choice = |key, choices: &[(&str, bool)]| match table.get(key) {
             Some(value) => value.choice(choices),
             None => Ok(false),
         };
+        let row_first = choice("order", &[("x-y", false), ("row-col", true)])?;
+        let pibt2 = choice("scen", &[("movingai", false), ("pibt2", true)])?;
+        if let (true, Some(order)) = (pibt2, table.get("order")) {
+            return Err(order
+                .error("the order in instances of pibt2 is fixed")
+                .hint("remove `order`; it is for scenarios"));
+        }
         Ok(Self {
             all_letters: choice("letters", &[("plain", false), ("all", true)])?,
-            row_first: choice("order", &[("x-y", false), ("row-col", true)])?,
+            agents: if pibt2 {
+                AgentsFormat::Pibt2
+            } else {
+                AgentsFormat::Scenario { row_first }
+            },
         })
     }
 }

@@ -120,7 +120,7 @@ impl Adapter {
         } = &*self.installed;
         let (program, hint) = (program.display(), install_hint(manifest));
         Failure::new(
-            Status::Unsupported,
+            Status::InternalError,
             format!("{program} {what}; hint: {hint}"),
         )
     }

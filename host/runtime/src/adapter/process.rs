@@ -40,6 +40,11 @@ pub(super) enum End {
 impl std::fmt::Display for End {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
+            // Shells end so when a signal ended what they started.
+            Self::Exited(code @ 129..=192) => {
+                let name = signal_name(*code - 128);
+                write!(f, "exited with code {code}, which stands for {name}")
+            }
             Self::Exited(code) => write!(f, "exited with code {code}"),
             Self::Signalled(signal) => {
                 write!(f, "was ended by {} (signal {signal})", signal_name(*signal))

@@ -14,14 +14,16 @@ use fleetyard_abi::{
     Budget, Capability, Environment, GridEnvironment, Instance, LogLevel, Motion, Plan,
     SharedEnvironment, Status, monotonic_ns,
 };
-use fleetyard_core::formats::PATHS_LIMIT;
+use fleetyard_core::formats::{
+    MapSize, PATHS_LIMIT, Pibt2Settings, TRANSPOSED_HINT, looks_transposed, write_pibt2,
+};
 use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write_scen};
 use regex::bytes::Regex;
 use serde_json::{Map, Value as Json};
 use tempfile::TempDir;
 
 use super::Installed;
-use super::manifest::{Condition, MAP_NAME, SCEN_NAME, Searched};
+use super::manifest::{AgentsFormat, Condition, MAP_NAME, SCEN_NAME, Searched};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
 
@@ -192,30 +194,24 @@ impl Solver {
         Ok(())
     }
 
-    /// The scenario's text.
-    fn scenario(&self, instance: &Instance, grid: &GridEnvironment) -> Vec<u8> {
-        let row_first = self.installed.manifest.input.row_first;
-        let cols = grid.cols.max(1);
-        let place = |cell: &u32| {
-            let (row, col) = (cell / cols, cell % cols);
-            // A scenario's entry is (row, column) and is written column first.
-            if row_first { (col, row) } else { (row, col) }
-        };
-        let places = instance.starts.iter().zip(instance.goals.cells());
-        let entries = places.map(|(start, goal)| ScenarioEntry {
-            line: 0,
-            bucket: 0,
-            map: MAP_NAME.into(),
-            map_cols: grid.cols,
-            map_rows: grid.rows,
-            start: place(start),
-            goal: place(goal),
-            optimal_length: 0.0,
-        });
-        write_scen(&Scenario {
-            source: SCEN_NAME.into(),
-            entries: entries.collect(),
-        })
+    /// The file of starts and goals.
+    fn agents_file(&self, instance: &Instance, grid: &GridEnvironment, seed: u64) -> Vec<u8> {
+        let goals = instance.goals.cells();
+        match self.installed.manifest.input.agents {
+            AgentsFormat::Scenario { row_first } => {
+                scenario(&instance.starts, goals, grid, row_first)
+            }
+            AgentsFormat::Pibt2 => write_pibt2(
+                &self.scratch.path().join(MAP_NAME).to_string_lossy(),
+                size(grid),
+                &instance.starts,
+                goals,
+                &Pibt2Settings {
+                    seed: Some(seed31(seed)),
+                    ..Pibt2Settings::default()
+                },
+            ),
+        }
     }
 
     /// What the solver is thought to take before its own clock starts.
@@ -261,7 +257,7 @@ impl Solver {
                 Slot::WholeSeconds => time.as_secs().max(1).to_string().into(),
                 Slot::Milliseconds => time.as_millis().to_string().into(),
                 Slot::Seed => budget.seed.to_string().into(),
-                Slot::Seed31 => (budget.seed & 0x7fff_ffff).to_string().into(),
+                Slot::Seed31 => seed31(budget.seed).to_string().into(),
                 Slot::Threads => budget.threads.max(1).to_string().into(),
                 Slot::MemoryMb => (budget.memory_bytes >> 20).to_string().into(),
                 Slot::Nodes => budget.nodes.to_string().into(),
@@ -373,14 +369,17 @@ impl Solver {
     /// Reads the answer as a plan.
     fn plan_in(&self, answer: &[u8], instance: &Instance) -> Result<Plan, InputError> {
         let manifest = &self.installed.manifest;
+        let source = manifest.output.source();
         let size = match self.grid() {
-            Ok(grid) => (grid.rows, grid.cols),
-            Err(failure) => {
-                let source = manifest.output.source();
-                return Err(InputError::new(source, failure.message));
-            }
+            Ok(grid) => size(grid),
+            Err(failure) => return Err(InputError::new(source, failure.message)),
         };
-        manifest.read_answer(answer, size, instance.agents())
+        let plan = manifest.read_paths(answer, size, instance.agents())?;
+        if looks_transposed(size, &instance.starts, &plan) {
+            let reason = "agents do not begin at their starts";
+            return Err(InputError::new(source, reason).hint(TRANSPOSED_HINT));
+        }
+        Ok(Plan::from_paths(plan.paths()))
     }
 
     fn report_metrics(&self, left: &Left, sink: &dyn Sink) {
@@ -495,7 +494,8 @@ impl Planner for Solver {
         let grid = self.grid()?;
         self.check(instance, grid)?;
         let scratch = self.scratch.path();
-        fs::write(scratch.join(SCEN_NAME), self.scenario(instance, grid))
+        let agents_file = self.agents_file(instance, grid, budget.seed);
+        fs::write(scratch.join(SCEN_NAME), agents_file)
             .map_err(|error| internal("cannot write the scenario", error))?;
         let output = &self.installed.manifest.output;
         if let Some(file) = &output.file {
@@ -546,6 +546,42 @@ impl Planner for Solver {
         self.report_metrics(&left, sink);
         result
     }
+}
+
+fn size(grid: &GridEnvironment) -> MapSize {
+    MapSize {
+        rows: grid.rows,
+        cols: grid.cols,
+    }
+}
+
+/// A seed for solvers that read a C `int`.
+fn seed31(seed: u64) -> u32 {
+    (seed & 0x7fff_ffff) as u32
+}
+
+/// A scenario's text; with rows before columns for solvers that read it so.
+fn scenario(starts: &[u32], goals: &[u32], grid: &GridEnvironment, row_first: bool) -> Vec<u8> {
+    let cols = grid.cols.max(1);
+    let place = |cell: &u32| {
+        let (row, col) = (cell / cols, cell % cols);
+        // A scenario's entry is (row, column) and is written column first.
+        if row_first { (col, row) } else { (row, col) }
+    };
+    let entries = starts.iter().zip(goals).map(|(start, goal)| ScenarioEntry {
+        line: 0,
+        bucket: 0,
+        map: MAP_NAME.into(),
+        map_cols: grid.cols,
+        map_rows: grid.rows,
+        start: place(start),
+        goal: place(goal),
+        optimal_length: 0.0,
+    });
+    write_scen(&Scenario {
+        source: SCEN_NAME.into(),
+        entries: entries.collect(),
+    })
 }
 
 fn submit(plan: &Plan, sink: &dyn Sink) -> Result<(), Failure> {

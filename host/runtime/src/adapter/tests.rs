@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::manifest::{Condition, Manifest, Searched};
+use super::manifest::{AgentsFormat, Condition, Manifest, Searched};
 
 const MINIMAL: &str = r#"manifest = 1
 id = "solver"
@@ -25,6 +25,14 @@ fn the_smallest_manifest() {
     assert_eq!(manifest.options, serde_json::Value::Null);
     assert_eq!(manifest.output.source(), "output.txt");
     assert_eq!((manifest.program.line, manifest.program.column), (4, 11));
+}
+
+/// An instance of pibt2 names its map.
+#[test]
+fn a_solver_of_pibt2_instances_needs_no_argument_for_the_map() {
+    let text = MINIMAL.replace("\"{map}\", ", "");
+    let text = text.replace("[output]", "[input]\nscen = \"pibt2\"\n[output]");
+    assert_eq!(read(&text).input.agents, AgentsFormat::Pibt2);
 }
 
 #[test]
@@ -58,6 +66,7 @@ env = { OMP_NUM_THREADS = "{threads}" }
 cwd = "{manifest_dir}/data"
 install = "build it"
 reserve_ms = 250
+reserve_ns_per_agent_cell = 100
 
 [options.greedy]
 type = "boolean"
@@ -398,6 +407,12 @@ fn faults_say_where_and_what_to_do() {
             "[input]\norder = \"rowcol\"\n[output]",
             "p.toml:7:9: `order` cannot be \"rowcol\"",
             "did you mean \"row-col\"?",
+        ),
+        (
+            "[output]",
+            "[input]\nscen = \"pibt2\"\norder = \"row-col\"\n[output]",
+            "p.toml:8:9: the order in instances of pibt2 is fixed",
+            "remove `order`",
         ),
         (
             "format = \"lacam\"",
