@@ -89,50 +89,100 @@ fn folder_of(path: &Path) -> PathBuf {
 /// A reader sees the old content or the new, never a part. Existing permissions
 /// of a replaced file are kept.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), InputError> {
-    static SERIAL: AtomicU32 = AtomicU32::new(0);
-    let failed = |error: &io::Error| {
-        let base = InputError::new(path.display().to_string(), format!("cannot write: {error}"));
-        match error.kind() {
-            io::ErrorKind::NotFound => base.hint("the folder does not exist; create it first"),
-            io::ErrorKind::PermissionDenied => base.hint("check who may write in the folder"),
-            _ => base,
+    write_all_atomically(&[(path, bytes)])
+}
+
+/// Writes several files, each as a whole. No file is replaced before the content of
+/// all is on the disk, so that what can go wrong mostly goes wrong before.
+pub fn write_all_atomically(files: &[(&Path, &[u8])]) -> Result<(), InputError> {
+    let staged: Vec<Staged> = files
+        .iter()
+        .map(|(path, bytes)| Staged::new(path, bytes))
+        .collect::<Result<_, _>>()?;
+    staged.into_iter().try_for_each(Staged::commit)
+}
+
+/// The content of a file that does not have its name yet.
+struct Staged {
+    /// As the user named it.
+    path: PathBuf,
+    target: PathBuf,
+    /// `None` once it has its name, or if it needs none.
+    temporary: Option<PathBuf>,
+}
+
+impl Staged {
+    fn new(path: &Path, bytes: &[u8]) -> Result<Self, InputError> {
+        static SERIAL: AtomicU32 = AtomicU32::new(0);
+        let Some(file_name) = path.file_name() else {
+            return Err(InputError::new(
+                path.display().to_string(),
+                "this does not name a file",
+            ));
+        };
+        // A device or a pipe (`/dev/stdout`) cannot be replaced by renaming.
+        let old = fs::metadata(path).ok();
+        if old
+            .as_ref()
+            .is_some_and(|meta| !meta.is_file() && !meta.is_dir())
+        {
+            fs::write(path, bytes).map_err(|error| write_error(path, &error))?;
+            return Ok(Self {
+                path: path.to_owned(),
+                target: path.to_owned(),
+                temporary: None,
+            });
         }
-    };
-    let Some(file_name) = path.file_name() else {
-        return Err(InputError::new(
-            path.display().to_string(),
-            "this does not name a file",
-        ));
-    };
-    // A device or a pipe (`/dev/stdout`) cannot be replaced by renaming.
-    let old = fs::metadata(path).ok();
-    if old
-        .as_ref()
-        .is_some_and(|meta| !meta.is_file() && !meta.is_dir())
-    {
-        return fs::write(path, bytes).map_err(|error| failed(&error));
+        // Through a symbolic link, the file it points to is replaced.
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+        let mut temporary_name = std::ffi::OsString::from(".");
+        temporary_name.push(file_name);
+        temporary_name.push(format!(".{}-{serial}.tmp", std::process::id()));
+        let temporary = folder_of(&target).join(temporary_name);
+        let mut file = File::create_new(&temporary).map_err(|error| write_error(path, &error))?;
+        // From here on, dropping it removes the temporary file.
+        let staged = Self {
+            path: path.to_owned(),
+            target,
+            temporary: Some(temporary),
+        };
+        let written = (|| {
+            file.write_all(bytes)?;
+            if let Some(meta) = old {
+                file.set_permissions(meta.permissions())?;
+            }
+            file.sync_all()
+        })();
+        written.map_err(|error| write_error(path, &error))?;
+        Ok(staged)
     }
-    // Through a symbolic link, the file it points to is replaced.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
-    let mut temporary_name = std::ffi::OsString::from(".");
-    temporary_name.push(file_name);
-    temporary_name.push(format!(".{}-{serial}.tmp", std::process::id()));
-    let temporary = folder_of(&target).join(temporary_name);
-    let written = (|| {
-        let mut file = File::create_new(&temporary)?;
-        file.write_all(bytes)?;
-        if let Some(meta) = old {
-            file.set_permissions(meta.permissions())?;
+
+    fn commit(mut self) -> Result<(), InputError> {
+        if let Some(temporary) = &self.temporary {
+            fs::rename(temporary, &self.target).map_err(|error| write_error(&self.path, &error))?;
+            self.temporary = None;
         }
-        file.sync_all()?;
-        fs::rename(&temporary, &target)
-    })();
-    written.map_err(|error| {
-        // Best effort: the error that is reported is the one that matters.
-        let _ = fs::remove_file(&temporary);
-        failed(&error)
-    })
+        Ok(())
+    }
+}
+
+impl Drop for Staged {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            // Best effort: the error that is reported is the one that matters.
+            let _ = fs::remove_file(temporary);
+        }
+    }
+}
+
+fn write_error(path: &Path, error: &io::Error) -> InputError {
+    let base = InputError::new(path.display().to_string(), format!("cannot write: {error}"));
+    match error.kind() {
+        io::ErrorKind::NotFound => base.hint("the folder does not exist; create it first"),
+        io::ErrorKind::PermissionDenied => base.hint("check who may write in the folder"),
+        _ => base,
+    }
 }
 
 /// A file's name without folders and extension, for `/` and `\` alike: scenario

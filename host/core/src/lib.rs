@@ -23,7 +23,7 @@ pub use fleetyard_abi::moves::{self, OFF_MAP};
 
 pub use digest::{Digest, Hasher};
 pub use error::InputError;
-pub use files::{read_file, shown, write_atomically};
+pub use files::{read_file, shown, write_all_atomically, write_atomically};
 pub use grid::{Connectivity, Grid};
 pub use instance::{GridInstance, InstanceError};
 pub use map_file::{MAP_FILE_LIMIT, load_map, read_map, save_map, write_map};

@@ -43,7 +43,7 @@ const MOST_WAITS: usize = 1 << 20;
 fn text<'a>(source: &str, bytes: &'a [u8]) -> Result<&'a str, InputError> {
     std::str::from_utf8(bytes).map_err(|error| {
         let before = &bytes[..error.valid_up_to()];
-        let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
+        let line = before.split(|byte| *byte == b'\n').count();
         InputError::new(source, "the file is not UTF-8 text").at_line(line as u64)
     })
 }

@@ -62,6 +62,8 @@ pub struct LorrInstance {
     pub grid: Grid,
     /// Start and goal of every agent; lines are those of the file of starts.
     pub agents: AgentList,
+    /// The files that were read besides the JSON file.
+    pub files: Vec<PathBuf>,
     /// Tasks in the file of tasks.
     pub tasks: usize,
     /// Errands of all of them.
@@ -74,12 +76,22 @@ pub struct LorrInstance {
 /// own folder.
 pub fn load_lorr(path: impl AsRef<Path>) -> Result<LorrInstance, InputError> {
     let path = path.as_ref();
-    let source = path.display().to_string();
     let bytes = read_file(path, PROBLEM_LIMIT)?;
-    let problem = read_problem(&source, &bytes)?;
     let folder = path.parent().unwrap_or(Path::new(""));
+    read_lorr(&path.display().to_string(), &bytes, folder)
+}
+
+/// Parses the content of the JSON file, named `source` in errors, and reads the files
+/// that it names, which are found from `folder`.
+pub(super) fn read_lorr(
+    source: &str,
+    bytes: &[u8],
+    folder: &Path,
+) -> Result<LorrInstance, InputError> {
+    let problem = read_problem(source, bytes)?;
     let named = |file: &Path| folder.join(file);
-    let grid = load_map(named(&problem.map_file))?;
+    let map_path = named(&problem.map_file);
+    let grid = load_map(&map_path)?;
     let starts_path = named(&problem.agent_file);
     let starts_source = starts_path.display().to_string();
     let starts = read_agents(&starts_source, &read_file(&starts_path, LIST_LIMIT)?, &grid)?;
@@ -119,6 +131,7 @@ pub fn load_lorr(path: impl AsRef<Path>) -> Result<LorrInstance, InputError> {
             map_file: Some(problem.map_file.display().to_string()),
             agents: agents.collect(),
         },
+        files: vec![map_path, starts_path, tasks_path],
         errands: tasks.iter().map(Vec::len).sum(),
         tasks: tasks.len(),
         passed_over,

@@ -1,6 +1,12 @@
-//! Files of other tools.
+//! Files of other tools: one reader and one writer per format.
+//!
+//! [`Format`] names them all, [`Contents`] is what a file says, and [`Parts`] are what
+//! is written. The functions of a single format stand beside, for who knows what it
+//! has. Every reader is strict: what a format does not have is an error with its
+//! place. `docs/formats.md` says what each format carries and what is lost.
 
 mod agents;
+mod format;
 mod layout;
 mod libmrp;
 mod lorr;
@@ -11,6 +17,7 @@ mod transposed;
 mod yaml;
 
 pub use agents::{AgentEntry, AgentList};
+pub use format::{Contents, Format, Parts, Written, grid_size, load_any_plan};
 pub use layout::{
     Begin, LacamHeader, Layout, LayoutError, Major, MapSize, PATHS_LIMIT, write_lacam,
     write_mapf_visualizer, write_paths_txt,
@@ -19,5 +26,5 @@ pub use libmrp::{read_libmrp, read_libmrp_schedule, write_libmrp, write_libmrp_s
 pub use lorr::{LorrInstance, load_lorr, write_lorr};
 pub use pibt2::{Pibt2Settings, read_pibt2, write_pibt2};
 pub use pieces::{Piece, PieceError, pieces};
-pub use planviz::{PLANVIZ_LIMIT, read_planviz, write_planviz};
+pub use planviz::{read_planviz, write_planviz};
 pub use transposed::{TRANSPOSED_HINT, looks_transposed};

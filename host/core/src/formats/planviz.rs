@@ -31,9 +31,6 @@ use crate::files::quote;
 use crate::plan_file::json_error;
 use crate::{GridPlan, InputError, OFF_MAP};
 
-/// Largest result that is read, in bytes.
-pub const PLANVIZ_LIMIT: u64 = 1 << 30;
-
 /// Positions that a small text may have; a run is short, whatever its length.
 const FREE_POSITIONS: usize = 1 << 20;
 

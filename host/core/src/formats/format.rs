@@ -1,0 +1,498 @@
+//! Every format by its name: what a file is, what it carries, and one way to read
+//! and to write them all.
+
+use std::fmt;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
+
+use regex::bytes::Regex;
+
+use super::{
+    AgentList, LacamHeader, Layout, MapSize, Pibt2Settings, libmrp, lorr, pibt2, planviz,
+    write_lacam, write_mapf_visualizer, write_paths_txt,
+};
+use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
+use crate::{
+    Grid, GridInstance, GridPlan, InputError, PathEncoding, PlanFile, Scenario, read_file,
+    read_map, read_scen, write_map, write_scen,
+};
+
+/// Declares the formats in the order in which they are listed.
+macro_rules! formats {
+    ($($variant:ident, $name:literal, $carries:literal, $about:literal;)*) => {
+        /// A file format.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum Format {
+            $(#[doc = $about] $variant,)*
+        }
+
+        impl Format {
+            /// Every format.
+            pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
+
+            /// Its name on the command line.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)*
+                }
+            }
+
+            /// What it is, in a line.
+            pub fn about(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $about,)*
+                }
+            }
+
+            fn letters(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $carries,)*
+                }
+            }
+        }
+    };
+}
+
+// m: a map, a: starts and goals, p: a plan.
+formats! {
+    Plan, "plan", "p", "plan file of this project, fleetyard.plan/1";
+    Map, "map", "m", "MovingAI map";
+    Scen, "scen", "a", "MovingAI scenario";
+    Lacam, "lacam", "p", "result of lacam, lacam2, lacam3 and pibt2, (x,y) by time step";
+    PathsTxt, "paths-txt", "p", "paths of CBSH2-RTC, EECBS, PBS and MAPF-LNS2, (row,col) by agent";
+    MapfVisualizer, "mapf-visualizer", "p", "plan for mapf-visualizer, (x,y) by time step";
+    Pibt2, "pibt2", "a", "instance of pibt2";
+    Lorr, "lorr", "ma", "instance of the League of Robot Runners (JSON, map, agents, tasks)";
+    PlanViz, "planviz", "p", "result of the League of Robot Runners, as PlanViz shows it";
+    Libmrp, "libmrp", "ma", "instance of libMultiRobotPlanning, YAML";
+    LibmrpSchedule, "libmrp-schedule", "p", "schedule of libMultiRobotPlanning, YAML";
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How much of a file decides what it is.
+const HEAD: usize = 1 << 16;
+
+impl Format {
+    /// The format of this name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        let mut all = Self::ALL.iter().copied();
+        all.find(|format| format.name() == name)
+    }
+
+    /// Whether a file has a map.
+    pub fn carries_map(self) -> bool {
+        self.letters().contains('m')
+    }
+
+    /// Whether a file has starts and goals.
+    pub fn carries_agents(self) -> bool {
+        self.letters().contains('a')
+    }
+
+    /// Whether a file has a plan.
+    pub fn carries_plan(self) -> bool {
+        self.letters().contains('p')
+    }
+
+    /// Whether a file can only be read by who knows the size of its map.
+    pub fn needs_map_size(self) -> bool {
+        self.carries_plan() && self != Self::Plan
+    }
+
+    /// What a file is, from its content and then its name.
+    pub fn guess(path: &Path, bytes: &[u8]) -> Option<Self> {
+        static JSON_KEY: LazyLock<Option<Regex>> = LazyLock::new(|| {
+            Regex::new(r#""(actionModel|actualPaths|agentFile|taskFile)"\s*:"#).ok()
+        });
+        static LINE: LazyLock<Option<Regex>> = LazyLock::new(|| {
+            let lines = "solved=|solution=|map_file=|schedule:|statistics:|map:|agents:";
+            Regex::new(&format!(r"(?m)^[{{ ]*({lines})")).ok()
+        });
+        static STEP: LazyLock<Option<Regex>> = LazyLock::new(|| Regex::new(r"^[0-9]+ *: *\(").ok());
+        fn found<'a>(pattern: &LazyLock<Option<Regex>>, text: &'a [u8]) -> Option<&'a [u8]> {
+            let captures = pattern.as_ref()?.captures(text)?;
+            let group = captures.get(1).or_else(|| captures.get(0))?;
+            Some(group.as_bytes())
+        }
+        let text = bytes.trim_ascii_start();
+        let text = &text[..text.len().min(HEAD)];
+        let json = text.strip_prefix(b"{").map(<[u8]>::trim_ascii_start);
+        if json.is_some_and(|inside| matches!(inside.first(), Some(b'"' | b'}') | None)) {
+            return Some(match found(&JSON_KEY, text) {
+                Some(b"agentFile" | b"taskFile") => Self::Lorr,
+                Some(_) => Self::PlanViz,
+                None => Self::Plan,
+            });
+        }
+        if text.starts_with(b"type ") {
+            return Some(Self::Map);
+        }
+        if text.starts_with(b"Agent ") {
+            return Some(Self::PathsTxt);
+        }
+        if found(&STEP, text).is_some() {
+            return Some(Self::MapfVisualizer);
+        }
+        let of_line = match found(&LINE, text) {
+            Some(b"solved=" | b"solution=") => Some(Self::Lacam),
+            // Results name their map as well.
+            Some(b"map_file=") if contains(text, b"\nsol") => Some(Self::Lacam),
+            Some(b"map_file=") => Some(Self::Pibt2),
+            Some(b"schedule:" | b"statistics:") => Some(Self::LibmrpSchedule),
+            Some(_) => Some(Self::Libmrp),
+            None => None,
+        };
+        of_line.or_else(|| match path.extension()?.to_str()? {
+            "map" => Some(Self::Map),
+            "scen" => Some(Self::Scen),
+            "json" => Some(Self::Plan),
+            "yaml" | "yml" => Some(Self::Libmrp),
+            _ => text.starts_with(b"version ").then_some(Self::Scen),
+        })
+    }
+
+    /// What a file of this name is meant to be, for who has a plan to write or has none.
+    pub fn for_writing(path: &Path, plan: bool) -> Option<Self> {
+        match (path.extension()?.to_str()?, plan) {
+            ("map", _) => Some(Self::Map),
+            ("scen", _) => Some(Self::Scen),
+            ("json", true) => Some(Self::Plan),
+            ("json", false) => Some(Self::Lorr),
+            ("yaml" | "yml", true) => Some(Self::LibmrpSchedule),
+            ("yaml" | "yml", false) => Some(Self::Libmrp),
+            _ => None,
+        }
+    }
+}
+
+fn contains(text: &[u8], wanted: &[u8]) -> bool {
+    text.windows(wanted.len()).any(|window| window == wanted)
+}
+
+/// What a file says, in the terms of this crate.
+#[derive(Debug, Clone)]
+pub struct Contents {
+    /// What the file is.
+    pub format: Format,
+    /// The map, if it has one.
+    pub grid: Option<Arc<Grid>>,
+    /// The map's file, if it names one.
+    pub map_file: Option<String>,
+    /// Starts and goals, if it has them.
+    pub agents: Option<AgentList>,
+    /// The plan, if it has one.
+    pub plan: Option<PlanFile>,
+    /// What of the file is not kept, for the user.
+    pub notes: Vec<String>,
+    /// Other files that were read for it.
+    pub files: Vec<PathBuf>,
+}
+
+impl Contents {
+    /// Reads a file, in the format that it is in if none is given. `size` is that of
+    /// the map, which many formats do not say.
+    ///
+    /// The path `-` is standard input.
+    pub fn load(
+        path: &Path,
+        format: Option<Format>,
+        size: Option<MapSize>,
+    ) -> Result<Self, InputError> {
+        if path != Path::new("-") {
+            let bytes = read_file(path, PLAN_FILE_LIMIT)?;
+            return Self::read(path, &bytes, format, size);
+        }
+        let source = Path::new("standard input");
+        let mut bytes = Vec::new();
+        let limit = PLAN_FILE_LIMIT;
+        let read = io::stdin().lock().take(limit + 1).read_to_end(&mut bytes);
+        match read {
+            Err(error) => Err(InputError::new(
+                "standard input",
+                format!("cannot read: {error}"),
+            )),
+            Ok(length) if length as u64 > limit => {
+                let reason = format!("there are more than {limit} bytes");
+                Err(InputError::new("standard input", reason))
+            }
+            Ok(_) => Self::read(source, &bytes, format, size),
+        }
+    }
+
+    /// Parses the content of a file; its path is named in errors, and other files that
+    /// it names are found from its folder.
+    pub fn read(
+        path: &Path,
+        bytes: &[u8],
+        format: Option<Format>,
+        size: Option<MapSize>,
+    ) -> Result<Self, InputError> {
+        let source = path.display().to_string();
+        let source = source.as_str();
+        if bytes.trim_ascii().is_empty() {
+            return Err(InputError::new(source, "the file is empty"));
+        }
+        let Some(format) = format.or_else(|| Format::guess(path, bytes)) else {
+            let known: Vec<&str> = Format::ALL.iter().map(|format| format.name()).collect();
+            return Err(
+                InputError::new(source, "this is in no format that is known")
+                    .hint(format!("formats are {}", known.join(", "))),
+            );
+        };
+        let mut contents = Self {
+            format,
+            grid: None,
+            map_file: None,
+            agents: None,
+            plan: None,
+            notes: Vec::new(),
+            files: Vec::new(),
+        };
+        let known_size = || {
+            size.ok_or_else(|| {
+                let reason =
+                    format!("a file in the format {format} does not say how large its map is");
+                InputError::new(source, reason).hint("name the map with --map FILE")
+            })
+        };
+        let layout = match format {
+            Format::Lacam => Some(Layout::lacam()),
+            Format::PathsTxt => Some(Layout::paths_txt()),
+            Format::MapfVisualizer => Some(Layout::mapf_visualizer()),
+            _ => None,
+        };
+        if let Some(layout) = layout {
+            let size = known_size()?;
+            contents.plan = Some(plan_file(
+                source,
+                layout.read(source, bytes, size, None)?,
+                size,
+            ));
+            return Ok(contents);
+        }
+        match format {
+            Format::Plan => {
+                let file = read_plan(source, bytes)?;
+                contents.map_file = file.map.as_ref().map(|name| format!("{name}.map"));
+                contents.plan = Some(file);
+            }
+            Format::Map => contents.grid = Some(Arc::new(read_map(source, bytes)?)),
+            Format::Scen => contents.agents = Some(AgentList::from(&read_scen(source, bytes)?)),
+            Format::Pibt2 => contents.agents = Some(pibt2::read_pibt2(source, bytes)?),
+            Format::Libmrp => {
+                let (grid, agents) = libmrp::read_libmrp(source, bytes)?;
+                contents.grid = Some(Arc::new(grid));
+                contents.agents = Some(agents);
+            }
+            Format::Lorr => {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                let league = lorr::read_lorr(source, bytes, folder)?;
+                contents.notes = vec![format!(
+                    "of {} tasks with {} errands, one errand is the goal of each of {} agents{}; \
+                     how the League turns and delays its robots is not kept",
+                    league.tasks,
+                    league.errands,
+                    league.agents.agents.len(),
+                    match league.passed_over {
+                        0 => String::new(),
+                        tasks => format!(", {tasks} tasks passed over"),
+                    }
+                )];
+                contents.grid = Some(Arc::new(league.grid));
+                contents.agents = Some(league.agents);
+                contents.files = league.files;
+            }
+            Format::LibmrpSchedule => {
+                let size = known_size()?;
+                let plan = libmrp::read_libmrp_schedule(source, bytes, size)?;
+                contents.plan = Some(plan_file(source, plan, size));
+            }
+            Format::PlanViz => {
+                let size = known_size()?;
+                let plan = planviz::read_planviz(source, bytes, size)?;
+                contents.plan = Some(plan_file(source, plan, size));
+            }
+            Format::Lacam | Format::PathsTxt | Format::MapfVisualizer => {}
+        }
+        if contents.map_file.is_none() {
+            let list = contents.agents.as_ref();
+            contents.map_file = list.and_then(|list| list.map_file.clone());
+        }
+        Ok(contents)
+    }
+}
+
+fn plan_file(source: &str, plan: GridPlan, size: MapSize) -> PlanFile {
+    PlanFile {
+        source: source.to_owned(),
+        planner: None,
+        instance_digest: None,
+        plan_digest: None,
+        map: None,
+        rows: size.rows,
+        cols: size.cols,
+        encoding: PathEncoding::default(),
+        plan,
+    }
+}
+
+/// Reads a plan in whatever format for a map of `size`.
+pub fn load_any_plan(
+    path: &Path,
+    format: Option<Format>,
+    size: MapSize,
+) -> Result<PlanFile, InputError> {
+    let contents = Contents::load(path, format, Some(size))?;
+    contents.plan.ok_or_else(|| {
+        let reason = format!(
+            "this is no plan but {}: {}",
+            contents.format,
+            contents.format.about()
+        );
+        InputError::new(path.display().to_string(), reason)
+            .hint("name a file with paths; `fleetyard convert --list` lists the formats")
+    })
+}
+
+/// What is to be written.
+#[derive(Debug, Clone, Default)]
+pub struct Parts {
+    /// The map.
+    pub grid: Option<Arc<Grid>>,
+    /// The map's file, as files are to name it.
+    pub map_file: Option<String>,
+    /// Map, starts and goals.
+    pub instance: Option<GridInstance>,
+    /// The plan.
+    pub plan: Option<PlanFile>,
+}
+
+/// The content of a file, and of those that belong to it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Written {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// Files that it names, by their names in its folder.
+    pub others: Vec<(String, Vec<u8>)>,
+}
+
+impl Parts {
+    /// The content of a file in a format. `name` is that of the file without its
+    /// extension, after which others are named that belong to it.
+    ///
+    /// It is an error if something is missing that the format needs, and if the format
+    /// cannot say something.
+    pub fn write(&self, format: Format, name: &str) -> Result<Written, InputError> {
+        let lacks = |what: &str, hint: &str| {
+            let reason = format!("the format {format} needs {what}, and nothing says it");
+            InputError::new(name, reason).hint(hint)
+        };
+        let instance = || {
+            self.instance.as_ref().ok_or_else(|| match &self.grid {
+                None => lacks(
+                    "a map, starts and goals",
+                    "name them with --map FILE and --scen FILE",
+                ),
+                Some(_) => lacks("starts and goals", "name a scenario with --scen FILE"),
+            })
+        };
+        let plan = || {
+            let plan = self.plan.as_ref();
+            plan.ok_or_else(|| lacks("a plan", "convert a file with paths"))
+        };
+        let map_file = match (&self.map_file, &self.grid) {
+            (Some(name), _) => Some(name.clone()),
+            (None, Some(grid)) => Some(format!("{}.map", grid.name())),
+            (None, None) => None,
+        };
+        let mut others = Vec::new();
+        let bytes = match format {
+            Format::Map => {
+                let grid = self.grid.as_ref();
+                write_map(grid.ok_or_else(|| lacks("a map", "name it with --map FILE"))?)
+            }
+            Format::Scen => {
+                let instance = instance()?;
+                let agents = pairs(instance);
+                let map_file = map_file.unwrap_or_default();
+                write_scen(&Scenario::of(instance.grid(), &map_file, agents))
+            }
+            Format::Plan => {
+                let mut file = plan()?.clone();
+                file.plan_digest = Some(file.plan.digest());
+                if let Some(instance) = &self.instance {
+                    file.check_for(instance)?;
+                    file.instance_digest = Some(instance.digest());
+                }
+                if let Some(grid) = &self.grid {
+                    file.map = Some(grid.name().to_owned());
+                }
+                write_plan(&file)
+            }
+            Format::Lacam => {
+                let file = plan()?;
+                let header = LacamHeader {
+                    map_file: map_file.as_deref(),
+                    starts: self.instance.as_ref().map(GridInstance::starts),
+                    goals: self.instance.as_ref().map(GridInstance::goals),
+                };
+                write_lacam(&header, &file.plan, size(file))?
+            }
+            Format::PathsTxt => write_paths_txt(&plan()?.plan, size(plan()?))?,
+            Format::MapfVisualizer => write_mapf_visualizer(&plan()?.plan, size(plan()?))?,
+            Format::LibmrpSchedule => libmrp::write_libmrp_schedule(&plan()?.plan, size(plan()?))?,
+            Format::PlanViz => {
+                let file = plan()?;
+                planviz::write_planviz(&file.plan, instance()?.goals(), size(file))?
+            }
+            Format::Pibt2 => {
+                let instance = instance()?;
+                pibt2::write_pibt2(
+                    &map_file.unwrap_or_default(),
+                    grid_size(instance.grid()),
+                    instance.starts(),
+                    instance.goals(),
+                    &Pibt2Settings::default(),
+                )
+            }
+            Format::Libmrp => {
+                let instance = instance()?;
+                libmrp::write_libmrp(instance.grid(), instance.starts(), instance.goals())
+            }
+            Format::Lorr => {
+                let instance = instance()?;
+                let (starts, goals) = (instance.starts(), instance.goals());
+                let [first, rest @ ..] = lorr::write_lorr(name, instance.grid(), starts, goals);
+                others.extend(rest);
+                first.1
+            }
+        };
+        Ok(Written { bytes, others })
+    }
+}
+
+fn pairs(instance: &GridInstance) -> impl Iterator<Item = (u32, u32)> {
+    let goals = instance.goals().iter().copied();
+    instance.starts().iter().copied().zip(goals)
+}
+
+fn size(file: &PlanFile) -> MapSize {
+    MapSize {
+        rows: file.rows,
+        cols: file.cols,
+    }
+}
+
+/// Rows and columns of a map.
+pub fn grid_size(grid: &Grid) -> MapSize {
+    MapSize {
+        rows: grid.rows(),
+        cols: grid.cols(),
+    }
+}
