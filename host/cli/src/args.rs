@@ -10,6 +10,7 @@ use clap_complete::Shell;
 use fleetyard_abi::Kind;
 use fleetyard_core::Connectivity;
 use fleetyard_core::PathEncoding;
+use fleetyard_core::formats::Format as FileFormat;
 use fleetyard_runtime::{Attach, Level};
 use fleetyard_sim::Tier;
 
@@ -33,6 +34,8 @@ pub(crate) enum Command {
     Validate(Validate),
     /// Execute a plan in the simulator
     Simulate(Simulate),
+    /// Convert an instance or a plan from one format to another
+    Convert(Convert),
     /// Look at plugins
     #[command(subcommand)]
     Plugins(Plugins),
@@ -130,6 +133,14 @@ fn connectivity(text: &str) -> Result<Connectivity, String> {
         "8" => Ok(Connectivity::Eight),
         _ => Err("grids have 4 or 8 neighbours".into()),
     }
+}
+
+/// A file format by its name.
+fn file_format(text: &str) -> Result<FileFormat, String> {
+    FileFormat::by_name(text).ok_or_else(|| {
+        let known: Vec<&str> = FileFormat::ALL.iter().map(|format| format.name()).collect();
+        format!("formats are {}", known.join(", "))
+    })
 }
 
 fn duration(text: &str) -> Result<Duration, String> {
@@ -466,11 +477,56 @@ pub(crate) struct Validate {
     /// Side of a cell in metres
     #[arg(long, value_name = "METRES", default_value_t = 1.0)]
     pub(crate) cell_size: f64,
-    /// The plan file
+    /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
+    /// The format of the plan [default: what the file looks like]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    pub(crate) from: Option<FileFormat>,
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     pub(crate) format: Format,
+}
+
+/// Convert an instance or a plan from one format to another.
+///
+/// Formats are guessed from content and name. What FROM lacks and TO needs is given
+/// with options: a file of paths has no map, a schedule has no goals.
+#[derive(Debug, Args)]
+pub(crate) struct Convert {
+    /// The file to read, - for standard input
+    #[arg(
+        value_name = "FROM",
+        required_unless_present = "list",
+        requires = "output"
+    )]
+    pub(crate) input: Option<PathBuf>,
+    /// The file to write, - for standard output
+    #[arg(value_name = "TO")]
+    pub(crate) output: Option<PathBuf>,
+    /// List the formats and what each carries
+    #[arg(long, conflicts_with = "input")]
+    pub(crate) list: bool,
+    /// The format of FROM [default: what the file looks like]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    pub(crate) from: Option<FileFormat>,
+    /// The format of TO [default: what its name says]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    pub(crate) to: Option<FileFormat>,
+    /// The map, where FROM has none
+    #[arg(long, value_name = "FILE")]
+    pub(crate) map: Option<PathBuf>,
+    /// Starts and goals, where FROM has none: a scenario, or another instance
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scen: Option<PathBuf>,
+    /// How many agents to use, from the first [default: those of the plan, or all]
+    #[arg(long, value_name = "N")]
+    pub(crate) agents: Option<usize>,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    pub(crate) connectivity: Connectivity,
+    /// How paths are written in a plan file [default: pairs]
+    #[arg(long, value_enum)]
+    pub(crate) plan_encoding: Option<EncodingArg>,
 }
 
 /// Execute a plan in the simulator.
@@ -478,8 +534,11 @@ pub(crate) struct Validate {
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) map: MapArgs,
-    /// The plan file
+    /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
+    /// The format of the plan [default: what the file looks like]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    pub(crate) from: Option<FileFormat>,
     #[command(flatten)]
     pub(crate) world: WorldArgs,
     /// Write the trace to a file

@@ -38,6 +38,7 @@ fn dispatch(command: Command) -> Result<Exit> {
     match command {
         Command::Run(arguments) => commands::run::run(&arguments),
         Command::Compare(arguments) => commands::compare::compare(&arguments),
+        Command::Convert(arguments) => commands::convert::convert(&arguments),
         Command::Validate(arguments) => commands::validate::validate(&arguments),
         Command::Simulate(arguments) => commands::simulate::simulate(&arguments),
         Command::Plugins(Plugins::List { format }) => commands::plugins::list(format),

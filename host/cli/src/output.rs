@@ -49,6 +49,11 @@ pub(crate) fn note(text: &str) {
     eprintln!("note: {}", plain(text));
 }
 
+/// What to do about an error: on standard error, one line.
+pub(crate) fn hint(text: &str) {
+    eprintln!("hint: {}", plain(text));
+}
+
 /// Why the command fails although it has a result to print.
 pub(crate) fn error(text: &str) {
     eprintln!("error: {}", plain(text));

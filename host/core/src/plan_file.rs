@@ -96,24 +96,29 @@ impl PlanFile {
         }
     }
 
+    /// Refuses a plan that is for a map of another size.
+    pub fn check_map(&self, grid: &Grid) -> Result<(), InputError> {
+        let (rows, cols) = (grid.rows(), grid.cols());
+        if (self.rows, self.cols) == (rows, cols) {
+            return Ok(());
+        }
+        let reason = format!(
+            "the plan is for a map of {} rows and {} columns, but {} has {rows} and {cols}",
+            self.rows,
+            self.cols,
+            grid.name()
+        );
+        let error = InputError::new(self.source.as_str(), reason);
+        Err(match &self.map {
+            Some(map) => error.hint(format!("the plan names the map {map}")),
+            None => error.hint("is --map the right map?"),
+        })
+    }
+
     /// Refuses a plan that is for a map of another size, or that names another
     /// instance. The number of agents is left to the validator.
     pub fn check_for(&self, instance: &GridInstance) -> Result<(), InputError> {
-        let grid = instance.grid();
-        let (rows, cols) = (grid.rows(), grid.cols());
-        if (self.rows, self.cols) != (rows, cols) {
-            let reason = format!(
-                "the plan is for a map of {} rows and {} columns, but {} has {rows} and {cols}",
-                self.rows,
-                self.cols,
-                grid.name()
-            );
-            let error = InputError::new(self.source.as_str(), reason);
-            return Err(match &self.map {
-                Some(map) => error.hint(format!("the plan names the map {map}")),
-                None => error,
-            });
-        }
+        self.check_map(instance.grid())?;
         match self.instance_digest {
             Some(named) if named != instance.digest() => Err(InputError::new(
                 self.source.as_str(),

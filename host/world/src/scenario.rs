@@ -1,6 +1,6 @@
 //! Random scenarios: distinct starts and distinct goals within reach.
 
-use fleetyard_core::{Grid, GridSearch, InputError, Scenario, ScenarioEntry};
+use fleetyard_core::{Grid, InputError, Scenario};
 
 use crate::SeededRandom;
 

@@ -18,6 +18,7 @@ use crate::{output, picture};
 
 pub(crate) mod check;
 pub(crate) mod compare;
+pub(crate) mod convert;
 pub(crate) mod doctor;
 pub(crate) mod maps;
 pub(crate) mod plugins;

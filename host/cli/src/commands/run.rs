@@ -4,6 +4,7 @@ use std::path::Path;
 
 use fleetyard_abi::Status;
 use fleetyard_core::InputError;
+use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_runtime::LogLine;
 use fleetyard_sim::NoTrace;
@@ -74,6 +75,11 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
             "the plan is invalid ({count} violations): {}",
             first.sentence
         ));
+        let size = grid_size(instance.grid());
+        let swapped = |plan| looks_transposed(size, instance.starts(), plan);
+        if plan.as_ref().is_some_and(swapped) {
+            output::hint(TRANSPOSED_HINT);
+        }
     }
     if plan.is_none() {
         for path in [&arguments.plan_out, &arguments.trace_out]

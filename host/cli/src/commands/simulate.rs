@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use fleetyard_core::plan_file::load_plan;
-use fleetyard_core::{InputError, load_map};
+use fleetyard_core::formats::{grid_size, load_any_plan};
+use fleetyard_core::load_map;
 use fleetyard_sim::NoTrace;
 
 use super::{TraceFile, draw};
@@ -15,20 +15,8 @@ use crate::trial::{execute, sim_config};
 
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let grid = load_map(&arguments.map.map)?;
-    let file = load_plan(&arguments.plan)?;
-    if (file.rows, file.cols) != (grid.rows(), grid.cols()) {
-        let reason = format!(
-            "the plan is for a map of {} rows and {} columns, but {} has {} and {}",
-            file.rows,
-            file.cols,
-            grid.name(),
-            grid.rows(),
-            grid.cols()
-        );
-        return Err(InputError::new(file.source, reason)
-            .hint("is --map the right map?")
-            .into());
-    }
+    let file = load_any_plan(&arguments.plan, arguments.from, grid_size(&grid))?;
+    file.check_map(&grid)?;
     let config = sim_config(&arguments.world);
     let execution = match &arguments.trace_out {
         Some(path) => {

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use fleetyard_check::{Verdict, metrics};
 use fleetyard_core::Digest;
-use fleetyard_core::plan_file::load_plan;
+use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed};
 use serde::Serialize;
 
 use super::load_instance;
@@ -35,7 +35,8 @@ struct Figures {
 
 pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     let instance = load_instance(&arguments.instance)?;
-    let file = load_plan(&arguments.plan)?;
+    let size = grid_size(instance.grid());
+    let file = load_any_plan(&arguments.plan, arguments.from, size)?;
     file.check_for(&instance)?;
     let figures = metrics(&instance, &file.plan, arguments.cell_size);
     let report = Report {
@@ -53,6 +54,9 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     match arguments.format {
         Format::Json => output::print_json(&report)?,
         Format::Text => output::print(&text(&report))?,
+    }
+    if !report.verdict.valid && looks_transposed(size, instance.starts(), &file.plan) {
+        output::hint(TRANSPOSED_HINT);
     }
     Ok(if report.verdict.valid {
         Exit::Success

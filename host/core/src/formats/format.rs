@@ -390,8 +390,8 @@ impl Parts {
     /// cannot say something.
     pub fn write(&self, format: Format, name: &str) -> Result<Written, InputError> {
         let lacks = |what: &str, hint: &str| {
-            let reason = format!("the format {format} needs {what}, and nothing says it");
-            InputError::new(name, reason).hint(hint)
+            let reason = format!("needs {what}, and nothing says it");
+            InputError::new(format.name(), reason).hint(hint)
         };
         let instance = || {
             self.instance.as_ref().ok_or_else(|| match &self.grid {

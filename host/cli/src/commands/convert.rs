@@ -1,0 +1,223 @@
+//! `fleetyard convert`: instances and plans from one format to another.
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fleetyard_core::formats::{
+    AgentList, Contents, Format, Parts, TRANSPOSED_HINT, grid_size, looks_transposed,
+};
+use fleetyard_core::{Grid, GridInstance, InputError, PlanFile, load_map, write_all_atomically};
+
+use super::file_name;
+use crate::args::Convert;
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::output;
+
+pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
+    let (Some(from), Some(to)) = (&arguments.input, &arguments.output) else {
+        output::print(&list())?;
+        return Ok(Exit::Success);
+    };
+    let named = arguments.map.as_deref().map(load_map).transpose()?;
+    let named = named.map(Arc::new);
+    let size = named.as_deref().map(grid_size);
+    let contents = Contents::load(from, arguments.from, size)?;
+    for note in &contents.notes {
+        output::note(note);
+    }
+    let format = target(arguments, to, contents.plan.is_some())?;
+    let inputs: Vec<&Path> = [Some(from), arguments.map.as_ref(), arguments.scen.as_ref()]
+        .into_iter()
+        .flatten()
+        .chain(&contents.files)
+        .map(PathBuf::as_path)
+        .collect();
+    // A scenario of another tool's instance comes with the map that it is on.
+    let with_map = contents.grid.is_some() && matches!(format, Format::Scen | Format::Pibt2);
+    let name = stem(to);
+    let map_file = if with_map {
+        Some(format!("{name}.map"))
+    } else {
+        let named = arguments.map.as_deref().map(file_name);
+        named.or_else(|| contents.map_file.clone())
+    };
+    let parts = parts(arguments, &contents, named, map_file)?;
+    let mut written = parts.write(format, &name)?;
+    if with_map {
+        let map = parts.write(Format::Map, &name)?;
+        written.others.push((format!("{name}.map"), map.bytes));
+    }
+    if to == Path::new("-") {
+        if !written.others.is_empty() {
+            let reason = format!("the format {format} is several files, which do not fit there");
+            return Err(Failure::new(Exit::Usage, reason).hint("name a file instead of -"));
+        }
+        return to_stdout(&written.bytes);
+    }
+    let others = written.others.iter();
+    let mut files: Vec<(PathBuf, &[u8])> = vec![(to.clone(), &written.bytes)];
+    files.extend(others.map(|(name, bytes)| (to.with_file_name(name), bytes.as_slice())));
+    for (path, _) in &files {
+        refuse_input(path, &inputs)?;
+    }
+    let files: Vec<(&Path, &[u8])> = files
+        .iter()
+        .map(|(path, bytes)| (&**path, *bytes))
+        .collect();
+    write_all_atomically(&files)?;
+    for (path, _) in files {
+        output::print(&path.display().to_string())?;
+    }
+    Ok(Exit::Success)
+}
+
+/// The format to write: the one that was asked for, or that the name says.
+fn target(arguments: &Convert, to: &Path, plan: bool) -> Result<Format> {
+    let meant = arguments.to.or_else(|| Format::for_writing(to, plan));
+    meant.ok_or_else(|| {
+        let formats = Format::ALL
+            .iter()
+            .filter(|format| format.carries_plan() == plan);
+        let names: Vec<&str> = formats.map(|format| format.name()).collect();
+        let reason = format!("{} does not say which format to write", to.display());
+        Failure::new(Exit::Usage, reason).hint(format!(
+            "say it with --to FORMAT, one of {}",
+            names.join(", ")
+        ))
+    })
+}
+
+/// What there is to write: what the file says, and what the options add to it.
+fn parts(
+    arguments: &Convert,
+    contents: &Contents,
+    named: Option<Arc<Grid>>,
+    map_file: Option<String>,
+) -> Result<Parts> {
+    let two = |what: &str, option: &str| {
+        let reason = format!(
+            "{} has {what}, so {option} is one too many",
+            contents.format
+        );
+        Failure::new(Exit::Usage, reason).hint(format!("leave out {option}"))
+    };
+    let grid = match (&contents.grid, named) {
+        (Some(_), Some(_)) => return Err(two("a map", "--map")),
+        (Some(grid), None) => Some(grid.clone()),
+        (None, named) => named,
+    };
+    let scenario = match (&arguments.scen, &contents.agents) {
+        (Some(_), Some(_)) => return Err(two("starts and goals", "--scen")),
+        (Some(path), None) => Some(load_agents(path)?),
+        (None, _) => None,
+    };
+    let list = scenario.as_ref().or(contents.agents.as_ref());
+    let agents = arguments
+        .agents
+        .or_else(|| contents.plan.as_ref().map(|file| file.plan.agents()));
+    if let (None, Some(_)) = (list, arguments.agents) {
+        let reason = format!("{} has no starts and goals to count", contents.format);
+        return Err(Failure::new(Exit::Usage, reason).hint("name a scenario with --scen FILE"));
+    }
+    let instance = match (&grid, list) {
+        (Some(grid), Some(list)) => {
+            Some(list.instance(grid.clone(), agents, arguments.connectivity)?)
+        }
+        _ => None,
+    };
+    let mut plan = contents.plan.clone();
+    if let (Some(file), Some(grid)) = (&plan, &grid) {
+        file.check_map(grid)?;
+    }
+    if let (Some(file), Some(instance)) = (&plan, &instance) {
+        warn_of_transposition(file, instance);
+    }
+    if let (Some(file), Some(encoding)) = (&mut plan, arguments.plan_encoding) {
+        file.encoding = encoding.into();
+    }
+    Ok(Parts {
+        grid,
+        map_file,
+        instance,
+        plan,
+    })
+}
+
+fn load_agents(path: &Path) -> Result<AgentList> {
+    let contents = Contents::load(path, None, None)?;
+    contents.agents.ok_or_else(|| {
+        let reason = format!("this is {}, without starts and goals", contents.format);
+        InputError::new(path.display().to_string(), reason)
+            .hint("--scen names a scenario")
+            .into()
+    })
+}
+
+fn warn_of_transposition(file: &PlanFile, instance: &GridInstance) {
+    let size = grid_size(instance.grid());
+    if looks_transposed(size, instance.starts(), &file.plan) {
+        output::warning(&format!("{}: {TRANSPOSED_HINT}", file.source));
+    }
+}
+
+/// Refuses to replace what was read.
+fn refuse_input(path: &Path, inputs: &[&Path]) -> Result<()> {
+    let Ok(target) = fs::canonicalize(path) else {
+        return Ok(());
+    };
+    let read = inputs.iter().any(|input| {
+        let same = fs::canonicalize(input).is_ok_and(|input| input == target);
+        same && target.is_file()
+    });
+    if read {
+        let reason = "this is one of the files that are read, and would be replaced";
+        return Err(InputError::new(path.display().to_string(), reason)
+            .hint("write to another name or folder")
+            .into());
+    }
+    Ok(())
+}
+
+fn stem(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or(path.as_os_str());
+    stem.to_string_lossy().into_owned()
+}
+
+fn to_stdout(bytes: &[u8]) -> Result<Exit> {
+    let mut out = io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(internal(error)),
+        _ => Ok(Exit::Success),
+    }
+}
+
+/// The table of formats. Every one is read and written.
+fn list() -> String {
+    let rows = Format::ALL.iter().map(|format| {
+        let yes = |carries: bool| if carries { "yes" } else { "-" }.to_owned();
+        vec![
+            format.name().to_owned(),
+            yes(format.carries_map()),
+            yes(format.carries_agents()),
+            yes(format.carries_plan()),
+            if format.needs_map_size() {
+                "--map"
+            } else {
+                "-"
+            }
+            .to_owned(),
+            format.about().to_owned(),
+        ]
+    });
+    let header = [
+        "format",
+        "map",
+        "starts, goals",
+        "plan",
+        "to read",
+        "what it is",
+    ];
+    output::table(&header, rows.collect(), &[])
+}
