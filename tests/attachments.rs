@@ -1,6 +1,6 @@
 //! The same plugin gives the same plan, whichever way it is attached: linked in, as a
 //! shared library in a worker or in the host's own process, as a program. And the
-//! example plugins in C, Python and Rust solve real instances.
+//! example plugins in C, C++, Rust, Python and Java solve real instances.
 //!
 //! Digests are compared with each other and never with numbers written down here:
 //! planners get better, and then their plans are others.
@@ -99,6 +99,33 @@ fn the_c_example() {
 }
 
 #[test]
+fn the_cpp_example() {
+    if !have(&std::env::var("CXX").unwrap_or_else(|_| "c++".into())) {
+        return;
+    }
+    let library = c_library("plugins/examples/cpp/cbs.cpp", None);
+    let library = library.display().to_string();
+    let ways = [
+        (library.as_str(), "--attach worker"),
+        (library.as_str(), "--attach in-process"),
+    ];
+    same_plan(&ways, "random-32-32-20", 20, "");
+    // What it searches for is the optimum, or something near it; nothing is cheaper.
+    let optimal = solve(&library, "random-32-32-20", 30, "--execute");
+    assert_eq!(optimal["execution"]["contacts"], 0);
+    let near = solve(
+        &library,
+        "random-32-32-20",
+        30,
+        "--option suboptimality=1.1",
+    );
+    let other = solve("lacam", "random-32-32-20", 30, "--option anytime=false");
+    let cost = |record: &Value| record["metrics"]["soc_steps"].as_u64().unwrap();
+    assert!(cost(&optimal) <= cost(&near) && cost(&optimal) <= cost(&other));
+    assert!(cost(&near) * 10 <= cost(&optimal) * 11);
+}
+
+#[test]
 fn the_rust_example() {
     let built = build("fleetyard-example-rust");
     let library = built.library.unwrap().display().to_string();
@@ -146,6 +173,16 @@ fn the_python_examples() {
     assert_eq!(record["planner"]["attach"], "stdio");
     assert_eq!(record["execution"]["contacts"], 0);
     solve(&raw, "random-32-32-20", 5, "--execute");
+}
+
+#[test]
+fn the_java_example() {
+    if !have("java") {
+        return;
+    }
+    let program = root().join("plugins/examples/java/one-by-one");
+    let program = program.display().to_string();
+    same_plan(&[(&program, "--attach stdio")], "random-32-32-20", 20, "");
 }
 
 #[test]

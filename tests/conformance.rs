@@ -88,9 +88,36 @@ fn the_standard_plugins_as_a_library_pass() {
 }
 
 #[test]
-fn the_examples_in_c_and_rust_pass() {
-    let library = c_library("plugins/examples/c/prioritized.c", None);
-    passes(&library.display().to_string(), 1, BOTH);
+fn the_examples_in_c_pass() {
+    for (name, attachments) in [
+        ("prioritized", BOTH),
+        ("stop_before", BOTH),
+        ("first_task", &[""]),
+        ("when_idle", &[""]),
+    ] {
+        let library = c_library(&format!("plugins/examples/c/{name}.c"), None);
+        passes(&library.display().to_string(), 1, attachments);
+    }
+}
+
+#[test]
+fn the_examples_in_cpp_pass() {
+    if !have(&std::env::var("CXX").unwrap_or_else(|_| "c++".into())) {
+        return;
+    }
+    for (name, attachments) in [
+        ("cbs", BOTH),
+        ("follow", &[""]),
+        ("nearest_task", &[""]),
+        ("just_in_time", BOTH),
+    ] {
+        let library = c_library(&format!("plugins/examples/cpp/{name}.cpp"), None);
+        passes(&library.display().to_string(), 1, attachments);
+    }
+}
+
+#[test]
+fn the_examples_in_rust_pass() {
     let Built { library, program } = example();
     let library = library.as_ref().unwrap().display().to_string();
     passes(&library, 4, &["--attach worker"]);
@@ -108,9 +135,38 @@ fn the_examples_in_python_pass() {
         return;
     }
     let folder = root().join("plugins/examples/python");
-    for script in ["pibt.py", "raw_protocol.py"] {
-        passes(&folder.join(script).display().to_string(), 1, &[""]);
+    for script in [
+        "pibt",
+        "raw_protocol",
+        "follow",
+        "nearest_task",
+        "just_in_time",
+    ] {
+        let script = folder.join(format!("{script}.py"));
+        passes(&script.display().to_string(), 1, &[""]);
     }
+}
+
+#[test]
+fn the_example_in_java_passes() {
+    if !have("java") {
+        return;
+    }
+    // A virtual machine takes its time to start, for every case anew.
+    let some = "handshake descriptor ending crossing passing-bay no-room repeated-calls bad-input \
+                deadline cancelled";
+    let only: String = some
+        .split_whitespace()
+        .map(|case| format!(" --only {case}"))
+        .collect();
+    let program = root().join("plugins/examples/java/one-by-one");
+    let document = check(
+        &program.display().to_string(),
+        &format!("--budget 500ms{only}"),
+        SUCCESS,
+    );
+    assert_eq!(bad(&document), BTreeSet::new(), "{document}");
+    assert_eq!(document["summary"]["passed"], 10, "{document}");
 }
 
 /// A solver for the command line that stays at home, and exits with 3 when it should not.

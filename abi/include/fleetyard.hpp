@@ -1283,7 +1283,8 @@ template <class... Plugins> struct Library {
   }
 };
 
-} // namespace FLEETYARD_HIDDEN
+} // namespace detail
+#undef FLEETYARD_HIDDEN
 
 } // namespace fleetyard
 

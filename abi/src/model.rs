@@ -284,6 +284,16 @@ fn one() -> u32 {
     1
 }
 
+impl Budget {
+    /// When to come to an end, so that the answer arrives before the deadline: a
+    /// fiftieth of the budget earlier, but at least 1 ms and at most 100 ms. A late
+    /// answer does not count, though plans that were submitted in time do.
+    pub fn answer_by_ns(&self) -> u64 {
+        let reserve = (self.wall_ns / 50).clamp(1_000_000, 100_000_000);
+        self.deadline_monotonic_ns.saturating_sub(reserve)
+    }
+}
+
 /// What stays the same between calls: the map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "representation", rename_all = "kebab-case")]

@@ -1,5 +1,17 @@
 //! The Rust SDK: a trait per kind of plugin, and what the host gives to each.
 //!
+//! A plugin is a crate of its own. In its `Cargo.toml`:
+//!
+//! ```toml
+//! [lib]
+//! crate-type = ["cdylib"]
+//!
+//! [dependencies]
+//! fleetyard-abi = { path = "…/abi" } # of a checkout of Fleetyard
+//! ```
+//!
+//! and in its `src/lib.rs` a whole planner:
+//!
 //! ```
 //! use fleetyard_abi::sdk::{Failure, Options, Plugin, Planner, Sink};
 //! use fleetyard_abi::{Budget, Capabilities, Capability, Descriptor, Instance, Kind, Plan};
@@ -36,6 +48,18 @@
 //! fleetyard_abi::export! { planners: [Stay] }
 //! # fn main() {}
 //! ```
+//!
+//! Then `cargo build --release` makes `target/release/lib….so`, which is a plugin:
+//!
+//! ```sh
+//! fleetyard run --planner target/release/libstay.so --map MAP --scen SCENARIO --agents 10
+//! ```
+//!
+//! Its plan is judged invalid, because nobody reaches a goal: that is the place to begin. A
+//! real planner keeps the map that [`Planner::prepare`] shows it, asks [`Sink::cancelled`] and
+//! [`Budget::answer_by_ns`](crate::Budget::answer_by_ns) often, and draws all that is random
+//! from the budget's seed. With [`serve_stdio`](crate::serve::serve_stdio) the same crate
+//! makes a program as well. `plugins/examples/rust` has a plugin of each kind, with options.
 
 use serde::de::DeserializeOwned;
 
@@ -100,7 +124,8 @@ pub trait Sink: Sync {
     fn log(&self, level: LogLevel, text: &str);
     /// Says how much of the work is done; `total` 0 if unknown.
     fn progress(&self, done: u64, total: u64);
-    /// Whether the call should end. Cheap; ask often.
+    /// Whether the call should end: its deadline has passed, or the host gave up on it.
+    /// Cheap; ask often.
     fn cancelled(&self) -> bool;
 }
 

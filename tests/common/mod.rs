@@ -342,7 +342,7 @@ pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
     static COMPILER: Mutex<()> = Mutex::new(());
     let _only = COMPILER.lock().unwrap_or_else(PoisonError::into_inner);
     let source = root().join(source);
-    let header = root().join("abi/include/fleetyard.h");
+    let include = root().join("abi/include");
     let cpp = source
         .extension()
         .is_some_and(|extension| extension == "cpp");
@@ -356,13 +356,15 @@ pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
     let modified = |path: &Path| fs::metadata(path).and_then(|meta| meta.modified()).ok();
     let built = modified(&library);
     // Headers beside the source are a part of it.
-    let beside = fs::read_dir(source.parent().unwrap()).unwrap().flatten();
-    let headers = beside
+    let headers = [source.parent().unwrap(), &include]
+        .into_iter()
+        .flat_map(|folder| fs::read_dir(folder).unwrap().flatten())
         .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "h"));
-    let newest = headers
-        .chain([source.clone(), header.clone()])
-        .map(|path| modified(&path));
+        .filter(|path| {
+            let extension = path.extension().and_then(OsStr::to_str);
+            matches!(extension, Some("h" | "hpp"))
+        });
+    let newest = headers.chain([source.clone()]).map(|path| modified(&path));
     if built.is_some() && built > newest.max().flatten() {
         return library;
     }
@@ -380,7 +382,7 @@ pub(crate) fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
         .arg("-pthread")
         .args(variant.map(|variant| format!("-DVARIANT={variant}")))
         .arg("-I")
-        .arg(header.parent().unwrap())
+        .arg(&include)
         .arg("-o")
         .arg(&unfinished)
         .arg(&source);

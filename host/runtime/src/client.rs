@@ -128,6 +128,11 @@ struct Wait<'a> {
 
 impl Client {
     pub(crate) fn new(process: Process, limits: Limits) -> Self {
+        // Until a call has limits of its own.
+        let call = CallLimits {
+            cpu_ns: 0,
+            memory_bytes: limits.memory_bytes,
+        };
         Self {
             process,
             limits,
@@ -142,7 +147,7 @@ impl Client {
             stray_lines: 0,
             log: Log::default(),
             stderr: Tail::default(),
-            call: CallLimits::default(),
+            call,
             stdout_open: true,
             stderr_open: true,
             fault: None,

@@ -110,11 +110,9 @@ struct Submitter<'a> {
 
 impl<'a> Submitter<'a> {
     fn new(budget: &Budget, sink: &'a dyn Sink) -> Self {
-        let reserve = (budget.wall_ns / 50).clamp(1_000_000, 100_000_000);
-        let stop_ns = budget.deadline_monotonic_ns.saturating_sub(reserve);
         Self {
             sink,
-            stop_ns,
+            stop_ns: budget.answer_by_ns(),
             offsets: Vec::new(),
         }
     }

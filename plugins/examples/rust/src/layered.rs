@@ -12,7 +12,7 @@
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, Instance, Kind, Motion, Plan, SharedEnvironment,
-    Status,
+    Status, monotonic_ns,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng as _, SeedableRng};
@@ -99,7 +99,7 @@ impl Planner for Layered {
             let mut failed = None;
             for (rank, agent) in order.iter().enumerate() {
                 let (start, goal) = (instance.starts[*agent], goals[*agent]);
-                match self.path(start, goal, &traffic, sink)? {
+                match self.path(start, goal, &traffic, budget, sink)? {
                     Some(path) => {
                         traffic.reserve(*agent as u32, &path);
                         paths[*agent] = path;
@@ -172,6 +172,7 @@ impl Layered {
         start: u32,
         goal: u32,
         traffic: &Traffic,
+        budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<Option<Vec<u32>>, Failure> {
         let cells = self.passable.len();
@@ -189,7 +190,7 @@ impl Layered {
                 path.reverse();
                 return Ok(Some(path));
             }
-            if sink.cancelled() {
+            if sink.cancelled() || monotonic_ns() >= budget.answer_by_ns() {
                 return Err(Failure::new(
                     Status::TimedOut,
                     "no plan before the end of the budget",
