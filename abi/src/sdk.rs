@@ -267,6 +267,12 @@ pub trait Catalog: Sync {
         options: Options<'_>,
         sink: &dyn Sink,
     ) -> Result<Object, Failure>;
+
+    /// Major and minor version of the C ABI that the plugins were built for, if they
+    /// were loaded through it.
+    fn abi_version(&self) -> Option<[u16; 2]> {
+        None
+    }
 }
 
 /// One plugin type in a [`StaticCatalog`].

@@ -221,6 +221,7 @@ impl<W: Write + Send> Server<'_, W> {
                     InitializeResult {
                         protocol_version,
                         plugins,
+                        abi_version: self.catalog.abi_version(),
                     },
                 );
             }

@@ -197,6 +197,10 @@ pub struct InitializeResult {
     pub protocol_version: u32,
     /// Every plugin of the program.
     pub plugins: Vec<Descriptor>,
+    /// Major and minor version of the C ABI that a library was built for: the host's
+    /// own worker says it. Programs leave it out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub abi_version: Option<[u16; 2]>,
 }
 
 /// Parameters of `create`.

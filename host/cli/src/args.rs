@@ -262,6 +262,9 @@ pub(crate) enum PinArg {
 /// Where the help shows what follows; a heading of the whole would go on after it.
 const LIMITS: &str = "Sandbox and limits";
 
+/// The same for what may run at all.
+const TRUST: &str = "Trust";
+
 /// What a plugin may use and see.
 #[derive(Debug, Args)]
 pub(crate) struct SandboxArgs {
@@ -284,9 +287,23 @@ pub(crate) struct SandboxArgs {
     pub(crate) pin: PinArg,
 }
 
+/// Whose code may run.
+#[derive(Debug, Args)]
+pub(crate) struct TrustArgs {
+    /// The lock file with the digests of pinned plugins [default: fleetyard.lock in the
+    /// current folder, if it is there]
+    #[arg(long, help_heading = TRUST, value_name = "FILE", env = "FLEETYARD_LOCK", hide_env_values = true)]
+    pub(crate) lock: Option<PathBuf>,
+    /// Refuse plugins that are not in the lock file
+    #[arg(long, help_heading = TRUST)]
+    pub(crate) locked: bool,
+}
+
 /// What a plugin may use and see in every call, whoever makes it.
 #[derive(Debug, Args)]
 pub(crate) struct GrantArgs {
+    #[command(flatten)]
+    pub(crate) trust: TrustArgs,
     /// How much of the sandbox is required
     #[arg(long, help_heading = LIMITS, value_enum, default_value = "auto", value_name = "LEVEL")]
     pub(crate) sandbox: LevelArg,
@@ -556,6 +573,8 @@ pub(crate) struct Simulate {
 pub(crate) enum Plugins {
     /// List every plugin, where it comes from, and why one was refused
     List {
+        #[command(flatten)]
+        trust: TrustArgs,
         /// How to print the result
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
@@ -566,10 +585,45 @@ pub(crate) enum Plugins {
     Info {
         /// A plugin's identifier, or the path of a library or program
         plugin: String,
+        #[command(flatten)]
+        trust: TrustArgs,
         /// How to print the result
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
+    /// Write down the digests of plugins' code: what is pinned runs unchanged or not at all
+    Pin(Pin),
+}
+
+/// Write down the digests of plugins' code: what is pinned runs unchanged or not at all.
+#[derive(Debug, Args)]
+pub(crate) struct Pin {
+    /// Plugins, by identifier or path
+    #[arg(value_name = "PLUGIN", required_unless_present_any = ["list", "check"])]
+    pub(crate) plugins: Vec<String>,
+    /// Accept what has changed since a plugin was pinned
+    #[arg(long, conflicts_with_all = ["list", "check", "remove"])]
+    pub(crate) update: bool,
+    /// Take plugins out of the lock
+    #[arg(long, conflicts_with_all = ["list", "check"])]
+    pub(crate) remove: bool,
+    /// Show what is pinned
+    #[arg(long, conflicts_with_all = ["check", "plugins"])]
+    pub(crate) list: bool,
+    /// Say whether everything that is pinned is unchanged; nothing is started
+    #[arg(long, conflicts_with = "plugins")]
+    pub(crate) check: bool,
+    /// The lock file [default: fleetyard.lock in the current folder]
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "FLEETYARD_LOCK",
+        hide_env_values = true
+    )]
+    pub(crate) lock: Option<PathBuf>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
 }
 
 fn kind(text: &str) -> Result<Kind, String> {

@@ -39,6 +39,7 @@ Exit codes:
 
 Environment:
   FLEETYARD_PLUGIN_PATH  folders with plugins, separated by colons
+  FLEETYARD_LOCK         the lock file with the digests of pinned plugins
   NO_COLOR               no colours and no progress bars";
 
 /// Something the user must know before anything else.
@@ -110,8 +111,13 @@ impl From<SimError> for Failure {
 impl From<Fault> for Failure {
     fn from(fault: Fault) -> Self {
         let hint = fault.hint().map(str::to_owned);
+        // An unknown name is the user's mistake, a bad file the plugin's.
+        let exit = match &fault {
+            Fault::Unknown { .. } => Exit::Usage,
+            _ => Exit::Plugin,
+        };
         Self {
-            exit: Exit::Plugin,
+            exit,
             message: fault.to_string(),
             hint,
         }

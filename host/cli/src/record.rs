@@ -7,7 +7,7 @@ use fleetyard_abi::Status;
 use fleetyard_check::{Verdict, Violation};
 use fleetyard_core::Digest;
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
-use fleetyard_runtime::{Attach, Layer, Level, Limit, SandboxReport, Termination, Usage};
+use fleetyard_runtime::{Attach, CodeFile, Layer, Level, Limit, SandboxReport, Termination, Usage};
 use serde::Serialize;
 
 use crate::claims::Claim;
@@ -61,8 +61,12 @@ pub(crate) struct PlannerInfo {
     /// compared with others.
     pub(crate) ranked: bool,
     pub(crate) path: Option<String>,
-    /// Of the plugin's file; of this program, for built-ins.
+    /// Of the plugin's code; of this program, for built-ins.
     pub(crate) digest: Option<Digest>,
+    /// Its files with their SHA-256; none for built-ins.
+    pub(crate) code: Vec<CodeFile>,
+    /// Whether the lock file has just this code.
+    pub(crate) pinned: bool,
     pub(crate) options: serde_json::Value,
 }
 

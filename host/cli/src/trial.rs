@@ -11,19 +11,20 @@ use fleetyard_runtime::measure::{
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Discovery, Fault, Level, Limits, LogLine, Origin, PlanRun,
-    PluginFile, Policy, Runtime, Session, Termination, check_options, parse_option,
+    Attach, CallReport, CallUsage, CodeFile, Discovery, Fault, Found, LOCK_FILE, Level, Limits,
+    Lock, LogLine, Origin, PlanRun, PluginFile, Policy, Runtime, Session, Standing, Termination,
+    Trust, check_options, parse_option,
 };
 use fleetyard_sim::{Execution, SimConfig, TraceSink};
 use serde_json::{Map, Value};
 
-use crate::args::{BudgetArgs, GrantArgs, PinArg, WorldArgs};
+use crate::args::{BudgetArgs, GrantArgs, PinArg, TrustArgs, WorldArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo,
 };
-use crate::{BUILT_IN, claims};
+use crate::{BUILT_IN, claims, output};
 
 /// How many violations a record lists; all are counted.
 const VIOLATIONS: usize = 20;
@@ -33,20 +34,23 @@ pub(crate) struct Candidate {
     pub(crate) name: String,
     file: PluginFile,
     id: Option<String>,
-    /// Of its file, which is read once.
+    /// Of its code, which is read once.
     digest: Option<Digest>,
+    code: Vec<CodeFile>,
+    standing: Standing,
 }
 
 /// The runtime with default limits.
-pub(crate) fn runtime() -> Result<Runtime> {
-    runtime_with(Policy::default())
+pub(crate) fn runtime(trust: Trust) -> Result<Runtime> {
+    runtime_with(Policy::default(), trust)
 }
 
 /// The same, with another sandbox.
-pub(crate) fn runtime_with(policy: Policy) -> Result<Runtime> {
+pub(crate) fn runtime_with(policy: Policy, trust: Trust) -> Result<Runtime> {
     let limits = Limits {
         memory_bytes: half_of_memory(),
         policy,
+        trust,
         ..Limits::default()
     };
     Runtime::new(BUILT_IN, limits).map_err(internal)
@@ -82,6 +86,7 @@ impl Host {
             startup: budget.startup,
             output_bytes: sandbox.grants.output_limit,
             policy: policy(&sandbox.grants)?,
+            trust: trust(&sandbox.grants.trust)?,
             prepare_cpu: sandbox.prepare_cpu.or(sandbox.cpu),
             cpu: sandbox.cpu,
             memory_bytes: memory(budget).max(prepare_memory(budget)),
@@ -96,6 +101,17 @@ impl Host {
     fn reserved(&self) -> Option<&Reservation> {
         self.cores.as_ref()?.as_ref().ok()
     }
+}
+
+/// The lock that the arguments name, or the one that lies in the current folder.
+pub(crate) fn trust(arguments: &TrustArgs) -> Result<Trust> {
+    let usual = Path::new(LOCK_FILE);
+    let file = arguments.lock.as_deref();
+    let file = file.or_else(|| usual.exists().then_some(usual));
+    Ok(Trust {
+        lock: file.map(Lock::read).transpose()?,
+        locked: arguments.locked,
+    })
 }
 
 /// What the sandbox is to grant.
@@ -129,47 +145,80 @@ fn prepare_memory(budget: &BudgetArgs) -> u64 {
         .unwrap_or_else(|| memory(budget))
 }
 
-/// Finds a plugin by path, `PATH:ID` or identifier.
-pub(crate) fn find(
-    runtime: &Runtime,
-    kind: Option<Kind>,
-    name: &str,
-) -> Result<(PluginFile, Origin, Option<String>)> {
-    let found = Discovery::from_environment().find(runtime, kind, name);
-    found.map_err(|fault| {
-        let exit = match &fault {
-            // An unknown name is the user's mistake, a bad file the plugin's.
-            Fault::Refused { .. } if !name.contains('/') && !Path::new(name).exists() => {
-                Exit::Usage
-            }
-            _ => Exit::Plugin,
-        };
-        Failure {
-            exit,
-            ..Failure::from(fault)
+/// Finds a plugin by path, `PATH:ID` or identifier, and says what the user should know
+/// of the choice.
+pub(crate) fn find(runtime: &Runtime, kind: Option<Kind>, name: &str) -> Result<Found> {
+    let discovery = Discovery::from_environment();
+    let found = discovery.find(runtime, kind, name);
+    if matches!(found, Err(Fault::Unknown { .. })) {
+        for (folder, reason) in discovery.unreadable() {
+            output::warning(&unreadable(&folder, &reason));
         }
-    })
+    }
+    let found = found?;
+    let place = |file: &PluginFile| match file.path() {
+        Some(path) => path.display().to_string(),
+        None => "the built-in one".into(),
+    };
+    if !found.shadowed.is_empty() {
+        output::note(&format!(
+            "`{name}` is {}, which shadows {}",
+            place(&found.file),
+            found.shadowed.join(", ")
+        ));
+    }
+    let trust = &runtime.limits().trust;
+    if let (Some(lock), Standing::Unlisted, false) =
+        (&trust.lock, trust.standing(&found.file), trust.locked)
+    {
+        output::note(&format!(
+            "{} is not in {}; `fleetyard plugins pin` puts it there",
+            place(&found.file),
+            lock.file().display()
+        ));
+    }
+    Ok(found)
+}
+
+/// Why a folder of the plugin path has no plugins.
+pub(crate) fn unreadable(folder: &Path, reason: &str) -> String {
+    format!(
+        "the folder {} of FLEETYARD_PLUGIN_PATH cannot be searched: {reason}",
+        folder.display()
+    )
 }
 
 impl Candidate {
     pub(crate) fn find(runtime: &Runtime, name: &str) -> Result<Self> {
-        let (file, origin, id) = find(runtime, Some(Kind::Planner), name)?;
+        let Found {
+            file, origin, id, ..
+        } = find(runtime, Some(Kind::Planner), name)?;
         let name = match (&origin, file.path().and_then(|path| path.file_stem())) {
             (Origin::Path, Some(stem)) => stem.to_string_lossy().into_owned(),
             _ => name.to_owned(),
         };
         let digest = file.digest();
+        let code = file.code()?;
+        let standing = runtime.limits().trust.standing(&file);
         Ok(Self {
             name,
             file,
             id,
             digest,
+            code,
+            standing,
         })
     }
 
     /// Starts the planner and picks its descriptor.
     pub(crate) fn open(&self, runtime: &Runtime, attach: Attach) -> Result<(Session, Descriptor)> {
-        let session = runtime.open(&self.file, attach)?;
+        let mut session = runtime.open(&self.file, attach)?;
+        // What the record says of the code has to be true of every trial.
+        if self.file.code()? != self.code {
+            session.close();
+            let message = format!("{}: its code was changed meanwhile", self.name);
+            return Err(Failure::new(Exit::Plugin, message).hint("run the command again"));
+        }
         let planners: Vec<_> = session
             .descriptors()
             .iter()
@@ -323,6 +372,8 @@ impl Trial<'_> {
                     .path()
                     .map(|path| path.display().to_string()),
                 digest: self.candidate.digest,
+                code: self.candidate.code.clone(),
+                pinned: self.candidate.standing == Standing::Pinned,
                 options: Value::Object(options),
             },
             instance: InstanceInfo {

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Descriptor, Kind, c};
-use fleetyard_runtime::{Attach, Fault, Limits, PluginFile, Runtime};
+use fleetyard_runtime::{Attach, Fault, Introduction, Limits, PluginFile, Runtime};
 use fleetyard_world::SeededRandom;
 use serde_json::{Map, Value};
 
@@ -86,8 +86,13 @@ impl Kit {
         })
     }
 
+    /// The limits of all sessions.
+    pub fn limits(&self) -> &Limits {
+        self.runtime.limits()
+    }
+
     /// What a file has, from a process of its own.
-    pub fn describe(&self, file: &PluginFile) -> Result<Vec<Descriptor>, Fault> {
+    pub fn describe(&self, file: &PluginFile) -> Result<Introduction, Fault> {
         self.runtime.describe(file)
     }
 

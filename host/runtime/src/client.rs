@@ -8,7 +8,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use fleetyard_abi::wire::{self, CancelParams, Envelope, LogParams, MetricParams, Request};
+use fleetyard_abi::wire::{self, CancelParams, LogParams, MetricParams, Request, RpcError};
 use fleetyard_abi::{Budget, LogLevel, monotonic_ns};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
@@ -17,6 +17,7 @@ use serde_json::value::RawValue;
 
 use crate::Fault;
 use crate::log::Log;
+use crate::message::{self, Message};
 use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::process::Process;
 use crate::sandbox::Level;
@@ -124,6 +125,8 @@ struct Wait<'a> {
     method: &'a str,
     deadline_ns: u64,
     limit_ms: u64,
+    /// Longest message meanwhile.
+    line_bytes: usize,
 }
 
 impl Client {
@@ -192,6 +195,10 @@ impl Client {
             method,
             deadline_ns: deadline.at_ns,
             limit_ms: deadline.limit.as_millis() as u64,
+            line_bytes: match method {
+                "initialize" => self.limits.introduction_bytes,
+                _ => self.limits.line_bytes,
+            },
         };
         let answer = self.wait(&wait, notice);
         if let Err(fault) = &answer
@@ -355,6 +362,9 @@ impl Client {
                 self.searched = self.received.len();
                 return self.check_unfinished(wait).map(|()| None);
             };
+            if newline - self.handled > wait.line_bytes {
+                return Err(self.too_long(wait));
+            }
             // Taken out for a moment: a line may be a gigabyte, too much to copy.
             let received = std::mem::take(&mut self.received);
             let outcome = self.handle_line(&received[self.handled..newline], wait, notice);
@@ -388,9 +398,8 @@ impl Client {
             self.searched = 0;
             self.skipping = true;
         }
-        if self.received.len() > self.limits.line_bytes {
-            let limit = self.limits.line_bytes >> 20;
-            return Err(self.broken(wait, format!("a message is longer than {limit} MiB")));
+        if self.received.len() > wait.line_bytes {
+            return Err(self.too_long(wait));
         }
         if self.stray_bytes + self.stderr.total() > self.limits.output_bytes {
             self.process.end(Duration::ZERO);
@@ -406,61 +415,25 @@ impl Client {
         wait: &Wait<'_>,
         notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
     ) -> Result<Option<String>, Broken> {
-        let trimmed = line.trim_ascii();
-        match trimmed {
-            [] => return Ok(None),
-            [b'{', ..] => {}
-            [b'[', b'{' | b'[', ..] => {
-                return Err(Broken::protocol(
-                    "a message is a list: batches are not supported",
-                ));
-            }
-            _ => {
+        match message::read(line).map_err(Broken::Protocol)? {
+            Message::Blank | Message::Ignored => {}
+            Message::Stray => {
                 self.stray_bytes += line.len() as u64;
                 self.stray(line);
-                return Ok(None);
             }
-        }
-        let text = std::str::from_utf8(trimmed)
-            .map_err(|error| Broken::Protocol(format!("a message is not UTF-8: {error}")))?;
-        let envelope: Envelope<'_> =
-            serde_json::from_str(text).map_err(|error| Broken::Protocol(not_json(text, &error)))?;
-        if envelope.jsonrpc != "2.0" {
-            return Err(Broken::protocol("a message has no \"jsonrpc\":\"2.0\""));
-        }
-        let bad = |method: &str, error: &serde_json::Error| {
-            Broken::Protocol(format!("`{method}` is malformed: {error}"))
-        };
-        match envelope.method.as_deref() {
-            Some("incumbent") => {
-                let incumbent: wire::IncumbentParams<&RawValue> =
-                    serde_json::from_str(envelope.params.map_or("null", RawValue::get))
-                        .map_err(|error| bad("incumbent", &error))?;
+            Message::Incumbent(paths) => {
                 let arrived_ns = monotonic_ns();
-                notice(Notice::Incumbent {
-                    paths: incumbent.paths,
-                    arrived_ns,
-                })
-                .map_err(Broken::Protocol)?;
+                notice(Notice::Incumbent { paths, arrived_ns }).map_err(Broken::Protocol)?;
             }
-            Some("metric") => {
-                let metric = envelope.params().map_err(|error| bad("metric", &error))?;
+            Message::Metric(metric) => {
                 notice(Notice::Metric(metric)).map_err(Broken::Protocol)?;
             }
-            Some("log") => {
-                let LogParams { level, text } =
-                    envelope.params().map_err(|error| bad("log", &error))?;
+            Message::Log(LogParams { level, text }) => {
                 self.log.push(level, &text, self.limits.log_bytes);
             }
-            // Progress is for people who watch; an unknown notification may come
-            // from a newer plugin. Neither may hold up the run.
-            Some(_) if envelope.id.is_none() => {}
-            Some(method) => {
-                return Err(Broken::Protocol(format!(
-                    "it sent a request, `{method}`, but only the host asks"
-                )));
+            Message::Answer { id, result } => {
+                return answer(id, result, wait).map(|result| Some(result.to_owned()));
             }
-            None => return response(&envelope, wait),
         }
         Ok(None)
     }
@@ -471,6 +444,11 @@ impl Client {
         let text = String::from_utf8_lossy(shown).into_owned();
         let text = format!("stdout: {text}");
         self.log.push(LogLevel::Info, &text, self.limits.log_bytes);
+    }
+
+    fn too_long(&mut self, wait: &Wait<'_>) -> Fault {
+        let limit = wait.line_bytes >> 20;
+        self.broken(wait, format!("a message is longer than {limit} MiB"))
     }
 
     fn broken(&mut self, wait: &Wait<'_>, reason: String) -> Fault {
@@ -605,61 +583,45 @@ enum Broken {
     Fault(Fault),
 }
 
-impl Broken {
-    fn protocol(reason: &str) -> Self {
-        Self::Protocol(reason.into())
-    }
-}
-
-/// The result of a response, as text, if it is the one that is waited for.
-fn response(envelope: &Envelope<'_>, wait: &Wait<'_>) -> Result<Option<String>, Broken> {
-    match envelope.id {
-        Some(id) if id == wait.id => {}
+/// The result of an answer, as text, if it is the one that is waited for.
+fn answer<'a>(
+    id: Option<u64>,
+    result: Result<&'a str, RpcError>,
+    wait: &Wait<'_>,
+) -> Result<&'a str, Broken> {
+    match id {
         Some(id) if id < wait.id => {
             return Err(Broken::Protocol(format!(
                 "it answered request {id} a second time"
             )));
         }
-        Some(id) => {
+        Some(id) if id > wait.id => {
             let asked = wait.id;
             return Err(Broken::Protocol(format!(
                 "it answered request {id}, but was asked {asked}"
             )));
         }
-        None if envelope.error.is_some() => {}
-        None => return Err(Broken::protocol("a message has neither a method nor an id")),
+        _ => {}
     }
     let during = wait.method.to_owned();
-    if let Some(error) = &envelope.error {
-        return Err(Broken::Fault(match error.code {
+    result.map_err(|RpcError { code, message }| {
+        Broken::Fault(match code {
             wire::REFUSED => {
-                let (reason, hint) = match error.message.split_once('\n') {
+                let (reason, hint) = match message.split_once('\n') {
                     Some((reason, hint)) => (reason.to_owned(), Some(hint.to_owned())),
-                    None => (error.message.clone(), None),
+                    None => (message, None),
                 };
                 Fault::Refused { reason, hint }
             }
             wire::BROKE_CONTRACT => Fault::Protocol {
                 during,
-                reason: error.message.clone(),
+                reason: message,
             },
             _ => Fault::Reported {
                 status: fleetyard_abi::Status::InternalError,
                 during,
-                message: error.message.clone(),
+                message,
             },
-        }));
-    }
-    match envelope.result {
-        Some(result) => Ok(Some(result.get().to_owned())),
-        // `"result":null` reads as absent.
-        None => Ok(Some("null".into())),
-    }
-}
-
-/// Says why a line is not JSON, with the place and what stands there.
-fn not_json(text: &str, error: &serde_json::Error) -> String {
-    let at = error.column().saturating_sub(1);
-    let near: String = text.chars().skip(at.saturating_sub(10)).take(30).collect();
-    format!("a message is not JSON: {error}, near `{near}`")
+        })
+    })
 }

@@ -1,43 +1,22 @@
 //! Where plugins are: by path, on the plugin path, or linked in.
 
-use std::fs;
-use std::os::unix::fs::PermissionsExt;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::Read;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 
 use fleetyard_abi::{Descriptor, Kind};
-use fleetyard_core::{Digest, Hasher};
 use serde::Serialize;
 
-use crate::adapter::Adapter;
+use crate::lock::Standing;
 use crate::options::nearest;
-use crate::supervisor::Target;
+use crate::plugin_file::{PluginFile, is_manifest};
+use crate::session::Introduction;
 use crate::{Fault, Runtime};
-
-/// The name of a manifest, alone or after a name and a dot.
-const MANIFEST: &str = "planner.toml";
-
-/// Whether a file's name says that it is a manifest; a folder may hold other TOML
-/// files.
-fn is_manifest(path: &Path) -> bool {
-    let name = path.file_name().and_then(|name| name.to_str());
-    name.and_then(|name| name.strip_suffix(MANIFEST))
-        .is_some_and(|before| before.is_empty() || before.ends_with('.'))
-}
-
-/// How a plugin is attached.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Attach {
-    /// A shared library in the host's own process: fastest, and nothing is kept
-    /// from the host.
-    InProcess,
-    /// A shared library in a worker process.
-    Worker,
-    /// A program that speaks JSON over standard input and output.
-    Stdio,
-    /// A command-line solver that a `planner.toml` describes.
-    Command,
-}
 
 /// Where a plugin comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -51,99 +30,12 @@ pub enum Origin {
     Folder(PathBuf),
 }
 
-/// A file (or the host itself) that has plugins.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum PluginFile {
-    /// Linked into the host.
-    BuiltIn,
-    /// A shared library.
-    Library(PathBuf),
-    /// A program, with the arguments that start it.
-    Program(PathBuf, Vec<String>),
-    /// The manifest of a command adapter.
-    Adapter(PathBuf),
-}
-
-impl PluginFile {
-    /// Looks at a path and says what it is, without running it.
-    pub fn at(path: &Path) -> Result<Self, Fault> {
-        let shown = path.display();
-        let refused = |reason: String, hint: &str| Fault::Refused {
-            reason,
-            hint: Some(hint.into()),
-        };
-        let meta = fs::metadata(path).map_err(|error| {
-            refused(
-                format!("{shown}: {error}"),
-                "a plugin is a shared library, a program or a planner.toml",
-            )
-        })?;
-        if !meta.is_file() {
-            let manifest = path.join(MANIFEST);
-            if manifest.is_file() {
-                return Self::at(&manifest);
-            }
-            return Err(refused(
-                format!("{shown} is not a file"),
-                "name the plugin's file itself, or a folder with a planner.toml",
-            ));
-        }
-        // The loader searches its own path for a name without a slash.
-        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        let program = absolute.to_string_lossy().into_owned();
-        let extension = path.extension().and_then(|extension| extension.to_str());
-        let executable = meta.permissions().mode() & 0o111 != 0;
-        match extension {
-            Some("so") => Ok(Self::Library(absolute)),
-            Some("toml") => Ok(Self::Adapter(absolute)),
-            Some("py") if !executable => {
-                Ok(Self::Program(absolute, vec!["python3".into(), program]))
-            }
-            _ if executable => Ok(Self::Program(absolute, vec![program])),
-            _ => Err(refused(
-                format!("{shown} is neither a shared library (.so) nor executable"),
-                "`chmod +x` a program; a library's name ends in .so",
-            )),
-        }
-    }
-
-    /// What the supervisor starts.
-    pub(crate) fn target(&self) -> Target {
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::BuiltIn => Target::BuiltIn,
-            Self::Library(path) => Target::Library(path.clone()),
-            Self::Program(_, argv) => Target::Program(argv.clone()),
-            Self::Adapter(path) => Target::Adapter(path.clone()),
-        }
-    }
-
-    /// How the plugin is attached unless the user says otherwise.
-    pub fn default_attach(&self) -> Attach {
-        match self {
-            Self::BuiltIn | Self::Library(_) => Attach::Worker,
-            Self::Program(..) => Attach::Stdio,
-            Self::Adapter(_) => Attach::Command,
-        }
-    }
-
-    /// Stands for the content of the file; of the built-ins, for this program; of a
-    /// manifest, for its program as well.
-    pub fn digest(&self) -> Option<Digest> {
-        let path = self.path().unwrap_or(Path::new("/proc/self/exe"));
-        let mut hasher = Hasher::new("fleetyard plugin");
-        hasher.bytes(&fs::read(path).ok()?);
-        if let Self::Adapter(manifest) = self {
-            let adapter = Adapter::open(manifest).ok()?;
-            hasher.bytes(&fs::read(adapter.program()).ok()?);
-        }
-        Some(hasher.finish())
-    }
-
-    /// The file, if it is one.
-    pub fn path(&self) -> Option<&Path> {
-        match self {
-            Self::BuiltIn => None,
-            Self::Library(path) | Self::Program(path, _) | Self::Adapter(path) => Some(path),
+            Self::BuiltIn => f.pad("built-in"),
+            Self::Path => f.pad("path"),
+            Self::Folder(folder) => folder.display().fmt(f),
         }
     }
 }
@@ -155,8 +47,49 @@ pub struct Discovered {
     pub file: PluginFile,
     /// Where it was found.
     pub origin: Origin,
+    /// What it is to the lock.
+    pub standing: Standing,
     /// Its plugins.
-    pub plugins: Result<Vec<Descriptor>, Fault>,
+    pub plugins: Result<Introduction, Fault>,
+}
+
+impl Discovered {
+    fn has(&self, kind: Option<Kind>, id: &str) -> Option<&Descriptor> {
+        let plugins = self.plugins.as_ref().ok()?;
+        let wanted =
+            |plugin: &&Descriptor| plugin.id == id && kind.is_none_or(|kind| kind == plugin.kind);
+        plugins.descriptors.iter().find(wanted)
+    }
+
+    /// The file as users know it.
+    pub fn place(&self) -> String {
+        match self.file.path() {
+            Some(path) => path.display().to_string(),
+            None => self.origin.to_string(),
+        }
+    }
+}
+
+/// The first of all files that have a plugin of this kind and name is used by that
+/// name; the others are shadowed by it.
+pub fn first_with<'a>(found: &'a [Discovered], plugin: &Descriptor) -> Option<&'a Discovered> {
+    let kind = Some(plugin.kind);
+    found
+        .iter()
+        .find(|file| file.has(kind, &plugin.id).is_some())
+}
+
+/// A plugin that was found by name or path.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The file.
+    pub file: PluginFile,
+    /// Where it was found.
+    pub origin: Origin,
+    /// Which of the file's plugins is meant, if the user said so.
+    pub id: Option<String>,
+    /// Other files that have one of this kind and name, and are not used by it.
+    pub shadowed: Vec<String>,
 }
 
 /// The search for plugins.
@@ -164,6 +97,8 @@ pub struct Discovered {
 pub struct Discovery {
     /// Folders, first match first.
     pub folders: Vec<PathBuf>,
+    /// How many of them the user named: those must be there.
+    pub named: usize,
 }
 
 impl Discovery {
@@ -173,8 +108,10 @@ impl Discovery {
         let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
         let mut folders: Vec<PathBuf> = Vec::new();
         if let Some(path) = set("FLEETYARD_PLUGIN_PATH") {
-            folders.extend(std::env::split_paths(&path));
+            let named = std::env::split_paths(&path);
+            folders.extend(named.filter(|folder| !folder.as_os_str().is_empty()));
         }
+        let named = folders.len();
         let home = set("HOME").map(PathBuf::from);
         let data_home = set("XDG_DATA_HOME")
             .map(PathBuf::from)
@@ -186,14 +123,30 @@ impl Discovery {
         if let Ok(executable) = std::env::current_exe() {
             folders.extend(executable.parent().map(|folder| folder.join("plugins")));
         }
-        folders.retain(|folder| !folder.as_os_str().is_empty());
-        Self { folders }
+        Self { folders, named }
     }
 
-    /// Files in the folders that may be plugins, in order of precedence.
+    /// Folders that the user named and that cannot be searched, with the reason.
+    pub fn unreadable(&self) -> Vec<(PathBuf, String)> {
+        let named = self.folders.iter().take(self.named);
+        named
+            .filter_map(|folder| Some((folder.clone(), fs::read_dir(folder).err()?.to_string())))
+            .collect()
+    }
+
+    /// Files in the folders that may be plugins, in order of precedence. A folder that
+    /// is named twice counts once.
     fn candidates(&self) -> Vec<(PluginFile, Origin)> {
         let mut found = Vec::new();
+        let mut searched: Vec<PathBuf> = Vec::new();
         for folder in &self.folders {
+            let Ok(real) = fs::canonicalize(folder) else {
+                continue;
+            };
+            if searched.contains(&real) {
+                continue;
+            }
+            searched.push(real);
             let mut paths: Vec<PathBuf> = fs::read_dir(folder)
                 .into_iter()
                 .flatten()
@@ -201,13 +154,8 @@ impl Discovery {
                 .map(|entry| entry.path())
                 .collect();
             paths.sort();
-            for path in paths {
-                match PluginFile::at(&path) {
-                    Ok(PluginFile::Adapter(manifest)) if !is_manifest(&manifest) => {}
-                    Ok(file) => found.push((file, Origin::Folder(folder.clone()))),
-                    Err(_) => {}
-                }
-            }
+            let files = paths.iter().filter_map(|path| candidate(path));
+            found.extend(files.map(|file| (file, Origin::Folder(folder.clone()))));
         }
         found
     }
@@ -217,71 +165,173 @@ impl Discovery {
         self.candidates().len()
     }
 
-    /// Every file and what it has, then the built-ins. Runs each in a process of
-    /// its own, and nothing but its descriptors.
+    /// Every file and what it has, in order of precedence, the built-ins last. Runs
+    /// each in a process of its own, several at a time, and nothing but its
+    /// descriptors; what the lock does not allow is not run at all.
     pub fn scan(&self, runtime: &Runtime) -> Vec<Discovered> {
-        let built_in = (PluginFile::BuiltIn, Origin::BuiltIn);
-        self.candidates()
-            .into_iter()
-            .chain([built_in])
-            .map(|(file, origin)| {
-                let plugins = runtime.describe(&file);
-                Discovered {
-                    file,
-                    origin,
-                    plugins,
-                }
-            })
-            .collect()
+        let mut files = self.candidates();
+        files.push((PluginFile::BuiltIn, Origin::BuiltIn));
+        let next = AtomicUsize::new(0);
+        let described = Mutex::new(Vec::new());
+        let describe = || {
+            while let Some((file, _)) = files.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let plugins = runtime.describe(file);
+                let mut described = described.lock().unwrap_or_else(PoisonError::into_inner);
+                described.push((file, plugins));
+            }
+        };
+        let several = thread::available_parallelism().map_or(1, NonZero::get);
+        thread::scope(|scope| {
+            for _ in 1..several.min(files.len()) {
+                scope.spawn(describe);
+            }
+            describe();
+        });
+        let mut described = described
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
+        let answer = |file: &PluginFile| {
+            let at = described.iter().position(|(known, _)| *known == file);
+            at.map(|at| described.swap_remove(at).1)
+        };
+        let plugins: Vec<_> = files.iter().map(|(file, _)| file).map(answer).collect();
+        let trust = &runtime.limits().trust;
+        let discovered = files
+            .iter()
+            .zip(plugins)
+            .filter_map(|((file, origin), plugins)| {
+                Some(Discovered {
+                    file: file.clone(),
+                    origin: origin.clone(),
+                    standing: trust.standing(file),
+                    plugins: plugins?,
+                })
+            });
+        discovered.collect()
     }
 
     /// Finds a plugin by path, `PATH:ID` or identifier, of one kind or of any.
-    pub fn find(
-        &self,
-        runtime: &Runtime,
-        kind: Option<Kind>,
-        name: &str,
-    ) -> Result<(PluginFile, Origin, Option<String>), Fault> {
+    pub fn find(&self, runtime: &Runtime, kind: Option<Kind>, name: &str) -> Result<Found, Fault> {
         // `path:id` picks one of several plugins of a file.
         let (path, id) = match name.rsplit_once(':') {
             Some((path, id)) if !id.contains('/') => (path, Some(id.to_owned())),
             _ => (name, None),
         };
         if name.contains('/') || Path::new(path).is_file() {
-            return PluginFile::at(Path::new(path)).map(|file| (file, Origin::Path, id));
+            return PluginFile::at(Path::new(path)).map(|file| Found {
+                file,
+                origin: Origin::Path,
+                id,
+                shadowed: Vec::new(),
+            });
         }
-        let mut known: Vec<String> = Vec::new();
-        for (file, origin) in self
-            .candidates()
-            .into_iter()
-            .chain([(PluginFile::BuiltIn, Origin::BuiltIn)])
-        {
-            // A file that is refused is no reason not to look further;
-            // `plugins list` shows it.
-            let Ok(plugins) = runtime.describe(&file) else {
-                continue;
-            };
-            let wanted = |plugin: &Descriptor| kind.is_none_or(|kind| kind == plugin.kind);
-            for plugin in plugins.into_iter().filter(wanted) {
-                if plugin.id == name {
-                    return Ok((file, origin, Some(plugin.id)));
-                }
-                known.push(plugin.id);
+        by_name(runtime, &self.scan(runtime), kind, name)
+    }
+}
+
+/// Picks a plugin by its identifier from what a scan found.
+pub fn by_name(
+    runtime: &Runtime,
+    all: &[Discovered],
+    kind: Option<Kind>,
+    name: &str,
+) -> Result<Found, Fault> {
+    let named = |file: &&Discovered| file.has(kind, name).is_some();
+    let first = all.iter().find(named);
+    // A name that is pinned to a file stands for no other.
+    let lock = runtime.limits().trust.lock.as_ref();
+    if let Some((lock, entry)) = lock.and_then(|lock| Some((lock, lock.with(kind, name)?))) {
+        let is_pinned = |file: &&Discovered| lock.entry(&file.file) == Some(entry);
+        let pinned = all.iter().find(is_pinned);
+        if let Some(Err(fault)) = pinned.map(|file| &file.plugins) {
+            return Err(fault.clone());
+        }
+        if let Some(first) = first.filter(|first| !is_pinned(first)) {
+            return Err(not_the_pinned(first, name, &lock.locate(&entry.path)));
+        }
+    }
+    let Some(first) = first else {
+        return Err(unknown(all, kind, name));
+    };
+    let kind = first.has(kind, name).map(|plugin| plugin.kind);
+    let others = all
+        .iter()
+        .filter(|file| file.file != first.file && file.has(kind, name).is_some());
+    Ok(Found {
+        file: first.file.clone(),
+        origin: first.origin.clone(),
+        id: Some(name.to_owned()),
+        shadowed: others.map(Discovered::place).collect(),
+    })
+}
+
+/// Whether a file of a plugin folder may be a plugin: what is no library, manifest or
+/// program is there for people.
+fn candidate(path: &Path) -> Option<PluginFile> {
+    let hidden = path.file_name()?.as_encoded_bytes().starts_with(b".");
+    let file = PluginFile::at(path).ok().filter(|_| !hidden)?;
+    let may_be = match &file {
+        PluginFile::Adapter(manifest) => is_manifest(manifest),
+        PluginFile::Program(program, _) => is_program(program),
+        PluginFile::Library(_) | PluginFile::BuiltIn => true,
+    };
+    may_be.then_some(file)
+}
+
+/// Whether the kernel could start a file: on many file systems everything is marked
+/// executable. Scripts in Python may also be started by name.
+fn is_program(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    // One that cannot be read may be started all the same.
+    read.is_err()
+        || start.starts_with(b"\x7fELF")
+        || start.starts_with(b"#!")
+        || path.extension().is_some_and(|extension| extension == "py")
+}
+
+fn unknown(all: &[Discovered], kind: Option<Kind>, name: &str) -> Fault {
+    let reason = format!(
+        "there is no {} `{name}`",
+        kind.map_or("plugin", Kind::as_str)
+    );
+    let mut known: Vec<String> = Vec::new();
+    for file in all {
+        let Ok(introduction) = &file.plugins else {
+            continue;
+        };
+        for plugin in &introduction.descriptors {
+            let wanted = kind.is_none_or(|kind| kind == plugin.kind);
+            if wanted && !known.contains(&plugin.id) {
+                known.push(plugin.id.clone());
             }
         }
-        let hint = match nearest(name, known.iter(), 2) {
-            Some(candidate) => format!("did you mean `{candidate}`?"),
-            None => format!(
-                "known: {}; or name a file, as in ./{name}",
-                known.join(", ")
-            ),
-        };
-        Err(Fault::Refused {
-            reason: format!(
-                "there is no {} `{name}`",
-                kind.map_or("plugin", Kind::as_str)
-            ),
-            hint: Some(hint),
-        })
+    }
+    let mut hint = match nearest(name, known.iter(), 2) {
+        Some(candidate) => format!("did you mean `{candidate}`?"),
+        None => format!(
+            "known: {}; or name a file, as in ./{name}",
+            known.join(", ")
+        ),
+    };
+    if all.iter().any(|file| file.plugins.is_err()) {
+        hint.push_str("; `fleetyard plugins list` says which files were refused");
+    }
+    Fault::Unknown {
+        reason,
+        hint: Some(hint),
+    }
+}
+
+fn not_the_pinned(first: &Discovered, name: &str, pinned: &Path) -> Fault {
+    Fault::Refused {
+        reason: format!(
+            "`{name}` is pinned to {}, but would be {}",
+            pinned.display(),
+            first.place()
+        ),
+        hint: Some(
+            "name the file by its path, or change the order of FLEETYARD_PLUGIN_PATH".into(),
+        ),
     }
 }

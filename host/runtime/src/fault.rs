@@ -15,6 +15,14 @@ pub enum Fault {
         /// What the user can do.
         hint: Option<String>,
     },
+    /// No plugin has the name.
+    #[error("{reason}")]
+    Unknown {
+        /// What was looked for.
+        reason: String,
+        /// What the user can do.
+        hint: Option<String>,
+    },
     /// The process could not be started.
     #[error("cannot start {program}: {reason}")]
     Spawn {
@@ -114,7 +122,9 @@ impl Fault {
     /// What the user can do, where there is something.
     pub fn hint(&self) -> Option<&str> {
         match self {
-            Self::Refused { hint, .. } | Self::Spawn { hint, .. } => hint.as_deref(),
+            Self::Refused { hint, .. } | Self::Unknown { hint, .. } | Self::Spawn { hint, .. } => {
+                hint.as_deref()
+            }
             _ => None,
         }
     }

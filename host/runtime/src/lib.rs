@@ -22,10 +22,13 @@ mod convert;
 mod discover;
 mod fault;
 mod library;
+mod lock;
 mod log;
 pub mod measure;
+pub mod message;
 mod monitor;
 mod options;
+mod plugin_file;
 mod process;
 mod python;
 pub mod sandbox;
@@ -35,14 +38,19 @@ pub mod supervisor;
 mod tree;
 
 pub use convert::{environment, instance, plan_from_abi};
-pub use discover::{Attach, Discovered, Discovery, Origin, PluginFile};
+pub use discover::{Discovered, Discovery, Found, Origin, by_name, first_with};
 pub use fault::Fault;
 pub use library::Library;
+pub use lock::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
 pub use log::LogLine;
 pub use monitor::{CallUsage, Limit, Source, Usage};
 pub use options::{OptionError, check_options, nearest, parse_option};
+pub use plugin_file::{Attach, CodeFile, PluginFile};
 pub use sandbox::{Layer, LayerState, Level, Policy, SandboxReport};
-pub use session::{CallReport, Closing, Incumbent, Limits, PlanRun, Runtime, Session, Termination};
+pub use session::{
+    CallReport, Closing, Contract, Incumbent, Introduction, Limits, PlanRun, Runtime, Session,
+    Termination,
+};
 
 /// The user that this process runs as.
 pub fn user() -> u32 {

@@ -246,6 +246,11 @@ unsafe fn descriptor_from_c(kind: Kind, raw: &c::Descriptor) -> Result<Descripto
 }
 
 impl Catalog for Library {
+    fn abi_version(&self) -> Option<[u16; 2]> {
+        let entry = self.entries.first()?;
+        Some([entry.abi_major, entry.abi_minor])
+    }
+
     fn descriptors(&self) -> Vec<Descriptor> {
         self.descriptors
             .iter()

@@ -17,20 +17,22 @@ use fleetyard_abi::{
     SharedEnvironment, Status, c, monotonic_ns,
 };
 use fleetyard_core::{Digest, GridPlan};
-use serde::Serialize;
 use serde::de::{DeserializeOwned, DeserializeSeed};
+use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use crate::adapter::FORMAT;
 use crate::client::{Client, Deadline, Notice};
 use crate::collector::{Collected, Collector};
 use crate::log::{Log, LogLine};
 use crate::measure::Cpus;
+use crate::message;
 use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
 use crate::process::Process;
 use crate::sandbox::jail::Launch;
 use crate::sandbox::{Grants, Policy, SandboxReport};
 use crate::supervisor::Target;
-use crate::{Attach, Fault, Library, PluginFile};
+use crate::{Attach, Fault, Library, PluginFile, Trust};
 
 /// Limits that are not a call's budget.
 #[derive(Debug, Clone)]
@@ -42,7 +44,9 @@ pub struct Limits {
     pub grace: Duration,
     /// How long a plugin may take to end when it is no longer needed.
     pub ending: Duration,
-    /// Longest message.
+    /// Longest message while a plugin introduces itself.
+    pub introduction_bytes: usize,
+    /// Longest message afterwards: a plan may be large.
     pub line_bytes: usize,
     /// Most bytes on standard output and standard error that are no messages.
     pub output_bytes: u64,
@@ -59,6 +63,8 @@ pub struct Limits {
     pub kept_cells: usize,
     /// What the sandbox grants.
     pub policy: Policy,
+    /// Whose code may be started.
+    pub trust: Trust,
     /// Processor time of a `prepare` call, over all processes and threads.
     pub prepare_cpu: Option<Duration>,
     /// Processor time of every other call.
@@ -78,6 +84,7 @@ impl Default for Limits {
             startup: Duration::from_mins(1),
             grace: Duration::ZERO,
             ending: Duration::from_secs(2),
+            introduction_bytes: 4 << 20,
             line_bytes: 1 << 30,
             output_bytes: 64 << 20,
             stderr_bytes: 64 << 10,
@@ -86,6 +93,7 @@ impl Default for Limits {
             incumbents: 10_000,
             kept_cells: 1 << 28,
             policy: Policy::default(),
+            trust: Trust::default(),
             prepare_cpu: None,
             cpu: None,
             memory_bytes: 0,
@@ -153,7 +161,10 @@ impl From<&Fault> for Termination {
                 status: Status::Unsupported,
                 ..
             } => Self::Unsupported,
-            Fault::Refused { .. } | Fault::Spawn { .. } | Fault::Reported { .. } => Self::Failed,
+            Fault::Refused { .. }
+            | Fault::Unknown { .. }
+            | Fault::Spawn { .. }
+            | Fault::Reported { .. } => Self::Failed,
         }
     }
 }
@@ -247,6 +258,37 @@ pub struct Closing {
     pub environment: Option<Digest>,
 }
 
+/// What a plugin was built for, which is how it is spoken to.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "kind", content = "version", rename_all = "kebab-case")]
+pub enum Contract {
+    /// The C ABI, by major and minor version.
+    CAbi(String),
+    /// JSON over standard input and output.
+    Protocol(u32),
+    /// The manifest of a command adapter.
+    Manifest(i64),
+}
+
+impl std::fmt::Display for Contract {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::CAbi(version) => write!(f, "C ABI {version}"),
+            Self::Protocol(version) => write!(f, "protocol {version}"),
+            Self::Manifest(version) => write!(f, "manifest {version}"),
+        }
+    }
+}
+
+/// What a file says of itself.
+#[derive(Debug, Clone)]
+pub struct Introduction {
+    /// What its plugins were built for.
+    pub contract: Contract,
+    /// The plugins.
+    pub descriptors: Vec<Descriptor>,
+}
+
 /// Opens sessions.
 #[derive(Debug, Clone)]
 pub struct Runtime {
@@ -284,17 +326,32 @@ impl Runtime {
 
     /// What a file has. The built-ins need no process of their own to be
     /// described: they are this program.
-    pub fn describe(&self, file: &PluginFile) -> Result<Vec<Descriptor>, Fault> {
+    pub fn describe(&self, file: &PluginFile) -> Result<Introduction, Fault> {
         if *file == PluginFile::BuiltIn {
-            return Library::from_entries(self.built_in).map(|library| library.descriptors());
+            let library = Library::from_entries(self.built_in)?;
+            return Ok(Introduction {
+                contract: contract(file, library.abi_version()),
+                descriptors: library.descriptors(),
+            });
         }
         let mut session = self.open(file, file.default_attach())?;
         session.close();
-        Ok(session.descriptors)
+        Ok(session.introduction)
     }
 
-    /// Starts a plugin and lets it introduce itself.
+    /// Starts a plugin and lets it introduce itself, if the lock allows it.
     pub fn open(&self, file: &PluginFile, attach: Attach) -> Result<Session, Fault> {
+        self.limits.trust.admit(file)?;
+        let mut session = self.start(file, attach)?;
+        // What was put into the file's place between the look and the start.
+        if let Err(fault) = self.limits.trust.admit(file) {
+            session.close();
+            return Err(fault);
+        }
+        Ok(session)
+    }
+
+    fn start(&self, file: &PluginFile, attach: Attach) -> Result<Session, Fault> {
         let mismatch = |what: &str, hint: &str| {
             Err(Fault::Refused {
                 reason: what.into(),
@@ -331,7 +388,10 @@ impl Runtime {
                     PluginFile::Library(path) => Library::open(path)?,
                     _ => Library::from_entries(self.built_in)?,
                 };
-                let descriptors = library.descriptors();
+                let introduction = Introduction {
+                    contract: contract(file, library.abi_version()),
+                    descriptors: library.descriptors(),
+                };
                 let inner = Inner::InProcess {
                     library,
                     object: None,
@@ -339,7 +399,7 @@ impl Runtime {
                 };
                 Ok(Session {
                     inner,
-                    descriptors,
+                    introduction,
                     limits: self.limits.clone(),
                     environment: None,
                     encoding: PathEncoding::default(),
@@ -400,6 +460,7 @@ impl Runtime {
         let InitializeResult {
             protocol_version,
             plugins,
+            abi_version,
         } = read("initialize", &answer)?;
         if protocol_version != PROTOCOL_VERSION {
             return Err(protocol(
@@ -410,12 +471,28 @@ impl Runtime {
         let limits = self.limits.clone();
         Ok(Session {
             inner: Inner::Process(Box::new(client)),
-            descriptors: plugins,
+            introduction: Introduction {
+                contract: contract(file, abi_version),
+                descriptors: plugins,
+            },
             limits,
             environment: None,
             encoding: PathEncoding::default(),
             startup: Duration::from_nanos(monotonic_ns() - started),
         })
+    }
+}
+
+/// What the plugins of a file were built for.
+fn contract(file: &PluginFile, abi_version: Option<[u16; 2]>) -> Contract {
+    match file {
+        PluginFile::Program(..) => Contract::Protocol(PROTOCOL_VERSION),
+        PluginFile::Adapter(_) => Contract::Manifest(FORMAT),
+        PluginFile::BuiltIn | PluginFile::Library(_) => {
+            // The worker says it; one that does not has the host's own.
+            let [major, minor] = abi_version.unwrap_or([c::ABI_MAJOR, c::ABI_MINOR]);
+            Contract::CAbi(format!("{major}.{minor}"))
+        }
     }
 }
 
@@ -452,12 +529,11 @@ fn protocol(during: &str, reason: impl Into<String>) -> Fault {
 }
 
 fn read<T: DeserializeOwned>(method: &str, answer: &str) -> Result<T, Fault> {
-    serde_json::from_str(answer).map_err(|error| {
-        protocol(
-            method,
-            format!("the result of `{method}` is malformed: {error}"),
-        )
-    })
+    result(method, answer).map_err(|reason| protocol(method, reason))
+}
+
+fn result<'a, T: Deserialize<'a>>(method: &str, answer: &'a str) -> Result<T, String> {
+    message::payload(&format!("the result of `{method}`"), answer)
 }
 
 fn reported(method: &str, status: Status, message: Option<String>) -> Fault {
@@ -490,7 +566,7 @@ enum Inner {
 /// A running plugin.
 pub struct Session {
     inner: Inner,
-    descriptors: Vec<Descriptor>,
+    introduction: Introduction,
     limits: Limits,
     environment: Option<SharedEnvironment>,
     /// How the plugin that was made wants to read paths.
@@ -527,7 +603,7 @@ fn from_now(budget: &Budget) -> Budget {
 impl Session {
     /// The plugins that the session offers.
     pub fn descriptors(&self) -> &[Descriptor] {
-        &self.descriptors
+        &self.introduction.descriptors
     }
 
     /// How long it took to start the plugin until it had introduced itself, the
@@ -544,6 +620,7 @@ impl Session {
         options: serde_json::Value,
     ) -> Result<(), Fault> {
         let made = self
+            .introduction
             .descriptors
             .iter()
             .find(|d| d.kind == kind && d.id == id);
@@ -821,8 +898,7 @@ impl Session {
                 status,
                 message,
                 paths,
-            } = serde_json::from_str(&answer)
-                .map_err(|error| format!("the result of `{method}` is malformed: {error}"))?;
+            } = result(method, &answer)?;
             if let Some(paths) = paths {
                 collector.accept(&decode(context, paths)?, arrived_ns)?;
             }

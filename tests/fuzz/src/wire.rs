@@ -8,6 +8,7 @@ use fleetyard_abi::wire::{
     ShouldInvokeResult,
 };
 use fleetyard_abi::{Environment, Instance, PathEncoding, Plan, moves::OFF_MAP};
+use fleetyard_runtime::message::{self, Message};
 use fleetyard_runtime::plan_from_abi;
 use serde::de::DeserializeSeed;
 use serde_json::value::RawValue;
@@ -16,6 +17,7 @@ use serde_json::value::RawValue;
 /// server of plugins answer them all.
 pub fn run(data: &[u8]) {
     for line in data.split(|byte| *byte == b'\n') {
+        heard(line);
         message(line);
     }
     server::converse(data);
@@ -33,6 +35,56 @@ macro_rules! round_trip {
         }
         value
     }};
+}
+
+/// A line as the host reads it: what breaks the protocol is explained in few words, and
+/// an answer that is written again is the same.
+fn heard(line: &[u8]) {
+    let (id, result) = match message::read(line) {
+        Err(reason) => {
+            assert!(
+                !reason.is_empty() && reason.chars().count() < 600,
+                "{reason}"
+            );
+            return;
+        }
+        Ok(Message::Answer { id, result }) => (id, result),
+        Ok(Message::Metric(metric)) => return assert!(metric.value.is_finite()),
+        Ok(Message::Incumbent(found)) => return paths(found),
+        Ok(_) => return,
+    };
+    let again = match (id, &result) {
+        (Some(id), Ok(result)) => {
+            let result: &RawValue = serde_json::from_str(result).expect("JSON");
+            wire::line(&Response::result(id, result))
+        }
+        (None, Ok(_)) => panic!("nobody was answered"),
+        (id, Err(error)) => wire::line(&Response::error(id, error.code, &error.message)),
+    };
+    match (message::read(&again), result) {
+        (
+            Ok(Message::Answer {
+                id: same,
+                result: Ok(again),
+            }),
+            Ok(result),
+        ) => {
+            assert_eq!((same, again), (id, result));
+        }
+        (
+            Ok(Message::Answer {
+                id: same,
+                result: Err(again),
+            }),
+            Err(error),
+        ) => {
+            assert_eq!(
+                (same, again.code, again.message),
+                (id, error.code, error.message)
+            );
+        }
+        (again, _) => panic!("{again:?}"),
+    }
 }
 
 fn message(line: &[u8]) {

@@ -13,7 +13,7 @@ use clap::ValueEnum;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
 use fleetyard_runtime::{
-    Attach, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
+    Attach, Found, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
 };
 use serde::Serialize;
 use serde_json::Map;
@@ -22,7 +22,7 @@ use crate::BUILT_IN;
 use crate::args::{Check, Format, GrantArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
-use crate::trial::{self, half_of_memory, milliseconds, policy, runtime};
+use crate::trial::{self, half_of_memory, milliseconds, policy, runtime, trust};
 
 #[derive(Serialize)]
 struct Document {
@@ -100,13 +100,15 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
     };
     let limits = Limits {
         policy: policy(&arguments.grants)?,
+        trust: trust(&arguments.grants.trust)?,
         output_bytes: arguments.grants.output_limit,
         memory_bytes: half_of_memory(),
         ..Limits::default()
     };
     let kit = Kit::new(BUILT_IN, config, limits).map_err(internal)?;
     let name = arguments.plugin.as_deref().unwrap_or_default();
-    let (file, _, id) = trial::find(&runtime()?, arguments.kind, name)?;
+    let trust = kit.limits().trust.clone();
+    let Found { file, id, .. } = trial::find(&runtime(trust)?, arguments.kind, name)?;
     let attach = attachment(&file, arguments)?;
     let mut run = Run {
         arguments,
@@ -126,7 +128,8 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
     };
     let started = Instant::now();
     match run.kit.describe(&file) {
-        Ok(all) => {
+        Ok(introduction) => {
+            let all = introduction.descriptors;
             let chosen = chosen(all, id.as_deref(), name, arguments)?;
             let several = chosen.len() > 1;
             // Before anything is started.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use fleetyard_runtime::measure::{Cpus, Machine, Topology};
 use fleetyard_runtime::sandbox::Backend;
-use fleetyard_runtime::{Discovery, LayerState, Level, Policy, Runtime};
+use fleetyard_runtime::{Discovery, LayerState, Level, Policy, Runtime, Trust};
 use serde::Serialize;
 
 use crate::args::{Format, LevelArg};
@@ -134,10 +134,11 @@ fn examine() -> Result<Findings> {
 }
 
 fn level(level: Level) -> Result<Runtime> {
-    runtime_with(Policy {
+    let policy = Policy {
         level,
         ..Policy::default()
-    })
+    };
+    runtime_with(policy, Trust::default())
 }
 
 /// How long an empty sandbox takes, as the median of a few.
@@ -169,6 +170,7 @@ impl Folder {
     fn new(folder: &Path) -> Self {
         let discovery = Discovery {
             folders: vec![folder.to_owned()],
+            named: 0,
         };
         Self {
             path: folder.display().to_string(),

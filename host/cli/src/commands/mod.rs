@@ -21,6 +21,7 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod doctor;
 pub(crate) mod maps;
+pub(crate) mod pin;
 pub(crate) mod plugins;
 pub(crate) mod run;
 pub(crate) mod simulate;

@@ -1,99 +1,170 @@
-//! `fleetyard plugins`: what is there, and what it can do.
+//! `fleetyard plugins list` and `info`: what is there, and what it can do.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use fleetyard_abi::{Capability, Descriptor};
-use fleetyard_runtime::{Discovered, Discovery, Origin, PluginFile, Runtime};
+use fleetyard_core::Digest;
+use fleetyard_runtime::{
+    Attach, CodeFile, Contract, Discovered, Discovery, Introduction, PluginFile, Runtime, Standing,
+    by_name, first_with,
+};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::args::Format;
-use crate::exit::{Exit, Failure, Result};
+use crate::args::{Format, TrustArgs};
+use crate::exit::{Exit, Result};
 use crate::output;
-use crate::trial::runtime;
+use crate::trial::{runtime, trust, unreadable};
 
+/// A file of the plugin path, as `--format json` shows it.
 #[derive(Serialize)]
 struct Listed {
     origin: String,
     path: Option<String>,
-    plugins: Vec<Descriptor>,
+    attach: Attach,
+    contract: Option<Contract>,
+    plugins: Vec<ListedPlugin>,
+    /// What the file is to the lock.
+    lock: Standing,
+    /// Of its code; of this program, for the built-ins.
+    digest: Option<Digest>,
+    code: Vec<CodeFile>,
     refused: Option<String>,
     hint: Option<String>,
 }
 
-fn origin_name(origin: &Origin) -> String {
-    match origin {
-        Origin::BuiltIn => "built-in".into(),
-        Origin::Path => "path".into(),
-        Origin::Folder(folder) => folder.display().to_string(),
+#[derive(Serialize)]
+struct ListedPlugin {
+    #[serde(flatten)]
+    descriptor: Descriptor,
+    /// The file whose plugin of this kind and name is used instead.
+    shadowed_by: Option<String>,
+}
+
+fn listed(all: &[Discovered], found: &Discovered) -> Listed {
+    let shadowed_by = |plugin: &Descriptor| {
+        let first = first_with(all, plugin).filter(|first| first.file != found.file);
+        first.map(Discovered::place)
+    };
+    let (contract, plugins, fault) = match &found.plugins {
+        Ok(introduction) => {
+            let plugins = introduction.descriptors.iter().map(|plugin| ListedPlugin {
+                shadowed_by: shadowed_by(plugin),
+                descriptor: plugin.clone(),
+            });
+            let contract = introduction.contract.clone();
+            (Some(contract), plugins.collect(), None)
+        }
+        Err(fault) => (None, Vec::new(), Some(fault)),
+    };
+    Listed {
+        origin: found.origin.to_string(),
+        path: found.file.path().map(|path| path.display().to_string()),
+        attach: found.file.default_attach(),
+        contract,
+        plugins,
+        lock: found.standing,
+        digest: found.file.digest(),
+        code: found.file.code().unwrap_or_default(),
+        refused: fault.map(ToString::to_string),
+        hint: fault.and_then(|fault| fault.hint().map(str::to_owned)),
     }
 }
 
-impl From<Discovered> for Listed {
-    fn from(found: Discovered) -> Self {
-        let (plugins, refused, hint) = match found.plugins {
-            Ok(plugins) => (plugins, None, None),
-            Err(fault) => (
-                Vec::new(),
-                Some(fault.to_string()),
-                fault.hint().map(str::to_owned),
-            ),
-        };
-        let path = found.file.path().map(|path| path.display().to_string());
-        Self {
-            origin: origin_name(&found.origin),
-            path,
-            plugins,
-            refused,
-            hint,
-        }
+pub(crate) fn list(arguments: &TrustArgs, format: Format) -> Result<Exit> {
+    let runtime = runtime(trust(arguments)?)?;
+    let discovery = Discovery::from_environment();
+    let all = discovery.scan(&runtime);
+    for (folder, reason) in discovery.unreadable() {
+        output::warning(&unreadable(&folder, &reason));
     }
-}
-
-pub(crate) fn list(format: Format) -> Result<Exit> {
-    let runtime = runtime()?;
-    let found = Discovery::from_environment().scan(&runtime);
-    let listed: Vec<Listed> = found.into_iter().map(Listed::from).collect();
-    if format == Format::Json {
-        output::print_json(&listed)?;
-        return Ok(Exit::Success);
-    }
-    let mut rows = Vec::new();
-    for file in &listed {
-        let place = file.path.clone().unwrap_or_else(|| file.origin.clone());
-        for plugin in &file.plugins {
-            let kind = plugin.kind.to_string();
-            rows.push(vec![
-                plugin.id.clone(),
-                kind,
-                plugin.version.clone(),
-                place.clone(),
-            ]);
-        }
-        if let Some(reason) = &file.refused {
-            rows.push(vec![
-                "(refused)".into(),
-                String::new(),
-                String::new(),
-                place,
-            ]);
-            output::warning(reason);
-            if let Some(hint) = &file.hint {
-                eprintln!("hint: {}", output::plain(hint));
+    let files: Vec<Listed> = all.iter().map(|found| listed(&all, found)).collect();
+    match format {
+        Format::Json => output::print_json(&files)?,
+        Format::Text => {
+            output::print(&output::plain(&table(&files)))?;
+            for file in &files {
+                if let Some(reason) = &file.refused {
+                    output::warning(reason);
+                    if let Some(hint) = &file.hint {
+                        eprintln!("hint: {}", output::plain(hint));
+                    }
+                }
             }
         }
     }
-    output::print(&output::table(
-        &["id", "kind", "version", "from"],
-        rows,
-        &[],
-    ))?;
     Ok(Exit::Success)
 }
 
-pub(crate) fn info(name: &str, format: Format) -> Result<Exit> {
-    let runtime = runtime()?;
+/// A line for every plugin, and for every file that was refused.
+fn table(files: &[Listed]) -> String {
+    let mut rows = Vec::new();
+    for file in files {
+        let place = file.path.clone().unwrap_or_else(|| file.origin.clone());
+        let attach = match file.attach {
+            Attach::InProcess => "in-process",
+            Attach::Worker => "worker",
+            Attach::Stdio => "stdio",
+            Attach::Command => "command",
+        };
+        let contract = file
+            .contract
+            .as_ref()
+            .map_or(String::new(), ToString::to_string);
+        let code: Vec<&str> = file.code.iter().map(|code| &code.sha256[..12]).collect();
+        let mut row = |id: &str, kind: String, version: &str, notes: String| {
+            rows.push(vec![
+                id.to_owned(),
+                kind,
+                version.to_owned(),
+                attach.to_owned(),
+                contract.clone(),
+                code.join(" "),
+                place.clone(),
+                notes,
+            ]);
+        };
+        if file.refused.is_some() {
+            row("(refused)", String::new(), "", String::new());
+        }
+        for ListedPlugin {
+            descriptor: Descriptor {
+                id, kind, version, ..
+            },
+            shadowed_by,
+        } in &file.plugins
+        {
+            let shadowed = shadowed_by.as_ref().map(|by| format!("shadowed by {by}"));
+            let lock = match file.lock {
+                Standing::Pinned => Some("pinned".to_owned()),
+                Standing::Unlisted => Some("not pinned".to_owned()),
+                Standing::Free => None,
+            };
+            let notes: Vec<String> = lock.into_iter().chain(shadowed).collect();
+            row(id, kind.to_string(), version, notes.join(", "));
+        }
+    }
+    let header = [
+        "id", "kind", "version", "attached", "contract", "sha256", "from", "",
+    ];
+    output::table(&header, rows, &[])
+}
+
+/// A plugin, as `plugins info` shows it.
+#[derive(Serialize)]
+struct Described {
+    #[serde(flatten)]
+    descriptor: Descriptor,
+    path: Option<String>,
+    attach: Attach,
+    contract: Contract,
+    digest: Option<Digest>,
+    code: Vec<CodeFile>,
+}
+
+pub(crate) fn info(name: &str, arguments: &TrustArgs, format: Format) -> Result<Exit> {
+    let runtime = runtime(trust(arguments)?)?;
     let described = describe(&runtime, name)?;
     match format {
         Format::Json => output::print_json(&described)?,
@@ -106,34 +177,50 @@ pub(crate) fn info(name: &str, format: Format) -> Result<Exit> {
 }
 
 /// The plugins that a name stands for: all of a file, or all with an identifier.
-fn describe(runtime: &Runtime, name: &str) -> Result<Vec<Descriptor>> {
+fn describe(runtime: &Runtime, name: &str) -> Result<Vec<Described>> {
     let path = Path::new(name);
     if name.contains('/') || path.is_file() {
         let file = PluginFile::at(path)?;
-        return Ok(runtime.describe(&file)?);
+        let introduction = runtime.describe(&file)?;
+        return Ok(described(&file, introduction, |_| true));
     }
-    let found = Discovery::from_environment().scan(runtime);
-    let all: Vec<Descriptor> = found
-        .into_iter()
-        .filter_map(|file| file.plugins.ok())
-        .flatten()
-        .collect();
-    let named: Vec<Descriptor> = all
+    let all = Discovery::from_environment().scan(runtime);
+    let named: Vec<Described> = all
         .iter()
-        .filter(|plugin| plugin.id == name)
-        .cloned()
+        .filter_map(|found| Some((&found.file, found.plugins.clone().ok()?)))
+        .flat_map(|(file, introduction)| described(file, introduction, |id| id == name))
         .collect();
     if named.is_empty() {
-        let known: Vec<&str> = all.iter().map(|plugin| plugin.id.as_str()).collect();
-        return Err(
-            Failure::new(Exit::Usage, format!("there is no plugin `{name}`"))
-                .hint(format!("known: {}; or name a file", known.join(", "))),
-        );
+        // Says what is known, or why the one that is meant was refused.
+        by_name(runtime, &all, None, name)?;
     }
     Ok(named)
 }
 
-fn text(plugin: &Descriptor) -> String {
+fn described(
+    file: &PluginFile,
+    introduction: Introduction,
+    wanted: impl Fn(&str) -> bool,
+) -> Vec<Described> {
+    let Introduction {
+        contract,
+        descriptors,
+    } = introduction;
+    let chosen = descriptors.into_iter().filter(|plugin| wanted(&plugin.id));
+    chosen
+        .map(|descriptor| Described {
+            descriptor,
+            path: file.path().map(|path| path.display().to_string()),
+            attach: file.default_attach(),
+            contract: contract.clone(),
+            digest: file.digest(),
+            code: file.code().unwrap_or_default(),
+        })
+        .collect()
+}
+
+fn text(described: &Described) -> String {
+    let plugin = &described.descriptor;
     let mut out = String::new();
     let capabilities: Vec<&str> = plugin.capabilities.iter().map(Capability::as_str).collect();
     // Writing to a string cannot fail.
@@ -145,6 +232,11 @@ fn text(plugin: &Descriptor) -> String {
         let _ = writeln!(out, "licence: {}", plugin.license);
     }
     let _ = writeln!(out, "can do: {}", capabilities.join(", "));
+    let from = described.path.as_deref().unwrap_or("built-in");
+    let _ = writeln!(out, "from: {from} ({})", described.contract);
+    for CodeFile { path, sha256 } in &described.code {
+        let _ = writeln!(out, "code: {sha256}  {}", path.display());
+    }
     let options = plugin
         .options_schema
         .get("properties")

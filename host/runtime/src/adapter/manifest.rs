@@ -18,7 +18,7 @@ use crate::options::check_options;
 pub const MANIFEST_LIMIT: u64 = 1 << 20;
 
 /// The version of the manifest's format.
-const FORMAT: i64 = 1;
+pub(crate) const FORMAT: i64 = 1;
 
 /// Names of map and scenario in the scratch folder.
 pub(super) const MAP_NAME: &str = "map.map";

@@ -30,6 +30,7 @@ use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Sink};
 use fleetyard_abi::{Descriptor, Kind, LogLevel, Status};
 use fleetyard_core::{InputError, read_file};
 
+pub(crate) use manifest::FORMAT;
 pub use manifest::{MANIFEST_LIMIT, Manifest};
 
 use crate::{Fault, check_options};

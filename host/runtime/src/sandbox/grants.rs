@@ -73,6 +73,9 @@ const SEARCH_PATH: &str = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sb
 /// be read.
 const SOFTWARE: [&str; 2] = ["PYTHONPATH", "LD_LIBRARY_PATH"];
 
+/// Variables of ours that are none of a plugin's business.
+const OF_THE_HOST: [&str; 2] = ["FLEETYARD_PLUGIN_PATH", "FLEETYARD_LOCK"];
+
 /// What a plugin may read, and its environment.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Grants {
@@ -245,7 +248,7 @@ fn environment(threads: u32, scratch: &Path) -> BTreeMap<String, OsString> {
     // The way to tell a plugin something when nobody gives it options.
     let ours = std::env::vars_os().filter_map(|(name, value)| {
         let name = name.into_string().ok()?;
-        let passed = name.starts_with("FLEETYARD_") && name != "FLEETYARD_PLUGIN_PATH";
+        let passed = name.starts_with("FLEETYARD_") && !OF_THE_HOST.contains(&name.as_str());
         passed.then_some((name, value))
     });
     env.extend(ours);
