@@ -420,10 +420,15 @@ fn plugins_are_listed_and_described() {
     fs::copy(&library, folder.join("mine.so")).unwrap();
     let yard = yard.set("FLEETYARD_PLUGIN_PATH", &folder.display().to_string());
     let id = of_file[0]["id"].as_str().unwrap();
-    let by_id = yard
+    let mut by_id = yard
         .run(&["plugins", "info", id, "--format", "json"])
         .expect(SUCCESS)
         .json();
+    let place = Value::from(folder.join("mine.so").display().to_string());
+    assert_eq!(by_id[0]["path"], place);
+    // The same but for the place.
+    by_id[0]["path"] = of_file[0]["path"].clone();
+    by_id[0]["code"][0]["path"] = of_file[0]["code"][0]["path"].clone();
     assert_eq!(of_file, by_id);
 }
 

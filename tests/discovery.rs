@@ -396,7 +396,7 @@ fn a_lock_that_cannot_be_read_stops_everything() {
         ("", "fleetyard.lock:1:"),
         (
             "{\"lock\": 1,\n \"pined\": []}",
-            "fleetyard.lock:2:9: unknown field `pined`",
+            "fleetyard.lock:2:8: unknown field `pined`",
         ),
         (
             "{\"lock\": 2, \"pinned\": []}",
