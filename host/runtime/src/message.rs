@@ -261,7 +261,7 @@ mod tests {
     fn a_place_counts_characters() {
         let reason = refused("{\"jsonrpc\":\"2.0\",\"ä\":\"öööööööööö\",\"id\":NaN}");
         assert!(
-            reason.ends_with("at column 40, near `ööööö\",\"id\":NaN}`"),
+            reason.ends_with("at column 40, near `ööö\",\"id\":NaN}`"),
             "{reason}"
         );
         assert!(refused("{").contains("at column 1, near `{`"));
