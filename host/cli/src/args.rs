@@ -597,6 +597,7 @@ pub(crate) enum Plugins {
 
 /// Write down the digests of plugins' code: what is pinned runs unchanged or not at all.
 #[derive(Debug, Args)]
+#[allow(clippy::struct_excessive_bools, reason = "what to do, one flag each")]
 pub(crate) struct Pin {
     /// Plugins, by identifier or path
     #[arg(value_name = "PLUGIN", required_unless_present_any = ["list", "check"])]
