@@ -1,0 +1,295 @@
+//! `docs/protocol.md`: its tables are what the schema and the source say, and its
+//! messages are read as the host reads them.
+
+#![allow(missing_docs)]
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use fleetyard_abi::wire::Envelope;
+use fleetyard_runtime::Limits;
+use fleetyard_runtime::message::{self, Message};
+use serde_json::Value;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn schema() -> Value {
+    let path = root().join("abi/schema/protocol.json");
+    let text = std::fs::read_to_string(path).expect("the schema");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+fn document() -> String {
+    std::fs::read_to_string(root().join("docs/protocol.md")).expect("docs/protocol.md")
+}
+
+// ---- Tables ----------------------------------------------------------------------------
+
+/// What the values of a schema are, in words.
+fn words(schema: &Value) -> String {
+    if let Some(name) = schema["$ref"].as_str() {
+        let name = name.trim_start_matches("#/$defs/");
+        return format!("[{name}](#{})", name.to_lowercase());
+    }
+    let alternatives = schema["anyOf"].as_array().or(schema["oneOf"].as_array());
+    if let Some(alternatives) = alternatives {
+        let all: Vec<String> = alternatives.iter().map(words).collect();
+        return all.join(", or ");
+    }
+    let of = |kind: &str| match kind {
+        "array" => {
+            let items = &schema["items"];
+            match (items.is_null(), schema["maxItems"].as_u64()) {
+                (true, _) => "list".to_owned(),
+                (_, Some(length)) => format!("list of {length}: {}", words(items)),
+                _ => format!("list of {}", words(items)),
+            }
+        }
+        "boolean" => "`true` or `false`".to_owned(),
+        "integer" if schema["minimum"] == 0 => "whole number from 0".to_owned(),
+        "integer" => "whole number".to_owned(),
+        "string" => match schema["const"].as_str() {
+            Some(text) => format!("`\"{text}\"`"),
+            None => "text".to_owned(),
+        },
+        other => other.to_owned(),
+    };
+    match &schema["type"] {
+        Value::String(kind) => of(kind),
+        Value::Array(kinds) => {
+            let kinds = kinds.iter().filter_map(Value::as_str);
+            kinds.map(of).collect::<Vec<_>>().join(" or ")
+        }
+        _ => "any JSON".to_owned(),
+    }
+}
+
+/// A description as one line of Markdown; what refers to Rust is for readers of Rust.
+fn sentence(schema: &Value) -> String {
+    let text = schema["description"].as_str().unwrap_or_default();
+    let text = text.split("; see [`crate").next().unwrap_or_default();
+    text.split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+        .replace('|', "\\|")
+}
+
+/// A section for every type of the schema.
+fn fields(schema: &Value) -> String {
+    let mut out = String::new();
+    for (name, definition) in schema["$defs"].as_object().expect("definitions") {
+        // Writing to a string cannot fail.
+        let _ = write!(out, "\n#### {name}\n\n{}\n", sentence(definition));
+        let variants = definition["oneOf"]
+            .as_array()
+            .or(definition["anyOf"].as_array());
+        if let Some(properties) = definition["properties"].as_object() {
+            table(&mut out, properties, definition);
+        } else if let Some(values) = definition["enum"].as_array() {
+            let values: Vec<String> = values.iter().map(|value| format!("`{value}`")).collect();
+            let _ = write!(out, "\nOne of {}.\n", values.join(", "));
+        } else if let Some(variants) = variants {
+            out.push('\n');
+            for variant in variants {
+                let mut what = words(variant);
+                if let Some(properties) = variant["properties"].as_object() {
+                    let tags = properties.iter();
+                    let tags = tags.map(|(tag, value)| format!("`{tag}` {}", words(value)));
+                    what = tags.collect::<Vec<_>>().join(", ");
+                    if variant["$ref"].is_string() {
+                        let _ = write!(what, " and the fields of {}", words(variant));
+                    }
+                }
+                let _ = writeln!(out, "- {what}: {}", sentence(variant));
+            }
+        } else {
+            let examples = definition["items"]["examples"].as_array();
+            let _ = write!(out, "\nA {}", words(definition));
+            if let Some(examples) = examples {
+                let examples: Vec<String> =
+                    examples.iter().map(|name| format!("`{name}`")).collect();
+                let _ = write!(out, ": {}", examples.join(", "));
+            }
+            out.push_str(".\n");
+        }
+    }
+    out
+}
+
+fn table(out: &mut String, properties: &serde_json::Map<String, Value>, of: &Value) {
+    let required: Vec<&str> = of["required"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    let optional = properties.keys().map(String::as_str);
+    let optional = optional.filter(|name| !required.contains(name));
+    out.push_str("\n| field | | type | meaning |\n| --- | --- | --- | --- |\n");
+    for name in required.iter().copied().chain(optional) {
+        let property = &properties[name];
+        let must = if required.contains(&name) {
+            "must"
+        } else {
+            "may"
+        };
+        let mut meaning = sentence(property);
+        if let Some(default) = property.get("default").filter(|value| !value.is_null()) {
+            let _ = write!(meaning, " Default: `{default}`.");
+        }
+        let _ = writeln!(
+            out,
+            "| `{name}` | {must} | {} | {meaning} |",
+            words(property)
+        );
+    }
+}
+
+fn limits() -> String {
+    let limits = Limits::default();
+    let mib = |bytes: usize| format!("{} MiB", bytes >> 20);
+    let mut out = String::from("\n| limit | |\n| --- | --- |\n");
+    for (what, limit) in [
+        (
+            "longest message until `initialize` is answered",
+            mib(limits.introduction_bytes),
+        ),
+        ("longest message afterwards", mib(limits.line_bytes)),
+        (
+            "cells of a plan, all paths together",
+            limits.plan_cells.to_string(),
+        ),
+        (
+            "output that is no message, standard error included; `--output-limit` sets it",
+            mib(limits.output_bytes as usize),
+        ),
+        (
+            "plans of one call that are kept; the last one always is",
+            limits.incumbents.to_string(),
+        ),
+        ("log that is kept", mib(limits.log_bytes)),
+    ] {
+        let _ = writeln!(out, "| {what} | {limit} |");
+    }
+    out
+}
+
+/// The document with its generated sections made anew.
+fn generated(document: &str) -> String {
+    let schema = schema();
+    let mut out = document.to_owned();
+    for (name, text) in [("limits", limits()), ("fields", fields(&schema))] {
+        let begin = format!("<!-- generated: {name} -->\n");
+        let (before, rest) = out.split_once(&begin).expect("a marker");
+        let (_, after) = rest.split_once("<!-- end -->").expect("an end");
+        out = format!("{before}{begin}{text}\n<!-- end -->{after}");
+    }
+    out
+}
+
+#[test]
+fn tables_are_current() {
+    let found = document();
+    let current = generated(&found);
+    if std::env::var_os("FLEETYARD_UPDATE").is_some() {
+        std::fs::write(root().join("docs/protocol.md"), &current).expect("write the document");
+        return;
+    }
+    assert!(
+        found == current,
+        "docs/protocol.md is not what the schema says; run \
+         `FLEETYARD_UPDATE=1 cargo test -p fleetyard --test protocol`"
+    );
+}
+
+// ---- Examples --------------------------------------------------------------------------
+
+/// Fails unless a part of a message is as the schema says.
+#[track_caller]
+fn check(schema: &Value, part: &str, value: &str) {
+    let definition = &schema["properties"][part];
+    assert!(definition.is_object(), "the schema has no {part}");
+    let whole = serde_json::json!({
+        "$ref": definition["$ref"],
+        "$defs": schema["$defs"],
+    });
+    let validator = jsonschema::validator_for(&whole).expect("a schema");
+    let value: Value = serde_json::from_str(value).expect("JSON");
+    if let Err(error) = validator.validate(&value) {
+        panic!("{part}: {error}: {value}");
+    }
+}
+
+/// Lines of the document's conversations, by conversation.
+fn conversations(document: &str) -> Vec<Vec<&str>> {
+    let blocks = document.split("\n```text\n").skip(1);
+    let blocks = blocks.map(|rest| rest.split("\n```").next().unwrap_or_default());
+    blocks.map(|block| block.lines().collect()).collect()
+}
+
+#[test]
+fn every_message_is_read_as_it_is_shown() {
+    let document = document();
+    let schema = schema();
+    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+    for conversation in conversations(&document) {
+        // The method of each request, for its answer.
+        let mut asked: BTreeMap<u64, String> = BTreeMap::new();
+        let mut lines = conversation.into_iter().peekable();
+        while let Some(line) = lines.next() {
+            if let Some(line) = line.strip_prefix("> ") {
+                let envelope: Envelope<'_> = serde_json::from_str(line).expect(line);
+                assert_eq!(envelope.jsonrpc, "2.0");
+                let method = envelope.method.as_deref().expect("a method").to_owned();
+                let part = format!("{}_params", method.trim_start_matches("$/"));
+                match envelope.params {
+                    Some(params) => check(&schema, &part, params.get()),
+                    None => assert!(["shutdown", "exit"].contains(&&*method), "{line}"),
+                }
+                asked.extend(envelope.id.map(|id| (id, method.clone())));
+                *seen.entry(method).or_default() += 1;
+            } else if let Some(line) = line.strip_prefix("< ") {
+                let read = message::read(line.as_bytes());
+                if let Some(reason) = lines.next_if(|next| next.starts_with("! ")) {
+                    assert_eq!(read.map(|_| ()), Err(reason[2..].to_owned()), "{line}");
+                    continue;
+                }
+                let value: Value = serde_json::from_str(line).expect(line);
+                match read.unwrap_or_else(|reason| panic!("{line}: {reason}")) {
+                    Message::Answer { id, result } => {
+                        let method = &asked[&id.expect("an id")];
+                        match result {
+                            Ok("null") => assert_eq!(method, "shutdown", "{line}"),
+                            Ok(result) => check(&schema, &format!("{method}_result"), result),
+                            Err(_) => check(&schema, "error", &value["error"].to_string()),
+                        }
+                    }
+                    Message::Blank | Message::Stray => panic!("{line}: no message"),
+                    _ => {
+                        let method = value["method"].as_str().expect("a method").to_owned();
+                        let params = value["params"].to_string();
+                        check(&schema, &format!("{method}_params"), &params);
+                        *seen.entry(method).or_default() += 1;
+                    }
+                }
+            } else {
+                let read = message::read(line.as_bytes());
+                assert!(matches!(read, Ok(Message::Stray)), "{line}: {read:?}");
+            }
+        }
+    }
+    // Every method has an example.
+    for part in schema["properties"].as_object().expect("parts").keys() {
+        if let Some(method) = part.strip_suffix("_params") {
+            let method = if method == "cancel" {
+                "$/cancel"
+            } else {
+                method
+            };
+            assert!(seen.contains_key(method), "no example of `{method}`");
+        }
+    }
+}
