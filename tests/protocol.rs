@@ -82,7 +82,11 @@ fn fields(schema: &Value) -> String {
     let mut out = String::new();
     for (name, definition) in schema["$defs"].as_object().expect("definitions") {
         // Writing to a string cannot fail.
-        let _ = write!(out, "\n#### {name}\n\n{}\n", sentence(definition));
+        let _ = writeln!(out, "\n#### {name}");
+        let about = sentence(definition);
+        if !about.is_empty() {
+            let _ = writeln!(out, "\n{about}");
+        }
         let variants = definition["oneOf"]
             .as_array()
             .or(definition["anyOf"].as_array());
