@@ -15,6 +15,7 @@ from ._model import (
     FleetStatus,
     Grid,
     Instance,
+    InvalidInput,
     TimedOut,
 )
 from ._paths import Paths
@@ -107,8 +108,8 @@ class Plugin(ABC):
     """The map, from ``prepare`` on."""
 
     def __init__(self, options: Dict[str, Any]) -> None:
-        """Options are those that the user gave, checked by the host against the
-        schema; those left out are not in the dictionary."""
+        """Options are those that the user gave, checked by the host against the schema,
+        and the schema's defaults for those that were left out."""
         self.options = options
 
     @classmethod
@@ -126,6 +127,21 @@ class Plugin(ABC):
             "options_schema": cls.options_schema,
             "path_encoding": "moves",
         }
+
+    @classmethod
+    def complete(cls, options: Mapping[str, Any]) -> Dict[str, Any]:
+        """Options with the schema's defaults; fails for one that the schema rules out."""
+        schema = cls.options_schema or {"additionalProperties": False}
+        known: Mapping[str, Any] = schema.get("properties", {})
+        if schema.get("additionalProperties") is False:
+            for name in options:
+                if name not in known:
+                    raise InvalidInput(f"options: there is no option `{name}`")
+        given = dict(options)
+        for name, about in known.items():
+            if isinstance(about, Mapping) and "default" in about:
+                given.setdefault(name, about["default"])
+        return given
 
     @classmethod
     def identifier(cls) -> str:

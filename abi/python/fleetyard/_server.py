@@ -185,7 +185,7 @@ class _Server:
                 if plugin.kind == kind and plugin.identifier() == name:
                     if options is not None and not isinstance(options, dict):
                         raise InvalidInput("options: not an object")
-                    self._object = plugin(options or {})
+                    self._object = plugin(plugin.complete(options or {}))
                     return
             raise Unsupported(f"there is no {kind} `{name}`")
 

@@ -149,14 +149,21 @@ class Session(unittest.TestCase):
 
     def test_create_names_what_is_wrong(self):
         class Picky(fleetyard.Planner):
+            options_schema = {
+                "additionalProperties": False,
+                "properties": {"speed": {"type": "integer"}, "depth": {"default": 7}},
+            }
+
             def __init__(self, options):
-                raise fleetyard.InvalidInput(f"speed is {options['speed']}")
+                raise fleetyard.InvalidInput(f"speed {options['speed']}, depth {options['depth']}")
 
             def plan(self, instance, budget, context):
                 return None
 
         for ask, status, message in [
-            (create(plugin="picky", options={"speed": 3}), "invalid-input", "speed is 3"),
+            (create(plugin="picky", options={"speed": 3}), "invalid-input", "speed 3, depth 7"),
+            (create(plugin="picky", options={"deep": 3}), "invalid-input",
+             "options: there is no option `deep`"),
             (create(plugin="picky", options={}), "internal-error", "KeyError: 'speed'"),
             (create(plugin="picky", options=[1]), "invalid-input", "options: not an object"),
             (create(plugin="other"), "unsupported", "there is no planner `other`"),
@@ -467,9 +474,11 @@ class OtherKinds(unittest.TestCase):
 
     def test_generate(self):
         class Again(fleetyard.InstanceGenerator):
+            options_schema = {"properties": {"good": {"type": "boolean"}}}
+
             def generate(self, state, budget, context):
                 assert state.agents == 1 and state.tasks[0].cells == [4, 5]
-                goals = [5] if self.options.get("good") else [6]
+                goals = [5] if self.options["good"] else [6]
                 return fleetyard.Instance(starts=state.cells, goals=[goals])
 
         state = {"time_s": 0, "cells": [0], "goals": [[1]], "tasks": [{"id": 8, "cells": [4, 5]}]}

@@ -47,10 +47,10 @@ class JustInTime(fleetyard.InvocationPolicy):
     }
 
     def should_invoke(self, status, context):
-        if status.since_last_call_s >= self.options.get("period_s", 30):
+        if status.since_last_call_s >= self.options["period_s"]:
             return True
-        left_s = min(status.actions_left) * self.options.get("action_s", 1)
-        return left_s <= self.options.get("margin", 2) * status.expected_planning_s
+        left_s = min(status.actions_left) * self.options["action_s"]
+        return left_s <= self.options["margin"] * status.expected_planning_s
 
 
 if __name__ == "__main__":

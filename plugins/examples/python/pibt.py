@@ -57,7 +57,7 @@ class Pibt(fleetyard.Planner):
         longest = max(d[start] for d, start in zip(distances, instance.starts))
         # A chain of agents that make way for each other is a chain of calls.
         sys.setrecursionlimit(max(sys.getrecursionlimit(), 2 * instance.agents + 1000))
-        most_steps = int(self.options.get("patience", 4) * (longest + 10))
+        most_steps = int(self.options["patience"] * (longest + 10))
         chance = random.Random(budget.seed)
         attempts = 0
         while True:
