@@ -291,6 +291,12 @@ fn adapter() {
 }
 
 #[test]
+fn formats() {
+    // A few numbers stand for a map, and a run of waits for many positions.
+    corpus_and_mutations("formats", 20_000, 96 << 20);
+}
+
+#[test]
 fn map() {
     corpus_and_mutations("map", 300_000, 1 << 20);
 }

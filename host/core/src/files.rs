@@ -122,10 +122,10 @@ impl Staged {
         };
         // A device or a pipe (`/dev/stdout`) cannot be replaced by renaming.
         let old = fs::metadata(path).ok();
-        if old
-            .as_ref()
-            .is_some_and(|meta| !meta.is_file() && !meta.is_dir())
-        {
+        if old.as_ref().is_some_and(fs::Metadata::is_dir) {
+            return Err(write_error(path, &io::ErrorKind::IsADirectory.into()));
+        }
+        if old.as_ref().is_some_and(|meta| !meta.is_file()) {
             fs::write(path, bytes).map_err(|error| write_error(path, &error))?;
             return Ok(Self {
                 path: path.to_owned(),

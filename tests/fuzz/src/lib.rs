@@ -11,6 +11,7 @@
 //! points outside the text, a value that changes when it is written and read again.
 
 pub mod adapter;
+pub mod formats;
 pub mod map;
 pub mod options;
 pub mod plan;
@@ -25,6 +26,7 @@ pub type Target = fn(&[u8]);
 /// Every target with its name, which is also its folder in `corpus/`.
 pub const TARGETS: &[(&str, Target)] = &[
     ("adapter", adapter::run),
+    ("formats", formats::run),
     ("map", map::run),
     ("options", options::run),
     ("plan", plan::run),

@@ -41,11 +41,20 @@ const MOST_CELLS: i64 = 1 << 24;
 const MOST_WAITS: usize = 1 << 20;
 
 fn text<'a>(source: &str, bytes: &'a [u8]) -> Result<&'a str, InputError> {
-    std::str::from_utf8(bytes).map_err(|error| {
-        let before = &bytes[..error.valid_up_to()];
-        let line = before.split(|byte| *byte == b'\n').count();
-        InputError::new(source, "the file is not UTF-8 text").at_line(line as u64)
-    })
+    let fault = |at: usize, reason: &str| {
+        let line = bytes[..at].split(|byte| *byte == b'\n').count();
+        InputError::new(source, reason).at_line(line as u64)
+    };
+    let text = std::str::from_utf8(bytes)
+        .map_err(|error| fault(error.valid_up_to(), "the file is not UTF-8 text"))?;
+    // YAML ends a line there, and nothing else does.
+    let alone = bytes
+        .windows(2)
+        .position(|pair| pair[0] == b'\r' && pair[1] != b'\n');
+    match alone {
+        Some(at) => Err(fault(at, "a carriage return that ends no line")),
+        None => Ok(text),
+    }
 }
 
 fn unknown(yaml: &Yaml<'_>, key: &str, place: saphyr_parser::Marker, known: &str) -> InputError {

@@ -1,0 +1,429 @@
+//! `fleetyard convert`, and plans of other tools in `validate` and `simulate`.
+
+mod common;
+
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use common::{INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+
+const MAP: &str = "type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n";
+const SCEN: &str = "version 1\n1\ta.map\t3\t2\t0\t0\t2\t1\t3\n0\ta.map\t3\t2\t0\t1\t2\t0\t3\n";
+const PLAN: &str = "{\"format\": \"fleetyard.plan/1\", \"map\": \"a\", \"rows\": 2, \"cols\": 3, \
+                    \"encoding\": \"cells\", \"paths\": [[0, 1, 2, 5], [3, 0, 1, 2, 2]]}\n";
+
+/// The same plan as the solvers of the CBS family write it.
+const PATHS: &str =
+    "Agent 0: (0,0)->(0,1)->(0,2)->(1,2)->\nAgent 1: (1,0)->(0,0)->(0,1)->(0,2)->\n";
+
+const PLAN_FORMATS: [&str; 6] = [
+    "plan",
+    "lacam",
+    "paths-txt",
+    "mapf-visualizer",
+    "planviz",
+    "libmrp-schedule",
+];
+
+fn yard() -> Yard {
+    let yard = Yard::new();
+    yard.write("a.map", MAP);
+    yard.write("a.scen", SCEN);
+    yard.write("plan.json", PLAN);
+    yard.write("paths.txt", PATHS);
+    yard
+}
+
+/// Two digests that `validate` prints.
+#[track_caller]
+fn digests(yard: &Yard, plan: &str) -> (String, String) {
+    let line = format!("validate --map a.map --scen a.scen --agents 2 {plan} --format json");
+    let report = yard.line(&line).expect(SUCCESS).json();
+    let digest = |key: &str| report[key].as_str().unwrap().to_owned();
+    (digest("instance_digest"), digest("plan_digest"))
+}
+
+#[test]
+fn a_plan_keeps_its_digest_through_every_format() {
+    let yard = yard();
+    let expected = digests(&yard, "plan.json");
+    assert_eq!(digests(&yard, "paths.txt"), expected);
+    for format in PLAN_FORMATS {
+        let there = format!("{format}.out");
+        // PlanViz wants goals; the others do not mind.
+        let ended = yard
+            .line(&format!(
+                "convert plan.json {there} --to {format} --map a.map --scen a.scen"
+            ))
+            .expect(SUCCESS);
+        assert_eq!(ended.stdout.trim(), there);
+        assert_eq!(digests(&yard, &there), expected, "{format}");
+        yard.line(&format!("convert {there} back.json --map a.map"))
+            .expect(SUCCESS);
+        assert_eq!(digests(&yard, "back.json"), expected, "{format}");
+        let line = format!("simulate --map a.map {there} --format json");
+        let execution = yard.line(&line).expect(SUCCESS).json();
+        assert_eq!(execution["contacts"], 0, "{format}");
+    }
+}
+
+#[test]
+fn an_instance_keeps_its_digest_through_every_format() {
+    let yard = yard();
+    // A plan file that is written for an instance names its digest.
+    let digest = |scen: &str| {
+        let line = format!("convert paths.txt - --to plan --map a.map --scen {scen}");
+        let ended = yard.line(&line).expect(SUCCESS);
+        ended.json()["instance_digest"].as_str().unwrap().to_owned()
+    };
+    let expected = digest("a.scen");
+    assert_eq!(expected, digests(&yard, "plan.json").0);
+    for (format, file) in [
+        ("pibt2", "a.txt"),
+        ("libmrp", "a.yaml"),
+        ("lorr", "league.json"),
+    ] {
+        yard.line(&format!("convert a.scen {file} --to {format} --map a.map"))
+            .expect(SUCCESS);
+        let own_map = format != "pibt2";
+        let map = if own_map { "" } else { "--map a.map" };
+        let ended = yard
+            .line(&format!("convert {file} {format}.scen {map}"))
+            .expect(SUCCESS);
+        // What carries a map gives it to the scenario, under its name.
+        let both = format!("{format}.scen\n{format}.map\n");
+        assert_eq!(ended.stdout == both, own_map, "{ended}");
+        let map = if own_map { &*format } else { "a" };
+        let line = format!("convert paths.txt - --to plan --map {map}.map --scen {format}.scen");
+        let again = yard.line(&line).expect(SUCCESS).json();
+        assert_eq!(again["instance_digest"], expected.as_str(), "{format}");
+    }
+    for name in ["league.json", "league.map", "league.agents", "league.tasks"] {
+        assert!(yard.files().contains(name), "{name}");
+    }
+}
+
+#[test]
+fn standard_input_and_output() {
+    let yard = yard();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fleetyard"))
+        .args("convert - - --to lacam --map a.map".split(' '))
+        .current_dir(yard.path(""))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    stdin.write_all(PATHS.as_bytes()).unwrap();
+    drop(stdin);
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    assert_eq!(
+        String::from_utf8(output.stdout).unwrap(),
+        "agents=2\nmap_file=a.map\nsolved=1\nsolution=\n\
+         0:(0,0),(0,1),\n1:(1,0),(0,0),\n2:(2,0),(1,0),\n3:(2,1),(2,0),\n"
+    );
+}
+
+#[test]
+fn what_is_missing_or_wrong_is_said_with_a_way_out() {
+    let yard = yard();
+    yard.write("cut.txt", "Agent 0: (0,0)->(0,\n");
+    yard.write("what.txt", "hello\n");
+    yard.write("empty.txt", "\n");
+    yard.write("bad.yaml", "map: {dimensions: [1, x]}\n");
+    let before = yard.files();
+    for (line, code, texts) in [
+        (
+            "convert paths.txt x.json",
+            INPUT,
+            &[
+                "paths.txt: a file in the format paths-txt does not say how large",
+                "hint: name the map with --map",
+            ][..],
+        ),
+        (
+            "convert plan.json x.json --to planviz",
+            INPUT,
+            &[
+                "planviz: needs a map, starts and goals",
+                "hint: name them with --map FILE and --scen FILE",
+            ],
+        ),
+        (
+            "convert plan.json x.json --to planviz --map a.map",
+            INPUT,
+            &["planviz: needs starts and goals", "--scen FILE"],
+        ),
+        (
+            "convert a.scen x.txt --to pibt2",
+            INPUT,
+            &["pibt2: needs a map, starts and goals"],
+        ),
+        (
+            "convert a.map x.json --to plan",
+            INPUT,
+            &["plan: needs a plan"],
+        ),
+        (
+            "convert a.map x.scen",
+            INPUT,
+            &["scen: needs starts and goals"],
+        ),
+        (
+            "convert plan.json x.txt",
+            USAGE,
+            &[
+                "x.txt does not say which format",
+                "hint: say it with --to FORMAT, one of plan, lacam",
+            ],
+        ),
+        (
+            "convert a.scen x.foo",
+            USAGE,
+            &["one of map, scen, pibt2, lorr, libmrp"],
+        ),
+        (
+            "convert plan.json x --to svg",
+            USAGE,
+            &["formats are plan, map, scen"],
+        ),
+        ("convert plan.json", USAGE, &["TO"]),
+        ("convert", USAGE, &["FROM"]),
+        (
+            "convert cut.txt x.json --map a.map",
+            INPUT,
+            &["cut.txt:1:20: expected a column, found the end of the line"],
+        ),
+        (
+            "convert cut.txt x.json --map a.map --from lacam",
+            INPUT,
+            &["cut.txt: there is no line 'solution='"],
+        ),
+        (
+            "convert what.txt x.json",
+            INPUT,
+            &[
+                "what.txt: this is in no format that is known",
+                "hint: formats are",
+            ],
+        ),
+        (
+            "convert empty.txt x.json",
+            INPUT,
+            &["empty.txt: the file is empty"],
+        ),
+        (
+            "convert bad.yaml x.scen",
+            INPUT,
+            &["bad.yaml:1:23: expected a coordinate, found 'x'"],
+        ),
+        (
+            "convert gone.txt x.json",
+            INPUT,
+            &["gone.txt: no such file"],
+        ),
+        (
+            "convert plan.json plan.json",
+            INPUT,
+            &[
+                "plan.json: this is one of the files that are read",
+                "hint: ",
+            ],
+        ),
+        (
+            "convert a.map ./a.map",
+            INPUT,
+            &["one of the files that are read"],
+        ),
+        (
+            "convert a.scen a.json --to lorr --map a.map",
+            INPUT,
+            &["a.map: this is one of the files that are read"],
+        ),
+        (
+            "convert a.map x.map --map a.map",
+            USAGE,
+            &["map has a map, so --map is one too many"],
+        ),
+        (
+            "convert a.scen x.yaml --map a.map --scen a.scen",
+            USAGE,
+            &["--scen is one too many"],
+        ),
+        (
+            "convert paths.txt x.json --map a.map --agents 2",
+            USAGE,
+            &["no starts and goals to count"],
+        ),
+        (
+            "convert a.scen x.yaml --map a.map --agents 3",
+            INPUT,
+            &["3 agents asked for, but the scenario has 2"],
+        ),
+        (
+            "convert a.scen - --to lorr --map a.map",
+            USAGE,
+            &["several files"],
+        ),
+        (
+            "convert plan.json gone/x.txt --to lacam",
+            INPUT,
+            &[
+                "gone/x.txt: cannot write",
+                "hint: the folder does not exist",
+            ],
+        ),
+        (
+            "validate --map a.map --scen a.scen --agents 2 a.scen",
+            INPUT,
+            &["a.scen: this is no plan but scen"],
+        ),
+        (
+            "simulate --map a.map what.txt",
+            INPUT,
+            &["what.txt: this is in no format that is known"],
+        ),
+    ] {
+        let ended = yard.line(line).expect(code);
+        for text in texts {
+            assert!(ended.stderr.contains(text), "{line}: no `{text}`: {ended}");
+        }
+        assert_eq!(yard.files(), before, "{line}");
+    }
+}
+
+/// Four files are written, of which the second cannot be.
+#[test]
+fn several_files_are_written_or_none() {
+    let yard = yard();
+    fs::create_dir(yard.path("league.map")).unwrap();
+    let before = yard.files();
+    let line = "convert a.scen league.json --map a.map";
+    let ended = yard.line(line);
+    assert_eq!(ended.code, Some(INPUT), "{ended}");
+    assert!(ended.stderr.contains("league.map"), "{ended}");
+    assert_eq!(yard.files(), before, "{ended}");
+}
+
+#[test]
+fn swapped_rows_and_columns_are_noticed() {
+    let yard = yard();
+    // (x,y) where (row,column) is expected; 2,1 is not on the map that way.
+    let swapped = "Agent 0: (0,0)->(1,0)->(2,0)->(2,1)->\nAgent 1: (0,1)->(0,0)->(1,0)->(2,0)->\n";
+    yard.write("swapped.txt", swapped);
+    let line = "validate --map a.map --scen a.scen --agents 2 swapped.txt";
+    let ended = yard.line(line).expect(INVALID_PLAN);
+    assert!(
+        ended.stderr.contains("hint: rows and columns look swapped"),
+        "{ended}"
+    );
+    let line = "convert swapped.txt x.json --map a.map --scen a.scen";
+    let ended = yard.line(line).expect(SUCCESS);
+    assert!(
+        ended.stderr.contains("rows and columns look swapped"),
+        "{ended}"
+    );
+    // Wrong in another way is not swapped.
+    yard.write("late.txt", "Agent 0: (0,1)\nAgent 1: (1,0)\n");
+    let line = "validate --map a.map --scen a.scen --agents 2 late.txt";
+    let ended = yard.line(line).expect(INVALID_PLAN);
+    assert!(!ended.stderr.contains("swapped"), "{ended}");
+}
+
+#[test]
+fn every_format_is_listed_and_described() {
+    let list = Yard::new().line("convert --list").expect(SUCCESS);
+    let guide = fs::read_to_string(root().join("docs/formats.md")).unwrap();
+    let names = list.stdout.lines().skip(1);
+    let names: Vec<&str> = names.filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(names.len(), 11);
+    for name in names {
+        assert!(guide.contains(&format!("| `{name}`")), "{name}");
+    }
+}
+
+#[test]
+fn a_league_instance_becomes_a_scenario() {
+    let Some(folder) = std::env::var_os("FLEETYARD_DATA") else {
+        eprintln!("skipped: FLEETYARD_DATA is not set");
+        return;
+    };
+    let league = Path::new(&folder).join("lorr/random.domain/random-example_400.json");
+    if !league.is_file() {
+        eprintln!("skipped: {} is not there", league.display());
+        return;
+    }
+    let yard = Yard::new();
+    let ended = yard
+        .line(&format!("convert {} r.scen --agents 10", league.display()))
+        .expect(SUCCESS);
+    assert!(
+        ended
+            .stderr
+            .contains("note: of 3200 tasks with 9577 errands"),
+        "{ended}"
+    );
+    yard.line("run --map r.map --scen r.scen --agents 10 --planner pibt --budget 60s")
+        .expect(SUCCESS);
+}
+
+/// Asks PlanViz's own loader, without its window, where everybody is at every time.
+#[test]
+fn planviz_shows_the_plan() {
+    const PROGRAM: &str = r#"
+import json, math, sys
+from unittest import mock
+sys.path.insert(0, sys.argv[1] + "/script")
+import plan_config
+plan_config.tk = mock.MagicMock()
+screen = plan_config.tk.Tk.return_value
+screen.winfo_screenwidth.return_value = 1920
+screen.winfo_screenheight.return_value = 1080
+loader = plan_config.PlanConfig2024
+loader.render_env = loader.render_agents = lambda self: None
+version = json.load(open(sys.argv[3]))["version"]
+plan = loader(sys.argv[2], sys.argv[3], math.inf, 0, math.inf, 50000, None, None, None, version)
+paths = [[[int(r), int(c)] for r, c, _ in plan.exec_paths[a]] for a in range(plan.team_size)]
+goals = [plan.seq_tasks[a].tasks[0].loc for a in range(plan.team_size)]
+finished = sum(len(agents) for agents in plan.events["finished"].values())
+print(json.dumps({"paths": paths, "goals": goals, "finished": finished}))
+"#;
+    let Some(folder) = std::env::var_os("FLEETYARD_PLANVIZ") else {
+        eprintln!("skipped: FLEETYARD_PLANVIZ names no checkout of PlanViz");
+        return;
+    };
+    let python = std::env::var_os("FLEETYARD_PLANVIZ_PYTHON").unwrap_or("python3".into());
+    let yard = yard();
+    yard.line("convert plan.json shown.json --to planviz --map a.map --scen a.scen")
+        .expect(SUCCESS);
+    let output = Command::new(python)
+        .args(["-c", PROGRAM])
+        .args([
+            Path::new(&folder),
+            &yard.path("a.map"),
+            &yard.path("shown.json"),
+        ])
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{text}{errors}");
+    // It prints what it does before.
+    let found = text.lines().last().unwrap_or_default();
+    let found = &found[found.find("{\"paths\"").unwrap_or(0)..];
+    let found: serde_json::Value = serde_json::from_str(found).expect(found);
+    assert_eq!(
+        found,
+        serde_json::json!({
+            "paths": [
+                [[0, 0], [0, 1], [0, 2], [1, 2]],
+                [[1, 0], [0, 0], [0, 1], [0, 2]],
+            ],
+            "goals": [[1, 2], [0, 2]],
+            "finished": 2,
+        })
+    );
+}
