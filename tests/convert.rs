@@ -95,7 +95,7 @@ fn an_instance_keeps_its_digest_through_every_format() {
         // What carries a map gives it to the scenario, under its name.
         let both = format!("{format}.scen\n{format}.map\n");
         assert_eq!(ended.stdout == both, own_map, "{ended}");
-        let map = if own_map { &*format } else { "a" };
+        let map = if own_map { format } else { "a" };
         let line = format!("convert paths.txt - --to plan --map {map}.map --scen {format}.scen");
         let again = yard.line(&line).expect(SUCCESS).json();
         assert_eq!(again["instance_digest"], expected.as_str(), "{format}");
