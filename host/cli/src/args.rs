@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use bytesize::ByteSize;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
@@ -36,7 +37,7 @@ pub(crate) enum Command {
     Simulate(Simulate),
     /// Convert an instance or a plan from one format to another
     Convert(Convert),
-    /// Look at plugins
+    /// Make and look at plugins
     #[command(subcommand)]
     Plugins(Plugins),
     /// Make and look at maps
@@ -579,6 +580,8 @@ pub(crate) enum Plugins {
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
+    /// Write a new plugin that works, for you to change
+    New(New),
     /// Ask a plugin what the contract promises, and show where it does otherwise
     Check(Box<Check>),
     /// Describe a plugin: what it can do and its options
@@ -627,9 +630,44 @@ pub(crate) struct Pin {
     pub(crate) format: Format,
 }
 
-fn kind(text: &str) -> Result<Kind, String> {
-    let named = Kind::ALL.into_iter().find(|kind| kind.as_str() == text);
-    named.ok_or_else(|| format!("kinds are {}", Kind::ALL.map(Kind::as_str).join(", ")))
+/// A kind by its name on the wire; help and completions show them all.
+fn kind() -> impl TypedValueParser<Value = Kind> {
+    let names = PossibleValuesParser::new(Kind::ALL.map(Kind::as_str));
+    names.try_map(|name| {
+        let named = Kind::ALL.into_iter().find(|kind| kind.as_str() == name);
+        named.ok_or("there is no such kind")
+    })
+}
+
+/// What a new plugin is written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LangArg {
+    /// A shared library on the Rust SDK
+    Rust,
+    /// A shared library on the header alone
+    C,
+    /// A shared library on the C++ wrapper of the header
+    Cpp,
+    /// A program on the Python package
+    Python,
+    /// A manifest for a program that reads MovingAI files and writes paths
+    Command,
+}
+
+/// Write a new plugin that works, for you to change.
+#[derive(Debug, Args)]
+pub(crate) struct New {
+    /// Its name: the plugin's identifier, and the folder that is written
+    pub(crate) name: String,
+    /// What it is written in
+    #[arg(long, value_enum)]
+    pub(crate) lang: LangArg,
+    /// Its kind
+    #[arg(long, value_parser = kind(), default_value = Kind::Planner.as_str())]
+    pub(crate) kind: Kind,
+    /// Where the folder goes
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    pub(crate) out: PathBuf,
 }
 
 /// Ask a plugin what the contract promises, and show where it does otherwise.
@@ -643,7 +681,7 @@ pub(crate) struct Check {
     #[arg(long, value_name = "CASE")]
     pub(crate) only: Vec<String>,
     /// Check plugins of this kind alone
-    #[arg(long, value_name = "KIND", value_parser = kind)]
+    #[arg(long, value_parser = kind())]
     pub(crate) kind: Option<Kind>,
     /// Check plugins with this identifier alone
     #[arg(long, value_name = "ID")]

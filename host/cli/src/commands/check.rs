@@ -20,6 +20,7 @@ use serde_json::Map;
 
 use crate::BUILT_IN;
 use crate::args::{Check, Format, GrantArgs};
+use crate::commands::quoted;
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 use crate::trial::{self, half_of_memory, milliseconds, policy, runtime, trust};
@@ -531,16 +532,6 @@ fn ending(status: ExitStatus) -> String {
     }
 }
 
-/// A word for a shell.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
-}
-
 /// A case for people: a line, and more where there is more to say.
 fn text(row: &Row, width: usize) -> String {
     const MARGIN: usize = 12;
@@ -577,17 +568,4 @@ fn text(row: &Row, width: usize) -> String {
         more("replay: ", replay);
     }
     text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quoted;
-
-    #[test]
-    fn words_survive_a_shell() {
-        assert_eq!(quoted("--only"), "--only");
-        assert_eq!(quoted("fault=too-few-agents"), "fault=too-few-agents");
-        assert_eq!(quoted("my plugin's.so"), r"'my plugin'\''s.so'");
-        assert_eq!(quoted(""), "''");
-    }
 }

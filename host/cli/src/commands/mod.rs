@@ -21,6 +21,7 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod doctor;
 pub(crate) mod maps;
+pub(crate) mod new;
 pub(crate) mod pin;
 pub(crate) mod plugins;
 pub(crate) mod run;
@@ -45,6 +46,16 @@ fn file_name(path: &Path) -> String {
         .unwrap_or(path.as_os_str())
         .to_string_lossy()
         .into_owned()
+}
+
+/// A word for a shell.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
 }
 
 fn draw(path: &Path, grid: &Grid, plan: Option<&GridPlan>, goals: Option<&[u32]>) -> Result<()> {
@@ -133,5 +144,18 @@ impl<'a> TraceFile<'a> {
         let file = file.into_inner().map_err(|error| failed(&error))?;
         file.persist(self.path).map_err(|error| failed(&error))?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_survive_a_shell() {
+        assert_eq!(quoted("--only"), "--only");
+        assert_eq!(quoted("fault=too-few-agents"), "fault=too-few-agents");
+        assert_eq!(quoted("my plugin's.so"), r"'my plugin'\''s.so'");
+        assert_eq!(quoted(""), "''");
     }
 }

@@ -1,0 +1,381 @@
+//! `fleetyard plugins new`: a folder with a plugin that works, for its author to change.
+//!
+//! What is written are the files of `templates/`: code that is built and tested as it
+//! stands, of a plugin `example-plugin`, which gets the new plugin's name. The SDK goes
+//! beside it, from the same sources as everywhere, so that a new plugin needs nothing
+//! but its compiler or interpreter.
+
+use std::fmt::Write as _;
+use std::fs::{self, Permissions};
+use std::io;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use fleetyard_abi::Kind;
+use fleetyard_core::InputError;
+
+use crate::args::{LangArg, New};
+use crate::commands::quoted;
+use crate::exit::{Exit, Failure, Result};
+use crate::output;
+
+/// The text of a file of `templates/`.
+macro_rules! template {
+    ($($path:literal),+) => {
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/templates/", $($path),+))
+    };
+}
+
+/// The text of the template for a kind, by what stands before and after its name.
+macro_rules! of_kind {
+    ($kind:expr, $before:literal, $after:literal) => {
+        match $kind {
+            Kind::Planner => template!($before, "planner", $after),
+            Kind::FailPolicy => template!($before, "fail-policy", $after),
+            Kind::InstanceGenerator => template!($before, "instance-generator", $after),
+            Kind::InvocationPolicy => template!($before, "invocation-policy", $after),
+        }
+    };
+}
+
+/// Names and texts of files in a folder of the repository.
+macro_rules! copies {
+    ($folder:literal: $($name:literal)*) => {
+        &[$((
+            $name,
+            include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../", $folder, "/", $name)),
+        )),*]
+    };
+}
+
+const HEADER: &[(&str, &str)] = copies!("abi/include": "fleetyard.h");
+
+const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
+    "c.rs" "clock.rs" "convert.rs" "export.rs" "layout.rs" "lib.rs" "model.rs" "moves.rs"
+    "paths.rs" "sdk.rs" "serve.rs" "wire.rs");
+
+const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
+    "__init__.py" "_model.py" "_paths.py" "_plugins.py" "_server.py" "py.typed");
+
+/// A new plugin's folder.
+struct Scaffold {
+    files: Vec<File>,
+    /// Commands that build it; none where nothing is to build.
+    build: Option<String>,
+    /// The command of its own test.
+    test: String,
+    /// The plugin, once it is built.
+    plugin: String,
+}
+
+struct File {
+    path: String,
+    text: String,
+    /// What the file is; nothing for what is not worth a line.
+    about: &'static str,
+    executable: bool,
+}
+
+/// A name in the forms that are needed.
+struct Name {
+    /// The plugin's identifier, and a Rust package.
+    id: String,
+    /// Files, a Rust crate, a Python module.
+    module: String,
+}
+
+pub(crate) fn new(arguments: &New) -> Result<Exit> {
+    let New {
+        name,
+        lang,
+        kind,
+        out,
+    } = arguments;
+    let scaffold = scaffold(*lang, *kind, &Name::new(name, *lang)?)?;
+    // What is below `.` needs no `./` in any of the commands.
+    let folder = out.join(name);
+    let folder = folder.strip_prefix(".").unwrap_or(&folder);
+    write(&scaffold.files, out, folder)?;
+    output::print(&text(&scaffold, *kind, *lang, folder))?;
+    Ok(Exit::Success)
+}
+
+impl Name {
+    fn new(name: &str, lang: LangArg) -> Result<Self> {
+        const LONGEST: usize = 64;
+        let wrong = |reason: String| Failure::new(Exit::Usage, reason);
+        let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if name.contains('/') {
+            return Err(wrong(format!("`{name}` is a path, not a name"))
+                .hint("--out FOLDER says where the plugin's folder goes"));
+        }
+        if !name.starts_with(|c: char| c.is_ascii_alphabetic()) || !name.chars().all(allowed) {
+            let words: Vec<&str> = name.split(|c| !allowed(c)).collect();
+            let near = words
+                .join("-")
+                .trim_start_matches(|c: char| !c.is_ascii_alphabetic())
+                .trim_end_matches('-')
+                .to_owned();
+            let near = if near.is_empty() { "my-planner" } else { &near };
+            return Err(wrong(format!(
+                "`{name}` cannot be a plugin's name: a name begins with a letter (a-z), and \
+                 letters, digits, `-` and `_` follow"
+            ))
+            .hint(format!("`{near}` can")));
+        }
+        if name.len() > LONGEST {
+            let reason = format!("a plugin's name has at most {LONGEST} characters");
+            return Err(wrong(reason).hint("the description has room for the rest"));
+        }
+        let id = name.to_ascii_lowercase();
+        let module = id.replace('-', "_");
+        let (reserved, what) = match lang {
+            LangArg::Rust => (template!("reserved-rust.txt"), "a keyword or crate"),
+            LangArg::Python => (template!("reserved-python.txt"), "a keyword or module"),
+            LangArg::C | LangArg::Cpp | LangArg::Command => ("", ""),
+        };
+        if reserved.split_whitespace().any(|word| word == module) {
+            let lang = title(lang);
+            return Err(wrong(format!(
+                "`{name}` is {what} of {lang}, and cannot be a plugin's name"
+            ))
+            .hint(format!("for example `my-{id}`")));
+        }
+        Ok(Self { id, module })
+    }
+
+    /// Gives a template the name.
+    fn put(&self, text: &str) -> String {
+        text.replace("example-plugin", &self.id)
+            .replace("example_plugin", &self.module)
+    }
+}
+
+fn title(lang: LangArg) -> &'static str {
+    match lang {
+        LangArg::Rust => "Rust",
+        LangArg::C => "C",
+        LangArg::Cpp => "C++",
+        LangArg::Python => "Python",
+        LangArg::Command => "TOML",
+    }
+}
+
+/// What is written, and how it is used; `{}` in commands stands for the folder.
+fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
+    let mut files = Vec::new();
+    let mut add = |path: &str, text: &str, about| {
+        files.push(File {
+            path: name.put(path),
+            text: name.put(text),
+            about,
+            executable: text.starts_with("#!"),
+        });
+    };
+    let yours = "the plugin: your code goes here";
+    let (build, test, plugin) = match lang {
+        LangArg::Rust => {
+            add("src/lib.rs", of_kind!(kind, "rust/", ".rs"), yours);
+            let test = of_kind!(kind, "rust/tests/", ".rs");
+            add("tests/plugin.rs", test, "its test");
+            add(
+                "Cargo.toml",
+                template!("rust/Cargo.toml"),
+                "how it is built",
+            );
+            add("sdk/Cargo.toml", template!("rust/sdk.toml"), "");
+            (
+                Some("cargo build --release --manifest-path {}/Cargo.toml"),
+                "cargo test --manifest-path {}/Cargo.toml",
+                "target/release/libexample_plugin.so",
+            )
+        }
+        LangArg::C => {
+            add("example_plugin.c", of_kind!(kind, "c/", ".c"), yours);
+            let test = of_kind!(kind, "c/tests/", ".c");
+            add("tests/test.c", test, "its test");
+            add("tests/host.h", template!("c/tests/host.h"), "");
+            add("Makefile", template!("c/Makefile"), "how it is built");
+            (Some("make -C {}"), "make -C {} check", "example_plugin.so")
+        }
+        LangArg::Cpp => {
+            return Err(Failure::new(Exit::Usage, "not yet"));
+        }
+        LangArg::Python => {
+            add("example_plugin.py", of_kind!(kind, "python/", ".py"), yours);
+            let test = of_kind!(kind, "python/tests/", ".py");
+            add("tests/test_plugin.py", test, "its test");
+            let test = "python3 -m unittest discover {}/tests";
+            (None, test, "example_plugin.py")
+        }
+        LangArg::Command => {
+            if kind != Kind::Planner {
+                let reason = format!("a command-line solver can be a planner, but no {kind}");
+                return Err(Failure::new(Exit::Usage, reason)
+                    .hint("--lang python has plugins of every kind in a file of their own"));
+            }
+            let manifest = template!("command/planner.toml");
+            add("planner.toml", manifest, "how the solver is called");
+            let solver = template!("command/solver/solve.py");
+            add("solver/solve.py", solver, "the solver: yours goes here");
+            let test = template!("command/tests/planner.py");
+            add("tests/test_solver.py", test, "its test");
+            let test = "python3 -m unittest discover {}/tests";
+            (None, test, "planner.toml")
+        }
+    };
+    add(".gitignore", template!("gitignore"), "");
+    let (sdk, folder, about) = match lang {
+        LangArg::Rust => (RUST_SDK, "sdk/src/", "the SDK"),
+        LangArg::C => (HEADER, "", "the contract"),
+        LangArg::Python => (PYTHON_SDK, "fleetyard/", "the SDK"),
+        LangArg::Cpp | LangArg::Command => (&[] as &[_], "", ""),
+    };
+    for (file, text) in sdk {
+        add(&format!("{folder}{file}"), text, about);
+    }
+    Ok(Scaffold {
+        files,
+        build: build.map(str::to_owned),
+        test: test.to_owned(),
+        plugin: name.put(plugin),
+    })
+}
+
+/// Writes the files as a folder, which appears when it is whole.
+fn write(files: &[File], out: &Path, folder: &Path) -> Result<()> {
+    let shown = folder.display().to_string();
+    if fs::symlink_metadata(folder).is_ok() {
+        let error = InputError::new(shown, "is there already, and stays as it is");
+        return Err(error
+            .hint("choose another name, or another folder with --out")
+            .into());
+    }
+    if !out.is_dir() {
+        let error = InputError::new(out.display().to_string(), "no such folder");
+        let out = quoted(&out.display().to_string());
+        return Err(error
+            .hint(format!("create it first: mkdir -p {out}"))
+            .into());
+    }
+    let failed = |error: io::Error| {
+        let reason = format!("cannot be written: {}", error.kind());
+        InputError::new(shown.as_str(), reason)
+            .hint("may you write to its folder, and is there room?")
+    };
+    let unfinished = tempfile::Builder::new()
+        .prefix(".fleetyard-new-")
+        // As any new folder; temporary ones are private else.
+        .permissions(Permissions::from_mode(0o777))
+        .tempdir_in(out)
+        .map_err(failed)?;
+    for file in files {
+        let path = unfinished.path().join(&file.path);
+        let written = fs::create_dir_all(path.parent().unwrap_or(unfinished.path()))
+            .and_then(|()| fs::write(&path, &file.text));
+        written.map_err(failed)?;
+        if file.executable {
+            let mode = fs::metadata(&path).map_err(failed)?.permissions().mode();
+            // Who may read it may start it.
+            let mode = Permissions::from_mode(mode | (mode & 0o444) >> 2);
+            fs::set_permissions(&path, mode).map_err(failed)?;
+        }
+    }
+    fs::rename(unfinished.path(), folder).map_err(failed)?;
+    // It has another name now, and is not to be removed.
+    let _ = unfinished.keep();
+    Ok(())
+}
+
+/// What was written, and the commands that come next.
+fn text(scaffold: &Scaffold, kind: Kind, lang: LangArg, folder: &Path) -> String {
+    const MAP: &str = "random-16-16-10";
+    let what = match lang {
+        LangArg::Command => "from a command-line solver".to_owned(),
+        _ => format!("in {}", title(lang)),
+    };
+    let mut out = format!("{}: a new {kind} {what}\n", folder.display());
+    // An SDK is one line: its folder, or its file where it has none.
+    let mut shown: Vec<(&str, &str)> = Vec::new();
+    for file in &scaffold.files {
+        let place = match file.path.split_once('/') {
+            Some((folder, _)) if file.about.ends_with("SDK") => &file.path[..=folder.len()],
+            _ => &file.path,
+        };
+        if !file.about.is_empty() && shown.last() != Some(&(place, file.about)) {
+            shown.push((place, file.about));
+        }
+    }
+    let width = shown.iter().map(|(place, _)| place.len()).max();
+    for (place, about) in shown {
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "  {place:width$}  {about}", width = width.unwrap_or(0));
+    }
+    let here = quoted(&folder.display().to_string());
+    let plugin = folder.join(&scaffold.plugin);
+    let beside = plugin.parent().unwrap_or(folder);
+    let (beside, plugin) = (
+        quoted(&beside.display().to_string()),
+        quoted(&plugin.display().to_string()),
+    );
+    let mut next: Vec<String> = Vec::new();
+    next.extend(
+        scaffold
+            .build
+            .as_ref()
+            .map(|line| line.replace("{}", &here)),
+    );
+    next.push(scaffold.test.replace("{}", &here));
+    next.push(format!("fleetyard plugins check {plugin}"));
+    if kind == Kind::Planner {
+        next.push(
+            "fleetyard maps generate random --rows 16 --cols 16 --obstacle-density 0.1 \
+             --scenario-agents 20"
+                .into(),
+        );
+        next.push(format!(
+            "fleetyard run --map {MAP}.map --scen {MAP}-random-1.scen --agents 20 --planner {plugin}"
+        ));
+    }
+    next.push(format!(
+        "FLEETYARD_PLUGIN_PATH={beside} fleetyard plugins list"
+    ));
+    out.push_str("next:");
+    for line in next {
+        let _ = write!(out, "\n  {line}");
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn the_sdks_are_whole() {
+        for (folder, files) in [("src", RUST_SDK), ("python/fleetyard", PYTHON_SDK)] {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("../../abi")
+                .join(folder);
+            let there: BTreeSet<String> = fs::read_dir(folder)
+                .unwrap()
+                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+                .filter(|name| name != "__pycache__")
+                .collect();
+            let here = files.iter().map(|(name, _)| (*name).to_owned()).collect();
+            assert_eq!(there, here);
+        }
+    }
+
+    #[test]
+    fn names_are_given_to_files_and_code() {
+        let name = Name::new("My-Planner_2", LangArg::Rust).unwrap();
+        assert_eq!((&*name.id, &*name.module), ("my-planner_2", "my_planner_2"));
+        assert_eq!(
+            name.put("example_plugin.c is example-plugin"),
+            "my_planner_2.c is my-planner_2"
+        );
+    }
+}

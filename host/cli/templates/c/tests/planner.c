@@ -1,0 +1,42 @@
+/* The planner without a host: `make check`. */
+
+#include "host.h"
+
+/* Asks the planner about a map of rows, `.` where a robot may stand. */
+static int32_t plan(uint32_t rows, const char *map, uint32_t agents, const uint32_t *starts,
+                    const uint32_t *goals) {
+  FleetyardGrid grid;
+  FleetyardEnvironment environment = environment_of(&grid, rows, map);
+  static const uint64_t offsets[] = {0, 1, 2};
+  FleetyardInstance instance = {.struct_size = sizeof instance,
+                                .agents = agents,
+                                .environment = &environment,
+                                .starts = starts,
+                                .goal_offsets = offsets,
+                                .goals = goals};
+  FleetyardPlanner planner;
+  const FleetyardPlannerFactory *factory =
+      fleetyard_plugin_entry_v1.get_factory(text(FLEETYARD_PLANNER_FACTORY_ID));
+  CHECK(factory && factory->count() == 1);
+  int32_t status = factory->create(0, text("{\"attempts\": 3}"), &sink, &planner);
+  CHECK(status == FLEETYARD_STATUS_SOLVED);
+  status = planner.prepare(planner.context, &environment, &budget, &sink);
+  CHECK(status == FLEETYARD_STATUS_SOLVED);
+  status = planner.plan(planner.context, &instance, &budget, &sink);
+  planner.destroy(planner.context);
+  return status;
+}
+
+int main(void) {
+  /* A shortest path. */
+  CHECK(plan(2, "....", 1, (uint32_t[]){0}, (uint32_t[]){1}) == FLEETYARD_STATUS_SOLVED);
+  CHECK(strcmp(answer, "0 1") == 0);
+  /* Two agents pass each other in a bay. */
+  CHECK(plan(2, "....@@.@", 2, (uint32_t[]){0, 3}, (uint32_t[]){3, 0}) == FLEETYARD_STATUS_SOLVED);
+  CHECK(strcmp(answer, "0 1 2 3, 3 2 6 2 1 0") == 0);
+  /* There is no plan. */
+  CHECK(plan(1, ".@.", 1, (uint32_t[]){0}, (uint32_t[]){2}) == FLEETYARD_STATUS_INFEASIBLE);
+  CHECK(plan(1, "...", 2, (uint32_t[]){0, 2}, (uint32_t[]){2, 0}) == FLEETYARD_STATUS_GAVE_UP);
+  puts("passed");
+  return 0;
+}

@@ -1,0 +1,38 @@
+"""python3 -m unittest discover tests"""
+
+import pathlib
+import sys
+import unittest
+from unittest.mock import Mock
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+
+import fleetyard
+from example_plugin import SafePrefix
+
+
+def recover(row, failed_paths, **options):
+    """What the policy answers, without a host."""
+    policy = SafePrefix(options)
+    policy.grid = fleetyard.Grid.from_rows([row])
+    starts = [0, len(row) - 1]
+    instance = fleetyard.Instance(starts, [[goal] for goal in reversed(starts)])
+    budget = fleetyard.Budget(deadline_monotonic_ns=2**63, wall_ns=10**9)
+    return policy.recover(instance, failed_paths, budget, Mock())
+
+
+class Recovers(unittest.TestCase):
+    def test_stops_before_the_collision(self):
+        self.assertEqual(recover("....", [[0, 1, 2, 3], [3, 2, 1, 0]]), [[0, 1], [3, 2]])
+        self.assertEqual(recover("...", [[0, 1, 2], [2, 1, 0]]), [[0], [2]])
+
+    def test_takes_no_more_steps_than_it_may(self):
+        self.assertEqual(recover("....", [[0, 1], [3, 2]], steps=0), [[0], [3]])
+
+    def test_waits_where_there_is_nothing_to_follow(self):
+        self.assertEqual(recover("..", None, steps=1), [[0, 0], [1, 1]])
+        self.assertEqual(recover("..", [[0, -1], [1]]), [[0], [1]])
+
+
+if __name__ == "__main__":
+    unittest.main()

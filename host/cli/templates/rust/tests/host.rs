@@ -1,0 +1,58 @@
+//! Stands for the host in tests: a sink that keeps the last answer.
+
+#![allow(dead_code, reason = "a test uses what its kind of plugin needs")]
+
+use std::sync::{Arc, Mutex};
+
+use fleetyard_abi::sdk::{Rejected, Sink};
+use fleetyard_abi::{
+    Budget, Environment, GridEnvironment, Instance, LogLevel, PlanRef, SharedEnvironment,
+};
+
+#[derive(Default)]
+pub struct Host {
+    pub paths: Mutex<Vec<Vec<u32>>>,
+    pub goals: Mutex<Vec<Vec<u32>>>,
+}
+
+impl Sink for Host {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        *self.paths.lock().unwrap() = plan.paths().map(<[u32]>::to_vec).collect();
+        Ok(())
+    }
+    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
+        *self.goals.lock().unwrap() = instance.goals.iter().map(<[u32]>::to_vec).collect();
+        Ok(())
+    }
+    fn metric(&self, _: &str, _: f64) {}
+    fn log(&self, _: LogLevel, _: &str) {}
+    fn progress(&self, _: u64, _: u64) {}
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+pub const BUDGET: Budget = Budget {
+    deadline_monotonic_ns: u64::MAX,
+    wall_ns: u64::MAX,
+    nodes: 0,
+    memory_bytes: 0,
+    threads: 1,
+    seed: 1,
+};
+
+/// A map of rows, `.` where a robot may stand.
+pub fn map(rows: &[&str]) -> SharedEnvironment {
+    let terrain = rows.concat().into_bytes();
+    let free = |letter: &u8| u8::from(*letter == b'.');
+    Arc::new(Environment::Grid(GridEnvironment {
+        map_name: "test".into(),
+        rows: rows.len() as u32,
+        cols: rows[0].len() as u32,
+        connectivity: 4,
+        cell_size_m: 1.0,
+        step_s: 1.0,
+        passable: terrain.iter().map(free).collect(),
+        terrain,
+    }))
+}
