@@ -167,11 +167,15 @@ impl Yard {
 
     /// Starts the command without waiting for it.
     pub(crate) fn start<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Started {
+        self.start_program(env!("CARGO_BIN_EXE_fleetyard"), arguments)
+    }
+
+    fn start_program<S: AsRef<OsStr>>(&self, program: &str, arguments: &[S]) -> Started {
         static SERIAL: AtomicU32 = AtomicU32::new(0);
         let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
         let mark = format!("{}-{serial}", std::process::id());
         let here = self.folder.path();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_fleetyard"));
+        let mut command = Command::new(program);
         command
             .args(arguments)
             .current_dir(here)
@@ -201,6 +205,13 @@ impl Yard {
     /// Runs the command to its end.
     pub(crate) fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Ended {
         self.start(arguments).wait()
+    }
+
+    /// Runs a line of shell, in which `fleetyard` is the command under test.
+    pub(crate) fn shell(&self, line: &str) -> Ended {
+        let beside = Path::new(env!("CARGO_BIN_EXE_fleetyard")).parent().unwrap();
+        let line = format!("PATH='{}':\"$PATH\"\n{line}", beside.display());
+        self.start_program("sh", &["-c", &line]).wait()
     }
 
     /// Runs `fleetyard` with a line of arguments; `{here}` stands for the folder,

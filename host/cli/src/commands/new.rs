@@ -48,7 +48,10 @@ macro_rules! copies {
     };
 }
 
-const HEADER: &[(&str, &str)] = copies!("abi/include": "fleetyard.h");
+const C_SDK: &[(&str, &str)] = copies!("abi/include": "fleetyard.h");
+
+const CPP_SDK: &[(&str, &str)] =
+    copies!("abi/include": "fleetyard.hpp" "fleetyard.h" "fleetyard.map");
 
 const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
     "c.rs" "clock.rs" "convert.rs" "export.rs" "layout.rs" "lib.rs" "model.rs" "moves.rs"
@@ -110,7 +113,8 @@ impl Name {
                 .hint("--out FOLDER says where the plugin's folder goes"));
         }
         if !name.starts_with(|c: char| c.is_ascii_alphabetic()) || !name.chars().all(allowed) {
-            let words: Vec<&str> = name.split(|c| !allowed(c)).collect();
+            let words = name.split(|c| !allowed(c)).filter(|word| !word.is_empty());
+            let words: Vec<&str> = words.collect();
             let near = words
                 .join("-")
                 .trim_start_matches(|c: char| !c.is_ascii_alphabetic())
@@ -178,6 +182,7 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
             add("src/lib.rs", of_kind!(kind, "rust/", ".rs"), yours);
             let test = of_kind!(kind, "rust/tests/", ".rs");
             add("tests/plugin.rs", test, "its test");
+            add("tests/host/mod.rs", template!("rust/tests/host.rs"), "");
             add(
                 "Cargo.toml",
                 template!("rust/Cargo.toml"),
@@ -186,7 +191,7 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
             add("sdk/Cargo.toml", template!("rust/sdk.toml"), "");
             (
                 Some("cargo build --release --manifest-path {}/Cargo.toml"),
-                "cargo test --manifest-path {}/Cargo.toml",
+                "cargo test --release --manifest-path {}/Cargo.toml",
                 "target/release/libexample_plugin.so",
             )
         }
@@ -199,7 +204,12 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
             (Some("make -C {}"), "make -C {} check", "example_plugin.so")
         }
         LangArg::Cpp => {
-            return Err(Failure::new(Exit::Usage, "not yet"));
+            add("example_plugin.cpp", of_kind!(kind, "cpp/", ".cpp"), yours);
+            let test = of_kind!(kind, "cpp/tests/", ".cpp");
+            add("tests/test.cpp", test, "its test");
+            add("tests/host.hpp", template!("cpp/tests/host.hpp"), "");
+            add("Makefile", template!("cpp/Makefile"), "how it is built");
+            (Some("make -C {}"), "make -C {} check", "example_plugin.so")
         }
         LangArg::Python => {
             add("example_plugin.py", of_kind!(kind, "python/", ".py"), yours);
@@ -227,9 +237,10 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
     add(".gitignore", template!("gitignore"), "");
     let (sdk, folder, about) = match lang {
         LangArg::Rust => (RUST_SDK, "sdk/src/", "the SDK"),
-        LangArg::C => (HEADER, "", "the contract"),
+        LangArg::C => (C_SDK, "", "the contract"),
+        LangArg::Cpp => (CPP_SDK, "", "the SDK"),
         LangArg::Python => (PYTHON_SDK, "fleetyard/", "the SDK"),
-        LangArg::Cpp | LangArg::Command => (&[] as &[_], "", ""),
+        LangArg::Command => (&[] as &[_], "", ""),
     };
     for (file, text) in sdk {
         add(&format!("{folder}{file}"), text, about);

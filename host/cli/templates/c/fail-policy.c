@@ -124,8 +124,8 @@ static const FleetyardDescriptor descriptor = {
     .description = TEXT("Keeps what is free of collisions at the beginning of the failed paths."),
     .options_schema =
         TEXT("{\"type\": \"object\", \"additionalProperties\": false, \"properties\": {"
-             "\"steps\": {\"type\": \"integer\", \"minimum\": 0, \"maximum\": 100000, \"default\": 10,"
-             "\"description\": \"Most steps to take.\"}}}"),
+             "\"steps\": {\"type\": \"integer\", \"minimum\": 0, \"maximum\": 100000,"
+             "\"default\": 10, \"description\": \"Most steps to take.\"}}}"),
     .capabilities = FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE |
                     FLEETYARD_CAPABILITY_DETERMINISTIC,
 };

@@ -198,7 +198,7 @@ static int32_t create(uint32_t index, FleetyardStr options, const FleetyardSink 
   double most_tasks = option(options, "\"most_tasks\"", 1000);
   (void)index; /* there is one generator */
   if (!(most_tasks >= 1 && most_tasks <= UINT32_MAX))
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "`most_tasks` is not a number from 1 on");
+    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "`most_tasks` is no number from 1 on");
   Generator *generator = array(1, sizeof *generator);
   generator->most_tasks = (uint32_t)most_tasks;
   *out = (FleetyardInstanceGenerator){
@@ -217,7 +217,8 @@ static const FleetyardDescriptor *describe(uint32_t index) {
   return index == 0 ? &descriptor : NULL;
 }
 
-static const FleetyardInstanceGeneratorFactory factory = {sizeof factory, 0, count, describe, create};
+static const FleetyardInstanceGeneratorFactory factory = {sizeof factory, 0, count, describe,
+                                                          create};
 
 static const void *get_factory(FleetyardStr id) {
   static const char wanted[] = FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID;

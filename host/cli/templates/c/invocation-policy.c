@@ -30,14 +30,15 @@ static int32_t should_invoke(void *context, const FleetyardFleetStatus *status,
 
 /* ---- What the library exports ---------------------------------------------- */
 
-/* What the host knows of the policy. The schema says what `--option NAME=VALUE` may
- * be; the host checks it beforehand. */
+/* What the host knows of the policy. The schema says what `--option NAME=VALUE` may be;
+ * the host checks it beforehand. */
 static const FleetyardDescriptor descriptor = {
     .struct_size = sizeof descriptor,
     .id = TEXT("example-plugin"),
     .name = TEXT("example-plugin"),
     .version = TEXT("0.1.0"),
-    .description = TEXT("Calls the planner periodically, and when an agent has nothing left to do."),
+    .description =
+        TEXT("Calls the planner periodically, and when an agent has nothing left to do."),
     .options_schema =
         TEXT("{\"type\": \"object\", \"additionalProperties\": false, \"properties\": {"
              "\"period_s\": {\"type\": \"number\", \"exclusiveMinimum\": 0, \"default\": 5,"
@@ -78,7 +79,8 @@ static const FleetyardDescriptor *describe(uint32_t index) {
   return index == 0 ? &descriptor : NULL;
 }
 
-static const FleetyardInvocationPolicyFactory factory = {sizeof factory, 0, count, describe, create};
+static const FleetyardInvocationPolicyFactory factory = {sizeof factory, 0, count, describe,
+                                                         create};
 
 static const void *get_factory(FleetyardStr id) {
   static const char wanted[] = FLEETYARD_INVOCATION_POLICY_FACTORY_ID;

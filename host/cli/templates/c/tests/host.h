@@ -72,7 +72,8 @@ static const FleetyardSink sink = {sizeof sink, 0,        NULL,     submit_plan,
                                    metric,      log_line, progress, cancelled,   explain};
 
 /* A map of rows, `.` where a robot may stand, for as long as the map stays. */
-static inline FleetyardEnvironment environment_of(FleetyardGrid *grid, uint32_t rows, const char *map) {
+static inline FleetyardEnvironment environment_of(FleetyardGrid *grid, uint32_t rows,
+                                                  const char *map) {
   static uint8_t passable[100];
   uint32_t cells = (uint32_t)strlen(map);
   for (uint32_t cell = 0; cell < cells; cell++)

@@ -1,0 +1,23 @@
+/* The policy without a host: `make check`. */
+
+#include "../example_plugin.cpp"
+#include "host.hpp"
+
+/* What the policy answers about two agents. */
+static bool should_invoke(const char *options, double since_s, std::uint32_t left) {
+  const Host host;
+  const std::vector<std::uint32_t> actions_left{left, 3};
+  const FleetyardFleetStatus status{sizeof status, 2, 100.0, since_s, 0.1, actions_left.data()};
+  Periodic policy({options, Periodic::options_schema});
+  return policy.should_invoke(fleetyard::FleetStatus(&status), host.sink);
+}
+
+int main() {
+  /* When it is time. */
+  CHECK(!should_invoke("{}", 4.9, 1));
+  CHECK(should_invoke("{}", 5.0, 1));
+  CHECK(should_invoke(R"({"period_s": 2})", 2.0, 1));
+  /* When somebody is idle. */
+  CHECK(should_invoke("{}", 0.0, 0));
+  std::cout << "passed\n";
+}

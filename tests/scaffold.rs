@@ -1,0 +1,271 @@
+//! `fleetyard plugins new`: for every language and kind, what is written builds without
+//! warnings, passes its own test and the conformance kit, and is found; planners solve an
+//! instance. The commands are those that the command itself prints.
+
+mod common;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::{PermissionsExt, symlink};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use cargo_metadata::{DependencyKind, MetadataCommand};
+use common::{Ended, INPUT, SUCCESS, USAGE, Yard, have, root};
+
+const KINDS: [&str; 4] = [
+    "planner",
+    "fail-policy",
+    "instance-generator",
+    "invocation-policy",
+];
+
+/// Enough of the kit to see that a plugin does what its kind does.
+const ONLY: &str = "--only handshake --only descriptor --only default-options --only ending \
+    --only one-agent --only crossing --only random-instances --only failed-plan \
+    --only fleet-states --only fleet-statuses --only deterministic --only other-map";
+
+/// Makes a new plugin and runs the commands that come next, `prepare` before them.
+fn works(lang: &str, kind: &str, prepare: impl Fn(&Path)) {
+    let yard = yard();
+    let name = format!("my-{kind}");
+    let written = yard.line(&format!("plugins new --lang {lang} --kind {kind} {name}"));
+    let written = written.expect(SUCCESS);
+    assert_eq!(written.stderr, "");
+    let folder = yard.path(&name);
+    prepare(&folder);
+    let (_, next) = written.stdout.split_once("next:\n").unwrap();
+    let mut asked = BTreeSet::new();
+    for line in next.lines().map(str::trim) {
+        let check = line.starts_with("fleetyard plugins check");
+        let ended = yard.shell(&if check {
+            format!("{line} {ONLY}")
+        } else {
+            line.to_owned()
+        });
+        let ended = ended.expect(SUCCESS);
+        assert!(!ended.stderr.contains("warning"), "{line}: {ended}");
+        if check {
+            asked.insert("check");
+            assert!(ended.stdout.contains(" 0 failed, 0 crashed"), "{ended}");
+        } else if line.contains("plugins list") {
+            asked.insert("list");
+            let row = |row: &str| row.starts_with(&name) && row.contains(kind);
+            assert!(ended.stdout.lines().any(row), "{ended}");
+            assert!(!ended.stdout.contains("refused"), "{ended}");
+        } else if line.starts_with("fleetyard run") {
+            asked.insert("run");
+            assert!(ended.stdout.contains("verdict           valid"), "{ended}");
+        } else if line.contains("test") || line.contains("check") {
+            asked.insert("test");
+        }
+    }
+    let mut wanted = BTreeSet::from(["test", "check", "list"]);
+    wanted.extend((kind == "planner").then_some("run"));
+    assert_eq!(asked, wanted, "{next}");
+}
+
+/// A folder in which cargo finds what it needs, and nothing on the network.
+fn yard() -> Yard {
+    let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
+    let mut yard = Yard::new()
+        .set("CARGO_NET_OFFLINE", "true")
+        // Release builds as quick as they come; that they work is what matters here.
+        .set("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0")
+        .set("RUSTFLAGS", "-D warnings")
+        .set("CFLAGS", "-Werror")
+        .set("CXXFLAGS", "-Werror");
+    for (variable, usual) in [("CARGO_HOME", ".cargo"), ("RUSTUP_HOME", ".rustup")] {
+        let folder = std::env::var_os(variable).map_or(home.join(usual), PathBuf::from);
+        yard = yard.set(variable, &folder.display().to_string());
+    }
+    yard
+}
+
+/// Whether all programs are there, and a note of the first that is not.
+fn have_all(programs: &[&str]) -> bool {
+    programs.iter().all(|program| have(program))
+}
+
+#[test]
+fn rust() {
+    // Dependencies are built once, for the plugins of all kinds and until they change.
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scaffold");
+    fs::create_dir_all(&target).unwrap();
+    for kind in KINDS {
+        works("rust", kind, |folder| {
+            // Versions as in the workspace: those are there without the network.
+            fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+            symlink(&target, folder.join("target")).unwrap();
+            let formatted = Command::new("rustfmt")
+                .args(["--check", "--edition", "2024"])
+                .args([folder.join("src/lib.rs"), folder.join("tests/plugin.rs")])
+                .output();
+            if let Ok(output) = formatted {
+                assert!(output.status.success(), "{output:?}");
+            }
+        });
+    }
+}
+
+#[test]
+fn c() {
+    if have_all(&["make", "cc"]) {
+        for kind in KINDS {
+            works("c", kind, |_| ());
+        }
+    }
+}
+
+#[test]
+fn cpp() {
+    if have_all(&["make", "c++"]) {
+        for kind in KINDS {
+            works("cpp", kind, |_| ());
+        }
+    }
+}
+
+#[test]
+fn python() {
+    if have_all(&["python3"]) {
+        for kind in KINDS {
+            works("python", kind, |_| ());
+        }
+    }
+}
+
+#[test]
+fn command() {
+    if have_all(&["python3"]) {
+        works("command", "planner", |_| ());
+    }
+}
+
+#[test]
+fn a_planner_can_be_written_elsewhere_and_under_an_odd_name() {
+    let yard = Yard::new();
+    fs::create_dir(yard.path("with a blank")).unwrap();
+    let arguments = ["plugins", "new", "--lang", "c", "Odd_Name-2", "--out"];
+    let out = yard.path("with a blank").display().to_string();
+    let ended = yard.run(&[&arguments[..], &[&out]].concat());
+    let ended = ended.expect(SUCCESS);
+    let make = format!("make -C '{out}/Odd_Name-2'");
+    assert!(ended.stdout.contains(&make), "{ended}");
+    let plugin = yard.path("with a blank").join("Odd_Name-2/odd_name_2.c");
+    let text = fs::read_to_string(plugin).unwrap();
+    assert!(text.contains(r#"TEXT("odd_name-2")"#), "{text}");
+    assert!(!text.contains("example"), "{text}");
+}
+
+#[test]
+fn who_may_read_a_script_may_start_it() {
+    let yard = Yard::new();
+    yard.shell("umask 027; fleetyard plugins new --lang python mine")
+        .expect(SUCCESS);
+    let mode = |name: &str| fs::metadata(yard.path(name)).unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode("mine"), 0o750);
+    assert_eq!(mode("mine/mine.py"), 0o750);
+    assert_eq!(mode("mine/tests/test_plugin.py"), 0o640);
+}
+
+#[test]
+fn bad_requests_are_refused_and_leave_nothing() {
+    let yard = Yard::new();
+    yard.write("taken", "something");
+    fs::create_dir(yard.path("folder")).unwrap();
+    symlink("nowhere", yard.path("dangling")).unwrap();
+    let before = yard.files();
+    let refused = |arguments: &str, code: i32, texts: [&str; 2]| {
+        let ended: Ended = yard.line(&format!("plugins new {arguments}")).expect(code);
+        for text in texts {
+            assert!(ended.stderr.contains(text), "{arguments}: {ended}");
+        }
+        assert_eq!(ended.stdout, "");
+        assert_eq!(yard.files(), before, "{arguments}");
+    };
+    let there = "is there already";
+    refused("--lang c taken", INPUT, [there, "another name"]);
+    refused("--lang c folder", INPUT, [there, "--out"]);
+    refused("--lang c dangling", INPUT, [there, "--out"]);
+    refused(
+        "--lang c x --out no/such",
+        INPUT,
+        ["no/such: no such folder", "mkdir -p no/such"],
+    );
+    refused(
+        "--lang c x --out taken",
+        INPUT,
+        ["taken: no such folder", "mkdir"],
+    );
+    refused(
+        "--lang c 2nd+try",
+        USAGE,
+        ["begins with a letter", "`nd-try` can"],
+    );
+    refused(
+        "--lang c -- ..",
+        USAGE,
+        ["begins with a letter", "`my-planner` can"],
+    );
+    refused(
+        "--lang c ä",
+        USAGE,
+        ["begins with a letter", "`my-planner` can"],
+    );
+    refused("--lang c a/b", USAGE, ["is a path", "--out FOLDER"]);
+    let long = "x".repeat(65);
+    refused(
+        &format!("--lang c {long}"),
+        USAGE,
+        ["at most 64 characters", "hint:"],
+    );
+    refused(
+        "--lang rust Match",
+        USAGE,
+        ["`Match` is a keyword or crate of Rust", "`my-match`"],
+    );
+    refused(
+        "--lang python queue",
+        USAGE,
+        ["`queue` is a keyword or module of Python", "`my-queue`"],
+    );
+    refused(
+        "--lang command --kind fail-policy x",
+        USAGE,
+        ["can be a planner, but no fail-policy", "--lang python"],
+    );
+    refused("--lang cobol x", USAGE, ["cobol", "python"]);
+    refused("--lang c --kind robot x", USAGE, ["robot", "fail-policy"]);
+    refused("x", USAGE, ["--lang", "Usage"]);
+}
+
+/// Fully qualified dependencies of a package, tests aside.
+fn needs(manifest: &Path) -> BTreeSet<String> {
+    let metadata = MetadataCommand::new()
+        .manifest_path(manifest)
+        .no_deps()
+        .exec()
+        .unwrap();
+    let wanted = |name: &str| name == "fleetyard-abi";
+    let package = metadata.packages.iter().find(|p| wanted(&p.name)).unwrap();
+    let dependencies = package.dependencies.iter();
+    let mut needs: BTreeSet<String> = dependencies
+        .filter(|needed| needed.kind != DependencyKind::Development)
+        .map(|needed| {
+            let (req, features) = (&needed.req, &needed.features);
+            let defaults = needed.uses_default_features;
+            format!("{} {req} {features:?} {defaults}", needed.name)
+        })
+        .collect();
+    needs.insert(format!("{} {}", package.version, package.edition));
+    needs
+}
+
+#[test]
+fn the_rust_sdk_of_a_new_plugin_has_the_dependencies_of_the_contract() {
+    let yard = Yard::new();
+    yard.line("plugins new --lang rust mine").expect(SUCCESS);
+    let ours = needs(&root().join("abi/Cargo.toml"));
+    assert_eq!(needs(&yard.path("mine/sdk/Cargo.toml")), ours);
+}
