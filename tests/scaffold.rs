@@ -7,11 +7,11 @@ mod common;
 use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use cargo_metadata::{DependencyKind, MetadataCommand};
-use common::{Ended, INPUT, SUCCESS, USAGE, Yard, have, root};
+use common::{Ended, INPUT, SUCCESS, USAGE, Yard, have, prepare_package, root};
 
 const KINDS: [&str; 4] = [
     "planner",
@@ -27,7 +27,11 @@ const ONLY: &str = "--only handshake --only descriptor --only default-options --
 
 /// Makes a new plugin and runs the commands that come next, `prepare` before them.
 fn works(lang: &str, kind: &str, prepare: impl Fn(&Path)) {
-    let yard = yard();
+    let yard = Yard::new()
+        .with_cargo()
+        .set("RUSTFLAGS", "-D warnings")
+        .set("CFLAGS", "-Werror")
+        .set("CXXFLAGS", "-Werror");
     let name = format!("my-{kind}");
     let written = yard.line(&format!("plugins new --lang {lang} --kind {kind} {name}"));
     let written = written.expect(SUCCESS);
@@ -65,23 +69,6 @@ fn works(lang: &str, kind: &str, prepare: impl Fn(&Path)) {
     assert_eq!(asked, wanted, "{next}");
 }
 
-/// A folder in which cargo finds what it needs, and nothing on the network.
-fn yard() -> Yard {
-    let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
-    let mut yard = Yard::new()
-        .set("CARGO_NET_OFFLINE", "true")
-        // Release builds as quick as they come; that they work is what matters here.
-        .set("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0")
-        .set("RUSTFLAGS", "-D warnings")
-        .set("CFLAGS", "-Werror")
-        .set("CXXFLAGS", "-Werror");
-    for (variable, usual) in [("CARGO_HOME", ".cargo"), ("RUSTUP_HOME", ".rustup")] {
-        let folder = std::env::var_os(variable).map_or(home.join(usual), PathBuf::from);
-        yard = yard.set(variable, &folder.display().to_string());
-    }
-    yard
-}
-
 /// Whether all programs are there, and a note of the first that is not.
 fn have_all(programs: &[&str]) -> bool {
     programs.iter().all(|program| have(program))
@@ -89,14 +76,9 @@ fn have_all(programs: &[&str]) -> bool {
 
 #[test]
 fn rust() {
-    // Dependencies are built once, for the plugins of all kinds and until they change.
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scaffold");
-    fs::create_dir_all(&target).unwrap();
     for kind in KINDS {
         works("rust", kind, |folder| {
-            // Versions as in the workspace: those are there without the network.
-            fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
-            symlink(&target, folder.join("target")).unwrap();
+            prepare_package(folder);
             let formatted = Command::new("rustfmt")
                 .args(["--check", "--edition", "2024"])
                 .args([folder.join("src/lib.rs"), folder.join("tests/plugin.rs")])

@@ -141,6 +141,21 @@ impl Yard {
         self
     }
 
+    /// Lets cargo find what it needs on this machine, and nothing on the network.
+    pub(crate) fn with_cargo(self) -> Self {
+        let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
+        let folder = |variable: &str, usual: &str| {
+            let set = std::env::var_os(variable).map(PathBuf::from);
+            set.unwrap_or(home.join(usual)).display().to_string()
+        };
+        self.set("CARGO_HOME", &folder("CARGO_HOME", ".cargo"))
+            .set("RUSTUP_HOME", &folder("RUSTUP_HOME", ".rustup"))
+            .set("CARGO_TARGET_DIR", &packages_target().display().to_string())
+            .set("CARGO_NET_OFFLINE", "true")
+            // As quick to build as can be: that it works is what tests ask.
+            .set("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0")
+    }
+
     /// A path in the folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
@@ -423,6 +438,20 @@ pub(crate) fn faulty_rust_library() -> PathBuf {
 /// The same as a program.
 pub(crate) fn faulty_program() -> PathBuf {
     root().join("plugins/faulty/faulty.py")
+}
+
+/// Gives a new package outside of the workspace the workspace's versions, which are on this
+/// machine, and a build folder that stays, so that dependencies are built once.
+pub(crate) fn prepare_package(folder: &Path) {
+    if !folder.join("target").exists() {
+        fs::create_dir_all(packages_target()).unwrap();
+        fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+        std::os::unix::fs::symlink(packages_target(), folder.join("target")).unwrap();
+    }
+}
+
+fn packages_target() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("packages")
 }
 
 /// What `cargo build` makes of a package: its shared library and its program.

@@ -41,11 +41,7 @@ fn dispatch(command: Command) -> Result<Exit> {
         Command::Convert(arguments) => commands::convert::convert(&arguments),
         Command::Validate(arguments) => commands::validate::validate(&arguments),
         Command::Simulate(arguments) => commands::simulate::simulate(&arguments),
-        Command::Plugins(Plugins::List { format }) => commands::plugins::list(format),
         Command::Plugins(Plugins::New(arguments)) => commands::new::new(&arguments),
-        Command::Plugins(Plugins::Check(arguments)) => commands::check::check(&arguments),
-        Command::Plugins(Plugins::Info { plugin, format }) => {
-            commands::plugins::info(&plugin, format)
         Command::Plugins(Plugins::List { trust, format }) => {
             commands::plugins::list(&trust, format)
         }

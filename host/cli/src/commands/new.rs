@@ -60,6 +60,9 @@ const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
 const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
     "__init__.py" "_model.py" "_paths.py" "_plugins.py" "_server.py" "py.typed");
 
+/// What the files of an SDK are.
+const SDK: &str = "the SDK";
+
 /// A new plugin's folder.
 struct Scaffold {
     files: Vec<File>,
@@ -236,13 +239,14 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
     };
     add(".gitignore", template!("gitignore"), "");
     let (sdk, folder, about) = match lang {
-        LangArg::Rust => (RUST_SDK, "sdk/src/", "the SDK"),
+        LangArg::Rust => (RUST_SDK, "sdk/src/", SDK),
         LangArg::C => (C_SDK, "", "the contract"),
-        LangArg::Cpp => (CPP_SDK, "", "the SDK"),
-        LangArg::Python => (PYTHON_SDK, "fleetyard/", "the SDK"),
+        LangArg::Cpp => (CPP_SDK, "", SDK),
+        LangArg::Python => (PYTHON_SDK, "fleetyard/", SDK),
         LangArg::Command => (&[] as &[_], "", ""),
     };
-    for (file, text) in sdk {
+    for (at, (file, text)) in sdk.iter().enumerate() {
+        let about = if at == 0 { about } else { "" };
         add(&format!("{folder}{file}"), text, about);
     }
     Ok(Scaffold {
@@ -306,16 +310,14 @@ fn text(scaffold: &Scaffold, kind: Kind, lang: LangArg, folder: &Path) -> String
         _ => format!("in {}", title(lang)),
     };
     let mut out = format!("{}: a new {kind} {what}\n", folder.display());
-    // An SDK is one line: its folder, or its file where it has none.
+    // An SDK is one line: its folder, or its first file where it has none.
     let mut shown: Vec<(&str, &str)> = Vec::new();
-    for file in &scaffold.files {
+    for file in scaffold.files.iter().filter(|file| !file.about.is_empty()) {
         let place = match file.path.split_once('/') {
-            Some((folder, _)) if file.about.ends_with("SDK") => &file.path[..=folder.len()],
+            Some((folder, _)) if file.about == SDK => &file.path[..=folder.len()],
             _ => &file.path,
         };
-        if !file.about.is_empty() && shown.last() != Some(&(place, file.about)) {
-            shown.push((place, file.about));
-        }
+        shown.push((place, file.about));
     }
     let width = shown.iter().map(|(place, _)| place.len()).max();
     for (place, about) in shown {

@@ -32,7 +32,7 @@ class SafePrefix(fleetyard.FailPolicy):
     def recover(self, instance, failed_paths, budget, context):
         paths = [[start] for start in instance.starts]
         failed_paths = failed_paths or paths  # the planner may have left nothing
-        for time in range(1, self.options.get("steps", 10) + 1):
+        for time in range(1, self.options["steps"] + 1):
             context.check()  # ends the call when its time is up
             now = [path[-1] for path in paths]
             after = [path[min(time, len(path) - 1)] for path in failed_paths]

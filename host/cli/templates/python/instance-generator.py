@@ -34,7 +34,7 @@ class NearestIdle(fleetyard.InstanceGenerator):
         idle = [agent for agent, open_goals in enumerate(goals) if not open_goals]
         # Two agents cannot end in the same cell.
         ends = {open_goals[-1] for open_goals in goals if open_goals}
-        for task in state.tasks[: self.options.get("most_tasks", 1000)]:
+        for task in state.tasks[: self.options["most_tasks"]]:
             context.check()  # ends the call when its time is up
             distance = self.grid.distances(task.cells[0])
             able = [agent for agent in idle if distance[state.cells[agent]] >= 0]

@@ -28,7 +28,7 @@ class Periodic(fleetyard.InvocationPolicy):
 
     def should_invoke(self, status, context):
         idle = 0 in status.actions_left
-        return idle or status.since_last_call_s >= self.options.get("period_s", 5)
+        return idle or status.since_last_call_s >= self.options["period_s"]
 
 
 if __name__ == "__main__":

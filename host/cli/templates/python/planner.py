@@ -31,7 +31,7 @@ class Prioritized(fleetyard.Planner):
 
     def plan(self, instance, budget, context):
         order = list(range(instance.agents))
-        for _ in range(self.options.get("attempts", 100)):
+        for _ in range(self.options["attempts"]):
             paths = {}
             for agent in order:
                 path = self.find_path(instance, agent, list(paths.values()), context)

@@ -13,7 +13,7 @@ from example_plugin import SafePrefix
 
 def recover(row, failed_paths, **options):
     """What the policy answers, without a host."""
-    policy = SafePrefix(options)
+    policy = SafePrefix(SafePrefix.complete(options))
     policy.grid = fleetyard.Grid.from_rows([row])
     starts = [0, len(row) - 1]
     instance = fleetyard.Instance(starts, [[goal] for goal in reversed(starts)])

@@ -13,7 +13,7 @@ from example_plugin import NearestIdle
 
 def generate(row, cells, goals, tasks, **options):
     """The goals that the generator gives, without a host."""
-    generator = NearestIdle(options)
+    generator = NearestIdle(NearestIdle.complete(options))
     generator.grid = fleetyard.Grid.from_rows([row])
     tasks = [fleetyard.Task(number, task) for number, task in enumerate(tasks)]
     state = fleetyard.FleetState(0.0, cells, goals, tasks)

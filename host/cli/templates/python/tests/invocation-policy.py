@@ -19,7 +19,7 @@ def should_invoke(since_s, actions_left, **options):
         expected_planning_s=0.1,
         actions_left=actions_left,
     )
-    return Periodic(options).should_invoke(status, Mock())
+    return Periodic(Periodic.complete(options)).should_invoke(status, Mock())
 
 
 class Invokes(unittest.TestCase):

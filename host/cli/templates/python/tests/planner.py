@@ -13,7 +13,7 @@ from example_plugin import Prioritized
 
 def plan(rows, starts, goals, **options):
     """What the planner answers, without a host."""
-    planner = Prioritized(options)
+    planner = Prioritized(Prioritized.complete(options))
     planner.grid = fleetyard.Grid.from_rows(rows)
     instance = fleetyard.Instance(starts, [[goal] for goal in goals])
     budget = fleetyard.Budget(deadline_monotonic_ns=2**63, wall_ns=10**9, seed=1)

@@ -2,10 +2,11 @@
 
 mod host;
 
-use example_plugin::SafePrefix;
 use fleetyard_abi::sdk::{FailPolicy, Options, Plugin};
 use fleetyard_abi::{Instance, Plan};
 use host::{BUDGET, Host, map};
+
+use example_plugin::SafePrefix;
 
 /// What the policy does for two agents at the ends of a corridor of four cells.
 fn recover(options: &str, failed: Option<[&[u32]; 2]>) -> Vec<Vec<u32>> {

@@ -2,10 +2,11 @@
 
 mod host;
 
-use example_plugin::NearestIdle;
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin};
 use fleetyard_abi::{FleetState, Goals, Motion, Objective, Status, Task};
 use host::{BUDGET, Host, map};
+
+use example_plugin::NearestIdle;
 
 /// The goals of two agents in a corridor: the first has nothing to do, the second has a
 /// goal, and there is one task.

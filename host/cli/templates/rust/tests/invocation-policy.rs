@@ -2,10 +2,11 @@
 
 mod host;
 
-use example_plugin::Periodic;
 use fleetyard_abi::FleetStatus;
 use fleetyard_abi::sdk::{InvocationPolicy, Options, Plugin};
 use host::Host;
+
+use example_plugin::Periodic;
 
 /// What the policy answers about two agents.
 fn should_invoke(options: &str, since_s: f64, left: u32) -> bool {

@@ -2,10 +2,11 @@
 
 mod host;
 
-use example_plugin::Prioritized;
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin};
 use fleetyard_abi::{Instance, Status};
 use host::{BUDGET, Host, map};
+
+use example_plugin::Prioritized;
 
 /// The paths that the planner finds.
 fn plan(rows: &[&str], starts: &[u32], goals: &[u32]) -> Result<Vec<Vec<u32>>, Failure> {
