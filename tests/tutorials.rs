@@ -4,7 +4,8 @@
 //! In a page, ```` ```console ```` has commands after `$ ` and their output; `? 2` is an exit code other than
 //! 0, and `...` and `[..]` stand for what differs from machine to machine. ```` ```diff ````
 //! changes the file that its first line names, and ```` ```python stay.py ```` is a new file.
-//! `SNAPSHOTS=overwrite cargo test -p fleetyard --test tutorials` writes the output anew.
+//! `SNAPSHOTS=overwrite cargo test -p fleetyard --test tutorials` writes the output anew; look
+//! at what becomes of the `...`.
 
 mod common;
 

@@ -151,10 +151,13 @@ impl Name {
         Ok(Self { id, module })
     }
 
-    /// Gives a template the name.
+    /// Gives a template the name, which may have the template's in it.
     fn put(&self, text: &str) -> String {
-        text.replace("example-plugin", &self.id)
-            .replace("example_plugin", &self.module)
+        let pieces = text.split("example-plugin");
+        let pieces: Vec<String> = pieces
+            .map(|piece| piece.replace("example_plugin", &self.module))
+            .collect();
+        pieces.join(&self.id)
     }
 }
 
@@ -384,6 +387,8 @@ mod tests {
 
     #[test]
     fn names_are_given_to_files_and_code() {
+        let odd = Name::new("my-example_plugin", LangArg::C).unwrap();
+        assert_eq!(odd.put("<example-plugin>"), "<my-example_plugin>");
         let name = Name::new("My-Planner_2", LangArg::Rust).unwrap();
         assert_eq!((&*name.id, &*name.module), ("my-planner_2", "my_planner_2"));
         assert_eq!(
