@@ -1060,6 +1060,13 @@ fn programs_that_fail_at_the_start_and_at_the_end() {
             "no-version",
             ["broke the protocol during `initialize`", "jsonrpc"],
         ),
+        (
+            "long-line",
+            [
+                "broke the protocol during `initialize`",
+                "a message is longer than 4 MiB",
+            ],
+        ),
     ] {
         let yard = Yard::new().set("FLEETYARD_FAULT", fault);
         says(&yard.run(&planner(&program, &[])).expect(PLUGIN), &texts);

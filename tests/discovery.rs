@@ -315,6 +315,13 @@ fn nothing_of_changed_code_is_started() {
         .collect();
     assert_eq!(states, ["changed", "changed", "changed"]);
     says(&ended, &["does not exist"]);
+    yard.line("plugins pin --remove ./plugins/described raw-protocol")
+        .expect(SUCCESS);
+    let ended = yard
+        .line("plugins pin --list --format json")
+        .expect(SUCCESS);
+    assert_eq!(ended.json()[0]["path"], "plugins/faulty.so");
+    assert_eq!(ended.json().as_array().map(Vec::len), Some(1));
 }
 
 #[test]

@@ -297,6 +297,11 @@ fn formats() {
 }
 
 #[test]
+fn lock() {
+    corpus_and_mutations("lock", 50_000, 1 << 20);
+}
+
+#[test]
 fn map() {
     corpus_and_mutations("map", 300_000, 1 << 20);
 }

@@ -78,15 +78,26 @@ impl Lock {
 
     /// Reads a lock file.
     pub fn read(file: &Path) -> Result<Self, InputError> {
+        Self::parse(&read_file(file, LIMIT)?, file)
+    }
+
+    /// Reads the content of a lock file.
+    pub fn parse(content: &[u8], file: &Path) -> Result<Self, InputError> {
         let source = file.display().to_string();
-        let bytes = read_file(file, LIMIT)?;
-        let document: Document = serde_json::from_slice(&bytes).map_err(|error| {
+        let document: Document = serde_json::from_slice(content).map_err(|error| {
             let text = error.to_string();
             let reason = text
                 .rsplit_once(" at line ")
                 .map_or(&*text, |(reason, _)| reason);
+            // The reader counts bytes, and from 0 when a line has just ended.
+            let line = content
+                .split(|byte| *byte == b'\n')
+                .nth(error.line().saturating_sub(1));
+            let line = line.unwrap_or_default();
+            let before = &line[..error.column().saturating_sub(1).min(line.len())];
+            let column = String::from_utf8_lossy(before).chars().count() as u64 + 1;
             InputError::new(source.as_str(), reason)
-                .at(error.line() as u64, error.column().max(1) as u64)
+                .at(error.line().max(1) as u64, column)
                 .hint("`fleetyard plugins pin` writes this file")
         })?;
         if document.lock != VERSION {
@@ -105,18 +116,23 @@ impl Lock {
         })
     }
 
-    /// Writes it, sorted by path, as a whole or not at all.
-    pub fn write(&mut self) -> Result<(), InputError> {
-        self.pinned.sort_by(|a, b| a.path.cmp(&b.path));
+    /// Its content, sorted by path.
+    pub fn content(&self) -> Result<Vec<u8>, InputError> {
+        let mut pinned = self.pinned.clone();
+        pinned.sort_by(|a, b| a.path.cmp(&b.path));
         let document = Document {
             lock: VERSION,
-            pinned: self.pinned.clone(),
+            pinned,
         };
-        let failed = |error: serde_json::Error| {
-            InputError::new(self.file.display().to_string(), error.to_string())
-        };
-        let text = serde_json::to_string_pretty(&document).map_err(failed)?;
-        write_atomically(&self.file, format!("{text}\n").as_bytes())
+        let mut text = serde_json::to_vec_pretty(&document)
+            .map_err(|error| InputError::new(self.file.display().to_string(), error.to_string()))?;
+        text.push(b'\n');
+        Ok(text)
+    }
+
+    /// Writes it as a whole or not at all.
+    pub fn write(&self) -> Result<(), InputError> {
+        write_atomically(&self.file, &self.content()?)
     }
 
     /// The file that it was read from.

@@ -12,6 +12,7 @@
 
 pub mod adapter;
 pub mod formats;
+pub mod lock;
 pub mod map;
 pub mod options;
 pub mod plan;
@@ -27,6 +28,7 @@ pub type Target = fn(&[u8]);
 pub const TARGETS: &[(&str, Target)] = &[
     ("adapter", adapter::run),
     ("formats", formats::run),
+    ("lock", lock::run),
     ("map", map::run),
     ("options", options::run),
     ("plan", plan::run),

@@ -1,7 +1,7 @@
 //! `fleetyard plugins pin`: writes down whose code may run, and looks whether it is
 //! still the same.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fleetyard_runtime::{
     Discovery, LOCK_FILE, Lock, Pinned, PinnedPlugin, PluginFile, Runtime, Trust,
@@ -130,11 +130,14 @@ fn check(lock: &Lock) -> Vec<Line> {
     lock.pinned().iter().map(state).collect()
 }
 
-/// Whether a user's name for a plugin stands for an entry.
+/// Whether a user's name for a plugin stands for an entry. The file need not be there.
 fn is_meant(lock: &Lock, entry: &Pinned, name: &str) -> bool {
-    let known = lock.locate(&entry.path);
-    let named = std::path::absolute(name).unwrap_or_else(|_| PathBuf::from(name));
-    known == named || entry.plugins.iter().any(|plugin| plugin.id == name)
+    let named = match PluginFile::at(Path::new(name)) {
+        Ok(file) => file.path().map(Path::to_owned),
+        Err(_) => std::path::absolute(name).ok(),
+    };
+    named.is_some_and(|named| named == lock.locate(&entry.path))
+        || entry.plugins.iter().any(|plugin| plugin.id == name)
 }
 
 fn remove(lock: &mut Lock, names: &[String]) -> Result<Vec<Line>> {
