@@ -218,6 +218,7 @@ fn claims_are_held_against_what_was_found() {
         .line(&format!("{} --format json", line(&all)))
         .expect(NO_PLAN)
         .json();
+    assert_eq!(rows(&json, &["failures"])[..2], [r#"["infeasible"]"#, "[]"]);
     let claims = &json["claims"];
     assert_eq!(
         (&claims["agree"], &claims["unchecked"]),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fleetyard_core::{Grid, GridInstance, InputError, Scenario, load_map, load_scen};
+use fleetyard_runtime::Termination;
 use fleetyard_sim::NoTrace;
 use serde::Serialize;
 
@@ -311,8 +312,12 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
     };
     let failed = records.iter().filter(|record| !record.succeeded());
     let mut failures: Vec<String> = failed
-        .map(|record| match record.plan_digest {
-            Some(_) if !record.verdict.valid => "invalid-plan".into(),
+        .map(|record| match (record.plan_digest, record.claim) {
+            (Some(_), _) if !record.verdict.valid => "invalid-plan".into(),
+            // It returned in time, without a plan.
+            (None, Some(claim)) if record.termination == Termination::Completed => {
+                claim.to_string()
+            }
             _ => record.termination.to_string(),
         })
         .chain(std::iter::repeat_n("not-started".to_owned(), missed))
