@@ -261,7 +261,7 @@ impl Manifest {
             Some(value) => Input::read(&value)?,
             None => Input::default(),
         };
-        program.check_use(&input, &output, &root.require("program")?)?;
+        program.check_use(input, &output, &root.require("program")?)?;
         Ok(Self {
             id: identifier(id.text()?).map_err(|reason| {
                 id.error(reason)
@@ -466,7 +466,7 @@ impl Program {
     /// Whether the solver is told what to solve and where to write.
     fn check_use(
         &self,
-        input: &Input,
+        input: Input,
         output: &Output,
         value: &Value<'_, '_>,
     ) -> Result<(), InputError> {
@@ -482,7 +482,7 @@ impl Program {
         };
         let names_map = input.agents == AgentsFormat::Pibt2;
         for (slot, name) in [(Slot::Map, "map"), (Slot::Scen, "scen")] {
-            if !used(&slot) && !(names_map && slot == Slot::Map) {
+            if !used(&slot) && (slot != Slot::Map || !names_map) {
                 return Err(value
                     .error(format!("no argument uses `{{{name}}}`"))
                     .hint("the solver needs the files of map and scenario to know what to solve"));
