@@ -2,8 +2,9 @@
 //! <https://github.com/MAPF-Competition/PlanViz>: one JSON object, as the Start-Kit's
 //! `Input_Output_Format.md` describes it, versions 2023 to 2026.
 //!
-//! Of a result, `actionModel`, `start`, `actualPaths` and `agentMaxCounter` are read;
-//! other keys are passed over, since each year has others. A start is row, column and
+//! Of a result, `actionModel`, `teamSize`, `start`, `actualPaths` and `agentMaxCounter`
+//! are read; other keys are passed over, since each year has others. The first
+//! `teamSize` starts and paths are those of the team. A start is row, column and
 //! heading. A path is a text of actions from the start:
 //!
 //! - model `MAPF_T`: `F` forward, `R` and `C` a quarter turn clockwise and counter-
@@ -41,6 +42,7 @@ const POSITIONS_PER_BYTE: usize = 256;
 #[serde(rename_all = "camelCase")]
 struct Outcome {
     action_model: Model,
+    team_size: usize,
     start: Vec<(i64, i64, Heading)>,
     actual_paths: Vec<String>,
     agent_max_counter: Option<u32>,
@@ -125,19 +127,25 @@ pub fn read_planviz(source: &str, bytes: &[u8], size: MapSize) -> Result<GridPla
             error
         }
     })?;
-    let (starts, paths) = (outcome.start.len(), outcome.actual_paths.len());
-    if starts != paths {
-        let reason = format!("{starts} entries in start, but {paths} in actualPaths");
-        return Err(InputError::new(source, reason));
+    let team = outcome.team_size;
+    for (key, entries) in [
+        ("start", outcome.start.len()),
+        ("actualPaths", outcome.actual_paths.len()),
+    ] {
+        if entries < team {
+            let reason = format!("teamSize is {team}, but {key} has {entries} entries");
+            return Err(InputError::new(source, reason));
+        }
     }
-    if starts == 0 {
+    if team == 0 {
         return Err(InputError::new(source, "there are no agents"));
     }
     let most = FREE_POSITIONS + POSITIONS_PER_BYTE * bytes.len();
     let mut cells = Vec::new();
     let mut plan = GridPlan::default();
     let mut used = 0;
-    for (agent, (text, start)) in outcome.actual_paths.iter().zip(&outcome.start).enumerate() {
+    let paths = outcome.actual_paths.iter().zip(&outcome.start);
+    for (agent, (text, start)) in paths.take(team).enumerate() {
         let mut robot = Robot {
             model: outcome.action_model,
             size,
@@ -434,6 +442,10 @@ mod tests {
         assert_eq!(read(&text), Ok(vec![vec![0, 4, 5, 1, 0, 0]]));
         let text = result("MAPF", "[2, 3, \"N/A\"]", "\"\"", "");
         assert_eq!(read(&text), Ok(vec![vec![11]]));
+        // Starts beyond the team are nobody's, as in an example of PlanViz.
+        let starts = "[0, 0, \"N/A\"], [1, 1, \"N/A\"]";
+        let text = result("MAPF", starts, "\"U\", \"W\"", "");
+        assert_eq!(read(&text), Ok(vec![vec![0, 4]]));
         // Two ticks per action, one of them delayed; the second chunk's state is stale.
         let text = result(
             "MAPF_T",
@@ -454,10 +466,13 @@ mod tests {
                 result("CAR", "", "", ""),
                 "r.json:1:21: unknown variant `CAR`",
             ),
-            (result("MAPF", "", "", ""), "r.json: there are no agents"),
+            (
+                result("MAPF", "", "", ""),
+                "r.json: teamSize is 1, but start has 0 entries",
+            ),
             (
                 result("MAPF", "", "\"W\"", ""),
-                "r.json: 0 entries in start, but 1 in actualPaths",
+                "r.json: teamSize is 1, but start has 0 entries",
             ),
             (result("MAPF", "[0, 0]", "\"W\"", ""), "r.json:1:"),
             (
