@@ -10,7 +10,8 @@
 //! - model `MAPF_T`: `F` forward, `R` and `C` a quarter turn clockwise and counter-
 //!   clockwise, `W` wait, also `FW`, `CR`, `CCR`, and `T` and `NA` for waits;
 //! - model `MAPF`: `U` to the next row, `D` to the row before (as PlanViz draws
-//!   them), `L`, `R`, `W`.
+//!   them), `L`, `R`, `W`. Other files, an example of PlanViz among them, mean `U` and
+//!   `D` the other way round: one is read so if only that keeps everybody on the map.
 //!
 //! Actions are separated by commas and take a step each. Since 2026 they are written
 //! as runs, `[(tick,row,column,heading,counter):(F 10,W 3)]…`, and an action takes
@@ -141,37 +142,55 @@ pub fn read_planviz(source: &str, bytes: &[u8], size: MapSize) -> Result<GridPla
         return Err(InputError::new(source, "there are no agents"));
     }
     let most = FREE_POSITIONS + POSITIONS_PER_BYTE * bytes.len();
-    let mut cells = Vec::new();
-    let mut plan = GridPlan::default();
-    let mut used = 0;
-    let paths = outcome.actual_paths.iter().zip(&outcome.start);
-    for (agent, (text, start)) in paths.take(team).enumerate() {
-        let mut robot = Robot {
-            model: outcome.action_model,
-            size,
-            row: start.0,
-            col: start.1,
-            heading: start.2,
-            begun: Action::Wait,
-            ticks: 0,
-            ticks_per_action: 1,
-        };
-        cells.clear();
-        cells.push(robot.cell());
-        let walked = if text.trim_start().starts_with('[') {
-            robot.ticks_per_action = outcome.agent_max_counter.unwrap_or(10);
-            robot.runs(text, most - used, &mut cells)
-        } else {
-            robot.actions(text, most - used, &mut cells)
-        };
-        walked.map_err(|reason| {
-            let reason = format!("actualPaths of agent {agent}: {reason}");
-            InputError::new(source, reason)
-        })?;
-        used += cells.len();
-        plan.push_path(cells.iter().copied());
+    let walked = |up: i64| {
+        outcome
+            .plan(size, up, most)
+            .map_err(|reason| InputError::new(source, reason))
+    };
+    let plan = walked(1)?;
+    let leaves = |plan: &GridPlan| plan.cells().contains(&OFF_MAP);
+    if outcome.action_model == Model::Pebble && leaves(&plan) {
+        let other = walked(-1)?;
+        if !leaves(&other) {
+            return Ok(other);
+        }
     }
     Ok(plan)
+}
+
+impl Outcome {
+    /// Everybody's cells, if `U` leads `up` rows on; at most so many.
+    fn plan(&self, size: MapSize, up: i64, most: usize) -> Result<GridPlan, String> {
+        let mut cells = Vec::new();
+        let mut plan = GridPlan::default();
+        let mut used = 0;
+        let paths = self.actual_paths.iter().zip(&self.start);
+        for (agent, (text, start)) in paths.take(self.team_size).enumerate() {
+            let mut robot = Robot {
+                model: self.action_model,
+                size,
+                row: start.0,
+                col: start.1,
+                heading: start.2,
+                begun: Action::Wait,
+                ticks: 0,
+                ticks_per_action: 1,
+                up,
+            };
+            cells.clear();
+            cells.push(robot.cell());
+            let walked = if text.trim_start().starts_with('[') {
+                robot.ticks_per_action = self.agent_max_counter.unwrap_or(10);
+                robot.runs(text, most.saturating_sub(used), &mut cells)
+            } else {
+                robot.actions(text, most.saturating_sub(used), &mut cells)
+            };
+            walked.map_err(|reason| format!("actualPaths of agent {agent}: {reason}"))?;
+            used += cells.len();
+            plan.push_path(cells.iter().copied());
+        }
+        Ok(plan)
+    }
 }
 
 struct Robot {
@@ -184,6 +203,8 @@ struct Robot {
     begun: Action,
     ticks: u32,
     ticks_per_action: u32,
+    /// Rows of `U`.
+    up: i64,
 }
 
 impl Robot {
@@ -222,7 +243,7 @@ impl Robot {
                 .heading
                 .step()
                 .ok_or("the agent goes forward, but its start has no heading")?,
-            Action::Step(rows, cols) => (rows, cols),
+            Action::Step(rows, cols) => (rows * self.up, cols),
         };
         self.row = self.row.saturating_add(rows);
         self.col = self.col.saturating_add(cols);
@@ -446,6 +467,11 @@ mod tests {
         let starts = "[0, 0, \"N/A\"], [1, 1, \"N/A\"]";
         let text = result("MAPF", starts, "\"U\", \"W\"", "");
         assert_eq!(read(&text), Ok(vec![vec![0, 4]]));
+        // Up and down the other way round, since the map has three rows.
+        let text = result("MAPF", "[2, 0, \"N/A\"]", "\"U,R,D\"", "");
+        assert_eq!(read(&text), Ok(vec![vec![8, 4, 5, 9]]));
+        let text = result("MAPF", "[0, 0, \"N/A\"]", "\"L,U\"", "");
+        assert_eq!(read(&text), Ok(vec![vec![0, OFF_MAP, OFF_MAP]]));
         // Two ticks per action, one of them delayed; the second chunk's state is stale.
         let text = result(
             "MAPF_T",
