@@ -1,9 +1,10 @@
 //! The tutorials of `docs/tutorials` as a reader follows them: every command is run, every
 //! change is made, and what the commands print is compared with what the page says.
 //!
-//! In a page, ```` ```console ```` has commands after `$ ` and their output; `? 2` is an exit code other than
-//! 0, and `...` and `[..]` stand for what differs from machine to machine. ```` ```diff ````
-//! changes the file that its first line names, and ```` ```python stay.py ```` is a new file.
+//! In a page, a `console` block has commands after `$ ` and what they print; `? 2` is an
+//! exit code other than 0, and `...` and `[..]` stand for what differs from machine to
+//! machine. A `diff` block changes the file that its first line names, and a block whose
+//! first line goes on with a name after the language is a new file.
 //! `SNAPSHOTS=overwrite cargo test -p fleetyard --test tutorials` writes the output anew; look
 //! at what becomes of the `...`.
 
