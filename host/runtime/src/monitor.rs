@@ -17,8 +17,13 @@ use crate::cgroup::Cgroup;
 use crate::sandbox::jail::{Ended, Jail};
 use crate::tree::Census;
 
-/// How often proportional sets are read although no limit asks for it.
+/// How often proportional sets are read although no limit asks for it, at most.
 const SHARES_EVERY_NS: u64 = 100_000_000;
+
+/// What looking may take of a processor, as one part of so many: of a plugin that is far
+/// from its limits, and of one that comes near to one.
+const SHARE: u64 = 100;
+const SHARE_NEAR: u64 = 20;
 
 /// How often a folder on somebody's disk is walked through.
 const FOLDER_EVERY_NS: u64 = 50_000_000;
@@ -157,8 +162,11 @@ pub(crate) struct Monitor {
     peak_disk_kb: u64,
     /// What the last look took, so that looking never takes much of a processor.
     cost_ns: u64,
+    /// Whether memory comes near to its limit.
+    near: bool,
     disk_looked_ns: u64,
-    shares_looked_ns: u64,
+    /// When proportional sets may be read again.
+    shares_again_ns: u64,
     last_cpu_us: u64,
 }
 
@@ -178,8 +186,9 @@ impl Monitor {
             peak_tasks: 0,
             peak_disk_kb: 0,
             cost_ns: 0,
+            near: false,
             disk_looked_ns: 0,
-            shares_looked_ns: 0,
+            shares_again_ns: 0,
             last_cpu_us: 0,
         }
     }
@@ -188,8 +197,9 @@ impl Monitor {
     pub(crate) fn pause(&self) -> Duration {
         const SHORTEST: u64 = 5_000_000;
         const LONGEST: u64 = 50_000_000;
-        // A twentieth of a processor, and more only for very many processes.
-        Duration::from_nanos((self.cost_ns * 20).clamp(SHORTEST, LONGEST))
+        // More than its share only for very many processes.
+        let share = if self.near { SHARE_NEAR } else { SHARE };
+        Duration::from_nanos((self.cost_ns * share).clamp(SHORTEST, LONGEST))
     }
 
     /// A call begins: its limits count from here.
@@ -261,19 +271,23 @@ impl Monitor {
             }
         }
         let resident_kb = census.resident_pages * self.page_kb;
+        // Half of the rest can be filled between two looks.
+        self.near = limit_kb > 0 && resident_kb > limit_kb / 2;
         if resident_kb <= self.peak_memory_kb && (limit_kb == 0 || resident_kb <= limit_kb) {
             return false;
         }
-        // Proportional sets are dear: for the limit when need be, for the peak now and
-        // then.
+        // Proportional sets are dear, some ten milliseconds for half a gibibyte: for the
+        // limit when need be, for the peak now and then.
         let now = monotonic_ns();
         let too_much = limit_kb > 0 && resident_kb > limit_kb;
-        if census.members.len() > 1 && !too_much && now < self.shares_looked_ns + SHARES_EVERY_NS {
+        if census.members.len() > 1 && !too_much && now < self.shares_again_ns {
             return false;
         }
         let used = if census.members.len() > 1 {
-            self.shares_looked_ns = now;
-            self.shares_kb(jail, census, if too_much { 3 } else { 1 })
+            let used = self.shares_kb(jail, census, if too_much { 3 } else { 1 });
+            let cost_ns = monotonic_ns() - now;
+            self.shares_again_ns = now + (cost_ns * SHARE).max(SHARES_EVERY_NS);
+            used
         } else {
             resident_kb
         };
