@@ -14,8 +14,12 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("fleetyard-abi", &[]),
     ("fleetyard-core", &["fleetyard-abi"]),
     ("fleetyard-world", &["fleetyard-core"]),
-    ("fleetyard-check", &["fleetyard-core"]),
+    ("fleetyard-check", &["fleetyard-core", "fleetyard-world"]),
     ("fleetyard-sim", &["fleetyard-core", "fleetyard-world"]),
+    (
+        "fleetyard-view",
+        &["fleetyard-core", "fleetyard-sim", "fleetyard-world"],
+    ),
     ("fleetyard-runtime", &["fleetyard-abi", "fleetyard-core"]),
     (
         "fleetyard-conformance",
@@ -37,6 +41,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "fleetyard-plugins",
             "fleetyard-runtime",
             "fleetyard-sim",
+            "fleetyard-view",
             "fleetyard-world",
         ],
     ),
@@ -46,9 +51,12 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const HOMES: &[(&str, &str)] = &[
     ("abi_stable", "fleetyard-abi"),
     ("clap*", "fleetyard"),
+    ("geo", "fleetyard-world"),
     ("libloading", "fleetyard-runtime"),
     ("parry2d*", "fleetyard-sim"),
     ("rapier2d*", "fleetyard-sim"),
+    ("resvg", "fleetyard-view"),
+    ("zstd", "fleetyard-sim"),
 ];
 
 /// Crates of the host that may have unsafe code. Plugins may where they export
