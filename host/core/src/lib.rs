@@ -10,13 +10,16 @@ mod digest;
 mod error;
 mod files;
 pub mod formats;
+mod frame;
 mod grid;
 mod instance;
 mod map_file;
 mod plan;
 pub mod plan_file;
+mod roadmap;
 mod scenario;
 mod search;
+mod trajectory;
 
 pub use fleetyard_abi::PathEncoding;
 pub use fleetyard_abi::moves::{self, OFF_MAP};
@@ -24,12 +27,15 @@ pub use fleetyard_abi::moves::{self, OFF_MAP};
 pub use digest::{Digest, Hasher};
 pub use error::InputError;
 pub use files::{read_file, shown, write_all_atomically, write_atomically};
+pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{Connectivity, Grid};
 pub use instance::{GridInstance, InstanceError};
 pub use map_file::{MAP_FILE_LIMIT, load_map, read_map, save_map, write_map};
 pub use plan::GridPlan;
 pub use plan_file::{PlanFile, load_plan, read_plan, save_plan, write_plan};
+pub use roadmap::{Roadmap, RoadmapError, RoadmapPlan, RoadmapPlanError, Visit};
 pub use scenario::{
     SCEN_FILE_LIMIT, Scenario, ScenarioEntry, load_scen, read_scen, save_scen, write_scen,
 };
 pub use search::{GridSearch, OctileLength};
+pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan};

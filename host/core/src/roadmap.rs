@@ -1,0 +1,463 @@
+//! Roadmaps, graphs whose vertices lie in the plane, and plans on them.
+
+use crate::trajectory::{Knot, TrajectoryError, TrajectoryPlan};
+use crate::{Digest, Hasher};
+
+/// A roadmap: vertices in the plane, and directed edges that are driven straight.
+///
+/// Invariants: at least one vertex, at most [`Roadmap::MAX_VERTICES`] and
+/// [`Roadmap::MAX_EDGES`], coordinates finite and at most [`TrajectoryPlan::LARGEST`] in
+/// magnitude, no edge from a vertex to itself, every edge once. An edge that can be driven
+/// both ways is two.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Roadmap {
+    x_m: Vec<f64>,
+    y_m: Vec<f64>,
+    /// Edges from vertex v go to `targets[offsets[v]..offsets[v + 1]]`, ascending.
+    offsets: Vec<usize>,
+    targets: Vec<u32>,
+}
+
+/// Why vertices and edges do not make a roadmap, or a plan does not fit one. Vertices,
+/// edges and agents are counted from 0.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum RoadmapError {
+    #[error("there are {xs} x and {ys} y coordinates")]
+    LengthMismatch { xs: usize, ys: usize },
+    #[error("there are no vertices")]
+    NoVertices,
+    #[error("there are {found} {what}, more than {most}")]
+    TooMany {
+        what: &'static str,
+        found: usize,
+        most: usize,
+    },
+    #[error("vertex {vertex} is at ({x_m}, {y_m}), which is not finite or beyond ±{most:e}")]
+    Position {
+        vertex: usize,
+        x_m: f64,
+        y_m: f64,
+        most: f64,
+    },
+    #[error("edge {edge} goes from {from} to {to}, but there are {vertices} vertices")]
+    NoSuchVertex {
+        edge: usize,
+        from: u32,
+        to: u32,
+        vertices: usize,
+    },
+    #[error("edge {edge} goes from vertex {vertex} to itself")]
+    Loop { edge: usize, vertex: u32 },
+}
+
+impl Roadmap {
+    /// Most vertices that are accepted.
+    pub const MAX_VERTICES: usize = 1 << 26;
+
+    /// Most edges that are accepted.
+    pub const MAX_EDGES: usize = 1 << 28;
+
+    /// Checks the invariants and builds the roadmap. An edge given twice is kept once.
+    pub fn new(
+        x_m: Vec<f64>,
+        y_m: Vec<f64>,
+        edges: impl IntoIterator<Item = (u32, u32)>,
+    ) -> Result<Self, RoadmapError> {
+        let (xs, ys) = (x_m.len(), y_m.len());
+        if xs != ys {
+            return Err(RoadmapError::LengthMismatch { xs, ys });
+        }
+        let vertices = xs;
+        if vertices == 0 {
+            return Err(RoadmapError::NoVertices);
+        }
+        let too_many = |what, found: usize, most: usize| {
+            let many = found > most;
+            many.then_some(RoadmapError::TooMany { what, found, most })
+                .map_or(Ok(()), Err)
+        };
+        too_many("vertices", vertices, Self::MAX_VERTICES)?;
+        let most = TrajectoryPlan::LARGEST;
+        for (vertex, (x, y)) in x_m.iter().zip(&y_m).enumerate() {
+            // Also false for what is not a number.
+            if !(x.abs() <= most && y.abs() <= most) {
+                let (x_m, y_m) = (*x, *y);
+                return Err(RoadmapError::Position {
+                    vertex,
+                    x_m,
+                    y_m,
+                    most,
+                });
+            }
+        }
+        let mut sorted: Vec<(u32, u32)> = Vec::new();
+        for (edge, (from, to)) in edges.into_iter().enumerate() {
+            if from as usize >= vertices || to as usize >= vertices {
+                return Err(RoadmapError::NoSuchVertex {
+                    edge,
+                    from,
+                    to,
+                    vertices,
+                });
+            }
+            if from == to {
+                return Err(RoadmapError::Loop { edge, vertex: from });
+            }
+            sorted.push((from, to));
+            too_many("edges", sorted.len(), Self::MAX_EDGES)?;
+        }
+        sorted.sort_unstable();
+        sorted.dedup();
+        let mut offsets = vec![0; vertices + 1];
+        for (from, _) in &sorted {
+            offsets[*from as usize + 1] += 1;
+        }
+        for vertex in 0..vertices {
+            offsets[vertex + 1] += offsets[vertex];
+        }
+        Ok(Self {
+            // One zero, as in trajectories.
+            x_m: x_m.into_iter().map(|x| x + 0.0).collect(),
+            y_m: y_m.into_iter().map(|y| y + 0.0).collect(),
+            offsets,
+            targets: sorted.into_iter().map(|(_, to)| to).collect(),
+        })
+    }
+
+    /// Number of vertices.
+    pub fn vertices(&self) -> usize {
+        self.x_m.len()
+    }
+
+    /// Number of directed edges.
+    pub fn edge_count(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// Where a vertex is, in metres, x right and y up. It must exist.
+    pub fn position_m(&self, vertex: u32) -> (f64, f64) {
+        (self.x_m[vertex as usize], self.y_m[vertex as usize])
+    }
+
+    /// Where the edges from a vertex lead, ascending. The vertex must exist.
+    pub fn neighbors(&self, vertex: u32) -> &[u32] {
+        let vertex = vertex as usize;
+        &self.targets[self.offsets[vertex]..self.offsets[vertex + 1]]
+    }
+
+    /// Whether there is an edge from one vertex to another; both must exist.
+    pub fn has_edge(&self, from: u32, to: u32) -> bool {
+        self.neighbors(from).binary_search(&to).is_ok()
+    }
+
+    /// Every edge, ascending.
+    pub fn edges(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let from = 0..self.vertices() as u32;
+        from.flat_map(|from| self.neighbors(from).iter().map(move |to| (from, *to)))
+    }
+
+    /// Whether every edge can be driven both ways.
+    pub fn is_symmetric(&self) -> bool {
+        self.edges().all(|(from, to)| self.has_edge(to, from))
+    }
+
+    /// Digest of positions and edges.
+    pub fn digest(&self) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.roadmap/1");
+        hasher.u64(self.vertices() as u64);
+        for (x, y) in self.x_m.iter().zip(&self.y_m) {
+            hasher.f64(*x);
+            hasher.f64(*y);
+        }
+        for vertex in 0..self.vertices() as u32 {
+            hasher.u32s(self.neighbors(vertex));
+        }
+        hasher.finish()
+    }
+}
+
+/// When an agent is at a vertex.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Visit {
+    /// The vertex.
+    pub vertex: u32,
+    /// When it arrives, in seconds.
+    pub arrival_s: f64,
+    /// When it leaves; at its last vertex the agent stays, whatever this says.
+    pub departure_s: f64,
+}
+
+/// A plan on a roadmap: per agent, the vertices that it visits, and when. Between two
+/// visits it drives the edge at one speed.
+///
+/// Invariants: every agent visits a vertex, the first from time 0 on; times are finite, at
+/// most [`TrajectoryPlan::LARGEST`], and ascend: nobody leaves before it arrives, and every
+/// edge takes time. Whether the vertices and edges exist is for [`RoadmapPlan::check`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoadmapPlan {
+    offsets: Vec<usize>,
+    visits: Vec<Visit>,
+}
+
+/// What is wrong with a plan on a roadmap. Agents and their visits are counted from 0.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum RoadmapPlanError {
+    #[error("agent {agent} visits no vertex")]
+    NoVisits { agent: usize },
+    #[error(
+        "visit {visit} of agent {agent} is from {arrival_s} s to {departure_s} s, which is not finite or beyond {most:e}"
+    )]
+    Time {
+        agent: usize,
+        visit: usize,
+        arrival_s: f64,
+        departure_s: f64,
+        most: f64,
+    },
+    #[error("agent {agent} begins at time {time_s} s, not at 0")]
+    LateBegin { agent: usize, time_s: f64 },
+    #[error(
+        "visit {visit} of agent {agent} ends at {departure_s} s, before it begins at {arrival_s} s"
+    )]
+    LeavesBefore {
+        agent: usize,
+        visit: usize,
+        arrival_s: f64,
+        departure_s: f64,
+    },
+    #[error(
+        "visit {visit} of agent {agent} begins at {arrival_s} s, but the one before ends at {departure_s} s"
+    )]
+    ArrivesBefore {
+        agent: usize,
+        visit: usize,
+        arrival_s: f64,
+        departure_s: f64,
+    },
+    #[error("visit {visit} of agent {agent} is to vertex {vertex}, but the roadmap has {vertices}")]
+    NoSuchVertex {
+        agent: usize,
+        visit: usize,
+        vertex: u32,
+        vertices: usize,
+    },
+    #[error("visit {visit} of agent {agent}: the roadmap has no edge from {from} to {to}")]
+    NoSuchEdge {
+        agent: usize,
+        visit: usize,
+        from: u32,
+        to: u32,
+    },
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+}
+
+impl RoadmapPlanError {
+    /// The agent at fault, and which of its visits.
+    pub fn place(&self) -> Option<(usize, usize)> {
+        match self {
+            Self::NoVisits { agent } | Self::LateBegin { agent, .. } => Some((*agent, 0)),
+            Self::Time { agent, visit, .. }
+            | Self::LeavesBefore { agent, visit, .. }
+            | Self::ArrivesBefore { agent, visit, .. }
+            | Self::NoSuchVertex { agent, visit, .. }
+            | Self::NoSuchEdge { agent, visit, .. } => Some((*agent, *visit)),
+            Self::Trajectory(error) => error.place(),
+        }
+    }
+
+    /// What the author of the plan can do, where that can be said.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::NoVisits { .. } => Some("an agent that rests visits one vertex, from time 0 on"),
+            Self::LateBegin { .. } => Some("begin with a visit that arrives at time 0"),
+            Self::ArrivesBefore { .. } => Some("give the edge the time that it takes"),
+            Self::NoSuchEdge { .. } => Some("edges are directed: the other way is another edge"),
+            _ => None,
+        }
+    }
+}
+
+impl Default for RoadmapPlan {
+    fn default() -> Self {
+        Self::with_capacity(0, 0)
+    }
+}
+
+impl RoadmapPlan {
+    /// A plan without agents, ready for [`RoadmapPlan::push_path`].
+    pub fn with_capacity(agents: usize, visits: usize) -> Self {
+        let mut offsets = Vec::with_capacity(agents + 1);
+        offsets.push(0);
+        Self {
+            offsets,
+            visits: Vec::with_capacity(visits),
+        }
+    }
+
+    /// Appends the visits of the next agent. Visits to one vertex that follow each other
+    /// are one. A path that is refused leaves the plan as it was.
+    pub fn push_path(
+        &mut self,
+        visits: impl IntoIterator<Item = Visit>,
+    ) -> Result<(), RoadmapPlanError> {
+        let begin = self.visits.len();
+        let result = self.extend(visits);
+        match result {
+            Ok(()) => self.offsets.push(self.visits.len()),
+            Err(_) => self.visits.truncate(begin),
+        }
+        result
+    }
+
+    fn extend(&mut self, visits: impl IntoIterator<Item = Visit>) -> Result<(), RoadmapPlanError> {
+        let (agent, begin) = (self.agents(), self.visits.len());
+        for (number, given) in visits.into_iter().enumerate() {
+            let next = Visit {
+                vertex: given.vertex,
+                arrival_s: given.arrival_s + 0.0,
+                departure_s: given.departure_s + 0.0,
+            };
+            let (arrival_s, departure_s) = (next.arrival_s, next.departure_s);
+            let most = TrajectoryPlan::LARGEST;
+            if !(arrival_s.abs() <= most && departure_s.abs() <= most) {
+                return Err(RoadmapPlanError::Time {
+                    agent,
+                    visit: number,
+                    arrival_s,
+                    departure_s,
+                    most,
+                });
+            }
+            if departure_s < arrival_s {
+                return Err(RoadmapPlanError::LeavesBefore {
+                    agent,
+                    visit: number,
+                    arrival_s,
+                    departure_s,
+                });
+            }
+            let Some(before) = self.visits[begin..].last_mut() else {
+                if arrival_s != 0.0 {
+                    let time_s = arrival_s;
+                    return Err(RoadmapPlanError::LateBegin { agent, time_s });
+                }
+                self.visits.push(next);
+                continue;
+            };
+            let stays = before.vertex == next.vertex;
+            if arrival_s < before.departure_s || (arrival_s == before.departure_s && !stays) {
+                return Err(RoadmapPlanError::ArrivesBefore {
+                    agent,
+                    visit: number,
+                    arrival_s,
+                    departure_s: before.departure_s,
+                });
+            }
+            if stays {
+                before.departure_s = departure_s;
+            } else {
+                self.visits.push(next);
+            }
+        }
+        if self.visits.len() == begin {
+            return Err(RoadmapPlanError::NoVisits { agent });
+        }
+        Ok(())
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// One agent's visits, at least one.
+    pub fn path(&self, agent: usize) -> &[Visit] {
+        &self.visits[self.offsets[agent]..self.offsets[agent + 1]]
+    }
+
+    /// Every agent's visits, in order.
+    pub fn paths(&self) -> impl ExactSizeIterator<Item = &[Visit]> {
+        (0..self.agents()).map(|agent| self.path(agent))
+    }
+
+    /// Number of visits of all agents.
+    pub fn visit_count(&self) -> usize {
+        self.visits.len()
+    }
+
+    /// When the last agent arrives at its last vertex, in seconds.
+    pub fn horizon_s(&self) -> f64 {
+        let last = self.paths().map(|path| path[path.len() - 1].arrival_s);
+        last.fold(0.0, f64::max)
+    }
+
+    /// Whether every vertex and every edge of the plan is on the roadmap.
+    pub fn check(&self, roadmap: &Roadmap) -> Result<(), RoadmapPlanError> {
+        let vertices = roadmap.vertices();
+        for (agent, path) in self.paths().enumerate() {
+            for (visit, at) in path.iter().enumerate() {
+                let vertex = at.vertex;
+                if vertex as usize >= vertices {
+                    return Err(RoadmapPlanError::NoSuchVertex {
+                        agent,
+                        visit,
+                        vertex,
+                        vertices,
+                    });
+                }
+                if visit > 0 && !roadmap.has_edge(path[visit - 1].vertex, vertex) {
+                    return Err(RoadmapPlanError::NoSuchEdge {
+                        agent,
+                        visit,
+                        from: path[visit - 1].vertex,
+                        to: vertex,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The same plan in the plane, without headings. The plan must fit the roadmap, which
+    /// is checked.
+    pub fn to_trajectories(&self, roadmap: &Roadmap) -> Result<TrajectoryPlan, RoadmapPlanError> {
+        self.check(roadmap)?;
+        let mut plan = TrajectoryPlan::with_capacity(self.agents(), self.visits.len());
+        for path in self.paths() {
+            let last = path.len() - 1;
+            plan.push_path(path.iter().enumerate().flat_map(|(visit, at)| {
+                let (x_m, y_m) = roadmap.position_m(at.vertex);
+                let knot = |time_s| Knot {
+                    time_s,
+                    x_m,
+                    y_m,
+                    heading_rad: None,
+                };
+                // At its last vertex an agent rests anyway.
+                let leaves = (visit < last).then(|| knot(at.departure_s));
+                [Some(knot(at.arrival_s)), leaves].into_iter().flatten()
+            }))?;
+        }
+        Ok(plan)
+    }
+
+    /// Digest of the visits. How long an agent stays at its last vertex means nothing.
+    pub fn digest(&self) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.roadmap-plan/1");
+        hasher.u64(self.agents() as u64);
+        for path in self.paths() {
+            hasher.u64(path.len() as u64);
+            for (visit, at) in path.iter().enumerate() {
+                hasher.u64(u64::from(at.vertex));
+                hasher.f64(at.arrival_s);
+                if visit + 1 < path.len() {
+                    hasher.f64(at.departure_s);
+                }
+            }
+        }
+        hasher.finish()
+    }
+}
