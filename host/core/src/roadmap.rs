@@ -348,7 +348,8 @@ impl RoadmapPlan {
                 continue;
             };
             let stays = before.vertex == next.vertex;
-            if arrival_s < before.departure_s || (arrival_s == before.departure_s && !stays) {
+            let takes_s = arrival_s - before.departure_s;
+            if takes_s < 0.0 || (takes_s <= 0.0 && !stays) {
                 return Err(RoadmapPlanError::ArrivesBefore {
                     agent,
                     visit: number,

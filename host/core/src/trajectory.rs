@@ -244,18 +244,17 @@ impl TrajectoryPlan {
     ) -> Result<(), TrajectoryError> {
         let begin = self.time_s.len();
         let result = self.extend(knots);
-        match result {
-            Ok(()) => self.offsets.push(self.time_s.len()),
-            Err(_) => {
-                for column in [&mut self.time_s, &mut self.x_m, &mut self.y_m] {
-                    column.truncate(begin);
-                }
-                match &mut self.heading_rad {
-                    Some(_) if begin == 0 => self.heading_rad = None,
-                    Some(headings) => headings.truncate(begin),
-                    None => {}
-                }
-            }
+        if result.is_ok() {
+            self.offsets.push(self.time_s.len());
+            return result;
+        }
+        for column in [&mut self.time_s, &mut self.x_m, &mut self.y_m] {
+            column.truncate(begin);
+        }
+        match &mut self.heading_rad {
+            Some(_) if begin == 0 => self.heading_rad = None,
+            Some(headings) => headings.truncate(begin),
+            None => {}
         }
         result
     }
@@ -457,7 +456,7 @@ fn follows(
             time_s: next.time_s,
         });
     }
-    if next.time_s == before.time_s && next != before {
+    if next.time_s <= before.time_s && next != before {
         return Err(TrajectoryError::Gap {
             agent,
             knot: number,
