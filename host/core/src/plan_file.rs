@@ -164,12 +164,21 @@ pub fn read_plan(source: &str, bytes: &[u8]) -> Result<PlanFile, InputError> {
     document.into_plan_file(source)
 }
 
-/// Turns serde_json's error about a text into ours: place apart from reason.
+/// Turns serde_json's error about a text into ours: place apart from reason. A
+/// type that is read may end its message with a line `hint: …`.
 pub fn json_error(source: &str, text: &[u8], error: &serde_json::Error) -> InputError {
     let place = format!(" at line {} column {}", error.line(), error.column());
     let whole = error.to_string();
     let reason = whole.strip_suffix(&place).unwrap_or(&whole);
+    let (reason, hint) = match reason.split_once("\nhint: ") {
+        Some((reason, hint)) => (reason, Some(hint)),
+        None => (reason, None),
+    };
     let input = InputError::new(source, reason);
+    let input = match hint {
+        Some(hint) => input.hint(hint),
+        None => input,
+    };
     let input = match error.line() {
         0 => input,
         line => {

@@ -1,4 +1,13 @@
-//! Worlds of Fleetyard: seeded generators of maps and scenarios.
+//! Worlds of Fleetyard: what robots and obstacles cover, and seeded generators
+//! of maps and scenarios.
+//!
+//! # Geometry
+//!
+//! What judging and simulating share: a [`Footprint`] becomes a [`Shape`], a
+//! [`Workspace`] has [`Polygon`]s. Metres, seconds, radians; x right, y up,
+//! headings counter-clockwise. Results are the same bits on every machine.
+//!
+//! # Generators
 //!
 //! Every generator is a struct of parameters with the methods of [`MapSpec`]:
 //! the same parameters and the same seed give the same bytes on every machine.
@@ -8,18 +17,32 @@
 #![forbid(unsafe_code)]
 
 mod canvas;
+mod enclosing;
+mod footprint;
 mod maze;
+mod polygon;
+mod pose;
 mod random;
 mod random_map;
 mod room;
 mod scenario;
+mod shape;
 mod spec;
 mod warehouse;
+mod workspace;
 
+pub use footprint::{Footprint, FootprintError};
 pub use maze::{MazeAlgorithm, MazeSpec};
+pub use polygon::{Bounds, Polygon, PolygonError};
+pub use pose::Pose;
 pub use random::SeededRandom;
 pub use random_map::RandomSpec;
 pub use room::RoomSpec;
 pub use scenario::ScenarioSpec;
+pub use shape::{Shape, common_radius_m};
 pub use spec::{EmptySpec, MapSpec};
 pub use warehouse::WarehouseSpec;
+pub use workspace::{
+    Mover, WORLD_FILE_LIMIT, WORLD_FORMAT, Workspace, load_workspace, read_workspace,
+    save_workspace, write_workspace,
+};

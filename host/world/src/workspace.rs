@@ -1,0 +1,365 @@
+//! Workspaces: bounds, obstacles and moving obstacles in continuous space, and
+//! their file, `fleetyard.world/1`, one JSON object.
+//!
+//! ```json
+//! {
+//!   "format": "fleetyard.world/1",
+//!   "name": "two rooms",
+//!   "bounds_m": [0, 0, 10, 5],
+//!   "obstacles": [
+//!     {"polygon": [[4.9, 0], [5.1, 0], [5.1, 2], [4.9, 2]]},
+//!     {"rectangle": {"center": [5, 4], "size": [0.2, 2], "angle_rad": 0}}
+//!   ],
+//!   "movers": [
+//!     {"footprint": {"disc": {"radius_m": 0.3}}, "knots": [[0, 1, 1, 0], [8, 9, 1, 0]]}
+//!   ]
+//! }
+//! ```
+//!
+//! `format` and `bounds_m` (left, bottom, right, top) are needed, and unknown
+//! keys are refused. A mover is an obstacle that goes from knot to knot, each
+//! `[time in s, x, y, heading in rad]`, uniformly; before the first and after
+//! the last it rests. Lengths are in metres, x grows to the right, y upwards,
+//! angles counter-clockwise.
+//!
+//! Bounds and obstacles are Ω and O of GRACE (section III-A): free is what is
+//! within the bounds and not inside an obstacle.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use fleetyard_core::{InputError, json_error, read_file, write_atomically};
+use serde::de::{self, Deserializer};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::{Bounds, Footprint, Polygon, Pose, Shape};
+
+/// The value of `format`.
+pub const WORLD_FORMAT: &str = "fleetyard.world/1";
+
+/// Largest world file that is read, in bytes.
+pub const WORLD_FILE_LIMIT: u64 = 1 << 28;
+
+/// A bounded piece of floor with what stands and moves on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Workspace {
+    /// A name for output; may be empty.
+    pub name: String,
+    /// Robots stay within.
+    pub bounds: Bounds,
+    /// What stands; obstacles may overlap and reach over the bounds.
+    pub obstacles: Vec<Polygon>,
+    /// What moves, whatever robots do.
+    pub movers: Vec<Mover>,
+}
+
+/// An obstacle that moves as it was told.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mover {
+    footprint: Footprint,
+    shape: Shape,
+    times_s: Vec<f64>,
+    poses: Vec<Pose>,
+}
+
+impl Mover {
+    /// A mover from its knots, whose times ascend.
+    pub fn new(footprint: Footprint, knots: &[(f64, Pose)]) -> Result<Self, InputError> {
+        let source = "mover";
+        let shape = footprint
+            .shape()
+            .map_err(|error| InputError::new(source, error.to_string()).hint(error.hint()))?;
+        if knots.is_empty() {
+            return Err(InputError::new(source, "a mover has no knots")
+                .hint("give [time in s, x, y, heading] at least once"));
+        }
+        for (at, (time_s, pose)) in knots.iter().enumerate() {
+            if !(pose.is_finite() && pose.x.abs().max(pose.y.abs()) <= Polygon::MOST_M) {
+                return Err(InputError::new(source, format!("knot {at} is at no place"))
+                    .hint("give coordinates in metres and a heading in radians"));
+            }
+            let earliest = if at == 0 { 0.0 } else { knots[at - 1].0 };
+            if !(time_s.is_finite() && (*time_s > earliest || (at == 0 && *time_s >= earliest))) {
+                let reason = format!("knot {at} is at {time_s} s, not after {earliest} s");
+                return Err(InputError::new(source, reason)
+                    .hint("the times of knots ascend from 0 s or later"));
+            }
+        }
+        let (times_s, poses) = knots.iter().copied().unzip();
+        Ok(Self {
+            footprint,
+            shape,
+            times_s,
+            poses,
+        })
+    }
+
+    /// What it covers.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// Times of its knots in seconds, ascending.
+    pub fn times_s(&self) -> &[f64] {
+        &self.times_s
+    }
+
+    /// Its pose at every knot.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
+    }
+
+    /// Where it is at a time.
+    pub fn pose_at(&self, time_s: f64) -> Pose {
+        let next = self.times_s.partition_point(|knot| *knot <= time_s);
+        if next == 0 {
+            return self.poses[0];
+        }
+        let Some(end) = self.times_s.get(next) else {
+            return self.poses[next - 1];
+        };
+        let start = self.times_s[next - 1];
+        let fraction = (time_s - start) / (end - start);
+        self.poses[next - 1].toward(self.poses[next], fraction)
+    }
+}
+
+/// Reads and parses a world file.
+pub fn load_workspace(path: impl AsRef<Path>) -> Result<Workspace, InputError> {
+    let path = path.as_ref();
+    let bytes = read_file(path, WORLD_FILE_LIMIT)?;
+    read_workspace(&path.display().to_string(), &bytes)
+}
+
+/// Parses the content of a world file. `source` is named in errors.
+pub fn read_workspace(source: &str, bytes: &[u8]) -> Result<Workspace, InputError> {
+    let document: Document = serde_json::from_slice(bytes).map_err(|error| {
+        let error = json_error(source, bytes, &error);
+        if error.hint.is_some() {
+            error
+        } else {
+            error.hint("a world file is a JSON object with format, bounds_m, obstacles and movers")
+        }
+    })?;
+    let Format = document.format;
+    let BoundsOfFile(bounds) = document.bounds_m;
+    Ok(Workspace {
+        name: document.name,
+        bounds,
+        obstacles: document.obstacles.into_iter().map(|file| file.0).collect(),
+        movers: document.movers.into_iter().map(|file| file.0).collect(),
+    })
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a world: a JSON object")]
+struct Document {
+    format: Format,
+    #[serde(default)]
+    name: String,
+    bounds_m: BoundsOfFile,
+    #[serde(default)]
+    obstacles: Vec<ObstacleOfFile>,
+    #[serde(default)]
+    movers: Vec<MoverOfFile>,
+}
+
+/// An error inside a file gets its place from the reader, and its hint from a
+/// last line of the message; see [`json_error`].
+fn refused<E: de::Error>(reason: impl std::fmt::Display, hint: &str) -> E {
+    E::custom(format!("{reason}\nhint: {hint}"))
+}
+
+struct Format;
+
+impl<'de> Deserialize<'de> for Format {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let found = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
+        if found == WORLD_FORMAT {
+            return Ok(Self);
+        }
+        let reason = format!(
+            "format is {:?}, expected {WORLD_FORMAT:?}",
+            fleetyard_core::shown(&found)
+        );
+        Err(refused(reason, "is this another kind of file, or of a newer version?"))
+    }
+}
+
+struct BoundsOfFile(Bounds);
+
+impl<'de> Deserialize<'de> for BoundsOfFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let [x0, y0, x1, y1] = <[f64; 4]>::deserialize(deserializer)?;
+        let most = Polygon::MOST_M;
+        let is_near = [x0, y0, x1, y1].iter().all(|value| value.abs() <= most);
+        if !(is_near && x1 - x0 >= Shape::RESOLUTION_M && y1 - y0 >= Shape::RESOLUTION_M) {
+            let reason = format!("bounds_m is [{x0}, {y0}, {x1}, {y1}], which is no area");
+            let hint = "give [left, bottom, right, top] in metres";
+            return Err(refused(reason, hint));
+        }
+        Ok(Self(Bounds {
+            min: [x0, y0],
+            max: [x1, y1],
+        }))
+    }
+}
+
+struct ObstacleOfFile(Polygon);
+
+impl<'de> Deserialize<'de> for ObstacleOfFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(rename_all = "lowercase", deny_unknown_fields)]
+        enum Outline {
+            Polygon(Vec<[f64; 2]>),
+            Rectangle {
+                center: [f64; 2],
+                size: [f64; 2],
+                #[serde(default)]
+                angle_rad: f64,
+            },
+        }
+        let polygon = match Outline::deserialize(deserializer)? {
+            Outline::Polygon(vertices) => Polygon::new(&vertices),
+            Outline::Rectangle {
+                center,
+                size,
+                angle_rad,
+            } => Polygon::rectangle(center, size, angle_rad),
+        };
+        polygon.map(Self).map_err(|error| refused(&error, error.hint()))
+    }
+}
+
+struct MoverOfFile(Mover);
+
+impl<'de> Deserialize<'de> for MoverOfFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Raw {
+            footprint: Footprint,
+            knots: Vec<[f64; 4]>,
+        }
+        let raw = Raw::deserialize(deserializer)?;
+        let knots = raw.knots.iter();
+        let knots: Vec<(f64, Pose)> = knots
+            .map(|[time_s, x, y, heading]| (*time_s, Pose::new(*x, *y, *heading)))
+            .collect();
+        Mover::new(raw.footprint, &knots)
+            .map(Self)
+            .map_err(|error| refused(error.reason, &error.hint.unwrap_or_default()))
+    }
+}
+
+/// The content of a world file, one obstacle or mover per line. Rectangles are
+/// written as the polygons that they are.
+pub fn write_workspace(workspace: &Workspace) -> Vec<u8> {
+    let ([x0, y0], [x1, y1]) = (workspace.bounds.min, workspace.bounds.max);
+    let obstacles = workspace.obstacles.iter();
+    let obstacles = obstacles.map(|polygon| json!({ "polygon": polygon.vertices() }));
+    let movers = workspace.movers.iter().map(|mover| {
+        let knots = mover.times_s.iter().zip(&mover.poses);
+        let knots = knots.map(|(time_s, pose)| json!([time_s, pose.x, pose.y, pose.heading]));
+        json!({ "footprint": mover.footprint, "knots": knots.collect::<Vec<_>>() })
+    });
+    let name = json!(workspace.name);
+    let bounds = json!([x0, y0, x1, y1]);
+    let mut text = format!(
+        "{{\n  \"format\": \"{WORLD_FORMAT}\",\n  \"name\": {name},\n  \"bounds_m\": {bounds},\n  "
+    );
+    write_lines(&mut text, "obstacles", obstacles);
+    text.push_str(",\n  ");
+    write_lines(&mut text, "movers", movers);
+    text.push_str("\n}\n");
+    text.into_bytes()
+}
+
+fn write_lines(text: &mut String, key: &str, values: impl Iterator<Item = Value>) {
+    let _ = write!(text, "\"{key}\": [");
+    let mut any = false;
+    for value in values {
+        let comma = if any { "," } else { "" };
+        let _ = write!(text, "{comma}\n    {value}");
+        any = true;
+    }
+    text.push_str(if any { "\n  ]" } else { "]" });
+}
+
+/// Writes a world file, replacing an old one as a whole.
+pub fn save_workspace(workspace: &Workspace, path: impl AsRef<Path>) -> Result<(), InputError> {
+    write_atomically(path.as_ref(), &write_workspace(workspace))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EXAMPLE: &str = r#"{
+  "format": "fleetyard.world/1",
+  "name": "two rooms",
+  "bounds_m": [0, 0, 10, 5],
+  "obstacles": [
+    {"polygon": [[4.9, 0], [5.1, 0], [5.1, 2], [4.9, 2]]},
+    {"rectangle": {"center": [5, 4], "size": [0.2, 2], "angle_rad": 0.25}}
+  ],
+  "movers": [
+    {"footprint": {"disc": {"radius_m": 0.3}}, "knots": [[1, 1, 1, 0], [9, 9, 1, 4]]}
+  ]
+}
+"#;
+
+    #[test]
+    fn files_are_read_and_written() {
+        let workspace = read_workspace("a.json", EXAMPLE.as_bytes()).unwrap();
+        assert_eq!(workspace.name, "two rooms");
+        assert_eq!(workspace.bounds.max, [10.0, 5.0]);
+        assert_eq!(workspace.obstacles.len(), 2);
+        assert!((workspace.obstacles[1].area_m2() - 0.4).abs() < 1e-12);
+        let mover = &workspace.movers[0];
+        assert_eq!(mover.pose_at(0.0), Pose::at(1.0, 1.0));
+        assert_eq!(mover.pose_at(1.0), Pose::at(1.0, 1.0));
+        assert_eq!(mover.pose_at(5.0), Pose::new(5.0, 1.0, 2.0));
+        assert_eq!(mover.pose_at(100.0), Pose::new(9.0, 1.0, 4.0));
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("world.json");
+        save_workspace(&workspace, &path).unwrap();
+        assert_eq!(load_workspace(&path).unwrap(), workspace);
+
+        let empty = br#"{"format": "fleetyard.world/1", "bounds_m": [0, 0, 1, 1]}"#;
+        let empty = read_workspace("b.json", empty).unwrap();
+        assert_eq!(read_workspace("b.json", &write_workspace(&empty)), Ok(empty));
+    }
+
+    /// Every mistake is named with its place and a way out.
+    #[test]
+    fn mistakes_have_a_place_and_a_hint() {
+        let cases = [
+            ("world/1", "world/2", "2:32: format is \"fleetyard.world/2\", expected \"fleetyard.world/1\""),
+            ("10, 5]", "0, 5]", "4:28: bounds_m is [0, 0, 0, 5], which is no area"),
+            ("[4.9, 2]]", "[4.9, 1e999]]", "6:57: number out of range"),
+            ("[5.1, 2], [4.9, 2]", "[4.9, 2], [5.1, 2]",
+                "6:57: the polygon intersects itself: the edge from vertex 1 meets the edge from vertex 3"),
+            ("[0.2, 2]", "[0.2, -2]", "7:75: a rectangle's height is -2"),
+            ("\"angle_rad\"", "\"angle\"", "7:60: unknown field `angle`, expected one of `center`, `size`, `angle_rad`"),
+            ("0.3}", "0}", "10:83: radius_m is 0, which is not between 0.000001 and 1000000"),
+            ("[9, 9", "[1, 9", "10:85: knot 1 is at 1 s, not after 1 s"),
+            ("[[1, 1, 1, 0], [9, 9, 1, 4]]", "[]", "10:59: a mover has no knots"),
+            ("\"movers\"", "\"robots\"", "9:10: unknown field `robots`, expected one of `format`, `name`, `bounds_m`, `obstacles`, `movers`"),
+        ];
+        for (from, to, message) in cases {
+            let text = EXAMPLE.replacen(from, to, 1);
+            assert_ne!(text, EXAMPLE, "{from}");
+            let error = read_workspace("a.json", text.as_bytes()).unwrap_err();
+            assert_eq!(error.to_string(), format!("a.json:{message}"));
+            assert!(error.hint.is_some_and(|hint| !hint.is_empty()), "{message}");
+        }
+        for cut in 0..EXAMPLE.trim_end().len() {
+            let error = read_workspace("a.json", &EXAMPLE.as_bytes()[..cut]).unwrap_err();
+            assert!(error.hint.is_some());
+        }
+    }
+}
