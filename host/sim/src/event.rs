@@ -14,6 +14,8 @@ pub enum EventKind {
     Begin,
     /// They no longer overlap.
     End,
+    /// An agent is at the end of its route, for good.
+    Arrive,
 }
 
 /// What an agent is in contact with.
@@ -29,27 +31,39 @@ pub enum Other {
         /// the last one left.
         cell: u32,
     },
+    /// A polygon of the workspace, by its index; the index after the last is the
+    /// outside of the workspace.
+    Polygon(u32),
+    /// A moving obstacle, by its index.
+    Mover(u32),
+    /// Nothing: the event is an arrival at the goal.
+    Goal,
 }
 
 impl Other {
-    /// Key that puts agents in order and obstacles last.
-    fn key(self) -> u32 {
+    /// Key that puts agents in order, then obstacles, then the goal.
+    fn key(self) -> (u8, u32) {
         match self {
-            Self::Agent(agent) => agent,
-            Self::Obstacle { .. } => u32::MAX,
+            Self::Agent(agent) => (0, agent),
+            // Whichever cell it is, there is one such contact at a time.
+            Self::Obstacle { .. } => (1, 0),
+            Self::Polygon(index) => (2, index),
+            Self::Mover(index) => (3, index),
+            Self::Goal => (4, 0),
         }
     }
 }
 
-/// Something begins or ends to touch. Events are told in the order of substep,
-/// then agent, then the other agent (obstacles last), then time.
+/// Something begins or ends to touch, or an agent arrives. Events are told in the
+/// order of substep, then agent, then the other one (agents, cells, polygons,
+/// moving obstacles, the goal), then time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// The substep that it happens in, counted from 0.
     pub substep: u64,
     /// Simulated time in seconds.
     pub time_s: f64,
-    /// Begin or end.
+    /// What happens.
     pub kind: EventKind,
     /// The agent, the lower index of two.
     pub agent: u32,
@@ -75,7 +89,7 @@ pub struct Contact {
 pub struct Contacts {
     /// How many contacts between agents began.
     pub agent_agent: u64,
-    /// How many contacts of agents with obstacles began.
+    /// How many contacts of agents with obstacles began, standing or moving.
     pub agent_obstacle: u64,
     /// The first of them in the order of their beginnings, at most
     /// [`SimConfig::max_contacts_kept`](crate::SimConfig::max_contacts_kept).
@@ -130,7 +144,7 @@ pub(crate) struct Log {
     substeps_per_s: f64,
     keep: usize,
     /// Kept contacts that have not ended.
-    open: BTreeMap<(u32, u32), usize>,
+    open: BTreeMap<(u32, (u8, u32)), usize>,
 }
 
 impl Log {
@@ -169,7 +183,7 @@ impl Log {
                 EventKind::Begin => {
                     match event.other {
                         Other::Agent(_) => self.contacts.agent_agent += 1,
-                        Other::Obstacle { .. } => self.contacts.agent_obstacle += 1,
+                        _ => self.contacts.agent_obstacle += 1,
                     }
                     if self.contacts.first.len() < self.keep {
                         self.open.insert(key, self.contacts.first.len());
@@ -186,6 +200,7 @@ impl Log {
                         self.contacts.first[at].end_s = Some(event.time_s);
                     }
                 }
+                EventKind::Arrive => {}
             }
         }
     }

@@ -27,8 +27,8 @@
 //!   bit 2i + 1 for y of agent i, lowest bit first) of the coordinates that differ
 //!   from the last recorded state (at first: from +0), and the new values of those.
 //! - `E`, events: 26 bytes each: substep `u64`, time in seconds `f64`, kind `u8`
-//!   (0 begin, 1 end), other `u8` (0 agent, 1 obstacle), agent `u32`, other agent or
-//!   cell `u32`. At most 4096 in a frame. Events come in order, in frames after
+//!   (0 begin, 1 end, 2 arrival), other `u8` (0 agent, 1 cell, 2 polygon, 3 mover, 4 goal),
+//!   agent `u32`, other agent, cell or index `u32`. At most 4096 in a frame. Events come in order, in frames after
 //!   the states of the ticks that they fall into.
 //! - `Z`, the end: ticks `u64`, simulated seconds, contacts between agents `u64`,
 //!   contacts with obstacles `u64`, nearest approach (NaN if none), largest and mean
@@ -298,6 +298,9 @@ pub(crate) fn event_bytes(event: &Event) -> [u8; EVENT_BYTES] {
     let (tag, other) = match event.other {
         Other::Agent(agent) => (0, agent),
         Other::Obstacle { cell } => (1, cell),
+        Other::Polygon(index) => (2, index),
+        Other::Mover(index) => (3, index),
+        Other::Goal => (4, 0),
     };
     let mut out = [0; EVENT_BYTES];
     out[0..8].copy_from_slice(&event.substep.to_le_bytes());
@@ -305,6 +308,7 @@ pub(crate) fn event_bytes(event: &Event) -> [u8; EVENT_BYTES] {
     out[16] = match event.kind {
         EventKind::Begin => 0,
         EventKind::End => 1,
+        EventKind::Arrive => 2,
     };
     out[17] = tag;
     out[18..22].copy_from_slice(&event.agent.to_le_bytes());
@@ -318,6 +322,7 @@ fn parse_event(bytes: &[u8]) -> Option<Event> {
     let kind = match fields.u8()? {
         0 => EventKind::Begin,
         1 => EventKind::End,
+        2 => EventKind::Arrive,
         _ => return None,
     };
     let tag = fields.u8()?;
@@ -325,6 +330,9 @@ fn parse_event(bytes: &[u8]) -> Option<Event> {
     let other = match tag {
         0 => Other::Agent(other),
         1 => Other::Obstacle { cell: other },
+        2 => Other::Polygon(other),
+        3 => Other::Mover(other),
+        4 => Other::Goal,
         _ => return None,
     };
     Some(Event {

@@ -26,7 +26,7 @@ fn pairs(outcome: &Outcome) -> BTreeSet<(u32, u32)> {
 fn key(contact: &Contact) -> (u32, u32) {
     match contact.other {
         Other::Agent(other) => (contact.agent, other),
-        Other::Obstacle { .. } => (contact.agent, u32::MAX),
+        _ => (contact.agent, u32::MAX),
     }
 }
 
