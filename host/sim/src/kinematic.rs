@@ -2,10 +2,11 @@
 //! closed-form swept tests over candidate pairs and over the bitmap of solid
 //! cells. Nothing is sampled.
 
+use fleetyard_world::Relative;
+
 use crate::bodies::{Bodies, Span};
 use crate::error::SimError;
 use crate::event::{Change, EventKind, Other};
-use crate::geometry::Relative;
 use crate::statics::Statics;
 
 /// What an engine sees of one span.

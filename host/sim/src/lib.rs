@@ -60,7 +60,6 @@ mod convert;
 mod error;
 mod event;
 mod execution;
-mod geometry;
 mod kinematic;
 mod pairs;
 mod reference;

@@ -1,10 +1,10 @@
 //! The static world: which cells are solid, as a bitmap and as rectangles.
 
 use fleetyard_core::Grid;
+use fleetyard_world::{Inside, Relative};
 
 use crate::bodies::{Bodies, Span};
 use crate::event::{Change, EventKind, Other};
-use crate::geometry::{Inside, Relative};
 
 /// The solid cells of a grid in the world frame.
 #[derive(Debug)]

@@ -19,6 +19,7 @@
 mod canvas;
 mod enclosing;
 mod footprint;
+mod geometry;
 mod maze;
 mod polygon;
 mod pose;
@@ -26,12 +27,16 @@ mod random;
 mod random_map;
 mod room;
 mod scenario;
+mod separation;
 mod shape;
 mod spec;
+mod sweep;
+mod swept;
 mod warehouse;
 mod workspace;
 
 pub use footprint::{Footprint, FootprintError};
+pub use geometry::{Inside, Relative};
 pub use maze::{MazeAlgorithm, MazeSpec};
 pub use polygon::{Bounds, Polygon, PolygonError};
 pub use pose::Pose;
@@ -39,8 +44,11 @@ pub use random::SeededRandom;
 pub use random_map::RandomSpec;
 pub use room::RoomSpec;
 pub use scenario::ScenarioSpec;
+pub use separation::{Placement, distance_m, separation_m};
 pub use shape::{Shape, common_radius_m};
 pub use spec::{EmptySpec, MapSpec};
+pub use sweep::{RESOLUTION_M, contacts_in_span};
+pub use swept::{SWEPT_SLACK, swept_shapes_meet};
 pub use warehouse::WarehouseSpec;
 pub use workspace::{
     Mover, WORLD_FILE_LIMIT, WORLD_FORMAT, Workspace, load_workspace, read_workspace,

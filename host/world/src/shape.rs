@@ -115,6 +115,10 @@ impl Shape {
         &self.vertices
     }
 
+    pub(crate) fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
     /// r_eff, the radius of the minimum enclosing circle, in metres.
     pub fn effective_radius_m(&self) -> f64 {
         self.effective_radius

@@ -1,31 +1,35 @@
 //! Closed forms for uniformly moving discs.
 //!
 //! Everything here is about one span of time, run through by a fraction s from
-//! 0 to 1. "Inside" is strict: a disc that touches is not inside. Whether the
+//! 0 to 1, and takes constant time. "Inside" is strict: a disc that touches is not inside. Whether the
 //! ends of the span are inside is decided by the same expression on the same
 //! numbers as at the end of the span before, so that a contact that lasts over
 //! several spans neither flickers nor is lost to rounding.
 
 /// When, within a span, something is inside something convex.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Inside {
+pub struct Inside {
     /// Fraction at which it comes in; 0 if it was inside at the start.
-    pub(crate) enter: f64,
+    pub enter: f64,
     /// Fraction at which it goes out; 1 if it is inside at the end.
-    pub(crate) leave: f64,
+    pub leave: f64,
     /// Inside at the start of the span.
-    pub(crate) at_start: bool,
+    pub at_start: bool,
     /// Inside at the end of the span.
-    pub(crate) at_end: bool,
+    pub at_end: bool,
 }
 
 /// The motion of one point relative to another: from `(x0, y0)` to `(x1, y1)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Relative {
-    pub(crate) x0: f64,
-    pub(crate) y0: f64,
-    pub(crate) x1: f64,
-    pub(crate) y1: f64,
+pub struct Relative {
+    /// x at the start, in metres.
+    pub x0: f64,
+    /// y at the start, in metres.
+    pub y0: f64,
+    /// x at the end, in metres.
+    pub x1: f64,
+    /// y at the end, in metres.
+    pub y1: f64,
 }
 
 impl Relative {
@@ -39,7 +43,7 @@ impl Relative {
 
     /// The least squared distance to the origin and the first fraction at which
     /// it is reached.
-    pub(crate) fn closest(self) -> (f64, f64) {
+    pub fn closest(self) -> (f64, f64) {
         let (wx, wy) = (self.x1 - self.x0, self.y1 - self.y0);
         let along = self.x0 * wx + self.y0 * wy;
         if along >= 0.0 {
@@ -59,7 +63,7 @@ impl Relative {
 
     /// When the point is nearer to the origin than `radius`, given the least
     /// squared distance from [`Relative::closest`].
-    pub(crate) fn inside_disc(self, radius: f64, least_squared: f64) -> Option<Inside> {
+    pub fn inside_disc(self, radius: f64, least_squared: f64) -> Option<Inside> {
         let limit = radius * radius;
         let (at_start, at_end) = (self.start_squared() < limit, self.end_squared() < limit);
         if !at_start && !at_end && least_squared >= limit {
@@ -72,7 +76,7 @@ impl Relative {
 
     /// When the point is nearer than `radius` to the square of half side `half`
     /// around the origin.
-    pub(crate) fn inside_square(self, half: f64, radius: f64) -> Option<Inside> {
+    pub fn inside_square(self, half: f64, radius: f64) -> Option<Inside> {
         let limit = radius * radius;
         let near = |x: f64, y: f64| {
             let (dx, dy) = ((x.abs() - half).max(0.0), (y.abs() - half).max(0.0));
@@ -107,7 +111,7 @@ impl Relative {
 
 impl Inside {
     /// Confines a crossing to the span and lets the ends decide over rounding.
-    fn clamped((enter, leave): (f64, f64), at_start: bool, at_end: bool) -> Self {
+    pub(crate) fn clamped((enter, leave): (f64, f64), at_start: bool, at_end: bool) -> Self {
         let enter = if at_start { 0.0 } else { enter.clamp(0.0, 1.0) };
         let leave = if at_end { 1.0 } else { leave.clamp(0.0, 1.0) };
         Self {
@@ -120,7 +124,7 @@ impl Inside {
 }
 
 /// The open interval of s with |p + s·w|² < `limit`, if there is one.
-fn disc_crossing(x: f64, y: f64, wx: f64, wy: f64, limit: f64) -> Option<(f64, f64)> {
+pub(crate) fn disc_crossing(x: f64, y: f64, wx: f64, wy: f64, limit: f64) -> Option<(f64, f64)> {
     let a = wx * wx + wy * wy;
     let b = x * wx + y * wy;
     let c = x * x + y * y - limit;

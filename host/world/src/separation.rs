@@ -1,0 +1,318 @@
+//! How far apart two shapes are, or how deep they are in each other.
+//!
+//! Two convex shapes are apart exactly if some direction separates them, and for
+//! polygons the normals of their edges are directions enough (the separating
+//! axis theorem). If none separates, the least overlap over these normals is the
+//! penetration depth: the shortest translation that parts the shapes. If one
+//! does, the largest gap over them is a lower bound of the distance; it is the
+//! distance itself unless two corners are what is nearest.
+//!
+//! Discs against polygons and against each other are computed exactly. Two
+//! polygons of n and m vertices take n·m steps, and nothing is allocated.
+
+use crate::{Pose, Shape};
+
+/// A pose whose heading has been turned into its cosine and sine, for callers
+/// who test one body against many.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    x: f64,
+    y: f64,
+    cos: f64,
+    sin: f64,
+}
+
+impl From<Pose> for Placement {
+    fn from(pose: Pose) -> Self {
+        let (cos, sin) = pose.rotation();
+        Self {
+            x: pose.x,
+            y: pose.y,
+            cos,
+            sin,
+        }
+    }
+}
+
+impl Placement {
+    pub(crate) fn rotate(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
+    }
+
+    /// The rotation the other way.
+    pub(crate) fn rotate_back(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.cos * x + self.sin * y, self.cos * y - self.sin * x]
+    }
+
+    /// A point of the body in the world.
+    pub(crate) fn apply(self, point: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.rotate(point);
+        [self.x + x, self.y + y]
+    }
+
+    /// Where and how `other` is in the frame of this body.
+    pub(crate) fn see(self, other: Self) -> Self {
+        let [x, y] = self.rotate_back([other.x - self.x, other.y - self.y]);
+        let [cos, sin] = self.rotate_back([other.cos, other.sin]);
+        Self { x, y, cos, sin }
+    }
+
+    /// Where the body is.
+    pub(crate) fn position(self) -> [f64; 2] {
+        [self.x, self.y]
+    }
+}
+
+/// How far apart two shapes are in metres: above 0 if they are apart, and then
+/// no more than their distance; 0 if they touch; the negative penetration depth
+/// if they overlap.
+///
+/// Exact but for rounding unless both are polygons whose corners are what is
+/// nearest; see the [module](self).
+pub fn separation_m(
+    a: &Shape,
+    at_a: impl Into<Placement>,
+    b: &Shape,
+    at_b: impl Into<Placement>,
+) -> f64 {
+    let (at_a, at_b) = (at_a.into(), at_b.into());
+    separate(a, b, at_a.see(at_b)).0
+}
+
+/// The separation of `b`, placed in the frame of `a`, and a direction from a to b,
+/// in the same frame and of length 1, along which they are that far apart.
+pub(crate) fn separate(a: &Shape, b: &Shape, at_b: Placement) -> (f64, [f64; 2]) {
+    let position = at_b.position();
+    match (a.is_disc(), b.is_disc()) {
+        (true, true) => {
+            let (distance, direction) = length_and_direction(position);
+            let radii = a.effective_radius_m() + b.effective_radius_m();
+            (distance - radii, direction)
+        }
+        (false, true) => {
+            let (distance, direction) = from_point(a, position);
+            (distance - b.effective_radius_m(), direction)
+        }
+        (true, false) => {
+            let here = at_b.rotate_back([-at_b.x, -at_b.y]);
+            let (distance, direction) = from_point(b, here);
+            let [x, y] = at_b.rotate(direction);
+            (distance - a.effective_radius_m(), [-x, -y])
+        }
+        (false, false) => between_polygons(a, b, at_b),
+    }
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+fn length_and_direction(vector: [f64; 2]) -> (f64, [f64; 2]) {
+    let length = dot(vector, vector).sqrt();
+    if length > 0.0 {
+        (length, [vector[0] / length, vector[1] / length])
+    } else {
+        (0.0, [1.0, 0.0])
+    }
+}
+
+/// The signed distance of a point from a polygon, below 0 inside, and the
+/// direction in which it grows.
+fn from_point(polygon: &Shape, point: [f64; 2]) -> (f64, [f64; 2]) {
+    let mut inside = (f64::NEG_INFINITY, [0.0; 2]);
+    for edge in polygon.edges() {
+        let above = dot(edge.normal, point) - edge.offset;
+        if above > inside.0 {
+            inside = (above, edge.normal);
+        }
+    }
+    if inside.0 <= 0.0 {
+        return inside;
+    }
+    let mut nearest = (f64::INFINITY, [0.0; 2]);
+    for (a, b) in sides(polygon.vertices()) {
+        let from = from_segment(a, b, point);
+        let squared = dot(from, from);
+        if squared < nearest.0 {
+            nearest = (squared, from);
+        }
+    }
+    let (distance, direction) = length_and_direction(nearest.1);
+    if distance > inside.0 {
+        (distance, direction)
+    } else {
+        // Nearest is the inside of an edge; its normal has fewer roundings.
+        inside
+    }
+}
+
+/// The sides of a polygon.
+pub(crate) fn sides(vertices: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
+    let next = vertices.iter().cycle().skip(1);
+    vertices.iter().copied().zip(next.copied())
+}
+
+/// From the point of a segment that is nearest to `point`, to it.
+pub(crate) fn from_segment(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> [f64; 2] {
+    let along = [b[0] - a[0], b[1] - a[1]];
+    let to = [point[0] - a[0], point[1] - a[1]];
+    let (progress, length) = (dot(along, to), dot(along, along));
+    if progress <= 0.0 || length <= 0.0 {
+        to
+    } else if progress >= length {
+        [point[0] - b[0], point[1] - b[1]]
+    } else {
+        let s = progress / length;
+        [to[0] - s * along[0], to[1] - s * along[1]]
+    }
+}
+
+/// The least of the projections of points on a direction.
+pub(crate) fn least_along(points: &[[f64; 2]], direction: [f64; 2]) -> f64 {
+    points
+        .iter()
+        .map(|point| dot(*point, direction))
+        .fold(f64::INFINITY, f64::min)
+}
+
+fn between_polygons(a: &Shape, b: &Shape, at_b: Placement) -> (f64, [f64; 2]) {
+    let mut most = (f64::NEG_INFINITY, [0.0; 2]);
+    each_axis(a, b, at_b, |gap, direction| {
+        if gap > most.0 {
+            most = (gap, direction);
+        }
+    });
+    most
+}
+
+/// The gap between two polygons along every normal that may separate them, and
+/// the direction of the gap from a to b, in the frame of `a`.
+pub(crate) fn each_axis(
+    a: &Shape,
+    b: &Shape,
+    at_b: Placement,
+    mut visit: impl FnMut(f64, [f64; 2]),
+) {
+    let position = at_b.position();
+    for edge in a.edges() {
+        let seen = at_b.rotate_back(edge.normal);
+        let gap = dot(edge.normal, position) + least_along(b.vertices(), seen) - edge.offset;
+        visit(gap, edge.normal);
+    }
+    for edge in b.edges() {
+        let [x, y] = at_b.rotate(edge.normal);
+        let gap = least_along(a.vertices(), [x, y]) - (x * position[0] + y * position[1]);
+        visit(gap - edge.offset, [-x, -y]);
+    }
+}
+
+/// The distance of two shapes in metres; 0 if they touch or overlap.
+///
+/// Exact but for rounding. Costs more than [`separation_m`].
+pub fn distance_m(
+    a: &Shape,
+    at_a: impl Into<Placement>,
+    b: &Shape,
+    at_b: impl Into<Placement>,
+) -> f64 {
+    let seen = at_a.into().see(at_b.into());
+    let (separation, _) = separate(a, b, seen);
+    if separation <= 0.0 || a.is_disc() || b.is_disc() {
+        return separation.max(0.0);
+    }
+    // The least distance of convex polygons that are apart is one of a corner of
+    // one from a side of the other.
+    let mut least = f64::INFINITY;
+    for (from, to) in sides(b.vertices()) {
+        let (from, to) = (seen.apply(from), seen.apply(to));
+        for (start, end) in sides(a.vertices()) {
+            for away in [
+                from_segment(from, to, start),
+                from_segment(start, end, from),
+            ] {
+                least = least.min(dot(away, away));
+            }
+        }
+    }
+    least.sqrt().max(separation)
+}
+
+#[cfg(test)]
+mod tests {
+    //! parry is the oracle.
+
+    use parry2d_f64::query;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::sweep::tests::{any_pose, any_shape, convex, in_parry, placed};
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        #[test]
+        fn separations_agree_with_parry(
+            a in any_shape(), at_a in any_pose(), b in any_shape(), at_b in any_pose(),
+        ) {
+            let separation = separation_m(&a, at_a, &b, at_b);
+            let distance = distance_m(&a, at_a, &b, at_b);
+            let (one, two) = (in_parry(&a), in_parry(&b));
+            let expected = query::distance(&placed(at_a), &*one, &placed(at_b), &*two)
+                .unwrap()
+                .distance;
+            prop_assert!((distance - expected).abs() < 1e-6, "{} {}", distance, expected);
+            prop_assert!(separation <= distance + 1e-12);
+            prop_assert_eq!(separation > 0.0, distance > 0.0);
+            // Translation by a little more than the depth parts them, by less does not.
+            let (depth, [x, y]) = separate(&a, &b, Placement::from(at_a).see(at_b.into()));
+            prop_assert!((depth - separation).abs() < 1e-12);
+            if depth < 0.0 {
+                let [x, y] = Placement::from(at_a).rotate([x, y]);
+                for (factor, parted) in [(1.0 + 1e-6, true), (1.0 - 1e-6, false)] {
+                    let way = -depth * factor;
+                    let moved = Pose { x: at_b.x + way * x, y: at_b.y + way * y, ..at_b };
+                    let after = separation_m(&a, at_a, &b, moved);
+                    prop_assert!(after > -1e-9 || !parted);
+                    prop_assert!(after < 1e-9 || parted);
+                }
+            }
+        }
+
+        /// From either side and in any frame it is the same.
+        #[test]
+        fn separations_are_symmetric(
+            a in any_shape(), at_a in any_pose(), b in any_shape(), at_b in any_pose(),
+        ) {
+            let one = separation_m(&a, at_a, &b, at_b);
+            let two = separation_m(&b, at_b, &a, at_a);
+            prop_assert!((one - two).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn touching_is_neither_apart_nor_overlap() {
+        let square = convex(&[[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]);
+        let disc = Shape::disc(0.5);
+        for (a, b, at, expected) in [
+            (&square, &square, Pose::at(2.0, 0.5), 0.0),
+            (&square, &square, Pose::at(2.0, 2.0), 0.0),
+            (&square, &square, Pose::at(0.0, 0.0), -2.0),
+            (&square, &square, Pose::at(1.5, 0.0), -0.5),
+            (&square, &disc, Pose::at(1.5, 0.0), 0.0),
+            (&square, &disc, Pose::at(0.25, 0.0), -1.25),
+            (&disc, &square, Pose::at(0.0, -2.0), 0.5),
+            (&disc, &disc, Pose::at(1.0, 0.0), 0.0),
+            (&disc, &disc, Pose::at(0.0, 0.0), -1.0),
+        ] {
+            let found = separation_m(a, Pose::default(), b, at);
+            assert!((found - expected).abs() < 1e-15, "{found} {expected}");
+        }
+        // Corner to corner: the bound is less than the distance.
+        let at = Pose::at(5.0, 6.0);
+        assert_eq!(
+            separation_m(&square, Pose::default(), &square, at).total_cmp(&4.0),
+            std::cmp::Ordering::Equal
+        );
+        assert!((distance_m(&square, Pose::default(), &square, at) - 5.0).abs() < 1e-12);
+    }
+}
