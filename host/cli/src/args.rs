@@ -545,6 +545,12 @@ pub(crate) struct Convert {
     /// How paths are written in a plan file [default: pairs]
     #[arg(long, value_enum)]
     pub(crate) plan_encoding: Option<EncodingArg>,
+    /// Side of a cell in metres, where a plan on a grid becomes trajectories
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    pub(crate) cell_size: f64,
+    /// Duration of one step in seconds, where a plan on a grid becomes trajectories
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    pub(crate) step: f64,
 }
 
 /// Execute a plan in the simulator.

@@ -13,13 +13,16 @@ pub mod formats;
 mod frame;
 mod grid;
 mod instance;
+pub mod json;
 mod map_file;
 mod plan;
 pub mod plan_file;
 mod roadmap;
+pub mod roadmap_file;
 mod scenario;
 mod search;
 mod trajectory;
+pub mod trajectory_file;
 
 pub use fleetyard_abi::PathEncoding;
 pub use fleetyard_abi::moves::{self, OFF_MAP};
@@ -34,8 +37,15 @@ pub use map_file::{MAP_FILE_LIMIT, load_map, read_map, save_map, write_map};
 pub use plan::GridPlan;
 pub use plan_file::{PlanFile, load_plan, read_plan, save_plan, write_plan};
 pub use roadmap::{Roadmap, RoadmapError, RoadmapPlan, RoadmapPlanError, Visit};
+pub use roadmap_file::{
+    RoadmapPlanFile, load_roadmap, load_roadmap_plan, read_roadmap, read_roadmap_plan,
+    save_roadmap, save_roadmap_plan, write_roadmap, write_roadmap_plan,
+};
 pub use scenario::{
     SCEN_FILE_LIMIT, Scenario, ScenarioEntry, load_scen, read_scen, save_scen, write_scen,
 };
 pub use search::{GridSearch, OctileLength};
 pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan};
+pub use trajectory_file::{
+    TrajectoryFile, load_trajectories, read_trajectories, save_trajectories, write_trajectories,
+};

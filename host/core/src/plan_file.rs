@@ -42,6 +42,7 @@ use serde::Deserialize;
 use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 use crate::files::{read_file, write_atomically};
+use crate::json::{self, check_digest, read_object};
 use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, PathEncoding, moves};
 
 /// Largest plan file that is read, in bytes.
@@ -146,61 +147,14 @@ pub fn load_plan(path: impl AsRef<Path>) -> Result<PlanFile, InputError> {
 /// Parses the content of a plan file. `source` is named in errors.
 pub fn read_plan(source: &str, bytes: &[u8]) -> Result<PlanFile, InputError> {
     let hint = "a plan file is a JSON object with format, rows, cols and paths";
-    match bytes.iter().position(|byte| !byte.is_ascii_whitespace()) {
-        None => return Err(InputError::new(source, "the file is empty").hint(hint)),
-        Some(at) if bytes[at] != b'{' => {
-            // Serde would take a list for the fields in order.
-            let line = bytes[..at].split(|byte| *byte == b'\n');
-            let number = line.clone().count() as u64;
-            let column = line.clone().next_back().map_or(0, <[u8]>::len) as u64 + 1;
-            return Err(InputError::new(source, "this is not a JSON object")
-                .at(number, column)
-                .hint(hint));
-        }
-        Some(_) => {}
-    }
-    let document: Document =
-        serde_json::from_slice(bytes).map_err(|error| json_error(source, bytes, &error))?;
-    document.into_plan_file(source)
-}
-
-/// Turns serde_json's error about a text into ours: place apart from reason. A
-/// type that is read may end its message with a line `hint: …`.
-pub fn json_error(source: &str, text: &[u8], error: &serde_json::Error) -> InputError {
-    let place = format!(" at line {} column {}", error.line(), error.column());
-    let whole = error.to_string();
-    let reason = whole.strip_suffix(&place).unwrap_or(&whole);
-    let (reason, hint) = match reason.split_once("\nhint: ") {
-        Some((reason, hint)) => (reason, Some(hint)),
-        None => (reason, None),
-    };
-    let input = InputError::new(source, reason);
-    let input = match hint {
-        Some(hint) => input.hint(hint),
-        None => input,
-    };
-    let input = match error.line() {
-        0 => input,
-        line => {
-            // Serde counts the bytes that it has read, the one at fault included.
-            let found = text.split(|byte| *byte == b'\n').nth(line - 1);
-            let found = found.unwrap_or_default();
-            let read = &found[..error.column().min(found.len())];
-            let column = String::from_utf8_lossy(read).chars().count();
-            input.at(line as u64, column.max(1) as u64)
-        }
-    };
-    match error.classify() {
-        serde_json::error::Category::Eof => input.hint("the file is truncated"),
-        serde_json::error::Category::Syntax => input.hint("the file is not valid JSON"),
-        _ => input,
-    }
+    read_object::<Document>(source, bytes, hint)?.into_plan_file(source)
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a plan: a JSON object")]
 struct Document {
-    format: Format,
+    #[serde(deserialize_with = "format")]
+    format: (),
     planner: Option<String>,
     instance_digest: Option<Digest>,
     plan_digest: Option<Digest>,
@@ -214,7 +168,7 @@ struct Document {
 
 impl Document {
     fn into_plan_file(self, source: &str) -> Result<PlanFile, InputError> {
-        let Format = self.format;
+        let () = self.format;
         let (rows, cols) = (self.rows, self.cols);
         let cells = u64::from(rows) * u64::from(cols);
         if cells == 0 || cells > Grid::MAX_CELLS {
@@ -229,18 +183,10 @@ impl Document {
                 .hint("set \"encoding\" to pairs, cells or moves, as the paths are"));
         }
         let plan = self.paths.into_plan(rows, cols);
-        if let Some(named) = self.plan_digest
-            && named != plan.digest()
-        {
-            let reason = format!(
-                "plan_digest is {named}, but the paths have {}",
-                plan.digest()
-            );
-            return Err(InputError::new(source, reason).hint(
-                "the file was changed after it was written; \
-                 remove plan_digest if that was on purpose",
-            ));
-        }
+        let named = self.plan_digest;
+        check_digest(source, "plan_digest", named, "the paths have", || {
+            plan.digest()
+        })?;
         Ok(PlanFile {
             source: source.to_owned(),
             planner: self.planner,
@@ -255,20 +201,8 @@ impl Document {
     }
 }
 
-/// The `format` key, checked while it is read so that the error has a place.
-struct Format;
-
-impl<'de> Deserialize<'de> for Format {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let found = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
-        if found == PLAN_FORMAT {
-            return Ok(Self);
-        }
-        let shown: String = found.chars().take(40).collect();
-        Err(de::Error::custom(format!(
-            "format is {shown:?}, expected {PLAN_FORMAT:?}"
-        )))
-    }
+fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
+    json::format(deserializer, PLAN_FORMAT)
 }
 
 /// All paths as the file has them. Rows and columns of the map may come later
@@ -567,9 +501,6 @@ pub fn write_plan(file: &PlanFile) -> Vec<u8> {
             None => encoding = PathEncoding::Pairs,
         }
     }
-    let mut text = String::with_capacity(256 + 8 * file.plan.cells().len());
-    let quoted = |value: &str| serde_json::Value::from(value).to_string();
-    let _ = writeln!(text, "{{\n  \"format\": \"{PLAN_FORMAT}\",");
     let optional = [
         ("planner", file.planner.clone()),
         (
@@ -582,11 +513,8 @@ pub fn write_plan(file: &PlanFile) -> Vec<u8> {
         ),
         ("map", file.map.clone()),
     ];
-    for (key, value) in optional {
-        if let Some(value) = value {
-            let _ = writeln!(text, "  \"{key}\": {},", quoted(&value));
-        }
-    }
+    let mut text = json::begin(PLAN_FORMAT, &optional);
+    text.reserve(256 + 8 * file.plan.cells().len());
     let _ = writeln!(
         text,
         "  \"rows\": {},\n  \"cols\": {},",

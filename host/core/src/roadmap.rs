@@ -304,69 +304,89 @@ impl RoadmapPlan {
         visits: impl IntoIterator<Item = Visit>,
     ) -> Result<(), RoadmapPlanError> {
         let begin = self.visits.len();
-        let result = self.extend(visits);
-        match result {
-            Ok(()) => self.offsets.push(self.visits.len()),
-            Err(_) => self.visits.truncate(begin),
+        let mut visits = visits.into_iter().enumerate();
+        let result = visits
+            .try_for_each(|(number, visit)| self.push_visit(number, visit))
+            .and_then(|()| self.finish_path());
+        if result.is_err() {
+            self.visits.truncate(begin);
         }
         result
     }
 
-    fn extend(&mut self, visits: impl IntoIterator<Item = Visit>) -> Result<(), RoadmapPlanError> {
-        let (agent, begin) = (self.agents(), self.visits.len());
-        for (number, given) in visits.into_iter().enumerate() {
-            let next = Visit {
-                vertex: given.vertex,
-                arrival_s: given.arrival_s + 0.0,
-                departure_s: given.departure_s + 0.0,
-            };
-            let (arrival_s, departure_s) = (next.arrival_s, next.departure_s);
-            let most = TrajectoryPlan::LARGEST;
-            if !(arrival_s.abs() <= most && departure_s.abs() <= most) {
-                return Err(RoadmapPlanError::Time {
-                    agent,
-                    visit: number,
-                    arrival_s,
-                    departure_s,
-                    most,
-                });
-            }
-            if departure_s < arrival_s {
-                return Err(RoadmapPlanError::LeavesBefore {
-                    agent,
-                    visit: number,
-                    arrival_s,
-                    departure_s,
-                });
-            }
-            let Some(before) = self.visits[begin..].last_mut() else {
-                if arrival_s != 0.0 {
-                    let time_s = arrival_s;
-                    return Err(RoadmapPlanError::LateBegin { agent, time_s });
-                }
-                self.visits.push(next);
-                continue;
-            };
-            let stays = before.vertex == next.vertex;
-            let takes_s = arrival_s - before.departure_s;
-            if takes_s < 0.0 || (takes_s <= 0.0 && !stays) {
-                return Err(RoadmapPlanError::ArrivesBefore {
-                    agent,
-                    visit: number,
-                    arrival_s,
-                    departure_s: before.departure_s,
-                });
-            }
-            if stays {
-                before.departure_s = departure_s;
-            } else {
-                self.visits.push(next);
-            }
+    /// Appends a visit to the path that comes after those of [`RoadmapPlan::agents`].
+    /// After an error the plan is of no use. `number` counts the visits of the path, those
+    /// that are not kept included.
+    pub(crate) fn push_visit(
+        &mut self,
+        number: usize,
+        given: Visit,
+    ) -> Result<(), RoadmapPlanError> {
+        let (agent, begin) = (self.agents(), self.begin());
+        let next = Visit {
+            vertex: given.vertex,
+            arrival_s: given.arrival_s + 0.0,
+            departure_s: given.departure_s + 0.0,
+        };
+        let (arrival_s, departure_s) = (next.arrival_s, next.departure_s);
+        let most = TrajectoryPlan::LARGEST;
+        // Also false for what is not a number.
+        if !(arrival_s.abs() <= most && departure_s.abs() <= most) {
+            return Err(RoadmapPlanError::Time {
+                agent,
+                visit: number,
+                arrival_s,
+                departure_s,
+                most,
+            });
         }
-        if self.visits.len() == begin {
-            return Err(RoadmapPlanError::NoVisits { agent });
+        if departure_s < arrival_s {
+            return Err(RoadmapPlanError::LeavesBefore {
+                agent,
+                visit: number,
+                arrival_s,
+                departure_s,
+            });
+        }
+        let Some(before) = self.visits[begin..].last_mut() else {
+            if arrival_s != 0.0 {
+                let time_s = arrival_s;
+                return Err(RoadmapPlanError::LateBegin { agent, time_s });
+            }
+            self.visits.push(next);
+            return Ok(());
+        };
+        let stays = before.vertex == next.vertex;
+        let takes_s = arrival_s - before.departure_s;
+        if takes_s < 0.0 || (takes_s <= 0.0 && !stays) {
+            return Err(RoadmapPlanError::ArrivesBefore {
+                agent,
+                visit: number,
+                arrival_s,
+                departure_s: before.departure_s,
+            });
+        }
+        if stays {
+            before.departure_s = departure_s;
+        } else {
+            self.visits.push(next);
         }
         Ok(())
+    }
+
+    /// Makes the visits that were appended the path of the next agent.
+    pub(crate) fn finish_path(&mut self) -> Result<(), RoadmapPlanError> {
+        if self.visits.len() == self.begin() {
+            let agent = self.agents();
+            return Err(RoadmapPlanError::NoVisits { agent });
+        }
+        self.offsets.push(self.visits.len());
+        Ok(())
+    }
+
+    /// Where the visits begin that belong to no agent yet.
+    fn begin(&self) -> usize {
+        self.offsets[self.agents()]
     }
 
     /// Number of agents.

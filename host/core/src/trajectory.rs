@@ -34,6 +34,14 @@ pub struct TrajectoryPlan {
     heading_rad: Option<Vec<f64>>,
 }
 
+/// A path that is being appended.
+#[derive(Default)]
+pub(crate) struct Unfinished {
+    /// How many knots it was given.
+    knots: usize,
+    last: Option<Knot>,
+}
+
 /// Why knots do not make a trajectory plan. Agents and their knots are counted from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
@@ -243,51 +251,64 @@ impl TrajectoryPlan {
         knots: impl IntoIterator<Item = Knot>,
     ) -> Result<(), TrajectoryError> {
         let begin = self.time_s.len();
-        let result = self.extend(knots);
-        if result.is_ok() {
-            self.offsets.push(self.time_s.len());
-            return result;
-        }
-        for column in [&mut self.time_s, &mut self.x_m, &mut self.y_m] {
-            column.truncate(begin);
-        }
-        match &mut self.heading_rad {
-            Some(_) if begin == 0 => self.heading_rad = None,
-            Some(headings) => headings.truncate(begin),
-            None => {}
+        let mut path = Unfinished::default();
+        let mut knots = knots.into_iter();
+        let result = knots
+            .try_for_each(|knot| self.push_knot(&mut path, knot))
+            .and_then(|()| self.finish_path(&path));
+        if result.is_err() {
+            for column in [&mut self.time_s, &mut self.x_m, &mut self.y_m] {
+                column.truncate(begin);
+            }
+            match &mut self.heading_rad {
+                Some(_) if begin == 0 => self.heading_rad = None,
+                Some(headings) => headings.truncate(begin),
+                None => {}
+            }
         }
         result
     }
 
-    fn extend(&mut self, knots: impl IntoIterator<Item = Knot>) -> Result<(), TrajectoryError> {
-        let agent = self.agents();
-        let mut before = None;
-        for (number, given) in knots.into_iter().enumerate() {
-            let knot = knot(given.time_s, given.x_m, given.y_m, given.heading_rad);
-            let has = knot.heading_rad.is_some();
-            if self.time_s.is_empty() {
-                self.heading_rad = has.then(|| Vec::with_capacity(self.time_s.capacity()));
-            } else if has != self.heading_rad.is_some() {
-                return Err(TrajectoryError::MixedHeadings {
-                    agent,
-                    knot: number,
-                    has,
-                });
-            }
-            if follows(agent, number, before, knot)? {
-                self.time_s.push(knot.time_s);
-                self.x_m.push(knot.x_m);
-                self.y_m.push(knot.y_m);
-                if let (Some(all), Some(heading)) = (&mut self.heading_rad, knot.heading_rad) {
-                    all.push(heading);
-                }
-                before = Some(knot);
-            }
+    /// Appends a knot to the path that comes after those of [`TrajectoryPlan::agents`].
+    /// After an error the plan is of no use.
+    pub(crate) fn push_knot(
+        &mut self,
+        path: &mut Unfinished,
+        given: Knot,
+    ) -> Result<(), TrajectoryError> {
+        let (agent, number) = (self.agents(), path.knots);
+        path.knots += 1;
+        let knot = knot(given.time_s, given.x_m, given.y_m, given.heading_rad);
+        let has = knot.heading_rad.is_some();
+        if self.time_s.is_empty() {
+            self.heading_rad = has.then(|| Vec::with_capacity(self.time_s.capacity()));
+        } else if has != self.heading_rad.is_some() {
+            return Err(TrajectoryError::MixedHeadings {
+                agent,
+                knot: number,
+                has,
+            });
         }
-        match before {
-            Some(_) => Ok(()),
-            None => Err(TrajectoryError::NoKnots { agent }),
+        if follows(agent, number, path.last, knot)? {
+            self.time_s.push(knot.time_s);
+            self.x_m.push(knot.x_m);
+            self.y_m.push(knot.y_m);
+            if let (Some(all), Some(heading)) = (&mut self.heading_rad, knot.heading_rad) {
+                all.push(heading);
+            }
+            path.last = Some(knot);
         }
+        Ok(())
+    }
+
+    /// Makes the knots that were appended the path of the next agent.
+    pub(crate) fn finish_path(&mut self, path: &Unfinished) -> Result<(), TrajectoryError> {
+        if path.last.is_none() {
+            let agent = self.agents();
+            return Err(TrajectoryError::NoKnots { agent });
+        }
+        self.offsets.push(self.time_s.len());
+        Ok(())
     }
 
     /// The same plan in the plane: a step takes `step_s` seconds, and positions are cell

@@ -30,7 +30,7 @@ use std::fmt::Write as _;
 use std::marker::PhantomData;
 use std::path::Path;
 
-use fleetyard_core::plan_file::json_error;
+use fleetyard_core::json::read_object;
 use fleetyard_core::{InputError, read_file, write_atomically};
 use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
@@ -138,13 +138,11 @@ pub fn load_workspace(path: impl AsRef<Path>) -> Result<Workspace, InputError> {
 
 /// Parses the content of a world file. `source` is named in errors.
 pub fn read_workspace(source: &str, bytes: &[u8]) -> Result<Workspace, InputError> {
-    let document: Document = serde_json::from_slice(bytes).map_err(|error| {
-        let error = json_error(source, bytes, &error);
-        if error.hint.is_some() {
-            error
-        } else {
-            error.hint("a world file is a JSON object with format, bounds_m, obstacles and movers")
-        }
+    let hint = "a world file is a JSON object with format, bounds_m, obstacles and movers";
+    let read: Result<Document, InputError> = read_object(source, bytes, hint);
+    let document = read.map_err(|error| match error.hint {
+        Some(_) => error,
+        None => error.hint(hint),
     })?;
     let Format = document.format;
     let BoundsOfFile(bounds) = document.bounds_m;
@@ -170,7 +168,7 @@ struct Document {
 }
 
 /// An error inside a file gets its place from the reader, and its hint from a
-/// last line of the message; see [`json_error`].
+/// last line of the message; see [`fleetyard_core::json::json_error`].
 fn refused<E: de::Error>(reason: impl fmt::Display, hint: &str) -> E {
     E::custom(format!("{reason}\nhint: {hint}"))
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fleetyard_core::formats::{
-    AgentList, Contents, Format, Parts, TRANSPOSED_HINT, grid_size, looks_transposed,
+    AgentList, Contents, Format, Parts, Scale, TRANSPOSED_HINT, grid_size, looks_transposed,
 };
 use fleetyard_core::{Grid, GridInstance, InputError, PlanFile, load_map, write_all_atomically};
 
@@ -27,7 +27,7 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
     for note in &contents.notes {
         output::note(note);
     }
-    let format = target(arguments, to, contents.plan.is_some())?;
+    let format = target(arguments, to, &contents)?;
     let inputs: Vec<&Path> = [Some(from), arguments.map.as_ref(), arguments.scen.as_ref()]
         .into_iter()
         .flatten()
@@ -74,13 +74,10 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
 }
 
 /// The format to write: the one that was asked for, or that the name says.
-fn target(arguments: &Convert, to: &Path, plan: bool) -> Result<Format> {
-    let meant = arguments.to.or_else(|| Format::for_writing(to, plan));
+fn target(arguments: &Convert, to: &Path, contents: &Contents) -> Result<Format> {
+    let meant = arguments.to.or_else(|| contents.format_for(to));
     meant.ok_or_else(|| {
-        let formats = Format::ALL
-            .iter()
-            .filter(|format| format.carries_plan() == plan);
-        let names: Vec<&str> = formats.map(|format| format.name()).collect();
+        let names: Vec<&str> = contents.formats().map(Format::name).collect();
         let reason = format!("{} does not say which format to write", to.display());
         Failure::new(Exit::Usage, reason).hint(format!(
             "say it with --to FORMAT, one of {}",
@@ -142,6 +139,13 @@ fn parts(
         map_file,
         instance,
         plan,
+        roadmap: contents.roadmap.clone(),
+        roadmap_plan: contents.roadmap_plan.clone(),
+        trajectories: contents.trajectories.clone(),
+        scale: Scale {
+            cell_size_m: arguments.cell_size,
+            step_s: arguments.step,
+        },
     })
 }
 
@@ -193,21 +197,25 @@ fn to_stdout(bytes: &[u8]) -> Result<Exit> {
     }
 }
 
-/// The table of formats. Every one is read and written.
+/// The table of formats. Every one is read, and written if it does not say otherwise.
 fn list() -> String {
     let rows = Format::ALL.iter().map(|format| {
-        let yes = |carries: bool| if carries { "yes" } else { "-" }.to_owned();
+        let first = |pairs: &[(bool, &str)]| {
+            let found = pairs.iter().find(|(carries, _)| *carries);
+            found.map_or("-", |(_, what)| what).to_owned()
+        };
         vec![
             format.name().to_owned(),
-            yes(format.carries_map()),
-            yes(format.carries_agents()),
-            yes(format.carries_plan()),
-            if format.needs_map_size() {
-                "--map"
-            } else {
-                "-"
-            }
-            .to_owned(),
+            first(&[
+                (format.carries_map(), "grid"),
+                (format.carries_roadmap(), "roadmap"),
+            ]),
+            first(&[(format.carries_agents(), "yes")]),
+            first(&[
+                (format.carries_plan(), "grid"),
+                (format.carries_trajectories(), "plane"),
+            ]),
+            first(&[(format.needs_map_size(), "--map")]),
             format.about().to_owned(),
         ]
     });

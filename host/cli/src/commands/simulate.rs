@@ -15,7 +15,8 @@ use crate::trial::{execute, sim_config};
 
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let grid = load_map(&arguments.map.map)?;
-    let file = load_any_plan(&arguments.plan, arguments.from, grid_size(&grid))?;
+    let size = Some(grid_size(&grid));
+    let file = load_any_plan(&arguments.plan, arguments.from, size)?.into_grid()?;
     file.check_map(&grid)?;
     let config = sim_config(&arguments.world);
     let execution = match &arguments.trace_out {

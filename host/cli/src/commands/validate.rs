@@ -36,7 +36,7 @@ struct Figures {
 pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     let instance = load_instance(&arguments.instance)?;
     let size = grid_size(instance.grid());
-    let file = load_any_plan(&arguments.plan, arguments.from, size)?;
+    let file = load_any_plan(&arguments.plan, arguments.from, Some(size))?.into_grid()?;
     file.check_for(&instance)?;
     let figures = metrics(&instance, &file.plan, arguments.cell_size);
     let report = Report {

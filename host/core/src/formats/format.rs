@@ -9,13 +9,15 @@ use std::sync::{Arc, LazyLock};
 use regex::bytes::Regex;
 
 use super::{
-    AgentList, LacamHeader, Layout, MapSize, Pibt2Settings, libmrp, lorr, pibt2, planviz,
-    write_lacam, write_mapf_visualizer, write_paths_txt,
+    AgentList, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, libmrp, lorr, pibt2,
+    planviz, write_lacam, write_mapf_visualizer, write_paths_txt,
 };
 use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
 use crate::{
-    Grid, GridInstance, GridPlan, InputError, PathEncoding, PlanFile, Scenario, read_file,
-    read_map, read_scen, write_map, write_scen,
+    Grid, GridInstance, GridPlan, InputError, PathEncoding, PlanFile, Roadmap, RoadmapPlanFile,
+    Scenario, TrajectoryFile, TrajectoryPlan, load_roadmap, read_file, read_map, read_roadmap,
+    read_roadmap_plan, read_scen, read_trajectories, write_map, write_roadmap, write_roadmap_plan,
+    write_scen, write_trajectories,
 };
 
 /// Declares the formats in the order in which they are listed.
@@ -54,7 +56,7 @@ macro_rules! formats {
     };
 }
 
-// m: a map, a: starts and goals, p: a plan.
+// m: a map, a: starts and goals, p: a plan on a grid, r: a roadmap, t: a plan in the plane.
 formats! {
     Plan, "plan", "p", "plan file of this project, fleetyard.plan/1";
     Map, "map", "m", "MovingAI map";
@@ -67,6 +69,12 @@ formats! {
     PlanViz, "planviz", "p", "result of the League of Robot Runners, as PlanViz shows it";
     Libmrp, "libmrp", "ma", "instance of libMultiRobotPlanning, YAML";
     LibmrpSchedule, "libmrp-schedule", "p", "schedule of libMultiRobotPlanning, YAML";
+    Trajectories, "trajectories", "t", "trajectories of this project, fleetyard.trajectories/1";
+    Roadmap, "roadmap", "r", "roadmap of this project, fleetyard.roadmap/1";
+    RoadmapPlan, "roadmap-plan", "rt", "plan on a roadmap of this project, fleetyard.roadmap-plan/1";
+    CcbsRoadmap, "ccbs-roadmap", "r", "roadmap of Continuous-CBS, GraphML";
+    CcbsLog, "ccbs-log", "t", "result of Continuous-CBS, XML (only read)";
+    Dynobench, "dynobench", "t", "result of db-CBS and others in dynobench's YAML (only read)";
 }
 
 impl fmt::Display for Format {
@@ -95,9 +103,24 @@ impl Format {
         self.letters().contains('a')
     }
 
-    /// Whether a file has a plan.
+    /// Whether a file has a plan on a grid.
     pub fn carries_plan(self) -> bool {
         self.letters().contains('p')
+    }
+
+    /// Whether a file has a roadmap, or names one.
+    pub fn carries_roadmap(self) -> bool {
+        self.letters().contains('r')
+    }
+
+    /// Whether a file has a plan in the plane.
+    pub fn carries_trajectories(self) -> bool {
+        self.letters().contains('t')
+    }
+
+    /// Whether files of it are written, and not only read.
+    pub fn is_written(self) -> bool {
+        !matches!(self, Self::CcbsLog | Self::Dynobench)
     }
 
     /// Whether a file can only be read by who knows the size of its map.
@@ -110,8 +133,10 @@ impl Format {
         static JSON_KEY: LazyLock<Option<Regex>> = LazyLock::new(|| {
             Regex::new(r#""(actionModel|actualPaths|agentFile|taskFile)"\s*:"#).ok()
         });
+        static OWN: LazyLock<Option<Regex>> =
+            LazyLock::new(|| Regex::new(r#""format"\s*:\s*"fleetyard\.([a-z-]+)/"#).ok());
         static LINE: LazyLock<Option<Regex>> = LazyLock::new(|| {
-            let lines = "solved=|solution=|map_file=|schedule:|statistics:|map:|agents:";
+            let lines = "solved=|solution=|map_file=|schedule:|statistics:|map:|agents:|result:";
             Regex::new(&format!(r"(?m)^[{{ ]*({lines})")).ok()
         });
         static STEP: LazyLock<Option<Regex>> = LazyLock::new(|| Regex::new(r"^[0-9]+ *: *\(").ok());
@@ -124,10 +149,21 @@ impl Format {
         let text = &text[..text.len().min(HEAD)];
         let json = text.strip_prefix(b"{").map(<[u8]>::trim_ascii_start);
         if json.is_some_and(|inside| matches!(inside.first(), Some(b'"' | b'}') | None)) {
-            return Some(match found(&JSON_KEY, text) {
-                Some(b"agentFile" | b"taskFile") => Self::Lorr,
-                Some(_) => Self::PlanViz,
-                None => Self::Plan,
+            return Some(match (found(&OWN, text), found(&JSON_KEY, text)) {
+                (Some(b"trajectories"), _) => Self::Trajectories,
+                (Some(b"roadmap"), _) => Self::Roadmap,
+                (Some(b"roadmap-plan"), _) => Self::RoadmapPlan,
+                (None, Some(b"agentFile" | b"taskFile")) => Self::Lorr,
+                (None, Some(_)) => Self::PlanViz,
+                _ => Self::Plan,
+            });
+        }
+        if text.starts_with(b"<") {
+            let graph = contains(text, b"<graphml");
+            return Some(if graph {
+                Self::CcbsRoadmap
+            } else {
+                Self::CcbsLog
             });
         }
         if text.starts_with(b"type ") {
@@ -145,6 +181,7 @@ impl Format {
             Some(b"map_file=") if contains(text, b"\nsol") => Some(Self::Lacam),
             Some(b"map_file=") => Some(Self::Pibt2),
             Some(b"schedule:" | b"statistics:") => Some(Self::LibmrpSchedule),
+            Some(b"result:") => Some(Self::Dynobench),
             Some(_) => Some(Self::Libmrp),
             None => None,
         };
@@ -155,19 +192,6 @@ impl Format {
             "yaml" | "yml" => Some(Self::Libmrp),
             _ => text.starts_with(b"version ").then_some(Self::Scen),
         })
-    }
-
-    /// What a file of this name is meant to be, for who has a plan to write or has none.
-    pub fn for_writing(path: &Path, plan: bool) -> Option<Self> {
-        match (path.extension()?.to_str()?, plan) {
-            ("map", _) => Some(Self::Map),
-            ("scen", _) => Some(Self::Scen),
-            ("json", true) => Some(Self::Plan),
-            ("json", false) => Some(Self::Lorr),
-            ("yaml" | "yml", true) => Some(Self::LibmrpSchedule),
-            ("yaml" | "yml", false) => Some(Self::Libmrp),
-            _ => None,
-        }
     }
 }
 
@@ -186,8 +210,14 @@ pub struct Contents {
     pub map_file: Option<String>,
     /// Starts and goals, if it has them.
     pub agents: Option<AgentList>,
-    /// The plan, if it has one.
+    /// The plan on a grid, if it has one.
     pub plan: Option<PlanFile>,
+    /// The roadmap, if it has or names one.
+    pub roadmap: Option<Arc<Roadmap>>,
+    /// The plan on the roadmap, if it has one; it is among the trajectories too.
+    pub roadmap_plan: Option<RoadmapPlanFile>,
+    /// The plan in the plane, if it has one.
+    pub trajectories: Option<TrajectoryFile>,
     /// What of the file is not kept, for the user.
     pub notes: Vec<String>,
     /// Other files that were read for it.
@@ -251,6 +281,9 @@ impl Contents {
             map_file: None,
             agents: None,
             plan: None,
+            roadmap: None,
+            roadmap_plan: None,
+            trajectories: None,
             notes: Vec::new(),
             files: Vec::new(),
         };
@@ -318,6 +351,35 @@ impl Contents {
                 let plan = planviz::read_planviz(source, bytes, size)?;
                 contents.plan = Some(plan_file(source, plan, size));
             }
+            Format::Trajectories => {
+                contents.trajectories = Some(read_trajectories(source, bytes)?);
+            }
+            Format::Roadmap => contents.roadmap = Some(Arc::new(read_roadmap(source, bytes)?)),
+            Format::RoadmapPlan => {
+                let file = read_roadmap_plan(source, bytes)?;
+                let path = file.roadmap_path(path.parent().unwrap_or(Path::new("")))?;
+                let roadmap = load_roadmap(&path)?;
+                contents.trajectories = Some(file.to_trajectories(&roadmap)?);
+                contents.roadmap = Some(Arc::new(roadmap));
+                contents.roadmap_plan = Some(file);
+                contents.files = vec![path];
+            }
+            Format::CcbsRoadmap => {
+                contents.roadmap = Some(Arc::new(ccbs::read_ccbs_roadmap(source, bytes)?));
+            }
+            Format::CcbsLog => {
+                let plan = ccbs::read_ccbs_log(source, bytes, size)?;
+                contents.trajectories = Some(trajectory_file(source, plan));
+            }
+            Format::Dynobench => {
+                let plan = dynobench::read_dynobench(source, bytes)?;
+                contents.notes = vec![format!(
+                    "states are taken to be {} s apart, as in the models of dynobench; \
+                     of each, position and heading are kept",
+                    dynobench::DYNOBENCH_STEP_S
+                )];
+                contents.trajectories = Some(trajectory_file(source, plan));
+            }
             Format::Lacam | Format::PathsTxt | Format::MapfVisualizer => {}
         }
         if contents.map_file.is_none() {
@@ -325,6 +387,42 @@ impl Contents {
             contents.map_file = list.and_then(|list| list.map_file.clone());
         }
         Ok(contents)
+    }
+
+    /// The format that a file of this name is meant to be in, for who writes what this one says.
+    pub fn format_for(&self, path: &Path) -> Option<Format> {
+        let grid = self.plan.is_some();
+        let plane = self.trajectories.is_some();
+        match path.extension()?.to_str()? {
+            "map" => Some(Format::Map),
+            "scen" => Some(Format::Scen),
+            "json" if grid => Some(Format::Plan),
+            "json" if self.roadmap_plan.is_some() => Some(Format::RoadmapPlan),
+            "json" if plane => Some(Format::Trajectories),
+            "json" if self.roadmap.is_some() => Some(Format::Roadmap),
+            "json" => Some(Format::Lorr),
+            "yaml" | "yml" if grid => Some(Format::LibmrpSchedule),
+            "yaml" | "yml" if !plane && self.roadmap.is_none() => Some(Format::Libmrp),
+            "xml" | "graphml" if self.roadmap.is_some() => Some(Format::CcbsRoadmap),
+            _ => None,
+        }
+    }
+
+    /// The formats that can say what this file says, perhaps with a map or goals from others.
+    pub fn formats(&self) -> impl Iterator<Item = Format> {
+        let (grid, plane) = (self.plan.is_some(), self.trajectories.is_some());
+        let roadmap = self.roadmap.is_some();
+        let written = Format::ALL
+            .iter()
+            .copied()
+            .filter(|format| format.is_written());
+        written.filter(move |format| match format {
+            Format::Trajectories => grid || plane,
+            format if grid => format.carries_plan(),
+            Format::RoadmapPlan => plane && roadmap,
+            format if roadmap => format.carries_roadmap(),
+            format => !plane && (format.carries_map() || format.carries_agents()),
+        })
     }
 }
 
@@ -342,14 +440,49 @@ fn plan_file(source: &str, plan: GridPlan, size: MapSize) -> PlanFile {
     }
 }
 
-/// Reads a plan in whatever format for a map of `size`.
+fn trajectory_file(source: &str, plan: TrajectoryPlan) -> TrajectoryFile {
+    TrajectoryFile {
+        source: source.to_owned(),
+        planner: None,
+        plan_digest: None,
+        plan,
+    }
+}
+
+/// A plan of whatever kind.
+#[derive(Debug, Clone, PartialEq)]
+pub enum AnyPlan {
+    /// From cell to cell.
+    Grid(PlanFile),
+    /// In the plane.
+    Trajectories(TrajectoryFile),
+}
+
+impl AnyPlan {
+    /// The plan, if it is one on a grid.
+    pub fn into_grid(self) -> Result<PlanFile, InputError> {
+        match self {
+            Self::Grid(file) => Ok(file),
+            Self::Trajectories(file) => Err(InputError::new(
+                file.source,
+                "this is a plan in the plane, and here one on a grid is needed",
+            )
+            .hint("`fleetyard convert --list` says which formats have plans on grids")),
+        }
+    }
+}
+
+/// Reads a plan in whatever format. `size` is that of the map, which most formats of plans
+/// on grids need.
 pub fn load_any_plan(
     path: &Path,
     format: Option<Format>,
-    size: MapSize,
-) -> Result<PlanFile, InputError> {
-    let contents = Contents::load(path, format, Some(size))?;
-    contents.plan.ok_or_else(|| {
+    size: Option<MapSize>,
+) -> Result<AnyPlan, InputError> {
+    let contents = Contents::load(path, format, size)?;
+    let plan = contents.plan.map(AnyPlan::Grid);
+    let plan = plan.or(contents.trajectories.map(AnyPlan::Trajectories));
+    plan.ok_or_else(|| {
         let reason = format!(
             "this is no plan but {}: {}",
             contents.format,
@@ -358,6 +491,24 @@ pub fn load_any_plan(
         InputError::new(path.display().to_string(), reason)
             .hint("name a file with paths; `fleetyard convert --list` lists the formats")
     })
+}
+
+/// What cells and steps are in the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Side of a cell in metres.
+    pub cell_size_m: f64,
+    /// Duration of a step in seconds.
+    pub step_s: f64,
+}
+
+impl Default for Scale {
+    fn default() -> Self {
+        Self {
+            cell_size_m: 1.0,
+            step_s: 1.0,
+        }
+    }
 }
 
 /// What is to be written.
@@ -369,8 +520,16 @@ pub struct Parts {
     pub map_file: Option<String>,
     /// Map, starts and goals.
     pub instance: Option<GridInstance>,
-    /// The plan.
+    /// The plan on a grid.
     pub plan: Option<PlanFile>,
+    /// The roadmap.
+    pub roadmap: Option<Arc<Roadmap>>,
+    /// The plan on the roadmap.
+    pub roadmap_plan: Option<RoadmapPlanFile>,
+    /// The plan in the plane.
+    pub trajectories: Option<TrajectoryFile>,
+    /// How a plan on a grid becomes one in the plane.
+    pub scale: Scale,
 }
 
 /// The content of a file, and of those that belong to it.
@@ -383,6 +542,32 @@ pub struct Written {
 }
 
 impl Parts {
+    /// The plan in the plane, which one on a grid can become.
+    fn trajectories(&self) -> Result<TrajectoryFile, InputError> {
+        if let Some(file) = &self.trajectories {
+            return Ok(file.clone());
+        }
+        let lacks = |what: &str, hint: &str| {
+            let reason = format!("needs {what}, and nothing says it");
+            InputError::new(Format::Trajectories.name(), reason).hint(hint)
+        };
+        let file = self.plan.as_ref();
+        let file = file.ok_or_else(|| lacks("a plan", "convert a file with paths"))?;
+        let grid = self.grid.as_ref();
+        let grid = grid.ok_or_else(|| lacks("a map", "name it with --map FILE"))?;
+        let Scale {
+            cell_size_m,
+            step_s,
+        } = self.scale;
+        let plan = TrajectoryPlan::from_grid(&file.plan, grid, cell_size_m, step_s)
+            .map_err(|error| InputError::new(file.source.as_str(), error.to_string()))?;
+        let planner = file.planner.clone();
+        Ok(TrajectoryFile {
+            planner,
+            ..trajectory_file(&file.source, plan)
+        })
+    }
+
     /// The content of a file in a format. `name` is that of the file without its
     /// extension, after which others are named that belong to it.
     ///
@@ -405,6 +590,10 @@ impl Parts {
         let plan = || {
             let plan = self.plan.as_ref();
             plan.ok_or_else(|| lacks("a plan", "convert a file with paths"))
+        };
+        let roadmap = || {
+            let roadmap = self.roadmap.as_deref();
+            roadmap.ok_or_else(|| lacks("a roadmap", "convert a file with vertices and edges"))
         };
         let map_file = match (&self.map_file, &self.grid) {
             (Some(name), _) => Some(name.clone()),
@@ -443,6 +632,34 @@ impl Parts {
                     goals: self.instance.as_ref().map(GridInstance::goals),
                 };
                 write_lacam(&header, &file.plan, size(file))?
+            }
+            Format::Trajectories => {
+                let mut file = self.trajectories()?;
+                file.plan_digest = Some(file.plan.digest());
+                write_trajectories(&file)
+            }
+            Format::Roadmap => write_roadmap(roadmap()?),
+            Format::CcbsRoadmap => ccbs::write_ccbs_roadmap(roadmap()?),
+            Format::RoadmapPlan => {
+                let plan = self.roadmap_plan.as_ref();
+                let plan = plan.ok_or_else(|| {
+                    lacks(
+                        "a plan on a roadmap",
+                        "convert a file with visits to vertices",
+                    )
+                })?;
+                let others_name = format!("{name}.roadmap.json");
+                let mut file =
+                    RoadmapPlanFile::new(roadmap()?, Some(others_name.clone()), plan.plan.clone());
+                file.planner.clone_from(&plan.planner);
+                others.push((others_name, write_roadmap(roadmap()?)));
+                write_roadmap_plan(&file)
+            }
+            Format::CcbsLog | Format::Dynobench => {
+                let reason = "files of this format are read and not written";
+                return Err(
+                    InputError::new(format.name(), reason).hint("write --to trajectories instead")
+                );
             }
             Format::PathsTxt => write_paths_txt(&plan()?.plan, size(plan()?))?,
             Format::MapfVisualizer => write_mapf_visualizer(&plan()?.plan, size(plan()?))?,

@@ -40,7 +40,7 @@ const MOST_CELLS: i64 = 1 << 24;
 /// of any length.
 const MOST_WAITS: usize = 1 << 20;
 
-fn text<'a>(source: &str, bytes: &'a [u8]) -> Result<&'a str, InputError> {
+pub(super) fn text<'a>(source: &str, bytes: &'a [u8]) -> Result<&'a str, InputError> {
     let fault = |at: usize, reason: &str| {
         let line = bytes[..at].split(|byte| *byte == b'\n').count();
         InputError::new(source, reason).at_line(line as u64)

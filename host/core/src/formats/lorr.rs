@@ -22,7 +22,8 @@ use serde_json::Value;
 use super::pibt2::whole_number;
 use super::{AgentEntry, AgentList};
 use crate::files::{Lines, column, quote, read_file};
-use crate::plan_file::{PLAN_MAX_AGENTS, json_error};
+use crate::json::json_error;
+use crate::plan_file::PLAN_MAX_AGENTS;
 use crate::{Grid, InputError, load_map, write_map};
 
 /// Largest JSON file, and largest list, that is read, in bytes.

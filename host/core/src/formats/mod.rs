@@ -6,6 +6,8 @@
 //! place. `docs/formats.md` says what each format carries and what is lost.
 
 mod agents;
+mod ccbs;
+mod dynobench;
 mod format;
 mod layout;
 mod libmrp;
@@ -17,7 +19,9 @@ mod transposed;
 mod yaml;
 
 pub use agents::{AgentEntry, AgentList};
-pub use format::{Contents, Format, Parts, Written, grid_size, load_any_plan};
+pub use ccbs::{read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap};
+pub use dynobench::{DYNOBENCH_STEP_S, read_dynobench};
+pub use format::{AnyPlan, Contents, Format, Parts, Scale, Written, grid_size, load_any_plan};
 pub use layout::{
     Begin, LacamHeader, Layout, LayoutError, Major, MapSize, PATHS_LIMIT, write_lacam,
     write_mapf_visualizer, write_paths_txt,

@@ -30,7 +30,7 @@ use serde_json::json;
 use super::MapSize;
 use super::layout::{check_paths, row_col};
 use crate::files::quote;
-use crate::plan_file::json_error;
+use crate::json::json_error;
 use crate::{GridPlan, InputError, OFF_MAP};
 
 /// Positions that a small text may have; a run is short, whatever its length.

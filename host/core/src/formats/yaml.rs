@@ -182,6 +182,17 @@ impl<'a> Yaml<'a> {
         Err(self.wrong((node, place), what))
     }
 
+    /// A plain number.
+    pub(super) fn number(&mut self, what: &str) -> Result<(f64, Marker), InputError> {
+        let (node, place) = self.node()?;
+        if let Node::Text(text, ScalarStyle::Plain) = &node
+            && let Ok(value) = text.parse()
+        {
+            return Ok((value, place));
+        }
+        Err(self.wrong((node, place), what))
+    }
+
     /// Reads a value of whatever kind and forgets it.
     pub(super) fn skip(&mut self) -> Result<(), InputError> {
         let mut depth = 0_usize;

@@ -1,0 +1,155 @@
+//! Results of db-CBS, <https://github.com/IMRCLab/db-CBS>, and other planners of its
+//! family, in the YAML of dynobench, <https://github.com/quimortiz/dynobench>.
+//!
+//! ```yaml
+//! cost: 4.6
+//! result:
+//!   - states:
+//!       - [1, 2.5, 0]
+//!       - [1.05, 2.5, 0]
+//!     actions:
+//!       - [0.5, 0]
+//! ```
+//!
+//! `result` has an entry per robot with its states, one each 0.1 s. A result does not say
+//! what robots they are of; the number of their coordinates does, for those that move in
+//! the plane:
+//!
+//! | numbers | a state is | of |
+//! | --- | --- | --- |
+//! | 2 | x, y | single integrator |
+//! | 3 | x, y, heading | unicycle of first order |
+//! | 4 | x, y, and two velocities | double integrator |
+//! | 5 | x, y, heading, speed, turn rate | unicycle of second order |
+//!
+//! A car with a trailer has four as well and cannot be told apart: what is kept of it are
+//! the positions of the car. Headings are unwrapped: each is the nearest to the one before
+//! that means the same direction. Where only some robots have headings, the others get 0.
+
+use std::f64::consts::TAU;
+
+use saphyr_parser::Marker;
+
+use super::libmrp::text;
+use super::yaml::Yaml;
+use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::{InputError, Knot, TrajectoryPlan};
+
+/// Seconds between two states.
+pub const DYNOBENCH_STEP_S: f64 = 0.1;
+
+/// Most numbers of a state that is read at all.
+const LONGEST: usize = 64;
+
+/// One robot's states: position, heading if it has one, and the place in the text.
+type States = Vec<((f64, f64), Option<f64>, Marker)>;
+
+/// Parses a result. `source` is named in errors.
+pub fn read_dynobench(source: &str, bytes: &[u8]) -> Result<TrajectoryPlan, InputError> {
+    let mut yaml = Yaml::new(source, text(source, bytes)?)?;
+    let mut robots: Option<Vec<States>> = None;
+    let whole = yaml.mapping("a result with the key `result`", |yaml, key, _| {
+        if key != "result" {
+            return yaml.skip();
+        }
+        let mut all = Vec::new();
+        yaml.list("a list with an entry per robot", |yaml| {
+            let mut states = None;
+            let begin = yaml.mapping("an entry with states", |yaml, key, place| {
+                if key == "states" {
+                    states = Some(read_states(yaml, place)?);
+                    Ok(())
+                } else {
+                    yaml.skip()
+                }
+            })?;
+            if all.len() == PLAN_MAX_AGENTS {
+                return Err(yaml.error(begin, format!("more than {PLAN_MAX_AGENTS} robots")));
+            }
+            all.push(states.ok_or_else(|| yaml.error(begin, "the entry has no states"))?);
+            Ok(())
+        })?;
+        robots = Some(all);
+        Ok(())
+    })?;
+    let robots = robots.ok_or_else(|| yaml.error(whole, "there is no key `result`"))?;
+    if robots.is_empty() {
+        return Err(yaml
+            .error(whole, "there are no robots in the result")
+            .hint("the planner found no plan"));
+    }
+    let plan = into_plan(&yaml, &robots)?;
+    yaml.finish()?;
+    Ok(plan)
+}
+
+fn read_states(yaml: &mut Yaml<'_>, place: Marker) -> Result<States, InputError> {
+    let mut states = States::new();
+    let mut dimension = 0;
+    yaml.list("a list of states", |yaml| {
+        let mut state = Vec::with_capacity(5);
+        let place = yaml.list("a state [x, y, …]", |yaml| {
+            let (value, place) = yaml.number("a coordinate")?;
+            if state.len() == LONGEST {
+                return Err(yaml.error(place, "the state has too many numbers"));
+            }
+            state.push(value);
+            Ok(())
+        })?;
+        let numbers = state.len();
+        if !states.is_empty() && numbers != dimension {
+            let reason = format!("the state has {numbers} numbers, unlike the {dimension} before");
+            return Err(yaml.error(place, reason));
+        }
+        dimension = numbers;
+        let heading = match state[..] {
+            [_, _] | [_, _, _, _] => None,
+            [_, _, heading] | [_, _, heading, _, _] => Some(heading),
+            _ => {
+                let reason = format!("no robot in the plane has a state of {numbers} numbers");
+                return Err(yaml
+                    .error(place, reason)
+                    .hint("states of 2 to 5 numbers are read: x, y, and then by model"));
+            }
+        };
+        states.push(((state[0], state[1]), heading, place));
+        Ok(())
+    })?;
+    if states.is_empty() {
+        return Err(yaml
+            .error(place, "the robot has no states")
+            .hint("the planner found no plan"));
+    }
+    Ok(states)
+}
+
+fn into_plan(yaml: &Yaml<'_>, robots: &[States]) -> Result<TrajectoryPlan, InputError> {
+    let turns = robots.iter().any(|states| states[0].1.is_some());
+    let knots = robots.iter().map(Vec::len).sum();
+    let mut plan = TrajectoryPlan::with_capacity(robots.len(), knots);
+    for states in robots {
+        let mut before = 0.0;
+        let path = states
+            .iter()
+            .enumerate()
+            .map(|(step, (position, heading, _))| {
+                let heading = heading.map(|heading| match step {
+                    0 => heading,
+                    _ => heading - TAU * ((heading - before) / TAU).round(),
+                });
+                before = heading.unwrap_or(0.0);
+                Knot {
+                    time_s: step as f64 * DYNOBENCH_STEP_S,
+                    x_m: position.0,
+                    y_m: position.1,
+                    heading_rad: turns.then_some(before),
+                }
+            });
+        plan.push_path(path).map_err(|error| {
+            let knot = error.place().map_or(0, |(_, knot)| knot);
+            let place = states.get(knot).unwrap_or(&states[0]).2;
+            yaml.error(place, error.to_string())
+        })?;
+    }
+    Ok(plan)
+}
