@@ -268,7 +268,7 @@ fn a_trace_file_has_the_digest_that_is_printed() {
         let printed = at(&record, "execution.trace_digest").as_str().unwrap();
         assert_eq!(summary.trace_digest.to_string(), printed, "{tier}");
         assert_eq!(
-            trace.header.plan.to_string(),
+            trace.header.digests.plan.to_string(),
             record["plan_digest"].as_str().unwrap()
         );
         assert_eq!(at(&record, "execution.contacts"), 0);

@@ -1,19 +1,22 @@
 //! The execution of a plan: the loop that both tiers share.
 
-use fleetyard_core::{Digest, Grid, GridPlan};
+use fleetyard_core::{Digest, Grid, GridPlan, Hasher};
 use serde::Serialize;
-use xxhash_rust::xxh3::Xxh3;
 
 use crate::bodies::{Bodies, Span};
 use crate::config::{SimConfig, Tier};
 use crate::contact::Physics;
+use crate::convert::cell_center_m;
 use crate::error::SimError;
 use crate::event::{Contacts, Event, Log};
 use crate::kinematic::{Engine, Kinematic, Nearest, Scene};
 use crate::pairs::{Pairs, TooManyPairs};
 use crate::reference::Reference;
 use crate::statics::Statics;
-use crate::trace::{self, Header, TraceSink};
+use crate::trace::{
+    self, Bounds, Cells, Digests, EventsDigest, Header, Outline, Profile, Scene as TraceScene,
+    States, StatesDigest, TraceSink,
+};
 
 /// How near an agent came to another one, between centres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -177,6 +180,64 @@ impl Clock {
     }
 }
 
+fn header(grid: &Grid, plan: &GridPlan, config: &SimConfig) -> Header {
+    let side = config.cell_size_m;
+    let center = |cell| {
+        let (x, y) = cell_center_m(grid, side, cell);
+        [x, y]
+    };
+    let goals = plan.paths().filter_map(|path| path.last().copied());
+    let mut parameters = Hasher::new("fleetyard.sim.config/1");
+    for value in [
+        side,
+        config.step_s,
+        config.radius_m(),
+        config.max_speed_cells_per_step,
+        config.approach_range_cells,
+    ] {
+        parameters.f64(value);
+    }
+    parameters.u64(u64::from(config.every_substep));
+    Header {
+        program: concat!("fleetyard ", env!("CARGO_PKG_VERSION")).to_owned(),
+        agents: plan.agents() as u32,
+        movers: 0,
+        ticks_hz: config.ticks_hz,
+        substeps: config.substeps,
+        tier: config.tier.name().to_owned(),
+        policy: "time".to_owned(),
+        seed: 0,
+        headings: false,
+        progress: false,
+        state_every: 0,
+        bounds_m: Bounds {
+            min_x: 0.0,
+            min_y: 0.0,
+            max_x: f64::from(grid.cols()) * side,
+            max_y: f64::from(grid.rows()) * side,
+        },
+        profiles: vec![Profile {
+            name: "disc".to_owned(),
+            model: "replay".to_owned(),
+            outline: Outline::Disc {
+                radius_m: config.radius_m(),
+            },
+        }],
+        digests: Digests {
+            world: grid.digest(),
+            plan: plan.digest(),
+            fleet: Digest(0),
+            config: parameters.finish(),
+        },
+        scene: TraceScene {
+            cells: Some(Cells::new(grid, side)),
+            polygons_m: Vec::new(),
+            profile_of_body: vec![0; plan.agents()],
+            goals_m: goals.map(center).collect(),
+        },
+    }
+}
+
 /// How well bodies follow their references.
 #[derive(Debug, Default)]
 struct Tracking {
@@ -207,8 +268,8 @@ struct Run<'a> {
     log: Log,
     tracking: Tracking,
     next_tick: u64,
-    states: Xxh3,
-    events: Xxh3,
+    states: StatesDigest,
+    events: EventsDigest,
     /// Agents that are not on their reference, or whose reference is too fast.
     loose: Vec<u32>,
     /// Agents whose way may meet solid cells.
@@ -233,14 +294,14 @@ impl<'a> Run<'a> {
         Self {
             config,
             clock,
-            header: Header::new(grid, plan, config, clock.ticks),
+            header: header(grid, plan, config),
             pairs: Pairs::new(range, config.max_pairs),
             nearest: Nearest::new(agents, approach_m),
             log: Log::new(clock.substeps_per_s, config.max_contacts_kept),
             tracking: Tracking::default(),
             next_tick: 0,
-            states: Xxh3::new(),
-            events: Xxh3::new(),
+            states: StatesDigest::new(agents),
+            events: EventsDigest::default(),
             loose: Vec::new(),
             suspects: Vec::new(),
             settled: Vec::new(),
@@ -457,9 +518,7 @@ impl<'a> Run<'a> {
         if self.settled.is_empty() {
             return Ok(());
         }
-        for event in &self.settled {
-            self.events.update(&trace::event_bytes(event));
-        }
+        self.events.update(&self.settled);
         sink.events(&self.settled)?;
         Ok(())
     }
@@ -487,7 +546,7 @@ impl<'a> Run<'a> {
         } else {
             0.0
         };
-        let mut summary = trace::Summary {
+        let summary = trace::Summary {
             ticks: self.clock.ticks,
             simulated_s: self.clock.end() / self.clock.substeps_per_s,
             contacts_agent_agent: self.log.contacts.agent_agent,
@@ -495,13 +554,11 @@ impl<'a> Run<'a> {
             nearest_approach_m: overall.map(|approach| approach.distance_m),
             tracking_error_max_m: self.tracking.max_m,
             tracking_error_mean_m: mean,
+            states_digest: self.states.finish(),
+            events_digest: self.events.finish(),
             trace_digest: Digest(0),
-        };
-        summary.trace_digest = summary.digest(
-            &self.header,
-            self.states.digest128(),
-            self.events.digest128(),
-        );
+        }
+        .sealed(&self.header);
         sink.end(&summary)?;
         Ok(Outcome {
             tier: self.config.tier,
@@ -528,21 +585,19 @@ fn interpolate(from: &[f64], to: &[f64], fraction: f64, out: &mut [f64]) {
 }
 
 fn tell_state(
-    hash: &mut Xxh3,
+    digest: &mut StatesDigest,
     sink: &mut dyn TraceSink,
     tick: u64,
-    x: &[f64],
-    y: &[f64],
+    x_m: &[f64],
+    y_m: &[f64],
 ) -> Result<(), SimError> {
-    for values in [x, y] {
-        for chunk in values.chunks(128) {
-            let mut buffer = [0u8; 1024];
-            for (slot, value) in buffer.chunks_exact_mut(8).zip(chunk) {
-                slot.copy_from_slice(&value.to_le_bytes());
-            }
-            hash.update(&buffer[..chunk.len() * 8]);
-        }
-    }
-    sink.state(tick, x, y)?;
+    let states = States {
+        x_m,
+        y_m,
+        heading_rad: None,
+        progress: None,
+    };
+    digest.update(&states);
+    sink.state(tick, &states)?;
     Ok(())
 }

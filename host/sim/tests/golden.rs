@@ -33,8 +33,8 @@ fn cases() -> Vec<Case> {
                 (grid, plan)
             },
             config: SimConfig::default(),
-            kinematic: "5b7cd518cc4d3efcca26536b7dd3d87c",
-            contact: "41d880883bb5d9b5d66dce50cd0a7fce",
+            kinematic: "7959a579d4e688bddc1011902ce4d030",
+            contact: "17fb922b9cdb294302cd8cd428adeadd",
         },
         Case {
             name: "collisions between agents, odd parameters",
@@ -50,8 +50,8 @@ fn cases() -> Vec<Case> {
                 radius_m: Some(0.17),
                 ..SimConfig::default()
             },
-            kinematic: "ab89584fb2d3c25b6bb6640b1344b37e",
-            contact: "1adcd61204186a35493c76a947ee7a35",
+            kinematic: "2a36c9285afdf10e3fdb3e2d86b37390",
+            contact: "317c914d667b88152e2dc27239e2427d",
         },
         Case {
             name: "teleports through walls",
@@ -62,8 +62,8 @@ fn cases() -> Vec<Case> {
                 (grid, plan)
             },
             config: SimConfig::default(),
-            kinematic: "de0a2bda0ff3933ddf53281fa928e404",
-            contact: "6442f78f7f7656cef0ae2f3fe38d2ac0",
+            kinematic: "7c939cea6fb8c7f53e2dd9446802126b",
+            contact: "f3672770536a244d294dfa35b81d9f6f",
         },
     ]
 }

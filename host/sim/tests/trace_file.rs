@@ -2,12 +2,17 @@
 
 mod common;
 
-use fleetyard_core::{Grid, GridPlan};
-use fleetyard_sim::trace::{Frame, Header, Summary, read_trace};
-use fleetyard_sim::{
-    Event, Execution, NoTrace, Outcome, SimConfig, SimError, TraceReader, TraceSink, TraceWriter,
+use std::io::{self, Cursor};
+
+use fleetyard_core::{Digest, Grid, GridPlan};
+use fleetyard_sim::trace::{
+    Bounds, Cells, Digests, EventsDigest, Frame, Header, Outline, Profile, Scene, States,
+    StatesDigest, Summary, TraceOptions, read_trace,
 };
-use std::io;
+use fleetyard_sim::{
+    Event, EventKind, Execution, NoTrace, Other, Outcome, SimConfig, SimError, TraceReader,
+    TraceSink, TraceWriter,
+};
 
 fn world() -> (Grid, GridPlan) {
     let mut rng = common::rng(7);
@@ -23,35 +28,79 @@ fn config() -> SimConfig {
     }
 }
 
-fn written(every: u32) -> (Vec<u8>, Outcome) {
+fn written(options: TraceOptions) -> (Vec<u8>, Outcome) {
     let (grid, plan) = world();
-    let mut writer = TraceWriter::new(Vec::new(), every);
+    let mut writer = TraceWriter::with_options(Vec::new(), options);
     let outcome = Execution::run(&grid, &plan, &config(), &mut writer).expect("can be executed");
     (writer.into_inner(), outcome)
 }
 
+fn every(every: u32) -> TraceOptions {
+    TraceOptions {
+        every,
+        ..TraceOptions::default()
+    }
+}
+
+/// Small groups and many keys, so that a short trace has all there is.
+fn small_groups() -> TraceOptions {
+    TraceOptions {
+        every: 1,
+        group: 4,
+        key_every: 8,
+        ..TraceOptions::default()
+    }
+}
+
+/// States as bits, which can be compared whatever they are.
+#[derive(Debug, Clone, PartialEq)]
+struct Kept {
+    tick: u64,
+    values: Vec<Vec<u64>>,
+    progress: Option<Vec<u32>>,
+}
+
 /// Keeps all that it is told.
-#[derive(Default)]
+#[derive(Debug, Default, PartialEq)]
 struct Memory {
-    states: Vec<(u64, Vec<f64>, Vec<f64>)>,
+    header: Option<Header>,
+    states: Vec<Kept>,
     events: Vec<Event>,
+    summary: Option<Summary>,
 }
 
 impl TraceSink for Memory {
-    fn begin(&mut self, _: &Header) -> io::Result<()> {
+    fn begin(&mut self, header: &Header) -> io::Result<()> {
+        self.header = Some(header.clone());
         Ok(())
     }
-    fn state(&mut self, tick: u64, x_m: &[f64], y_m: &[f64]) -> io::Result<()> {
-        self.states.push((tick, x_m.to_vec(), y_m.to_vec()));
+    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
+        let channels = [Some(states.x_m), Some(states.y_m), states.heading_rad];
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect();
+        self.states.push(Kept {
+            tick,
+            values: channels.into_iter().flatten().map(bits).collect(),
+            progress: states.progress.map(<[u32]>::to_vec),
+        });
         Ok(())
     }
     fn events(&mut self, events: &[Event]) -> io::Result<()> {
         self.events.extend(events);
         Ok(())
     }
-    fn end(&mut self, _: &Summary) -> io::Result<()> {
+    fn end(&mut self, summary: &Summary) -> io::Result<()> {
+        self.summary = Some(summary.clone());
         Ok(())
     }
+}
+
+fn read(bytes: &[u8]) -> Memory {
+    let mut memory = Memory::default();
+    let reader = TraceReader::open(bytes, "memory").unwrap();
+    let contents = reader.replay(&mut memory).unwrap();
+    assert_eq!(contents.damage, None);
+    assert_eq!(contents.intact_bytes, bytes.len() as u64);
+    memory
 }
 
 #[test]
@@ -64,75 +113,271 @@ fn what_is_written_is_read() {
     let order = |e: &Event| (e.substep, e.agent);
     assert!(memory.events.is_sorted_by_key(order));
 
-    for every in [0, 1, 7] {
-        let (bytes, with_trace) = written(every);
+    for options in [every(0), every(1), every(7), small_groups()] {
+        let (bytes, with_trace) = written(options);
         assert_eq!(with_trace, outcome, "a trace changes nothing");
-        let mut reader = TraceReader::open(&bytes[..], "memory").unwrap();
-        assert_eq!(reader.header().grid, grid.digest());
-        assert_eq!(reader.header().plan, plan.digest());
-        assert_eq!(reader.header().ticks, outcome.ticks);
-        let (mut states, mut events, mut end) = (Vec::new(), Vec::new(), None);
+        let kept = read(&bytes);
+        let header = kept.header.unwrap();
+        let expected = Header {
+            state_every: options.every,
+            ..memory.header.clone().unwrap()
+        };
+        assert_eq!(header, expected);
+        assert_eq!(header.digests.world, grid.digest());
+        assert_eq!(header.digests.plan, plan.digest());
+        let is_recorded = |state: &&Kept| {
+            options.every > 0 && state.tick.is_multiple_of(u64::from(options.every))
+        };
+        let wanted: Vec<_> = memory.states.iter().filter(is_recorded).cloned().collect();
+        assert!(kept.states == wanted);
+        assert_eq!(kept.events, memory.events);
+        assert_eq!(kept.summary, memory.summary);
+        assert_eq!(kept.summary.unwrap().trace_digest, outcome.trace_digest);
+    }
+}
+
+#[test]
+fn a_trace_is_written_again_as_it_was() {
+    let (bytes, _) = written(small_groups());
+    let mut writer = TraceWriter::with_options(Vec::new(), small_groups());
+    let reader = TraceReader::open(&bytes[..], "t").unwrap();
+    assert_eq!(reader.replay(&mut writer).unwrap().damage, None);
+    assert!(writer.into_inner() == bytes);
+}
+
+/// A trace of everything that a header and states can have: headings, progress,
+/// moving obstacles, polygons, profiles, every kind of event.
+fn of_everything() -> Vec<u8> {
+    let cells = Grid::new("m", 2, 3, b".@@..@".to_vec()).unwrap();
+    let square = vec![[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]];
+    let profile = |name: &str, model: &str, outline| Profile {
+        name: name.into(),
+        model: model.into(),
+        outline,
+    };
+    let header = Header {
+        program: "test \u{1f916} 1".into(),
+        agents: 2,
+        movers: 1,
+        ticks_hz: 60,
+        substeps: 4,
+        tier: "kinematic".into(),
+        policy: "gated".into(),
+        seed: u64::MAX,
+        headings: true,
+        progress: true,
+        state_every: 0,
+        bounds_m: Bounds {
+            min_x: -1.0 / 3.0,
+            min_y: 0.0,
+            max_x: 3.1,
+            max_y: 2.000_000_000_000_000_4,
+        },
+        profiles: vec![
+            profile("disc", "holonomic", Outline::Disc { radius_m: 0.1 }),
+            profile(
+                "box",
+                "differential-drive",
+                Outline::Polygon { vertices_m: square },
+            ),
+        ],
+        digests: Digests {
+            world: Digest(1),
+            plan: Digest(u128::MAX),
+            fleet: Digest(3),
+            config: Digest(4),
+        },
+        scene: Scene {
+            cells: Some(Cells::new(&cells, 1.0)),
+            polygons_m: vec![vec![[0.5, 0.5], [1.0, 0.5], [0.7, 0.9]]],
+            profile_of_body: vec![1, 0, 0],
+            goals_m: vec![[2.5, 1.5], [0.1 + 0.2, 1.0]],
+        },
+    };
+    let mut writer = TraceWriter::with_options(Vec::new(), small_groups());
+    writer.begin(&header).unwrap();
+    let (mut states, mut events) = (StatesDigest::new(3), EventsDigest::default());
+    for tick in 0..20u32 {
+        let t = f64::from(tick) / 60.0;
+        let now = States {
+            x_m: &[0.5 + t, 2.5 - t * t, 1.5],
+            y_m: &[0.5, 0.5 + 0.3 * t, 1.0 - t],
+            heading_rad: Some(&[0.0, -t, 7.0 + t]),
+            progress: Some(&[tick / 5, tick / 7, 0]),
+        };
+        states.update(&now);
+        writer.state(u64::from(tick), &now).unwrap();
+        let told = |kind, agent, other| Event {
+            substep: u64::from(4 * tick),
+            time_s: t,
+            kind,
+            agent,
+            other,
+        };
+        let new = match tick {
+            3 => vec![told(EventKind::Begin, 0, Other::Agent(1))],
+            5 => vec![
+                told(EventKind::End, 0, Other::Agent(1)),
+                told(EventKind::Begin, 1, Other::Mover(0)),
+                told(EventKind::Begin, 1, Other::Obstacle { cell: 5 }),
+                told(EventKind::Begin, 1, Other::Polygon(1)),
+            ],
+            19 => vec![told(EventKind::Arrive, 1, Other::Goal)],
+            _ => vec![],
+        };
+        events.update(&new);
+        writer.events(&new).unwrap();
+    }
+    let summary = Summary {
+        ticks: 19,
+        simulated_s: 19.0 / 60.0,
+        contacts_agent_agent: 1,
+        contacts_agent_obstacle: 3,
+        nearest_approach_m: None,
+        tracking_error_max_m: 0.25,
+        tracking_error_mean_m: 0.1 + 0.2,
+        states_digest: states.finish(),
+        events_digest: events.finish(),
+        trace_digest: Digest(0),
+    };
+    writer.end(&summary.sealed(&header)).unwrap();
+    writer.into_inner()
+}
+
+#[test]
+fn everything_that_a_trace_can_have_comes_back() {
+    let bytes = of_everything();
+    let memory = read(&bytes);
+    let header = memory.header.unwrap();
+    assert_eq!(header.program, "test \u{1f916} 1");
+    assert_eq!(
+        header.bounds_m.max_y.to_bits(),
+        2.000_000_000_000_000_4f64.to_bits()
+    );
+    assert_eq!(header.seed, u64::MAX);
+    assert_eq!(header.profiles[1].model, "differential-drive");
+    let bits = |point: [f64; 2]| point.map(f64::to_bits);
+    assert_eq!(bits(header.scene.goals_m[1]), bits([0.1 + 0.2, 1.0]));
+    assert_eq!(bits(header.scene.polygons_m[0][2]), bits([0.7, 0.9]));
+    let solid: Vec<_> = header.scene.cells.unwrap().solid_runs().collect();
+    assert_eq!(solid, [(0, 1, 2), (1, 2, 1)]);
+    assert_eq!(memory.states.len(), 20);
+    let last = memory.states.last().unwrap();
+    assert_eq!(last.values[2][1], (-19.0f64 / 60.0).to_bits());
+    assert_eq!(last.progress, Some(vec![3, 2, 0]));
+    assert_eq!(memory.events.len(), 6);
+    assert_eq!(memory.events[5].other, Other::Goal);
+    assert_eq!(memory.summary.unwrap().nearest_approach_m, None);
+}
+
+#[test]
+fn reading_begins_anywhere() {
+    let bytes = of_everything();
+    let all = read(&bytes);
+    for tick in [0, 1, 7, 8, 9, 15, 16, 19, 1000] {
+        let mut reader = TraceReader::open(Cursor::new(&bytes), "t").unwrap();
+        // Also after some of it was read.
+        reader.next_frame().unwrap();
+        reader.seek(tick).unwrap();
+        let first = tick.min(16) / 8 * 8;
+        let mut expected = first;
+        let mut memory = Memory::default();
         while let Some(frame) = reader.next_frame().unwrap() {
             match frame {
-                Frame::State { tick, x_m, y_m } => states.push((tick, x_m, y_m)),
-                Frame::Events(more) => events.extend(more),
-                Frame::End(summary) => end = Some(summary),
+                Frame::State { tick, states } => {
+                    assert_eq!(tick, expected);
+                    expected += 1;
+                    memory.state(tick, &states).unwrap();
+                }
+                Frame::Events(events) => memory.events.extend(events),
+                Frame::End(summary) => memory.summary = Some(summary.clone()),
             }
         }
-        let wanted: Vec<_> = memory
-            .states
-            .iter()
-            .filter(|(tick, ..)| every > 0 && tick % u64::from(every) == 0)
-            .cloned()
-            .collect();
-        assert_eq!(states, wanted);
-        assert_eq!(events, memory.events);
-        assert_eq!(end.unwrap().trace_digest, outcome.trace_digest);
+        assert_eq!(memory.states, all.states[first as usize..]);
+        assert_eq!(memory.summary, all.summary);
+        assert!(all.events.ends_with(&memory.events));
     }
+    let (bytes, _) = written(every(0));
+    let mut reader = TraceReader::open(Cursor::new(&bytes), "t").unwrap();
+    let error = reader.seek(3).unwrap_err();
+    assert!(error.reason.contains("no states"), "{error}");
+    let cut = &bytes[..bytes.len() - 1];
+    let error = TraceReader::open(Cursor::new(cut), "t")
+        .unwrap()
+        .seek(3)
+        .unwrap_err();
+    assert!(error.hint.unwrap().contains("from its beginning"));
+}
+
+/// Where the frames after the bodies begin.
+fn beginning_of_frames(bytes: &[u8]) -> usize {
+    let reader = TraceReader::open(bytes, "t").unwrap();
+    reader.offset() as usize
+}
+
+fn kept_of_damaged(bytes: &[u8]) -> (Memory, fleetyard_sim::trace::TraceContents) {
+    let mut memory = Memory::default();
+    let reader = TraceReader::open(bytes, "t").unwrap();
+    let contents = reader.replay(&mut memory).unwrap();
+    (memory, contents)
 }
 
 #[test]
 fn a_cut_file_gives_what_is_left() {
-    let (bytes, _) = written(5);
-    let whole = read_trace(&bytes[..], "t").unwrap();
-    assert!(whole.damage.is_none() && whole.end.is_some());
-    let mut least = 0;
-    for length in 0..bytes.len() {
-        match read_trace(&bytes[..length], "t") {
-            Ok(part) => {
-                let damage = part.damage.expect("a cut is damage");
-                assert!(damage.reason.contains("ends within"), "{damage}");
-                assert!(damage.hint.is_some());
-                assert!(part.end.is_none());
-                assert!(whole.events.starts_with(&part.events));
-                let got = part.states + part.events.len() as u64;
-                assert!(got >= least, "more bytes, less content");
-                least = got;
-            }
-            Err(error) => {
-                assert!(length < 128, "only the preamble is indispensable");
+    for bytes in [
+        written(small_groups()).0,
+        written(every(5)).0,
+        of_everything(),
+    ] {
+        let whole = read(&bytes);
+        let beginning = beginning_of_frames(&bytes);
+        let mut least = 0;
+        for length in 0..bytes.len() {
+            if length < beginning {
+                let error = read_trace(&bytes[..length], "t").unwrap_err();
                 assert!(error.hint.is_some(), "{error}");
+                continue;
             }
+            let (memory, contents) = kept_of_damaged(&bytes[..length]);
+            let damage = contents.damage.expect("a cut is damage");
+            assert!(damage.reason.contains("ends within"), "{damage}");
+            assert!(damage.hint.is_some());
+            assert!(contents.intact_bytes <= length as u64);
+            assert!(whole.events.starts_with(&memory.events));
+            assert!(whole.states.starts_with(&memory.states));
+            assert_eq!(contents.states, memory.states.len() as u64);
+            let got = contents.states + contents.events;
+            assert!(got >= least, "more bytes, less content");
+            least = got;
         }
+        assert_eq!(least, (whole.states.len() + whole.events.len()) as u64);
     }
-    assert_eq!(least, whole.states + whole.events.len() as u64);
 }
 
 #[test]
 fn every_damaged_byte_is_found() {
-    for every in [0, 9] {
-        let (bytes, _) = written(every);
-        let whole = read_trace(&bytes[..], "t").unwrap();
+    for bytes in [written(every(0)).0, written(every(9)).0, of_everything()] {
+        let whole = read(&bytes);
+        let beginning = beginning_of_frames(&bytes);
         for at in 0..bytes.len() {
-            let mut bad = bytes.clone();
-            bad[at] ^= 1 << (at % 8);
-            match read_trace(&bad[..], "t") {
-                Ok(part) => {
-                    assert!(part.damage.is_some(), "byte {at} went unnoticed");
-                    assert!(part.end.is_none());
-                    assert!(whole.events.starts_with(&part.events));
+            for bit in 0..8 {
+                let mut bad = bytes.clone();
+                bad[at] ^= 1 << bit;
+                if at < beginning {
+                    // A header may have become one of a kind that is passed over.
+                    match read_trace(&bad[..], "t") {
+                        Ok(part) => assert!(part.damage.is_some(), "byte {at} went unnoticed"),
+                        Err(error) => assert!(error.hint.is_some(), "{error}"),
+                    }
+                    continue;
                 }
-                Err(error) => assert!(at < 128 && error.hint.is_some(), "{error}"),
+                let (memory, contents) = kept_of_damaged(&bad);
+                let damage = contents
+                    .damage
+                    .unwrap_or_else(|| panic!("byte {at} unnoticed"));
+                assert!(damage.reason.contains("byte"), "{damage}");
+                assert!(whole.events.starts_with(&memory.events));
+                assert!(whole.states.starts_with(&memory.states));
             }
         }
     }
@@ -140,25 +385,34 @@ fn every_damaged_byte_is_found() {
 
 #[test]
 fn exchanged_frames_and_trailing_bytes_are_found() {
-    let (bytes, _) = written(0);
+    let (bytes, _) = written(every(0));
     let mut longer = bytes.clone();
     longer.push(0);
-    let damage = read_trace(&longer[..], "t").unwrap().damage.unwrap();
+    let contents = read_trace(&longer[..], "t").unwrap();
+    let damage = contents.damage.unwrap();
     assert!(damage.reason.contains("after the end"), "{damage}");
+    assert!(contents.end.is_some(), "everything else is there");
     // Leave out the first frame: every frame is fine, the file is not.
-    let length = u32::from_le_bytes(bytes[129..133].try_into().unwrap()) as usize;
-    let mut shorter = bytes[..128].to_vec();
-    shorter.extend(&bytes[128 + 13 + length..]);
+    let at = beginning_of_frames(&bytes);
+    let length = u32::from_le_bytes(bytes[at + 1..at + 5].try_into().unwrap()) as usize;
+    let mut shorter = bytes[..at].to_vec();
+    shorter.extend(&bytes[at + 13 + length..]);
     let damage = read_trace(&shorter[..], "t").unwrap().damage.unwrap();
     assert!(damage.reason.contains("missing or exchanged"), "{damage}");
 }
 
 #[test]
-fn newer_versions_and_other_files_are_named() {
-    let (mut bytes, _) = written(0);
-    bytes[8] = 2;
-    let error = read_trace(&bytes[..], "t").unwrap_err();
-    assert!(error.to_string().contains("version 2"), "{error}");
+fn other_versions_and_other_files_are_named() {
+    let (mut bytes, _) = written(every(0));
+    for (version, hint) in [(1, "again"), (3, "newer release")] {
+        bytes[8] = version;
+        let error = read_trace(&bytes[..], "t").unwrap_err();
+        assert!(
+            error.to_string().contains(&format!("version {version}")),
+            "{error}"
+        );
+        assert!(error.hint.unwrap().contains(hint));
+    }
     for other in [
         &b""[..],
         b"type octile\nheight 4\n",
@@ -166,6 +420,25 @@ fn newer_versions_and_other_files_are_named() {
     ] {
         assert!(read_trace(other, "t").unwrap_err().hint.is_some());
     }
+}
+
+#[test]
+fn states_that_the_header_does_not_announce_are_refused() {
+    let header = read(&of_everything()).header.unwrap();
+    let mut writer = TraceWriter::new(Vec::new(), 1);
+    writer.begin(&header).unwrap();
+    let without = States {
+        x_m: &[0.0; 3],
+        y_m: &[0.0; 3],
+        heading_rad: None,
+        progress: Some(&[0; 3]),
+    };
+    let error = writer.state(0, &without).unwrap_err();
+    assert_eq!(error.kind(), io::ErrorKind::InvalidInput);
+    let mut empty = header;
+    empty.scene = Scene::default();
+    let error = TraceWriter::new(Vec::new(), 1).begin(&empty).unwrap_err();
+    assert!(error.to_string().contains("profile"), "{error}");
 }
 
 /// A disk that fills up.
@@ -187,7 +460,7 @@ impl io::Write for Full {
 #[test]
 fn a_full_disk_is_an_error() {
     let (grid, plan) = world();
-    let length = written(1).0.len();
+    let length = written(every(1)).0.len();
     for room in [0, 100, length / 2, length - 1] {
         let mut writer = TraceWriter::new(Full(room), 1);
         let error = Execution::run(&grid, &plan, &config(), &mut writer).unwrap_err();

@@ -1,0 +1,434 @@
+//! What a trace is about: everything that is known before the first tick.
+
+use fleetyard_core::{Digest, Grid, Hasher};
+use serde::{Deserialize, Serialize};
+
+use super::{Fields, MAX_BODIES, NO_VALUE};
+
+/// What a trace is about, enough to draw it without map, plan and fleet.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// The program that executed the plan, with its version.
+    pub program: String,
+    /// Number of agents.
+    pub agents: u32,
+    /// Number of obstacles that move.
+    pub movers: u32,
+    /// Ticks per simulated second.
+    pub ticks_hz: u32,
+    /// Substeps per tick.
+    pub substeps: u32,
+    /// How bodies moved and how contacts were found.
+    pub tier: String,
+    /// What decided when an agent may go on.
+    pub policy: String,
+    /// Seed of everything random in the execution.
+    pub seed: u64,
+    /// Whether states have headings.
+    pub headings: bool,
+    /// Whether states have the progress along the route.
+    pub progress: bool,
+    /// Ticks between recorded states, 0 if none are recorded. Whoever writes a
+    /// file sets it.
+    pub state_every: u32,
+    /// What has to be in a picture.
+    pub bounds_m: Bounds,
+    /// The kinds of bodies.
+    pub profiles: Vec<Profile>,
+    /// What was executed.
+    pub digests: Digests,
+    /// What does not move, and who is who. In frames of its own in files.
+    #[serde(skip)]
+    pub scene: Scene,
+}
+
+/// A rectangle along the axes, in metres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the names say it")]
+pub struct Bounds {
+    pub min_x: f64,
+    pub min_y: f64,
+    pub max_x: f64,
+    pub max_y: f64,
+}
+
+/// A kind of body.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Profile {
+    /// Its name.
+    pub name: String,
+    /// Its motion model; empty for obstacles that move.
+    pub model: String,
+    /// Its outline, about the point that states give.
+    pub outline: Outline,
+}
+
+/// The outline of a body whose heading is 0, about its own origin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outline {
+    /// A disc around the origin.
+    Disc {
+        /// Its radius in metres.
+        radius_m: f64,
+    },
+    /// A convex polygon, counter-clockwise.
+    Polygon {
+        /// Its vertices in metres.
+        vertices_m: Vec<[f64; 2]>,
+    },
+}
+
+/// Digests of what was executed; all zero where there is no such thing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Digests {
+    /// Of the map or the world.
+    pub world: Digest,
+    /// Of the plan.
+    pub plan: Digest,
+    /// Of the fleet: footprints, models, limits, controllers.
+    pub fleet: Digest,
+    /// Of every other parameter of the execution.
+    pub config: Digest,
+}
+
+/// What does not move, and who is who.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Scene {
+    /// Cells of a map that are solid. The map's lower left corner is the origin.
+    pub cells: Option<Cells>,
+    /// Obstacles, vertices in metres.
+    pub polygons_m: Vec<Vec<[f64; 2]>>,
+    /// For every body the index of its profile: first the agents, then the
+    /// obstacles that move.
+    pub profile_of_body: Vec<u32>,
+    /// Where every agent wants to go, in metres; empty if that is not known.
+    pub goals_m: Vec<[f64; 2]>,
+}
+
+impl Header {
+    /// Agents and moving obstacles.
+    pub fn bodies(&self) -> usize {
+        self.agents as usize + self.movers as usize
+    }
+
+    /// Simulated time at a tick, in seconds.
+    pub fn time_s(&self, tick: u64) -> f64 {
+        tick as f64 / f64::from(self.ticks_hz)
+    }
+
+    /// Feeds what decides about the execution, and nothing that only describes it
+    /// (the program, what is recorded, the picture).
+    pub(super) fn identify(&self, hasher: &mut Hasher) {
+        for value in [self.agents, self.movers, self.ticks_hz, self.substeps] {
+            hasher.u64(u64::from(value));
+        }
+        hasher.bytes(self.tier.as_bytes());
+        hasher.bytes(self.policy.as_bytes());
+        hasher.u64(self.seed);
+        hasher.u64(u64::from(self.headings));
+        let Digests {
+            world,
+            plan,
+            fleet,
+            config,
+        } = self.digests;
+        for digest in [world, plan, fleet, config] {
+            hasher.bytes(&digest.0.to_le_bytes());
+        }
+    }
+
+    /// What contradicts itself in the header, scene aside.
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let Bounds {
+            min_x,
+            min_y,
+            max_x,
+            max_y,
+        } = self.bounds_m;
+        let bounds = [min_x, min_y, max_x, max_y];
+        let outline_is_finite = |profile: &Profile| match &profile.outline {
+            Outline::Disc { radius_m } => radius_m.is_finite(),
+            Outline::Polygon { vertices_m } => vertices_m.iter().flatten().all(|v| v.is_finite()),
+        };
+        if self.agents == 0 {
+            Some("there are no agents")
+        } else if self.bodies() > MAX_BODIES {
+            Some("there are more bodies than a trace can have")
+        } else if self.ticks_hz == 0 || self.substeps == 0 {
+            Some("the rate of ticks or substeps is 0")
+        } else if !bounds.iter().all(|v| v.is_finite()) || min_x > max_x || min_y > max_y {
+            Some("the bounds are no rectangle")
+        } else if !self.profiles.iter().all(outline_is_finite) {
+            Some("an outline has a number that is not finite")
+        } else {
+            None
+        }
+    }
+
+    /// What contradicts the header in its scene.
+    pub(super) fn scene_fault(&self) -> Option<&'static str> {
+        let profiles = self.profiles.len() as u64;
+        let scene = &self.scene;
+        let goals = scene.goals_m.len();
+        if scene.profile_of_body.len() != self.bodies() {
+            Some("there is not one profile per body")
+        } else if scene
+            .profile_of_body
+            .iter()
+            .any(|at| u64::from(*at) >= profiles)
+        {
+            Some("a body has a profile that does not exist")
+        } else if goals != 0 && goals != self.agents as usize {
+            Some("there is not one goal per agent")
+        } else {
+            None
+        }
+    }
+}
+
+impl Scene {
+    /// The bodies: for each its profile and its goal. 20 bytes for each, never
+    /// compressed: with them a file shows that the bodies which it claims are
+    /// worth the memory that a reader spends on them.
+    pub(super) fn body_bytes(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(BODY_BYTES * self.profile_of_body.len());
+        for (body, profile) in self.profile_of_body.iter().enumerate() {
+            out.extend(profile.to_le_bytes());
+            let goal = self.goals_m.get(body).map(|goal| goal.map(f64::to_bits));
+            for bits in goal.unwrap_or([NO_VALUE; 2]) {
+                out.extend(bits.to_le_bytes());
+            }
+        }
+        out
+    }
+
+    pub(super) fn parse_bodies(&mut self, payload: &[u8], agents: u32) -> Option<()> {
+        let (bodies, rest) = payload.as_chunks::<BODY_BYTES>();
+        for (body, bytes) in bodies.iter().enumerate() {
+            let mut fields = Fields(bytes);
+            self.profile_of_body.push(fields.u32()?);
+            let goal = [fields.f64()?, fields.f64()?];
+            if !goal[0].is_nan() && !goal[1].is_nan() {
+                if body != self.goals_m.len() || body >= agents as usize {
+                    return None;
+                }
+                self.goals_m.push(goal);
+            }
+        }
+        rest.is_empty().then_some(())
+    }
+
+    pub(super) fn polygon_bytes(&self) -> Vec<u8> {
+        let mut out = Vec::new();
+        for polygon in &self.polygons_m {
+            out.extend((polygon.len() as u32).to_le_bytes());
+            for value in polygon.iter().flatten() {
+                out.extend(value.to_le_bytes());
+            }
+        }
+        out
+    }
+
+    pub(super) fn parse_polygons(&mut self, payload: &[u8]) -> Option<()> {
+        let mut fields = Fields(payload);
+        while !fields.0.is_empty() {
+            let count = fields.u32()? as usize;
+            if count < 3 {
+                return None;
+            }
+            let (vertices, rest) = fields.0.split_at_checked(count.checked_mul(16)?)?;
+            fields.0 = rest;
+            let vertex = |bytes: &[u8; 16]| {
+                let mut fields = Fields(bytes);
+                let vertex = [fields.f64()?, fields.f64()?];
+                vertex.iter().all(|v| v.is_finite()).then_some(vertex)
+            };
+            let vertices = vertices.as_chunks::<16>().0.iter().map(vertex);
+            self.polygons_m.push(vertices.collect::<Option<_>>()?);
+        }
+        Some(())
+    }
+}
+
+const BODY_BYTES: usize = 20;
+
+/// The solid cells of a map, as lengths of alternating runs of free and solid
+/// cells in the order of rows from the top. Takes as much memory as in a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cells {
+    rows: u32,
+    cols: u32,
+    /// Bits, so that cells can be compared.
+    cell_size: u64,
+    /// LEB128 numbers, free first.
+    runs: Vec<u8>,
+}
+
+impl Cells {
+    /// The cells of a grid that nobody can enter.
+    pub fn new(grid: &Grid, cell_size_m: f64) -> Self {
+        let mut runs = Vec::new();
+        let mut solid = false;
+        let mut length = 0u32;
+        for letter in grid.terrain() {
+            if Grid::letter_is_passable(*letter) == solid {
+                put_number(&mut runs, length);
+                length = 0;
+                solid = !solid;
+            }
+            length += 1;
+        }
+        put_number(&mut runs, length);
+        Self {
+            rows: grid.rows(),
+            cols: grid.cols(),
+            cell_size: cell_size_m.to_bits(),
+            runs,
+        }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// Number of columns.
+    pub fn cols(&self) -> u32 {
+        self.cols
+    }
+
+    /// Side of a cell in metres.
+    pub fn cell_size_m(&self) -> f64 {
+        f64::from_bits(self.cell_size)
+    }
+
+    /// Runs of solid cells within a row: row from the top, first column, and how
+    /// many. In order.
+    pub fn solid_runs(&self) -> impl Iterator<Item = (u32, u32, u32)> {
+        let cols = u64::from(self.cols);
+        self.runs()
+            .filter(|(solid, ..)| *solid)
+            .flat_map(move |(_, start, end)| {
+                (start / cols..end.div_ceil(cols)).map(move |row| {
+                    let from = start.max(row * cols);
+                    let to = end.min((row + 1) * cols);
+                    (row as u32, (from - row * cols) as u32, (to - from) as u32)
+                })
+            })
+    }
+
+    /// Whether it is solid, first cell and end of each run.
+    fn runs(&self) -> impl Iterator<Item = (bool, u64, u64)> {
+        let mut rest = &self.runs[..];
+        let (mut solid, mut at) = (true, 0);
+        std::iter::from_fn(move || {
+            let length = take_number(&mut rest)?;
+            let start = at;
+            at += u64::from(length);
+            solid = !solid;
+            Some((solid, start, at))
+        })
+    }
+
+    pub(super) fn bytes(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(16 + self.runs.len());
+        out.extend(self.rows.to_le_bytes());
+        out.extend(self.cols.to_le_bytes());
+        out.extend(self.cell_size.to_le_bytes());
+        out.extend(&self.runs);
+        out
+    }
+
+    pub(super) fn parse(payload: &[u8]) -> Option<Self> {
+        let mut fields = Fields(payload);
+        let cells = Self {
+            rows: fields.u32()?,
+            cols: fields.u32()?,
+            cell_size: fields.u64()?,
+            runs: fields.0.to_vec(),
+        };
+        let count = u64::from(cells.rows) * u64::from(cells.cols);
+        let size = cells.cell_size_m();
+        if count == 0 || count > Grid::MAX_CELLS || !size.is_finite() || size <= 0.0 {
+            return None;
+        }
+        let (mut rest, mut sum, mut first) = (fields.0, 0, true);
+        while !rest.is_empty() {
+            let length = take_number(&mut rest)?;
+            // Only the first run, of free cells, may be empty.
+            if length == 0 && !first {
+                return None;
+            }
+            first = false;
+            sum += u64::from(length);
+        }
+        (sum == count).then_some(cells)
+    }
+}
+
+fn put_number(out: &mut Vec<u8>, mut value: u32) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
+}
+
+/// A LEB128 number of 32 bits.
+fn take_number(bytes: &mut &[u8]) -> Option<u32> {
+    let mut value = 0;
+    for shift in [0, 7, 14, 21, 28] {
+        let (byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        let part = u32::from(byte & 0x7f);
+        // Past 32 bits.
+        if shift == 28 && part > 0xf {
+            return None;
+        }
+        value |= part << shift;
+        if byte & 0x80 == 0 {
+            return Some(value);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Cells, put_number, take_number};
+    use fleetyard_core::Grid;
+
+    #[test]
+    fn numbers_keep_their_value() {
+        for value in [0, 1, 127, 128, 300, 1 << 20, u32::MAX - 1, u32::MAX] {
+            let mut bytes = Vec::new();
+            put_number(&mut bytes, value);
+            let mut rest = &bytes[..];
+            assert_eq!(take_number(&mut rest), Some(value));
+            assert!(rest.is_empty());
+        }
+        assert_eq!(take_number(&mut &[0xff; 6][..]), None);
+        assert_eq!(take_number(&mut &[0xff, 0xff, 0xff, 0xff, 0x1f][..]), None);
+        assert_eq!(take_number(&mut &[0x80][..]), None);
+    }
+
+    #[test]
+    fn solid_cells_are_told_row_by_row() {
+        for (map, runs) in [
+            ("....", vec![]),
+            ("@@@@", vec![(0, 0, 2), (1, 0, 2)]),
+            (".@@.", vec![(0, 1, 1), (1, 0, 1)]),
+            ("@..@", vec![(0, 0, 1), (1, 1, 1)]),
+        ] {
+            let grid = Grid::new("m", 2, 2, map.as_bytes().to_vec()).unwrap();
+            let cells = Cells::new(&grid, 0.5);
+            assert_eq!(cells.solid_runs().collect::<Vec<_>>(), runs, "{map}");
+            assert_eq!(Cells::parse(&cells.bytes()).unwrap(), cells);
+            assert_eq!(
+                Cells::parse(&cells.bytes()[..cells.bytes().len() - 1]),
+                None
+            );
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! Traces: what happened in an execution, as a stream and as a file.
+//!
+//! An execution tells a [`TraceSink`] what happens. [`TraceWriter`] is a sink
+//! that makes a file of it, and [`TraceReader`] gives the file back, frame by
+//! frame or into another sink ([`TraceReader::replay`]). A file explains itself:
+//! with its [`Header`] it can be drawn without map, plan and fleet.
+//!
+//! The format is specified in `docs/traces.md`. States are lossless, to the bit;
+//! memory is bounded on both sides, by the number of bodies and not by the length
+//! of the execution, and for a reader also by what the file really has.
+//!
+//! The *trace digest* identifies the execution and does not depend on what is
+//! recorded of it: see [`Summary::digest`].
+
+mod delta;
+mod digest;
+mod header;
+mod read;
+mod write;
+
+use std::io;
+
+pub use digest::{CHUNK, ChunkDigest, EventsDigest, StatesDigest};
+pub use header::{Bounds, Cells, Digests, Header, Outline, Profile, Scene};
+pub use read::{Frame, TraceContents, TraceReader, read_trace};
+pub use write::{TraceOptions, TraceWriter};
+
+use fleetyard_core::{Digest, Hasher};
+use serde::Serialize;
+
+use crate::event::{Event, EventKind, Other};
+
+/// The first bytes of a file, which break if it is treated as text.
+const MAGIC: [u8; 8] = *b"\x89FYT\r\n\x1a\n";
+/// The last bytes of a file.
+const END_MAGIC: [u8; 8] = *b"FYTend\r\n";
+const VERSION: u16 = 2;
+
+/// Kinds of frames. Readers skip kinds that they do not know if these are lower
+/// case letters, and refuse them otherwise.
+mod kind {
+    pub(super) const HEADER: u8 = b'H';
+    pub(super) const CELLS: u8 = b'C';
+    pub(super) const POLYGONS: u8 = b'P';
+    pub(super) const BODIES: u8 = b'B';
+    pub(super) const STATES: u8 = b'S';
+    pub(super) const EVENTS: u8 = b'E';
+    pub(super) const SUMMARY: u8 = b'Z';
+    pub(super) const INDEX: u8 = b'I';
+}
+
+/// Bytes of a frame before its payload: the kind and the length of the payload.
+const FRAME_HEAD: usize = 5;
+/// Bytes of the check after the payload.
+const FRAME_CHECK: usize = 8;
+/// Bytes of the end of a file: the place of the index, and the magic number.
+const TRAILER_BYTES: usize = 16;
+const EVENT_BYTES: usize = 26;
+/// Of a summary with the digest of the file.
+const SUMMARY_BYTES: usize = 120;
+/// Most events in one frame.
+const EVENTS_PER_FRAME: usize = 4096;
+/// A group of states has one tick, or not more bytes than this before compression.
+const GROUP_BYTES: usize = 4 << 20;
+/// An index with this many entries loses every other one of them.
+const INDEX_ENTRIES: usize = 1 << 16;
+const INDEX_ENTRY_BYTES: usize = 16;
+/// Most agents and moving obstacles, together.
+const MAX_BODIES: usize = 1 << 27;
+
+/// Where everybody is at a tick. All slices have one entry per body: first the
+/// agents, then the moving obstacles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct States<'a> {
+    /// x in metres.
+    pub x_m: &'a [f64],
+    /// y in metres.
+    pub y_m: &'a [f64],
+    /// Headings in radians, counter-clockwise from the x axis; present if and
+    /// only if [`Header::headings`].
+    pub heading_rad: Option<&'a [f64]>,
+    /// The knot of its route that each body has reached, counted from 0; present
+    /// if and only if [`Header::progress`].
+    pub progress: Option<&'a [u32]>,
+}
+
+/// Receives an execution as it happens.
+///
+/// An error breaks the execution off.
+pub trait TraceSink {
+    /// Whether the sink looks at [`Header::scene`]; otherwise it may stay empty.
+    fn wants_scene(&self) -> bool {
+        true
+    }
+
+    /// Whether the sink looks at the states of a tick; otherwise they need not be
+    /// told.
+    fn wants_state(&self, tick: u64) -> bool {
+        let _ = tick;
+        true
+    }
+
+    /// Before everything else.
+    fn begin(&mut self, header: &Header) -> io::Result<()>;
+
+    /// Where everybody is at a tick; ticks come in order, from 0.
+    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()>;
+
+    /// What happened since the last call, in order. It comes after the states
+    /// of the ticks that the events fall into, not necessarily directly.
+    fn events(&mut self, events: &[Event]) -> io::Result<()>;
+
+    /// After everything else.
+    fn end(&mut self, summary: &Summary) -> io::Result<()>;
+}
+
+/// Forgets everything.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoTrace;
+
+impl TraceSink for NoTrace {
+    fn wants_scene(&self) -> bool {
+        false
+    }
+
+    fn wants_state(&self, _: u64) -> bool {
+        false
+    }
+
+    fn begin(&mut self, _: &Header) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn state(&mut self, _: u64, _: &States<'_>) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn events(&mut self, _: &[Event]) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn end(&mut self, _: &Summary) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// What an execution came to, as traces tell it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Number of ticks; there are states of ticks 0 to this one.
+    pub ticks: u64,
+    /// Simulated time in seconds.
+    pub simulated_s: f64,
+    /// Contacts between agents.
+    pub contacts_agent_agent: u64,
+    /// Contacts of agents with obstacles, standing or moving.
+    pub contacts_agent_obstacle: u64,
+    /// Least distance between centres.
+    pub nearest_approach_m: Option<f64>,
+    /// Largest tracking error in metres.
+    pub tracking_error_max_m: f64,
+    /// Mean tracking error in metres.
+    pub tracking_error_mean_m: f64,
+    /// Digest of the states at all ticks: see [`StatesDigest`].
+    pub states_digest: Digest,
+    /// Digest of all events: see [`EventsDigest`].
+    pub events_digest: Digest,
+    /// Digest of the execution: see [`Summary::digest`].
+    pub trace_digest: Digest,
+}
+
+impl Summary {
+    /// The trace digest: of the identity of the header, which is everything that
+    /// decides about the execution, and of all other fields of the summary.
+    pub fn digest(&self, header: &Header) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.trace/2");
+        header.identify(&mut hasher);
+        hasher.bytes(&self.figures());
+        hasher.finish()
+    }
+
+    /// The summary with its trace digest.
+    #[must_use]
+    pub fn sealed(mut self, header: &Header) -> Self {
+        self.trace_digest = self.digest(header);
+        self
+    }
+
+    /// All fields but the trace digest.
+    fn figures(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(SUMMARY_BYTES);
+        out.extend(self.ticks.to_le_bytes());
+        out.extend(self.simulated_s.to_le_bytes());
+        out.extend(self.contacts_agent_agent.to_le_bytes());
+        out.extend(self.contacts_agent_obstacle.to_le_bytes());
+        // One bit pattern for "none", whatever arithmetic would make.
+        let nearest = self.nearest_approach_m.map_or(NO_VALUE, f64::to_bits);
+        out.extend(nearest.to_le_bytes());
+        out.extend(self.tracking_error_max_m.to_le_bytes());
+        out.extend(self.tracking_error_mean_m.to_le_bytes());
+        out.extend(self.states_digest.0.to_le_bytes());
+        out.extend(self.events_digest.0.to_le_bytes());
+        out
+    }
+
+    fn parse(fields: &mut Fields<'_>) -> Option<Self> {
+        Some(Self {
+            ticks: fields.u64()?,
+            simulated_s: fields.f64()?,
+            contacts_agent_agent: fields.u64()?,
+            contacts_agent_obstacle: fields.u64()?,
+            nearest_approach_m: Some(fields.f64()?).filter(|value| !value.is_nan()),
+            tracking_error_max_m: fields.f64()?,
+            tracking_error_mean_m: fields.f64()?,
+            states_digest: Digest(fields.u128()?),
+            events_digest: Digest(fields.u128()?),
+            trace_digest: Digest(fields.u128()?),
+        })
+    }
+}
+
+/// The bits of a float that stands for no value.
+const NO_VALUE: u64 = 0x7ff8_0000_0000_0000;
+
+/// An event as files and digests hold it.
+fn event_bytes(event: &Event) -> [u8; EVENT_BYTES] {
+    let (tag, other) = match event.other {
+        Other::Agent(agent) => (0, agent),
+        Other::Obstacle { cell } => (1, cell),
+        Other::Polygon(index) => (2, index),
+        Other::Mover(index) => (3, index),
+        Other::Goal => (4, 0),
+    };
+    let mut out = [0; EVENT_BYTES];
+    out[0..8].copy_from_slice(&event.substep.to_le_bytes());
+    out[8..16].copy_from_slice(&event.time_s.to_le_bytes());
+    out[16] = match event.kind {
+        EventKind::Begin => 0,
+        EventKind::End => 1,
+        EventKind::Arrive => 2,
+    };
+    out[17] = tag;
+    out[18..22].copy_from_slice(&event.agent.to_le_bytes());
+    out[22..26].copy_from_slice(&other.to_le_bytes());
+    out
+}
+
+fn parse_event(bytes: &[u8; EVENT_BYTES]) -> Option<Event> {
+    let mut fields = Fields(bytes);
+    let (substep, time_s) = (fields.u64()?, fields.f64()?);
+    let kind = match fields.u8()? {
+        0 => EventKind::Begin,
+        1 => EventKind::End,
+        2 => EventKind::Arrive,
+        _ => return None,
+    };
+    let tag = fields.u8()?;
+    let (agent, other) = (fields.u32()?, fields.u32()?);
+    let other = match tag {
+        0 => Other::Agent(other),
+        1 => Other::Obstacle { cell: other },
+        2 => Other::Polygon(other),
+        3 => Other::Mover(other),
+        4 if other == 0 => Other::Goal,
+        _ => return None,
+    };
+    Some(Event {
+        substep,
+        time_s,
+        kind,
+        agent,
+        other,
+    })
+}
+
+/// The places of the groups of states with which reading can begin, in order:
+/// (first tick, offset in the file). Thinned out when it grows, alike by whoever
+/// writes and whoever reads.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Index {
+    entries: Vec<(u64, u64)>,
+    /// Groups to pass over after each that is entered.
+    pass: u64,
+    passed: u64,
+}
+
+impl Index {
+    fn note(&mut self, tick: u64, offset: u64) {
+        if self.passed > 0 {
+            self.passed -= 1;
+            return;
+        }
+        if self.entries.len() == INDEX_ENTRIES {
+            let mut at = 0;
+            self.entries.retain(|_| {
+                at += 1;
+                at % 2 == 1
+            });
+            self.pass = 2 * self.pass + 1;
+        }
+        self.entries.push((tick, offset));
+        self.passed = self.pass;
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let numbers = self.entries.iter().flat_map(|(tick, at)| [*tick, *at]);
+        numbers.flat_map(u64::to_le_bytes).collect()
+    }
+
+    fn parse(payload: &[u8]) -> Option<Self> {
+        let (entries, rest) = payload.as_chunks::<INDEX_ENTRY_BYTES>();
+        let entry = |bytes: &[u8; INDEX_ENTRY_BYTES]| {
+            let mut fields = Fields(bytes);
+            Some((fields.u64()?, fields.u64()?))
+        };
+        let entries: Vec<_> = entries.iter().map(entry).collect::<Option<_>>()?;
+        rest.is_empty().then(|| Self {
+            entries,
+            ..Self::default()
+        })
+    }
+}
+
+/// Takes fields off the front of a slice.
+struct Fields<'a>(&'a [u8]);
+
+impl Fields<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (head, tail) = self.0.split_first_chunk::<N>()?;
+        self.0 = tail;
+        Some(*head)
+    }
+
+    fn u8(&mut self) -> Option<u8> {
+        self.take::<1>().map(|[byte]| byte)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.take().map(u64::from_le_bytes)
+    }
+
+    fn u128(&mut self) -> Option<u128> {
+        self.take().map(u128::from_le_bytes)
+    }
+
+    fn f64(&mut self) -> Option<f64> {
+        self.take().map(f64::from_le_bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{INDEX_ENTRIES, Index};
+
+    #[test]
+    fn a_long_index_is_thinned_out_evenly() {
+        let mut index = Index::default();
+        for group in 0..5 * INDEX_ENTRIES as u64 {
+            index.note(600 * group, 1000 + group);
+        }
+        assert!(index.entries.len() <= INDEX_ENTRIES);
+        assert!(index.entries.len() > INDEX_ENTRIES / 2);
+        let steps: Vec<u64> = index.entries.windows(2).map(|w| w[1].0 - w[0].0).collect();
+        assert!(steps.iter().all(|step| *step == steps[0]), "{steps:?}");
+        assert_eq!(Index::parse(&index.bytes()).unwrap().entries, index.entries);
+    }
+}

@@ -1,0 +1,582 @@
+//! Trace files in.
+
+use std::io::{self, Read, Seek, SeekFrom};
+
+use fleetyard_core::{InputError, shown};
+use xxhash_rust::xxh3::Xxh3;
+use zstd::bulk::Decompressor;
+use zstd::zstd_safe::compress_bound;
+
+use super::delta::{Layout, Tracks, from_planes};
+use super::{
+    Cells, END_MAGIC, EVENT_BYTES, EVENTS_PER_FRAME, EventsDigest, FRAME_CHECK, FRAME_HEAD, Fields,
+    GROUP_BYTES, Header, Index, MAGIC, NoTrace, SUMMARY_BYTES, States, StatesDigest, Summary,
+    TRAILER_BYTES, TraceSink, VERSION, kind, parse_event,
+};
+use crate::event::Event;
+
+/// The longest header that is read, scene aside.
+const LONGEST_HEADER: usize = 16 << 20;
+/// Bytes of a group of states before what is compressed.
+const GROUP_HEAD: usize = 13;
+
+/// One piece of a trace.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Frame<'a> {
+    /// Where everybody is at a tick.
+    State {
+        /// The tick.
+        tick: u64,
+        /// The states.
+        states: States<'a>,
+    },
+    /// Events, in order.
+    Events(&'a [Event]),
+    /// The end.
+    End(&'a Summary),
+}
+
+/// What was read last.
+enum Piece {
+    State,
+    Events,
+    End,
+}
+
+/// Reads a trace file frame by frame. Give it a buffered reader.
+pub struct TraceReader<R> {
+    source: Source<R>,
+    header: Header,
+    layout: Layout,
+    decompressor: Option<Decompressor<'static>>,
+    index: Index,
+    /// The group of states that is given out: its numbers, how many ticks it has
+    /// and how many of them were given out.
+    numbers: Vec<u64>,
+    ticks: usize,
+    given: usize,
+    tracks: Tracks,
+    /// The tick that was given out last, the one that has to follow, and the states.
+    tick: u64,
+    next_tick: u64,
+    values: Vec<f64>,
+    events: Vec<Event>,
+    summary: Option<Summary>,
+    states_digest: StatesDigest,
+    events_digest: EventsDigest,
+    /// Whether everything since the beginning was read, so that digests can be checked.
+    whole: bool,
+    over: bool,
+}
+
+impl<R: Read> TraceReader<R> {
+    /// Reads the header and the scene. `name` is the file's name for messages.
+    pub fn open(input: R, name: impl Into<String>) -> Result<Self, InputError> {
+        let mut source = Source {
+            input,
+            name: name.into(),
+            offset: 0,
+            hash: Xxh3::new(),
+        };
+        source.preamble()?;
+        let frame = source.frame(|kind| (kind == kind::HEADER).then_some(LONGEST_HEADER))?;
+        let mut header: Header = serde_json::from_slice(&frame.payload).map_err(|error| {
+            let reason = format!("the header makes no sense: {}", shown(&error.to_string()));
+            source.damaged(frame.start, &reason)
+        })?;
+        if let Some(fault) = header.fault() {
+            return Err(source.damaged(frame.start, fault));
+        }
+        loop {
+            let frame = source.frame(|kind| match kind {
+                kind::CELLS | kind::POLYGONS | kind::BODIES => Some(u32::MAX as usize),
+                _ => None,
+            })?;
+            let payload = &frame.payload[..];
+            let parsed = match frame.kind {
+                kind::CELLS => Cells::parse(payload).map(|cells| header.scene.cells = Some(cells)),
+                kind::POLYGONS => header.scene.parse_polygons(payload),
+                kind::BODIES => header.scene.parse_bodies(payload, header.agents),
+                _ => Some(()),
+            };
+            if parsed.is_none() {
+                return Err(source.damaged(frame.start, "a part of the scene makes no sense"));
+            }
+            if frame.kind == kind::BODIES {
+                // From here on the file has shown 20 bytes for every body.
+                if let Some(fault) = header.scene_fault() {
+                    return Err(source.damaged(frame.start, fault));
+                }
+                break;
+            }
+        }
+        let layout = Layout::new(&header);
+        Ok(Self {
+            source,
+            layout,
+            decompressor: None,
+            index: Index::default(),
+            numbers: Vec::new(),
+            ticks: 0,
+            given: 0,
+            tracks: Tracks::default(),
+            tick: 0,
+            next_tick: 0,
+            values: Vec::new(),
+            events: Vec::new(),
+            summary: None,
+            states_digest: StatesDigest::new(layout.bodies),
+            events_digest: EventsDigest::default(),
+            whole: true,
+            over: false,
+            header,
+        })
+    }
+
+    /// What the trace is about.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Bytes read so far; all of them are intact.
+    pub fn offset(&self) -> u64 {
+        self.source.offset
+    }
+
+    /// The next frame; `None` when nothing follows. After an error nothing more
+    /// can be read, but everything returned before is intact.
+    pub fn next_frame(&mut self) -> Result<Option<Frame<'_>>, InputError> {
+        if self.over {
+            return Ok(None);
+        }
+        let piece = self.advance().inspect_err(|_| self.over = true)?;
+        Ok(piece.map(|piece| match piece {
+            Piece::State => Frame::State {
+                tick: self.tick,
+                states: self.tracks.states(&self.values),
+            },
+            Piece::Events => Frame::Events(&self.events),
+            // There is one after this piece.
+            Piece::End => self.summary.as_ref().map_or(Frame::Events(&[]), Frame::End),
+        }))
+    }
+
+    fn advance(&mut self) -> Result<Option<Piece>, InputError> {
+        if self.given < self.ticks {
+            self.next_state();
+            return Ok(Some(Piece::State));
+        }
+        if self.summary.is_some() {
+            self.over = true;
+            self.read_index()?;
+            return Ok(None);
+        }
+        loop {
+            let most_states = self.layout.tick_bytes().max(GROUP_BYTES);
+            let frame = self.source.frame(|kind| match kind {
+                kind::STATES => Some(GROUP_HEAD + compress_bound(most_states)),
+                kind::EVENTS => Some(4 + compress_bound(EVENTS_PER_FRAME * EVENT_BYTES)),
+                kind::SUMMARY => Some(SUMMARY_BYTES),
+                _ => None,
+            })?;
+            let read = match frame.kind {
+                kind::STATES => self.read_states(&frame).map(|()| Piece::State),
+                kind::EVENTS => self.read_events(&frame.payload).map(|()| Piece::Events),
+                kind::SUMMARY => self.read_summary(&frame).map(|()| Piece::End),
+                _ => continue,
+            };
+            let read = read.map_err(|reason| self.source.damaged(frame.start, reason))?;
+            if matches!(read, Piece::State) {
+                self.next_state();
+            }
+            return Ok(Some(read));
+        }
+    }
+
+    /// Gives out the next states of the group.
+    fn next_state(&mut self) {
+        let tick = self.layout.numbers();
+        let numbers = &self.numbers[self.given * tick..][..tick];
+        self.tracks.decode(numbers, &mut self.values);
+        self.given += 1;
+        self.tick = self.next_tick;
+        self.next_tick = self.tick.saturating_add(u64::from(self.header.state_every));
+        if self.whole && self.header.state_every == 1 {
+            self.states_digest.update(&self.tracks.states(&self.values));
+        }
+    }
+
+    fn read_states(&mut self, frame: &RawFrame) -> Result<(), &'static str> {
+        let parse = |fields: &mut Fields<'_>| Some((fields.u64()?, fields.u32()?, fields.u8()?));
+        let mut fields = Fields(&frame.payload);
+        let (tick, ticks, is_key) = parse(&mut fields).ok_or("a group of states is too short")?;
+        let ticks = ticks as usize;
+        let bytes = ticks.saturating_mul(self.layout.tick_bytes());
+        if ticks == 0 || is_key > 1 || (ticks > 1 && bytes > GROUP_BYTES) {
+            return Err("the size of a group of states makes no sense");
+        }
+        if tick != self.next_tick || self.header.state_every == 0 {
+            return Err("a group of states has another tick than it should have");
+        }
+        let is_key = is_key == 1;
+        if self.values.is_empty() {
+            if !is_key {
+                return Err("the first group of states needs one before it");
+            }
+            self.tracks = Tracks::new(self.layout);
+            self.values = vec![0.0; self.layout.floats()];
+        }
+        if is_key {
+            self.tracks.reset();
+            self.index.note(tick, frame.start);
+        }
+        let planes = self.decompress(fields.0, bytes)?;
+        from_planes(self.layout, &planes, &mut self.numbers);
+        self.ticks = ticks;
+        self.given = 0;
+        Ok(())
+    }
+
+    fn read_events(&mut self, payload: &[u8]) -> Result<(), &'static str> {
+        let mut fields = Fields(payload);
+        let count = fields.u32().unwrap_or(0) as usize;
+        if count == 0 || count > EVENTS_PER_FRAME {
+            return Err("the number of events makes no sense");
+        }
+        let planes = self.decompress(fields.0, count * EVENT_BYTES)?;
+        self.events.clear();
+        for at in 0..count {
+            let bytes = std::array::from_fn(|place| planes[place * count + at]);
+            let event = parse_event(&bytes).ok_or("an event makes no sense")?;
+            self.events.push(event);
+        }
+        if self.whole {
+            self.events_digest.update(&self.events);
+        }
+        Ok(())
+    }
+
+    /// Decompresses what must have a certain length.
+    fn decompress(&mut self, bytes: &[u8], length: usize) -> Result<Vec<u8>, &'static str> {
+        let decompressor = match &mut self.decompressor {
+            Some(decompressor) => decompressor,
+            none => {
+                let made = Decompressor::new().map_err(|_| "the memory is not enough")?;
+                none.insert(made)
+            }
+        };
+        // It writes into this buffer and keeps no window of its own.
+        let decompressed = decompressor.decompress(bytes, length);
+        let decompressed = decompressed.map_err(|_| "something cannot be decompressed")?;
+        if decompressed.len() == length {
+            Ok(decompressed)
+        } else {
+            Err("something is shorter than it should be when it is decompressed")
+        }
+    }
+
+    fn read_summary(&mut self, frame: &RawFrame) -> Result<(), &'static str> {
+        let mut fields = Fields(&frame.payload);
+        let parsed = Summary::parse(&mut fields);
+        let (summary, file) = parsed
+            .and_then(|summary| Some((summary, fields.u128()?)))
+            .ok_or("the summary makes no sense")?;
+        if !fields.0.is_empty() {
+            return Err("the summary makes no sense");
+        }
+        if summary.digest(&self.header) != summary.trace_digest {
+            return Err("header and summary do not match the trace digest");
+        }
+        if self.whole {
+            if frame.hash_before_file_digest != file {
+                return Err("the file does not match its digest: frames are missing or exchanged");
+            }
+            if self.events_digest.finish() != summary.events_digest {
+                return Err("the events do not match their digest");
+            }
+            // Only all states have a digest.
+            let states = || self.states_digest.finish();
+            if self.header.state_every == 1 && states() != summary.states_digest {
+                return Err("the states do not match their digest");
+            }
+        }
+        self.summary = Some(summary);
+        Ok(())
+    }
+
+    /// Reads what follows the summary, only to see that it is in order.
+    fn read_index(&mut self) -> Result<(), InputError> {
+        let frame = self.source.frame(|kind| {
+            (kind == kind::INDEX).then_some(super::INDEX_ENTRIES * super::INDEX_ENTRY_BYTES)
+        })?;
+        if self.whole && frame.payload != self.index.bytes() {
+            let reason = "the index is not that of the file";
+            return Err(self.source.damaged(frame.start, reason));
+        }
+        let start = self.source.offset;
+        let trailer = self.source.take(TRAILER_BYTES)?;
+        if trailer.len() < TRAILER_BYTES {
+            return Err(self.source.truncated(start));
+        }
+        if trailer[..8] != frame.start.to_le_bytes() || trailer[8..] != END_MAGIC {
+            return Err(self.source.damaged(start, "the end makes no sense"));
+        }
+        self.source.offset += TRAILER_BYTES as u64;
+        if !self.source.take(1)?.is_empty() {
+            let reason = "there is something after the end";
+            return Err(self.source.damaged(self.source.offset, reason));
+        }
+        Ok(())
+    }
+
+    /// Reads everything that is left and tells it to a sink, as far as it is
+    /// intact. Only errors of the sink are errors; the damage of a trace is told
+    /// in [`TraceContents::damage`].
+    pub fn replay(mut self, sink: &mut dyn TraceSink) -> io::Result<TraceContents> {
+        sink.begin(&self.header)?;
+        let (mut states, mut last_tick, mut events) = (0, None, 0);
+        let (mut end, mut damage) = (None, None);
+        loop {
+            match self.next_frame() {
+                Ok(Some(Frame::State { tick, states: now })) => {
+                    states += 1;
+                    last_tick = Some(tick);
+                    sink.state(tick, &now)?;
+                }
+                Ok(Some(Frame::Events(more))) => {
+                    events += more.len() as u64;
+                    sink.events(more)?;
+                }
+                Ok(Some(Frame::End(summary))) => {
+                    end = Some(summary.clone());
+                    sink.end(summary)?;
+                }
+                Ok(None) => break,
+                Err(error) => {
+                    damage = Some(error);
+                    break;
+                }
+            }
+        }
+        Ok(TraceContents {
+            intact_bytes: self.source.offset,
+            header: self.header,
+            states,
+            last_tick,
+            events,
+            end,
+            damage,
+        })
+    }
+}
+
+impl<R: Read + Seek> TraceReader<R> {
+    /// Goes to the last place at or before a tick where reading can begin: what
+    /// [`TraceReader::next_frame`] returns next begins with the states there, or
+    /// with the first ones. Digests of the whole cannot be checked any more.
+    pub fn seek(&mut self, tick: u64) -> Result<(), InputError> {
+        let (first, at) = self.place_of(tick)?;
+        self.source.go_to(SeekFrom::Start(at))?;
+        self.next_tick = first;
+        // Makes the first group be one that needs none before it.
+        self.values.clear();
+        (self.ticks, self.given) = (0, 0);
+        self.summary = None;
+        self.whole = false;
+        self.over = false;
+        Ok(())
+    }
+
+    /// First tick and offset of the group to begin with.
+    fn place_of(&mut self, tick: u64) -> Result<(u64, u64), InputError> {
+        self.source.go_to(SeekFrom::End(-(TRAILER_BYTES as i64)))?;
+        let start = self.source.offset;
+        let trailer = self.source.take(TRAILER_BYTES)?;
+        let mut fields = Fields(&trailer);
+        let at = fields.u64().filter(|_| fields.0 == END_MAGIC);
+        let at = at.ok_or_else(|| {
+            let error = self
+                .source
+                .damaged(start, "the end of the trace is missing");
+            error.hint("without it there is no index; the trace can be read from its beginning")
+        })?;
+        self.source.go_to(SeekFrom::Start(at))?;
+        let frame = self.source.frame(|kind| {
+            (kind == kind::INDEX).then_some(super::INDEX_ENTRIES * super::INDEX_ENTRY_BYTES)
+        })?;
+        let index = Index::parse(&frame.payload)
+            .ok_or_else(|| self.source.damaged(frame.start, "the index makes no sense"))?;
+        let after = index.entries.partition_point(|(first, _)| *first <= tick);
+        let entry = index.entries.get(after.saturating_sub(1)).copied();
+        entry.ok_or_else(|| {
+            InputError::new(self.source.name.as_str(), "the trace has no states")
+                .hint("execute the plan again and record states")
+        })
+    }
+}
+
+/// A trace but for its states and events, and how much of it is intact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TraceContents {
+    /// What the trace is about.
+    pub header: Header,
+    /// How many states were read.
+    pub states: u64,
+    /// The last tick of which the state was read.
+    pub last_tick: Option<u64>,
+    /// How many events were read.
+    pub events: u64,
+    /// The summary, if it was reached.
+    pub end: Option<Summary>,
+    /// Bytes from the beginning that are intact.
+    pub intact_bytes: u64,
+    /// Why the rest could not be read.
+    pub damage: Option<InputError>,
+}
+
+/// Reads a whole trace and checks it. Fails only if the beginning cannot be read;
+/// damage further on is told in [`TraceContents::damage`] beside what is intact.
+pub fn read_trace(input: impl Read, name: impl Into<String>) -> Result<TraceContents, InputError> {
+    let reader = TraceReader::open(input, name)?;
+    let told = reader.replay(&mut NoTrace);
+    told.map_err(|error| InputError::new("trace", error.to_string()))
+}
+
+/// A frame whose check is right.
+struct RawFrame {
+    /// Where it begins.
+    start: u64,
+    kind: u8,
+    payload: Vec<u8>,
+    /// Hash of the file up to the last 16 bytes of a summary.
+    hash_before_file_digest: u128,
+}
+
+/// A file with its place and the hash of what was read.
+struct Source<R> {
+    input: R,
+    name: String,
+    offset: u64,
+    hash: Xxh3,
+}
+
+impl<R: Read> Source<R> {
+    fn preamble(&mut self) -> Result<(), InputError> {
+        let bytes = self.take(12)?;
+        if bytes.is_empty() || !MAGIC.starts_with(&bytes[..bytes.len().min(8)]) {
+            let reason = if bytes.is_empty() {
+                "the file is empty"
+            } else {
+                "this is not a trace file"
+            };
+            return Err(InputError::new(self.name.as_str(), reason)
+                .hint("traces are written by this program while it executes a plan"));
+        }
+        let mut fields = Fields(bytes.get(8..).unwrap_or_default());
+        let Some(version) = fields.take().map(u16::from_le_bytes) else {
+            return Err(self.truncated(bytes.len() as u64));
+        };
+        if version != VERSION {
+            let reason = format!("the trace has version {version}, this program reads {VERSION}");
+            let hint = if version > VERSION {
+                "use a newer release to read it"
+            } else {
+                "execute the plan again with this release"
+            };
+            return Err(InputError::new(self.name.as_str(), reason).hint(hint));
+        }
+        match fields.take() {
+            Some([0, 0]) => {}
+            Some(_) => return Err(self.damaged(10, "the version makes no sense")),
+            None => return Err(self.truncated(bytes.len() as u64)),
+        }
+        self.hash.update(&bytes);
+        self.offset = bytes.len() as u64;
+        Ok(())
+    }
+
+    /// The next frame, of a kind for which `most` tells how long its payload may
+    /// be, or of one that may be skipped.
+    fn frame(&mut self, most: impl Fn(u8) -> Option<usize>) -> Result<RawFrame, InputError> {
+        let start = self.offset;
+        let head = self.take(FRAME_HEAD)?;
+        let mut fields = Fields(&head);
+        let (Some(kind), Some(length)) = (fields.u8(), fields.u32()) else {
+            return Err(self.truncated(start));
+        };
+        let length = length as usize;
+        let skipped = kind.is_ascii_lowercase().then_some(u32::MAX as usize);
+        match most(kind).or(skipped) {
+            None => {
+                let reason = "there is no such kind of frame, or it has no place here";
+                return Err(self.damaged(start, reason));
+            }
+            Some(most) if length > most => {
+                return Err(self.damaged(start, "a frame is longer than it can be"));
+            }
+            Some(_) => {}
+        }
+        let mut payload = self.take(length + FRAME_CHECK)?;
+        if payload.len() < length + FRAME_CHECK {
+            return Err(self.truncated(start));
+        }
+        let check = payload.split_off(length);
+        let mut hash = Xxh3::new();
+        hash.update(&head);
+        hash.update(&payload);
+        if check != hash.digest().to_le_bytes() {
+            return Err(self.damaged(start, "a frame does not match its check"));
+        }
+        self.hash.update(&head);
+        let (fields, file) = payload.split_at(length.saturating_sub(16));
+        self.hash.update(fields);
+        let hash_before_file_digest = match kind {
+            kind::SUMMARY => self.hash.digest128(),
+            _ => 0,
+        };
+        self.hash.update(file);
+        self.hash.update(&check);
+        self.offset += (FRAME_HEAD + length + FRAME_CHECK) as u64;
+        Ok(RawFrame {
+            start,
+            kind,
+            payload,
+            hash_before_file_digest,
+        })
+    }
+
+    /// Reads so many bytes, or fewer at the end of the input. Memory grows with what
+    /// is there, not with what a damaged length claims.
+    fn take(&mut self, count: usize) -> Result<Vec<u8>, InputError> {
+        let mut bytes = Vec::new();
+        let read = (&mut self.input).take(count as u64).read_to_end(&mut bytes);
+        read.map_err(|error| self.unreadable(&error))?;
+        Ok(bytes)
+    }
+
+    fn unreadable(&self, error: &io::Error) -> InputError {
+        let reason = format!("the trace could not be read: {error}");
+        InputError::new(self.name.as_str(), reason)
+    }
+
+    fn truncated(&self, offset: u64) -> InputError {
+        let reason = format!("the trace ends within the piece at byte {offset}");
+        InputError::new(self.name.as_str(), reason).hint(
+            "the execution was broken off or the file was cut; what precedes that byte is intact",
+        )
+    }
+
+    fn damaged(&self, offset: u64, reason: &str) -> InputError {
+        let reason = format!("damaged at byte {offset}: {reason}");
+        InputError::new(self.name.as_str(), reason)
+            .hint("what precedes that byte is intact; run the execution again to get the rest")
+    }
+}
+
+impl<R: Read + Seek> Source<R> {
+    fn go_to(&mut self, place: SeekFrom) -> Result<(), InputError> {
+        let went = self.input.seek(place);
+        self.offset = went.map_err(|error| self.unreadable(&error))?;
+        Ok(())
+    }
+}
