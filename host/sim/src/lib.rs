@@ -61,6 +61,7 @@ mod error;
 mod event;
 mod execution;
 mod kinematic;
+pub mod motion;
 mod pairs;
 mod reference;
 mod statics;

@@ -1,0 +1,197 @@
+//! The law by which one coordinate approaches its target at rest, under limits.
+//!
+//! A tick sets a speed and moves by speed · Δt. Let a be the deceleration to plan with and
+//! q = a·Δt what a tick can take from the speed. A body that has a distance d to go, moves
+//! at v in this tick and loses q in each tick after it stops within d exactly if
+//!
+//! ```text
+//! v ≤ sqrt(2·a·d) − q/2      if sqrt(2·a·d) ≥ q
+//! v ≤ d/Δt                   else: what is left fits one tick
+//! ```
+//!
+//! This is v ≤ sqrt(2·a·d) of continuous time, less what ticks of finite length cost. It
+//! reproduces itself: whoever moves at the bound meets the bound of the next tick by
+//! losing q. So a body that keeps it never has to brake harder than a, never passes its
+//! target, and lands on it, at any tick length.
+
+use core::f64::consts::{PI, TAU};
+
+use serde::{Deserialize, Serialize};
+
+use super::error::{MotionError, within};
+
+/// Closer than this, in metres or radians, is there.
+pub(super) const THERE: f64 = 1e-9;
+
+/// Gains of a controller: the speed that is asked for is
+/// p · error + i · ∫ error dt − d · speed, before any limit.
+///
+/// The derivative acts on the measured speed (the target is at rest), so that a new
+/// target gives no kick. The integral grows only while no limit holds the speed back, and
+/// is cleared at rest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Pid {
+    /// Proportional gain in 1/s. From 1/Δt on, the limits alone rule.
+    pub p: f64,
+    /// Integral gain in 1/s².
+    pub i: f64,
+    /// Derivative gain, without a unit.
+    pub d: f64,
+}
+
+impl Default for Pid {
+    /// So stiff that the limits rule at up to 100 ticks per second.
+    fn default() -> Self {
+        Self::proportional(100.0)
+    }
+}
+
+impl Pid {
+    /// A proportional controller.
+    pub const fn proportional(p: f64) -> Self {
+        Self { p, i: 0.0, d: 0.0 }
+    }
+
+    pub(super) fn validate(&self, fields: [&'static str; 3]) -> Result<(), MotionError> {
+        let hint = "give gains between 0 and 1e6, p at least 1e-3: without it nothing moves";
+        within(fields[0], self.p, 1e-3, 1e6, hint)?;
+        within(fields[1], self.i, 0.0, 1e6, hint)?;
+        within(fields[2], self.d, 0.0, 1e6, hint)
+    }
+}
+
+/// One coordinate under limits, prepared for ticks of one length.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Axis {
+    pid: Pid,
+    cap: f64,
+    /// What a tick may add to a speed, and take from it.
+    up: f64,
+    down: f64,
+    /// 2·a and q of the law, and q/2.
+    two_a: f64,
+    q: f64,
+    half_q: f64,
+    dt: f64,
+    per_dt: f64,
+}
+
+impl Axis {
+    /// Speed changes by at most `accelerate` and `decelerate` per second; the law plans
+    /// with `brake`, at most `decelerate`.
+    pub(super) fn new(
+        pid: Pid,
+        cap: f64,
+        [accelerate, decelerate, brake]: [f64; 3],
+        dt: f64,
+    ) -> Self {
+        let q = brake * dt;
+        Self {
+            pid,
+            cap,
+            up: accelerate * dt,
+            down: decelerate * dt,
+            two_a: 2.0 * brake,
+            q,
+            half_q: 0.5 * q,
+            dt,
+            per_dt: 1.0 / dt,
+        }
+    }
+
+    /// Speed changes at once. In the terms of the law: what is left always fits one tick.
+    pub(super) fn first_order(pid: Pid, cap: f64, dt: f64) -> Self {
+        Self {
+            pid,
+            cap,
+            up: f64::INFINITY,
+            down: f64::INFINITY,
+            two_a: 0.0,
+            q: 1.0,
+            half_q: 0.5,
+            dt,
+            per_dt: 1.0 / dt,
+        }
+    }
+
+    /// Nothing may move.
+    pub(super) fn is_stalled(&self) -> bool {
+        self.cap <= 0.0
+    }
+
+    /// The largest speed from which a body stops within `gap`.
+    #[inline]
+    fn bound(&self, gap: f64) -> f64 {
+        let s = (self.two_a * gap).sqrt();
+        if s >= self.q {
+            s - self.half_q
+        } else {
+            gap * self.per_dt
+        }
+    }
+
+    /// The speed of the next tick, `speed` now and the signed `gap` to go.
+    #[inline]
+    pub(super) fn next(&self, speed: f64, gap: f64, integral: &mut f64) -> f64 {
+        let mut wanted = 0.0;
+        let size = gap.abs();
+        if size > THERE {
+            let limit = self.cap.min(self.bound(size));
+            let asked = self.pid.p * gap + self.pid.i * *integral - self.pid.d * speed;
+            wanted = if gap > 0.0 {
+                asked.max(0.0).min(limit)
+            } else {
+                asked.min(0.0).max(-limit)
+            };
+            if asked.abs() <= limit {
+                *integral += gap * self.dt;
+            }
+        }
+        self.slew(speed, wanted)
+    }
+
+    /// As near to `wanted` as a tick comes.
+    #[inline]
+    pub(super) fn slew(&self, speed: f64, wanted: f64) -> f64 {
+        // Through zero, at most as fast as from zero.
+        let (low, high) = if speed >= 0.0 {
+            ((speed - self.down).max(-self.up), speed + self.up)
+        } else {
+            (speed - self.up, (speed + self.down).min(self.up))
+        };
+        wanted.max(low).min(high)
+    }
+
+    /// [`Axis::next`] for a body that moves forwards or rests, without a square root while
+    /// it need not brake.
+    #[inline]
+    pub(super) fn next_forward(&self, speed: f64, gap: f64, integral: &mut f64) -> f64 {
+        let faster = (speed + self.up).min(self.cap);
+        let with_margin = faster + self.half_q;
+        // Where this holds, `faster` is below the bound, in both of its cases.
+        if with_margin * with_margin <= self.two_a * gap
+            && speed <= self.cap
+            && faster <= self.pid.p * gap + self.pid.i * *integral - self.pid.d * speed
+        {
+            return faster;
+        }
+        self.next(speed, gap, integral).max(0.0)
+    }
+}
+
+/// The angle in (−π, π] that differs from `angle` by whole turns.
+///
+/// Exact: no rounding happens. Up to one turn out of range the one subtraction is exact
+/// (Sterbenz); beyond that the remainder of IEEE 754 is. A turn is the `f64` nearest to 2π.
+pub fn wrap(angle: f64) -> f64 {
+    if angle > -PI && angle <= PI {
+        return angle;
+    }
+    let wrapped = if angle.abs() <= 3.0 * PI {
+        angle - TAU.copysign(angle)
+    } else {
+        libm::remainder(angle, TAU)
+    };
+    if wrapped <= -PI { PI } else { wrapped }
+}

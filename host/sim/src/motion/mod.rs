@@ -1,0 +1,292 @@
+//! How bodies move: models with limits, and the controllers that drive them.
+//!
+//! A [`Model`] takes a body from its [`State`] towards a [`Target`], at which it is to
+//! rest, tick by tick. It never passes the target by more than
+//! [`Model::arrival_tolerance_m`], and a body that starts from rest stays within
+//! [`Model::lateral_tolerance_m`] of the straight line to it: execution that is gated by
+//! dependencies between robots relies on both. Models are deterministic to the bit: only
+//! `+ − × ÷`, square roots and the functions of `libm`.
+//!
+//! What each model and controller does, and where its numbers come from, is in
+//! `docs/motion.md`.
+
+mod error;
+mod ideal;
+mod law;
+mod plane;
+mod preset;
+mod smooth;
+mod state;
+mod waypoint;
+mod wheeled;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error as _, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+pub use error::MotionError;
+pub use ideal::{Pebble, Rotation};
+pub use law::{Pid, wrap};
+pub use plane::{DoubleIntegrator, Holonomic, SingleIntegrator};
+pub use preset::{PRESETS, Preset};
+pub use smooth::{Waypoint, smooth};
+pub use state::{State, Target};
+pub use waypoint::{WaypointLaw, WheelSpeeds};
+pub use wheeled::{DifferentialDrive, TurnAndDrive, Unicycle1, Unicycle2};
+
+/// How a body moves: what it can do, and the controller that does it.
+///
+/// In files either the name of a preset, or an object with the name of a model and its
+/// parameters, of which each has a default: `"agv"`, `{"differential-drive": {}}`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(remote = "Self", rename_all = "kebab-case")]
+pub enum Model {
+    /// Unit moves, followed exactly.
+    Pebble(Pebble),
+    /// Unit moves forwards and turns, followed exactly.
+    Rotation(Rotation),
+    /// One common speed.
+    SingleIntegrator(SingleIntegrator),
+    /// Two driven wheels, with limits and PID control.
+    DifferentialDrive(DifferentialDrive),
+    /// Speed and turn rate are set at once.
+    #[serde(rename = "unicycle-1")]
+    Unicycle1(Unicycle1),
+    /// Acceleration and turn acceleration are set.
+    #[serde(rename = "unicycle-2")]
+    Unicycle2(Unicycle2),
+    /// Accelerations along x and y are set.
+    DoubleIntegrator(DoubleIntegrator),
+    /// Body twists, with proportional control.
+    Holonomic(Holonomic),
+    /// A differential drive under the waypoint law of the maze benchmark.
+    WaypointLaw(WaypointLaw),
+}
+
+impl Model {
+    /// The name used in files and on the command line.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Pebble(_) => "pebble",
+            Self::Rotation(_) => "rotation",
+            Self::SingleIntegrator(_) => "single-integrator",
+            Self::DifferentialDrive(_) => "differential-drive",
+            Self::Unicycle1(_) => "unicycle-1",
+            Self::Unicycle2(_) => "unicycle-2",
+            Self::DoubleIntegrator(_) => "double-integrator",
+            Self::Holonomic(_) => "holonomic",
+            Self::WaypointLaw(_) => "waypoint-law",
+        }
+    }
+
+    /// Whether bodies follow their reference exactly, with no controller.
+    pub fn is_ideal(&self) -> bool {
+        matches!(self, Self::Pebble(_) | Self::Rotation(_))
+    }
+
+    /// Whether a body can have these parameters. A model that was read from a file can.
+    pub fn validate(&self) -> Result<(), MotionError> {
+        match self {
+            Self::Pebble(model) => model.validate(),
+            Self::Rotation(model) => model.validate(),
+            Self::SingleIntegrator(model) => model.validate(),
+            Self::DifferentialDrive(model) => model.validate(),
+            Self::Unicycle1(model) => model.validate(),
+            Self::Unicycle2(model) => model.validate(),
+            Self::DoubleIntegrator(model) => model.validate(),
+            Self::Holonomic(model) => model.validate(),
+            Self::WaypointLaw(model) => model.validate(),
+        }
+    }
+
+    /// Moves a body for `ticks` ticks of `dt` seconds and shows it at the end of each.
+    ///
+    /// `speed_factor` in `[0, 1]` lowers the speeds and turn rates that are asked for; a
+    /// body that is faster slows down under its limits. Ideal models move uniformly and
+    /// are at the target after the last tick.
+    #[inline]
+    pub fn run(
+        &self,
+        state: &mut State,
+        target: &Target,
+        ticks: usize,
+        dt: f64,
+        speed_factor: f64,
+        visit: &mut impl FnMut(&State),
+    ) {
+        let factor = speed_factor;
+        match self {
+            Self::Pebble(_) | Self::Rotation(_) => {
+                ideal::run(state, target, ticks, dt, factor, visit);
+            }
+            Self::SingleIntegrator(model) => model.run(state, target, ticks, dt, factor, visit),
+            Self::DifferentialDrive(model) => {
+                model.wheels(dt, factor).run(state, target, ticks, visit);
+            }
+            Self::Unicycle1(model) => model.wheels(dt, factor).run(state, target, ticks, visit),
+            Self::Unicycle2(model) => model.wheels(dt, factor).run(state, target, ticks, visit),
+            Self::DoubleIntegrator(model) => {
+                model.plane(dt, factor).run(state, target, ticks, visit);
+            }
+            Self::Holonomic(model) => model.plane(dt, factor).run(state, target, ticks, visit),
+            Self::WaypointLaw(model) => model.run(state, target, ticks, dt, factor, visit),
+        }
+    }
+
+    /// Whether the body is at the target, and would stop within the tolerances.
+    pub fn has_arrived(&self, state: &State, target: &Target) -> bool {
+        let near = self.arrival_tolerance_m();
+        let (_, _, squared) = state.way(target);
+        if squared > near * near || self.stop_distance_m(state) > near {
+            return false;
+        }
+        let Some(heading) = target.heading else {
+            return true;
+        };
+        let error = (heading - state.heading).abs();
+        match self {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => error <= 1e-6,
+            Self::DifferentialDrive(model) => {
+                let stop = half_square(state.omega, model.max_turn_acceleration_rad_per_s2);
+                let tolerance = model.control.heading_tolerance_rad;
+                wrap(error).abs() <= tolerance && stop <= tolerance
+            }
+            Self::Unicycle1(model) => wrap(error).abs() <= model.control.heading_tolerance_rad,
+            Self::Unicycle2(model) => {
+                let stop = half_square(state.omega, model.max_turn_acceleration_rad_per_s2);
+                let tolerance = model.control.heading_tolerance_rad;
+                wrap(error).abs() <= tolerance && stop <= tolerance
+            }
+            Self::DoubleIntegrator(model) => error <= model.heading_tolerance_rad,
+            Self::Holonomic(model) => {
+                let stop = half_square(state.omega, model.max_turn_acceleration_rad_per_s2);
+                error <= model.heading_tolerance_rad && stop <= model.heading_tolerance_rad
+            }
+            Self::WaypointLaw(model) => {
+                let stop = half_square(state.omega, model.turn_down_rad_per_s2);
+                let tolerance = model.heading_tolerance_rad;
+                wrap(error).abs() <= tolerance && stop <= tolerance
+            }
+        }
+    }
+
+    /// How far the body goes on at least if it brakes as hard as it can.
+    pub fn stop_distance_m(&self, state: &State) -> f64 {
+        let deceleration = match self {
+            Self::Pebble(_)
+            | Self::Rotation(_)
+            | Self::SingleIntegrator(_)
+            | Self::Unicycle1(_) => {
+                return 0.0;
+            }
+            Self::DifferentialDrive(model) => model.max_deceleration_m_per_s2,
+            Self::Unicycle2(model) => model.max_acceleration_m_per_s2,
+            Self::DoubleIntegrator(model) => model.max_acceleration_m_per_s2,
+            Self::Holonomic(model) => model.least_acceleration(),
+            Self::WaypointLaw(model) => model.slow_down_m_per_s2,
+        };
+        (state.vx * state.vx + state.vy * state.vy) / (2.0 * deceleration)
+    }
+
+    /// Arrived is who stops within this distance; no body goes past its target by more.
+    pub fn arrival_tolerance_m(&self) -> f64 {
+        match self {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
+                SingleIntegrator::TOLERANCE
+            }
+            Self::DifferentialDrive(model) => model.control.arrival_tolerance_m,
+            Self::Unicycle1(model) => model.control.arrival_tolerance_m,
+            Self::Unicycle2(model) => model.control.arrival_tolerance_m,
+            Self::DoubleIntegrator(model) => model.arrival_tolerance_m,
+            Self::Holonomic(model) => model.arrival_tolerance_m,
+            Self::WaypointLaw(model) => model.arrival_tolerance_m,
+        }
+    }
+
+    /// From rest within the arrival tolerance of one knot, and on the way to one or more
+    /// others in a straight line, a body stays within this distance of that line.
+    pub fn lateral_tolerance_m(&self) -> f64 {
+        match self {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
+                SingleIntegrator::TOLERANCE
+            }
+            Self::DifferentialDrive(model) => model.control.lateral_tolerance_m(),
+            Self::Unicycle1(model) => model.control.lateral_tolerance_m(),
+            Self::Unicycle2(model) => model.control.lateral_tolerance_m(),
+            Self::DoubleIntegrator(model) => 1.1 * model.arrival_tolerance_m,
+            Self::Holonomic(model) => 1.1 * model.arrival_tolerance_m,
+            Self::WaypointLaw(model) => model.lateral_tolerance_m(),
+        }
+    }
+
+    /// The largest speed over ground; infinite for ideal models, which are as fast as
+    /// their reference.
+    pub fn max_speed_m_per_s(&self) -> f64 {
+        match self {
+            Self::Pebble(_) | Self::Rotation(_) => f64::INFINITY,
+            Self::SingleIntegrator(model) => model.speed_m_per_s,
+            Self::DifferentialDrive(model) => model.max_speed_m_per_s,
+            Self::Unicycle1(model) => model.max_speed_m_per_s,
+            Self::Unicycle2(model) => model.max_speed_m_per_s,
+            Self::DoubleIntegrator(model) => model.max_speed_m_per_s * core::f64::consts::SQRT_2,
+            Self::Holonomic(model) => {
+                let forward = model.max_forward_m_per_s.max(model.max_backward_m_per_s);
+                let lateral = model.max_lateral_m_per_s;
+                (forward * forward + lateral * lateral).sqrt()
+            }
+            Self::WaypointLaw(model) => model.max_speed_m_per_s,
+        }
+    }
+
+    /// The largest turn rate; infinite for models whose heading is free.
+    pub fn max_turn_rate_rad_per_s(&self) -> f64 {
+        match self {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => f64::INFINITY,
+            Self::DifferentialDrive(model) => model.max_turn_rate_rad_per_s,
+            Self::Unicycle1(model) => model.max_turn_rate_rad_per_s,
+            Self::Unicycle2(model) => model.max_turn_rate_rad_per_s,
+            Self::DoubleIntegrator(model) => model.max_turn_rate_rad_per_s,
+            Self::Holonomic(model) => model.max_turn_rate_rad_per_s,
+            Self::WaypointLaw(model) => model.max_turn_rate_rad_per_s,
+        }
+    }
+}
+
+/// How far something turns on while it stops.
+fn half_square(rate: f64, deceleration: f64) -> f64 {
+    rate * rate / (2.0 * deceleration)
+}
+
+impl Serialize for Model {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Model {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Form;
+
+        impl<'de> Visitor<'de> for Form {
+            type Value = Model;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("the name of a preset, or an object with the name of a model")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Model, E> {
+                name.parse()
+                    .map_err(|error: MotionError| E::custom(error.with_hint()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Model, A::Error> {
+                let model = Model::deserialize(MapAccessDeserializer::new(map))?;
+                let checked = model.validate();
+                checked.map_err(|error| A::Error::custom(error.with_hint()))?;
+                Ok(model)
+            }
+        }
+
+        deserializer.deserialize_any(Form)
+    }
+}

@@ -1,0 +1,466 @@
+//! Bodies that move in any direction: integrators and holonomic robots.
+//!
+//! From rest a body moves on the straight line to its target: both coordinates follow the
+//! law of [`super::law`] with limits in proportion to their share of the way, so that they
+//! arrive together. A heading that is asked for changes in proportion to the way, as the
+//! headings of a trajectory plan do.
+
+use core::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use super::error::{MotionError, limit, tolerance_m, tolerance_rad, within};
+use super::law::{Axis, Pid, THERE};
+use super::{State, Target};
+
+/// Stop and go at one common speed, in any direction: the agents of roadmaps in GRACE,
+/// section III-B. The last tick of a way is as slow as it must be to end at the target.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SingleIntegrator {
+    /// The speed ν of a body that moves; by default 1 m/s.
+    pub speed_m_per_s: f64,
+    /// The rate of turns in place; by default 180°/s. Turns on the way take no time of
+    /// their own.
+    pub turn_rate_rad_per_s: f64,
+}
+
+impl Default for SingleIntegrator {
+    fn default() -> Self {
+        Self {
+            speed_m_per_s: 1.0,
+            turn_rate_rad_per_s: PI,
+        }
+    }
+}
+
+impl SingleIntegrator {
+    /// It lands on its targets; this is what rounding may leave.
+    pub(super) const TOLERANCE: f64 = 1e-6;
+
+    pub(super) fn validate(&self) -> Result<(), MotionError> {
+        limit("speed_m_per_s", self.speed_m_per_s)?;
+        limit("turn_rate_rad_per_s", self.turn_rate_rad_per_s)
+    }
+
+    pub(super) fn run(
+        &self,
+        state: &mut State,
+        target: &Target,
+        ticks: usize,
+        dt: f64,
+        factor: f64,
+        visit: &mut impl FnMut(&State),
+    ) {
+        let step = self.speed_m_per_s * factor * dt;
+        let most = self.turn_rate_rad_per_s * factor * dt;
+        let (dx, dy, squared) = state.way(target);
+        let mut gap = squared.sqrt();
+        let share = if gap > 0.0 { step / gap } else { 0.0 };
+        let mut turn = target
+            .heading
+            .map_or(0.0, |heading| heading - state.heading);
+        for _ in 0..ticks {
+            let turned = if gap > step {
+                state.vx = dx * share / dt;
+                state.vy = dy * share / dt;
+                state.x += dx * share;
+                state.y += dy * share;
+                let turned = turn * (step / gap);
+                gap -= step;
+                turned
+            } else if gap > 0.0 {
+                state.vx = (target.x - state.x) / dt;
+                state.vy = (target.y - state.y) / dt;
+                state.x = target.x;
+                state.y = target.y;
+                gap = 0.0;
+                turn
+            } else {
+                (state.vx, state.vy) = (0.0, 0.0);
+                turn.max(-most).min(most)
+            };
+            state.omega = turned / dt;
+            state.heading += turned;
+            turn -= turned;
+            visit(state);
+        }
+    }
+}
+
+/// A point whose inputs are accelerations, bounded per axis of the world. The defaults are
+/// those of dynobench and of GRACE's continuous experiments.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DoubleIntegrator {
+    /// Largest speed along x and along y; by default 0.5 m/s.
+    pub max_speed_m_per_s: f64,
+    /// Largest acceleration along x and along y; by default 2 m/s².
+    pub max_acceleration_m_per_s2: f64,
+    /// Largest turn rate, reached at once (the model has no heading); by default 180°/s.
+    pub max_turn_rate_rad_per_s: f64,
+    /// Speed asked for per distance, in 1/s; by default 100: the limits alone rule.
+    pub distance_gain_per_s: f64,
+    /// Arrived is who stops within this distance of the target; by default 5 mm.
+    pub arrival_tolerance_m: f64,
+    /// Arrived is who stops within this angle of the heading asked for; by default 0.5°.
+    pub heading_tolerance_rad: f64,
+}
+
+impl Default for DoubleIntegrator {
+    fn default() -> Self {
+        Self {
+            max_speed_m_per_s: 0.5,
+            max_acceleration_m_per_s2: 2.0,
+            max_turn_rate_rad_per_s: PI,
+            distance_gain_per_s: 100.0,
+            arrival_tolerance_m: 0.005,
+            heading_tolerance_rad: 0.5 * PI / 180.0,
+        }
+    }
+}
+
+const GAIN_HINT: &str = "give a gain between 0.001 and 1e6 per second";
+
+impl DoubleIntegrator {
+    pub(super) fn validate(&self) -> Result<(), MotionError> {
+        limit("max_speed_m_per_s", self.max_speed_m_per_s)?;
+        limit("max_acceleration_m_per_s2", self.max_acceleration_m_per_s2)?;
+        limit("max_turn_rate_rad_per_s", self.max_turn_rate_rad_per_s)?;
+        within(
+            "distance_gain_per_s",
+            self.distance_gain_per_s,
+            1e-3,
+            1e6,
+            GAIN_HINT,
+        )?;
+        tolerance_m("arrival_tolerance_m", self.arrival_tolerance_m)?;
+        tolerance_rad("heading_tolerance_rad", self.heading_tolerance_rad)
+    }
+
+    pub(super) fn plane(&self, dt: f64, factor: f64) -> Plane {
+        let turn_cap = self.max_turn_rate_rad_per_s * factor;
+        Plane {
+            speeds: [self.max_speed_m_per_s; 3],
+            caps: [self.max_speed_m_per_s * factor; 3],
+            rates: [self.max_acceleration_m_per_s2; 2],
+            gain: Pid::proportional(self.distance_gain_per_s),
+            turn: Axis::first_order(Pid::default(), turn_cap, dt),
+            turn_cap,
+            turn_rate: f64::INFINITY,
+            body_frame: false,
+            near_squared: self.arrival_tolerance_m * self.arrival_tolerance_m,
+            heading_tolerance: self.heading_tolerance_rad,
+            dt,
+        }
+    }
+}
+
+/// A body that takes twists: speeds forwards and sideways and a turn rate, each under
+/// limits. The heading is independent of the direction of travel. The controller is
+/// proportional in the frame of the body (Multi-Quadruped MAPF, section 3).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Holonomic {
+    /// Largest speed forwards; by default 1 m/s.
+    pub max_forward_m_per_s: f64,
+    /// Largest speed backwards; by default 0.5 m/s.
+    pub max_backward_m_per_s: f64,
+    /// Largest speed to either side; by default 0.5 m/s.
+    pub max_lateral_m_per_s: f64,
+    /// Largest change of the speed forwards; by default 1 m/s².
+    pub max_forward_acceleration_m_per_s2: f64,
+    /// Largest change of the speed to the side; by default 1 m/s².
+    pub max_lateral_acceleration_m_per_s2: f64,
+    /// Largest turn rate; by default 1 rad/s.
+    pub max_turn_rate_rad_per_s: f64,
+    /// Largest change of the turn rate; by default 2 rad/s².
+    pub max_turn_acceleration_rad_per_s2: f64,
+    /// Speed asked for per distance, in 1/s; by default 4.
+    pub distance_gain_per_s: f64,
+    /// Turn rate asked for per angle in turns in place, in 1/s; by default 4.
+    pub heading_gain_per_s: f64,
+    /// Arrived is who stops within this distance of the target; by default 2 cm.
+    pub arrival_tolerance_m: f64,
+    /// Arrived is who stops within this angle of the heading asked for; by default 1°.
+    pub heading_tolerance_rad: f64,
+}
+
+impl Default for Holonomic {
+    fn default() -> Self {
+        Self {
+            max_forward_m_per_s: 1.0,
+            max_backward_m_per_s: 0.5,
+            max_lateral_m_per_s: 0.5,
+            max_forward_acceleration_m_per_s2: 1.0,
+            max_lateral_acceleration_m_per_s2: 1.0,
+            max_turn_rate_rad_per_s: 1.0,
+            max_turn_acceleration_rad_per_s2: 2.0,
+            distance_gain_per_s: 4.0,
+            heading_gain_per_s: 4.0,
+            arrival_tolerance_m: 0.02,
+            heading_tolerance_rad: PI / 180.0,
+        }
+    }
+}
+
+impl Holonomic {
+    pub(super) fn validate(&self) -> Result<(), MotionError> {
+        let limits = [
+            ("max_forward_m_per_s", self.max_forward_m_per_s),
+            ("max_backward_m_per_s", self.max_backward_m_per_s),
+            ("max_lateral_m_per_s", self.max_lateral_m_per_s),
+            (
+                "max_forward_acceleration_m_per_s2",
+                self.max_forward_acceleration_m_per_s2,
+            ),
+            (
+                "max_lateral_acceleration_m_per_s2",
+                self.max_lateral_acceleration_m_per_s2,
+            ),
+            ("max_turn_rate_rad_per_s", self.max_turn_rate_rad_per_s),
+            (
+                "max_turn_acceleration_rad_per_s2",
+                self.max_turn_acceleration_rad_per_s2,
+            ),
+        ];
+        for (field, value) in limits {
+            limit(field, value)?;
+        }
+        within(
+            "distance_gain_per_s",
+            self.distance_gain_per_s,
+            1e-3,
+            1e6,
+            GAIN_HINT,
+        )?;
+        within(
+            "heading_gain_per_s",
+            self.heading_gain_per_s,
+            1e-3,
+            1e6,
+            GAIN_HINT,
+        )?;
+        tolerance_m("arrival_tolerance_m", self.arrival_tolerance_m)?;
+        tolerance_rad("heading_tolerance_rad", self.heading_tolerance_rad)
+    }
+
+    /// The deceleration that it has in every direction.
+    pub(super) fn least_acceleration(&self) -> f64 {
+        let forward = self.max_forward_acceleration_m_per_s2;
+        forward.min(self.max_lateral_acceleration_m_per_s2)
+    }
+
+    pub(super) fn plane(&self, dt: f64, factor: f64) -> Plane {
+        let speeds = [
+            self.max_forward_m_per_s,
+            self.max_backward_m_per_s,
+            self.max_lateral_m_per_s,
+        ];
+        let turn_cap = self.max_turn_rate_rad_per_s * factor;
+        let turn_rate = self.max_turn_acceleration_rad_per_s2;
+        let gain = Pid::proportional(self.heading_gain_per_s);
+        Plane {
+            speeds,
+            caps: speeds.map(|speed| speed * factor),
+            rates: [
+                self.max_forward_acceleration_m_per_s2,
+                self.max_lateral_acceleration_m_per_s2,
+            ],
+            gain: Pid::proportional(self.distance_gain_per_s),
+            turn: Axis::new(gain, turn_cap, [turn_rate; 3], dt),
+            turn_cap,
+            turn_rate,
+            body_frame: true,
+            near_squared: self.arrival_tolerance_m * self.arrival_tolerance_m,
+            heading_tolerance: self.heading_tolerance_rad,
+            dt,
+        }
+    }
+}
+
+/// A body that moves in any direction, prepared for a block of ticks.
+pub(super) struct Plane {
+    /// Largest speeds forwards, backwards and sideways, of the body and of this block.
+    speeds: [f64; 3],
+    caps: [f64; 3],
+    /// Largest accelerations forwards and sideways.
+    rates: [f64; 2],
+    gain: Pid,
+    turn: Axis,
+    turn_cap: f64,
+    turn_rate: f64,
+    /// Whether the limits turn with the body.
+    body_frame: bool,
+    near_squared: f64,
+    heading_tolerance: f64,
+    dt: f64,
+}
+
+impl Plane {
+    pub(super) fn run(
+        &self,
+        state: &mut State,
+        target: &Target,
+        ticks: usize,
+        visit: &mut impl FnMut(&State),
+    ) {
+        let (dx, dy, squared) = state.way(target);
+        let turn = target
+            .heading
+            .map_or(0.0, |heading| heading - state.heading);
+        let still = state.vx == 0.0 && state.vy == 0.0 && state.omega == 0.0;
+        if still && squared <= self.near_squared && turn.abs() <= self.heading_tolerance {
+            for _ in 0..ticks {
+                visit(state);
+            }
+            return;
+        }
+        if turn.abs() <= THERE && state.omega == 0.0 {
+            if self.body_frame {
+                state.face();
+                self.glide(state, [state.cos, state.sin], [dx, dy], ticks, visit);
+            } else {
+                self.glide(state, [1.0, 0.0], [dx, dy], ticks, visit);
+            }
+            return;
+        }
+        for _ in 0..ticks {
+            self.turning(state, target);
+            visit(state);
+        }
+    }
+
+    /// Moves with the heading as it is; `frame` is the cosine and sine of the axes in
+    /// which the limits hold.
+    fn glide(
+        &self,
+        state: &mut State,
+        frame: [f64; 2],
+        way: [f64; 2],
+        ticks: usize,
+        visit: &mut impl FnMut(&State),
+    ) {
+        let (mut gap, mut speed) = (into(frame, way), into(frame, [state.vx, state.vy]));
+        let axes = self.axes(gap, speed);
+        for _ in 0..ticks {
+            for side in 0..2 {
+                speed[side] = axes[side].next(speed[side], gap[side], &mut 0.0);
+                gap[side] -= speed[side] * self.dt;
+            }
+            [state.vx, state.vy] = out_of(frame, speed);
+            state.x += state.vx * self.dt;
+            state.y += state.vy * self.dt;
+            visit(state);
+        }
+    }
+
+    /// Both coordinates under limits in proportion to what each has to go.
+    fn axes(&self, gap: [f64; 2], speed: [f64; 2]) -> [Axis; 2] {
+        let [forward, backward, lateral] = self.caps;
+        let caps = [if gap[0] >= 0.0 { forward } else { backward }, lateral];
+        let size = gap.map(f64::abs);
+        // How long the way takes at the limit, of speed and of acceleration.
+        let slowest = (size[0] / caps[0]).max(size[1] / caps[1]);
+        let laziest = (size[0] / self.rates[0]).max(size[1] / self.rates[1]);
+        let there = size[0] <= THERE && size[1] <= THERE;
+        let straight = is_along(speed, gap);
+        let axis = |side: usize| {
+            let full = self.rates[side];
+            if there {
+                return Axis::new(self.gain, caps[side], [full; 3], self.dt);
+            }
+            let rate = (size[side] / laziest).min(full);
+            let cap = (size[side] / slowest).min(caps[side]);
+            let down = if straight { rate } else { full };
+            Axis::new(self.gain, cap, [rate, down, rate], self.dt)
+        };
+        [axis(0), axis(1)]
+    }
+
+    /// A tick of a body that turns.
+    fn turning(&self, state: &mut State, target: &Target) {
+        let (dx, dy, squared) = state.way(target);
+        let distance = squared.sqrt();
+        let turn = target
+            .heading
+            .map_or(0.0, |heading| heading - state.heading);
+        let before = [state.vx, state.vy];
+        // Limits that hold whatever the heading. Turning the velocity along with the body
+        // takes acceleration too: half of it is kept for that.
+        let fast = self.caps[0].min(self.caps[1]).min(self.caps[2]);
+        let reserve = if self.body_frame { 0.5 } else { 1.0 };
+        let rate = self.rates[0].min(self.rates[1]) * reserve;
+        let moves = distance > THERE;
+        let per_metre = if moves { turn / distance } else { 0.0 };
+        let bend = per_metre.abs();
+        let (mut cap, mut slow) = (fast, rate);
+        if bend > 0.0 {
+            cap = cap.min(self.turn_cap / bend);
+            slow = slow.min(self.turn_rate / bend);
+            if self.body_frame {
+                cap = cap.min((rate / bend).sqrt());
+            }
+        }
+        let mut velocity = before;
+        let straight = moves && is_along(before, [dx, dy]);
+        for (side, gap) in [dx, dy].into_iter().enumerate() {
+            let share = if moves { gap.abs() / distance } else { 1.0 };
+            let down = if straight { slow * share } else { rate };
+            let limits = [slow * share, down, slow * share];
+            let axis = Axis::new(self.gain, cap * share, limits, self.dt);
+            velocity[side] = axis.next(velocity[side], gap, &mut 0.0);
+        }
+        let omega = state.omega;
+        state.omega = if moves {
+            let closing = (velocity[0] * dx + velocity[1] * dy) / distance;
+            let speed = (velocity[0] * velocity[0] + velocity[1] * velocity[1]).sqrt();
+            let mut most = self.turn_cap;
+            if self.body_frame && speed > 0.0 {
+                most = most.min(rate / speed);
+            }
+            self.turn
+                .slew(omega, (per_metre * closing).max(-most).min(most))
+        } else {
+            self.turn.next(omega, turn, &mut state.sum_heading)
+        };
+        if self.body_frame {
+            state.face();
+            let old = into([state.cos, state.sin], before);
+            state.heading += state.omega * self.dt;
+            state.face();
+            let frame = [state.cos, state.sin];
+            let mut twist = into(frame, velocity);
+            let [forward, backward, lateral] = self.speeds;
+            for (side, low, high) in [(0, -backward, forward), (1, -lateral, lateral)] {
+                let most = self.rates[side] * self.dt;
+                let slewed = twist[side].max(old[side] - most).min(old[side] + most);
+                twist[side] = slewed.max(low).min(high);
+            }
+            velocity = out_of(frame, twist);
+        } else {
+            state.heading += state.omega * self.dt;
+        }
+        [state.vx, state.vy] = velocity;
+        state.x += state.vx * self.dt;
+        state.y += state.vy * self.dt;
+    }
+}
+
+/// Whether a body moves along its way: then both coordinates slow down in proportion, so
+/// that it stays there. Else each brakes as hard as it can.
+fn is_along(speed: [f64; 2], way: [f64; 2]) -> bool {
+    let aside = speed[0] * way[1] - speed[1] * way[0];
+    let ahead = speed[0] * way[0] + speed[1] * way[1];
+    aside.abs() <= 1e-3 * ahead
+}
+
+/// A vector of the world in a frame with the given cosine and sine.
+fn into([cos, sin]: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
+    [x * cos + y * sin, y * cos - x * sin]
+}
+
+/// A vector of such a frame in the world.
+fn out_of([cos, sin]: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
+    [x * cos - y * sin, x * sin + y * cos]
+}

@@ -1,0 +1,166 @@
+//! Robots and benchmarks by name.
+
+use core::f64::consts::PI;
+use std::str::FromStr;
+
+use super::{
+    DifferentialDrive, DoubleIntegrator, Holonomic, Model, MotionError, Pebble, Rotation,
+    SingleIntegrator, TurnAndDrive, Unicycle1, Unicycle2, WaypointLaw,
+};
+
+/// A model with a name.
+#[derive(Debug, Clone, Copy)]
+pub struct Preset {
+    /// The name, as in files and on the command line.
+    pub name: &'static str,
+    /// What it is, and where its numbers are from.
+    pub about: &'static str,
+    /// The model.
+    pub model: fn() -> Model,
+}
+
+/// All presets: first every model with its defaults.
+pub const PRESETS: &[Preset] = &[
+    Preset {
+        name: "pebble",
+        about: "unit moves in one second, followed exactly",
+        model: || Model::Pebble(Pebble::default()),
+    },
+    Preset {
+        name: "rotation",
+        about: "unit moves and turns by 90° in one second each, followed exactly",
+        model: || Model::Rotation(Rotation::default()),
+    },
+    Preset {
+        name: "single-integrator",
+        about: "stop and go at 1 m/s in any direction",
+        model: || Model::SingleIntegrator(SingleIntegrator::default()),
+    },
+    Preset {
+        name: "differential-drive",
+        about: "the same as agv",
+        model: || Model::DifferentialDrive(DifferentialDrive::default()),
+    },
+    Preset {
+        name: "unicycle-1",
+        about: "the same as dynobench-unicycle-1",
+        model: || Model::Unicycle1(Unicycle1::default()),
+    },
+    Preset {
+        name: "unicycle-2",
+        about: "the same as dynobench-unicycle-2",
+        model: || Model::Unicycle2(Unicycle2::default()),
+    },
+    Preset {
+        name: "double-integrator",
+        about: "the same as dynobench-double-integrator",
+        model: || Model::DoubleIntegrator(DoubleIntegrator::default()),
+    },
+    Preset {
+        name: "holonomic",
+        about: "a robot of 1 m/s forwards and 0.5 m/s sideways",
+        model: || Model::Holonomic(Holonomic::default()),
+    },
+    Preset {
+        name: "waypoint-law",
+        about: "the law of the maze benchmark on a Husky",
+        model: || Model::WaypointLaw(WaypointLaw::default()),
+    },
+    Preset {
+        name: "agv",
+        about: "2 m/s, 2 m/s², 45°/s: LSMART as published (section 4.1)",
+        model: || Model::DifferentialDrive(DifferentialDrive::default()),
+    },
+    Preset {
+        name: "lsmart-effective",
+        about: "LSMART as measured: brakes at 0.2 m/s², peaks at 0.95 m/s, turns 90° in 0.9 s",
+        model: || {
+            Model::DifferentialDrive(DifferentialDrive {
+                max_speed_m_per_s: 0.95,
+                braking_m_per_s2: Some(0.2),
+                max_turn_rate_rad_per_s: 2.0,
+                max_turn_acceleration_rad_per_s2: 17.5,
+                control: TurnAndDrive {
+                    arrival_tolerance_m: 0.03,
+                    ..TurnAndDrive::default()
+                },
+                ..DifferentialDrive::default()
+            })
+        },
+    },
+    Preset {
+        name: "go2",
+        about: "Unitree Go2: 2.5 m/s (public figure)",
+        model: || quadruped(2.5, 2.5),
+    },
+    Preset {
+        name: "spot",
+        about: "Boston Dynamics Spot: 1.6 m/s (public figure)",
+        model: || quadruped(1.6, 1.6),
+    },
+    Preset {
+        name: "anymal-c",
+        about: "ANYbotics ANYmal C: 0.7 m/s and 0.75 m/s² (measured)",
+        model: || quadruped(0.7, 0.75),
+    },
+    Preset {
+        name: "dynobench-unicycle-1",
+        about: "first-order unicycle of dynobench: ±0.5 m/s, ±0.5 rad/s",
+        model: || Model::Unicycle1(Unicycle1::default()),
+    },
+    Preset {
+        name: "dynobench-unicycle-1-sphere",
+        about: "its variant with a round footprint: ±0.5 m/s, ±2 rad/s",
+        model: || {
+            let wide = Unicycle1 {
+                max_turn_rate_rad_per_s: 2.0,
+                ..Unicycle1::default()
+            };
+            Model::Unicycle1(wide)
+        },
+    },
+    Preset {
+        name: "dynobench-unicycle-2",
+        about: "second-order unicycle of dynobench: ±0.25 m/s², ±0.25 rad/s²",
+        model: || Model::Unicycle2(Unicycle2::default()),
+    },
+    Preset {
+        name: "dynobench-double-integrator",
+        about: "double integrator of dynobench and GRACE: ±0.5 m/s, ±2 m/s² per axis",
+        model: || Model::DoubleIntegrator(DoubleIntegrator::default()),
+    },
+];
+
+/// Public figures name the speed forwards alone; half of it in other directions, and a
+/// quarter turn per second, are ours.
+fn quadruped(speed_m_per_s: f64, acceleration_m_per_s2: f64) -> Model {
+    Model::Holonomic(Holonomic {
+        max_forward_m_per_s: speed_m_per_s,
+        max_backward_m_per_s: 0.5 * speed_m_per_s,
+        max_lateral_m_per_s: 0.5 * speed_m_per_s,
+        max_forward_acceleration_m_per_s2: acceleration_m_per_s2,
+        max_lateral_acceleration_m_per_s2: acceleration_m_per_s2,
+        max_turn_rate_rad_per_s: 0.5 * PI,
+        max_turn_acceleration_rad_per_s2: PI,
+        ..Holonomic::default()
+    })
+}
+
+impl FromStr for Model {
+    type Err = MotionError;
+
+    /// The model of a preset.
+    fn from_str(name: &str) -> Result<Self, MotionError> {
+        let preset = PRESETS.iter().find(|preset| preset.name == name);
+        preset
+            .map(|preset| (preset.model)())
+            .ok_or_else(|| MotionError {
+                field: "model",
+                value: name.chars().take(40).collect(),
+                reason: "is not a model or a preset",
+                hint: "use agv, lsmart-effective, go2, spot, anymal-c, pebble, rotation, \
+                   single-integrator, differential-drive, unicycle-1, unicycle-2, \
+                   double-integrator, holonomic or waypoint-law",
+            })
+    }
+}
