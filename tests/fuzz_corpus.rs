@@ -318,6 +318,12 @@ fn plan() {
 }
 
 #[test]
+fn plane() {
+    // An XML document is a tree, and every text is tried as one.
+    corpus_and_mutations("plane", 60_000, 1 << 20);
+}
+
+#[test]
 fn scen() {
     corpus_and_mutations("scen", 150_000, 1 << 20);
 }
@@ -325,6 +331,11 @@ fn scen() {
 #[test]
 fn wire() {
     corpus_and_mutations("wire", 20_000, 1 << 20);
+}
+
+#[test]
+fn world() {
+    corpus_and_mutations("world", 60_000, 1 << 20);
 }
 
 #[test]

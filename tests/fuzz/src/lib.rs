@@ -16,8 +16,10 @@ pub mod lock;
 pub mod map;
 pub mod options;
 pub mod plan;
+pub mod plane;
 pub mod scen;
 pub mod wire;
+pub mod world;
 
 use fleetyard_core::InputError;
 
@@ -32,8 +34,10 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("map", map::run),
     ("options", options::run),
     ("plan", plan::run),
+    ("plane", plane::run),
     ("scen", scen::run),
     ("wire", wire::run),
+    ("world", world::run),
 ];
 
 /// An error about `text` names its source and, where it names a place, one that is there;

@@ -35,8 +35,8 @@ use super::yaml::Yaml;
 use crate::plan_file::PLAN_MAX_AGENTS;
 use crate::{InputError, Knot, TrajectoryPlan};
 
-/// Seconds between two states.
-pub const DYNOBENCH_STEP_S: f64 = 0.1;
+/// States in a second.
+pub const DYNOBENCH_STATES_PER_S: f64 = 10.0;
 
 /// Most numbers of a state that is read at all.
 const LONGEST: usize = 64;
@@ -139,7 +139,7 @@ fn into_plan(yaml: &Yaml<'_>, robots: &[States]) -> Result<TrajectoryPlan, Input
                 });
                 before = heading.unwrap_or(0.0);
                 Knot {
-                    time_s: step as f64 * DYNOBENCH_STEP_S,
+                    time_s: step as f64 / DYNOBENCH_STATES_PER_S,
                     x_m: position.0,
                     y_m: position.1,
                     heading_rad: turns.then_some(before),

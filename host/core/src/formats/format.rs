@@ -376,7 +376,7 @@ impl Contents {
                 contents.notes = vec![format!(
                     "states are taken to be {} s apart, as in the models of dynobench; \
                      of each, position and heading are kept",
-                    dynobench::DYNOBENCH_STEP_S
+                    1.0 / dynobench::DYNOBENCH_STATES_PER_S
                 )];
                 contents.trajectories = Some(trajectory_file(source, plan));
             }

@@ -20,7 +20,7 @@ mod yaml;
 
 pub use agents::{AgentEntry, AgentList};
 pub use ccbs::{read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap};
-pub use dynobench::{DYNOBENCH_STEP_S, read_dynobench};
+pub use dynobench::{DYNOBENCH_STATES_PER_S, read_dynobench};
 pub use format::{AnyPlan, Contents, Format, Parts, Scale, Written, grid_size, load_any_plan};
 pub use layout::{
     Begin, LacamHeader, Layout, LayoutError, Major, MapSize, PATHS_LIMIT, write_lacam,
