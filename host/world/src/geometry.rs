@@ -70,7 +70,12 @@ impl Relative {
             return None;
         }
         let (wx, wy) = (self.x1 - self.x0, self.y1 - self.y0);
-        let crossing = disc_crossing(self.x0, self.y0, wx, wy, limit).unwrap_or((0.0, 1.0));
+        // Rounding may lose the crossing: of a point at rest, whose ends decide,
+        // and of one that comes by so fast that a moment is all there is.
+        let crossing = disc_crossing(self.x0, self.y0, wx, wy, limit).unwrap_or_else(|| {
+            let (_, closest) = self.closest();
+            (closest, closest)
+        });
         Some(Inside::clamped(crossing, at_start, at_end))
     }
 

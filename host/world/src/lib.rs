@@ -18,6 +18,7 @@
 
 mod canvas;
 mod enclosing;
+pub mod exact;
 mod footprint;
 mod geometry;
 mod maze;
