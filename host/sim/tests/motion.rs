@@ -3,7 +3,10 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use fleetyard_sim::motion::{Model, PRESETS, State, Target, wrap};
+use fleetyard_core::Hasher;
+use fleetyard_sim::motion::{
+    DifferentialDrive, Model, PRESETS, State, Target, Waypoint, WaypointLaw, smooth, wrap,
+};
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 
@@ -263,4 +266,367 @@ fn angles_are_wrapped_exactly() {
     assert!((wrap(3.0 * PI) - PI).abs() < 1e-15);
     assert!((wrap(-5.0 * FRAC_PI_2) + FRAC_PI_2).abs() < 1e-15);
     assert!((wrap(1000.0 * std::f64::consts::TAU + 0.25) - 0.25).abs() < 1e-12);
+}
+
+/// A leg that is prolonged while the body is on it, as dependencies on others fall away.
+/// The body began as far off as it may.
+fn prolonged(
+    model: &Model,
+    hz: f64,
+    off: (f64, f64),
+    cells: &[usize],
+) -> Result<f64, TestCaseError> {
+    let (dt, block) = (1.0 / hz, (hz / 10.0) as usize);
+    let arrival = model.arrival_tolerance_m();
+    let (x, y) = (
+        off.0 * arrival * libm::cos(off.1),
+        off.0 * arrival * libm::sin(off.1),
+    );
+    let mut state = State::at_rest(x, y, 0.0);
+    let mut end = 0.0;
+    let mut stops = 0;
+    for (index, more) in cells.iter().enumerate() {
+        end += *more as f64;
+        let last = index + 1 == cells.len();
+        // Until it is about to arrive, or at the last target.
+        for round in 0.. {
+            prop_assert!(round < 20_000, "stuck at {state:?}");
+            let target = at(end, 0.0);
+            let braking = end - state.x < 0.6;
+            if model.has_arrived(&state, &target) || (braking && !last) {
+                break;
+            }
+            let mut before = state.speed_m_per_s();
+            let mut result = Ok(());
+            model.run(&mut state, &target, block, dt, 1.0, &mut |now| {
+                let speed = now.speed_m_per_s();
+                stops += usize::from(speed == 0.0 && before > 0.0);
+                before = speed;
+                if now.y.abs() > model.lateral_tolerance_m() + ROUNDING || now.x > end + arrival {
+                    result = Err(format!("{} at {now:?}", model.name()));
+                }
+            });
+            prop_assert!(result.is_ok(), "{}", result.unwrap_err());
+        }
+    }
+    prop_assert!(stops <= 1, "{} stops {stops} times", model.name());
+    Ok(end)
+}
+
+proptest! {
+    #[test]
+    fn prolonged_legs_are_kept_to_without_a_stop(
+        model in controlled(), hz in rates(), off in (0.0..1.0, -PI..PI),
+        cells in prop::collection::vec(1usize..5, 1..5),
+    ) {
+        prolonged(&model, hz, off, &cells)?;
+    }
+}
+
+/// Time until a body stands at its target, tick by tick.
+fn time_to_rest(model: &Model, target: &Target, hz: f64) -> f64 {
+    let mut state = State::at_rest(0.0, 0.0, 0.0);
+    let mut ticks = 0;
+    let off = |state: &State| match target.heading {
+        Some(heading) => (heading - state.heading).abs(),
+        None => (target.x - state.x).abs(),
+    };
+    while off(&state) > 1e-6 || state.speed_m_per_s() > 0.0 || state.omega != 0.0 {
+        model.run(&mut state, target, 1, 1.0 / hz, 1.0, &mut |_| ());
+        ticks += 1;
+        assert!(ticks < 100_000, "{state:?}");
+    }
+    f64::from(ticks) / hz
+}
+
+/// From rest to rest under limits of speed and acceleration.
+fn trapezoid(distance: f64, speed: f64, acceleration: f64) -> f64 {
+    if distance * acceleration >= speed * speed {
+        distance / speed + speed / acceleration
+    } else {
+        2.0 * (distance / acceleration).sqrt()
+    }
+}
+
+#[test]
+fn driving_and_turning_take_what_the_trapezoid_says() {
+    let cases = [
+        ("agv", 2.0, 2.0, 0.25 * PI, PI),
+        ("unicycle-2", 0.5, 0.25, 0.5, 0.25),
+    ];
+    for (name, speed, acceleration, rate, turn) in cases {
+        let model: Model = name.parse().unwrap();
+        for hz in [10.0, 60.0, 240.0] {
+            let turned = Target {
+                heading: Some(FRAC_PI_2),
+                ..at(0.0, 0.0)
+            };
+            let legs = [
+                (at(1.0, 0.0), trapezoid(1.0, speed, acceleration)),
+                (at(4.0, 0.0), trapezoid(4.0, speed, acceleration)),
+                (turned, trapezoid(FRAC_PI_2, rate, turn)),
+            ];
+            for (target, expected) in legs {
+                let time = time_to_rest(&model, &target, hz);
+                assert!(
+                    time >= expected - 1e-9 && time <= expected + 3.0 / hz,
+                    "{name} at {hz} Hz: {time} s, trapezoid {expected} s to {target:?}"
+                );
+            }
+        }
+    }
+    // Without acceleration limits a leg takes its length over the speed.
+    let model: Model = "unicycle-1".parse().unwrap();
+    assert!((time_to_rest(&model, &at(4.0, 0.0), 60.0) - 8.0).abs() < 0.04);
+    let model: Model = "single-integrator".parse().unwrap();
+    assert!((time_to_rest(&model, &at(4.0, 0.0), 60.0) - 4.0).abs() < 0.04);
+}
+
+/// Measured on the program itself: one cell 2.6 s, four 6.2 to 6.5 s, eighteen 22.7 s, 90°
+/// in 0.9 s. Its robots fetch actions once a second, so a fifth of a second is not known.
+#[test]
+fn the_preset_of_lsmart_takes_as_long_as_lsmart() {
+    let model: Model = "lsmart-effective".parse().unwrap();
+    let turned = Target {
+        heading: Some(FRAC_PI_2),
+        ..at(0.0, 0.0)
+    };
+    let cases = [
+        (at(1.0, 0.0), 2.6),
+        (at(4.0, 0.0), 6.35),
+        (at(18.0, 0.0), 22.7),
+        (turned, 0.9),
+    ];
+    for (target, measured) in cases {
+        let mut state = State::at_rest(0.0, 0.0, 0.0);
+        let mut time = 0.0;
+        while !model.has_arrived(&state, &target) {
+            model.run(&mut state, &target, 1, 1.0 / 60.0, 1.0, &mut |_| ());
+            time += 1.0 / 60.0;
+        }
+        let error: f64 = time - measured;
+        assert!(
+            error.abs() <= 0.1 * measured,
+            "{time} s instead of {measured} s to {target:?}"
+        );
+    }
+}
+
+/// The same bits in every build. A change of these constants means that executions of the
+/// past cannot be compared with those of today.
+#[test]
+fn motions_are_the_same_to_the_bit() {
+    let golden = [
+        ("pebble", "b30eeded564ff04120d69f3e6f6b0458"),
+        ("single-integrator", "da830da3f1ec2438746b046d5059b280"),
+        ("agv", "f3564bdd708f1f3f5a43fdc60a4bc45a"),
+        ("lsmart-effective", "7c05ff22cd8823cf3407a8d4e0319dc2"),
+        ("unicycle-1", "4ff3f1c33aff0397283e2d83f6d5d48d"),
+        ("unicycle-2", "733ca21a2b4332f6c351820af570d536"),
+        ("double-integrator", "4a6686b0f211dc7b92963687300b9051"),
+        ("go2", "89b5d6534478dac8892a7c1b7d744cb5"),
+        ("waypoint-law", "7a2e9dd53c23ed65a37f1eed1cf73293"),
+    ];
+    let mut wrong = Vec::new();
+    for (name, expected) in golden {
+        let model: Model = name.parse().unwrap();
+        let mut hasher = Hasher::new("motion");
+        let mut state = State::at_rest(0.3, -0.2, 0.1);
+        let stops: [(f64, f64, Option<f64>, f64); 6] = [
+            (2.3, -0.2, None, 1.0),
+            (2.3, 1.8, Some(FRAC_PI_2), 0.9),
+            (2.3, 1.8, Some(0.3), 1.0),
+            (-1.1, 0.4, None, 0.6),
+            (-1.0, 0.5, None, 0.0),
+            (0.7, 0.9, Some(-2.0), 1.0),
+        ];
+        for (x, y, heading, factor) in stops {
+            for _ in 0..40 {
+                model.run(
+                    &mut state,
+                    &Target { x, y, heading },
+                    6,
+                    1.0 / 60.0,
+                    factor,
+                    &mut |now| {
+                        for value in [now.x, now.y, now.heading, now.vx, now.vy, now.omega] {
+                            hasher.bytes(&value.to_bits().to_le_bytes());
+                        }
+                    },
+                );
+            }
+        }
+        let digest = hasher.finish().to_string();
+        if digest != expected {
+            wrong.push((name, digest));
+        }
+    }
+    assert!(wrong.is_empty(), "other bits than before: {wrong:#?}");
+}
+
+#[test]
+fn every_preset_is_a_model_and_a_word_of_files() {
+    for preset in PRESETS {
+        let model = (preset.model)();
+        model.validate().unwrap();
+        assert_eq!(preset.name.parse::<Model>().unwrap(), model);
+        let named: Model = serde_json::from_str(&format!("{:?}", preset.name)).unwrap();
+        assert_eq!(named, model);
+        let written = serde_json::to_string(&model).unwrap();
+        assert!(
+            written.starts_with(&format!("{{\"{}\":", model.name())),
+            "{written}"
+        );
+        assert_eq!(serde_json::from_str::<Model>(&written).unwrap(), model);
+        let named = PRESETS.iter().filter(|other| other.name == preset.name);
+        assert_eq!(named.count(), 1, "{}", preset.name);
+    }
+    let error = "forklift".parse::<Model>().unwrap_err();
+    assert!(error.to_string().contains("forklift") && error.hint.contains("agv"));
+}
+
+#[test]
+fn parameters_that_no_body_has_are_refused() {
+    let cases = [
+        (r#"{"pebble": {"step_s": 0}}"#, "step_s = 0 is out of range"),
+        (r#"{"rotation": {"turn_s": -1}}"#, "turn_s = -1"),
+        (
+            r#"{"single-integrator": {"speed_m_per_s": 0}}"#,
+            "speed_m_per_s = 0",
+        ),
+        (
+            r#"{"differential-drive": {"max_speed_m_per_s": -2}}"#,
+            "max_speed_m_per_s = -2",
+        ),
+        (
+            r#"{"differential-drive": {"braking_m_per_s2": 3}}"#,
+            "braking_m_per_s2 = 3",
+        ),
+        (
+            r#"{"differential-drive": {"control": {"distance": {"p": 0}}}}"#,
+            "control.distance.p = 0",
+        ),
+        (
+            r#"{"differential-drive": {"control": {"steer_within_rad": 9}}}"#,
+            "steer_within_rad = 9",
+        ),
+        (
+            r#"{"differential-drive": {"wheels": 3}}"#,
+            "unknown field `wheels`",
+        ),
+        (
+            r#"{"unicycle-1": {"max_turn_rate_rad_per_s": 0}}"#,
+            "max_turn_rate_rad_per_s = 0",
+        ),
+        (
+            r#"{"unicycle-2": {"max_acceleration_m_per_s2": 1e9}}"#,
+            "max_acceleration_m_per_s2",
+        ),
+        (
+            r#"{"double-integrator": {"arrival_tolerance_m": 0}}"#,
+            "arrival_tolerance_m = 0",
+        ),
+        (
+            r#"{"holonomic": {"max_lateral_m_per_s": 0}}"#,
+            "max_lateral_m_per_s = 0",
+        ),
+        (
+            r#"{"waypoint-law": {"drive_within_rad": 0.7}}"#,
+            "drive_within_rad = 0.7",
+        ),
+        (r#"{"hovercraft": {}}"#, "unknown variant `hovercraft`"),
+        (r#""hovercraft""#, "is not a model or a preset"),
+        (r#"{"pebble": {}, "rotation": {}}"#, ""),
+        ("{}", ""),
+        ("3", "the name of a preset"),
+    ];
+    for (text, expected) in cases {
+        let error = serde_json::from_str::<Model>(text)
+            .expect_err(text)
+            .to_string();
+        assert!(error.contains(expected), "{text}: {error}");
+    }
+    for value in [f64::NAN, f64::INFINITY, -0.0] {
+        let drive = DifferentialDrive {
+            max_speed_m_per_s: value,
+            ..DifferentialDrive::default()
+        };
+        let error = Model::DifferentialDrive(drive).validate().unwrap_err();
+        assert_eq!(error.field, "max_speed_m_per_s");
+    }
+}
+
+#[test]
+fn wheels_turn_as_the_body_moves() {
+    let law = WaypointLaw::default();
+    let mut state = State::at_rest(0.0, 0.0, 0.0);
+    (state.vx, state.omega) = (0.5, 1.0);
+    let wheels = law.wheel_speeds(&state);
+    assert!((wheels.left_m_per_s - (0.5 - 0.2775)).abs() < 1e-12);
+    assert!((wheels.right_m_per_s - (0.5 + 0.2775)).abs() < 1e-12);
+    assert!((wheels.left_rad_per_s * law.wheel_radius_m - wheels.left_m_per_s).abs() < 1e-12);
+    assert!((wheels.right_rad_per_s * law.wheel_radius_m - wheels.right_m_per_s).abs() < 1e-12);
+}
+
+/// Distance of a point from a path.
+fn distance_from(path: &[Waypoint], point: [f64; 2]) -> f64 {
+    let legs = path.windows(2).map(|leg| {
+        let (dx, dy) = (leg[1][0] - leg[0][0], leg[1][1] - leg[0][1]);
+        let (x, y) = (point[0] - leg[0][0], point[1] - leg[0][1]);
+        let squared = dx * dx + dy * dy;
+        let at = if squared > 0.0 {
+            ((x * dx + y * dy) / squared).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let (x, y) = (x - at * dx, y - at * dy);
+        (x * x + y * y).sqrt()
+    });
+    legs.fold(f64::INFINITY, f64::min)
+}
+
+proptest! {
+    #[test]
+    fn smooth_paths_stay_near_the_path(
+        path in prop::collection::vec((-5.0..5.0, -5.0..5.0, -PI..PI), 2..8),
+        deviation in 0.0..0.5, pieces in 2usize..9,
+    ) {
+        let path: Vec<Waypoint> = path.into_iter().map(|(x, y, heading)| [x, y, heading]).collect();
+        let smoothed = smooth(&path, deviation, pieces).unwrap();
+        prop_assert_eq!(&smoothed[..1], &path[..1]);
+        prop_assert_eq!(&smoothed[smoothed.len() - 1..], &path[path.len() - 1..]);
+        for leg in smoothed.windows(2) {
+            for part in 0..=4 {
+                let part = f64::from(part) / 4.0;
+                let between = |side: usize| leg[0][side] + part * (leg[1][side] - leg[0][side]);
+                let off = distance_from(&path, [between(0), between(1)]);
+                prop_assert!(off <= deviation + 1e-9, "{off} from the path");
+            }
+        }
+    }
+}
+
+#[test]
+fn smooth_corners_are_rounded_and_others_kept() {
+    let corner = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, FRAC_PI_2]];
+    let smoothed = smooth(&corner, 0.1, 4).unwrap();
+    assert_eq!(smoothed.len(), 7);
+    // In the middle as far away as allowed, and half-way turned into the second leg.
+    let middle = smoothed[3];
+    let (x, y) = (middle[0] - 2.0, middle[1]);
+    assert!(((x * x + y * y).sqrt() - 0.1).abs() < 1e-12, "{middle:?}");
+    assert!(middle[2] > 0.0 && middle[2] < 0.2);
+    // Back on itself, standing still, straight on: nothing to round.
+    let back = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+    assert_eq!(smooth(&back, 0.1, 4).unwrap(), back);
+    let turn = [
+        [0.0, 0.0, 0.0],
+        [2.0, 0.0, 0.0],
+        [2.0, 0.0, 1.0],
+        [2.0, 1.0, 1.0],
+    ];
+    assert_eq!(smooth(&turn, 0.1, 4).unwrap(), turn);
+    assert!(smooth(&corner, f64::NAN, 4).is_err());
+    assert!(smooth(&corner, 0.1, 0).is_err());
+    assert!(smooth(&[], 0.1, 4).unwrap().is_empty());
 }

@@ -14,13 +14,6 @@ pub struct MotionError {
     pub hint: &'static str,
 }
 
-impl MotionError {
-    /// Error and hint on two lines, for errors that can carry only one text.
-    pub(super) fn with_hint(&self) -> String {
-        format!("{self}\nhint: {}", self.hint)
-    }
-}
-
 /// Refuses a value outside `low..=high`; not-a-number is outside.
 pub(super) fn within(
     field: &'static str,

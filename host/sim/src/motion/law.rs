@@ -41,9 +41,9 @@ pub struct Pid {
 }
 
 impl Default for Pid {
-    /// So stiff that the limits rule at up to 100 ticks per second.
+    /// So stiff that the limits alone rule at up to 1000 ticks per second.
     fn default() -> Self {
-        Self::proportional(100.0)
+        Self::proportional(1000.0)
     }
 }
 

@@ -11,6 +11,8 @@
 //! `docs/motion.md`.
 
 mod error;
+mod fleet;
+mod fleet_file;
 mod ideal;
 mod law;
 mod plane;
@@ -20,11 +22,16 @@ mod state;
 mod waypoint;
 mod wheeled;
 
+use fleetyard_core::json::with_hint;
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{Error as _, MapAccess, Visitor};
+use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 pub use error::MotionError;
+pub use fleet::{Fleet, FleetError, Profile};
+pub use fleet_file::{
+    Assignment, FLEET_FILE_LIMIT, FLEET_FORMAT, FleetFile, load_fleet, read_fleet,
+};
 pub use ideal::{Pebble, Rotation};
 pub use law::{Pid, wrap};
 pub use plane::{DoubleIntegrator, Holonomic, SingleIntegrator};
@@ -276,13 +283,13 @@ impl<'de> Deserialize<'de> for Model {
 
             fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Model, E> {
                 name.parse()
-                    .map_err(|error: MotionError| E::custom(error.with_hint()))
+                    .map_err(|error: MotionError| with_hint(&error, Some(error.hint)))
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Model, A::Error> {
                 let model = Model::deserialize(MapAccessDeserializer::new(map))?;
                 let checked = model.validate();
-                checked.map_err(|error| A::Error::custom(error.with_hint()))?;
+                checked.map_err(|error| with_hint(&error, Some(error.hint)))?;
                 Ok(model)
             }
         }

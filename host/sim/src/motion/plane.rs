@@ -99,7 +99,7 @@ pub struct DoubleIntegrator {
     pub max_acceleration_m_per_s2: f64,
     /// Largest turn rate, reached at once (the model has no heading); by default 180°/s.
     pub max_turn_rate_rad_per_s: f64,
-    /// Speed asked for per distance, in 1/s; by default 100: the limits alone rule.
+    /// Speed asked for per distance, in 1/s; by default 1000: the limits alone rule.
     pub distance_gain_per_s: f64,
     /// Arrived is who stops within this distance of the target; by default 5 mm.
     pub arrival_tolerance_m: f64,
@@ -113,7 +113,7 @@ impl Default for DoubleIntegrator {
             max_speed_m_per_s: 0.5,
             max_acceleration_m_per_s2: 2.0,
             max_turn_rate_rad_per_s: PI,
-            distance_gain_per_s: 100.0,
+            distance_gain_per_s: 1000.0,
             arrival_tolerance_m: 0.005,
             heading_tolerance_rad: 0.5 * PI / 180.0,
         }

@@ -3,6 +3,8 @@
 use core::f64::consts::PI;
 use std::str::FromStr;
 
+use fleetyard_world::Footprint;
+
 use super::{
     DifferentialDrive, DoubleIntegrator, Holonomic, Model, MotionError, Pebble, Rotation,
     SingleIntegrator, TurnAndDrive, Unicycle1, Unicycle2, WaypointLaw,
@@ -17,6 +19,8 @@ pub struct Preset {
     pub about: &'static str,
     /// The model.
     pub model: fn() -> Model,
+    /// The body, of robots that have one.
+    pub footprint: Option<fn() -> Footprint>,
 }
 
 /// All presets: first every model with its defaults.
@@ -25,51 +29,61 @@ pub const PRESETS: &[Preset] = &[
         name: "pebble",
         about: "unit moves in one second, followed exactly",
         model: || Model::Pebble(Pebble::default()),
+        footprint: None,
     },
     Preset {
         name: "rotation",
         about: "unit moves and turns by 90° in one second each, followed exactly",
         model: || Model::Rotation(Rotation::default()),
+        footprint: None,
     },
     Preset {
         name: "single-integrator",
         about: "stop and go at 1 m/s in any direction",
         model: || Model::SingleIntegrator(SingleIntegrator::default()),
+        footprint: None,
     },
     Preset {
         name: "differential-drive",
         about: "the same as agv",
         model: || Model::DifferentialDrive(DifferentialDrive::default()),
+        footprint: None,
     },
     Preset {
         name: "unicycle-1",
         about: "the same as dynobench-unicycle-1",
         model: || Model::Unicycle1(Unicycle1::default()),
+        footprint: None,
     },
     Preset {
         name: "unicycle-2",
         about: "the same as dynobench-unicycle-2",
         model: || Model::Unicycle2(Unicycle2::default()),
+        footprint: None,
     },
     Preset {
         name: "double-integrator",
         about: "the same as dynobench-double-integrator",
         model: || Model::DoubleIntegrator(DoubleIntegrator::default()),
+        footprint: None,
     },
     Preset {
         name: "holonomic",
         about: "a robot of 1 m/s forwards and 0.5 m/s sideways",
         model: || Model::Holonomic(Holonomic::default()),
+        footprint: None,
     },
     Preset {
         name: "waypoint-law",
         about: "the law of the maze benchmark on a Husky",
         model: || Model::WaypointLaw(WaypointLaw::default()),
+        footprint: None,
     },
     Preset {
         name: "agv",
         about: "2 m/s, 2 m/s², 45°/s: LSMART as published (section 4.1)",
         model: || Model::DifferentialDrive(DifferentialDrive::default()),
+        footprint: Some(|| disc(0.35)),
     },
     Preset {
         name: "lsmart-effective",
@@ -87,26 +101,31 @@ pub const PRESETS: &[Preset] = &[
                 ..DifferentialDrive::default()
             })
         },
+        footprint: Some(|| disc(0.085)),
     },
     Preset {
         name: "go2",
         about: "Unitree Go2: 2.5 m/s (public figure)",
         model: || quadruped(2.5, 2.5),
+        footprint: Some(|| rectangle(0.70, 0.31)),
     },
     Preset {
         name: "spot",
         about: "Boston Dynamics Spot: 1.6 m/s (public figure)",
         model: || quadruped(1.6, 1.6),
+        footprint: Some(|| rectangle(1.10, 0.50)),
     },
     Preset {
         name: "anymal-c",
         about: "ANYbotics ANYmal C: 0.7 m/s and 0.75 m/s² (measured)",
         model: || quadruped(0.7, 0.75),
+        footprint: Some(|| rectangle(0.93, 0.53)),
     },
     Preset {
         name: "dynobench-unicycle-1",
         about: "first-order unicycle of dynobench: ±0.5 m/s, ±0.5 rad/s",
         model: || Model::Unicycle1(Unicycle1::default()),
+        footprint: Some(|| rectangle(0.5, 0.25)),
     },
     Preset {
         name: "dynobench-unicycle-1-sphere",
@@ -118,18 +137,29 @@ pub const PRESETS: &[Preset] = &[
             };
             Model::Unicycle1(wide)
         },
+        footprint: Some(|| disc(0.4)),
     },
     Preset {
         name: "dynobench-unicycle-2",
         about: "second-order unicycle of dynobench: ±0.25 m/s², ±0.25 rad/s²",
         model: || Model::Unicycle2(Unicycle2::default()),
+        footprint: Some(|| rectangle(0.5, 0.25)),
     },
     Preset {
         name: "dynobench-double-integrator",
         about: "double integrator of dynobench and GRACE: ±0.5 m/s, ±2 m/s² per axis",
         model: || Model::DoubleIntegrator(DoubleIntegrator::default()),
+        footprint: None,
     },
 ];
+
+fn disc(radius_m: f64) -> Footprint {
+    Footprint::Disc { radius_m }
+}
+
+fn rectangle(length_m: f64, width_m: f64) -> Footprint {
+    Footprint::Rectangle { length_m, width_m }
+}
 
 /// Public figures name the speed forwards alone; half of it in other directions, and a
 /// quarter turn per second, are ours.
@@ -146,21 +176,24 @@ fn quadruped(speed_m_per_s: f64, acceleration_m_per_s2: f64) -> Model {
     })
 }
 
+/// The preset of a name.
+pub(super) fn find(name: &str) -> Result<&'static Preset, MotionError> {
+    let preset = PRESETS.iter().find(|preset| preset.name == name);
+    preset.ok_or_else(|| MotionError {
+        field: "model",
+        value: format!("{:?}", fleetyard_core::shown(name)),
+        reason: "is not a model or a preset",
+        hint: "use agv, lsmart-effective, go2, spot, anymal-c, pebble, rotation, \
+               single-integrator, differential-drive, unicycle-1, unicycle-2, \
+               double-integrator, holonomic or waypoint-law",
+    })
+}
+
 impl FromStr for Model {
     type Err = MotionError;
 
     /// The model of a preset.
     fn from_str(name: &str) -> Result<Self, MotionError> {
-        let preset = PRESETS.iter().find(|preset| preset.name == name);
-        preset
-            .map(|preset| (preset.model)())
-            .ok_or_else(|| MotionError {
-                field: "model",
-                value: name.chars().take(40).collect(),
-                reason: "is not a model or a preset",
-                hint: "use agv, lsmart-effective, go2, spot, anymal-c, pebble, rotation, \
-                   single-integrator, differential-drive, unicycle-1, unicycle-2, \
-                   double-integrator, holonomic or waypoint-law",
-            })
+        Ok((find(name)?.model)())
     }
 }

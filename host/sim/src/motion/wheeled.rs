@@ -291,7 +291,7 @@ impl Wheels {
                 let turn = target
                     .heading
                     .map_or(0.0, |heading| wrap(heading - state.heading));
-                if turn.abs() <= self.heading_tolerance {
+                if state.omega == 0.0 && turn.abs() <= self.heading_tolerance {
                     0.0
                 } else {
                     turn

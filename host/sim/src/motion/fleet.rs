@@ -1,0 +1,184 @@
+//! Fleets: which robot has which body and moves how.
+
+use fleetyard_world::{Footprint, FootprintError, Shape};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use fleetyard_core::json::with_hint;
+
+use super::preset::find;
+use super::{Model, MotionError};
+
+/// A kind of robot.
+///
+/// In files either the name of a preset that has a body, or an object with `footprint` and
+/// `model`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(remote = "Self", deny_unknown_fields)]
+pub struct Profile {
+    /// What it covers of the floor.
+    pub footprint: Footprint,
+    /// How it moves.
+    pub model: Model,
+}
+
+/// Why robots do not make a fleet.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages document the fields")]
+#[non_exhaustive]
+pub enum FleetError {
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    #[error(transparent)]
+    Footprint(#[from] FootprintError),
+    #[error("agent {agent} has profile {profile}, but there are {profiles}")]
+    NoProfile {
+        agent: usize,
+        profile: u32,
+        profiles: usize,
+    },
+    #[error("the fleet lists {listed} agents, but there are {agents}")]
+    AgentCount { listed: usize, agents: usize },
+    #[error("{name:?} is a model without a body")]
+    NoBody { name: String },
+}
+
+impl FleetError {
+    /// What the user can do.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::Motion(error) => error.hint,
+            Self::Footprint(error) => error.hint(),
+            Self::NoProfile { .. } => "profiles are counted from 0",
+            Self::AgentCount { .. } => {
+                "list as many as there are agents, or use {\"cycle\": [...]} or {\"all\": \"NAME\"}"
+            }
+            Self::NoBody { .. } => "give an object with footprint and model",
+        }
+    }
+}
+
+impl Profile {
+    /// The robot of a preset.
+    pub fn preset(name: &str) -> Result<Self, FleetError> {
+        let preset = find(name)?;
+        match preset.footprint {
+            Some(footprint) => Ok(Self {
+                footprint: footprint(),
+                model: (preset.model)(),
+            }),
+            None => Err(FleetError::NoBody {
+                name: name.to_owned(),
+            }),
+        }
+    }
+
+    /// Whether there can be such a robot. A profile that was read from a file can be.
+    pub fn validate(&self) -> Result<(), FleetError> {
+        self.footprint.shape()?;
+        Ok(self.model.validate()?)
+    }
+}
+
+impl Serialize for Profile {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Profile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Form;
+
+        impl<'de> Visitor<'de> for Form {
+            type Value = Profile;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("the name of a preset, or an object with footprint and model")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Profile, E> {
+                Profile::preset(name).map_err(|error| with_hint(&error, Some(error.hint())))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Profile, A::Error> {
+                let profile = Profile::deserialize(MapAccessDeserializer::new(map))?;
+                let checked = profile.validate();
+                checked.map_err(|error| with_hint(&error, Some(error.hint())))?;
+                Ok(profile)
+            }
+        }
+
+        deserializer.deserialize_any(Form)
+    }
+}
+
+/// The robots of an execution: agent i has profile `profile_of()[i]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fleet {
+    profiles: Vec<Profile>,
+    shapes: Vec<Shape>,
+    profile_of: Vec<u32>,
+}
+
+impl Fleet {
+    /// Checks every profile and every index.
+    pub fn new(profiles: Vec<Profile>, profile_of: Vec<u32>) -> Result<Self, FleetError> {
+        let mut shapes = Vec::with_capacity(profiles.len());
+        for profile in &profiles {
+            profile.model.validate()?;
+            shapes.push(profile.footprint.shape()?);
+        }
+        let known = profiles.len();
+        let outside = |profile: &u32| *profile as usize >= known;
+        if let Some(agent) = profile_of.iter().position(outside) {
+            let profile = profile_of[agent];
+            return Err(FleetError::NoProfile {
+                agent,
+                profile,
+                profiles: known,
+            });
+        }
+        Ok(Self {
+            profiles,
+            shapes,
+            profile_of,
+        })
+    }
+
+    /// Robots of one kind.
+    pub fn uniform(profile: Profile, agents: usize) -> Result<Self, FleetError> {
+        Self::new(vec![profile], vec![0; agents])
+    }
+
+    /// Number of robots.
+    pub fn agents(&self) -> usize {
+        self.profile_of.len()
+    }
+
+    /// The kinds of robots.
+    pub fn profiles(&self) -> &[Profile] {
+        &self.profiles
+    }
+
+    /// The validated footprints, one per profile.
+    pub fn shapes(&self) -> &[Shape] {
+        &self.shapes
+    }
+
+    /// The kind of each robot, as an index into the profiles.
+    pub fn profile_of(&self) -> &[u32] {
+        &self.profile_of
+    }
+
+    /// How a robot moves.
+    pub fn model(&self, agent: usize) -> &Model {
+        &self.profiles[self.profile_of[agent] as usize].model
+    }
+
+    /// What a robot covers.
+    pub fn shape(&self, agent: usize) -> &Shape {
+        &self.shapes[self.profile_of[agent] as usize]
+    }
+}

@@ -1,0 +1,285 @@
+//! Fleet files: the format `fleetyard.fleet/1`, one JSON object.
+//!
+//! ```json
+//! {
+//!   "format": "fleetyard.fleet/1",
+//!   "profiles": {
+//!     "agv": {
+//!       "footprint": {"disc": {"radius_m": 0.35}},
+//!       "model": {"differential-drive": {"max_speed_m_per_s": 1.5}}
+//!     },
+//!     "dog": "go2"
+//!   },
+//!   "agents": {"cycle": ["agv", "agv", "dog"]}
+//! }
+//! ```
+//!
+//! All three keys are needed, in any order. A profile is an object or the name of a
+//! preset that has a body; a model likewise. `agents` is a list with one name per agent,
+//! `{"cycle": [...]}`, which begins anew as often as needed, or `{"all": "agv"}`.
+
+use std::fmt;
+use std::path::Path;
+
+use fleetyard_core::json::{self, json_error, read_object, with_hint};
+use fleetyard_core::{InputError, read_file, shown};
+use serde::Deserialize;
+use serde::de::{
+    DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
+};
+
+use super::fleet::{Fleet, FleetError, Profile};
+
+/// The value of `format`.
+pub const FLEET_FORMAT: &str = "fleetyard.fleet/1";
+
+/// Largest fleet file that is read, in bytes.
+pub const FLEET_FILE_LIMIT: u64 = 1 << 28;
+
+const HINT: &str = "a fleet file is a JSON object with format, profiles and agents";
+
+/// What a fleet file says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FleetFile {
+    /// The kinds of robots with their names, in the order of the file.
+    pub profiles: Vec<(String, Profile)>,
+    /// Which agent is of which kind.
+    pub agents: Assignment,
+}
+
+/// Which agent has which profile, as indices.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Assignment {
+    /// One entry per agent.
+    Each(Vec<u32>),
+    /// Agent i has entry i modulo their number, of which there is at least one.
+    Cycle(Vec<u32>),
+    /// All agents have one profile.
+    All(u32),
+}
+
+impl FleetFile {
+    /// The fleet of an instance with so many agents.
+    pub fn fleet(&self, agents: usize) -> Result<Fleet, FleetError> {
+        let profile_of = match &self.agents {
+            Assignment::Each(list) if list.len() != agents => {
+                return Err(FleetError::AgentCount {
+                    listed: list.len(),
+                    agents,
+                });
+            }
+            Assignment::Each(list) => list.clone(),
+            Assignment::Cycle(list) => list.iter().copied().cycle().take(agents).collect(),
+            Assignment::All(profile) => vec![*profile; agents],
+        };
+        let profiles = self.profiles.iter().map(|(_, profile)| profile.clone());
+        Fleet::new(profiles.collect(), profile_of)
+    }
+}
+
+/// Reads and parses a fleet file.
+pub fn load_fleet(path: impl AsRef<Path>) -> Result<FleetFile, InputError> {
+    let path = path.as_ref();
+    let bytes = read_file(path, FLEET_FILE_LIMIT)?;
+    read_fleet(&path.display().to_string(), &bytes)
+}
+
+/// Parses the content of a fleet file. `source` is named in errors.
+pub fn read_fleet(source: &str, bytes: &[u8]) -> Result<FleetFile, InputError> {
+    let hinted = |error: InputError| match error.hint {
+        Some(_) => error,
+        None => error.hint(HINT),
+    };
+    let document: Document = read_object(source, bytes, HINT).map_err(hinted)?;
+    let Profiles(profiles) = document.profiles;
+    // Names can only be looked up when all profiles are known, and an unknown one is to be
+    // refused where it stands: so the agents are read in a second pass.
+    let mut again = serde_json::Deserializer::from_slice(bytes);
+    let agents = AgentsKey(&profiles).deserialize(&mut again);
+    let agents = agents.map_err(|error| hinted(json_error(source, bytes, &error)))?;
+    Ok(FleetFile { profiles, agents })
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a fleet: a JSON object")]
+struct Document {
+    #[serde(deserialize_with = "format", rename = "format")]
+    _format: (),
+    profiles: Profiles,
+    #[serde(rename = "agents")]
+    _agents: IgnoredAny,
+}
+
+fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
+    json::format(deserializer, FLEET_FORMAT)
+}
+
+/// At least one profile, in the order of the file.
+struct Profiles(Vec<(String, Profile)>);
+
+impl<'de> Deserialize<'de> for Profiles {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries;
+
+        impl<'de> Visitor<'de> for Entries {
+            type Value = Profiles;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object of profiles by name")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Profiles, A::Error> {
+                let mut profiles: Vec<(String, Profile)> = Vec::new();
+                let mut names = std::collections::BTreeSet::new();
+                while let Some(name) = map.next_key::<String>()? {
+                    if !names.insert(name.clone()) {
+                        let reason = format!("the profile {:?} is there twice", shown(&name));
+                        return Err(with_hint(&reason, Some("give each profile its own name")));
+                    }
+                    profiles.push((name, map.next_value()?));
+                }
+                if profiles.is_empty() {
+                    return Err(A::Error::custom("there are no profiles"));
+                }
+                Ok(Profiles(profiles))
+            }
+        }
+
+        deserializer.deserialize_map(Entries)
+    }
+}
+
+/// Finds the key `agents` in a document that is otherwise known to be right.
+struct AgentsKey<'a>(&'a [(String, Profile)]);
+
+impl<'de> DeserializeSeed<'de> for AgentsKey<'_> {
+    type Value = Assignment;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Assignment, D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for AgentsKey<'_> {
+    type Value = Assignment;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a fleet: a JSON object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Assignment, A::Error> {
+        let mut agents = None;
+        while let Some(key) = map.next_key::<String>()? {
+            if key == "agents" {
+                agents = Some(map.next_value_seed(Agents(self.0))?);
+            } else {
+                map.next_value::<IgnoredAny>()?;
+            }
+        }
+        agents.ok_or_else(|| A::Error::missing_field("agents"))
+    }
+}
+
+/// The value of `agents`.
+struct Agents<'a>(&'a [(String, Profile)]);
+
+impl<'de> DeserializeSeed<'de> for Agents<'_> {
+    type Value = Assignment;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Assignment, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Agents<'_> {
+    type Value = Assignment;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(r#"a list of names, {"cycle": [...]} or {"all": NAME}"#)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Assignment, A::Error> {
+        names(seq, self.0).map(Assignment::Each)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Assignment, A::Error> {
+        let hint = r#"use a list of names, {"cycle": [...]} or {"all": NAME}"#;
+        let assignment = match map.next_key::<String>()?.as_deref() {
+            Some("all") => Assignment::All(map.next_value_seed(Name(self.0))?),
+            Some("cycle") => Assignment::Cycle(map.next_value_seed(Cycle(self.0))?),
+            Some(other) => {
+                let reason = format!("{:?} is no way to assign profiles", shown(other));
+                return Err(with_hint(&reason, Some(hint)));
+            }
+            None => return Err(with_hint(&"agents is empty", Some(hint))),
+        };
+        if map.next_key::<IgnoredAny>()?.is_some() {
+            return Err(with_hint(&"agents has more than one key", Some(hint)));
+        }
+        Ok(assignment)
+    }
+}
+
+struct Cycle<'a>(&'a [(String, Profile)]);
+
+impl<'de> DeserializeSeed<'de> for Cycle<'_> {
+    type Value = Vec<u32>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<u32>, D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Cycle<'_> {
+    type Value = Vec<u32>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of names")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Vec<u32>, A::Error> {
+        let list = names(seq, self.0)?;
+        if list.is_empty() {
+            return Err(A::Error::custom("the cycle is empty"));
+        }
+        Ok(list)
+    }
+}
+
+fn names<'de, A: SeqAccess<'de>>(
+    mut seq: A,
+    known: &[(String, Profile)],
+) -> Result<Vec<u32>, A::Error> {
+    let mut list = Vec::new();
+    while let Some(profile) = seq.next_element_seed(Name(known))? {
+        list.push(profile);
+    }
+    Ok(list)
+}
+
+/// The index of a profile by its name.
+struct Name<'a>(&'a [(String, Profile)]);
+
+impl<'de> DeserializeSeed<'de> for Name<'_> {
+    type Value = u32;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<u32, D::Error> {
+        deserializer.deserialize_str(self)
+    }
+}
+
+impl Visitor<'_> for Name<'_> {
+    type Value = u32;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the name of a profile")
+    }
+
+    fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<u32, E> {
+        let found = self.0.iter().position(|(known, _)| known == name);
+        found.map(|at| at as u32).ok_or_else(|| {
+            let reason = format!("{:?} is not one of the profiles", shown(name));
+            with_hint(&reason, Some("name a profile of this file"))
+        })
+    }
+}
