@@ -20,6 +20,26 @@ impl SeededRandom {
         Self(ChaCha8Rng::from_seed(key))
     }
 
+    /// Goes to the number of that index in one of 2⁶⁴ independent streams of 64-bit
+    /// numbers, so that it can be had without those before it. A new generator is
+    /// at the first number of stream 0.
+    pub fn go_to(&mut self, stream: u64, index: u64) {
+        self.0.set_stream(stream);
+        self.0.set_word_pos(2 * u128::from(index));
+    }
+
+    /// The next number of the stream, any equally likely.
+    pub fn next_u64(&mut self) -> u64 {
+        self.0.next_u64()
+    }
+
+    /// The next number of the stream as one between 0 and 1, neither of which it
+    /// ever is.
+    pub fn unit(&mut self) -> f64 {
+        const SCALE: f64 = 1.0 / (1u64 << 53) as f64;
+        ((self.next_u64() >> 11) as f64 + 0.5) * SCALE
+    }
+
     /// A number below `bound`, every one equally likely; 0 if `bound` is 0.
     pub fn below(&mut self, bound: usize) -> usize {
         let bound = bound as u64;

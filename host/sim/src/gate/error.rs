@@ -1,0 +1,70 @@
+//! Why a plan cannot be executed by order.
+
+use std::fmt::Write as _;
+
+/// Why a plan has no dependency graph. Agents, knots and times in seconds are
+/// those of the plan; agents and knots are counted from 0.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages document the fields")]
+#[non_exhaustive]
+pub enum GateError {
+    #[error("{field} = {value} is out of range")]
+    Option { field: &'static str, value: f64 },
+    #[error("there are more than {most} agents")]
+    TooManyAgents { most: usize },
+    #[error("the routes have more than {most} actions, pieces of long ones included")]
+    TooManyActions { most: usize },
+    #[error("knot {knot} of agent {agent} is not finite")]
+    NotFinite { agent: usize, knot: usize },
+    #[error("knot {knot} of agent {agent} is at {time_s} s, not later than the one before")]
+    BackInTime {
+        agent: usize,
+        knot: usize,
+        time_s: f64,
+    },
+    #[error("agents {} and {} collide at {time_s} s of the plan", agents[0], agents[1])]
+    Collision { agents: [u32; 2], time_s: f64 },
+    #[error(
+        "agents {} pass each other at {time_s} s of the plan with too little room for any order",
+        list(agents)
+    )]
+    NoOrder { agents: Vec<u32>, time_s: f64 },
+}
+
+/// The first few agents of a ring, and how many more there are.
+fn list(agents: &[u32]) -> String {
+    const SHOWN: usize = 8;
+    let mut text = String::new();
+    for (at, agent) in agents.iter().take(SHOWN).enumerate() {
+        let separator = if at == 0 { "" } else { ", " };
+        let _ = write!(text, "{separator}{agent}");
+    }
+    if agents.len() > SHOWN {
+        let _ = write!(text, " and {} more", agents.len() - SHOWN);
+    }
+    text
+}
+
+impl GateError {
+    /// What the user can do.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Option { field, .. } => Some(match *field {
+                "margin_m" => "give metres, 0 or more",
+                _ => "give metres above 0",
+            }),
+            Self::TooManyAgents { .. } => Some("split the plan"),
+            Self::TooManyActions { .. } => Some("raise longest_action_m, or split the plan"),
+            Self::NotFinite { .. } => None,
+            Self::BackInTime { .. } => Some("times ascend strictly along a route"),
+            Self::Collision { .. } => Some(
+                "validate the plan first; execute it by time to see what happens, \
+                 or make the footprints smaller if only they are too large for it",
+            ),
+            Self::NoOrder { .. } => Some(
+                "use a smaller radius, or a planner that leaves a gap between agents \
+                 that follow each other round",
+            ),
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! The dependency graph: who waits for whom, and the proof that nobody waits for ever.
+
+use std::cmp::Reverse;
+
+use fleetyard_world::Shape;
+use serde::{Deserialize, Serialize};
+
+use super::meet::Bodies;
+use super::routes::{Cuts, Refined, Routes};
+use super::{GateError, cells, near, rings};
+
+/// What a dependency graph is to keep apart, and how finely.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GateOptions {
+    /// Swept footprints that come nearer than this, in metres, are not driven at
+    /// the same time. It has to cover what both bodies may be off their ways:
+    /// beside them, and beyond the knots where they stop.
+    pub margin_m: f64,
+    /// Longer actions are cut into equal pieces, in metres of any point of the
+    /// body: who follows another agent then waits for a piece and not for its
+    /// whole way. `None` is twice the largest effective radius. Moves between
+    /// neighbouring cells are not cut.
+    pub longest_action_m: Option<f64>,
+    /// Side of a grid cell in metres, for routes along the cells of a grid. Where
+    /// the bodies fit their cells, dependencies are then found by cell.
+    pub cell_size_m: Option<f64>,
+}
+
+impl Default for GateOptions {
+    fn default() -> Self {
+        Self {
+            margin_m: 0.0,
+            longest_action_m: None,
+            cell_size_m: None,
+        }
+    }
+}
+
+/// A dependency between agents (a type-2 edge): before an action may begin,
+/// another agent must have reached one of its knots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Wait {
+    /// The action that waits.
+    pub action: u32,
+    /// The agent that it waits for.
+    pub other: u32,
+    /// The knot that the other agent must have reached.
+    pub knot: u32,
+}
+
+/// A [`Wait`] and the agent that has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Edge {
+    pub(super) agent: u32,
+    pub(super) wait: Wait,
+}
+
+/// The temporal plan graph of routes: which actions wait for which.
+///
+/// Actions follow each other along a route (type-1 edges, not stored). Wherever
+/// two agents sweep the same place, the one that has it first in the plan leaves
+/// it before the other one comes (type-2 edges, stored at the agent that waits,
+/// in order of its actions). The graph has no cycle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DependencyGraph {
+    actions: Vec<u32>,
+    offsets: Vec<u32>,
+    waits: Vec<Wait>,
+    cuts: Cuts,
+}
+
+impl DependencyGraph {
+    /// Finds the dependencies between routes of agents with the given shapes.
+    ///
+    /// Fails if the plan has two agents in one place at one time, or so near each
+    /// other that there is no order in which they can pass.
+    pub fn build<'s, R: Routes + ?Sized>(
+        routes: &R,
+        shape: &'s (dyn Fn(usize) -> &'s Shape + Sync),
+        options: &GateOptions,
+    ) -> Result<Self, GateError> {
+        check(routes, options)?;
+        let agents = routes.agents();
+        let bodies = Bodies::new(agents, shape);
+        let by_cell = options
+            .cell_size_m
+            .and_then(|side_m| cells::edges(routes, &bodies, options.margin_m, side_m));
+        let cuts = match by_cell {
+            Some(_) => Cuts::default(),
+            None => near::cut_long(routes, &bodies, options.longest_action_m)?,
+        };
+        let refined = Refined {
+            routes,
+            cuts: &cuts,
+        };
+        let edges = match by_cell {
+            Some(edges) => edges,
+            None => near::edges(&refined, &bodies, options.margin_m)?,
+        };
+        let actions = (0..agents).map(|agent| refined.actions(agent) as u32);
+        let graph = Self::assemble(actions.collect(), edges).with_cuts(cuts);
+        rings::resolve(graph, routes, &bodies, options.margin_m)
+    }
+
+    /// Sorts edges to their agents, without those that follow from earlier ones
+    /// of the same two agents.
+    pub(super) fn assemble(actions: Vec<u32>, mut edges: Vec<Edge>) -> Self {
+        edges.sort_unstable_by_key(|edge| {
+            let wait = edge.wait;
+            (edge.agent, wait.action, wait.other, Reverse(wait.knot))
+        });
+        let agents = actions.len();
+        // Per agent, up to which knot it is waited for, and by whom.
+        let mut waited = vec![(u32::MAX, 0); agents];
+        edges.retain(|edge| {
+            let (by, knot) = &mut waited[edge.wait.other as usize];
+            let follows = *by == edge.agent && *knot >= edge.wait.knot;
+            if !follows {
+                (*by, *knot) = (edge.agent, edge.wait.knot);
+            }
+            !follows
+        });
+        let mut offsets = vec![0; agents + 1];
+        for edge in &edges {
+            offsets[edge.agent as usize + 1] += 1;
+        }
+        for agent in 0..agents {
+            offsets[agent + 1] += offsets[agent];
+        }
+        Self {
+            actions,
+            offsets,
+            waits: edges.iter().map(|edge| edge.wait).collect(),
+            cuts: Cuts::default(),
+        }
+    }
+
+    pub(super) fn with_cuts(self, cuts: Cuts) -> Self {
+        Self { cuts, ..self }
+    }
+
+    pub(super) fn cuts(&self) -> &Cuts {
+        &self.cuts
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// Number of actions of an agent; pieces of actions count.
+    pub fn actions(&self, agent: usize) -> usize {
+        self.actions[agent] as usize
+    }
+
+    /// What an agent waits for, in order of its actions.
+    pub fn waits(&self, agent: usize) -> &[Wait] {
+        &self.waits[self.offsets[agent] as usize..self.offsets[agent + 1] as usize]
+    }
+
+    /// Number of dependencies between agents.
+    pub fn edges(&self) -> usize {
+        self.waits.len()
+    }
+
+    /// Bytes on the heap.
+    pub fn memory_bytes(&self) -> usize {
+        let numbers = self.actions.capacity() + self.offsets.capacity();
+        numbers * size_of::<u32>()
+            + self.waits.capacity() * size_of::<Wait>()
+            + self.cuts.memory_bytes()
+    }
+
+    /// The routes that agents and knots of this graph count, from the routes that
+    /// it was built from: where agents pass each other closely, actions are cut
+    /// into pieces.
+    pub fn routes<'a, R: Routes + ?Sized>(&'a self, routes: &'a R) -> Refined<'a, R> {
+        let cuts = &self.cuts;
+        Refined { routes, cuts }
+    }
+}
+
+/// Whether routes and options are such that their geometry can be computed.
+fn check<R: Routes + ?Sized>(routes: &R, options: &GateOptions) -> Result<(), GateError> {
+    let positive = |value: Option<f64>| value.is_none_or(|v| v > 0.0 && v.is_finite());
+    let margin_m = options.margin_m;
+    let values = [
+        ("margin_m", margin_m, margin_m >= 0.0 && margin_m.is_finite()),
+        (
+            "longest_action_m",
+            options.longest_action_m.unwrap_or(0.0),
+            positive(options.longest_action_m),
+        ),
+        (
+            "cell_size_m",
+            options.cell_size_m.unwrap_or(0.0),
+            positive(options.cell_size_m),
+        ),
+    ];
+    for (field, value, is_right) in values {
+        if !is_right {
+            return Err(GateError::Option { field, value });
+        }
+    }
+    if routes.agents() >= u32::MAX as usize {
+        let most = u32::MAX as usize - 1;
+        return Err(GateError::TooManyAgents { most });
+    }
+    for agent in 0..routes.agents() {
+        let mut before_s = f64::NEG_INFINITY;
+        for knot in 0..=routes.actions(agent) {
+            let time_s = routes.time_s(agent, knot);
+            if !routes.pose(agent, knot).is_finite() || !time_s.is_finite() {
+                return Err(GateError::NotFinite { agent, knot });
+            }
+            if time_s <= before_s {
+                return Err(GateError::BackInTime {
+                    agent,
+                    knot,
+                    time_s,
+                });
+            }
+            before_s = time_s;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,213 @@
+//! Whether what bodies sweep meets: the one place that asks the geometry.
+
+use fleetyard_world::{Pose, Shape};
+
+/// A uniform motion of an agent, or its rest if both poses are the same.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sweep {
+    pub(super) agent: u32,
+    pub(super) from: Pose,
+    pub(super) to: Pose,
+}
+
+impl Sweep {
+    pub(super) fn rest(agent: u32, pose: Pose) -> Self {
+        let (from, to) = (pose, pose);
+        Self { agent, from, to }
+    }
+
+    pub(super) fn is_rest(&self) -> bool {
+        self.from == self.to
+    }
+}
+
+/// An axis-parallel box: least x and y, largest x and y.
+pub(super) type Bounds = [f64; 4];
+
+pub(super) fn overlap(a: Bounds, b: Bounds) -> bool {
+    a[0] <= b[2] && b[0] <= a[2] && a[1] <= b[3] && b[1] <= a[3]
+}
+
+/// The agents' footprints.
+#[derive(Clone, Copy)]
+pub(super) struct Bodies<'a> {
+    shape: &'a (dyn Fn(usize) -> &'a Shape + Sync),
+    touch_m: f64,
+}
+
+impl<'a> Bodies<'a> {
+    /// Footprints that overlap by no more than this share of the smallest radius
+    /// touch: discs as wide as their cells do so all the time.
+    const TOUCH: f64 = 1e-6;
+
+    pub(super) fn new(agents: usize, shape: &'a (dyn Fn(usize) -> &'a Shape + Sync)) -> Self {
+        let radii = (0..agents).map(|agent| shape(agent).effective_radius_m());
+        let touch_m = Self::TOUCH * radii.fold(f64::INFINITY, f64::min);
+        Self { shape, touch_m }
+    }
+
+    pub(super) fn shape(&self, agent: u32) -> &'a Shape {
+        (self.shape)(agent as usize)
+    }
+
+    pub(super) fn radius_m(&self, agent: u32) -> f64 {
+        self.shape(agent).effective_radius_m()
+    }
+
+    /// Whether the areas that two motions sweep come nearer than the margin,
+    /// whatever their times.
+    pub(super) fn meet(&self, a: Sweep, b: Sweep, margin_m: f64) -> bool {
+        let (one, two) = (self.shape(a.agent), self.shape(b.agent));
+        swept_shapes_meet(
+            one,
+            a.from,
+            a.to,
+            two,
+            b.from,
+            b.to,
+            margin_m - self.touch_m,
+        )
+    }
+
+    /// A box around what a motion sweeps, half the margin wider.
+    pub(super) fn bounds(&self, sweep: Sweep, margin_m: f64) -> Bounds {
+        let reach = self.radius_m(sweep.agent) + 0.5 * margin_m;
+        let (a, b) = (sweep.from, sweep.to);
+        [
+            a.x.min(b.x) - reach,
+            a.y.min(b.y) - reach,
+            a.x.max(b.x) + reach,
+            a.y.max(b.y) + reach,
+        ]
+    }
+}
+
+/// A motion with its time, in seconds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Timed {
+    pub(super) sweep: Sweep,
+    pub(super) start_s: f64,
+    pub(super) end_s: f64,
+}
+
+impl Timed {
+    /// Where the agent is at a time within the motion.
+    fn at(&self, time_s: f64) -> Pose {
+        if self.sweep.is_rest() {
+            return self.sweep.from;
+        }
+        let share = (time_s - self.start_s) / (self.end_s - self.start_s);
+        self.sweep.from.toward(self.sweep.to, share)
+    }
+
+    /// What the agent sweeps between two times within the motion.
+    pub(super) fn part(&self, start_s: f64, end_s: f64) -> Sweep {
+        Sweep {
+            agent: self.sweep.agent,
+            from: self.at(start_s),
+            to: self.at(end_s),
+        }
+    }
+
+    /// When, of a few times that both motions have in common, the agents are
+    /// nearer than the margin for the first time.
+    pub(super) fn collides(&self, other: &Self, bodies: &Bodies<'_>, margin_m: f64) -> Option<f64> {
+        const SAMPLES: u32 = 32;
+        let start = self.start_s.max(other.start_s);
+        let end = self.end_s.min(other.end_s);
+        let duration = if end.is_finite() { end - start } else { 0.0 };
+        (0..=SAMPLES)
+            .map(|sample| start + duration * f64::from(sample) / f64::from(SAMPLES))
+            .find(|time| {
+                let (one, two) = (self.part(*time, *time), other.part(*time, *time));
+                bodies.meet(one, two, margin_m)
+            })
+    }
+}
+
+/// Which of two motions that meet goes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Order {
+    First,
+    Second,
+    /// Neither can wait for the other one where it begins, or be passed where the
+    /// other one ends.
+    Neither,
+}
+
+/// The order of two motions that meet.
+///
+/// If one has ended when the other begins, the plan says so. If they are under
+/// way at the same time, one may go first if it can be passed where it ends, and
+/// the other one can wait where it begins; if both may, the plan's times decide.
+pub(super) fn order(a: &Timed, b: &Timed, bodies: &Bodies<'_>, margin_m: f64) -> Order {
+    if a.end_s <= b.start_s {
+        return Order::First;
+    }
+    if b.end_s <= a.start_s {
+        return Order::Second;
+    }
+    let may_precede = |a: &Timed, b: &Timed| {
+        let passed = Sweep::rest(a.sweep.agent, a.sweep.to);
+        let waiting = Sweep::rest(b.sweep.agent, b.sweep.from);
+        !bodies.meet(passed, b.sweep, margin_m) && !bodies.meet(waiting, a.sweep, margin_m)
+    };
+    match (may_precede(a, b), may_precede(b, a)) {
+        (true, false) => Order::First,
+        (false, true) => Order::Second,
+        (false, false) => Order::Neither,
+        (true, true) => {
+            let by_time = a.start_s.total_cmp(&b.start_s);
+            let by_time = by_time.then(a.end_s.total_cmp(&b.end_s));
+            if by_time.then(a.sweep.agent.cmp(&b.sweep.agent)).is_lt() {
+                Order::First
+            } else {
+                Order::Second
+            }
+        }
+    }
+}
+
+/// Whether the discs around two shapes come nearer than the margin on their ways.
+fn swept_shapes_meet(
+    a: &Shape,
+    from_a: Pose,
+    to_a: Pose,
+    b: &Shape,
+    from_b: Pose,
+    to_b: Pose,
+    margin_m: f64,
+) -> bool {
+    let reach = a.effective_radius_m() + b.effective_radius_m() + margin_m;
+    segments_squared(
+        [from_a.x, from_a.y],
+        [to_a.x, to_a.y],
+        [from_b.x, from_b.y],
+        [to_b.x, to_b.y],
+    ) < reach * reach
+}
+
+/// The squared distance of two segments.
+fn segments_squared(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> f64 {
+    let side = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| {
+        (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+    };
+    let point = |p: [f64; 2], a: [f64; 2], b: [f64; 2]| {
+        let (wx, wy) = (b[0] - a[0], b[1] - a[1]);
+        let length = wx * wx + wy * wy;
+        let share = if length > 0.0 {
+            (((p[0] - a[0]) * wx + (p[1] - a[1]) * wy) / length).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let (x, y) = (a[0] + share * wx - p[0], a[1] + share * wy - p[1]);
+        x * x + y * y
+    };
+    if side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0 {
+        return 0.0;
+    }
+    point(a, c, d)
+        .min(point(b, c, d))
+        .min(point(c, a, b))
+        .min(point(d, a, b))
+}

@@ -1,0 +1,276 @@
+//! Routes: what agents are to drive, as sequences of knots.
+
+use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
+use fleetyard_world::Pose;
+
+/// What every agent is to drive: knots 0..=K, and action k from knot k − 1 to
+/// knot k.
+///
+/// Poses and headings are linear in time within an action, an action between
+/// equal poses is a wait, and after its last knot an agent rests. Times ascend
+/// strictly along a route and are those of the plan, in seconds.
+pub trait Routes: Sync {
+    /// Number of agents.
+    fn agents(&self) -> usize;
+    /// Number of actions of an agent: one less than it has knots.
+    fn actions(&self, agent: usize) -> usize;
+    /// Where the agent is at a knot.
+    fn pose(&self, agent: usize, knot: usize) -> Pose;
+    /// When the plan has the agent there, in seconds.
+    fn time_s(&self, agent: usize, knot: usize) -> f64;
+}
+
+impl Routes for TrajectoryPlan {
+    fn agents(&self) -> usize {
+        TrajectoryPlan::agents(self)
+    }
+
+    fn actions(&self, agent: usize) -> usize {
+        self.knots(agent).len() - 1
+    }
+
+    fn pose(&self, agent: usize, knot: usize) -> Pose {
+        let knots = self.knots(agent);
+        let heading = knots.heading_rad.map_or(0.0, |all| all[knot]);
+        Pose::new(knots.x_m[knot], knots.y_m[knot], heading)
+    }
+
+    fn time_s(&self, agent: usize, knot: usize) -> f64 {
+        self.knots(agent).time_s[knot]
+    }
+}
+
+/// The routes of a plan on a grid: a knot in the centre of every cell of a path.
+///
+/// Every path must have a cell, and every cell must be on the map.
+#[derive(Debug, Clone, Copy)]
+pub struct GridRoutes<'a> {
+    /// The map.
+    pub grid: &'a Grid,
+    /// The plan.
+    pub plan: &'a GridPlan,
+    /// Side of a cell in metres.
+    pub cell_size_m: f64,
+    /// Duration of a step in seconds.
+    pub step_s: f64,
+}
+
+impl Routes for GridRoutes<'_> {
+    fn agents(&self) -> usize {
+        self.plan.agents()
+    }
+
+    fn actions(&self, agent: usize) -> usize {
+        self.plan.path(agent).len().saturating_sub(1)
+    }
+
+    fn pose(&self, agent: usize, knot: usize) -> Pose {
+        let cell = self.plan.path(agent)[knot];
+        let (x, y) = cell_center_m(self.grid, self.cell_size_m, cell);
+        Pose::at(x, y)
+    }
+
+    fn time_s(&self, _agent: usize, knot: usize) -> f64 {
+        knot as f64 * self.step_s
+    }
+}
+
+/// Part of an action, cut into pieces of equal duration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cut {
+    /// The refined action that is its first piece.
+    first: u32,
+    pieces: u32,
+    /// The action that it is a part of.
+    action: u32,
+    /// Which part, as fractions of the action. The parts of an action follow each
+    /// other from 0 to 1.
+    from: f64,
+    to: f64,
+}
+
+/// Which actions are cut into pieces. A piece is an action of its own, so that a
+/// refined route has more knots on the same way.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Cuts {
+    /// Cuts of agent i are `cuts[offsets[i]..offsets[i + 1]]`; empty without cuts.
+    offsets: Vec<u32>,
+    cuts: Vec<Cut>,
+}
+
+/// An action of a refined route that is to be cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Split {
+    pub(super) agent: u32,
+    pub(super) action: u32,
+    pub(super) pieces: u32,
+}
+
+impl Cuts {
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.offsets.capacity() * size_of::<u32>() + self.cuts.capacity() * size_of::<Cut>()
+    }
+
+    fn of(&self, agent: usize) -> &[Cut] {
+        match self.offsets.get(agent..agent + 2) {
+            Some(range) => &self.cuts[range[0] as usize..range[1] as usize],
+            None => &[],
+        }
+    }
+
+    /// How many actions the agent has more than without cuts.
+    fn added(&self, agent: usize) -> usize {
+        let cuts = self.of(agent);
+        let pieces: u32 = cuts.iter().map(|cut| cut.pieces).sum();
+        let wholes = cuts.iter().filter(|cut| cut.to >= 1.0).count();
+        pieces as usize - wholes
+    }
+
+    /// The action in which a refined knot lies and how far in it; fraction 1 is the
+    /// action's own knot. Knot 0 is at fraction 1 of action 0, which none has.
+    fn place(&self, agent: usize, knot: usize) -> (usize, f64) {
+        let cuts = self.of(agent);
+        let after = cuts.partition_point(|cut| cut.first as usize <= knot);
+        let Some(cut) = after.checked_sub(1).map(|at| cuts[at]) else {
+            return (knot, 1.0);
+        };
+        let last = (cut.first + cut.pieces - 1) as usize;
+        if knot < last {
+            let share = (knot - cut.first as usize + 1) as f64 / f64::from(cut.pieces);
+            return (cut.action as usize, cut.from + (cut.to - cut.from) * share);
+        }
+        if knot == last {
+            return (cut.action as usize, cut.to);
+        }
+        (cut.action as usize + (knot - last), 1.0)
+    }
+
+    /// Cuts actions of the routes that these cuts make, given in order of agents and
+    /// actions.
+    pub(super) fn refine(&self, agents: usize, splits: &[Split]) -> Self {
+        let mut refined = Self {
+            offsets: Vec::with_capacity(agents + 1),
+            cuts: Vec::with_capacity(self.cuts.len() + splits.len()),
+        };
+        refined.offsets.push(0);
+        let mut splits = splits.iter().filter(|split| split.pieces > 1).peekable();
+        for agent in 0..agents {
+            let mut old = self.of(agent).iter().copied().peekable();
+            let mut added = 0;
+            let push = |cuts: &mut Vec<Cut>, cut: Cut| {
+                if cut.pieces > 0 {
+                    cuts.push(cut);
+                }
+            };
+            loop {
+                let split = splits.next_if(|split| {
+                    let next = old.peek().map_or(u32::MAX, |cut| cut.first);
+                    split.agent as usize == agent && split.action < next
+                });
+                if let Some(split) = split {
+                    // A whole action, or nothing: pieces of cuts are found below.
+                    let (action, _) = self.place(agent, split.action as usize);
+                    refined.cuts.push(Cut {
+                        first: split.action + added,
+                        pieces: split.pieces,
+                        action: action as u32,
+                        from: 0.0,
+                        to: 1.0,
+                    });
+                    added += split.pieces - 1;
+                    continue;
+                }
+                let Some(cut) = old.next() else { break };
+                let end = cut.first + cut.pieces;
+                let fraction = |piece: u32| {
+                    let share = f64::from(piece - cut.first) / f64::from(cut.pieces);
+                    if piece == end {
+                        cut.to
+                    } else {
+                        cut.from + (cut.to - cut.from) * share
+                    }
+                };
+                let mut at = cut.first;
+                while let Some(split) =
+                    splits.next_if(|split| split.agent as usize == agent && split.action < end)
+                {
+                    let whole = Cut {
+                        first: at + added,
+                        pieces: split.action - at,
+                        from: fraction(at),
+                        to: fraction(split.action),
+                        ..cut
+                    };
+                    push(&mut refined.cuts, whole);
+                    let pieces = Cut {
+                        first: split.action + added,
+                        pieces: split.pieces,
+                        from: fraction(split.action),
+                        to: fraction(split.action + 1),
+                        ..cut
+                    };
+                    push(&mut refined.cuts, pieces);
+                    added += split.pieces - 1;
+                    at = split.action + 1;
+                }
+                let rest = Cut {
+                    first: at + added,
+                    pieces: end - at,
+                    from: fraction(at),
+                    to: cut.to,
+                    ..cut
+                };
+                push(&mut refined.cuts, rest);
+            }
+            refined.offsets.push(refined.cuts.len() as u32);
+        }
+        refined
+    }
+}
+
+/// Routes with some actions cut into pieces, as the dependency graph counts them.
+#[derive(Debug)]
+pub struct Refined<'a, R: ?Sized> {
+    pub(super) routes: &'a R,
+    pub(super) cuts: &'a Cuts,
+}
+
+impl<R: Routes + ?Sized> Refined<'_, R> {
+    /// The knot of the routes without cuts that an agent has reached when it is at
+    /// a knot of these.
+    pub fn whole_knot(&self, agent: usize, knot: usize) -> usize {
+        match self.cuts.place(agent, knot) {
+            (action, fraction) if fraction < 1.0 => action - 1,
+            (action, _) => action,
+        }
+    }
+}
+
+impl<R: Routes + ?Sized> Routes for Refined<'_, R> {
+    fn agents(&self) -> usize {
+        self.routes.agents()
+    }
+
+    fn actions(&self, agent: usize) -> usize {
+        self.routes.actions(agent) + self.cuts.added(agent)
+    }
+
+    fn pose(&self, agent: usize, knot: usize) -> Pose {
+        let (action, fraction) = self.cuts.place(agent, knot);
+        let end = self.routes.pose(agent, action);
+        if fraction >= 1.0 {
+            return end;
+        }
+        self.routes.pose(agent, action - 1).toward(end, fraction)
+    }
+
+    fn time_s(&self, agent: usize, knot: usize) -> f64 {
+        let (action, fraction) = self.cuts.place(agent, knot);
+        let end = self.routes.time_s(agent, action);
+        if fraction >= 1.0 {
+            return end;
+        }
+        let start = self.routes.time_s(agent, action - 1);
+        start + (end - start) * fraction
+    }
+}

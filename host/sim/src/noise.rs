@@ -1,0 +1,584 @@
+//! What goes otherwise than planned: delays, uneven speed, late and lost messages.
+//!
+//! Every random value is a function of the seed, a purpose, and what it is for (an
+//! agent and its action, or an agent and a block of time): it is the value of that
+//! index in a ChaCha8 stream of that number. So values do not depend on which
+//! thread asks for them, in which order, or whether anybody asks for others.
+
+use std::fmt;
+use std::str::FromStr;
+
+use fleetyard_world::SeededRandom;
+use serde::{Deserialize, Serialize};
+
+use crate::SimError;
+
+/// Everything random in an execution. The default disturbs nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Disturbance {
+    /// Seed of all streams.
+    pub seed: u64,
+    /// Delays of agents.
+    pub delay: Delay,
+    /// Unevenness of speed.
+    pub velocity: VelocityNoise,
+    /// Latency and loss of messages between robots and server.
+    pub messages: Messages,
+}
+
+/// How agents are delayed.
+///
+/// In text: `none`, `bernoulli:P,SECONDS`, `uniform:MIN,MAX`, `gaussian:MEAN,STD`,
+/// `bursts:RATE,SECONDS`, where times are like `2s`, `250ms`, or a number of
+/// seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Delay {
+    /// Not at all.
+    #[default]
+    None,
+    /// Each action begins late with a probability, always by the same time.
+    Bernoulli {
+        /// Probability, 0 to 1.
+        p: f64,
+        /// Delay in seconds.
+        seconds: f64,
+    },
+    /// Each action begins late by a time that is uniform between two.
+    Uniform {
+        /// Least delay in seconds.
+        min_s: f64,
+        /// Largest delay in seconds.
+        max_s: f64,
+    },
+    /// Each action begins late by a normally distributed time; where that is
+    /// negative, it begins in time.
+    Gaussian {
+        /// Mean in seconds, before negative times become 0.
+        mean_s: f64,
+        /// Standard deviation in seconds.
+        std_s: f64,
+    },
+    /// Each agent stops now and then, wherever it is.
+    Bursts {
+        /// How often per second of simulated time; stops begin in a Poisson process.
+        rate_per_s: f64,
+        /// For how many seconds. A stop during a stop begins it anew.
+        seconds: f64,
+    },
+}
+
+/// How uneven speeds are. In every block an agent has 1 − std·|z| of its speed, z
+/// a standard normal variate, but at least the floor.
+///
+/// In text: `STD,FLOOR`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VelocityNoise {
+    /// Standard deviation as a share of the speed; 0 is no noise.
+    pub std: f64,
+    /// The least share of the speed, above 0 so that everybody arrives.
+    pub floor: f64,
+}
+
+impl Default for VelocityNoise {
+    fn default() -> Self {
+        Self {
+            std: 0.0,
+            floor: 0.1,
+        }
+    }
+}
+
+/// How messages travel, in both directions: each takes a time that is uniform
+/// between two, or is lost.
+///
+/// In text: `MIN,MAX,LOSS`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Messages {
+    /// Least latency in seconds.
+    pub delay_min_s: f64,
+    /// Largest latency in seconds.
+    pub delay_max_s: f64,
+    /// Probability that a message is lost, below 1. It is sent again in the next
+    /// period.
+    pub loss: f64,
+}
+
+const TIMES: &str = "give seconds from 0 to 1e6";
+const MOST_S: f64 = 1e6;
+
+impl Disturbance {
+    /// Whether nothing is disturbed.
+    pub fn is_none(&self) -> bool {
+        self.delay == Delay::None && self.velocity.is_none() && self.messages.is_none()
+    }
+
+    /// Whether all parameters are in their ranges.
+    pub fn validate(&self) -> Result<(), SimError> {
+        self.delay.validate()?;
+        self.velocity.validate()?;
+        self.messages.validate()
+    }
+}
+
+/// Refuses what is not in a range, NaN included.
+fn range(
+    field: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+    hint: &'static str,
+) -> Result<(), SimError> {
+    if value >= low && value <= high {
+        return Ok(());
+    }
+    Err(SimError::Config {
+        field,
+        value: value.to_string(),
+        reason: "is out of range",
+        hint,
+    })
+}
+
+impl Delay {
+    /// Whether all parameters are in their ranges.
+    pub fn validate(&self) -> Result<(), SimError> {
+        match *self {
+            Self::None => Ok(()),
+            Self::Bernoulli { p, seconds } => {
+                range("delay.p", p, 0.0, 1.0, "a probability is from 0 to 1")?;
+                range("delay.seconds", seconds, 0.0, MOST_S, TIMES)
+            }
+            Self::Uniform { min_s, max_s } => {
+                range("delay.min_s", min_s, 0.0, MOST_S, TIMES)?;
+                let hint = "give at least min_s and at most 1e6 seconds";
+                range("delay.max_s", max_s, min_s, MOST_S, hint)
+            }
+            Self::Gaussian { mean_s, std_s } => {
+                let hint = "give seconds from -1e6 to 1e6";
+                range("delay.mean_s", mean_s, -MOST_S, MOST_S, hint)?;
+                range("delay.std_s", std_s, 0.0, MOST_S, TIMES)
+            }
+            Self::Bursts {
+                rate_per_s,
+                seconds,
+            } => {
+                let hint = "give stops per second from 0 to 1e3";
+                range("delay.rate_per_s", rate_per_s, 0.0, 1e3, hint)?;
+                range("delay.seconds", seconds, 0.0, MOST_S, TIMES)?;
+                // Who stops as often and as long as this hardly moves at all.
+                let hint = "give stops that leave time to move: rate times seconds at most 10";
+                let share = rate_per_s * seconds;
+                range("delay.rate_per_s * seconds", share, 0.0, 10.0, hint)
+            }
+        }
+    }
+}
+
+impl VelocityNoise {
+    /// Whether speeds are even.
+    pub fn is_none(&self) -> bool {
+        self.std == 0.0
+    }
+
+    /// Whether all parameters are in their ranges.
+    pub fn validate(&self) -> Result<(), SimError> {
+        let hint = "give a share of the speed from 0 to 10";
+        range("velocity.std", self.std, 0.0, 10.0, hint)?;
+        let hint = "give a share of the speed from 0.001 to 1: nobody arrives without speed";
+        range("velocity.floor", self.floor, 1e-3, 1.0, hint)
+    }
+}
+
+impl Messages {
+    /// Whether messages take no time and arrive.
+    pub fn is_none(&self) -> bool {
+        self.delay_max_s == 0.0 && self.loss == 0.0
+    }
+
+    /// Whether all parameters are in their ranges.
+    pub fn validate(&self) -> Result<(), SimError> {
+        range("messages.delay_min_s", self.delay_min_s, 0.0, MOST_S, TIMES)?;
+        let hint = "give at least delay_min_s and at most 1e6 seconds";
+        let most = self.delay_max_s;
+        range("messages.delay_max_s", most, self.delay_min_s, MOST_S, hint)?;
+        let hint = "give a probability from 0 to 0.999: some messages have to arrive";
+        range("messages.loss", self.loss, 0.0, 0.999, hint)
+    }
+}
+
+/// The delays and speeds that a disturbance comes to.
+#[derive(Debug, Clone)]
+pub struct Noise {
+    delay: Delay,
+    velocity: VelocityNoise,
+    /// Probability that a stop begins in a block.
+    stop: f64,
+    delays: SeededRandom,
+    stops: SeededRandom,
+    speeds: SeededRandom,
+}
+
+impl Noise {
+    /// The noise of a valid disturbance, for blocks of `period_s` seconds.
+    pub fn new(disturbance: &Disturbance, period_s: f64) -> Self {
+        let stream = |purpose| SeededRandom::new(purpose, disturbance.seed);
+        let stop = match disturbance.delay {
+            Delay::Bursts { rate_per_s, .. } => -libm::expm1(-rate_per_s * period_s),
+            _ => 0.0,
+        };
+        Self {
+            delay: disturbance.delay,
+            velocity: disturbance.velocity,
+            stop,
+            delays: stream("action delay"),
+            stops: stream("stop"),
+            speeds: stream("speed"),
+        }
+    }
+
+    /// By how many seconds an agent's action begins late, counted from when it
+    /// could begin.
+    pub fn start_delay_s(&self, agent: usize, action: usize) -> f64 {
+        let unit = || {
+            let mut random = self.delays.clone();
+            random.go_to(agent as u64, action as u64);
+            random.unit()
+        };
+        match self.delay {
+            Delay::None | Delay::Bursts { .. } => 0.0,
+            Delay::Bernoulli { p, seconds } if unit() < p => seconds,
+            Delay::Bernoulli { .. } => 0.0,
+            Delay::Uniform { min_s, max_s } => min_s + (max_s - min_s) * unit(),
+            Delay::Gaussian { mean_s, std_s } => (mean_s + std_s * normal(unit())).max(0.0),
+        }
+    }
+
+    /// Whether [`Noise::start_delay_s`] is ever above 0.
+    pub fn delays_starts(&self) -> bool {
+        !matches!(self.delay, Delay::None | Delay::Bursts { .. })
+    }
+
+    /// Whether [`Noise::stops`] ever tells of one.
+    pub fn has_stops(&self) -> bool {
+        self.stop > 0.0
+    }
+
+    /// Tells of every agent of `agents` that a stop begins for at the beginning of
+    /// a block, and how many seconds it lasts.
+    pub fn stops(&self, block: u64, agents: std::ops::Range<usize>, mut tell: impl FnMut(usize, f64)) {
+        let Delay::Bursts { seconds, .. } = self.delay else {
+            return;
+        };
+        let mut random = self.stops.clone();
+        random.go_to(block, agents.start as u64);
+        for agent in agents {
+            if random.unit() < self.stop {
+                tell(agent, seconds);
+            }
+        }
+    }
+
+    /// Whether [`Noise::speed_factors`] are ever other than 1.
+    pub fn has_velocity(&self) -> bool {
+        !self.velocity.is_none()
+    }
+
+    /// The share of their speed, above 0 and at most 1, that the agents from
+    /// `first` on have in a block.
+    pub fn speed_factors(&self, block: u64, first: usize, factors: &mut [f64]) {
+        if self.velocity.is_none() {
+            factors.fill(1.0);
+            return;
+        }
+        let VelocityNoise { std, floor } = self.velocity;
+        let mut random = self.speeds.clone();
+        random.go_to(block, first as u64);
+        for factor in factors {
+            *factor = (1.0 - std * normal(random.unit()).abs()).max(floor);
+        }
+    }
+}
+
+/// How long messages are under way.
+#[derive(Debug, Clone)]
+pub(crate) struct MessageNoise {
+    messages: Messages,
+    period_s: f64,
+    reports: SeededRandom,
+    releases: SeededRandom,
+}
+
+impl MessageNoise {
+    pub(crate) fn new(messages: &Messages, seed: u64, period_s: f64) -> Self {
+        Self {
+            messages: *messages,
+            period_s,
+            reports: SeededRandom::new("report", seed),
+            releases: SeededRandom::new("release", seed),
+        }
+    }
+
+    /// After how many blocks the server has what an agent reports in a block;
+    /// `None` if the message is lost.
+    pub(crate) fn report(&mut self, block: u64, agent: u32) -> Option<u64> {
+        self.reports.go_to(block, u64::from(agent));
+        let bits = self.reports.next_u64();
+        self.blocks(bits)
+    }
+
+    /// The same for what the server releases.
+    pub(crate) fn release(&mut self, block: u64, agent: u32) -> Option<u64> {
+        self.releases.go_to(block, u64::from(agent));
+        let bits = self.releases.next_u64();
+        self.blocks(bits)
+    }
+
+    fn blocks(&self, bits: u64) -> Option<u64> {
+        let unit = |bits: u64| (bits as f64 + 0.5) / (1u64 << 32) as f64;
+        let Messages {
+            delay_min_s,
+            delay_max_s,
+            loss,
+        } = self.messages;
+        if unit(bits >> 32) < loss {
+            return None;
+        }
+        let delay_s = delay_min_s + (delay_max_s - delay_min_s) * unit(bits & 0xFFFF_FFFF);
+        // Rounding is no reason for another block.
+        Some((delay_s / self.period_s * (1.0 - 1e-12)).ceil() as u64)
+    }
+}
+
+/// The standard normal variate with a given probability of being exceeded by
+/// none: the inverse of the distribution function, from 0 to 1 exclusive.
+/// Rational approximations of Wichura, "Algorithm AS 241", Applied Statistics 37
+/// (1988), PPND16: about 1 part in 10¹⁶, one variate for one random number.
+#[allow(clippy::excessive_precision, reason = "coefficients as published")]
+fn normal(p: f64) -> f64 {
+    let polynomial = |coefficients: [f64; 8], x: f64| {
+        let terms = coefficients.iter().rev();
+        terms.fold(0.0, |sum, coefficient| sum * x + coefficient)
+    };
+    let q = p - 0.5;
+    if q.abs() <= 0.425 {
+        let r = 0.180625 - q * q;
+        const A: [f64; 8] = [
+            3.387_132_872_796_366_608_0,
+            133.141_667_891_784_377_45,
+            1_971.590_950_306_551_442_7,
+            13_731.693_765_509_461_125,
+            45_921.953_931_549_871_457,
+            67_265.770_927_008_700_853,
+            33_430.575_583_588_128_105,
+            2_509.080_928_730_122_672_7,
+        ];
+        const B: [f64; 8] = [
+            1.0,
+            42.313_330_701_600_911_252,
+            687.187_007_492_057_908_30,
+            5_394.196_021_424_751_107_7,
+            21_213.794_301_586_595_867,
+            39_307.895_800_092_710_610,
+            28_729.085_735_721_942_674,
+            5_226.495_278_852_854_561_0,
+        ];
+        return q * polynomial(A, r) / polynomial(B, r);
+    }
+    let tail = if q < 0.0 { p } else { 1.0 - p };
+    let r = libm::sqrt(-libm::log(tail));
+    let magnitude = if r <= 5.0 {
+        const C: [f64; 8] = [
+            1.423_437_110_749_683_577_34,
+            4.630_337_846_156_545_295_90,
+            5.769_497_221_460_691_405_50,
+            3.647_848_324_763_204_605_04,
+            1.270_458_252_452_368_382_58,
+            0.241_780_725_177_450_611_770,
+            0.022_723_844_989_269_184_583_3,
+            7.745_450_142_783_414_076_40e-4,
+        ];
+        const D: [f64; 8] = [
+            1.0,
+            2.053_191_626_637_758_821_87,
+            1.676_384_830_183_803_849_40,
+            0.689_767_334_985_100_004_550,
+            0.148_103_976_427_480_074_590,
+            0.015_198_666_563_616_457_196_6,
+            5.475_938_084_995_344_946_00e-4,
+            1.050_750_071_644_416_843_24e-9,
+        ];
+        polynomial(C, r - 1.6) / polynomial(D, r - 1.6)
+    } else {
+        const E: [f64; 8] = [
+            6.657_904_643_501_103_777_20,
+            5.463_784_911_164_114_369_90,
+            1.784_826_539_917_291_335_80,
+            0.296_560_571_828_504_891_230,
+            0.026_532_189_526_576_123_093_0,
+            1.242_660_947_388_078_438_60e-3,
+            2.711_555_568_743_487_578_15e-5,
+            2.010_334_399_292_288_132_65e-7,
+        ];
+        const F: [f64; 8] = [
+            1.0,
+            0.599_832_206_555_887_937_690,
+            0.136_929_880_922_735_805_310,
+            0.014_875_361_290_850_614_852_5,
+            7.868_691_311_456_132_591_00e-4,
+            1.846_318_317_510_054_681_80e-5,
+            1.421_511_758_316_445_888_70e-7,
+            2.044_263_103_389_939_785_64e-15,
+        ];
+        polynomial(E, r - 5.0) / polynomial(F, r - 5.0)
+    };
+    magnitude.copysign(q)
+}
+
+/// A time in text: `2s`, `250ms`, or a number of seconds.
+fn seconds(text: &str) -> Option<f64> {
+    let (number, unit) = match text.strip_suffix("ms") {
+        Some(number) => (number, 1e-3),
+        None => (text.strip_suffix('s').unwrap_or(text), 1.0),
+    };
+    // Without the other words that Rust takes for numbers.
+    let looks_right = number.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
+    let number: f64 = number.parse().ok().filter(|_| looks_right)?;
+    number.is_finite().then_some(number * unit)
+}
+
+/// A number in text without a unit.
+fn number(text: &str) -> Option<f64> {
+    let has_unit = text.ends_with('s');
+    seconds(text).filter(|_| !has_unit)
+}
+
+/// Two values, apart by a comma.
+fn two(text: &str) -> Option<(&str, &str)> {
+    let (one, two) = text.split_once(',')?;
+    Some((one.trim(), two.trim()))
+}
+
+fn unreadable(field: &'static str, text: &str, reason: &'static str, hint: &'static str) -> SimError {
+    SimError::Config {
+        field,
+        value: text.to_owned(),
+        reason,
+        hint,
+    }
+}
+
+impl FromStr for Delay {
+    type Err = SimError;
+
+    fn from_str(text: &str) -> Result<Self, SimError> {
+        let (kind, values) = text.split_once(':').unwrap_or((text, ""));
+        let both = |first: fn(&str) -> Option<f64>| {
+            two(values).and_then(|(one, two)| first(one).zip(seconds(two)))
+        };
+        let (delay, hint) = match kind.trim() {
+            "none" => (
+                values.is_empty().then_some(Self::None),
+                "none takes no values",
+            ),
+            "bernoulli" => (
+                both(number).map(|(p, seconds)| Self::Bernoulli { p, seconds }),
+                "write bernoulli:PROBABILITY,TIME, for example bernoulli:0.1,2s",
+            ),
+            "uniform" => (
+                both(seconds).map(|(min_s, max_s)| Self::Uniform { min_s, max_s }),
+                "write uniform:LEAST,MOST, for example uniform:0s,1s",
+            ),
+            "gaussian" => (
+                both(seconds).map(|(mean_s, std_s)| Self::Gaussian { mean_s, std_s }),
+                "write gaussian:MEAN,DEVIATION, for example gaussian:500ms,200ms",
+            ),
+            "bursts" => (
+                both(number).map(|(rate_per_s, seconds)| Self::Bursts {
+                    rate_per_s,
+                    seconds,
+                }),
+                "write bursts:STOPS_PER_SECOND,TIME, for example bursts:0.01,5s",
+            ),
+            _ => {
+                let hint = "use none, bernoulli:P,TIME, uniform:LEAST,MOST, \
+                            gaussian:MEAN,DEVIATION or bursts:RATE,TIME";
+                return Err(unreadable("delay", text, "is not a kind of delay", hint));
+            }
+        };
+        let reason = "does not have the values of its kind";
+        let delay = delay.ok_or_else(|| unreadable("delay", text, reason, hint))?;
+        delay.validate()?;
+        Ok(delay)
+    }
+}
+
+impl fmt::Display for Delay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::Bernoulli { p, seconds } => write!(f, "bernoulli:{p},{seconds}s"),
+            Self::Uniform { min_s, max_s } => write!(f, "uniform:{min_s}s,{max_s}s"),
+            Self::Gaussian { mean_s, std_s } => write!(f, "gaussian:{mean_s}s,{std_s}s"),
+            Self::Bursts {
+                rate_per_s,
+                seconds,
+            } => write!(f, "bursts:{rate_per_s},{seconds}s"),
+        }
+    }
+}
+
+impl FromStr for VelocityNoise {
+    type Err = SimError;
+
+    fn from_str(text: &str) -> Result<Self, SimError> {
+        let reason = "is not two numbers";
+        let hint = "write DEVIATION,FLOOR as shares of the speed, for example 0.1,0.2";
+        let (std, floor) = two(text)
+            .and_then(|(std, floor)| number(std).zip(number(floor)))
+            .ok_or_else(|| unreadable("velocity", text, reason, hint))?;
+        let noise = Self { std, floor };
+        noise.validate()?;
+        Ok(noise)
+    }
+}
+
+impl fmt::Display for VelocityNoise {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{}", self.std, self.floor)
+    }
+}
+
+impl FromStr for Messages {
+    type Err = SimError;
+
+    fn from_str(text: &str) -> Result<Self, SimError> {
+        let reason = "is not two times and a probability";
+        let hint = "write LEAST,MOST,LOSS, for example 50ms,200ms,0.05";
+        let messages = two(text).and_then(|(least, rest)| {
+            let (most, loss) = two(rest)?;
+            Some(Self {
+                delay_min_s: seconds(least)?,
+                delay_max_s: seconds(most)?,
+                loss: number(loss)?,
+            })
+        });
+        let messages = messages.ok_or_else(|| unreadable("messages", text, reason, hint))?;
+        messages.validate()?;
+        Ok(messages)
+    }
+}
+
+impl fmt::Display for Messages {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            delay_min_s,
+            delay_max_s,
+            loss,
+        } = self;
+        write!(f, "{delay_min_s}s,{delay_max_s}s,{loss}")
+    }
+}
