@@ -249,9 +249,8 @@ impl Noise {
             random.unit()
         };
         match self.delay {
-            Delay::None | Delay::Bursts { .. } => 0.0,
             Delay::Bernoulli { p, seconds } if unit() < p => seconds,
-            Delay::Bernoulli { .. } => 0.0,
+            Delay::None | Delay::Bursts { .. } | Delay::Bernoulli { .. } => 0.0,
             Delay::Uniform { min_s, max_s } => min_s + (max_s - min_s) * unit(),
             Delay::Gaussian { mean_s, std_s } => (mean_s + std_s * normal(unit())).max(0.0),
         }
@@ -269,7 +268,12 @@ impl Noise {
 
     /// Tells of every agent of `agents` that a stop begins for at the beginning of
     /// a block, and how many seconds it lasts.
-    pub fn stops(&self, block: u64, agents: std::ops::Range<usize>, mut tell: impl FnMut(usize, f64)) {
+    pub fn stops(
+        &self,
+        block: u64,
+        agents: std::ops::Range<usize>,
+        mut tell: impl FnMut(usize, f64),
+    ) {
         let Delay::Bursts { seconds, .. } = self.delay else {
             return;
         };
@@ -357,85 +361,90 @@ impl MessageNoise {
 /// none: the inverse of the distribution function, from 0 to 1 exclusive.
 /// Rational approximations of Wichura, "Algorithm AS 241", Applied Statistics 37
 /// (1988), PPND16: about 1 part in 10¹⁶, one variate for one random number.
-#[allow(clippy::excessive_precision, reason = "coefficients as published")]
 fn normal(p: f64) -> f64 {
-    let polynomial = |coefficients: [f64; 8], x: f64| {
+    let polynomial = |coefficients: &[f64; 8], x: f64| {
         let terms = coefficients.iter().rev();
         terms.fold(0.0, |sum, coefficient| sum * x + coefficient)
     };
     let q = p - 0.5;
     if q.abs() <= 0.425 {
         let r = 0.180625 - q * q;
-        const A: [f64; 8] = [
-            3.387_132_872_796_366_608_0,
-            133.141_667_891_784_377_45,
-            1_971.590_950_306_551_442_7,
-            13_731.693_765_509_461_125,
-            45_921.953_931_549_871_457,
-            67_265.770_927_008_700_853,
-            33_430.575_583_588_128_105,
-            2_509.080_928_730_122_672_7,
-        ];
-        const B: [f64; 8] = [
-            1.0,
-            42.313_330_701_600_911_252,
-            687.187_007_492_057_908_30,
-            5_394.196_021_424_751_107_7,
-            21_213.794_301_586_595_867,
-            39_307.895_800_092_710_610,
-            28_729.085_735_721_942_674,
-            5_226.495_278_852_854_561_0,
-        ];
-        return q * polynomial(A, r) / polynomial(B, r);
+        return q * polynomial(&wichura::A, r) / polynomial(&wichura::B, r);
     }
     let tail = if q < 0.0 { p } else { 1.0 - p };
     let r = libm::sqrt(-libm::log(tail));
     let magnitude = if r <= 5.0 {
-        const C: [f64; 8] = [
-            1.423_437_110_749_683_577_34,
-            4.630_337_846_156_545_295_90,
-            5.769_497_221_460_691_405_50,
-            3.647_848_324_763_204_605_04,
-            1.270_458_252_452_368_382_58,
-            0.241_780_725_177_450_611_770,
-            0.022_723_844_989_269_184_583_3,
-            7.745_450_142_783_414_076_40e-4,
-        ];
-        const D: [f64; 8] = [
-            1.0,
-            2.053_191_626_637_758_821_87,
-            1.676_384_830_183_803_849_40,
-            0.689_767_334_985_100_004_550,
-            0.148_103_976_427_480_074_590,
-            0.015_198_666_563_616_457_196_6,
-            5.475_938_084_995_344_946_00e-4,
-            1.050_750_071_644_416_843_24e-9,
-        ];
-        polynomial(C, r - 1.6) / polynomial(D, r - 1.6)
+        polynomial(&wichura::C, r - 1.6) / polynomial(&wichura::D, r - 1.6)
     } else {
-        const E: [f64; 8] = [
-            6.657_904_643_501_103_777_20,
-            5.463_784_911_164_114_369_90,
-            1.784_826_539_917_291_335_80,
-            0.296_560_571_828_504_891_230,
-            0.026_532_189_526_576_123_093_0,
-            1.242_660_947_388_078_438_60e-3,
-            2.711_555_568_743_487_578_15e-5,
-            2.010_334_399_292_288_132_65e-7,
-        ];
-        const F: [f64; 8] = [
-            1.0,
-            0.599_832_206_555_887_937_690,
-            0.136_929_880_922_735_805_310,
-            0.014_875_361_290_850_614_852_5,
-            7.868_691_311_456_132_591_00e-4,
-            1.846_318_317_510_054_681_80e-5,
-            1.421_511_758_316_445_888_70e-7,
-            2.044_263_103_389_939_785_64e-15,
-        ];
-        polynomial(E, r - 5.0) / polynomial(F, r - 5.0)
+        polynomial(&wichura::E, r - 5.0) / polynomial(&wichura::F, r - 5.0)
     };
     magnitude.copysign(q)
+}
+
+/// The coefficients of AS 241, from the constant term on: numerators and
+/// denominators near the middle, in the tails, and far out in them.
+#[allow(clippy::excessive_precision, reason = "as published")]
+mod wichura {
+    pub(super) const A: [f64; 8] = [
+        3.387_132_872_796_366_608_0,
+        133.141_667_891_784_377_45,
+        1_971.590_950_306_551_442_7,
+        13_731.693_765_509_461_125,
+        45_921.953_931_549_871_457,
+        67_265.770_927_008_700_853,
+        33_430.575_583_588_128_105,
+        2_509.080_928_730_122_672_7,
+    ];
+    pub(super) const B: [f64; 8] = [
+        1.0,
+        42.313_330_701_600_911_252,
+        687.187_007_492_057_908_30,
+        5_394.196_021_424_751_107_7,
+        21_213.794_301_586_595_867,
+        39_307.895_800_092_710_610,
+        28_729.085_735_721_942_674,
+        5_226.495_278_852_854_561_0,
+    ];
+    pub(super) const C: [f64; 8] = [
+        1.423_437_110_749_683_577_34,
+        4.630_337_846_156_545_295_90,
+        5.769_497_221_460_691_405_50,
+        3.647_848_324_763_204_605_04,
+        1.270_458_252_452_368_382_58,
+        0.241_780_725_177_450_611_770,
+        0.022_723_844_989_269_184_583_3,
+        7.745_450_142_783_414_076_40e-4,
+    ];
+    pub(super) const D: [f64; 8] = [
+        1.0,
+        2.053_191_626_637_758_821_87,
+        1.676_384_830_183_803_849_40,
+        0.689_767_334_985_100_004_550,
+        0.148_103_976_427_480_074_590,
+        0.015_198_666_563_616_457_196_6,
+        5.475_938_084_995_344_946_00e-4,
+        1.050_750_071_644_416_843_24e-9,
+    ];
+    pub(super) const E: [f64; 8] = [
+        6.657_904_643_501_103_777_20,
+        5.463_784_911_164_114_369_90,
+        1.784_826_539_917_291_335_80,
+        0.296_560_571_828_504_891_230,
+        0.026_532_189_526_576_123_093_0,
+        1.242_660_947_388_078_438_60e-3,
+        2.711_555_568_743_487_578_15e-5,
+        2.010_334_399_292_288_132_65e-7,
+    ];
+    pub(super) const F: [f64; 8] = [
+        1.0,
+        0.599_832_206_555_887_937_690,
+        0.136_929_880_922_735_805_310,
+        0.014_875_361_290_850_614_852_5,
+        7.868_691_311_456_132_591_00e-4,
+        1.846_318_317_510_054_681_80e-5,
+        1.421_511_758_316_445_888_70e-7,
+        2.044_263_103_389_939_785_64e-15,
+    ];
 }
 
 /// A time in text: `2s`, `250ms`, or a number of seconds.
@@ -462,7 +471,12 @@ fn two(text: &str) -> Option<(&str, &str)> {
     Some((one.trim(), two.trim()))
 }
 
-fn unreadable(field: &'static str, text: &str, reason: &'static str, hint: &'static str) -> SimError {
+fn unreadable(
+    field: &'static str,
+    text: &str,
+    reason: &'static str,
+    hint: &'static str,
+) -> SimError {
     SimError::Config {
         field,
         value: text.to_owned(),

@@ -186,7 +186,11 @@ fn check<R: Routes + ?Sized>(routes: &R, options: &GateOptions) -> Result<(), Ga
     let positive = |value: Option<f64>| value.is_none_or(|v| v > 0.0 && v.is_finite());
     let margin_m = options.margin_m;
     let values = [
-        ("margin_m", margin_m, margin_m >= 0.0 && margin_m.is_finite()),
+        (
+            "margin_m",
+            margin_m,
+            margin_m >= 0.0 && margin_m.is_finite(),
+        ),
         (
             "longest_action_m",
             options.longest_action_m.unwrap_or(0.0),

@@ -1,6 +1,6 @@
 //! Whether what bodies sweep meets: the one place that asks the geometry.
 
-use fleetyard_world::{Pose, Shape};
+use fleetyard_world::{Pose, Shape, swept_shapes_meet};
 
 /// A uniform motion of an agent, or its rest if both poses are the same.
 #[derive(Debug, Clone, Copy)]
@@ -58,15 +58,8 @@ impl<'a> Bodies<'a> {
     /// whatever their times.
     pub(super) fn meet(&self, a: Sweep, b: Sweep, margin_m: f64) -> bool {
         let (one, two) = (self.shape(a.agent), self.shape(b.agent));
-        swept_shapes_meet(
-            one,
-            a.from,
-            a.to,
-            two,
-            b.from,
-            b.to,
-            margin_m - self.touch_m,
-        )
+        let margin_m = margin_m - self.touch_m;
+        swept_shapes_meet(one, (a.from, a.to), two, (b.from, b.to), margin_m)
     }
 
     /// A box around what a motion sweeps, half the margin wider.
@@ -125,6 +118,12 @@ impl Timed {
     }
 }
 
+/// The two agents, the one with the lower number first.
+pub(super) fn pair(a: &Timed, b: &Timed) -> [u32; 2] {
+    let (a, b) = (a.sweep.agent, b.sweep.agent);
+    [a.min(b), a.max(b)]
+}
+
 /// Which of two motions that meet goes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
@@ -166,48 +165,4 @@ pub(super) fn order(a: &Timed, b: &Timed, bodies: &Bodies<'_>, margin_m: f64) ->
             }
         }
     }
-}
-
-/// Whether the discs around two shapes come nearer than the margin on their ways.
-fn swept_shapes_meet(
-    a: &Shape,
-    from_a: Pose,
-    to_a: Pose,
-    b: &Shape,
-    from_b: Pose,
-    to_b: Pose,
-    margin_m: f64,
-) -> bool {
-    let reach = a.effective_radius_m() + b.effective_radius_m() + margin_m;
-    segments_squared(
-        [from_a.x, from_a.y],
-        [to_a.x, to_a.y],
-        [from_b.x, from_b.y],
-        [to_b.x, to_b.y],
-    ) < reach * reach
-}
-
-/// The squared distance of two segments.
-fn segments_squared(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> f64 {
-    let side = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| {
-        (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-    };
-    let point = |p: [f64; 2], a: [f64; 2], b: [f64; 2]| {
-        let (wx, wy) = (b[0] - a[0], b[1] - a[1]);
-        let length = wx * wx + wy * wy;
-        let share = if length > 0.0 {
-            (((p[0] - a[0]) * wx + (p[1] - a[1]) * wy) / length).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        let (x, y) = (a[0] + share * wx - p[0], a[1] + share * wy - p[1]);
-        x * x + y * y
-    };
-    if side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0 {
-        return 0.0;
-    }
-    point(a, c, d)
-        .min(point(b, c, d))
-        .min(point(c, a, b))
-        .min(point(d, a, b))
 }

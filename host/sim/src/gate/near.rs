@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::GateError;
 use super::graph::{Edge, Wait};
-use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap};
+use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
 use super::routes::{Cuts, Routes, Split};
 
 /// The most actions and rests of all agents together.
@@ -37,8 +37,7 @@ pub(super) fn cut_long<R: Routes + ?Sized>(
         for action in 1..=routes.actions(agent) {
             let to = routes.pose(agent, action);
             let (dx, dy) = (to.x - from.x, to.y - from.y);
-            let length =
-                (dx * dx + dy * dy).sqrt() + radius_m * (to.heading - from.heading).abs();
+            let length = (dx * dx + dy * dy).sqrt() + radius_m * (to.heading - from.heading).abs();
             // Rounding is no reason for another piece.
             let pieces = (length / longest_m * (1.0 - 1e-9)).ceil().max(1.0);
             total += pieces;
@@ -322,7 +321,7 @@ fn check_rest(motion: &Motion, other: &Motion, bodies: &Bodies<'_>) -> Result<()
         return Ok(());
     }
     Err(GateError::Collision {
-        agents: [a.sweep.agent, b.sweep.agent],
+        agents: pair(a, b),
         time_s: a.collides(b, bodies, 0.0).unwrap_or(begin_s),
     })
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::GateError;
 use super::frontier::Frontier;
 use super::graph::{DependencyGraph, Edge, Wait};
-use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap};
+use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
 use super::routes::{Routes, Split};
 
 /// Into how many pieces an action of a ring is cut at most.
@@ -159,8 +159,7 @@ fn find(graph: &DependencyGraph, frontier: &Frontier) -> Vec<Ring> {
                         if members.len() > 1 {
                             members.sort_unstable();
                             rings.push(ring(&members, &owner, |agent, node| {
-                                frontier.reached(agent as usize) + 1 + node
-                                    - begins[agent as usize]
+                                frontier.reached(agent as usize) + 1 + node - begins[agent as usize]
                             }));
                         }
                     }
@@ -200,7 +199,12 @@ struct Pieces {
 impl Pieces {
     fn new<R: Routes + ?Sized>(part: Part, routes: &R, bodies: &Bodies<'_>, pieces: u32) -> Self {
         let (mut motions, mut ends) = (Vec::new(), Vec::new());
-        let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        let mut bounds = [
+            f64::INFINITY,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NEG_INFINITY,
+        ];
         for action in part.first as usize..=part.last as usize {
             let agent = part.agent as usize;
             let (from, to) = (routes.pose(agent, action - 1), routes.pose(agent, action));
@@ -306,7 +310,11 @@ fn solve<R: Routes + ?Sized>(
     bodies: &Bodies<'_>,
     margin_m: f64,
 ) -> Result<Solved, GateError> {
-    let margins = if margin_m > 0.0 { &[margin_m, 0.0][..] } else { &[0.0] };
+    let margins = if margin_m > 0.0 {
+        &[margin_m, 0.0][..]
+    } else {
+        &[0.0]
+    };
     for margin_m in margins {
         let mut pieces = 1;
         while pieces <= MOST_PIECES {
@@ -376,7 +384,7 @@ fn cut<R: Routes + ?Sized>(
                             let found = others[at].collides(motion, bodies, margin_m);
                             return Err(match found {
                                 Some(time_s) => Stuck::TooClose {
-                                    agents: [others[at].sweep.agent, motion.sweep.agent],
+                                    agents: pair(&others[at], motion),
                                     time_s,
                                 },
                                 None => Stuck::Coarse,
@@ -384,9 +392,8 @@ fn cut<R: Routes + ?Sized>(
                         }
                     }
                 }
-                let last = last.or_else(|| {
-                    other.last_meeting(waited, ended, motion.sweep, bodies, margin_m)
-                });
+                let last = last
+                    .or_else(|| other.last_meeting(waited, ended, motion.sweep, bodies, margin_m));
                 if let Some(last) = last.filter(|last| *last >= waited) {
                     waited = last + 1;
                     edges.push(Link {
@@ -397,7 +404,10 @@ fn cut<R: Routes + ?Sized>(
             }
         }
     }
-    let lengths: Vec<u32> = all.iter().map(|pieces| pieces.motions.len() as u32).collect();
+    let lengths: Vec<u32> = all
+        .iter()
+        .map(|pieces| pieces.motions.len() as u32)
+        .collect();
     edges.sort_unstable_by_key(|edge| (edge.to, edge.from));
     let local = DependencyGraph::assemble(
         lengths,
