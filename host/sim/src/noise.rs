@@ -357,10 +357,10 @@ impl MessageNoise {
     }
 }
 
-/// The standard normal variate with a given probability of being exceeded by
-/// none: the inverse of the distribution function, from 0 to 1 exclusive.
-/// Rational approximations of Wichura, "Algorithm AS 241", Applied Statistics 37
-/// (1988), PPND16: about 1 part in 10¹⁶, one variate for one random number.
+/// The value below which a standard normal variate is with probability p, between
+/// 0 and 1: the inverse of its distribution function. Rational approximations of
+/// Wichura (Algorithm AS 241, Applied Statistics 37, 1988), PPND16: to about 1 part
+/// in 10¹⁶, and one variate for one random number.
 fn normal(p: f64) -> f64 {
     let polynomial = |coefficients: &[f64; 8], x: f64| {
         let terms = coefficients.iter().rev();
@@ -368,7 +368,7 @@ fn normal(p: f64) -> f64 {
     };
     let q = p - 0.5;
     if q.abs() <= 0.425 {
-        let r = 0.180625 - q * q;
+        let r = 0.180_625 - q * q;
         return q * polynomial(&wichura::A, r) / polynomial(&wichura::B, r);
     }
     let tail = if q < 0.0 { p } else { 1.0 - p };

@@ -70,7 +70,7 @@ impl<'a, R: Routes> World<'a, R> {
                     length_m / 2.0 - TOUCH_M,
                     width_m / 2.0 - TOUCH_M,
                 ))),
-                other => unreachable!("{other:?} is not used here"),
+                Footprint::Polygon { .. } => unreachable!("polygons are not used here"),
             }
         };
         let place = |pose: Pose| Isometry::new(Vector::new(pose.x, pose.y), pose.heading);
@@ -134,16 +134,13 @@ fn execute<R: Routes>(
             Adversary::Last => (may[may.len() - 1], 1.0),
             Adversary::StopWithin => {
                 let free: Vec<usize> = may.iter().copied().filter(|a| !stopped[*a]).collect();
-                match free.get(below(rng, free.len().max(1))) {
-                    Some(agent) => {
-                        stopped[*agent] = true;
-                        (*agent, 0.5)
-                    }
-                    None => {
-                        let agent = may[below(rng, may.len())];
-                        stopped[agent] = below(rng, 2) == 0;
-                        (agent, 1.0)
-                    }
+                if let Some(agent) = free.get(below(rng, free.len().max(1))) {
+                    stopped[*agent] = true;
+                    (*agent, 0.5)
+                } else {
+                    let agent = may[below(rng, may.len())];
+                    stopped[agent] = below(rng, 2) == 0;
+                    (agent, 1.0)
                 }
             }
         };
@@ -154,11 +151,10 @@ fn execute<R: Routes>(
         for step in 1..=4 {
             let at = progress[agent] + (to - progress[agent]) * f64::from(step) / 4.0;
             let pose = from.toward(end, at);
-            for other in 0..agents {
+            for (other, there) in poses.iter().enumerate() {
                 assert!(
-                    other == agent || !world.overlap(agent, pose, other, poses[other]),
-                    "agents {agent} at {pose:?} and {other} at {:?} overlap in {adversary:?}",
-                    poses[other]
+                    other == agent || !world.overlap(agent, pose, other, *there),
+                    "agents {agent} at {pose:?} and {other} at {there:?} overlap in {adversary:?}"
                 );
             }
             poses[agent] = pose;
@@ -171,13 +167,9 @@ fn execute<R: Routes>(
         }
         moves += 1;
     }
-    for agent in 0..agents {
+    for (agent, pose) in poses.iter().enumerate() {
         let last = world.routes.actions(agent);
-        assert_eq!(
-            poses[agent],
-            world.routes.pose(agent, last),
-            "agent {agent}"
-        );
+        assert_eq!(*pose, world.routes.pose(agent, last), "agent {agent}");
     }
     moves
 }
@@ -418,7 +410,7 @@ fn random_trajectories(
                 length_m: length_m + 2.0 * clearance_m,
                 width_m: width_m + 2.0 * clearance_m,
             },
-            other => unreachable!("{other:?} is not used here"),
+            Footprint::Polygon { .. } => unreachable!("polygons are not used here"),
         })
         .collect();
     let oracle = World::new(&none, &grown);
@@ -604,14 +596,17 @@ fn messages_late_and_lost_only_delay() {
             let before = gates.released().to_vec();
             gates.exchange(block);
             prompt.exchange(block);
-            for agent in 0..14 {
-                let released = gates.released()[agent];
-                assert!(before[agent] <= released, "releases only grow");
-                assert!(
-                    released <= prompt.released()[agent],
-                    "nothing before its time"
-                );
-            }
+            let released = gates.released();
+            let both = before.iter().zip(released);
+            assert!(
+                both.clone().all(|(old, new)| old <= new),
+                "releases only grow"
+            );
+            let both = released.iter().zip(prompt.released());
+            assert!(
+                both.clone().all(|(late, prompt)| late <= prompt),
+                "none too early"
+            );
             let order: Vec<usize> = if reversed {
                 (0..14).rev().collect()
             } else {

@@ -134,36 +134,34 @@ fn find(graph: &DependencyGraph, frontier: &Frontier) -> Vec<Ring> {
                 stack.push(node);
                 on_stack[at] = true;
             }
-            match before(node, entry) {
-                Some(other) => {
-                    calls.push((node, entry + 1));
-                    let Some(other) = other else { continue };
-                    let to = other as usize;
-                    if index[to] == UNSEEN {
-                        calls.push((other, 0));
-                    } else if on_stack[to] {
-                        low[at] = low[at].min(index[to]);
-                    }
+            if let Some(other) = before(node, entry) {
+                calls.push((node, entry + 1));
+                let Some(other) = other else { continue };
+                let to = other as usize;
+                if index[to] == UNSEEN {
+                    calls.push((other, 0));
+                } else if on_stack[to] {
+                    low[at] = low[at].min(index[to]);
                 }
-                None => {
-                    if let Some((parent, _)) = calls.last() {
-                        let parent = *parent as usize;
-                        low[parent] = low[parent].min(low[at]);
-                    }
-                    if low[at] == index[at] {
-                        let begin = stack.iter().rposition(|member| *member == node);
-                        let mut members = stack.split_off(begin.expect("it is on the stack"));
-                        for member in &members {
-                            on_stack[*member as usize] = false;
-                        }
-                        if members.len() > 1 {
-                            members.sort_unstable();
-                            rings.push(ring(&members, &owner, |agent, node| {
-                                frontier.reached(agent as usize) + 1 + node - begins[agent as usize]
-                            }));
-                        }
-                    }
-                }
+                continue;
+            }
+            if let Some((parent, _)) = calls.last() {
+                let parent = *parent as usize;
+                low[parent] = low[parent].min(low[at]);
+            }
+            if low[at] != index[at] {
+                continue;
+            }
+            let begin = stack.iter().rposition(|member| *member == node);
+            let mut members = stack.split_off(begin.expect("it is on the stack"));
+            for member in &members {
+                on_stack[*member as usize] = false;
+            }
+            if members.len() > 1 {
+                members.sort_unstable();
+                rings.push(ring(&members, &owner, |agent, node| {
+                    frontier.reached(agent as usize) + 1 + node - begins[agent as usize]
+                }));
             }
         }
     }
