@@ -346,6 +346,88 @@ fn every_format_is_listed_and_described() {
 }
 
 #[test]
+fn what_is_in_the_plane_goes_from_file_to_file() {
+    let yard = Yard::new();
+    let maps = root().join("maps");
+    let from = |name: &str| maps.join(name).display().to_string();
+    // A plan on a roadmap: alone, and with its roadmap beside it.
+    let plan = from("two-rooms.roadmap-plan.json");
+    yard.line(&format!("convert {plan} t.json --to trajectories"))
+        .expect(SUCCESS);
+    yard.line(&format!("convert {plan} copy.json"))
+        .expect(SUCCESS);
+    yard.line("convert copy.json again.json --to trajectories")
+        .expect(SUCCESS);
+    assert_eq!(yard.read("again.json"), yard.read("t.json"));
+    let roadmap = fs::read(from("two-rooms.roadmap.json")).unwrap();
+    assert_eq!(yard.read("copy.roadmap.json"), roadmap);
+    // A roadmap to GraphML and back.
+    let line = format!("convert {} r.xml", from("two-rooms.roadmap.json"));
+    yard.line(&line).expect(SUCCESS);
+    yard.line("convert r.xml r.json").expect(SUCCESS);
+    assert_eq!(yard.read("r.json"), roadmap);
+    // What db-CBS writes.
+    yard.write(
+        "r.yaml",
+        "result:\n  - states:\n    - [0, 0, 3]\n    - [0.1, 0, -3]\n",
+    );
+    let ended = yard.line("convert r.yaml u.json").expect(SUCCESS);
+    assert!(ended.stderr.contains("0.1 s apart"), "{ended}");
+    let file: serde_json::Value = serde_json::from_slice(&yard.read("u.json")).unwrap();
+    let heading = file["paths"][0][1][3].as_f64().unwrap();
+    assert!((heading - (std::f64::consts::TAU - 3.0)).abs() < 1e-12);
+}
+
+#[test]
+fn a_plan_on_a_grid_becomes_trajectories() {
+    let yard = yard();
+    yard.line("convert paths.txt t.json --to trajectories --map a.map --cell-size 2 --step 0.5")
+        .expect(SUCCESS);
+    let file: serde_json::Value = serde_json::from_slice(&yard.read("t.json")).unwrap();
+    assert_eq!(
+        file["paths"],
+        serde_json::json!([
+            [[0, 1, 3], [0.5, 3, 3], [1, 5, 3], [1.5, 5, 1]],
+            [[0, 1, 1], [0.5, 1, 3], [1, 3, 3], [1.5, 5, 3]],
+        ])
+    );
+    for (line, reason, hint) in [
+        (
+            "convert plan.json u.json --to trajectories",
+            "trajectories: needs a map",
+            "--map FILE",
+        ),
+        (
+            "convert plan.json u.json --to trajectories --map a.map --step 0",
+            "the time of a step is 0",
+            "",
+        ),
+        (
+            "convert t.json u.txt --to lacam",
+            "lacam: needs a plan",
+            "convert a file with paths",
+        ),
+        (
+            "convert t.json u.yaml --to dynobench",
+            "dynobench: files of this format are read and not written",
+            "--to trajectories",
+        ),
+        (
+            "validate --map a.map --scen a.scen --agents 2 t.json",
+            "t.json: this is a plan in the plane",
+            "hint: ",
+        ),
+    ] {
+        let ended = yard.line(line).expect(INPUT);
+        assert!(ended.stderr.contains(reason), "{ended}");
+        assert!(ended.stderr.contains(hint), "{ended}");
+        assert!(!yard.path("u.json").exists() && !yard.path("u.yaml").exists());
+    }
+    let ended = yard.line("convert t.json u.txt").expect(USAGE);
+    assert!(ended.stderr.contains("one of trajectories\n"), "{ended}");
+}
+
+#[test]
 fn a_league_instance_becomes_a_scenario() {
     let Some(folder) = std::env::var_os("FLEETYARD_DATA") else {
         eprintln!("skipped: FLEETYARD_DATA is not set");
