@@ -291,6 +291,11 @@ fn adapter() {
 }
 
 #[test]
+fn fleet() {
+    corpus_and_mutations("fleet", 200_000, 1 << 20);
+}
+
+#[test]
 fn formats() {
     // A few numbers stand for a map, and a run of waits for many positions.
     corpus_and_mutations("formats", 20_000, 96 << 20);

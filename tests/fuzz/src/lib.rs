@@ -11,6 +11,7 @@
 //! points outside the text, a value that changes when it is written and read again.
 
 pub mod adapter;
+pub mod fleet;
 pub mod formats;
 pub mod lock;
 pub mod map;
@@ -29,6 +30,7 @@ pub type Target = fn(&[u8]);
 /// Every target with its name, which is also its folder in `corpus/`.
 pub const TARGETS: &[(&str, Target)] = &[
     ("adapter", adapter::run),
+    ("fleet", fleet::run),
     ("formats", formats::run),
     ("lock", lock::run),
     ("map", map::run),
