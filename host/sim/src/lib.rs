@@ -55,7 +55,7 @@
 
 mod bodies;
 mod config;
-mod contact;
+pub mod contact;
 mod convert;
 mod error;
 mod event;

@@ -220,6 +220,18 @@ impl Statics {
         done
     }
 
+    /// The cell of a block that is nearest to a point in metres.
+    pub(crate) fn cell_in_block(&self, block: Block, x: f64, y: f64) -> u32 {
+        let index = |value: f64, from: u32, to: u32| {
+            (value / self.cell)
+                .floor()
+                .clamp(f64::from(from), f64::from(to - 1)) as u32
+        };
+        let col = index(x, block.left, block.right);
+        let up = index(y, self.rows - block.bottom, self.rows - block.top);
+        (self.rows - 1 - up) * self.cols + col
+    }
+
     /// Centre and half extents of a block in metres.
     pub(crate) fn block_m(&self, block: Block) -> (f64, f64, f64, f64) {
         let (left, right) = (f64::from(block.left), f64::from(block.right));
