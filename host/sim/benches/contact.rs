@@ -54,6 +54,7 @@ fn main_world(
             .add_agent(&Agent {
                 shape: &shape,
                 pose: Pose::at(x, y),
+                velocity: Twist::default(),
                 mass: Mass::Total(50.0),
                 drive: Drive {
                     acceleration: 2.0,

@@ -20,12 +20,11 @@
 //! Equal worlds that are told equal things are in bitwise equal states, on every
 //! machine and in every build: see [`ContactWorld::digest`].
 
-mod mover;
 mod observer;
 mod touch;
 
 use fleetyard_core::Grid;
-use fleetyard_world::{Polygon, Pose, Shape};
+use fleetyard_world::{Bounds, Mover, Polygon, Pose, Shape};
 use rapier2d_f64::prelude::{
     ColliderBuilder, IntegrationParameters, MassProperties, PhysicsWorld, RigidBodyBuilder,
     RigidBodyHandle,
@@ -35,10 +34,9 @@ use xxhash_rust::xxh3::Xxh3Default;
 use crate::convert::{isometry, vector};
 use crate::statics::{Block, Statics};
 
-pub use mover::Mover;
 pub(crate) use observer::Physics;
+pub use touch::ContactEvent;
 use touch::Touches;
-pub use touch::{ContactEvent, Partner};
 
 /// How a world is stepped.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,6 +112,8 @@ pub struct Agent<'a> {
     pub shape: &'a Shape,
     /// Where it is.
     pub pose: Pose,
+    /// How it moves.
+    pub velocity: Twist,
     /// Its mass; the moment of inertia follows from the footprint.
     pub mass: Mass,
     /// Its bounds.
@@ -164,18 +164,6 @@ pub enum ContactError {
         /// Its index.
         index: u32,
     },
-    /// A path of a mover whose times or poses are of no use.
-    #[error(
-        "knot {knot} of mover {mover} {reason}\nhint: times ascend from 0, and all numbers are finite"
-    )]
-    Path {
-        /// The mover.
-        mover: u32,
-        /// The knot.
-        knot: usize,
-        /// What is wrong with it.
-        reason: &'static str,
-    },
     /// A tick with commands for another number of agents.
     #[error("{commands} commands for {agents} agents\nhint: give one velocity per agent, in order")]
     Commands {
@@ -220,21 +208,28 @@ struct Driven {
     /// What it exerts now.
     force: [f64; 2],
     torque: f64,
+    /// What everything else did to it in the last tick, as an even force.
+    load: [f64; 2],
+    load_torque: f64,
     /// Whether it is told to stand.
     parked: bool,
+    velocity: Twist,
     /// The heading, and the cosine and sine that it belongs to.
     heading: f64,
     rotation: [f64; 2],
 }
 
 /// Below this, in metres or radians per second, a velocity is the one that was
-/// asked for: the rest is rounding, and touching a body has its price.
+/// asked for.
 const SAME_VELOCITY: f64 = 1e-9;
 
 /// The broad phase keeps boxes that are larger than the bodies by 0.04 of the
 /// length unit or more, and has work only when a body leaves its box. Everything
 /// else that scales with the unit is given in metres, by dividing.
 const SLACK_UNIT: f64 = 3.0;
+
+/// Half the thickness of the walls around a world, in metres.
+const BORDER_M: f64 = 1.0;
 
 /// Robots that stand move less than this, in metres or radians per second.
 const STILL: f64 = 1e-4;
@@ -244,7 +239,7 @@ pub struct ContactWorld {
     world: PhysicsWorld,
     settings: Settings,
     agents: Vec<Driven>,
-    movers: Vec<mover::Moving>,
+    movers: Vec<(Mover, RigidBodyHandle)>,
     obstacles: u32,
     statics: Option<(Statics, Vec<Block>)>,
     touches: Touches,
@@ -275,8 +270,9 @@ impl ContactWorld {
                 / SLACK_UNIT,
             normalized_prediction_distance: usual.normalized_prediction_distance / SLACK_UNIT,
             normalized_max_linear_velocity: usual.normalized_max_linear_velocity / SLACK_UNIT,
-            normalized_contact_recycle_distance: usual.normalized_contact_recycle_distance
-                / SLACK_UNIT,
+            // Contacts that are found anew in every tick follow what turns, and
+            // finding them is a small part of the work.
+            contact_recycling: false,
             ..usual
         };
         Ok(Self {
@@ -328,31 +324,50 @@ impl ContactWorld {
         );
     }
 
-    /// Adds an obstacle on a scripted path, and returns its index. Nothing stops
-    /// it.
+    /// Puts walls around a rectangle, and returns the index that contacts with
+    /// them have: that of one more polygon.
+    pub fn add_border(&mut self, bounds: Bounds) -> u32 {
+        let index = self.obstacles;
+        let Bounds { min, max } = bounds;
+        let (center_x, center_y) = (0.5 * (min[0] + max[0]), 0.5 * (min[1] + max[1]));
+        let (half_x, half_y) = (0.5 * (max[0] - min[0]), 0.5 * (max[1] - min[1]));
+        for (x, y, along_x, along_y) in [
+            (
+                min[0] - BORDER_M,
+                center_y,
+                BORDER_M,
+                half_y + 2.0 * BORDER_M,
+            ),
+            (
+                max[0] + BORDER_M,
+                center_y,
+                BORDER_M,
+                half_y + 2.0 * BORDER_M,
+            ),
+            (center_x, min[1] - BORDER_M, half_x, BORDER_M),
+            (center_x, max[1] + BORDER_M, half_x, BORDER_M),
+        ] {
+            let wall = ColliderBuilder::cuboid(along_x, along_y).translation(vector(x, y));
+            self.insert_fixed(wall, touch::obstacle(index));
+        }
+        self.obstacles += 1;
+        index
+    }
+
+    /// Adds an obstacle that goes where its script says, whatever is in its way,
+    /// and returns its index.
     pub fn add_mover(&mut self, mover: &Mover) -> Result<u32, ContactError> {
         let index = self.movers.len() as u32;
-        mover.check(index)?;
         let walls = self.settings.walls;
-        let colliders = mover.parts.iter().map(|(pose, shape)| {
-            Ok(solid("mover", index, shape)?
-                .position(isometry(*pose))
-                .user_data(touch::mover(index))
-                .friction(walls.friction)
-                .restitution(walls.restitution))
-        });
-        let colliders = colliders.collect::<Result<Vec<_>, ContactError>>()?;
         let body = RigidBodyBuilder::kinematic_position_based()
             .pose(isometry(mover.pose_at(self.time_s)))
             .can_sleep(false);
-        let handle = self.world.insert_body(body);
-        for collider in colliders {
-            self.world.insert_collider(collider, Some(handle));
-        }
-        self.movers.push(mover::Moving {
-            mover: mover.clone(),
-            handle,
-        });
+        let collider = solid("mover", index, mover.shape())?
+            .user_data(touch::mover(index))
+            .friction(walls.friction)
+            .restitution(walls.restitution);
+        let (handle, _) = self.world.insert(body, collider);
+        self.movers.push((mover.clone(), handle));
         Ok(index)
     }
 
@@ -360,12 +375,12 @@ impl ContactWorld {
     pub fn add_agent(&mut self, agent: &Agent<'_>) -> Result<u32, ContactError> {
         let index = self.agents.len() as u32;
         check_material(agent.material)?;
-        if !agent.pose.is_finite() {
+        if !(agent.pose.is_finite() && agent.velocity.is_finite()) {
             return Err(ContactError::Number {
-                what: "a coordinate of an agent's pose",
+                what: "a coordinate of an agent's pose or velocity",
                 value: f64::NAN,
                 must: "a finite number",
-                hint: "give metres and radians",
+                hint: "give metres, radians and seconds",
             });
         }
         let shape = solid("agent", index, agent.shape)?;
@@ -400,8 +415,11 @@ impl ContactWorld {
                 "give metres per second squared, or none if it moves in all directions alike",
             )?;
         }
+        let velocity = agent.velocity;
         let body = RigidBodyBuilder::dynamic()
             .pose(isometry(agent.pose))
+            .linvel(vector(velocity.vx, velocity.vy))
+            .angvel(velocity.omega)
             .can_sleep(false);
         let collider = shape
             .mass_properties(MassProperties::new(vector(0.0, 0.0), mass, inertia))
@@ -419,6 +437,9 @@ impl ContactWorld {
             max_torque: inertia * drive.angular,
             force: [0.0; 2],
             torque: 0.0,
+            load: [0.0; 2],
+            load_torque: 0.0,
+            velocity: agent.velocity,
             parked: false,
             heading: agent.pose.heading,
             rotation: [cos, sin],
@@ -439,11 +460,11 @@ impl ContactWorld {
     /// One tick of `dt` seconds. Every agent gets the velocity that its
     /// controller wants it to have at the end of the tick.
     ///
-    /// The force is the one that would bring it about with nothing in the way,
-    /// cut to the agent's bounds, and even over the tick. With nothing in the
-    /// way and within bounds, an agent has exactly the velocity that was asked
-    /// for at the end, and has come as far as if its velocity had changed in
-    /// equal steps, one per substep.
+    /// The force is the one that would bring it about against what the agent had
+    /// to bear in the tick before, cut to the agent's bounds, and even over the
+    /// tick. With nothing in the way and within bounds, an agent has exactly the
+    /// velocity that was asked for at the end, and has come as far as if its
+    /// velocity had changed in equal steps, one per substep.
     pub fn step(&mut self, commands: &[Twist], dt: f64) -> Result<(), ContactError> {
         if commands.len() != self.agents.len() {
             return Err(ContactError::Commands {
@@ -464,15 +485,15 @@ impl ContactWorld {
         }
         self.steer(commands, dt);
         let end = self.time_s + dt;
-        for moving in &self.movers {
-            if let Some(body) = self.world.bodies.get_mut(moving.handle) {
-                body.set_next_kinematic_position(isometry(moving.mover.pose_at(end)));
+        for (mover, handle) in &self.movers {
+            if let Some(body) = self.world.bodies.get_mut(*handle) {
+                body.set_next_kinematic_position(isometry(mover.pose_at(end)));
             }
         }
         self.world.integration_parameters.dt = dt;
         self.world.step();
         self.time_s = end;
-        self.read_back()?;
+        self.read_back(dt)?;
         let statics = self.statics.as_ref();
         let statics = statics.map(|(statics, blocks)| (statics, &blocks[..]));
         self.touches.update(self.ticks, &self.world, statics);
@@ -483,20 +504,20 @@ impl ContactWorld {
     fn steer(&mut self, commands: &[Twist], dt: f64) {
         let rate = 1.0 / dt;
         for (agent, command) in self.agents.iter_mut().zip(commands) {
-            let body = &self.world.bodies[agent.handle];
-            let velocity = body.linvel();
-            let (dx, dy) = (command.vx - velocity.x, command.vy - velocity.y);
-            let turn = command.omega - body.angvel();
-            let force = if dx.abs() + dy.abs() < SAME_VELOCITY {
-                [0.0; 2]
-            } else {
-                agent.bounded([dx * agent.mass * rate, dy * agent.mass * rate])
+            let rounded = |need: f64, inertia: f64| {
+                // The rest is rounding, and touching a body has its price.
+                if need.abs() < SAME_VELOCITY * inertia * rate {
+                    0.0
+                } else {
+                    need
+                }
             };
-            let torque = if turn.abs() < SAME_VELOCITY {
-                0.0
-            } else {
-                (turn * agent.inertia * rate).clamp(-agent.max_torque, agent.max_torque)
-            };
+            let (now, mass) = (agent.velocity, agent.mass);
+            let x = (command.vx - now.vx) * mass * rate - agent.load[0];
+            let y = (command.vy - now.vy) * mass * rate - agent.load[1];
+            let force = agent.bounded([rounded(x, mass), rounded(y, mass)]);
+            let turn = (command.omega - now.omega) * agent.inertia * rate - agent.load_torque;
+            let torque = rounded(turn, agent.inertia).clamp(-agent.max_torque, agent.max_torque);
             let parked = self.settings.sleeping && *command == Twist::default();
             if force == agent.force && torque == agent.torque && parked == agent.parked {
                 continue;
@@ -522,20 +543,39 @@ impl ContactWorld {
         }
     }
 
-    /// Takes note of where everybody is.
-    fn read_back(&mut self) -> Result<(), ContactError> {
+    /// Takes note of where everybody is after a tick, and of what it had to bear.
+    fn read_back(&mut self, dt: f64) -> Result<(), ContactError> {
+        let rate = 1.0 / dt;
         for (index, agent) in self.agents.iter_mut().enumerate() {
-            let pose = self.world.bodies[agent.handle].position();
-            let [cos, sin] = agent.rotation;
-            let now = [pose.rotation.re, pose.rotation.im];
+            let body = &self.world.bodies[agent.handle];
+            let (at, linear) = (body.position(), body.linvel());
+            let now = [at.rotation.re, at.rotation.im];
             if now != agent.rotation {
                 // The way from the old direction to the new one, which is short.
+                let [cos, sin] = agent.rotation;
                 let across = cos * now[1] - sin * now[0];
                 let along = cos * now[0] + sin * now[1];
                 agent.heading += libm::atan2(across, along);
                 agent.rotation = now;
             }
-            if !(pose.translation.x.is_finite() && pose.translation.y.is_finite()) {
+            let before = agent.velocity;
+            agent.velocity = Twist {
+                vx: linear.x,
+                vy: linear.y,
+                omega: body.angvel(),
+            };
+            let (x, y) = (linear.x - before.vx, linear.y - before.vy);
+            agent.load = [
+                x * agent.mass * rate - agent.force[0],
+                y * agent.mass * rate - agent.force[1],
+            ];
+            agent.load_torque =
+                (agent.velocity.omega - before.omega) * agent.inertia * rate - agent.torque;
+            if !(at.translation.x.is_finite()
+                && at.translation.y.is_finite()
+                && agent.heading.is_finite()
+                && agent.velocity.is_finite())
+            {
                 return Err(ContactError::Diverged {
                     agent: index as u32,
                     time_s: self.time_s,
@@ -554,13 +594,7 @@ impl ContactWorld {
 
     /// How it moves. The agent must exist.
     pub fn velocity(&self, agent: usize) -> Twist {
-        let body = &self.world.bodies[self.agents[agent].handle];
-        let velocity = body.linvel();
-        Twist {
-            vx: velocity.x,
-            vy: velocity.y,
-            omega: body.angvel(),
-        }
+        self.agents[agent].velocity
     }
 
     /// What an agent exerts in the last tick: its drive force in newtons, in the
@@ -570,13 +604,8 @@ impl ContactWorld {
         (driven.force, driven.torque)
     }
 
-    /// Where a mover is. The mover must exist.
-    pub fn mover_pose(&self, mover: usize) -> Pose {
-        self.movers[mover].mover.pose_at(self.time_s)
-    }
-
     /// What began and ended to touch since the last call, in order of tick, then
-    /// agent, then partner.
+    /// agent, then what it touches.
     pub fn drain_events(&mut self) -> std::vec::Drain<'_, ContactEvent> {
         self.touches.events.drain(..)
     }

@@ -5,23 +5,8 @@ use std::cmp::Ordering;
 use rapier2d_f64::math::Vector;
 use rapier2d_f64::prelude::{ContactPair, PhysicsWorld};
 
-use crate::event::EventKind;
+use crate::event::{EventKind, Other};
 use crate::statics::{Block, Statics};
-
-/// What an agent touches.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Partner {
-    /// Another agent, of a higher index.
-    Agent(u32),
-    /// The solid cells of the grid; an agent has at most one such contact at a
-    /// time, however many cells it touches. At a beginning this is the cell that
-    /// it touches most firmly, at an end the last of these.
-    Cell(u32),
-    /// A polygon that never moves.
-    Obstacle(u32),
-    /// An obstacle on a scripted path.
-    Mover(u32),
-}
 
 /// Something begins or ends to touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,8 +17,9 @@ pub struct ContactEvent {
     pub kind: EventKind,
     /// The agent, the lower index of two.
     pub agent: u32,
-    /// What it touches.
-    pub partner: Partner,
+    /// What it touches. Of solid cells it is, at a beginning, the one that it
+    /// touches most firmly, at an end the last of these.
+    pub other: Other,
 }
 
 /// A contact has ended when there is this much air, in metres, and no force.
@@ -41,7 +27,7 @@ pub struct ContactEvent {
 const RELEASE_M: f64 = 1e-3;
 
 // Colliders carry what they belong to: kinds in the bits from 64, in the order
-// of `Partner`, and an index below. Agents have kind 0, so that of two tags the
+// of `Other`, and an index below. Agents have kind 0, so that of two tags the
 // lower one is an agent.
 const KIND: u32 = 64;
 
@@ -58,7 +44,7 @@ pub(super) fn mover(index: u32) -> u128 {
     3 << KIND | u128::from(index)
 }
 
-/// A contact: agent, kind of partner, index of the partner (0 for the cells),
+/// A contact: agent, kind and index of what it touches (0 for the cells),
 /// and the cell if there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Touch {
@@ -75,17 +61,17 @@ impl Touch {
     }
 
     fn event(self, tick: u64, kind: EventKind) -> ContactEvent {
-        let partner = match self.kind {
-            0 => Partner::Agent(self.other),
-            1 => Partner::Cell(self.cell),
-            2 => Partner::Obstacle(self.other),
-            _ => Partner::Mover(self.other),
+        let other = match self.kind {
+            0 => Other::Agent(self.other),
+            1 => Other::Obstacle { cell: self.cell },
+            2 => Other::Polygon(self.other),
+            _ => Other::Mover(self.other),
         };
         ContactEvent {
             tick,
             kind,
             agent: self.agent,
-            partner,
+            other,
         }
     }
 }
@@ -123,7 +109,7 @@ impl Touches {
                 self.found.push(found);
             }
         }
-        // The firmest first, of all colliders that belong to one partner.
+        // The firmest first, of all colliders that belong to one thing.
         self.found.sort_unstable_by(|a, b| {
             let firmer = b.impulse.total_cmp(&a.impulse);
             let firmer = firmer.then(a.gap_m.total_cmp(&b.gap_m));
