@@ -157,7 +157,8 @@ impl Touches {
                 Ordering::Less => before.next().map(|old| old.event(tick, EventKind::End)),
                 Ordering::Greater => now.next().map(|new| new.event(tick, EventKind::Begin)),
                 Ordering::Equal => {
-                    (before.next(), now.next());
+                    before.next();
+                    now.next();
                     None
                 }
             };
