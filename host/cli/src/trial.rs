@@ -15,7 +15,7 @@ use fleetyard_runtime::{
     Lock, LogLine, Origin, PlanRun, PluginFile, Policy, Runtime, Session, Standing, Termination,
     Trust, check_options, parse_option,
 };
-use fleetyard_sim::{Execution, SimConfig, TraceSink};
+use fleetyard_sim::{SimConfig, Simulator, TraceSink};
 use serde_json::{Map, Value};
 
 use crate::args::{BudgetArgs, GrantArgs, PinArg, TrustArgs, WorldArgs};
@@ -630,7 +630,7 @@ pub(crate) fn execute(
     trace: &mut dyn TraceSink,
 ) -> Result<ExecutionInfo> {
     let started = Instant::now();
-    let outcome = Execution::run(grid, plan, config, trace)?;
+    let outcome = Simulator::new(config).on_grid(grid).run(plan, trace)?;
     let wall = started.elapsed();
     Ok(ExecutionInfo {
         rtf: outcome.simulated_s / wall.as_secs_f64().max(1e-9),

@@ -16,7 +16,7 @@ use criterion::{
     measurement::WallTime,
 };
 use fleetyard_core::{Grid, GridPlan, load_map};
-use fleetyard_sim::{Execution, NoTrace, SimConfig, Tier, TraceWriter};
+use fleetyard_sim::{NoTrace, SimConfig, Simulator, Tier, TraceWriter};
 
 /// Steps of the plan, one second each.
 const STEPS: usize = 60;
@@ -49,7 +49,11 @@ fn bench(
     let id = BenchmarkId::new(name, plan.agents());
     group.throughput(Throughput::Elements(plan.horizon() as u64));
     group.bench_function(id, |bencher| {
-        bencher.iter(|| Execution::run(grid, black_box(plan), config, &mut NoTrace));
+        bencher.iter(|| {
+            Simulator::new(config)
+                .on_grid(grid)
+                .run(black_box(plan), &mut NoTrace)
+        });
     });
 }
 
@@ -87,7 +91,9 @@ fn throughput(criterion: &mut Criterion) {
             |b| {
                 b.iter(|| {
                     let mut sink = TraceWriter::new(std::io::sink(), 1);
-                    Execution::run(&grid, black_box(&plan), &kinematic, &mut sink)
+                    Simulator::new(&kinematic)
+                        .on_grid(&grid)
+                        .run(black_box(&plan), &mut sink)
                 });
             },
         );

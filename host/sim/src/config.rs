@@ -3,9 +3,12 @@
 use std::fmt;
 use std::str::FromStr;
 
+use fleetyard_core::{Digest, Hasher};
+use fleetyard_world::{Footprint, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::SimError;
+use crate::noise::Disturbance;
 
 /// How bodies move and how contacts are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -53,6 +56,34 @@ impl FromStr for Tier {
     }
 }
 
+/// What decides when an agent may go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Policy {
+    /// The times of the plan, whatever the others do.
+    #[default]
+    Time,
+    /// The order of the plan: an agent goes on when all whom it has to let pass
+    /// have passed (an action dependency graph, see [`gate`](crate::gate)).
+    Adg,
+}
+
+impl Policy {
+    /// The name used in configuration and output.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Adg => "adg",
+        }
+    }
+}
+
+impl fmt::Display for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 /// Parameters of an execution. [`SimConfig::default`] is one-metre cells, one
 /// second per step, and the substeps of the GRACE benchmark.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -90,6 +121,32 @@ pub struct SimConfig {
     /// The most candidate pairs held at a time; an execution with more crowding
     /// is refused, since only plans that are far from valid come near it.
     pub max_pairs: usize,
+    /// How many threads do the work. Results do not depend on it.
+    pub threads: usize,
+    /// What decides when an agent may go on.
+    pub policy: Policy,
+    /// Time between two exchanges of messages between the agents and the server
+    /// that knows the dependency graph, and between two looks of an agent at the
+    /// plan's clock, in seconds. Rounded to whole ticks. Agents that follow the
+    /// plan's reference exactly need no messages.
+    pub message_period_s: f64,
+    /// How far agents keep from each other's ways beyond what their controllers
+    /// need, in metres, if they go by order.
+    pub margin_m: f64,
+    /// Delays, noise and losses.
+    pub disturbance: Disturbance,
+    /// Go on until everybody has arrived, and not only until the plan's time is
+    /// over. Always so under [`Policy::Adg`].
+    pub until_done: bool,
+    /// The execution ends at this time at the latest, in seconds.
+    pub time_limit_s: Option<f64>,
+    /// The heading of agents at the start of a plan that gives none, in radians:
+    /// north, as LSMART has it.
+    pub start_heading_rad: f64,
+    /// Execute also what begins with agents in obstacles or in each other.
+    pub overlapping_starts: bool,
+    /// Refuse executions that need more memory than this, in bytes.
+    pub memory_limit_bytes: Option<u64>,
 }
 
 impl Default for SimConfig {
@@ -106,6 +163,16 @@ impl Default for SimConfig {
             max_contacts_kept: 1000,
             every_substep: false,
             max_pairs: 1 << 24,
+            threads: 1,
+            policy: Policy::Time,
+            message_period_s: 0.1,
+            margin_m: 0.0,
+            disturbance: Disturbance::default(),
+            until_done: false,
+            time_limit_s: None,
+            start_heading_rad: std::f64::consts::FRAC_PI_2,
+            overlapping_starts: false,
+            memory_limit_bytes: None,
         }
     }
 }
@@ -133,9 +200,76 @@ impl SimConfig {
             .unwrap_or(Self::DEFAULT_RADIUS_CELLS * self.cell_size_m)
     }
 
+    /// The disc that agents without a fleet are.
+    pub(crate) fn footprint(&self) -> Result<Shape, SimError> {
+        let radius_m = self.radius_m();
+        Footprint::Disc { radius_m }
+            .shape()
+            .map_err(|error| SimError::Config {
+                field: "radius_m",
+                value: radius_m.to_string(),
+                reason: "is no radius",
+                hint: error.hint(),
+            })
+    }
+
     /// The tolerance for touching in metres.
     pub fn touch_tolerance_m(&self) -> f64 {
         Self::TOUCH_TOLERANCE_CELLS * self.cell_size_m
+    }
+
+    /// Digest of everything that decides about an execution.
+    pub(crate) fn digest(&self) -> Digest {
+        let Self {
+            cell_size_m,
+            step_s,
+            radius_m: _,
+            ticks_hz,
+            substeps,
+            tier,
+            max_speed_cells_per_step,
+            approach_range_cells,
+            max_contacts_kept: _,
+            every_substep,
+            max_pairs: _,
+            threads: _,
+            policy,
+            message_period_s,
+            margin_m,
+            disturbance,
+            until_done,
+            time_limit_s,
+            start_heading_rad,
+            overlapping_starts: _,
+            memory_limit_bytes: _,
+        } = self;
+        let mut hasher = Hasher::new("fleetyard.simulation/1");
+        for value in [
+            *cell_size_m,
+            *step_s,
+            self.radius_m(),
+            *max_speed_cells_per_step,
+            *approach_range_cells,
+            *message_period_s,
+            *margin_m,
+            time_limit_s.unwrap_or(-1.0),
+            *start_heading_rad,
+        ] {
+            hasher.f64(value);
+        }
+        for value in [
+            *ticks_hz,
+            *substeps,
+            u32::from(*every_substep),
+            u32::from(*until_done),
+        ] {
+            hasher.u64(u64::from(value));
+        }
+        hasher.bytes(tier.name().as_bytes());
+        hasher.bytes(policy.name().as_bytes());
+        // Its only form without ambiguity; numbers are written to the last bit.
+        hasher.bytes(format!("{disturbance:?}").as_bytes());
+        hasher.finish()
     }
 
     /// Whether an execution can be run with these parameters.
@@ -174,7 +308,8 @@ impl SimConfig {
             self.radius_m(),
             1e-3 * self.cell_size_m,
             0.5 * self.cell_size_m,
-            "an agent must fit its cell: give metres between a thousandth and half of cell_size_m",
+            "an agent must fit its cell: give metres between a thousandth and half of cell_size_m, \
+             or describe a fleet",
         )?;
         range(
             "ticks_hz",
@@ -189,6 +324,41 @@ impl SimConfig {
             1.0,
             1e3,
             "give 1 to 1000 substeps per tick",
+        )?;
+        range(
+            "threads",
+            self.threads as f64,
+            1.0,
+            1024.0,
+            "give 1 to 1024 threads",
+        )?;
+        range(
+            "message_period_s",
+            self.message_period_s,
+            1e-6,
+            1e6,
+            "give seconds between 1e-6 and 1e6; a tenth of a second is usual",
+        )?;
+        range(
+            "margin_m",
+            self.margin_m,
+            0.0,
+            1e6,
+            "give metres, 0 or more",
+        )?;
+        range(
+            "time_limit_s",
+            self.time_limit_s.unwrap_or(1.0),
+            1e-6,
+            1e9,
+            "give seconds between 1e-6 and 1e9",
+        )?;
+        range(
+            "start_heading_rad",
+            self.start_heading_rad,
+            -1e3,
+            1e3,
+            "give radians, counter-clockwise from the x axis; north is 1.5708",
         )?;
         range(
             "max_speed_cells_per_step",

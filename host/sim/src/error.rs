@@ -2,6 +2,10 @@
 
 use std::io;
 
+use crate::contact::ContactError;
+use crate::event::Other;
+use crate::gate::GateError;
+
 /// Why an execution was refused or broken off. Agents and times are counted
 /// from 0.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +31,35 @@ pub enum SimError {
     TooLong { ticks: f64, most: f64 },
     #[error("more than {most} pairs of agents are near each other at {time_s} s")]
     TooDense { most: usize, time_s: f64 },
+    #[error("a plan on a grid needs the map that it is for")]
+    NoMap,
+    #[error("the plan has {agents} agents, the fleet {fleet}")]
+    OtherFleet { agents: usize, fleet: usize },
+    #[error("agent {agent} begins in {}", place(*other))]
+    StartOverlap { agent: u32, other: Other },
+    #[error(
+        "agent {agent} {what} {value:.3} /s before knot {knot}, but its model {model} has a limit of {most:.3}"
+    )]
+    TooFast {
+        agent: usize,
+        knot: usize,
+        what: &'static str,
+        value: f64,
+        most: f64,
+        model: &'static str,
+    },
+    #[error("{agents} agents need about {} MiB, more than the {} MiB that may be used", needed >> 20, limit >> 20)]
+    TooLarge {
+        agents: usize,
+        needed: u64,
+        limit: u64,
+    },
+    #[error(transparent)]
+    Gate(#[from] GateError),
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    #[error("{threads} threads could not be started: {reason}")]
+    Threads { threads: usize, reason: String },
     #[error("the trace could not be written")]
     Trace(#[from] io::Error),
 }
@@ -48,9 +81,33 @@ impl SimError {
             Self::TooDense { .. } => Some(
                 "validate the plan first; if it is meant, raise max_pairs or lower approach_range_cells",
             ),
+            Self::NoMap => Some("name the map"),
+            Self::OtherFleet { .. } => {
+                Some("give a fleet of as many agents, or one that is `all` alike")
+            }
+            Self::StartOverlap { .. } => Some("move a start, or make footprints smaller"),
+            Self::TooFast { .. } => {
+                Some("slow the plan down, or execute it by order, in which its times do not count")
+            }
+            Self::TooLarge { .. } => {
+                Some("execute fewer agents, or use a machine with more memory")
+            }
+            Self::Gate(error) => error.hint(),
+            Self::Contact(_) => None,
+            Self::Threads { .. } => Some("use fewer threads"),
             Self::Trace(_) => {
                 Some("check the free space and the permissions of the trace file's folder")
             }
         }
+    }
+}
+
+fn place(other: Other) -> String {
+    match other {
+        Other::Agent(agent) => format!("agent {agent}"),
+        Other::Obstacle { cell } => format!("the solid cell {cell}"),
+        Other::Polygon(index) => format!("obstacle {index} or beyond the bounds"),
+        Other::Mover(index) => format!("the moving obstacle {index}"),
+        Other::Goal => "its goal".to_owned(),
     }
 }

@@ -158,6 +158,26 @@ impl Log {
         }
     }
 
+    /// Forgets what is pending.
+    pub(crate) fn forget(&mut self) {
+        self.pending.clear();
+    }
+
+    /// The first contact in order that is pending or known.
+    pub(crate) fn first_contact(&self) -> Option<(u32, Other)> {
+        let kept = self.contacts.first.first();
+        kept.map(|contact| (contact.agent, contact.other))
+            .or_else(|| {
+                let begins = |change: &&Change| change.kind == EventKind::Begin;
+                let first = self
+                    .pending
+                    .iter()
+                    .filter(begins)
+                    .min_by(|a, b| a.order(b))?;
+                Some((first.agent, first.other))
+            })
+    }
+
     /// Hands out, in order, the events that nothing can precede any more: those
     /// of substeps that are over when `now` is reached.
     pub(crate) fn settle(&mut self, now: f64, settled: &mut Vec<Event>) {

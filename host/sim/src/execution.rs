@@ -1,535 +1,466 @@
-//! The execution of a plan: the loop that both tiers share.
+//! The execution of a plan: the loop over blocks of time.
+//!
+//! A block is a step of a grid plan if everybody follows it exactly, and a
+//! period of messages otherwise. Within a block agents move without knowing of
+//! each other, so that all of them can be moved at once, on any number of
+//! threads, before it is found out who came near whom.
 
-use fleetyard_core::{Digest, Grid, GridPlan, Hasher};
-use serde::Serialize;
+use fleetyard_core::{Digest, Grid, Hasher};
+use fleetyard_world::{Mover, Shape, Workspace, write_workspace};
+use xxhash_rust::xxh3::Xxh3;
 
-use crate::bodies::{Bodies, Span};
-use crate::config::{SimConfig, Tier};
-use crate::contact::Physics;
-use crate::convert::cell_center_m;
+use crate::chunk::{CHUNK, Chunk, Span, Tracking};
+use crate::clock::Clock;
+use crate::config::{Policy, SimConfig};
+use crate::control::{Driver, Releases};
 use crate::error::SimError;
-use crate::event::{Contacts, Event, Log};
-use crate::kinematic::{Engine, Kinematic, Nearest, Scene};
+use crate::event::{Change, Event, EventKind, Log, Other};
+use crate::follow::{Follower, follow_mover};
+use crate::gate::{Gates, Routes};
+use crate::kinematic::{Bodies, Nearest, Shapes, Sweep};
+use crate::motion::{Fleet, Model};
+use crate::noise::Noise;
+use crate::obstacles::Obstacles;
+use crate::outcome::{Approach, Outcome};
 use crate::pairs::{Pairs, TooManyPairs};
-use crate::reference::Reference;
-use crate::statics::Statics;
+use crate::route::{Plan, Reference};
+use crate::solved::Solved;
 use crate::trace::{
-    self, Bounds, Cells, Digests, EventsDigest, Header, Outline, Profile, Scene as TraceScene,
-    States, StatesDigest, TraceSink,
+    Bounds, Cells, Digests, EventsDigest, Header, Outline, Profile, Scene, States, Summary,
+    TraceSink,
 };
+use crate::workers::Workers;
 
-/// How near an agent came to another one, between centres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Approach {
-    /// Least distance between the centres, in metres.
-    pub distance_m: f64,
-    /// When it was reached first, in simulated seconds.
-    pub time_s: f64,
-    /// The two agents; the one that was asked about comes first.
-    pub agents: [u32; 2],
+/// An execution ends if nobody has moved for so long, in seconds.
+const STALL_S: f64 = 600.0;
+
+/// What does not change while a plan is executed.
+pub(crate) struct Setup<'a> {
+    pub(crate) config: &'a SimConfig,
+    pub(crate) clock: Clock,
+    pub(crate) workers: Workers,
+    pub(crate) agents: usize,
+    pub(crate) movers: &'a [Mover],
+    pub(crate) plan: Plan<'a>,
+    /// By kind of shape; none follows its reference exactly.
+    pub(crate) models: Vec<Option<&'a Model>>,
+    pub(crate) obstacles: Obstacles,
+    /// Whether the plan has headings.
+    pub(crate) headings: bool,
+    /// Whether states have headings.
+    pub(crate) with_heading: bool,
+    /// Everybody follows the plan exactly, by time.
+    pub(crate) exact: bool,
+    pub(crate) grid: Option<&'a Grid>,
+    pub(crate) workspace: Option<&'a Workspace>,
+    pub(crate) fleet: Option<&'a Fleet>,
 }
 
-/// What an execution came to.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Outcome {
-    /// The tier that executed it.
-    pub tier: Tier,
-    /// Number of agents.
-    pub agents: u32,
-    /// Radius of their discs in metres.
-    pub radius_m: f64,
-    /// Simulated time in seconds: the plan's duration rounded up to whole ticks.
-    pub simulated_s: f64,
-    /// Number of ticks.
-    pub ticks: u64,
-    /// Contacts.
-    pub contacts: Contacts,
-    /// Least distance between the centres of any two agents in metres, over
-    /// all time and not only at ticks; `None` if no two came within
-    /// [`SimConfig::approach_range_cells`].
-    pub nearest_approach_m: Option<f64>,
-    /// The same with time and pair.
-    pub nearest_approach: Option<Approach>,
-    /// The same for every agent. Not serialised: it is as long as the fleet.
-    #[serde(skip)]
-    pub nearest_approach_by_agent: Vec<Option<Approach>>,
-    /// Largest distance between a body and its reference at the end of any
-    /// substep, in metres.
-    pub tracking_error_max_m: f64,
-    /// The agent that it belongs to, the lowest index in ties; `None` if every
-    /// body followed its reference exactly.
-    pub tracking_error_max_agent: Option<u32>,
-    /// Mean over agents and time of the distance between body and reference.
-    pub tracking_error_mean_m: f64,
-    /// Digest of everything: parameters, map, plan, all states, all events and
-    /// the figures above. Equal executions have equal digests, on every machine.
-    pub trace_digest: Digest,
-}
-
-/// Runs plans.
-#[derive(Debug)]
-pub struct Execution(());
-
-impl Execution {
-    /// Executes `plan` on `grid` and tells `sink` what happens meanwhile.
-    ///
-    /// Memory is bounded by the map, the number of agents and the crowding, not
-    /// by the length of the plan.
-    pub fn run(
-        grid: &Grid,
-        plan: &GridPlan,
-        config: &SimConfig,
-        sink: &mut dyn TraceSink,
-    ) -> Result<Outcome, SimError> {
-        config.validate()?;
-        check_plan(grid, plan)?;
-        let clock = Clock::new(config, plan.horizon())?;
-        let statics = Statics::new(grid, config.cell_size_m);
-        let reference = Reference::new(grid, plan, config.cell_size_m);
-        let bodies = Bodies::at_rest(reference.ax.clone(), reference.ay.clone());
-        let (radius, tolerance) = (config.radius_m(), config.touch_tolerance_m());
-        match config.tier {
-            Tier::Kinematic => {
-                let engine = Kinematic {
-                    agent_contact_m: 2.0 * radius - tolerance,
-                    static_contact_m: radius - tolerance,
-                };
-                Run::new(grid, plan, config, clock, reference, bodies)
-                    .execute(engine, &statics, sink)
-            }
-            Tier::Contact => {
-                let seconds = 1.0 / clock.substeps_per_s;
-                let engine = Physics::new(&statics, &bodies, radius - 0.5 * tolerance, seconds);
-                Run::new(grid, plan, config, clock, reference, bodies)
-                    .execute(engine, &statics, sink)
-            }
-        }
-    }
-}
-
-/// Refuses what cannot be executed at all.
-fn check_plan(grid: &Grid, plan: &GridPlan) -> Result<(), SimError> {
-    // Traces number agents with 32 bits and states with twice as many.
-    let most = 1 << 27;
-    let agents = plan.agents();
-    if agents == 0 {
-        return Err(SimError::NoAgents);
-    }
-    if agents > most {
-        return Err(SimError::TooManyAgents { agents, most });
-    }
-    for (agent, path) in plan.paths().enumerate() {
-        if path.is_empty() {
-            return Err(SimError::EmptyPath { agent });
-        }
-        if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
-            return Err(SimError::OffMap { agent, time });
-        }
-    }
-    Ok(())
-}
-
-/// The relation of steps, ticks and substeps. Times are in substeps.
-#[derive(Debug, Clone, Copy)]
-struct Clock {
-    substeps_per_s: f64,
-    substeps_per_tick: f64,
-    substeps_per_step: f64,
-    /// Steps of the plan.
-    steps: usize,
-    ticks: u64,
-}
-
-impl Clock {
-    fn new(config: &SimConfig, steps: usize) -> Result<Self, SimError> {
-        let substeps_per_tick = f64::from(config.substeps);
-        let substeps_per_s = f64::from(config.ticks_hz) * substeps_per_tick;
-        // A step that is meant to be a whole number of substeps is one, whatever
-        // the rounding of decimal fractions says.
-        let exact = config.step_s * substeps_per_s;
-        let whole = exact.round();
-        let substeps_per_step = if whole >= 1.0 && (exact - whole).abs() <= 1e-9 * whole {
-            whole
-        } else {
-            exact
-        };
-        let most = (1u64 << 40) as f64;
-        let ticks = (steps as f64 * substeps_per_step / substeps_per_tick).ceil();
-        if ticks > most {
-            return Err(SimError::TooLong { ticks, most });
-        }
-        Ok(Self {
-            substeps_per_s,
-            substeps_per_tick,
-            substeps_per_step,
-            steps,
-            ticks: ticks as u64,
-        })
-    }
-
-    fn step_start(&self, step: usize) -> f64 {
-        step as f64 * self.substeps_per_step
-    }
-
-    fn tick_start(&self, tick: u64) -> f64 {
-        tick as f64 * self.substeps_per_tick
-    }
-
-    fn end(&self) -> f64 {
-        self.tick_start(self.ticks)
-    }
-}
-
-fn header(grid: &Grid, plan: &GridPlan, config: &SimConfig) -> Header {
-    let side = config.cell_size_m;
-    let center = |cell| {
-        let (x, y) = cell_center_m(grid, side, cell);
-        [x, y]
-    };
-    let goals = plan.paths().filter_map(|path| path.last().copied());
-    let mut parameters = Hasher::new("fleetyard.sim.config/1");
-    for value in [
-        side,
-        config.step_s,
-        config.radius_m(),
-        config.max_speed_cells_per_step,
-        config.approach_range_cells,
-    ] {
-        parameters.f64(value);
-    }
-    parameters.u64(u64::from(config.every_substep));
-    Header {
-        program: concat!("fleetyard ", env!("CARGO_PKG_VERSION")).to_owned(),
-        agents: plan.agents() as u32,
-        movers: 0,
-        ticks_hz: config.ticks_hz,
-        substeps: config.substeps,
-        tier: config.tier.name().to_owned(),
-        policy: "time".to_owned(),
-        seed: 0,
-        headings: false,
-        progress: false,
-        state_every: 0,
-        bounds_m: Bounds {
-            min_x: 0.0,
-            min_y: 0.0,
-            max_x: f64::from(grid.cols()) * side,
-            max_y: f64::from(grid.rows()) * side,
-        },
-        profiles: vec![Profile {
-            name: "disc".to_owned(),
-            model: "replay".to_owned(),
-            outline: Outline::Disc {
-                radius_m: config.radius_m(),
-            },
-        }],
-        digests: Digests {
-            world: grid.digest(),
-            plan: plan.digest(),
-            fleet: Digest(0),
-            config: parameters.finish(),
-        },
-        scene: TraceScene {
-            cells: Some(Cells::new(grid, side)),
-            polygons_m: Vec::new(),
-            profile_of_body: vec![0; plan.agents()],
-            goals_m: goals.map(center).collect(),
-        },
-    }
-}
-
-/// How well bodies follow their references.
-#[derive(Debug, Default)]
-struct Tracking {
-    max_m: f64,
-    max_agent: Option<u32>,
-    /// Sum over agents of metres times substeps.
-    sum: f64,
-}
-
-impl Tracking {
-    fn note(&mut self, agent: u32, error: f64, substeps: f64) {
-        if error > self.max_m {
-            self.max_m = error;
-            self.max_agent = Some(agent);
-        }
-        self.sum += error * substeps;
-    }
-}
-
-struct Run<'a> {
-    config: &'a SimConfig,
-    clock: Clock,
+/// An execution under way.
+pub(crate) struct Run<'a> {
+    setup: &'a Setup<'a>,
     reference: Reference<'a>,
-    bodies: Bodies,
-    header: Header,
+    shapes: Shapes,
+    gates: Option<Gates>,
+    noise: Noise,
+    /// The bodies that push each other, in the contact tier.
+    solved: Option<Solved>,
+    chunks: Vec<Chunk>,
     pairs: Pairs,
+    sweep: Sweep,
     nearest: Nearest,
     log: Log,
-    tracking: Tracking,
     next_tick: u64,
-    states: StatesDigest,
+    /// The moments of the block at which ticks start.
+    moments: Vec<f64>,
+    /// The ends of its ticks.
+    tick_ends: Vec<f64>,
     events: EventsDigest,
-    /// Agents that are not on their reference, or whose reference is too fast.
-    loose: Vec<u32>,
-    /// Agents whose way may meet solid cells.
-    suspects: Vec<u32>,
     settled: Vec<Event>,
-    target_x: Vec<f64>,
-    target_y: Vec<f64>,
+    /// A state of everybody, put together for the trace.
+    state: [Vec<f64>; 3],
+    /// When anybody moved last.
+    moved: f64,
 }
 
 impl<'a> Run<'a> {
-    fn new(
-        grid: &Grid,
-        plan: &GridPlan,
-        config: &'a SimConfig,
-        clock: Clock,
+    pub(crate) fn new(
+        setup: &'a Setup<'a>,
         reference: Reference<'a>,
-        bodies: Bodies,
+        shapes: Shapes,
+        gates: Option<Gates>,
+        solved: Option<Solved>,
+        chunks: Vec<Chunk>,
     ) -> Self {
-        let agents = bodies.len();
+        let (config, clock) = (setup.config, setup.clock);
         let approach_m = config.approach_range_cells * config.cell_size_m;
-        let range = approach_m.max(2.0 * config.radius_m());
+        let range = approach_m.max(2.0 * shapes.largest_radius_m());
         Self {
-            config,
-            clock,
-            header: header(grid, plan, config),
-            pairs: Pairs::new(range, config.max_pairs),
-            nearest: Nearest::new(agents, approach_m),
-            log: Log::new(clock.substeps_per_s, config.max_contacts_kept),
-            tracking: Tracking::default(),
-            next_tick: 0,
-            states: StatesDigest::new(agents),
-            events: EventsDigest::default(),
-            loose: Vec::new(),
-            suspects: Vec::new(),
-            settled: Vec::new(),
-            target_x: vec![0.0; agents],
-            target_y: vec![0.0; agents],
+            setup,
             reference,
-            bodies,
+            noise: Noise::new(&config.disturbance, clock.period_s()),
+            pairs: Pairs::new(range, config.max_pairs),
+            sweep: Sweep::default(),
+            nearest: Nearest::new(setup.agents, approach_m),
+            log: Log::new(clock.substeps_per_s, config.max_contacts_kept),
+            next_tick: 0,
+            moments: Vec::new(),
+            tick_ends: Vec::new(),
+            events: EventsDigest::default(),
+            settled: Vec::new(),
+            state: Default::default(),
+            moved: 0.0,
+            shapes,
+            gates,
+            solved,
+            chunks,
         }
     }
 
-    fn execute(
-        mut self,
-        mut engine: impl Engine,
-        statics: &Statics,
-        sink: &mut dyn TraceSink,
-    ) -> Result<Outcome, SimError> {
-        sink.begin(&self.header)?;
+    pub(crate) fn execute(mut self, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
+        let header = self
+            .setup
+            .header(&self.shapes, &self.reference, sink.wants_scene());
+        sink.begin(&header)?;
+        let limit = self.limit()?;
         // The moment of the start, at which overlapping agents are in contact.
-        self.suspects.extend(0..self.bodies.len() as u32);
         let start = Span {
             start: 0.0,
             end: 0.0,
         };
-        self.advance(&mut engine, statics, sink, start, 0.0, true)?;
-        for step in 0..=self.clock.steps {
-            // The last one is the rest of the last tick.
-            let (start, end) = (self.clock.step_start(step), self.clock.step_start(step + 1));
-            let end = end.min(self.clock.end());
-            if start >= end {
+        self.block(start, 0, sink, false)?;
+        self.check_starts(limit)?;
+        let mut number = 0;
+        let mut now = 0.0;
+        loop {
+            let end = self.end_of_block(number + 1).min(limit);
+            let block = Span { start: now, end };
+            if block.length() <= 0.0 {
                 break;
             }
-            self.step(&mut engine, statics, sink, step, Span { start, end })?;
+            self.block(block, number, sink, false)?;
+            (now, number) = (end, number + 1);
+            if self.is_over(now) {
+                break;
+            }
         }
-        let end = self.clock.end();
-        engine.finish(end, statics, &self.bodies, &mut self.log.pending);
+        // The state at the very end.
+        let end = Span {
+            start: now,
+            end: now,
+        };
+        self.block(end, number, sink, true)?;
         self.settle(sink, f64::INFINITY)?;
-        let (x, y) = (&self.bodies.x0, &self.bodies.y0);
-        tell_state(&mut self.states, sink, self.next_tick, x, y)?;
-        self.outcome(sink)
+        self.outcome(&header, sink)
     }
 
-    /// Executes one step of the plan.
-    fn step(
+    /// The moment at which the execution ends at the latest.
+    fn limit(&self) -> Result<f64, SimError> {
+        let (config, clock) = (self.setup.config, self.setup.clock);
+        let planned = clock.ticks_until(self.reference.horizon())?;
+        let given = config
+            .time_limit_s
+            .map(|limit| limit * clock.substeps_per_s);
+        let limit = match given {
+            Some(limit) => clock.ticks_until(limit)?,
+            None => u64::MAX,
+        };
+        Ok(clock.tick_start(if self.goes_on() {
+            limit
+        } else {
+            planned.min(limit)
+        }))
+    }
+
+    /// Whether the execution goes on until everybody has arrived.
+    fn goes_on(&self) -> bool {
+        let config = self.setup.config;
+        !self.setup.exact && (config.until_done || config.policy == Policy::Adg)
+    }
+
+    fn end_of_block(&self, count: u64) -> f64 {
+        let clock = self.setup.clock;
+        match self.setup.plan {
+            Plan::Grid(_) if self.setup.exact && !self.setup.config.every_substep => {
+                clock.step_start(count)
+            }
+            _ => clock.tick_start(count * clock.ticks_per_period),
+        }
+    }
+
+    /// Whether nothing more will happen.
+    fn is_over(&self, now: f64) -> bool {
+        if !self.goes_on() {
+            return false;
+        }
+        let mut pilots = self.chunks.iter().flat_map(|chunk| &chunk.pilots);
+        pilots.all(|pilot| pilot.arrival.is_finite())
+            || now - self.moved > STALL_S * self.setup.clock.substeps_per_s
+    }
+
+    /// Executes a block. `last` is true at the very end, of which the state is told.
+    fn block(
         &mut self,
-        engine: &mut impl Engine,
-        statics: &Statics,
+        block: Span,
+        number: u64,
         sink: &mut dyn TraceSink,
-        step: usize,
-        span: Span,
+        last: bool,
     ) -> Result<(), SimError> {
-        self.reference.load(step);
-        let cell = self.config.cell_size_m;
-        let speed = self.config.max_speed_cells_per_step * cell;
-        let travel = self.sort_out(statics, speed);
-        if engine.takes_long_spans() && self.loose.is_empty() && !self.config.every_substep {
-            self.bodies.x1.copy_from_slice(&self.reference.bx);
-            self.bodies.y1.copy_from_slice(&self.reference.by);
-            self.advance(engine, statics, sink, span, travel, false)?;
-            self.turn_over();
+        let Setup {
+            config,
+            clock,
+            obstacles,
+            ..
+        } = self.setup;
+        let first = block.end <= 0.0 && !last;
+        self.look_at_ticks(block, last);
+        if let Some(gates) = &mut self.gates
+            && !first
+            && !last
+        {
+            gates.exchange(number);
+        }
+        let follower = Follower {
+            reference: &self.reference,
+            config,
+            substeps_per_step: clock.substeps_per_step,
+            block,
+        };
+        let refined = self
+            .gates
+            .as_ref()
+            .map(|gates| gates.graph().routes(&self.reference));
+        let driver = Driver {
+            routes: match &refined {
+                Some(refined) => refined as &dyn Routes,
+                None => &self.reference,
+            },
+            headings: self.setup.headings,
+            chase: config.policy == Policy::Time
+                && matches!(self.setup.plan, Plan::Trajectories(_)),
+            substeps_per_s: clock.substeps_per_s,
+            plan_speed: config.max_speed_cells_per_step * config.cell_size_m / config.step_s,
+            releases: match &self.gates {
+                Some(gates) => Releases::Gates(gates.released()),
+                None => Releases::Time,
+            },
+            noise: &self.noise,
+            number,
+            block,
+            ticks: &self.tick_ends,
+            tick_s: clock.tick_s(),
+        };
+        let (setup, shapes, moments) = (self.setup, &self.shapes, &self.moments);
+        let tolerance_m = config.touch_tolerance_m();
+        let contacts = (self.solved.is_none() || first) && !last;
+        let solved = if last { None } else { self.solved.as_mut() };
+        let is_solved = solved.is_some();
+        if let Some(solved) = solved {
+            for chunk in &mut self.chunks {
+                chunk.begin_block();
+                driver.draw(chunk);
+            }
+            let models = &setup.models;
+            let model = |agent: u32| models[shapes.kind_of(agent)];
+            solved.drive(&driver, &model, &mut self.chunks, &mut self.log.pending)?;
+        }
+        setup.workers.each(&mut self.chunks, |chunk| {
+            let agents = setup
+                .agents
+                .saturating_sub(chunk.first as usize)
+                .min(chunk.len());
+            if !is_solved {
+                chunk.begin_block();
+            }
+            if is_solved {
+                // Their tracks are made: where they get depends on all of them.
+            } else if last {
+                for lane in 0..chunk.len() {
+                    chunk.rest(block, lane);
+                }
+            } else if setup.exact {
+                for lane in 0..agents {
+                    follower.follow(chunk, lane);
+                }
+            } else {
+                driver.draw(chunk);
+                for lane in 0..agents {
+                    setup.drive(&driver, shapes, chunk, lane);
+                }
+            }
+            if !last {
+                for lane in agents..chunk.len() {
+                    let mover = &setup.movers[chunk.first as usize + lane - setup.agents];
+                    follow_mover(mover, clock.substeps_per_s, block, chunk, lane);
+                }
+            }
+            chunk.end_block();
+            if contacts {
+                for lane in 0..agents {
+                    let (agent, track) = (chunk.first + lane as u32, chunk.tracks.get(lane));
+                    let (shape, changes) = (shapes.of(agent), &mut chunk.changes);
+                    obstacles.sweep_track(agent, shape, track, first, tolerance_m, changes);
+                }
+            }
+            chunk.sample(moments);
+        });
+        if !last {
+            self.report_progress();
+            self.search(block, first)?;
+        }
+        self.tell_states(sink)?;
+        self.settle(sink, block.end)
+    }
+
+    /// Lists the ticks that start in a block and those that end in it.
+    fn look_at_ticks(&mut self, block: Span, last: bool) {
+        let clock = self.setup.clock;
+        self.moments.clear();
+        self.tick_ends.clear();
+        loop {
+            let when = clock.tick_start(self.next_tick);
+            if when > block.end || (when >= block.end && !last) {
+                break;
+            }
+            self.moments.push(when);
+            self.next_tick += 1;
+            if !self.setup.exact && !last {
+                self.tick_ends.push(clock.tick_start(self.next_tick));
+            }
+        }
+    }
+
+    /// Tells the gates which knots agents have reached, and notes arrivals.
+    fn report_progress(&mut self) {
+        let mut gates = self.gates.as_mut();
+        for chunk in &mut self.chunks {
+            self.log.pending.append(&mut chunk.changes);
+            for (lane, pilot) in chunk.pilots.iter_mut().enumerate() {
+                let agent = chunk.first as usize + lane;
+                if let Some(gates) = &mut gates {
+                    gates.done(agent, pilot.done as usize);
+                }
+                if pilot.arrival.is_finite() && !pilot.told {
+                    pilot.told = true;
+                    let arrival =
+                        Change::new(pilot.arrival, EventKind::Arrive, agent as u32, Other::Goal);
+                    self.log.pending.push(arrival);
+                }
+            }
+        }
+    }
+
+    /// Refuses what begins with agents in obstacles or in each other.
+    fn check_starts(&mut self, limit: f64) -> Result<(), SimError> {
+        if self.setup.config.overlapping_starts {
+            if self.solved.is_some() && limit > 0.0 {
+                // The world will find them by itself.
+                self.log.forget();
+            }
             return Ok(());
         }
-        let mut now = span.start;
-        while now < span.end {
-            let piece = Span {
-                start: now,
-                end: (now.floor() + 1.0).min(span.end),
-            };
-            let most = speed * piece.length() / self.clock.substeps_per_step;
-            self.aim(step, piece, most);
-            self.advance(engine, statics, sink, piece, most, false)?;
-            self.measure(piece);
-            self.turn_over();
-            now = piece.end;
+        match self.log.first_contact() {
+            Some((agent, other)) => Err(SimError::StartOverlap { agent, other }),
+            None => Ok(()),
         }
+    }
+
+    /// Finds what came near and into contact in the block.
+    fn search(&mut self, block: Span, first: bool) -> Result<(), SimError> {
+        let Setup { config, clock, .. } = self.setup;
+        let mut travel = 0f64;
+        for chunk in &self.chunks {
+            travel = chunk.travel[..chunk.len()]
+                .iter()
+                .fold(travel, |a, b| a.max(*b));
+        }
+        if travel > 0.0 {
+            self.moved = block.end;
+        }
+        // A list lasts while bodies move by a part of a cell, or for the block if
+        // they move more.
+        let horizon = 0.375 * config.cell_size_m;
+        let chunks = &self.chunks;
+        let places = |x: &mut Vec<f64>, y: &mut Vec<f64>| {
+            for chunk in chunks {
+                for lane in 0..chunk.len() {
+                    let track = chunk.tracks.get(lane);
+                    x.push(track.x[0]);
+                    y.push(track.y[0]);
+                }
+            }
+        };
+        self.pairs
+            .cover(self.setup.workers, places, travel * (1.0 + 1e-6), horizon)
+            .map_err(|TooManyPairs| SimError::TooDense {
+                most: config.max_pairs,
+                time_s: block.start / clock.substeps_per_s,
+            })?;
+        let bodies = Bodies {
+            chunks,
+            agents: self.setup.agents as u32,
+            shapes: &self.shapes,
+            contacts: self.solved.is_none() || first,
+            tolerance_m: config.touch_tolerance_m(),
+        };
+        self.sweep.run(
+            self.setup.workers,
+            &bodies,
+            self.pairs.list(),
+            first,
+            &mut self.nearest,
+            &mut self.log.pending,
+        );
         Ok(())
     }
 
-    /// Finds the agents that need care in this step and how far the farthest
-    /// one of the others goes.
-    fn sort_out(&mut self, statics: &Statics, speed: f64) -> f64 {
-        let reference = &self.reference;
-        self.loose.clear();
-        self.suspects.clear();
-        let limit = speed * speed;
-        let mut farthest = 0f64;
-        for agent in 0..self.bodies.len() {
-            let dx = reference.bx[agent] - reference.ax[agent];
-            let dy = reference.by[agent] - reference.ay[agent];
-            let squared = dx * dx + dy * dy;
-            let on_track = self.bodies.x0[agent].to_bits() == reference.ax[agent].to_bits()
-                && self.bodies.y0[agent].to_bits() == reference.ay[agent].to_bits();
-            let loose = !on_track || squared > limit;
-            if loose {
-                self.loose.push(agent as u32);
-            } else {
-                farthest = farthest.max(squared);
+    /// Passes on the states at the ticks of the block.
+    fn tell_states(&mut self, sink: &mut dyn TraceSink) -> Result<(), SimError> {
+        let before = self.next_tick - self.moments.len() as u64;
+        let columns = if self.setup.with_heading { 3 } else { 2 };
+        for at in 0..self.moments.len() {
+            let tick = before + at as u64;
+            if !sink.wants_state(tick) {
+                continue;
             }
-            if loose || !statics.way_is_clear(reference.from[agent], reference.to[agent]) {
-                self.suspects.push(agent as u32);
+            for (column, all) in self.state.iter_mut().enumerate().take(columns) {
+                all.clear();
+                for chunk in &self.chunks {
+                    let from = (at * columns + column) * chunk.len();
+                    all.extend_from_slice(&chunk.samples[from..from + chunk.len()]);
+                }
             }
+            let [x_m, y_m, heading] = &self.state;
+            let states = States {
+                x_m,
+                y_m,
+                heading_rad: self.setup.with_heading.then_some(heading),
+                progress: None,
+            };
+            sink.state(tick, &states)?;
         }
-        farthest.sqrt()
-    }
-
-    /// Where bodies should be at the end of a piece of a step, given how far
-    /// the reference can be followed in that time.
-    fn aim(&mut self, step: usize, piece: Span, most: f64) {
-        let (start, length) = (self.clock.step_start(step), self.clock.substeps_per_step);
-        let fraction = (piece.end - start) / length;
-        if fraction >= 1.0 {
-            self.target_x.copy_from_slice(&self.reference.bx);
-            self.target_y.copy_from_slice(&self.reference.by);
-        } else {
-            self.reference
-                .at(fraction, &mut self.target_x, &mut self.target_y);
-        }
-        self.bodies.x1.copy_from_slice(&self.target_x);
-        self.bodies.y1.copy_from_slice(&self.target_y);
-        for agent in self.loose.iter().map(|agent| *agent as usize) {
-            let (x, y) = (self.bodies.x0[agent], self.bodies.y0[agent]);
-            let (dx, dy) = (self.target_x[agent] - x, self.target_y[agent] - y);
-            let squared = dx * dx + dy * dy;
-            if squared > most * most {
-                let part = most / squared.sqrt();
-                self.bodies.x1[agent] = x + dx * part;
-                self.bodies.y1[agent] = y + dy * part;
-            }
-        }
-    }
-
-    /// Compares bodies with their references at the end of a piece.
-    fn measure(&mut self, piece: Span) {
-        let (bodies, substeps) = (&self.bodies, piece.length());
-        for agent in 0..bodies.len() {
-            let dx = self.target_x[agent] - bodies.x1[agent];
-            let dy = self.target_y[agent] - bodies.y1[agent];
-            if dx != 0.0 || dy != 0.0 {
-                let error = (dx * dx + dy * dy).sqrt();
-                self.tracking.note(agent as u32, error, substeps);
-            }
-        }
-    }
-
-    fn turn_over(&mut self) {
-        self.bodies.turn_over();
-    }
-
-    /// Lets the engine run through a span and passes on what can be told.
-    fn advance(
-        &mut self,
-        engine: &mut impl Engine,
-        statics: &Statics,
-        sink: &mut dyn TraceSink,
-        span: Span,
-        travel: f64,
-        first: bool,
-    ) -> Result<(), SimError> {
-        // A list lasts for a quarter of a step, or for the span if that is longer.
-        let horizon = 0.25 * self.config.max_speed_cells_per_step * self.config.cell_size_m;
-        let horizon = if travel > horizon { travel } else { horizon };
-        self.pairs
-            .cover(&self.bodies, travel * (1.0 + 1e-6), horizon)
-            .map_err(|TooManyPairs| SimError::TooDense {
-                most: self.config.max_pairs,
-                time_s: span.start / self.clock.substeps_per_s,
-            })?;
-        let scene = Scene {
-            span,
-            statics,
-            pairs: self.pairs.list(),
-            suspects: &self.suspects,
-            first,
-        };
-        engine.advance(
-            &scene,
-            &mut self.bodies,
-            &mut self.nearest,
-            &mut self.log.pending,
-        )?;
-        self.tell_states(sink, span)?;
-        self.settle(sink, span.end)
-    }
-
-    /// Hashes and passes on the states at the ticks that start in a span.
-    fn tell_states(&mut self, sink: &mut dyn TraceSink, span: Span) -> Result<(), SimError> {
-        let bodies = &self.bodies;
-        loop {
-            let when = self.clock.tick_start(self.next_tick);
-            if when >= span.end {
-                return Ok(());
-            }
-            if when <= span.start {
-                tell_state(
-                    &mut self.states,
-                    sink,
-                    self.next_tick,
-                    &bodies.x0,
-                    &bodies.y0,
-                )?;
-            } else {
-                let fraction = (when - span.start) / span.length();
-                let (x, y) = (&mut self.target_x, &mut self.target_y);
-                interpolate(&bodies.x0, &bodies.x1, fraction, x);
-                interpolate(&bodies.y0, &bodies.y1, fraction, y);
-                tell_state(&mut self.states, sink, self.next_tick, x, y)?;
-            }
-            self.next_tick += 1;
-        }
+        Ok(())
     }
 
     /// Hashes and passes on the events that nothing can precede any more.
     fn settle(&mut self, sink: &mut dyn TraceSink, now: f64) -> Result<(), SimError> {
         self.log.settle(now, &mut self.settled);
-        if self.settled.is_empty() {
-            return Ok(());
+        if !self.settled.is_empty() {
+            self.events.update(&self.settled);
+            sink.events(&self.settled)?;
         }
-        self.events.update(&self.settled);
-        sink.events(&self.settled)?;
         Ok(())
     }
 
-    fn outcome(self, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
+    fn outcome(self, header: &Header, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
+        let Setup { config, clock, .. } = self.setup;
+        let agents = self.setup.agents;
         let nearest = &self.nearest;
-        let by_agent: Vec<Option<Approach>> = (0..self.bodies.len())
+        let by_agent: Vec<Option<Approach>> = (0..agents)
             .map(|agent| {
-                nearest.squared[agent].is_finite().then(|| Approach {
-                    distance_m: nearest.squared[agent].sqrt(),
-                    time_s: nearest.when[agent] / self.clock.substeps_per_s,
+                nearest.distance[agent].is_finite().then(|| Approach {
+                    distance_m: nearest.distance[agent],
+                    time_s: nearest.when[agent] / clock.substeps_per_s,
                     agents: [agent as u32, nearest.other[agent]],
                 })
             })
@@ -540,64 +471,239 @@ impl<'a> Run<'a> {
                 .then(a.time_s.total_cmp(&b.time_s))
                 .then(a.agents.cmp(&b.agents))
         });
-        let duration = self.clock.end() * self.bodies.len() as f64;
+        let mut tracking = Tracking::default();
+        let mut states = Xxh3::new();
+        for chunk in &self.chunks {
+            tracking.join(chunk.tracking);
+            states.update(&chunk.states.digest128().to_le_bytes());
+        }
+        let ticks = self.next_tick - 1;
+        let end = clock.tick_start(ticks);
+        let duration = end * agents as f64;
         let mean = if duration > 0.0 {
-            self.tracking.sum / duration
+            tracking.sum / duration
         } else {
             0.0
         };
-        let summary = trace::Summary {
-            ticks: self.clock.ticks,
-            simulated_s: self.clock.end() / self.clock.substeps_per_s,
-            contacts_agent_agent: self.log.contacts.agent_agent,
-            contacts_agent_obstacle: self.log.contacts.agent_obstacle,
+        let contacts = &self.log.contacts;
+        let summary = Summary {
+            ticks,
+            simulated_s: end / clock.substeps_per_s,
+            contacts_agent_agent: contacts.agent_agent,
+            contacts_agent_obstacle: contacts.agent_obstacle,
             nearest_approach_m: overall.map(|approach| approach.distance_m),
-            tracking_error_max_m: self.tracking.max_m,
+            tracking_error_max_m: tracking.max_m,
             tracking_error_mean_m: mean,
-            states_digest: self.states.finish(),
+            states_digest: Digest(states.digest128()),
             events_digest: self.events.finish(),
             trace_digest: Digest(0),
         }
-        .sealed(&self.header);
+        .sealed(header);
         sink.end(&summary)?;
+        let arrivals = self.arrivals();
+        let arrived: Vec<f64> = arrivals.filter(|when| when.is_finite()).collect();
+        let all = arrived.len() == agents;
+        let seconds = |substeps: f64| substeps / clock.substeps_per_s;
         Ok(Outcome {
-            tier: self.config.tier,
-            agents: self.bodies.len() as u32,
-            radius_m: self.config.radius_m(),
+            tier: config.tier,
+            policy: config.policy,
+            agents: agents as u32,
+            radius_m: self.shapes.largest_radius_m(),
+            arrived: arrived.len() as u32,
+            makespan_s: all.then(|| seconds(arrived.iter().copied().fold(0.0, f64::max))),
+            sum_of_costs_s: all.then(|| seconds(arrived.iter().sum())),
             simulated_s: summary.simulated_s,
             ticks: summary.ticks,
-            contacts: self.log.contacts,
             nearest_approach_m: summary.nearest_approach_m,
             nearest_approach: overall,
             nearest_approach_by_agent: by_agent,
-            tracking_error_max_m: self.tracking.max_m,
-            tracking_error_max_agent: self.tracking.max_agent,
+            tracking_error_max_m: tracking.max_m,
+            tracking_error_max_agent: tracking.max_agent,
             tracking_error_mean_m: mean,
             trace_digest: summary.trace_digest,
+            contacts: self.log.contacts,
+        })
+    }
+
+    /// When each agent arrived, in substeps; infinite for those that did not.
+    fn arrivals(&self) -> impl Iterator<Item = f64> {
+        let end = self.setup.clock.tick_start(self.next_tick - 1);
+        (0..self.setup.agents).map(move |agent| {
+            if self.setup.exact {
+                let when = self.reference.time(agent, self.reference.last(agent));
+                if when <= end { when } else { f64::INFINITY }
+            } else {
+                self.chunks[agent / CHUNK].pilots[agent % CHUNK].arrival
+            }
         })
     }
 }
 
-fn interpolate(from: &[f64], to: &[f64], fraction: f64, out: &mut [f64]) {
-    for ((out, a), b) in out.iter_mut().zip(from).zip(to) {
-        *out = a + (b - a) * fraction;
+impl Setup<'_> {
+    /// Moves an agent through a block.
+    fn drive(&self, driver: &Driver<'_>, shapes: &Shapes, chunk: &mut Chunk, lane: usize) {
+        match self.models[shapes.kind_of(chunk.first + lane as u32)] {
+            None | Some(Model::Pebble(_)) => driver.follow(None, chunk, lane),
+            Some(Model::Rotation(model)) => {
+                let quarter_turn = model.turn_s * self.clock.substeps_per_s;
+                driver.follow(Some(quarter_turn), chunk, lane);
+            }
+            Some(model) => driver.drive(model, chunk, lane),
+        }
+    }
+
+    /// What a trace says of the execution. The scene is made for those who look
+    /// at it only.
+    fn header(&self, shapes: &Shapes, reference: &Reference<'_>, scene: bool) -> Header {
+        let outline = |shape: &Shape| {
+            if shape.is_disc() {
+                Outline::Disc {
+                    radius_m: shape.effective_radius_m(),
+                }
+            } else {
+                Outline::Polygon {
+                    vertices_m: shape.vertices().to_vec(),
+                }
+            }
+        };
+        let profiles = shapes.kinds.iter().enumerate().map(|(kind, shape)| {
+            let model = self.models.get(kind).copied();
+            Profile {
+                name: match model {
+                    Some(_) => format!("robot {kind}"),
+                    None => format!("mover {}", kind - self.models.len()),
+                },
+                model: match model {
+                    Some(model) => model.map_or("pebble", Model::name).to_owned(),
+                    None => String::new(),
+                },
+                outline: outline(shape),
+            }
+        });
+        let scene = if scene {
+            self.scene(shapes, reference)
+        } else {
+            Scene::default()
+        };
+        Header {
+            program: concat!("fleetyard ", env!("CARGO_PKG_VERSION")).to_owned(),
+            agents: self.agents as u32,
+            movers: self.movers.len() as u32,
+            ticks_hz: self.config.ticks_hz,
+            substeps: self.config.substeps,
+            tier: self.config.tier.name().to_owned(),
+            policy: self.config.policy.name().to_owned(),
+            seed: self.config.disturbance.seed,
+            headings: self.with_heading,
+            progress: false,
+            state_every: 0,
+            bounds_m: self.bounds(reference),
+            profiles: profiles.collect(),
+            digests: self.digests(),
+            scene,
+        }
+    }
+
+    fn scene(&self, shapes: &Shapes, reference: &Reference<'_>) -> Scene {
+        let bodies = 0..(self.agents + self.movers.len()) as u32;
+        let polygons = self
+            .workspace
+            .map_or(&[][..], |workspace| &workspace.obstacles);
+        let goals = (0..self.agents).map(|agent| {
+            let goal = reference.place(agent, reference.last(agent));
+            [goal.x, goal.y]
+        });
+        Scene {
+            cells: self
+                .grid
+                .map(|grid| Cells::new(grid, self.config.cell_size_m)),
+            polygons_m: polygons
+                .iter()
+                .map(|polygon| polygon.vertices().to_vec())
+                .collect(),
+            profile_of_body: bodies.map(|body| shapes.kind_of(body) as u32).collect(),
+            goals_m: goals.collect(),
+        }
+    }
+
+    /// What is to be seen in a picture: the map and the workspace, or else where
+    /// the plan goes.
+    fn bounds(&self, reference: &Reference<'_>) -> Bounds {
+        let mut bounds: Option<Bounds> = None;
+        let mut add = |min_x: f64, min_y: f64, max_x: f64, max_y: f64| {
+            let known = bounds.unwrap_or(Bounds {
+                min_x,
+                min_y,
+                max_x,
+                max_y,
+            });
+            bounds = Some(Bounds {
+                min_x: known.min_x.min(min_x),
+                min_y: known.min_y.min(min_y),
+                max_x: known.max_x.max(max_x),
+                max_y: known.max_y.max(max_y),
+            });
+        };
+        if let Some(grid) = self.grid {
+            let side = self.config.cell_size_m;
+            add(
+                0.0,
+                0.0,
+                f64::from(grid.cols()) * side,
+                f64::from(grid.rows()) * side,
+            );
+        }
+        if let Some(workspace) = self.workspace {
+            let of = workspace.bounds;
+            add(of.min[0], of.min[1], of.max[0], of.max[1]);
+        }
+        if self.grid.is_none() && self.workspace.is_none() {
+            for agent in 0..self.agents {
+                for knot in 0..=reference.last(agent) {
+                    let place = reference.place(agent, knot);
+                    add(place.x - 1.0, place.y - 1.0, place.x + 1.0, place.y + 1.0);
+                }
+            }
+        }
+        bounds.unwrap_or(Bounds {
+            min_x: 0.0,
+            min_y: 0.0,
+            max_x: 0.0,
+            max_y: 0.0,
+        })
+    }
+
+    fn digests(&self) -> Digests {
+        let workspace = self.workspace.map(|workspace| {
+            let mut hasher = Hasher::new("fleetyard.workspace/1");
+            hasher.bytes(&write_workspace(workspace));
+            hasher.finish()
+        });
+        let world = match (self.grid.map(Grid::digest), workspace) {
+            (Some(grid), Some(workspace)) => {
+                let mut both = Hasher::new("fleetyard.map-and-workspace/1");
+                both.bytes(&grid.0.to_le_bytes());
+                both.bytes(&workspace.0.to_le_bytes());
+                both.finish()
+            }
+            (one, other) => one.or(other).unwrap_or(Digest(0)),
+        };
+        Digests {
+            world,
+            plan: self.plan.digest(),
+            fleet: self.fleet.map_or(Digest(0), fleet_digest),
+            config: self.config.digest(),
+        }
     }
 }
 
-fn tell_state(
-    digest: &mut StatesDigest,
-    sink: &mut dyn TraceSink,
-    tick: u64,
-    x_m: &[f64],
-    y_m: &[f64],
-) -> Result<(), SimError> {
-    let states = States {
-        x_m,
-        y_m,
-        heading_rad: None,
-        progress: None,
-    };
-    digest.update(&states);
-    sink.state(tick, &states)?;
-    Ok(())
+/// Digest of who is who and moves how.
+fn fleet_digest(fleet: &Fleet) -> Digest {
+    let mut hasher = Hasher::new("fleetyard.fleet/1");
+    for profile in fleet.profiles() {
+        // Its derived form says everything, numbers to the last bit.
+        hasher.bytes(format!("{profile:?}").as_bytes());
+    }
+    hasher.u32s(fleet.profile_of());
+    hasher.finish()
 }

@@ -1,163 +1,304 @@
-//! The kinematic tier: bodies go where they are told, contacts come from
-//! closed-form swept tests over candidate pairs and over the bitmap of solid
-//! cells. Nothing is sampled.
+//! Contacts and approaches of bodies whose motion is known: closed-form swept
+//! tests over candidate pairs. Nothing is sampled.
 
-use fleetyard_world::Relative;
+use rayon::prelude::*;
 
-use crate::bodies::{Bodies, Span};
-use crate::error::SimError;
+use fleetyard_world::{Inside, Pose, Relative, Shape, contacts_in_span};
+
+use crate::chunk::{CHUNK, Chunk, Span, Track};
 use crate::event::{Change, EventKind, Other};
-use crate::statics::Statics;
+use crate::workers::Workers;
 
-/// What an engine sees of one span.
-pub(crate) struct Scene<'a> {
-    pub(crate) span: Span,
-    pub(crate) statics: &'a Statics,
-    /// Candidate pairs; all pairs that can come into contact are among them.
-    pub(crate) pairs: &'a [(u32, u32)],
-    /// Agents that may meet solid cells; all others provably do not.
-    pub(crate) suspects: &'a [u32],
-    /// This is the moment of the start: what overlaps now begins now.
-    pub(crate) first: bool,
-}
-
-/// One way of moving bodies and finding contacts: the seam between the tiers.
-///
-/// An engine is told where bodies should be at the end of a span and may put
-/// them elsewhere; everything else (reference, tracking, nearest approach,
-/// order of events, digest, trace) is common to all engines.
-pub(crate) trait Engine {
-    /// Whether spans may be longer than a substep. If so, the engine puts every
-    /// body exactly where it should be.
-    fn takes_long_spans(&self) -> bool;
-
-    /// Moves the bodies through a span: on entry `x1`, `y1` are where they
-    /// should be at its end, on return where they are. Reports what begins and
-    /// ends to touch, in any order.
-    fn advance(
-        &mut self,
-        scene: &Scene<'_>,
-        bodies: &mut Bodies,
-        nearest: &mut Nearest,
-        changes: &mut Vec<Change>,
-    ) -> Result<(), SimError>;
-
-    /// Reports what is still unsaid when the execution ends at `now`.
-    fn finish(&mut self, now: f64, statics: &Statics, bodies: &Bodies, changes: &mut Vec<Change>);
-}
+/// Pairs that are swept as one piece of work.
+const PIECE: usize = 2048;
 
 /// The nearest approach of every agent to any other, between centres.
 #[derive(Debug)]
 pub(crate) struct Nearest {
-    range_squared: f64,
-    pub(crate) squared: Vec<f64>,
+    range: f64,
+    pub(crate) distance: Vec<f64>,
     pub(crate) when: Vec<f64>,
     pub(crate) other: Vec<u32>,
 }
 
 impl Nearest {
     pub(crate) fn new(agents: usize, range_m: f64) -> Self {
-        // Distances on grids are whole numbers of cells more often than not: the
-        // range includes its end, whatever the rounding.
-        let range_m = range_m * (1.0 + 1e-9);
         Self {
-            range_squared: range_m * range_m,
-            squared: vec![f64::INFINITY; agents],
+            // Distances on grids are whole numbers of cells more often than not: the
+            // range includes its end, whatever the rounding.
+            range: range_m * (1.0 + 1e-9),
+            distance: vec![f64::INFINITY; agents],
             when: vec![0.0; agents],
             other: vec![u32::MAX; agents],
         }
     }
 
+    /// The distance at which something new would be nearer.
+    fn limit(&self, agent: u32) -> f64 {
+        self.distance[agent as usize].min(self.range)
+    }
+
     /// Takes note of an approach. The result does not depend on the order of
     /// calls: ties go to the earlier time, then to the lower index.
-    fn note(&mut self, agent: u32, other: u32, squared: f64, when: f64) {
+    fn note(&mut self, agent: u32, other: u32, distance: f64, when: f64) {
         let at = agent as usize;
-        if squared > self.squared[at] {
+        if distance > self.distance[at] {
             return;
         }
-        let better = squared < self.squared[at]
+        let better = distance < self.distance[at]
             || when < self.when[at]
             || (when <= self.when[at] && other < self.other[at]);
         if better {
-            self.squared[at] = squared;
+            self.distance[at] = distance;
             self.when[at] = when;
             self.other[at] = other;
         }
     }
 }
 
-/// Sweeps all candidate pairs through a span: nearest approaches, and contacts
-/// below `contact_m` if one is given.
-pub(crate) fn sweep_pairs(
-    scene: &Scene<'_>,
-    bodies: &Bodies,
-    contact_m: Option<f64>,
-    nearest: &mut Nearest,
-    changes: &mut Vec<Change>,
-) {
-    let limit = contact_m.map_or(f64::NEG_INFINITY, |distance| distance * distance);
-    for (i, j) in scene.pairs.iter().copied() {
-        let (a, b) = (i as usize, j as usize);
-        let way = Relative {
-            x0: bodies.x0[b] - bodies.x0[a],
-            y0: bodies.y0[b] - bodies.y0[a],
-            x1: bodies.x1[b] - bodies.x1[a],
-            y1: bodies.y1[b] - bodies.y1[a],
-        };
-        let (squared, fraction) = way.closest();
-        if squared <= nearest.range_squared {
-            let when = scene.span.at(fraction);
-            nearest.note(i, j, squared, when);
-            nearest.note(j, i, squared, when);
-        }
-        if squared >= limit {
-            continue;
-        }
-        let Some(inside) = contact_m.and_then(|distance| way.inside_disc(distance, squared)) else {
-            continue;
-        };
-        if scene.first || !inside.at_start {
-            let when = scene.span.at(inside.enter);
-            changes.push(Change::new(when, EventKind::Begin, i, Other::Agent(j)));
-        }
-        if !inside.at_end {
-            let when = scene.span.at(inside.leave);
-            changes.push(Change::new(when, EventKind::End, i, Other::Agent(j)));
-        }
-    }
+/// How near two agents come in a block.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    i: u32,
+    j: u32,
+    distance: f64,
+    when: f64,
 }
 
-/// The engine of the kinematic tier. It has no memory: whether a pair is in
-/// contact at the start of a span follows from where it is.
+/// What a piece of the list of pairs found.
+#[derive(Debug, Default)]
+struct Findings {
+    near: Vec<Near>,
+    changes: Vec<Change>,
+}
+
+/// The search for contacts between bodies.
+#[derive(Debug, Default)]
+pub(crate) struct Sweep {
+    findings: Vec<Findings>,
+}
+
+/// What bodies are, for the search.
+pub(crate) struct Bodies<'a> {
+    pub(crate) chunks: &'a [Chunk],
+    /// Agents come first; the rest are moving obstacles.
+    pub(crate) agents: u32,
+    pub(crate) shapes: &'a Shapes,
+    /// Contact is looked for; otherwise only approaches.
+    pub(crate) contacts: bool,
+    pub(crate) tolerance_m: f64,
+}
+
+/// The shapes of all bodies, most of which are alike.
 #[derive(Debug)]
-pub(crate) struct Kinematic {
-    /// Agents are in contact below this distance between centres.
-    pub(crate) agent_contact_m: f64,
-    /// An agent is in contact with a solid cell below this distance.
-    pub(crate) static_contact_m: f64,
+pub(crate) struct Shapes {
+    pub(crate) kinds: Vec<Shape>,
+    /// The kind of every body; empty if there is one.
+    pub(crate) of_body: Vec<u32>,
 }
 
-impl Engine for Kinematic {
-    fn takes_long_spans(&self) -> bool {
-        true
+impl Shapes {
+    pub(crate) fn kind_of(&self, body: u32) -> usize {
+        self.of_body.get(body as usize).copied().unwrap_or(0) as usize
     }
 
-    fn advance(
+    pub(crate) fn of(&self, body: u32) -> &Shape {
+        &self.kinds[self.kind_of(body)]
+    }
+
+    /// The largest effective radius.
+    pub(crate) fn largest_radius_m(&self) -> f64 {
+        fleetyard_world::common_radius_m(&self.kinds)
+    }
+}
+
+impl Bodies<'_> {
+    fn track(&self, body: u32) -> (Track<'_>, f64) {
+        let (chunk, lane) = (body as usize / CHUNK, body as usize % CHUNK);
+        let chunk = &self.chunks[chunk];
+        (chunk.tracks.get(lane), chunk.travel[lane])
+    }
+}
+
+impl Sweep {
+    /// Sweeps all candidate pairs through a block. `first` is true in the block
+    /// of the start: what overlaps at its start begins then.
+    pub(crate) fn run(
         &mut self,
-        scene: &Scene<'_>,
-        bodies: &mut Bodies,
+        workers: Workers,
+        bodies: &Bodies<'_>,
+        pairs: &[(u32, u32)],
+        first: bool,
         nearest: &mut Nearest,
         changes: &mut Vec<Change>,
-    ) -> Result<(), SimError> {
-        sweep_pairs(scene, bodies, Some(self.agent_contact_m), nearest, changes);
-        for agent in scene.suspects.iter().copied() {
-            let radius = self.static_contact_m;
-            scene
-                .statics
-                .sweep(agent, bodies, scene.span, scene.first, radius, changes);
+    ) {
+        let pieces = pairs.len().div_ceil(PIECE);
+        if self.findings.len() < pieces {
+            self.findings.resize_with(pieces, Findings::default);
         }
-        Ok(())
+        let known = &*nearest;
+        let sweep = |(pairs, findings): (&[(u32, u32)], &mut Findings)| {
+            findings.near.clear();
+            findings.changes.clear();
+            for (i, j) in pairs.iter().copied() {
+                sweep_pair(bodies, i, j, first, known, findings);
+            }
+        };
+        let findings = &mut self.findings[..pieces];
+        if workers.are_many() && pieces > 1 {
+            pairs
+                .par_chunks(PIECE)
+                .zip(findings.par_iter_mut())
+                .for_each(sweep);
+        } else {
+            pairs.chunks(PIECE).zip(findings.iter_mut()).for_each(sweep);
+        }
+        for findings in findings {
+            for near in &findings.near {
+                nearest.note(near.i, near.j, near.distance, near.when);
+                nearest.note(near.j, near.i, near.distance, near.when);
+            }
+            changes.append(&mut findings.changes);
+        }
     }
+}
 
-    fn finish(&mut self, _: f64, _: &Statics, _: &Bodies, _: &mut Vec<Change>) {}
+fn sweep_pair(
+    bodies: &Bodies<'_>,
+    i: u32,
+    j: u32,
+    first: bool,
+    nearest: &Nearest,
+    findings: &mut Findings,
+) {
+    // Pairs have their lower index first: of these, one is an agent or none.
+    if i >= bodies.agents {
+        return;
+    }
+    let both_agents = j < bodies.agents;
+    let ((a, a_travel), (b, b_travel)) = (bodies.track(i), bodies.track(j));
+    let (one, two) = (bodies.shapes.of(i), bodies.shapes.of(j));
+    let touch = if bodies.contacts {
+        one.effective_radius_m() + two.effective_radius_m() - bodies.tolerance_m
+    } else {
+        f64::NEG_INFINITY
+    };
+    let near = if both_agents {
+        nearest.limit(i).max(nearest.limit(j))
+    } else {
+        f64::NEG_INFINITY
+    };
+    // Neither is any nearer than this in the block, so that most pairs that
+    // go their ways side by side need no sweep.
+    let reach = (near.max(touch) + a_travel + b_travel) * (1.0 + 1e-12);
+    let (dx, dy) = (b.x[0] - a.x[0], b.y[0] - a.y[0]);
+    if reach < 0.0 || dx * dx + dy * dy > reach * reach {
+        return;
+    }
+    let mut least = Near {
+        i,
+        j,
+        distance: f64::INFINITY,
+        when: 0.0,
+    };
+    let other = if both_agents {
+        Other::Agent(j)
+    } else {
+        Other::Mover(j - bodies.agents)
+    };
+    let discs = one.is_disc() && two.is_disc();
+    let mut first = first;
+    let mut inside: Vec<Inside> = Vec::new();
+    each_common_span(a, b, |span, way, ends| {
+        let (squared, share) = way.closest();
+        if squared < least.distance {
+            least.distance = squared;
+            least.when = span.at(share);
+        }
+        if touch > 0.0 && squared < touch * touch {
+            if discs {
+                if let Some(inside) = way.inside_disc(touch, squared) {
+                    report(inside, span, first, i, other, &mut findings.changes);
+                }
+            } else {
+                inside.clear();
+                let [from_a, to_a, from_b, to_b] = ends();
+                contacts_in_span(
+                    one,
+                    from_a,
+                    to_a,
+                    two,
+                    from_b,
+                    to_b,
+                    bodies.tolerance_m,
+                    &mut inside,
+                );
+                for inside in &inside {
+                    report(*inside, span, first, i, other, &mut findings.changes);
+                }
+            }
+        }
+        first = false;
+    });
+    least.distance = least.distance.sqrt();
+    if least.distance <= near {
+        findings.near.push(least);
+    }
+}
+
+/// Reports where a body begins and ends to overlap another in a span.
+pub(crate) fn report(
+    inside: Inside,
+    span: Span,
+    first: bool,
+    agent: u32,
+    other: Other,
+    changes: &mut Vec<Change>,
+) {
+    if first || !inside.at_start {
+        let when = span.at(inside.enter);
+        changes.push(Change::new(when, EventKind::Begin, agent, other));
+    }
+    if !inside.at_end {
+        let when = span.at(inside.leave);
+        changes.push(Change::new(when, EventKind::End, agent, other));
+    }
+}
+
+/// Calls `visit` for every stretch in which both bodies move uniformly, with the
+/// way of the second relative to the first and the poses of both at its ends.
+fn each_common_span(
+    a: Track<'_>,
+    b: Track<'_>,
+    mut visit: impl FnMut(Span, Relative, &dyn Fn() -> [Pose; 4]),
+) {
+    let relative = |a: (f64, f64), b: (f64, f64)| (b.0 - a.0, b.1 - a.1);
+    if a.t.len() == b.t.len() && a.t == b.t {
+        let (mut x0, mut y0) = relative((a.x[0], a.y[0]), (b.x[0], b.y[0]));
+        for at in 1..a.t.len() {
+            let (x1, y1) = relative((a.x[at], a.y[at]), (b.x[at], b.y[at]));
+            let span = Span {
+                start: a.t[at - 1],
+                end: a.t[at],
+            };
+            visit(span, Relative { x0, y0, x1, y1 }, &|| {
+                [a.pose(at - 1), a.pose(at), b.pose(at - 1), b.pose(at)]
+            });
+            (x0, y0) = (x1, y1);
+        }
+        return;
+    }
+    let (mut ia, mut ib) = (1, 1);
+    let (mut start, mut from_a, mut from_b) = (a.t[0], a.pose(0), b.pose(0));
+    while ia < a.t.len() && ib < b.t.len() {
+        let end = a.t[ia].min(b.t[ib]);
+        let (to_a, to_b) = (a.within(ia, end), b.within(ib, end));
+        let (x0, y0) = relative((from_a.x, from_a.y), (from_b.x, from_b.y));
+        let (x1, y1) = relative((to_a.x, to_a.y), (to_b.x, to_b.y));
+        let ends = [from_a, to_a, from_b, to_b];
+        visit(Span { start, end }, Relative { x0, y0, x1, y1 }, &|| ends);
+        (start, from_a, from_b) = (end, to_a, to_b);
+        ia += usize::from(a.t[ia] <= end);
+        ib += usize::from(b.t[ib] <= end);
+    }
 }

@@ -33,12 +33,12 @@
 //!
 //! ```
 //! use fleetyard_core::{Grid, GridPlan};
-//! use fleetyard_sim::{Execution, NoTrace, SimConfig};
+//! use fleetyard_sim::{Simulator, NoTrace, SimConfig};
 //!
 //! let grid = Grid::new("tiny", 1, 4, b"....".to_vec())?;
 //! // Two agents swap places, which no valid plan does.
 //! let plan = GridPlan::from_paths([vec![0, 1], vec![1, 0]]);
-//! let outcome = Execution::run(&grid, &plan, &SimConfig::default(), &mut NoTrace)?;
+//! let outcome = Simulator::new(&SimConfig::default()).on_grid(&grid).run(&plan, &mut NoTrace)?;
 //! assert_eq!(outcome.contacts.agent_agent, 1);
 //! assert_eq!(outcome.nearest_approach_m, Some(0.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -53,25 +53,36 @@
 
 #![forbid(unsafe_code)]
 
-mod bodies;
+mod chunk;
+mod clock;
 mod config;
 pub mod contact;
+mod control;
 mod convert;
 mod error;
 mod event;
 mod execution;
+mod follow;
 pub mod gate;
 mod kinematic;
 pub mod motion;
 pub mod noise;
+mod obstacles;
+mod outcome;
 mod pairs;
-mod reference;
+mod route;
+mod simulator;
+mod solved;
 mod statics;
 pub mod trace;
+mod workers;
 
-pub use config::{SimConfig, Tier};
+pub use config::{Policy, SimConfig, Tier};
 pub use convert::{cell_center_m, cell_of_point};
 pub use error::SimError;
 pub use event::{Contact, Contacts, Event, EventKind, Other};
-pub use execution::{Approach, Execution, Outcome};
+pub use motion::{Fleet, Profile};
+pub use outcome::{Approach, Outcome};
+pub use route::Plan;
+pub use simulator::Simulator;
 pub use trace::{NoTrace, TraceReader, TraceSink, TraceWriter};

@@ -111,6 +111,11 @@ const TIMES: &str = "give seconds from 0 to 1e6";
 const MOST_S: f64 = 1e6;
 
 impl Disturbance {
+    /// Whether agents are ever late or slow.
+    pub fn moves_agents(&self) -> bool {
+        !matches!(self.delay, Delay::None) || !self.velocity.is_none()
+    }
+
     /// Whether nothing is disturbed.
     pub fn is_none(&self) -> bool {
         self.delay == Delay::None && self.velocity.is_none() && self.messages.is_none()

@@ -5,7 +5,9 @@
 //! list is built again. The order of the list carries no meaning; consumers
 //! reduce it in ways that do not depend on order.
 
-use crate::bodies::Bodies;
+use rayon::prelude::*;
+
+use crate::workers::Workers;
 
 /// The pairs `(i, j)`, i < j, that can come within `range` of each other.
 #[derive(Debug, Default)]
@@ -17,6 +19,9 @@ pub(crate) struct Pairs {
     allowance: f64,
     built: bool,
     most: usize,
+    /// Where everybody was when the list was built.
+    x: Vec<f64>,
+    y: Vec<f64>,
     starts: Vec<u32>,
     order: Vec<u32>,
     bin: Vec<u32>,
@@ -39,19 +44,24 @@ impl Pairs {
         &self.list
     }
 
-    /// Makes the list good for a span in which no agent moves farther than
+    /// Makes the list good for a block in which no body moves farther than
     /// `travel`, building it again if it must be. A new list lasts until
-    /// agents have moved `horizon`, at least.
+    /// bodies have moved `horizon`, at least. `places` puts the positions at the
+    /// start of the block into the two lists.
     pub(crate) fn cover(
         &mut self,
-        bodies: &Bodies,
+        workers: Workers,
+        places: impl FnOnce(&mut Vec<f64>, &mut Vec<f64>),
         travel: f64,
         horizon: f64,
     ) -> Result<(), TooManyPairs> {
         if !self.built || travel > self.allowance {
+            self.x.clear();
+            self.y.clear();
+            places(&mut self.x, &mut self.y);
             // The slack absorbs the rounding of distances.
             let allowance = travel.max(horizon) * (1.0 + 1e-9);
-            self.build(bodies, self.range + 2.0 * allowance)?;
+            self.build(workers, self.range + 2.0 * allowance)?;
             self.allowance = allowance;
             self.built = true;
         }
@@ -59,9 +69,9 @@ impl Pairs {
         Ok(())
     }
 
-    fn build(&mut self, bodies: &Bodies, reach: f64) -> Result<(), TooManyPairs> {
+    fn build(&mut self, workers: Workers, reach: f64) -> Result<(), TooManyPairs> {
         let reach = reach * (1.0 + 1e-9);
-        let (x, y) = (&bodies.x0, &bodies.y0);
+        let (x, y) = (&self.x, &self.y);
         let bounds = |values: &[f64]| {
             values
                 .iter()
@@ -102,29 +112,29 @@ impl Pairs {
             *slot += 1;
         }
 
-        self.list.clear();
-        let (starts, order, list) = (&self.starts, &self.order, &mut self.list);
+        let (starts, order) = (&self.starts, &self.order);
         let members = |row: usize, col: usize| {
             let bin = row * cols + col;
             &order[starts[bin] as usize..starts[bin + 1] as usize]
         };
         let limit = reach * reach;
-        let mut pair_up = |i: u32, others: &[u32]| {
-            let (xi, yi) = (x[i as usize], y[i as usize]);
-            for j in others.iter().copied() {
-                let (dx, dy) = (x[j as usize] - xi, y[j as usize] - yi);
-                if dx * dx + dy * dy <= limit {
-                    list.push((i.min(j), i.max(j)));
+        let most = self.most;
+        // Each unordered pair of bins once: itself, east, and the three to the
+        // north. Rows are searched on their own and their pairs joined in order.
+        let search = |row: usize, list: &mut Vec<(u32, u32)>| {
+            let mut pair_up = |i: u32, others: &[u32]| {
+                let (xi, yi) = (x[i as usize], y[i as usize]);
+                for j in others.iter().copied() {
+                    let (dx, dy) = (x[j as usize] - xi, y[j as usize] - yi);
+                    if dx * dx + dy * dy <= limit {
+                        list.push((i.min(j), i.max(j)));
+                    }
                 }
-            }
-            list.len() <= self.most
-        };
-        for row in 0..rows {
+                list.len() <= most
+            };
             for col in 0..cols {
                 let own = members(row, col);
                 for (at, i) in own.iter().copied().enumerate() {
-                    // Each unordered pair of bins once: itself, east, and the
-                    // three to the north.
                     let mut fits = pair_up(i, &own[at + 1..]);
                     if col + 1 < cols {
                         fits &= pair_up(i, members(row, col + 1));
@@ -135,10 +145,38 @@ impl Pairs {
                         }
                     }
                     if !fits {
-                        return Err(TooManyPairs);
+                        return;
                     }
                 }
             }
+        };
+        self.list.clear();
+        if workers.are_many() {
+            // A few rows at a time, so that a list is worth its making.
+            let step = rows.div_ceil(8 * workers.count()).max(1);
+            let parts: Vec<Vec<(u32, u32)>> = (0..rows.div_ceil(step))
+                .into_par_iter()
+                .map(|part| {
+                    let mut list = Vec::new();
+                    for row in part * step..((part + 1) * step).min(rows) {
+                        search(row, &mut list);
+                    }
+                    list
+                })
+                .collect();
+            for part in &parts {
+                self.list.extend_from_slice(part);
+            }
+        } else {
+            for row in 0..rows {
+                search(row, &mut self.list);
+                if self.list.len() > most {
+                    break;
+                }
+            }
+        }
+        if self.list.len() > most {
+            return Err(TooManyPairs);
         }
         Ok(())
     }
@@ -161,32 +199,40 @@ mod tests {
             moves in proptest::collection::vec((-0.7..0.7f64, -0.7..0.7f64), 60),
             range in 0.0..5.0f64,
         ) {
-            let (x, y): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
-            let mut bodies = Bodies::at_rest(x, y);
+            let places = std::cell::RefCell::new(places);
+            let workers = Workers::new(1 + usize::from(range > 2.0));
+            let gather = |x: &mut Vec<f64>, y: &mut Vec<f64>| {
+                for (px, py) in places.borrow().iter() {
+                    x.push(*px);
+                    y.push(*py);
+                }
+            };
+            let bodies = places.borrow().len();
             let mut pairs = Pairs::new(range, usize::MAX);
-            pairs.cover(&bodies, 0.5, 1.0).unwrap();
+            pairs.cover(workers, gather, 0.5, 1.0).unwrap();
             let built = pairs.list().to_vec();
-            for (at, (dx, dy)) in moves.iter().take(bodies.len()).enumerate() {
-                bodies.x0[at] += dx;
-                bodies.y0[at] += dy;
+            for (place, (dx, dy)) in places.borrow_mut().iter_mut().zip(&moves) {
+                place.0 += dx;
+                place.1 += dy;
             }
             // Half of the allowance of 1 m is left and suffices.
-            pairs.cover(&bodies, 0.4, 1.0).unwrap();
+            pairs.cover(workers, gather, 0.4, 1.0).unwrap();
             prop_assert_eq!(&built, pairs.list());
             let set: BTreeSet<(u32, u32)> = built.iter().copied().collect();
             prop_assert_eq!(set.len(), built.len());
-            for i in 0..bodies.len() {
-                for j in i + 1..bodies.len() {
-                    let (dx, dy) = (bodies.x0[j] - bodies.x0[i], bodies.y0[j] - bodies.y0[i]);
+            for i in 0..bodies {
+                for j in i + 1..bodies {
+                    let (one, two) = (places.borrow()[i], places.borrow()[j]);
+                    let (dx, dy) = (two.0 - one.0, two.1 - one.1);
                     if dx * dx + dy * dy <= range * range {
                         prop_assert!(set.contains(&(i as u32, j as u32)));
                     }
                 }
             }
             // Now it does not.
-            pairs.cover(&bodies, 0.4, 1.0).unwrap();
+            pairs.cover(workers, gather, 0.4, 1.0).unwrap();
             let mut few = Pairs::new(100.0, 3);
-            prop_assert_eq!(few.cover(&bodies, 0.0, 0.0).is_err(), bodies.len() > 3);
+            prop_assert_eq!(few.cover(workers, gather, 0.0, 0.0).is_err(), bodies > 3);
         }
     }
 }

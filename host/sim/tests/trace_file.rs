@@ -10,7 +10,7 @@ use fleetyard_sim::trace::{
     StatesDigest, Summary, TraceOptions, read_trace,
 };
 use fleetyard_sim::{
-    Event, EventKind, Execution, NoTrace, Other, Outcome, SimConfig, SimError, TraceReader,
+    Event, EventKind, NoTrace, Other, Outcome, SimConfig, SimError, Simulator, TraceReader,
     TraceSink, TraceWriter,
 };
 
@@ -24,6 +24,7 @@ fn world() -> (Grid, GridPlan) {
 fn config() -> SimConfig {
     SimConfig {
         ticks_hz: 10,
+        overlapping_starts: true,
         ..SimConfig::default()
     }
 }
@@ -31,7 +32,10 @@ fn config() -> SimConfig {
 fn written(options: TraceOptions) -> (Vec<u8>, Outcome) {
     let (grid, plan) = world();
     let mut writer = TraceWriter::with_options(Vec::new(), options);
-    let outcome = Execution::run(&grid, &plan, &config(), &mut writer).expect("can be executed");
+    let outcome = Simulator::new(&config())
+        .on_grid(&grid)
+        .run(&plan, &mut writer)
+        .expect("can be executed");
     (writer.into_inner(), outcome)
 }
 
@@ -107,7 +111,10 @@ fn read(bytes: &[u8]) -> Memory {
 fn what_is_written_is_read() {
     let (grid, plan) = world();
     let mut memory = Memory::default();
-    let outcome = Execution::run(&grid, &plan, &config(), &mut memory).unwrap();
+    let outcome = Simulator::new(&config())
+        .on_grid(&grid)
+        .run(&plan, &mut memory)
+        .unwrap();
     assert_eq!(memory.states.len() as u64, outcome.ticks + 1);
     assert!(!memory.events.is_empty());
     let order = |e: &Event| (e.substep, e.agent);
@@ -463,10 +470,23 @@ fn a_full_disk_is_an_error() {
     let length = written(every(1)).0.len();
     for room in [0, 100, length / 2, length - 1] {
         let mut writer = TraceWriter::new(Full(room), 1);
-        let error = Execution::run(&grid, &plan, &config(), &mut writer).unwrap_err();
+        let error = Simulator::new(&config())
+            .on_grid(&grid)
+            .run(&plan, &mut writer)
+            .unwrap_err();
         assert!(matches!(error, SimError::Trace(_)));
     }
     let mut writer = TraceWriter::new(Full(length), 1);
-    assert!(Execution::run(&grid, &plan, &config(), &mut writer).is_ok());
-    assert!(Execution::run(&grid, &plan, &config(), &mut NoTrace).is_ok());
+    assert!(
+        Simulator::new(&config())
+            .on_grid(&grid)
+            .run(&plan, &mut writer)
+            .is_ok()
+    );
+    assert!(
+        Simulator::new(&config())
+            .on_grid(&grid)
+            .run(&plan, &mut NoTrace)
+            .is_ok()
+    );
 }

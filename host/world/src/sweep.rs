@@ -16,7 +16,7 @@
 //! flickers nor vanishes between them.
 
 use crate::geometry::disc_crossing;
-use crate::separation::{each_axis, separate, sides};
+use crate::separation::{each_axis, separate, separation_m, sides};
 use crate::{Inside, Placement, Pose, Relative, Shape};
 
 /// Where a body turns, an overlap that is never deeper than the tolerance plus
@@ -75,17 +75,9 @@ pub fn contacts_in_span(
         to_b,
         tolerance_m,
     };
-    let (wx, wy) = (way.x1 - way.x0, way.y1 - way.y0);
-    let turning = span.turning_m();
-    let (clearance, [x, y]) = span.clearance(0.0);
-    // Most that come here are neighbours that do not meet: along the direction in
-    // which they are apart, they do not come near enough, whatever the rounding.
-    let closing = (turning - (x * wx + y * wy)).max(0.0);
-    if clearance > closing + 1e-12 * reach {
-        return;
-    }
-    let (at_start, at_end) = (clearance < 0.0, span.clearance(1.0).0 < 0.0);
-    if turning > 0.0 {
+    let overlap = |at_a: Pose, at_b: Pose| separation_m(a, at_a, b, at_b) < -tolerance_m;
+    let (at_start, at_end) = (overlap(from_a, from_b), overlap(to_a, to_b));
+    if span.turning_m() > 0.0 {
         span.advance(at_start, at_end, out);
         return;
     }

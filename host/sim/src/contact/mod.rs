@@ -22,7 +22,6 @@
 
 #![allow(clippy::float_cmp, reason = "whether anything changed at all")]
 
-mod observer;
 mod touch;
 
 use fleetyard_core::Grid;
@@ -36,7 +35,6 @@ use xxhash_rust::xxh3::Xxh3Default;
 use crate::convert::{isometry, vector};
 use crate::statics::{Block, Statics};
 
-pub(crate) use observer::Physics;
 pub use touch::ContactEvent;
 use touch::Touches;
 

@@ -48,6 +48,12 @@ impl State {
         state
     }
 
+    /// Takes over the memory of the controller from a state that was not reached.
+    pub(crate) fn remember(&mut self, of: &Self) {
+        self.sum_distance = of.sum_distance;
+        self.sum_heading = of.sum_heading;
+    }
+
     /// Speed over ground.
     pub fn speed_m_per_s(&self) -> f64 {
         (self.vx * self.vx + self.vy * self.vy).sqrt()

@@ -87,7 +87,7 @@ pub struct States<'a> {
 /// Receives an execution as it happens.
 ///
 /// An error breaks the execution off.
-pub trait TraceSink {
+pub trait TraceSink: Send {
     /// Whether the sink looks at [`Header::scene`]; otherwise it may stay empty.
     fn wants_scene(&self) -> bool {
         true

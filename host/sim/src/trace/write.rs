@@ -203,7 +203,7 @@ impl<W: Write> TraceWriter<W> {
     }
 }
 
-impl<W: Write> TraceSink for TraceWriter<W> {
+impl<W: Write + Send> TraceSink for TraceWriter<W> {
     fn wants_state(&self, tick: u64) -> bool {
         self.options.every > 0 && tick.is_multiple_of(u64::from(self.options.every))
     }

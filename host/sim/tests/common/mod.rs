@@ -90,6 +90,66 @@ pub(crate) fn valid_walks(
     GridPlan::from_paths(paths)
 }
 
+/// Like [`valid_walks`], but agents mostly go straight on, as robots that have
+/// somewhere to go.
+pub(crate) fn valid_drives(
+    rng: &mut ChaCha8Rng,
+    grid: &Grid,
+    agents: usize,
+    steps: usize,
+) -> GridPlan {
+    const FREE: u32 = u32::MAX;
+    let mut now = starts(rng, grid, agents);
+    let agents = now.len();
+    let mut occupant = vec![FREE; grid.cell_count() as usize];
+    for (agent, cell) in now.iter().enumerate() {
+        occupant[*cell as usize] = agent as u32;
+    }
+    let mut headings = vec![0i64; agents];
+    let mut cells: Vec<Vec<u32>> = vec![now.clone()];
+    let mut options: Vec<u32> = Vec::new();
+    for _ in 0..steps {
+        // One after the other, so that nobody ever enters a cell that is not
+        // free: no swaps, and no rings.
+        let mut next = now.clone();
+        for agent in 0..agents {
+            let from = now[agent];
+            options.clear();
+            options.extend(
+                grid.neighbors(from, Connectivity::Four)
+                    .filter(|to| occupant[*to as usize] == FREE),
+            );
+            let ahead = options
+                .iter()
+                .copied()
+                .find(|to| i64::from(*to) - i64::from(from) == headings[agent]);
+            let to = match ahead {
+                Some(ahead) if below(rng, 20) > 0 => ahead,
+                _ if options.is_empty() => from,
+                _ => options[below(rng, options.len())],
+            };
+            if to != from {
+                headings[agent] = i64::from(to) - i64::from(from);
+                occupant[to as usize] = agent as u32;
+                next[agent] = to;
+            }
+        }
+        // What was left is free in the next step only: there is a gap behind everyone.
+        for (from, to) in now.iter().zip(&next) {
+            if from != to {
+                occupant[*from as usize] = FREE;
+            }
+        }
+        now = next;
+        cells.push(now.clone());
+    }
+    let mut plan = GridPlan::with_capacity(agents, agents * (steps + 1));
+    for agent in 0..agents {
+        plan.push_path(cells.iter().map(|cells| cells[agent]));
+    }
+    plan
+}
+
 /// Random walks that ignore each other and, if `through_walls`, the obstacles;
 /// with `teleports` percent of the steps going anywhere.
 pub(crate) fn wild_walks(

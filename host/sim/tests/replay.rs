@@ -1,28 +1,28 @@
-//! The tiers and the two ways of the kinematic tier see the same contacts.
+//! Long and short spans of the kinematic tier see the same contacts.
 
 mod common;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use fleetyard_core::{Grid, GridPlan};
-use fleetyard_sim::{Contact, Execution, NoTrace, Other, Outcome, SimConfig, Tier};
+use fleetyard_sim::{Contact, NoTrace, Other, Outcome, SimConfig, Simulator};
 
 fn run(grid: &Grid, plan: &GridPlan, config: &SimConfig) -> Outcome {
-    Execution::run(grid, plan, config, &mut NoTrace).expect("the plan can be executed")
+    Simulator::new(config)
+        .on_grid(grid)
+        .run(plan, &mut NoTrace)
+        .expect("the plan can be executed")
 }
 
 fn keep_all() -> SimConfig {
     SimConfig {
         max_contacts_kept: usize::MAX,
+        overlapping_starts: true,
         ..SimConfig::default()
     }
 }
 
-/// Pairs in contact at any time; obstacles are `u32::MAX`.
-fn pairs(outcome: &Outcome) -> BTreeSet<(u32, u32)> {
-    outcome.contacts.first.iter().map(key).collect()
-}
-
+/// Who is in contact with whom; obstacles are `u32::MAX`.
 fn key(contact: &Contact) -> (u32, u32) {
     match contact.other {
         Other::Agent(other) => (contact.agent, other),
@@ -49,82 +49,12 @@ fn valid_plans_have_no_contact_and_are_tracked_exactly() {
         let mut rng = common::rng(seed);
         let grid = common::random_grid(&mut rng, 12, 15, 15);
         let plan = common::valid_walks(&mut rng, &grid, 60, 30);
-        for tier in [Tier::Kinematic, Tier::Contact] {
-            let config = SimConfig { tier, ..keep_all() };
-            let outcome = run(&grid, &plan, &config);
-            assert_eq!(outcome.contacts.total(), 0, "seed {seed}, {tier}");
-            assert_eq!(outcome.tracking_error_max_m.to_bits(), 0, "seed {seed}");
-            let nearest = outcome.nearest_approach_m.expect("a crowded map");
-            // Corner following at its closest, and nothing nearer.
-            assert!(nearest >= 0.5f64.sqrt() - 1e-12, "seed {seed}: {nearest}");
-        }
-    }
-}
-
-/// The contact tier samples at substeps, so it misses contacts that are shorter
-/// than a substep. Their depth is at most that of a chord of 2 · 1.5 cells per
-/// step for 1/240 of a step on a circle of twice the radius: below 3e-5 cells.
-/// The pairs that only one tier reports must be such grazes.
-#[test]
-fn tiers_agree_on_who_touches_whom() {
-    for seed in 100..130 {
-        let mut rng = common::rng(seed);
-        let grid = common::random_grid(&mut rng, 14, 14, 15);
-        let teleports = if seed % 3 == 0 { 5 } else { 0 };
-        let plan = common::wild_walks(&mut rng, &grid, 25, 20, seed % 2 == 0, teleports);
-        let exact = run(&grid, &plan, &keep_all());
-        let physics = SimConfig {
-            tier: Tier::Contact,
-            ..keep_all()
-        };
-        let physics = run(&grid, &plan, &physics);
-        assert!(exact.contacts.total() > 10, "the plan must collide");
-        let (a, b) = (pairs(&exact), pairs(&physics));
-        for pair in a.symmetric_difference(&b) {
-            let spans = by_pair(if a.contains(pair) { &exact } else { &physics });
-            let longest = spans[pair]
-                .iter()
-                .map(|(begin, end)| end - begin)
-                .fold(0.0, f64::max);
-            assert!(
-                longest <= 1.0 / 240.0 + 1e-9,
-                "seed {seed}: only one tier sees {pair:?} for {longest} s"
-            );
-        }
-        assert_eq!(
-            exact.nearest_approach_m.map(|d| (d * 1e9).round()),
-            physics.nearest_approach_m.map(|d| (d * 1e9).round())
-        );
-        let difference = (exact.tracking_error_max_m - physics.tracking_error_max_m).abs();
-        assert!(difference < 1e-9, "seed {seed}");
-    }
-}
-
-/// Each contact that lasts begins in the contact tier at the end of the substep
-/// in which it begins in the kinematic tier.
-#[test]
-fn tiers_agree_on_when() {
-    for seed in 200..210 {
-        let mut rng = common::rng(seed);
-        let grid = common::random_grid(&mut rng, 14, 14, 15);
-        let plan = common::wild_walks(&mut rng, &grid, 20, 20, false, 0);
-        let exact = by_pair(&run(&grid, &plan, &keep_all()));
-        let physics = SimConfig {
-            tier: Tier::Contact,
-            ..keep_all()
-        };
-        let physics = by_pair(&run(&grid, &plan, &physics));
-        let substep = 1.0 / 240.0;
-        for (pair, spans) in &exact {
-            let seen = physics.get(pair).map_or(&[][..], Vec::as_slice);
-            for (begin, end) in spans.iter().filter(|(b, e)| e - b > 2.0 * substep) {
-                let near = |a: f64, b: f64| b - a > -1e-9 && b - a < substep + 1e-9;
-                assert!(
-                    seen.iter().any(|(b, e)| near(*begin, *b) && near(*end, *e)),
-                    "seed {seed}: {pair:?} from {begin} to {end}, seen {seen:?}"
-                );
-            }
-        }
+        let outcome = run(&grid, &plan, &keep_all());
+        assert_eq!(outcome.contacts.total(), 0, "seed {seed}");
+        assert_eq!(outcome.tracking_error_max_m.to_bits(), 0, "seed {seed}");
+        let nearest = outcome.nearest_approach_m.expect("a crowded map");
+        // Corner following at its closest, and nothing nearer.
+        assert!(nearest >= 0.5f64.sqrt() - 1e-12, "seed {seed}: {nearest}");
     }
 }
 

@@ -1,0 +1,316 @@
+//! Bodies in chunks: the unit of parallel work.
+//!
+//! Agents (and moving obstacles after them) are dealt out to chunks of
+//! [`CHUNK`], in order. A chunk owns everything about its bodies, so that
+//! chunks can be driven through a block of time in any order and on any thread;
+//! whatever is combined afterwards is combined in the order of chunks. The size
+//! is part of the trace digest and does not depend on the number of threads.
+
+use fleetyard_world::Pose;
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::control::Pilot;
+use crate::event::Change;
+
+/// Bodies per chunk.
+pub(crate) const CHUNK: usize = 64;
+
+/// A stretch of time, in substeps since the start of the execution; the ends
+/// need not be whole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Span {
+    pub(crate) start: f64,
+    pub(crate) end: f64,
+}
+
+impl Span {
+    pub(crate) fn length(self) -> f64 {
+        self.end - self.start
+    }
+
+    /// The moment at a fraction of the span.
+    pub(crate) fn at(self, fraction: f64) -> f64 {
+        self.start + fraction * self.length()
+    }
+}
+
+/// How one body moves through a block: uniformly between moments.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Track<'a> {
+    /// At least two moments, ascending, the first and last those of the block.
+    pub(crate) t: &'a [f64],
+    pub(crate) x: &'a [f64],
+    pub(crate) y: &'a [f64],
+    /// Unwrapped headings; empty where headings do not matter.
+    pub(crate) heading: &'a [f64],
+}
+
+impl Track<'_> {
+    /// Where the body is at one of the moments.
+    pub(crate) fn pose(&self, at: usize) -> Pose {
+        let heading = self.heading.get(at).copied().unwrap_or(0.0);
+        Pose::new(self.x[at], self.y[at], heading)
+    }
+
+    /// Left, bottom, right and top of where it gets.
+    pub(crate) fn bounds(&self) -> [f64; 4] {
+        let range = |values: &[f64]| {
+            let first = (values[0], values[0]);
+            values.iter().fold(first, |(low, high), value| {
+                (low.min(*value), high.max(*value))
+            })
+        };
+        let ((left, right), (bottom, top)) = (range(self.x), range(self.y));
+        [left, bottom, right, top]
+    }
+
+    /// Where the body is within the stretch that ends at the moment `next`.
+    pub(crate) fn within(&self, next: usize, when: f64) -> Pose {
+        let share = fraction(self.t[next - 1], self.t[next], when);
+        self.pose(next - 1).toward(self.pose(next), share)
+    }
+}
+
+/// How well bodies follow their references.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Tracking {
+    pub(crate) max_m: f64,
+    pub(crate) max_agent: Option<u32>,
+    /// Sum over agents of metres times substeps.
+    pub(crate) sum: f64,
+}
+
+impl Tracking {
+    pub(crate) fn note(&mut self, agent: u32, error: f64, substeps: f64) {
+        if error > self.max_m {
+            self.max_m = error;
+            self.max_agent = Some(agent);
+        }
+        self.sum += error * substeps;
+    }
+
+    /// Joins that of agents of higher indices.
+    pub(crate) fn join(&mut self, later: Self) {
+        if later.max_m > self.max_m {
+            self.max_m = later.max_m;
+            self.max_agent = later.max_agent;
+        }
+        self.sum += later.sum;
+    }
+}
+
+/// The tracks of a chunk in one block.
+#[derive(Debug, Default)]
+pub(crate) struct Tracks {
+    /// Where each body's moments begin; one more entry than bodies.
+    starts: Vec<u32>,
+    t: Vec<f64>,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    heading: Vec<f64>,
+    with_heading: bool,
+}
+
+impl Tracks {
+    fn clear(&mut self) {
+        self.starts.clear();
+        self.t.clear();
+        self.x.clear();
+        self.y.clear();
+        self.heading.clear();
+    }
+
+    /// Appends a moment to the track of the last body.
+    pub(crate) fn push(&mut self, t: f64, x: f64, y: f64, heading: f64) {
+        self.t.push(t);
+        self.x.push(x);
+        self.y.push(y);
+        if self.with_heading {
+            self.heading.push(heading);
+        }
+    }
+
+    /// The next body's track begins.
+    pub(crate) fn open(&mut self) {
+        self.starts.push(self.t.len() as u32);
+    }
+
+    pub(crate) fn get(&self, lane: usize) -> Track<'_> {
+        let end = self
+            .starts
+            .get(lane + 1)
+            .map_or(self.t.len(), |at| *at as usize);
+        let range = self.starts[lane] as usize..end;
+        Track {
+            t: &self.t[range.clone()],
+            x: &self.x[range.clone()],
+            y: &self.y[range.clone()],
+            heading: self.heading.get(range).unwrap_or(&[]),
+        }
+    }
+
+    /// Whether every track is one uniform stretch.
+    fn is_simple(&self, bodies: usize) -> bool {
+        self.t.len() == 2 * bodies
+    }
+}
+
+/// Some bodies with all that belongs to them.
+pub(crate) struct Chunk {
+    /// Index of the first body.
+    pub(crate) first: u32,
+    pub(crate) x: Vec<f64>,
+    pub(crate) y: Vec<f64>,
+    /// Unwrapped.
+    pub(crate) heading: Vec<f64>,
+    /// Of bodies that are driven; empty where none is.
+    pub(crate) pilots: Vec<Pilot>,
+    /// Which part of its speed each of them has in the block.
+    pub(crate) factors: Vec<f64>,
+    pub(crate) tracks: Tracks,
+    /// How far each body gets from where it was at the start of the block, at most.
+    pub(crate) travel: Vec<f64>,
+    /// What begins and ends to touch obstacles in the block.
+    pub(crate) changes: Vec<Change>,
+    pub(crate) tracking: Tracking,
+    /// Of the bodies' states at ticks.
+    pub(crate) states: Box<Xxh3>,
+    /// States at the ticks of the block: per tick x, y and, if they matter,
+    /// headings of all bodies.
+    pub(crate) samples: Vec<f64>,
+}
+
+impl Chunk {
+    pub(crate) fn new(first: u32, with_heading: bool) -> Self {
+        Self {
+            first,
+            x: Vec::with_capacity(CHUNK),
+            y: Vec::with_capacity(CHUNK),
+            heading: Vec::with_capacity(CHUNK),
+            pilots: Vec::new(),
+            factors: Vec::new(),
+            tracks: Tracks {
+                with_heading,
+                ..Tracks::default()
+            },
+            travel: vec![0.0; CHUNK],
+            changes: Vec::new(),
+            tracking: Tracking::default(),
+            states: Box::new(Xxh3::new()),
+            samples: Vec::new(),
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Before the tracks of a new block are made.
+    pub(crate) fn begin_block(&mut self) {
+        self.tracks.clear();
+        self.changes.clear();
+    }
+
+    /// Makes the track of the next body, which does not move.
+    pub(crate) fn rest(&mut self, block: Span, lane: usize) {
+        let (x, y, heading) = (self.x[lane], self.y[lane], self.heading[lane]);
+        self.tracks.open();
+        self.tracks.push(block.start, x, y, heading);
+        self.tracks.push(block.end, x, y, heading);
+    }
+
+    /// After the tracks of a block are made: bodies are at their ends.
+    pub(crate) fn end_block(&mut self) {
+        for lane in 0..self.len() {
+            let track = self.tracks.get(lane);
+            let (x0, y0) = (track.x[0], track.y[0]);
+            let mut farthest = 0f64;
+            for (x, y) in track.x[1..].iter().zip(&track.y[1..]) {
+                let (dx, dy) = (x - x0, y - y0);
+                farthest = farthest.max(dx * dx + dy * dy);
+            }
+            self.travel[lane] = farthest.sqrt();
+            let last = track.x.len() - 1;
+            (self.x[lane], self.y[lane]) = (track.x[last], track.y[last]);
+            if let Some(heading) = track.heading.last() {
+                self.heading[lane] = *heading;
+            }
+        }
+    }
+
+    /// Samples the states of the bodies at the given moments, all within the
+    /// block, and hashes them.
+    pub(crate) fn sample(&mut self, moments: &[f64]) {
+        let bodies = self.len();
+        let with_heading = self.tracks.with_heading;
+        let width = if with_heading { 3 } else { 2 };
+        let row = width * bodies;
+        self.samples.clear();
+        self.samples.resize(row * moments.len(), 0.0);
+        if self.tracks.is_simple(self.len()) {
+            self.sample_simple(moments, bodies, row);
+        } else {
+            for lane in 0..bodies {
+                let track = self.tracks.get(lane);
+                let mut at = 0;
+                for (moment, row) in moments.iter().zip(self.samples.chunks_exact_mut(row)) {
+                    while at + 2 < track.t.len() && track.t[at + 1] <= *moment {
+                        at += 1;
+                    }
+                    let fraction = fraction(track.t[at], track.t[at + 1], *moment);
+                    let value = |of: &[f64]| interpolate(of[at], of[at + 1], fraction);
+                    row[lane] = value(track.x);
+                    row[bodies + lane] = value(track.y);
+                    if with_heading {
+                        row[2 * bodies + lane] = value(track.heading);
+                    }
+                }
+            }
+        }
+        let mut buffer = [0u8; 3 * 8 * CHUNK];
+        for row in self.samples.chunks_exact(row) {
+            for (slot, value) in buffer.chunks_exact_mut(8).zip(row) {
+                slot.copy_from_slice(&value.to_le_bytes());
+            }
+            self.states.update(&buffer[..8 * row.len()]);
+        }
+    }
+
+    /// The same where every body moves uniformly through the block: straight
+    /// loops over all bodies.
+    fn sample_simple(&mut self, moments: &[f64], bodies: usize, row: usize) {
+        let Tracks {
+            t, x, y, heading, ..
+        } = &self.tracks;
+        let (start, end) = (t[0], t[1]);
+        for (moment, row) in moments.iter().zip(self.samples.chunks_exact_mut(row)) {
+            let fraction = fraction(start, end, *moment);
+            for (values, out) in [x, y, heading]
+                .into_iter()
+                .zip(row.chunks_exact_mut(bodies))
+            {
+                for (ends, out) in values.as_chunks::<2>().0.iter().zip(out) {
+                    *out = interpolate(ends[0], ends[1], fraction);
+                }
+            }
+        }
+    }
+}
+
+/// How much of the way from `start` to `end` is over at `moment`.
+pub(crate) fn fraction(start: f64, end: f64, moment: f64) -> f64 {
+    if end > start {
+        (moment - start) / (end - start)
+    } else {
+        1.0
+    }
+}
+
+/// Between two values; exactly the second at the end.
+pub(crate) fn interpolate(from: f64, to: f64, fraction: f64) -> f64 {
+    if fraction >= 1.0 {
+        to
+    } else {
+        from + (to - from) * fraction
+    }
+}

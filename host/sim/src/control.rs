@@ -1,0 +1,545 @@
+//! Bodies that drive: controllers and models take them along their routes.
+//!
+//! A policy says how far an agent may go: `released` is the last knot of its
+//! route that it may head for. Released actions that lie on one straight line
+//! are driven as one leg with one stop at its end. Within a block of ticks no
+//! agent influences another, so that all of them can be driven at once.
+
+use std::f64::consts::FRAC_PI_2;
+
+use fleetyard_world::Pose;
+
+use crate::chunk::{Chunk, Span, fraction, interpolate};
+use crate::gate::Routes;
+use crate::motion::{Model, State, Target, wrap};
+use crate::noise::Noise;
+use crate::route::Place;
+
+/// The progress of a body along its route.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pilot {
+    pub(crate) state: State,
+    /// The last knot that was reached.
+    pub(crate) done: u32,
+    /// The knot at the end of the present leg.
+    leg: u32,
+    /// Where the leg begins.
+    from: (f64, f64),
+    /// The body may not set out before this moment, in substeps.
+    hold: f64,
+    /// The body stands until this moment, wherever it is, in substeps.
+    stop: f64,
+    /// The last knot whose planned time has come.
+    due: u32,
+    /// The last action whose delay was drawn.
+    drawn: u32,
+    /// How much of its time the present action has taken, for bodies without a
+    /// controller.
+    spent: f64,
+    /// When the last knot was reached for good, in substeps; infinite until then.
+    pub(crate) arrival: f64,
+    /// Whether the arrival has been reported.
+    pub(crate) told: bool,
+}
+
+impl Pilot {
+    pub(crate) fn new(start: Pose) -> Self {
+        Self {
+            state: State::at_rest(start.x, start.y, start.heading),
+            done: 0,
+            leg: 0,
+            from: (start.x, start.y),
+            hold: 0.0,
+            stop: 0.0,
+            due: 0,
+            drawn: 0,
+            spent: 0.0,
+            arrival: f64::INFINITY,
+            told: false,
+        }
+    }
+}
+
+/// Who decides how far agents may go.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Releases<'a> {
+    /// The times of the plan.
+    Time,
+    /// A dependency graph: per agent the last knot.
+    Gates(&'a [u32]),
+}
+
+/// Drives bodies through a block.
+#[derive(Clone, Copy)]
+pub(crate) struct Driver<'a> {
+    pub(crate) routes: &'a dyn Routes,
+    /// Whether the headings of the routes mean something.
+    pub(crate) headings: bool,
+    /// A plan of poses is followed in time by chasing where it is now.
+    pub(crate) chase: bool,
+    pub(crate) substeps_per_s: f64,
+    /// The largest speed of bodies without a controller, in metres per second.
+    pub(crate) plan_speed: f64,
+    pub(crate) releases: Releases<'a>,
+    pub(crate) noise: &'a Noise,
+    /// The number of the block, for the noise.
+    pub(crate) number: u64,
+    pub(crate) block: Span,
+    /// The ends of the block's ticks.
+    pub(crate) ticks: &'a [f64],
+    pub(crate) tick_s: f64,
+}
+
+impl Place {
+    fn target(self) -> Target {
+        Target {
+            x: self.x,
+            y: self.y,
+            heading: self.heading,
+        }
+    }
+}
+
+/// Part of the way from one place to another.
+fn between(from: Place, to: Place, share: f64) -> Place {
+    Place {
+        x: interpolate(from.x, to.x, share),
+        y: interpolate(from.y, to.y, share),
+        heading: from
+            .heading
+            .zip(to.heading)
+            .map(|(from, to)| interpolate(from, to, share)),
+    }
+}
+
+/// Bodies without a controller that others may push have arrived so near to a
+/// place, in metres.
+const CLOSE_M: f64 = 0.01;
+
+/// Places nearer than this to each other are one, in metres.
+const SAME_M: f64 = 1e-9;
+
+fn same(a: Place, b: Place) -> bool {
+    let (dx, dy) = (a.x - b.x, a.y - b.y);
+    let heading = match (a.heading, b.heading) {
+        (Some(a), Some(b)) => (a - b).abs() <= 1e-9,
+        _ => true,
+    };
+    dx * dx + dy * dy <= SAME_M * SAME_M && heading
+}
+
+impl Driver<'_> {
+    fn place(&self, agent: usize, knot: u32) -> Place {
+        let pose = self.routes.pose(agent, knot as usize);
+        Place {
+            x: pose.x,
+            y: pose.y,
+            heading: self.headings.then_some(pose.heading),
+        }
+    }
+
+    /// When the plan has the agent at a knot, in substeps.
+    fn time(&self, agent: usize, knot: u32) -> f64 {
+        self.routes.time_s(agent, knot as usize) * self.substeps_per_s
+    }
+
+    fn last(&self, agent: usize) -> u32 {
+        self.routes.actions(agent) as u32
+    }
+
+    /// Brings up to date which knot's planned time has come.
+    fn look_at_the_clock(&self, agent: usize, pilot: &mut Pilot, when: f64) {
+        let last = self.last(agent);
+        while pilot.due < last && self.time(agent, pilot.due + 1) <= when {
+            pilot.due += 1;
+        }
+    }
+
+    /// Where the plan has the agent at a moment whose knot is known.
+    fn planned(&self, agent: usize, pilot: &Pilot, when: f64) -> Place {
+        let here = self.place(agent, pilot.due);
+        if pilot.due >= self.last(agent) {
+            return here;
+        }
+        let next = self.place(agent, pilot.due + 1);
+        let (from, to) = (self.time(agent, pilot.due), self.time(agent, pilot.due + 1));
+        between(here, next, fraction(from, to, when))
+    }
+
+    /// The last knot that the agent may head for.
+    fn released(&self, agent: usize, pilot: &mut Pilot) -> u32 {
+        match self.releases {
+            Releases::Time => {
+                self.look_at_the_clock(agent, pilot, self.block.start);
+                (pilot.due + 1).min(self.last(agent)).max(pilot.done)
+            }
+            Releases::Gates(released) => released[agent],
+        }
+    }
+
+    /// Makes the track of the next body of a chunk, which has a model with a
+    /// controller.
+    pub(crate) fn drive(&self, model: &Model, chunk: &mut Chunk, lane: usize) {
+        let agent = chunk.first as usize + lane;
+        let mut pilot = chunk.pilots[lane];
+        let tracks = &mut chunk.tracks;
+        tracks.open();
+        let State { x, y, heading, .. } = pilot.state;
+        tracks.push(self.block.start, x, y, heading);
+        let released = self.released(agent, &mut pilot);
+        let factor = chunk.factors[lane];
+        let chase = self.chase;
+        let mut left = self.ticks;
+        if left.is_empty() {
+            tracks.push(self.block.end, x, y, heading);
+        }
+        while !left.is_empty() {
+            let begin = self.ticks.len() - left.len();
+            let now = if begin == 0 {
+                self.block.start
+            } else {
+                self.ticks[begin - 1]
+            };
+            let target = if chase {
+                self.look_at_the_clock(agent, &mut pilot, self.block.end);
+                pilot.done = pilot.due;
+                Some(self.planned(agent, &pilot, self.block.end))
+            } else {
+                self.leg(agent, &mut pilot, released, now)
+            };
+            let rest = target.is_none();
+            if rest && pilot.state.vx == 0.0 && pilot.state.vy == 0.0 && pilot.state.omega == 0.0 {
+                let State { x, y, heading, .. } = pilot.state;
+                tracks.push(self.block.end, x, y, heading);
+                break;
+            }
+            // A body without a leg stays where its last one ended.
+            let target = target
+                .unwrap_or_else(|| self.place(agent, pilot.done))
+                .target();
+            // A body that gets there in the middle of the block goes on with
+            // its next leg at once.
+            let mut arrived: Option<(usize, State)> = None;
+            let mut count = 0;
+            model.run(
+                &mut pilot.state,
+                &target,
+                left.len(),
+                self.tick_s,
+                factor,
+                &mut |state: &State| {
+                    if arrived.is_none() {
+                        tracks.push(left[count], state.x, state.y, state.heading);
+                        count += 1;
+                        if !rest && !chase && model.has_arrived(state, &target) {
+                            arrived = Some((count, *state));
+                        }
+                    }
+                },
+            );
+            if let Some((count, state)) = arrived {
+                pilot.state = state;
+                left = &left[count..];
+                self.reach(agent, &mut pilot, self.ticks[begin + count - 1]);
+            } else {
+                left = &[];
+                if !chase && !rest {
+                    self.pass(agent, &mut pilot, &target);
+                }
+            }
+        }
+        if chase && pilot.done == self.last(agent) && pilot.arrival.is_infinite() {
+            let goal = self.place(agent, pilot.done).target();
+            if model.has_arrived(&pilot.state, &goal) {
+                pilot.arrival = self.block.end;
+            }
+        }
+        let error = self.error_m(agent, &mut pilot);
+        chunk
+            .tracking
+            .note(agent as u32, error, self.block.length());
+        chunk.pilots[lane] = pilot;
+    }
+
+    /// The velocity that an agent wants to have at the end of a tick from where
+    /// it is, for bodies that others may push: its model's next step, or for
+    /// bodies without a controller the way to where the plan has them. `now` is
+    /// the start of the tick.
+    pub(crate) fn wish(
+        &self,
+        model: Option<&Model>,
+        agent: usize,
+        pilot: &mut Pilot,
+        factor: f64,
+        [now, end]: [f64; 2],
+    ) -> State {
+        let released = self.released(agent, pilot);
+        let model = model.filter(|model| !model.is_ideal());
+        let by_time = matches!(self.releases, Releases::Time);
+        let target = if self.chase || (by_time && model.is_none()) {
+            self.look_at_the_clock(agent, pilot, end);
+            pilot.done = pilot.due;
+            pilot.leg = pilot.due;
+            Some(self.planned(agent, pilot, end))
+        } else {
+            self.leg(agent, pilot, released, now)
+        };
+        let target = target
+            .unwrap_or_else(|| self.place(agent, pilot.done))
+            .target();
+        let mut state = pilot.state;
+        if let Some(model) = model {
+            model.run(&mut state, &target, 1, self.tick_s, factor, &mut |_| {});
+            return state;
+        }
+        let (dx, dy) = (target.x - state.x, target.y - state.y);
+        let distance = (dx * dx + dy * dy).sqrt();
+        let most = self.plan_speed * self.tick_s * factor;
+        let part = if distance > most {
+            most / distance
+        } else {
+            1.0
+        };
+        state.vx = dx * part / self.tick_s;
+        state.vy = dy * part / self.tick_s;
+        let turn = target
+            .heading
+            .map_or(0.0, |heading| heading - state.heading);
+        state.omega = turn / self.tick_s;
+        state
+    }
+
+    /// Takes note of where a body got to that others may have pushed.
+    pub(crate) fn notice(&self, model: Option<&Model>, agent: usize, pilot: &mut Pilot, now: f64) {
+        let target = self.place(agent, pilot.leg.max(pilot.done)).target();
+        let arrived = if let Some(model) = model.filter(|model| !model.is_ideal()) {
+            model.has_arrived(&pilot.state, &target)
+        } else {
+            let (dx, dy) = (target.x - pilot.state.x, target.y - pilot.state.y);
+            dx * dx + dy * dy <= CLOSE_M * CLOSE_M
+        };
+        if pilot.leg > pilot.done {
+            if arrived {
+                self.reach(agent, pilot, now);
+            } else {
+                self.pass(agent, pilot, &target);
+            }
+        } else if arrived {
+            self.note_arrival(agent, pilot, now);
+        }
+    }
+
+    /// How far a body is from where it should be at the end of the block: from
+    /// where the plan has it then, or, if it goes by order, from its leg.
+    pub(crate) fn error_m(&self, agent: usize, pilot: &mut Pilot) -> f64 {
+        let (x, y) = (pilot.state.x, pilot.state.y);
+        let place = match self.releases {
+            Releases::Time => {
+                self.look_at_the_clock(agent, pilot, self.block.end);
+                self.planned(agent, pilot, self.block.end)
+            }
+            Releases::Gates(_) => {
+                let end = self.place(agent, pilot.leg.max(pilot.done));
+                let (wx, wy) = (end.x - pilot.from.0, end.y - pilot.from.1);
+                let length = wx * wx + wy * wy;
+                let along = (x - pilot.from.0) * wx + (y - pilot.from.1) * wy;
+                let share = if length > 0.0 {
+                    (along / length).clamp(0.0, 1.0)
+                } else {
+                    1.0
+                };
+                Place {
+                    x: pilot.from.0 + wx * share,
+                    y: pilot.from.1 + wy * share,
+                    heading: None,
+                }
+            }
+        };
+        let (dx, dy) = (place.x - x, place.y - y);
+        (dx * dx + dy * dy).sqrt()
+    }
+
+    /// Where the present leg ends, if the agent may go on now.
+    fn leg(&self, agent: usize, pilot: &mut Pilot, released: u32, now: f64) -> Option<Place> {
+        if pilot.leg <= pilot.done {
+            // What takes no way is done as soon as it is allowed.
+            let mut here = self.place(agent, pilot.done);
+            loop {
+                if pilot.done >= released {
+                    self.note_arrival(agent, pilot, now);
+                    return None;
+                }
+                let action = pilot.done + 1;
+                if !self.is_ready(agent, pilot, action, now) {
+                    return None;
+                }
+                let next = self.place(agent, pilot.done + 1);
+                if !same(here, next) {
+                    break;
+                }
+                pilot.done += 1;
+                here = next;
+            }
+            pilot.from = (here.x, here.y);
+            pilot.leg = pilot.done + 1;
+        }
+        let mut end = self.place(agent, pilot.leg);
+        while pilot.leg < released {
+            let next = self.place(agent, pilot.leg + 1);
+            let (ax, ay) = (end.x - pilot.from.0, end.y - pilot.from.1);
+            let (bx, by) = (next.x - end.x, next.y - end.y);
+            let (cross, dot) = (ax * by - ay * bx, ax * bx + ay * by);
+            let straight = cross * cross <= 1e-18 * (ax * ax + ay * ay) * (bx * bx + by * by)
+                && dot >= 0.0
+                && (ax != 0.0 || ay != 0.0)
+                && next.heading == end.heading;
+            // A delay would stop the body in the middle of the leg.
+            if !straight || self.delay(agent, pilot.leg + 1) > 0.0 {
+                break;
+            }
+            pilot.leg += 1;
+            pilot.drawn = pilot.leg;
+            end = next;
+        }
+        Some(end)
+    }
+
+    /// How many substeps the agent waits before it sets out on an action.
+    fn delay(&self, agent: usize, action: u32) -> f64 {
+        if self.noise.delays_starts() {
+            self.noise.start_delay_s(agent, action as usize) * self.substeps_per_s
+        } else {
+            0.0
+        }
+    }
+
+    /// Draws the speeds of a chunk's bodies in this block, in which some stop.
+    pub(crate) fn draw(&self, chunk: &mut Chunk) {
+        let (first, count) = (chunk.first as usize, chunk.pilots.len());
+        let now = self.block.start;
+        chunk.factors.resize(count, 1.0);
+        self.noise
+            .speed_factors(self.number, first, &mut chunk.factors);
+        if self.noise.has_stops() {
+            let pilots = &mut chunk.pilots;
+            self.noise
+                .stops(self.number, first..first + count, |agent, seconds| {
+                    pilots[agent - first].stop = now + seconds * self.substeps_per_s;
+                });
+            for (pilot, factor) in pilots.iter().zip(&mut chunk.factors) {
+                if pilot.stop > now {
+                    *factor = 0.0;
+                }
+            }
+        }
+    }
+
+    /// Whether the delay before an action is over.
+    fn is_ready(&self, agent: usize, pilot: &mut Pilot, action: u32, now: f64) -> bool {
+        if pilot.drawn < action {
+            pilot.drawn = action;
+            pilot.hold = now + self.delay(agent, action);
+        }
+        now >= pilot.hold
+    }
+
+    /// The body is at the end of its leg.
+    fn reach(&self, agent: usize, pilot: &mut Pilot, now: f64) {
+        pilot.done = pilot.leg;
+        self.note_arrival(agent, pilot, now);
+    }
+
+    fn note_arrival(&self, agent: usize, pilot: &mut Pilot, now: f64) {
+        if pilot.arrival.is_infinite() && pilot.done >= self.last(agent) {
+            pilot.arrival = now;
+        }
+    }
+
+    /// Counts the knots within the leg that the body has passed.
+    fn pass(&self, agent: usize, pilot: &mut Pilot, target: &Target) {
+        let (dx, dy) = (target.x - pilot.from.0, target.y - pilot.from.1);
+        while pilot.done + 1 < pilot.leg {
+            let knot = self.place(agent, pilot.done + 1);
+            let along = (pilot.state.x - knot.x) * dx + (pilot.state.y - knot.y) * dy;
+            if along < 0.0 {
+                break;
+            }
+            pilot.done += 1;
+        }
+    }
+
+    /// Makes the track of the next body of a chunk, which has no controller and
+    /// takes for each action the time that the plan gives it, from the moment at
+    /// which it may set out. Waits take none. `quarter_turn`, in substeps, is what
+    /// a turn in place takes that has to come before a move, if the body has one.
+    pub(crate) fn follow(&self, quarter_turn: Option<f64>, chunk: &mut Chunk, lane: usize) {
+        let agent = chunk.first as usize + lane;
+        let mut pilot = chunk.pilots[lane];
+        let tracks = &mut chunk.tracks;
+        let State {
+            mut x,
+            mut y,
+            mut heading,
+            ..
+        } = pilot.state;
+        tracks.open();
+        tracks.push(self.block.start, x, y, heading);
+        let released = self.released(agent, &mut pilot);
+        let factor = chunk.factors[lane];
+        let mut now = self.block.start;
+        let end = self.block.end;
+        while now < end {
+            if pilot.done >= released {
+                self.note_arrival(agent, &mut pilot, now);
+                break;
+            }
+            let action = pilot.done + 1;
+            if !self.is_ready(agent, &mut pilot, action, now) {
+                if pilot.hold >= end {
+                    break;
+                }
+                now = pilot.hold;
+                tracks.push(now, x, y, heading);
+                continue;
+            }
+            let knot = pilot.done;
+            let (here, next) = (self.place(agent, knot), self.place(agent, knot + 1));
+            if let Some(quarter_turn) = quarter_turn.filter(|_| !same(here, next)) {
+                let way = libm::atan2(next.y - here.y, next.x - here.x);
+                let turn = wrap(way - heading);
+                if turn.abs() > 1e-9 {
+                    let takes = turn.abs() / FRAC_PI_2 * quarter_turn / factor;
+                    let share = ((end - now) / takes).min(1.0);
+                    heading += turn * share;
+                    now = (now + takes).min(end);
+                    tracks.push(now, x, y, heading);
+                    continue;
+                }
+            }
+            let whole = self.time(agent, knot + 1) - self.time(agent, knot);
+            let left = whole - pilot.spent;
+            let until = now + left / factor;
+            if same(here, next) || until <= end {
+                if !same(here, next) {
+                    now = until;
+                    (x, y, heading) = (next.x, next.y, next.heading.unwrap_or(heading));
+                    tracks.push(now, x, y, heading);
+                }
+                pilot.done += 1;
+                pilot.spent = 0.0;
+            } else {
+                pilot.spent += (end - now) * factor;
+                let place = between(here, next, pilot.spent / whole);
+                (x, y, heading) = (place.x, place.y, place.heading.unwrap_or(heading));
+                now = end;
+                tracks.push(now, x, y, heading);
+            }
+        }
+        if now < end || self.block.length() <= 0.0 {
+            tracks.push(end, x, y, heading);
+        }
+        self.note_arrival(agent, &mut pilot, now.max(self.block.start));
+        (pilot.state.x, pilot.state.y, pilot.state.heading) = (x, y, heading);
+        chunk.pilots[lane] = pilot;
+    }
+}

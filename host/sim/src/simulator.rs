@@ -1,0 +1,359 @@
+//! The simulator: what is to be executed, the check of it, and the start.
+
+use std::borrow::Cow;
+
+use fleetyard_core::{Grid, GridPlan};
+use fleetyard_world::{Pose, Workspace};
+
+use crate::chunk::{CHUNK, Chunk};
+use crate::clock::Clock;
+use crate::config::{Policy, SimConfig, Tier};
+use crate::control::Pilot;
+use crate::error::SimError;
+use crate::execution::{Run, Setup};
+use crate::gate::{DependencyGraph, GateOptions, Gates};
+use crate::kinematic::Shapes;
+use crate::motion::{Fleet, Model};
+use crate::obstacles::Obstacles;
+use crate::outcome::Outcome;
+use crate::route::{Plan, Reference};
+use crate::solved::Solved;
+use crate::trace::TraceSink;
+use crate::workers::Workers;
+
+/// Executes plans in a world.
+///
+/// Without a fleet every agent is a pebble: a disc of
+/// [`SimConfig::radius_m`] that follows the plan exactly.
+#[derive(Debug, Clone, Copy)]
+pub struct Simulator<'a> {
+    grid: Option<&'a Grid>,
+    workspace: Option<&'a Workspace>,
+    fleet: Option<&'a Fleet>,
+    config: &'a SimConfig,
+}
+
+impl<'a> Simulator<'a> {
+    /// Executions in an empty, unbounded plane.
+    pub fn new(config: &'a SimConfig) -> Self {
+        Self {
+            grid: None,
+            workspace: None,
+            fleet: None,
+            config,
+        }
+    }
+
+    /// The same with a map, whose lower left corner is the origin. Plans on
+    /// grids need one.
+    #[must_use]
+    pub fn on_grid(self, grid: &'a Grid) -> Self {
+        Self {
+            grid: Some(grid),
+            ..self
+        }
+    }
+
+    /// The same with the bounds, obstacles and moving obstacles of a workspace.
+    #[must_use]
+    pub fn in_workspace(self, workspace: &'a Workspace) -> Self {
+        Self {
+            workspace: Some(workspace),
+            ..self
+        }
+    }
+
+    /// The same with agents of a fleet.
+    #[must_use]
+    pub fn with_fleet(self, fleet: &'a Fleet) -> Self {
+        Self {
+            fleet: Some(fleet),
+            ..self
+        }
+    }
+
+    /// Executes a plan and tells `sink` what happens meanwhile.
+    ///
+    /// Memory is bounded by the map, the number of agents, the crowding and, if
+    /// agents go by order, the dependencies between them.
+    pub fn run<'p>(
+        &self,
+        plan: impl Into<Plan<'p>>,
+        sink: &mut dyn TraceSink,
+    ) -> Result<Outcome, SimError> {
+        self.config.validate()?;
+        let plan = plan.into();
+        self.check(plan)?;
+        let workers = Workers::new(self.config.threads);
+        workers.run(|| match plan {
+            // An agent stays where its path ends; to say so again is no plan.
+            Plan::Grid(plan) => {
+                let waits =
+                    |path: &[u32]| path.len() > 1 && path[path.len() - 2] == path[path.len() - 1];
+                let plan: Cow<'_, GridPlan> = if plan.paths().any(waits) {
+                    Cow::Owned(plan.trimmed())
+                } else {
+                    Cow::Borrowed(plan)
+                };
+                self.execute(Plan::Grid(&plan), workers, sink)
+            }
+            Plan::Trajectories(_) => self.execute(plan, workers, sink),
+        })
+    }
+
+    /// Refuses what cannot be executed at all.
+    fn check(&self, plan: Plan<'_>) -> Result<(), SimError> {
+        // Traces number agents with 32 bits and states with twice as many.
+        let most = 1 << 27;
+        let agents = plan.agents();
+        if agents == 0 {
+            return Err(SimError::NoAgents);
+        }
+        if agents > most {
+            return Err(SimError::TooManyAgents { agents, most });
+        }
+        if let Some(limit) = self.config.memory_limit_bytes {
+            let needed = self.memory_bytes(agents);
+            if needed > limit {
+                return Err(SimError::TooLarge {
+                    agents,
+                    needed,
+                    limit,
+                });
+            }
+        }
+        if let Some(fleet) = self
+            .fleet
+            .map(Fleet::agents)
+            .filter(|fleet| *fleet != agents)
+        {
+            return Err(SimError::OtherFleet { agents, fleet });
+        }
+        let Plan::Grid(plan) = plan else {
+            return Ok(());
+        };
+        let Some(grid) = self.grid else {
+            return Err(SimError::NoMap);
+        };
+        for (agent, path) in plan.paths().enumerate() {
+            if path.is_empty() {
+                return Err(SimError::EmptyPath { agent });
+            }
+            if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
+                return Err(SimError::OffMap { agent, time });
+            }
+        }
+        Ok(())
+    }
+
+    /// About how much memory an execution takes beyond the map and the plan, in
+    /// bytes, if nobody is crowded. Measured with grid plans; dependencies
+    /// between agents come on top.
+    pub fn memory_bytes(&self, agents: usize) -> u64 {
+        let driven = match self.fleet {
+            Some(fleet) => fleet
+                .profiles()
+                .iter()
+                .any(|profile| !is_pebble(&profile.model)),
+            None => self.config.policy == Policy::Adg,
+        };
+        agents as u64 * if driven { 700 } else { 300 }
+    }
+
+    fn model(&self, agent: usize) -> Option<&'a Model> {
+        Some(self.fleet?.model(agent))
+    }
+
+    fn shapes(&self, agents: usize) -> Result<Shapes, SimError> {
+        let mut shapes = match self.fleet {
+            Some(fleet) => Shapes {
+                kinds: fleet.shapes().to_vec(),
+                of_body: if fleet.profiles().len() > 1 {
+                    fleet.profile_of().to_vec()
+                } else {
+                    Vec::new()
+                },
+            },
+            None => Shapes {
+                kinds: vec![self.config.footprint()?],
+                of_body: Vec::new(),
+            },
+        };
+        let movers = self
+            .workspace
+            .map_or(&[][..], |workspace| &workspace.movers);
+        if !movers.is_empty() {
+            shapes.of_body.resize(agents, 0);
+            for mover in movers {
+                shapes.of_body.push(shapes.kinds.len() as u32);
+                shapes.kinds.push(mover.shape().clone());
+            }
+        }
+        Ok(shapes)
+    }
+
+    fn execute(
+        &self,
+        plan: Plan<'_>,
+        workers: Workers,
+        sink: &mut dyn TraceSink,
+    ) -> Result<Outcome, SimError> {
+        let (config, agents) = (self.config, plan.agents());
+        let clock = Clock::new(config);
+        let substeps_per_s = clock.substeps_per_s;
+        let reference = match (plan, self.grid) {
+            (Plan::Grid(plan), Some(grid)) => Reference::Grid {
+                grid,
+                plan,
+                cell_size_m: config.cell_size_m,
+                substeps_per_step: clock.substeps_per_step,
+                substeps_per_s,
+            },
+            (Plan::Grid(_), None) => return Err(SimError::NoMap),
+            (Plan::Trajectories(plan), _) => Reference::Trajectories {
+                plan,
+                substeps_per_s,
+            },
+        };
+        let models: Vec<Option<&Model>> = match self.fleet {
+            Some(fleet) => fleet
+                .profiles()
+                .iter()
+                .map(|profile| Some(&profile.model))
+                .collect(),
+            None => vec![None],
+        };
+        let shapes = self.shapes(agents)?;
+        let ideal = models.iter().all(|model| model.is_none_or(is_pebble));
+        let by_time = config.policy == Policy::Time;
+        // Pebbles that nothing disturbs go with the plan's clock.
+        let kinematic = config.tier == Tier::Kinematic;
+        let exact = kinematic && ideal && by_time && !config.disturbance.moves_agents();
+        if by_time && let Plan::Trajectories(plan) = plan {
+            self.check_speeds(plan)?;
+        }
+        let gates = if by_time {
+            None
+        } else {
+            let tolerance = models
+                .iter()
+                .flatten()
+                .map(|model| model.arrival_tolerance_m().max(model.lateral_tolerance_m()));
+            let options = GateOptions {
+                margin_m: config.margin_m + 2.0 * tolerance.fold(0.0, f64::max),
+                cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
+                ..GateOptions::default()
+            };
+            let shape_of = |agent: usize| shapes.of(agent as u32);
+            let graph = DependencyGraph::build(&reference, &shape_of, &options)?;
+            let (messages, seed) = (&config.disturbance.messages, config.disturbance.seed);
+            Some(Gates::with_messages(
+                graph,
+                messages,
+                seed,
+                clock.period_s(),
+            ))
+        };
+        let plan_headings = matches!(plan, Plan::Trajectories(plan) if plan.has_headings());
+        let with_heading =
+            plan_headings || !ideal || shapes.kinds.iter().any(|shape| !shape.is_disc());
+        let movers = self
+            .workspace
+            .map_or(&[][..], |workspace| &workspace.movers);
+        let start = |body: usize| -> Pose {
+            if body >= agents {
+                return movers[body - agents].pose_at(0.0);
+            }
+            let place = reference.place(body, 0);
+            // What has no model has no heading of its own: plans say how it lies.
+            let model = self.model(body);
+            let heading = if model.is_none_or(is_pebble) {
+                0.0
+            } else {
+                config.start_heading_rad
+            };
+            Pose::new(place.x, place.y, place.heading.unwrap_or(heading))
+        };
+        let bodies = agents + movers.len();
+        let chunks = (0..bodies).step_by(CHUNK).map(|first| {
+            let mut chunk = Chunk::new(first as u32, with_heading);
+            for body in first..(first + CHUNK).min(bodies) {
+                let pose = start(body);
+                chunk.x.push(pose.x);
+                chunk.y.push(pose.y);
+                chunk.heading.push(pose.heading);
+                if !exact && body < agents {
+                    chunk.pilots.push(Pilot::new(pose));
+                }
+            }
+            chunk
+        });
+        let chunks: Vec<Chunk> = chunks.collect();
+        let solved = if kinematic {
+            None
+        } else {
+            let model = |agent: u32| models[shapes.kind_of(agent)];
+            let world = (self.grid, self.workspace);
+            Some(Solved::new(
+                config, world, &shapes, &model, &chunks, agents,
+            )?)
+        };
+        let setup = Setup {
+            config,
+            clock,
+            workers,
+            agents,
+            movers,
+            plan,
+            models,
+            obstacles: Obstacles::new(self.grid, config.cell_size_m, self.workspace),
+            headings: plan_headings,
+            with_heading,
+            exact,
+            grid: self.grid,
+            workspace: self.workspace,
+            fleet: self.fleet,
+        };
+        Run::new(&setup, reference, shapes, gates, solved, chunks).execute(sink)
+    }
+
+    /// Refuses poses that a model cannot follow at the times of the plan.
+    fn check_speeds(&self, plan: &fleetyard_core::TrajectoryPlan) -> Result<(), SimError> {
+        for (agent, fastest) in plan.fastest().enumerate() {
+            let Some(model) = self.model(agent) else {
+                return Ok(());
+            };
+            for (what, value, most, knot) in [
+                (
+                    "moves at",
+                    fastest.speed_m_per_s,
+                    model.max_speed_m_per_s(),
+                    fastest.speed_knot,
+                ),
+                (
+                    "turns at",
+                    fastest.turn_rad_per_s,
+                    model.max_turn_rate_rad_per_s(),
+                    fastest.turn_knot,
+                ),
+            ] {
+                if value > most * (1.0 + 1e-6) {
+                    return Err(SimError::TooFast {
+                        agent,
+                        knot,
+                        what,
+                        value,
+                        most,
+                        model: model.name(),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a model follows its reference with no time for anything else.
+fn is_pebble(model: &Model) -> bool {
+    matches!(model, Model::Pebble(_))
+}

@@ -1,0 +1,55 @@
+//! How many threads do the work.
+//!
+//! Parallel stages give the same bits for any number of threads: work is cut
+//! into pieces that do not depend on it, and results are joined in the order of
+//! the pieces.
+
+use rayon::prelude::*;
+
+use crate::error::SimError;
+
+/// The threads of an execution, of which it uses the pool that it runs in.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Workers(usize);
+
+impl Workers {
+    pub(crate) fn new(count: usize) -> Self {
+        Self(count.max(1))
+    }
+
+    pub(crate) fn count(self) -> usize {
+        self.0
+    }
+
+    pub(crate) fn are_many(self) -> bool {
+        self.0 > 1
+    }
+
+    /// Runs `job` in a pool of these threads, or right here if there is one.
+    pub(crate) fn run<R: Send>(
+        self,
+        job: impl FnOnce() -> Result<R, SimError> + Send,
+    ) -> Result<R, SimError> {
+        if !self.are_many() {
+            return job();
+        }
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(self.0)
+            .thread_name(|index| format!("simulate-{index}"))
+            .build()
+            .map_err(|error| SimError::Threads {
+                threads: self.0,
+                reason: error.to_string(),
+            })?
+            .install(job)
+    }
+
+    /// Does `work` for each item, on its own.
+    pub(crate) fn each<T: Send>(self, items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
+        if self.are_many() {
+            items.par_iter_mut().for_each(work);
+        } else {
+            items.iter_mut().for_each(work);
+        }
+    }
+}
