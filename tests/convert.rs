@@ -414,8 +414,8 @@ fn a_plan_on_a_grid_becomes_trajectories() {
         ),
         (
             "validate --map a.map --scen a.scen --agents 2 t.json",
-            "t.json: this is a plan in the plane",
-            "hint: ",
+            "t.json: this is a plan in the plane, and nothing says what the robots are",
+            "--radius METRES or --fleet FILE",
         ),
     ] {
         let ended = yard.line(line).expect(INPUT);
@@ -425,6 +425,98 @@ fn a_plan_on_a_grid_becomes_trajectories() {
     }
     let ended = yard.line("convert t.json u.txt").expect(USAGE);
     assert!(ended.stderr.contains("one of trajectories\n"), "{ended}");
+}
+
+#[test]
+fn plans_are_judged_in_the_plane() {
+    let yard = yard();
+    let maps = root().join("maps");
+    let from = |name: &str| maps.join(name).display().to_string();
+    let world = from("two-rooms.world.json");
+    let robots = r#"{"format": "fleetyard.fleet/1", "profiles": {"a":
+        {"footprint": {"rectangle": {"length_m": 0.8, "width_m": 0.4}}, "model": "go2"}},
+        "agents": {"all": "a"}}"#;
+    yard.write("fleet.json", robots);
+    yard.write(
+        "slow.json",
+        robots.replace(
+            "\"go2\"",
+            r#"{"unicycle-1": {"max_speed_m_per_s": 0.5, "max_turn_rate_rad_per_s": 1}}"#,
+        ),
+    );
+    let discs = from("two-rooms.roadmap-plan.json");
+    let turning = from("turning.trajectories.json");
+    yard.line("convert paths.txt t.json --to trajectories --map a.map")
+        .expect(SUCCESS);
+    for valid in [
+        format!("validate {discs} --world {world} --radius 0.3"),
+        format!("validate {turning} --world {world} --fleet fleet.json"),
+        "validate paths.txt --map a.map --radius 0.35".to_owned(),
+        "validate t.json --map a.map --scen a.scen --radius 0.35".to_owned(),
+    ] {
+        let ended = yard.line(&valid).expect(SUCCESS);
+        assert!(ended.stdout.starts_with("valid\n"), "{ended}");
+    }
+    let line = format!("validate {discs} --world {world} --radius 0.3 --format json");
+    let report = yard.line(&line).expect(SUCCESS).json();
+    assert_eq!(report["metrics"]["makespan_s"], 16.0);
+    assert_eq!(report["metrics"]["sum_of_costs_s"], 29.0);
+    for (line, rule) in [
+        // Where two move at right angles their discs meet, which grids do not mind.
+        (
+            "validate paths.txt --map a.map --radius 0.4",
+            "agent-contact: agents 0 and 1",
+        ),
+        (
+            "validate t.json --map a.map --scen a.scen --radius 0.35 --cell-size 2",
+            "wrong-start: agent 0",
+        ),
+        (
+            &format!("validate {discs} --world {world} --radius 0.7"),
+            "obstacle-contact: agent 0",
+        ),
+        (
+            &format!("validate {turning} --world {world} --fleet slow.json"),
+            "too-fast: agent 0",
+        ),
+    ] {
+        let ended = yard.line(line).expect(INVALID_PLAN);
+        assert!(ended.stdout.starts_with("INVALID: "), "{ended}");
+        assert!(ended.stdout.contains(rule), "{ended}");
+    }
+    for (line, reason) in [
+        (
+            format!("validate {discs} --world {world} --fleet fleet.json"),
+            "the plan has no headings, but agent 0 is no disc",
+        ),
+        (
+            format!("validate {discs} --world {world} --radius 0"),
+            "--radius: radius_m is 0",
+        ),
+        (
+            format!("validate plan.json --world {world} --radius 0.3"),
+            "plan.json: this is a plan on a grid",
+        ),
+        (
+            format!("validate {discs} --world a.map --radius 0.3"),
+            "a.map:1:1: this is not a JSON object",
+        ),
+        (
+            "validate t.json --map a.map --radius 0.3 --cell-size 1e300".to_owned(),
+            "--cell-size: cells of",
+        ),
+    ] {
+        let ended = yard.line(&line).expect(INPUT);
+        assert!(ended.stderr.contains(reason), "{ended}");
+        assert!(ended.stderr.contains("hint: "), "{ended}");
+    }
+    for line in [
+        "validate t.json",
+        "validate t.json --map a.map",
+        "validate t.json --world w --scen s",
+    ] {
+        yard.line(line).expect(USAGE);
+    }
 }
 
 #[test]

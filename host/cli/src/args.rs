@@ -488,13 +488,48 @@ impl Args for Contestants {
 }
 
 /// Say whether a plan is valid, and what it costs.
+///
+/// A plan on a grid is judged by the rules of its instance. With --radius or --fleet a plan
+/// is judged in the plane, where footprints must not overlap at any time.
 #[derive(Debug, Args)]
 pub(crate) struct Validate {
-    #[command(flatten)]
-    pub(crate) instance: InstanceArgs,
+    /// MovingAI map file
+    #[arg(long, value_name = "FILE", required_unless_present = "world")]
+    pub(crate) map: Option<PathBuf>,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    pub(crate) connectivity: Connectivity,
+    /// MovingAI scenario file, with starts and goals
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "map",
+        required_unless_present = "robots"
+    )]
+    pub(crate) scen: Option<PathBuf>,
+    /// How many of the scenario's entries to use, from the first
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "scen",
+        required_unless_present = "robots"
+    )]
+    pub(crate) agents: Option<usize>,
+    /// World file with bounds and obstacles in the plane
+    #[arg(long, value_name = "FILE", requires = "robots")]
+    pub(crate) world: Option<PathBuf>,
+    /// Robots are discs of this radius in metres
+    #[arg(long, value_name = "METRES", group = "robots")]
+    pub(crate) radius: Option<f64>,
+    /// Fleet file with the robots' footprints and limits
+    #[arg(long, value_name = "FILE", group = "robots")]
+    pub(crate) fleet: Option<PathBuf>,
     /// Side of a cell in metres
     #[arg(long, value_name = "METRES", default_value_t = 1.0)]
     pub(crate) cell_size: f64,
+    /// Duration of one step in seconds, for a plan on a grid that is judged in the plane
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    pub(crate) step: f64,
     /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
     /// The format of the plan [default: what the file looks like]

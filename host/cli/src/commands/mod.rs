@@ -27,6 +27,7 @@ pub(crate) mod plugins;
 pub(crate) mod run;
 pub(crate) mod simulate;
 pub(crate) mod validate;
+mod validate_plane;
 
 pub(crate) fn completions(shell: Shell) -> Result<Exit> {
     let mut script = Vec::new();

@@ -2,19 +2,23 @@
 
 use std::fmt::Write as _;
 
+use std::sync::Arc;
+
 use fleetyard_check::{Verdict, metrics};
-use fleetyard_core::Digest;
-use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed};
+use fleetyard_core::formats::{
+    AnyPlan, TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed,
+};
+use fleetyard_core::{Digest, InputError, load_map, load_scen};
 use serde::Serialize;
 
-use super::load_instance;
+use super::validate_plane as plane;
 use crate::args::{Format, Validate};
-use crate::exit::{Exit, Result};
+use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::record::number;
 
-/// How many violations are listed; all are counted.
-const LISTED: usize = 100;
+/// How many violations are listed.
+pub(super) const LISTED: usize = 100;
 
 #[derive(Serialize)]
 struct Report {
@@ -34,9 +38,45 @@ struct Figures {
 }
 
 pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
-    let instance = load_instance(&arguments.instance)?;
+    let grid = arguments.map.as_deref().map(load_map).transpose()?;
+    let grid = grid.map(Arc::new);
+    let size = grid.as_deref().map(grid_size);
+    let plan = load_any_plan(&arguments.plan, arguments.from, size)?;
+    let scenario = arguments.scen.as_deref().map(load_scen).transpose()?;
+    let instance = |agents| match (&scenario, &grid) {
+        (Some(scenario), Some(grid)) => {
+            let agents = arguments.agents.unwrap_or(agents);
+            let instance = scenario.instance(grid.clone(), agents, arguments.connectivity)?;
+            Ok(Some(instance))
+        }
+        _ => Ok::<_, InputError>(None),
+    };
+    let file = match plan {
+        plan if arguments.radius.is_some() || arguments.fleet.is_some() => {
+            return plane::validate(arguments, grid.as_deref(), plan, instance);
+        }
+        AnyPlan::Grid(file) => file,
+        AnyPlan::Trajectories(file) => {
+            return Err(InputError::new(
+                file.source,
+                "this is a plan in the plane, and nothing says what the robots are",
+            )
+            .hint(
+                "name their shape with --radius METRES or --fleet FILE, \
+                 and what stands in their way with --world FILE or --map FILE",
+            )
+            .into());
+        }
+    };
+    let instance = instance(file.plan.agents())?;
+    // The command line asks for both where it asks for no robots.
+    let Some(instance) = instance else {
+        return Err(
+            Failure::new(Exit::Usage, "a plan on a grid needs a map and a scenario")
+                .hint("name them with --map FILE and --scen FILE"),
+        );
+    };
     let size = grid_size(instance.grid());
-    let file = load_any_plan(&arguments.plan, arguments.from, Some(size))?.into_grid()?;
     file.check_for(&instance)?;
     let figures = metrics(&instance, &file.plan, arguments.cell_size);
     let report = Report {

@@ -1,0 +1,202 @@
+//! `fleetyard validate` in the plane: do footprints stay clear of each other and of what
+//! stands there, at all times?
+
+use std::fmt::Write as _;
+
+use fleetyard_check::{ContinuousTask, ContinuousVerdict, SpeedLimits, validate_trajectories};
+use fleetyard_core::formats::AnyPlan;
+use fleetyard_core::{
+    Digest, Grid, GridInstance, InputError, TrajectoryFile, TrajectoryPlan, cell_center_m,
+};
+use fleetyard_sim::motion::load_fleet;
+use fleetyard_world::exact::Obstacles;
+use fleetyard_world::{Bounds, Footprint, Pose, Shape, load_workspace};
+use serde::Serialize;
+
+use super::validate::LISTED;
+use crate::args::{Format, Validate};
+use crate::exit::{Exit, Result};
+use crate::output;
+use crate::record::number;
+
+#[derive(Serialize)]
+struct Report {
+    verdict: ContinuousVerdict,
+    metrics: Figures,
+    plan_digest: Digest,
+}
+
+#[derive(Serialize)]
+struct Figures {
+    /// Of the times at which agents come to rest.
+    sum_of_costs_s: f64,
+    makespan_s: f64,
+    length_m: f64,
+}
+
+/// Judges a plan by footprints. `instance` makes the instance with the starts and goals of
+/// so many agents, if there is one.
+pub(super) fn validate(
+    arguments: &Validate,
+    grid: Option<&Grid>,
+    plan: AnyPlan,
+    instance: impl FnOnce(usize) -> std::result::Result<Option<GridInstance>, InputError>,
+) -> Result<Exit> {
+    let file = in_the_plane(arguments, grid, plan)?;
+    let (plan, agents) = (&file.plan, file.plan.agents());
+    let robots = Robots::new(arguments, agents)?;
+    let shapes: Vec<&Shape> = robots.shapes.iter().collect();
+    if let Some(agent) = shapes.iter().position(|shape| !shape.is_disc())
+        && !plan.has_headings()
+    {
+        let reason = format!("the plan has no headings, but agent {agent} is no disc");
+        return Err(InputError::new(file.source, reason)
+            .hint(
+                "give every knot a heading, or judge discs around the robots with --radius METRES",
+            )
+            .into());
+    }
+    let workspace = arguments.world.as_deref().map(load_workspace).transpose()?;
+    let cell_size_m = arguments.cell_size;
+    let obstacles = match grid {
+        None => Obstacles::none(),
+        Some(grid) => {
+            let far = [grid.cols(), grid.rows()].map(|cells| f64::from(cells) * cell_size_m);
+            let cells = Obstacles::cells(grid, cell_size_m).ok_or_else(|| {
+                let reason = format!("cells of {cell_size_m} m are too small or too large");
+                InputError::new("--cell-size", reason).hint("give the side of a cell in metres")
+            })?;
+            cells.within(Bounds {
+                min: [0.0, 0.0],
+                max: far,
+            })
+        }
+    };
+    let obstacles = match &workspace {
+        None => obstacles,
+        Some(workspace) => obstacles.with_workspace(workspace),
+    };
+    let instance = instance(agents)?;
+    let places = |pick: fn(&GridInstance) -> &[u32]| {
+        instance.as_ref().map(|instance| -> Vec<Pose> {
+            let center = |cell| cell_center_m(instance.grid(), cell_size_m, cell);
+            let centers = pick(instance).iter().map(|cell| center(*cell));
+            centers.map(|(x, y)| Pose::at(x, y)).collect()
+        })
+    };
+    let (starts, goals) = (places(GridInstance::starts), places(GridInstance::goals));
+    let task = ContinuousTask {
+        starts: starts.as_deref(),
+        goals: goals.as_deref(),
+        limits: robots.limits.as_deref(),
+        ..ContinuousTask::new(&shapes, &obstacles)
+    };
+    let arrivals = || plan.paths().map(|knots| knots.time_s[knots.arrival()]);
+    let report = Report {
+        verdict: validate_trajectories(plan, &task, LISTED),
+        metrics: Figures {
+            sum_of_costs_s: arrivals().sum(),
+            makespan_s: arrivals().fold(0.0, f64::max),
+            length_m: plan.paths().map(|knots| knots.length_m()).sum(),
+        },
+        plan_digest: plan.digest(),
+    };
+    match arguments.format {
+        Format::Json => output::print_json(&report)?,
+        Format::Text => output::print(&text(&report))?,
+    }
+    Ok(if report.verdict.valid {
+        Exit::Success
+    } else {
+        Exit::InvalidPlan
+    })
+}
+
+/// The plan in the plane, which one on a grid becomes.
+fn in_the_plane(
+    arguments: &Validate,
+    grid: Option<&Grid>,
+    plan: AnyPlan,
+) -> Result<TrajectoryFile> {
+    let file = match plan {
+        AnyPlan::Trajectories(file) => return Ok(file),
+        AnyPlan::Grid(file) => file,
+    };
+    let Some(grid) = grid else {
+        let reason = "this is a plan on a grid, and nothing says which";
+        return Err(InputError::new(file.source, reason)
+            .hint("name the map with --map FILE")
+            .into());
+    };
+    file.check_map(grid)?;
+    let (cell_size_m, step_s) = (arguments.cell_size, arguments.step);
+    let plan = TrajectoryPlan::from_grid(&file.plan, grid, cell_size_m, step_s)
+        .map_err(|error| InputError::new(file.source.as_str(), error.to_string()))?;
+    Ok(TrajectoryFile {
+        source: file.source,
+        planner: file.planner,
+        plan_digest: None,
+        plan,
+    })
+}
+
+/// What agents cover, and how fast they can be.
+struct Robots {
+    shapes: Vec<Shape>,
+    limits: Option<Vec<SpeedLimits>>,
+}
+
+impl Robots {
+    fn new(arguments: &Validate, agents: usize) -> Result<Self> {
+        let Some(path) = &arguments.fleet else {
+            let radius_m = arguments.radius.unwrap_or_default();
+            let shape = Footprint::Disc { radius_m }.shape().map_err(|error| {
+                InputError::new("--radius", error.to_string()).hint(error.hint())
+            })?;
+            return Ok(Self {
+                shapes: vec![shape; agents],
+                limits: None,
+            });
+        };
+        let fleet = load_fleet(path)?.fleet(agents).map_err(|error| {
+            InputError::new(path.display().to_string(), error.to_string()).hint(error.hint())
+        })?;
+        let limits = (0..agents).map(|agent| SpeedLimits {
+            speed_m_per_s: fleet.model(agent).max_speed_m_per_s(),
+            turn_rad_per_s: fleet.model(agent).max_turn_rate_rad_per_s(),
+        });
+        Ok(Self {
+            shapes: (0..agents)
+                .map(|agent| fleet.shape(agent).clone())
+                .collect(),
+            limits: Some(limits.collect()),
+        })
+    }
+}
+
+fn text(report: &Report) -> String {
+    let Report {
+        verdict, metrics, ..
+    } = report;
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    if verdict.valid {
+        let _ = writeln!(out, "valid");
+    } else {
+        let count = verdict.violations.len();
+        let or_more = if count >= LISTED { " or more" } else { "" };
+        let _ = writeln!(out, "INVALID: {count}{or_more} violations");
+        for violation in &verdict.violations {
+            let _ = writeln!(out, "  {}: {}", violation.rule.name(), violation.sentence);
+        }
+    }
+    let Figures {
+        sum_of_costs_s,
+        makespan_s,
+        length_m,
+    } = metrics;
+    let _ = writeln!(out, "sum of costs {} s", number(*sum_of_costs_s));
+    let _ = writeln!(out, "makespan     {} s", number(*makespan_s));
+    let _ = write!(out, "path length  {} m", number(*length_m));
+    out
+}
