@@ -334,6 +334,12 @@ fn scen() {
 }
 
 #[test]
+fn trace() {
+    // A group of states may be of a few megabytes on either side.
+    corpus_and_mutations("trace", 20_000, 32 << 20);
+}
+
+#[test]
 fn wire() {
     corpus_and_mutations("wire", 20_000, 1 << 20);
 }

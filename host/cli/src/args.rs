@@ -37,6 +37,9 @@ pub(crate) enum Command {
     Simulate(Simulate),
     /// Convert an instance or a plan from one format to another
     Convert(Convert),
+    /// Look at traces of executions
+    #[command(subcommand)]
+    Trace(Trace),
     /// Make and look at plugins
     #[command(subcommand)]
     Plugins(Plugins),
@@ -609,6 +612,69 @@ pub(crate) struct Simulate {
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     pub(crate) format: Format,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Trace {
+    /// Say what a trace is about and whether it is whole; the exit code is 3 if not
+    Info {
+        /// The trace
+        file: PathBuf,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+    /// Find where two traces differ first; the exit code is 1 if they do
+    Diff(TraceDiff),
+    /// Write states and events of a trace to other files
+    Export(TraceExport),
+}
+
+/// Find where two traces differ first; the exit code is 1 if they do.
+#[derive(Debug, Args)]
+pub(crate) struct TraceDiff {
+    /// A trace
+    #[arg(value_name = "A")]
+    pub(crate) a: PathBuf,
+    /// Another one
+    #[arg(value_name = "B")]
+    pub(crate) b: PathBuf,
+    /// How far apart values may be, in metres, radians and seconds
+    #[arg(long, value_name = "DISTANCE", default_value_t = 0.0, value_parser = tolerance)]
+    pub(crate) tolerance: f64,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
+}
+
+/// Write states and events of a trace to other files.
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("targets").required(true).multiple(true)))]
+pub(crate) struct TraceExport {
+    /// The trace
+    pub(crate) file: PathBuf,
+    /// Write states as CSV, a line for every body at every tick
+    #[arg(long, value_name = "FILE", group = "targets")]
+    pub(crate) csv: Option<PathBuf>,
+    /// Write events as CSV
+    #[arg(long, value_name = "FILE", group = "targets")]
+    pub(crate) events: Option<PathBuf>,
+    /// Write everything as one JSON document
+    #[arg(long, value_name = "FILE", group = "targets")]
+    pub(crate) json: Option<PathBuf>,
+    /// Leave out all states but those of every n-th tick
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) every: u32,
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "write a number".to_owned())?;
+    if value.is_finite() && value >= 0.0 {
+        Ok(value)
+    } else {
+        Err("a tolerance is finite and not negative".to_owned())
+    }
 }
 
 #[derive(Debug, Subcommand)]

@@ -14,7 +14,7 @@ mod trial;
 
 use clap::Parser;
 
-use crate::args::{Cli, Command, Maps, Plugins};
+use crate::args::{Cli, Command, Maps, Plugins, Trace};
 use crate::exit::{Exit, Result};
 
 /// The plugins that are linked in, by the same entry that a shared library has.
@@ -41,6 +41,9 @@ fn dispatch(command: Command) -> Result<Exit> {
         Command::Convert(arguments) => commands::convert::convert(&arguments),
         Command::Validate(arguments) => commands::validate::validate(&arguments),
         Command::Simulate(arguments) => commands::simulate::simulate(&arguments),
+        Command::Trace(Trace::Info { file, format }) => commands::trace::info(&file, format),
+        Command::Trace(Trace::Diff(arguments)) => commands::trace::diff(&arguments),
+        Command::Trace(Trace::Export(arguments)) => commands::trace::export(&arguments),
         Command::Plugins(Plugins::New(arguments)) => commands::new::new(&arguments),
         Command::Plugins(Plugins::List { trust, format }) => {
             commands::plugins::list(&trust, format)

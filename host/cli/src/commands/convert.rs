@@ -167,7 +167,7 @@ fn warn_of_transposition(file: &PlanFile, instance: &GridInstance) {
 }
 
 /// Refuses to replace what was read.
-fn refuse_input(path: &Path, inputs: &[&Path]) -> Result<()> {
+pub(super) fn refuse_input(path: &Path, inputs: &[&Path]) -> Result<()> {
     let Ok(target) = fs::canonicalize(path) else {
         return Ok(());
     };

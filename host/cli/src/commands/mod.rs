@@ -1,6 +1,6 @@
 //! One file per command.
 
-use std::fs::Permissions;
+use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -26,6 +26,7 @@ pub(crate) mod pin;
 pub(crate) mod plugins;
 pub(crate) mod run;
 pub(crate) mod simulate;
+pub(crate) mod trace;
 pub(crate) mod validate;
 mod validate_plane;
 
@@ -67,17 +68,54 @@ fn draw(path: &Path, grid: &Grid, plan: Option<&GridPlan>, goals: Option<&[u32]>
 /// A trace file that appears under its name only when it is whole.
 struct TraceFile<'a> {
     path: &'a Path,
-    writer: TraceWriter<Unnamed>,
+    writer: TraceWriter<BufWriter<Unnamed>>,
 }
 
-/// A temporary file in a folder, made when it is first written to: until then a host
-/// that is interrupted, while a planner runs, leaves nothing behind.
+/// What will be a file under a name. It is made when it is first written to: until then
+/// a host that is interrupted, while a planner runs, leaves nothing behind.
 struct Unnamed {
     folder: PathBuf,
-    file: Option<BufWriter<NamedTempFile>>,
+    file: Option<Content>,
+}
+
+enum Content {
+    Temporary(NamedTempFile),
+    /// A device or a pipe cannot be replaced.
+    Direct(File),
 }
 
 impl Unnamed {
+    fn beside(path: &Path) -> Result<Self> {
+        let failed = |error: io::Error| {
+            cannot_write(path, &error).hint("does its folder exist, and may you write to it?")
+        };
+        let old = std::fs::metadata(path).ok();
+        if old
+            .as_ref()
+            .is_some_and(|old| !old.is_file() && !old.is_dir())
+        {
+            let file = File::options().write(true).open(path).map_err(failed)?;
+            return Ok(Self {
+                folder: PathBuf::new(),
+                file: Some(Content::Direct(file)),
+            });
+        }
+        if old.is_some_and(|old| old.is_dir()) {
+            return Err(failed(io::ErrorKind::IsADirectory.into()).into());
+        }
+        let target = resolved(path);
+        let folder = target
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        let unnamed = Self {
+            folder: folder.unwrap_or(Path::new(".")).to_owned(),
+            file: None,
+        };
+        // Tried now and not when the planner's budget has been spent.
+        unnamed.create().map_err(failed)?;
+        Ok(unnamed)
+    }
+
     fn create(&self) -> io::Result<NamedTempFile> {
         // Others may read what the user lets them; temporary files are private else.
         tempfile::Builder::new()
@@ -85,46 +123,56 @@ impl Unnamed {
             .tempfile_in(&self.folder)
     }
 
-    fn file(&mut self) -> io::Result<&mut BufWriter<NamedTempFile>> {
-        let file = match self.file.take() {
-            Some(file) => file,
-            None => BufWriter::new(self.create()?),
-        };
-        Ok(self.file.insert(file))
+    /// Gives the file its name, if anything was written.
+    fn keep(self, path: &Path) -> Result<()> {
+        if let Some(Content::Temporary(file)) = self.file {
+            let kept = file.persist(resolved(path));
+            kept.map_err(|error| cannot_write(path, &error.error))?;
+        }
+        Ok(())
     }
+}
+
+/// Through a symbolic link, the file that it points to.
+fn resolved(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+}
+
+fn cannot_write(path: &Path, error: &io::Error) -> InputError {
+    InputError::new(
+        path.display().to_string(),
+        format!("cannot be written: {error}"),
+    )
 }
 
 impl Write for Unnamed {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.file()?.write(bytes)
+        if self.file.is_none() {
+            self.file = Some(Content::Temporary(self.create()?));
+        }
+        match &mut self.file {
+            Some(Content::Temporary(file)) => file.write(bytes),
+            Some(Content::Direct(file)) => file.write(bytes),
+            None => Ok(0),
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.file()?.flush()
+        match &mut self.file {
+            Some(Content::Temporary(file)) => file.flush(),
+            Some(Content::Direct(file)) => file.flush(),
+            None => Ok(()),
+        }
     }
 }
 
 impl<'a> TraceFile<'a> {
     fn create(path: &'a Path) -> Result<Self> {
-        let folder = path
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty());
-        let unnamed = Unnamed {
-            folder: folder.unwrap_or(Path::new(".")).to_owned(),
-            file: None,
-        };
-        // Tried now and not when the planner's budget has been spent.
-        unnamed.create().map_err(|error| {
-            InputError::new(
-                path.display().to_string(),
-                format!("cannot be written: {error}"),
-            )
-            .hint("does its folder exist, and may you write to it?")
-        })?;
+        let out = BufWriter::new(Unnamed::beside(path)?);
         // Every tick: the trace is what other tools replay.
         Ok(Self {
             path,
-            writer: TraceWriter::new(unnamed, 1),
+            writer: TraceWriter::new(out, 1),
         })
     }
 
@@ -133,18 +181,9 @@ impl<'a> TraceFile<'a> {
     }
 
     fn finish(self) -> Result<()> {
-        let failed = |error: &dyn std::fmt::Display| {
-            InputError::new(
-                self.path.display().to_string(),
-                format!("cannot be written: {error}"),
-            )
-        };
-        let Some(file) = self.writer.into_inner().file else {
-            return Ok(());
-        };
-        let file = file.into_inner().map_err(|error| failed(&error))?;
-        file.persist(self.path).map_err(|error| failed(&error))?;
-        Ok(())
+        let file = self.writer.into_inner().into_inner();
+        let file = file.map_err(|error| cannot_write(self.path, error.error()))?;
+        file.keep(self.path)
     }
 }
 

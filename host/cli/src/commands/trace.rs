@@ -1,0 +1,832 @@
+//! `fleetyard trace`: what a trace file says, where two differ, and other files of one.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use fleetyard_core::InputError;
+use fleetyard_sim::trace::{Frame, Header, Scene, States, Summary, TraceContents};
+use fleetyard_sim::{Event, EventKind, Other, TraceReader, TraceSink};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::convert::refuse_input;
+use super::{Unnamed, file_name};
+use crate::args::{Format, TraceDiff, TraceExport};
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::output;
+use crate::record::number;
+
+type Reader = TraceReader<BufReader<File>>;
+
+fn open(path: &Path) -> Result<Reader> {
+    let name = path.display().to_string();
+    let unreadable = |error: io::Error| {
+        let reason = format!("cannot be read: {error}");
+        InputError::new(name.as_str(), reason).hint("name a trace file that you may read")
+    };
+    let file = File::open(path).map_err(unreadable)?;
+    if file.metadata().is_ok_and(|meta| meta.is_dir()) {
+        let error = InputError::new(name, "this is a folder, not a file");
+        return Err(error.hint("name a file inside the folder").into());
+    }
+    let input = BufReader::with_capacity(1 << 16, file);
+    Ok(TraceReader::open(input, name)?)
+}
+
+/// Exit code and message for what was read of a trace.
+fn verdict(contents: &TraceContents) -> Exit {
+    match &contents.damage {
+        None => Exit::Success,
+        Some(damage) => {
+            output::error(&damage.to_string());
+            if let Some(hint) = &damage.hint {
+                output::hint(hint);
+            }
+            Exit::Input
+        }
+    }
+}
+
+// ---- info ------------------------------------------------------------------------------
+
+/// How many contacts `info` names.
+const NAMED: usize = 10;
+
+/// What events there are.
+#[derive(Debug, Default, Serialize)]
+struct Counts {
+    contacts_agent_agent: u64,
+    contacts_agent_obstacle: u64,
+    contacts_agent_mover: u64,
+    arrivals: u64,
+    /// The first contacts to begin.
+    first: Vec<Event>,
+}
+
+impl TraceSink for Counts {
+    fn begin(&mut self, _: &Header) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn state(&mut self, _: u64, _: &States<'_>) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn events(&mut self, events: &[Event]) -> io::Result<()> {
+        for event in events {
+            match (event.kind, event.other) {
+                (EventKind::Arrive, _) => self.arrivals += 1,
+                (EventKind::End, _) => {}
+                (EventKind::Begin, other) => {
+                    *match other {
+                        Other::Agent(_) => &mut self.contacts_agent_agent,
+                        Other::Mover(_) => &mut self.contacts_agent_mover,
+                        _ => &mut self.contacts_agent_obstacle,
+                    } += 1;
+                    if self.first.len() < NAMED {
+                        self.first.push(*event);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, _: &Summary) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+pub(crate) fn info(path: &Path, format: Format) -> Result<Exit> {
+    let mut counts = Counts::default();
+    let bytes = std::fs::metadata(path).map_or(0, |meta| meta.len());
+    let contents = open(path)?.replay(&mut counts).map_err(internal)?;
+    match format {
+        Format::Json => output::print_json(&json!({
+            "file": path.display().to_string(),
+            "bytes": bytes,
+            "intact_bytes": contents.intact_bytes,
+            "damage": contents.damage.as_ref().map(|damage| &damage.reason),
+            "header": contents.header,
+            "scene": scene_info(&contents.header.scene),
+            "states": contents.states,
+            "last_tick": contents.last_tick,
+            "events": contents.events,
+            "counts": counts,
+            "summary": contents.end,
+        }))?,
+        Format::Text => output::print(&info_text(path, bytes, &contents, &counts))?,
+    }
+    Ok(verdict(&contents))
+}
+
+fn scene_info(scene: &Scene) -> Value {
+    let cells = scene.cells.as_ref().map(|cells| {
+        let solid: u64 = cells.solid_runs().map(|run| u64::from(run.2)).sum();
+        json!({
+            "rows": cells.rows(),
+            "cols": cells.cols(),
+            "cell_size_m": cells.cell_size_m(),
+            "solid": solid,
+        })
+    });
+    json!({
+        "cells": cells,
+        "polygons": scene.polygons_m.len(),
+        "goals": scene.goals_m.len(),
+    })
+}
+
+fn info_text(path: &Path, bytes: u64, contents: &TraceContents, counts: &Counts) -> String {
+    let header = &contents.header;
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(out, "{name:<18}{value}");
+    };
+    line("trace", format!("{}, {bytes} bytes", file_name(path)));
+    line(
+        "state of the file",
+        match (&contents.damage, &contents.end) {
+            (None, Some(_)) if header.state_every == 1 => {
+                "intact, states and events match their digests".to_owned()
+            }
+            (None, _) => "intact, events match their digest".to_owned(),
+            (Some(_), _) => format!("damaged, {} bytes are intact", contents.intact_bytes),
+        },
+    );
+    line("written by", header.program.clone());
+    let movers = match header.movers {
+        0 => String::new(),
+        movers => format!(", {movers} moving obstacles"),
+    };
+    line("agents", format!("{}{movers}", header.agents));
+    for profile in &header.profiles {
+        let model = match profile.model.as_str() {
+            "" => String::new(),
+            model => format!(", {model}"),
+        };
+        line("  profile", format!("{}{model}", profile.name));
+    }
+    let scene = &header.scene;
+    if let Some(cells) = &scene.cells {
+        let (rows, cols, side) = (cells.rows(), cells.cols(), cells.cell_size_m());
+        line("map", format!("{rows} × {cols} cells of {side} m"));
+    }
+    if !scene.polygons_m.is_empty() {
+        line("obstacles", format!("{} polygons", scene.polygons_m.len()));
+    }
+    let rate = format!(
+        "{} ticks per second, {} substeps",
+        header.ticks_hz, header.substeps
+    );
+    line("execution", format!("tier {}, {rate}", header.tier));
+    line("policy", format!("{}, seed {}", header.policy, header.seed));
+    let states = match contents.last_tick {
+        None => "none".to_owned(),
+        Some(last) => {
+            let each = contents.states as f64 * header.bodies() as f64;
+            format!(
+                "{}, every {}, to tick {last} ({} s), {} bytes for a body at a tick",
+                contents.states,
+                match header.state_every {
+                    1 => "tick".to_owned(),
+                    every => format!("{every} ticks"),
+                },
+                number(header.time_s(last)),
+                number(contents.intact_bytes as f64 / each),
+            )
+        }
+    };
+    line("states", states);
+    line("events", contents.events.to_string());
+    let contacts = counts.contacts_agent_agent + counts.contacts_agent_obstacle;
+    line(
+        "contacts",
+        format!(
+            "{} ({} between agents, {} with obstacles, {} with moving ones)",
+            contacts + counts.contacts_agent_mover,
+            counts.contacts_agent_agent,
+            counts.contacts_agent_obstacle,
+            counts.contacts_agent_mover
+        ),
+    );
+    for event in &counts.first {
+        line(
+            "",
+            format!("at {} s {}", number(event.time_s), described(event)),
+        );
+    }
+    if counts.arrivals > 0 {
+        line("arrivals", counts.arrivals.to_string());
+    }
+    if let Some(end) = &contents.end {
+        line("simulated", format!("{} s", number(end.simulated_s)));
+        if let Some(nearest) = end.nearest_approach_m {
+            line(
+                "nearest approach",
+                format!("{nearest:.3} m between centres"),
+            );
+        }
+        let error = format!("{:.4} m at most", end.tracking_error_max_m);
+        line("tracking error", error);
+        line("trace digest", end.trace_digest.to_string());
+    }
+    line("world digest", header.digests.world.to_string());
+    line("plan digest", header.digests.plan.to_string());
+    out.truncate(out.trim_end().len());
+    out
+}
+
+fn described(event: &Event) -> String {
+    let agent = event.agent;
+    let other = match event.other {
+        Other::Agent(other) => format!("agent {other}"),
+        Other::Obstacle { cell } => format!("cell {cell}"),
+        Other::Polygon(index) => format!("polygon {index}"),
+        Other::Mover(index) => format!("moving obstacle {index}"),
+        Other::Goal => "its goal".to_owned(),
+    };
+    match event.kind {
+        EventKind::Begin => format!("agent {agent} begins to touch {other}"),
+        EventKind::End => format!("agent {agent} no longer touches {other}"),
+        EventKind::Arrive => format!("agent {agent} arrives at {other}"),
+    }
+}
+
+// ---- diff ------------------------------------------------------------------------------
+
+/// Where two traces differ; nothing is left out but what is empty.
+#[derive(Debug, Default, Serialize)]
+struct Difference {
+    /// Fields of the header, with both values.
+    header: Vec<FieldDifference>,
+    /// The first state that differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    state: Option<StateDifference>,
+    /// How far apart any two values of the states are at most.
+    largest: f64,
+    /// The first event that differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    event: Option<EventDifference>,
+    /// Figures of the summary, with both values.
+    summary: Vec<FieldDifference>,
+    /// Ticks whose states were compared.
+    ticks_compared: u64,
+    events_compared: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct FieldDifference {
+    field: String,
+    a: Value,
+    b: Value,
+}
+
+#[derive(Debug, Serialize)]
+struct StateDifference {
+    tick: u64,
+    time_s: f64,
+    body: usize,
+    value: &'static str,
+    a: Option<f64>,
+    b: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct EventDifference {
+    index: u64,
+    a: Option<Event>,
+    b: Option<Event>,
+}
+
+/// What describes a trace but decides nothing about the execution.
+const DESCRIPTION: [&str; 3] = ["program", "state_every", "progress"];
+/// Follow from everything else.
+const DIGESTS: [&str; 3] = ["states_digest", "events_digest", "trace_digest"];
+
+pub(crate) fn diff(arguments: &TraceDiff) -> Result<Exit> {
+    let TraceDiff { a, b, .. } = arguments;
+    let (mut one, mut other) = (open(a)?, open(b)?);
+    let mut difference = Difference {
+        header: header_differences(one.header(), other.header()),
+        ..Difference::default()
+    };
+    compare_states(&mut one, &mut other, arguments.tolerance, &mut difference)?;
+    // A second pass: states and events need not lie beside each other alike.
+    let (mut one, mut other) = (open(a)?, open(b)?);
+    compare_events(&mut one, &mut other, arguments.tolerance, &mut difference)?;
+    let describes = |field: &FieldDifference| DESCRIPTION.contains(&field.field.as_str());
+    let same = difference.header.iter().all(describes)
+        && difference.summary.is_empty()
+        && difference.state.is_none()
+        && difference.event.is_none();
+    match arguments.format {
+        Format::Json => {
+            let mut value = serde_json::to_value(&difference).map_err(internal)?;
+            value["same"] = same.into();
+            output::print_json(&value)?;
+        }
+        Format::Text => output::print(&diff_text(&difference, same))?,
+    }
+    Ok(if same { Exit::Success } else { Exit::NoPlan })
+}
+
+fn header_differences(a: &Header, b: &Header) -> Vec<FieldDifference> {
+    // Everything in a header can be written as JSON.
+    let values = |header: &Header| serde_json::to_value(header).unwrap_or_default();
+    let mut found = field_differences(&values(a), &values(b), |_, _, _| false);
+    let (a, b) = (&a.scene, &b.scene);
+    let parts = [
+        ("cells", a.cells == b.cells),
+        ("polygons", a.polygons_m == b.polygons_m),
+        ("profiles of bodies", a.profile_of_body == b.profile_of_body),
+        ("goals", a.goals_m == b.goals_m),
+    ];
+    for (part, same) in parts {
+        if !same {
+            found.push(FieldDifference {
+                field: part.to_owned(),
+                a: Value::Null,
+                b: Value::Null,
+            });
+        }
+    }
+    found
+}
+
+/// Fields of objects that differ, those of nested objects too.
+fn field_differences(
+    a: &Value,
+    b: &Value,
+    near: impl Fn(&str, &Value, &Value) -> bool + Copy,
+) -> Vec<FieldDifference> {
+    let (Value::Object(a), Value::Object(b)) = (a, b) else {
+        return Vec::new();
+    };
+    let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+    let mut found = Vec::new();
+    for name in names {
+        let (a, b) = (&a.get(name), &b.get(name));
+        let (a, b) = (
+            a.cloned().unwrap_or_default(),
+            b.cloned().unwrap_or_default(),
+        );
+        if a == b || near(name, &a, &b) {
+            continue;
+        }
+        if a.is_object() && b.is_object() {
+            for mut inner in field_differences(&a, &b, near) {
+                inner.field = format!("{name}.{}", inner.field);
+                found.push(inner);
+            }
+        } else {
+            let field = name.clone();
+            found.push(FieldDifference { field, a, b });
+        }
+    }
+    found
+}
+
+/// The states of a tick, kept.
+#[derive(Default)]
+struct Kept {
+    tick: u64,
+    channels: [Vec<f64>; 3],
+    progress: Vec<u32>,
+}
+
+impl Kept {
+    /// Goes to the next states; `false` at the end.
+    fn advance(&mut self, reader: &mut Reader) -> Result<bool> {
+        while let Some(frame) = reader.next_frame()? {
+            if let Frame::State { tick, states } = frame {
+                self.tick = tick;
+                let channels = [Some(states.x_m), Some(states.y_m), states.heading_rad];
+                for (kept, channel) in self.channels.iter_mut().zip(channels) {
+                    kept.clear();
+                    kept.extend(channel.unwrap_or_default());
+                }
+                self.progress.clear();
+                self.progress.extend(states.progress.unwrap_or_default());
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+}
+
+fn compare_states(
+    one: &mut Reader,
+    other: &mut Reader,
+    tolerance: f64,
+    difference: &mut Difference,
+) -> Result<()> {
+    let (a_header, b_header) = (one.header().clone(), other.header().clone());
+    if a_header.bodies() != b_header.bodies() || a_header.ticks_hz != b_header.ticks_hz {
+        return Ok(());
+    }
+    let (mut a, mut b) = (Kept::default(), Kept::default());
+    let (mut a_is_there, mut b_is_there) = (a.advance(one)?, b.advance(other)?);
+    let records_alike = a_header.state_every == b_header.state_every;
+    while a_is_there && b_is_there {
+        // Where one trace has states less often, others are passed over.
+        if a.tick == b.tick {
+            compare_tick(&a_header, &a, &b, tolerance, difference);
+            difference.ticks_compared += 1;
+        }
+        let tick = a.tick.min(b.tick);
+        let (from_a, from_b) = (a.tick == tick, b.tick == tick);
+        if from_a {
+            a_is_there = a.advance(one)?;
+        }
+        if from_b {
+            b_is_there = b.advance(other)?;
+        }
+    }
+    if records_alike && a_is_there != b_is_there && difference.state.is_none() {
+        let tick = if a_is_there { a.tick } else { b.tick };
+        difference.state = Some(StateDifference {
+            tick,
+            time_s: a_header.time_s(tick),
+            body: 0,
+            value: "existence",
+            a: a_is_there.then_some(1.0),
+            b: b_is_there.then_some(1.0),
+        });
+    }
+    Ok(())
+}
+
+/// Names of the values of a state.
+const VALUES: [&str; 3] = ["x_m", "y_m", "heading_rad"];
+
+fn compare_tick(header: &Header, a: &Kept, b: &Kept, tolerance: f64, difference: &mut Difference) {
+    let mut note = |body, value, one: Option<f64>, other: Option<f64>| {
+        difference.state.get_or_insert_with(|| StateDifference {
+            tick: a.tick,
+            time_s: header.time_s(a.tick),
+            body,
+            value,
+            a: one,
+            b: other,
+        });
+        if let (Some(one), Some(other)) = (one, other) {
+            difference.largest = difference.largest.max((one - other).abs());
+        }
+    };
+    for body in 0..header.bodies() {
+        for ((one, other), value) in a.channels.iter().zip(&b.channels).zip(VALUES) {
+            let (one, other) = (one.get(body).copied(), other.get(body).copied());
+            let near = match (one, other) {
+                // Bits, so that what is no number can be the same.
+                (Some(one), Some(other)) => {
+                    one.to_bits() == other.to_bits()
+                        || tolerance > 0.0 && (one - other).abs() <= tolerance
+                }
+                (one, other) => one.is_none() && other.is_none(),
+            };
+            if !near {
+                note(body, value, one, other);
+            }
+        }
+    }
+    // It describes, and is not in every trace.
+    for (body, (one, other)) in a.progress.iter().zip(&b.progress).enumerate() {
+        if one != other {
+            note(body, "knot", Some(f64::from(*one)), Some(f64::from(*other)));
+        }
+    }
+}
+
+/// Events one by one.
+struct Events<'a> {
+    reader: &'a mut Reader,
+    waiting: std::vec::IntoIter<Event>,
+    summary: Option<Summary>,
+}
+
+impl<'a> Events<'a> {
+    fn new(reader: &'a mut Reader) -> Self {
+        Self {
+            reader,
+            waiting: Vec::new().into_iter(),
+            summary: None,
+        }
+    }
+
+    /// The next event; at the end of the trace `None`, and there is a summary.
+    fn next(&mut self) -> Result<Option<Event>> {
+        loop {
+            if let Some(event) = self.waiting.next() {
+                return Ok(Some(event));
+            }
+            match self.reader.next_frame()? {
+                Some(Frame::Events(events)) => self.waiting = events.to_vec().into_iter(),
+                Some(Frame::End(summary)) => self.summary = Some(summary.clone()),
+                Some(Frame::State { .. }) => {}
+                None => return Ok(None),
+            }
+        }
+    }
+}
+
+fn compare_events(
+    one: &mut Reader,
+    other: &mut Reader,
+    tolerance: f64,
+    difference: &mut Difference,
+) -> Result<()> {
+    let (mut one, mut other) = (Events::new(one), Events::new(other));
+    loop {
+        let (a, b) = (one.next()?, other.next()?);
+        let same = match (&a, &b) {
+            (None, None) => break,
+            (Some(a), Some(b)) if tolerance > 0.0 => {
+                (a.kind, a.agent, a.other) == (b.kind, b.agent, b.other)
+                    && (a.time_s - b.time_s).abs() <= tolerance
+            }
+            (a, b) => a == b,
+        };
+        if !same && difference.event.is_none() {
+            let index = difference.events_compared;
+            difference.event = Some(EventDifference { index, a, b });
+        }
+        difference.events_compared += 1;
+    }
+    let value = |summary: &Option<Summary>| serde_json::to_value(summary).map_err(internal);
+    let near = |name: &str, a: &Value, b: &Value| {
+        // With a tolerance digests say nothing.
+        tolerance > 0.0
+            && (DIGESTS.contains(&name)
+                || matches!((a.as_f64(), b.as_f64()), (Some(a), Some(b)) if (a - b).abs() <= tolerance))
+    };
+    let (a, b) = (value(&one.summary)?, value(&other.summary)?);
+    difference.summary = field_differences(&a, &b, near);
+    Ok(())
+}
+
+fn diff_text(difference: &Difference, same: bool) -> String {
+    let mut out = Vec::new();
+    for field in &difference.header {
+        out.push(field_line("header", field));
+    }
+    if let Some(first) = &difference.state {
+        let value =
+            |value: Option<f64>| value.map_or("none".to_owned(), |value| format!("{value:?}"));
+        let (a, b) = (value(first.a), value(first.b));
+        let apart = match (first.a, first.b) {
+            (Some(a), Some(b)) => format!(", {:e} apart", (a - b).abs()),
+            _ => String::new(),
+        };
+        out.push(format!(
+            "states    first at tick {} ({} s), body {}: {} is {a} and {b}{apart}",
+            first.tick,
+            number(first.time_s),
+            first.body,
+            first.value
+        ));
+        out.push(format!("          {:e} apart at most", difference.largest));
+    }
+    if let Some(first) = &difference.event {
+        let event = |event: &Option<Event>| match event {
+            None => "nothing".to_owned(),
+            Some(event) => format!("at {:?} s {}", event.time_s, described(event)),
+        };
+        let (a, b) = (event(&first.a), event(&first.b));
+        out.push(format!("events    first number {}: {a}; {b}", first.index));
+    }
+    for field in &difference.summary {
+        out.push(field_line("summary", field));
+    }
+    out.push(format!(
+        "{}, after {} states and {} events",
+        if same {
+            "the same execution"
+        } else {
+            "different executions"
+        },
+        difference.ticks_compared,
+        difference.events_compared
+    ));
+    out.join("\n")
+}
+
+fn field_line(part: &str, field: &FieldDifference) -> String {
+    let FieldDifference { field, a, b } = field;
+    if a.is_null() && b.is_null() {
+        format!("{part:<10}{field} differ")
+    } else {
+        format!("{part:<10}{field} is {a} and {b}")
+    }
+}
+
+// ---- export ----------------------------------------------------------------------------
+
+/// A file that takes its name when it is whole.
+struct Target<'a> {
+    path: &'a Path,
+    out: BufWriter<Unnamed>,
+}
+
+impl<'a> Target<'a> {
+    fn create(path: Option<&'a PathBuf>) -> Result<Option<Self>> {
+        path.map(|path| {
+            let out = BufWriter::with_capacity(1 << 16, Unnamed::beside(path)?);
+            Ok(Self { path, out })
+        })
+        .transpose()
+    }
+
+    fn finish(self) -> Result<()> {
+        let out = self.out.into_inner().map_err(|error| {
+            InputError::new(
+                self.path.display().to_string(),
+                format!("cannot be written: {error}"),
+            )
+        })?;
+        out.keep(self.path)
+    }
+}
+
+/// Writes what it is told as CSV and JSON.
+struct Exporter<'a> {
+    every: u64,
+    ticks_hz: u32,
+    csv: Option<Target<'a>>,
+    events: Option<Target<'a>>,
+    json: Option<Target<'a>>,
+    /// Whether the JSON document has a record already.
+    begun: bool,
+}
+
+impl Exporter<'_> {
+    fn record(&mut self, record: &impl Serialize) -> io::Result<()> {
+        if let Some(json) = &mut self.json {
+            json.out
+                .write_all(if self.begun { b",\n" } else { b"\n" })?;
+            self.begun = true;
+            serde_json::to_writer(&mut json.out, record)?;
+        }
+        Ok(())
+    }
+}
+
+/// States as a record of a JSON document.
+#[derive(Serialize)]
+struct StatesRecord<'a> {
+    tick: u64,
+    time_s: f64,
+    x_m: &'a [f64],
+    y_m: &'a [f64],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    heading_rad: Option<&'a [f64]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    knot: Option<&'a [u32]>,
+}
+
+impl TraceSink for Exporter<'_> {
+    fn begin(&mut self, header: &Header) -> io::Result<()> {
+        self.ticks_hz = header.ticks_hz;
+        if let Some(csv) = &mut self.csv {
+            csv.out.write_all(b"tick,time_s,body,x_m,y_m")?;
+            if header.headings {
+                csv.out.write_all(b",heading_rad")?;
+            }
+            if header.progress {
+                csv.out.write_all(b",knot")?;
+            }
+            csv.out.write_all(b"\n")?;
+        }
+        if let Some(events) = &mut self.events {
+            events
+                .out
+                .write_all(b"time_s,substep,kind,agent,other,index\n")?;
+        }
+        if let Some(json) = &mut self.json {
+            json.out.write_all(b"{\"header\":")?;
+            serde_json::to_writer(&mut json.out, header)?;
+            let scene = &header.scene;
+            let cells = scene.cells.as_ref().map(|cells| {
+                json!({
+                    "rows": cells.rows(),
+                    "cols": cells.cols(),
+                    "cell_size_m": cells.cell_size_m(),
+                    "solid_runs": cells.solid_runs().collect::<Vec<_>>(),
+                })
+            });
+            let scene = json!({
+                "cells": cells,
+                "polygons_m": scene.polygons_m,
+                "profile_of_body": scene.profile_of_body,
+                "goals_m": scene.goals_m,
+            });
+            json.out.write_all(b",\n\"scene\":")?;
+            serde_json::to_writer(&mut json.out, &scene)?;
+            json.out.write_all(b",\n\"records\":[")?;
+        }
+        Ok(())
+    }
+
+    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
+        if !tick.is_multiple_of(self.every) {
+            return Ok(());
+        }
+        let time_s = tick as f64 / f64::from(self.ticks_hz);
+        if let Some(csv) = &mut self.csv {
+            for body in 0..states.x_m.len() {
+                let (x, y) = (states.x_m[body], states.y_m[body]);
+                write!(csv.out, "{tick},{time_s:?},{body},{x:?},{y:?}")?;
+                if let Some(headings) = states.heading_rad {
+                    write!(csv.out, ",{:?}", headings[body])?;
+                }
+                if let Some(progress) = states.progress {
+                    write!(csv.out, ",{}", progress[body])?;
+                }
+                csv.out.write_all(b"\n")?;
+            }
+        }
+        self.record(&StatesRecord {
+            tick,
+            time_s,
+            x_m: states.x_m,
+            y_m: states.y_m,
+            heading_rad: states.heading_rad,
+            knot: states.progress,
+        })
+    }
+
+    fn events(&mut self, events: &[Event]) -> io::Result<()> {
+        if let Some(csv) = &mut self.events {
+            for event in events {
+                let (kind, agent) = (kind_name(event.kind), event.agent);
+                let (other, index) = match event.other {
+                    Other::Agent(index) => ("agent", Some(index)),
+                    Other::Obstacle { cell } => ("cell", Some(cell)),
+                    Other::Polygon(index) => ("polygon", Some(index)),
+                    Other::Mover(index) => ("mover", Some(index)),
+                    Other::Goal => ("goal", None),
+                };
+                let index = index.map(|index| index.to_string()).unwrap_or_default();
+                let (time, substep) = (event.time_s, event.substep);
+                writeln!(csv.out, "{time:?},{substep},{kind},{agent},{other},{index}")?;
+            }
+        }
+        self.record(&json!({ "events": events }))
+    }
+
+    fn end(&mut self, _: &Summary) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+fn kind_name(kind: EventKind) -> &'static str {
+    match kind {
+        EventKind::Begin => "begin",
+        EventKind::End => "end",
+        EventKind::Arrive => "arrive",
+    }
+}
+
+pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
+    let TraceExport {
+        file,
+        csv,
+        events,
+        json,
+        every,
+    } = arguments;
+    for path in [csv, events, json].into_iter().flatten() {
+        refuse_input(path, &[file.as_path()])?;
+    }
+    let reader = open(file)?;
+    let mut exporter = Exporter {
+        every: u64::from(*every),
+        ticks_hz: reader.header().ticks_hz,
+        csv: Target::create(csv.as_ref())?,
+        events: Target::create(events.as_ref())?,
+        json: Target::create(json.as_ref())?,
+        begun: false,
+    };
+    let failed = |error: io::Error| {
+        let reason = format!("the files could not be written: {error}");
+        Failure::from(InputError::new(file.display().to_string(), reason))
+    };
+    let contents = reader.replay(&mut exporter).map_err(failed)?;
+    let Exporter {
+        csv, events, json, ..
+    } = exporter;
+    if let Some(mut json) = json {
+        // What a damaged trace does not tell is null.
+        let summary = serde_json::to_string(&contents.end).map_err(internal)?;
+        writeln!(json.out, "\n],\n\"summary\":{summary}}}").map_err(failed)?;
+        json.finish()?;
+    }
+    for target in [csv, events].into_iter().flatten() {
+        target.finish()?;
+    }
+    Ok(verdict(&contents))
+}

@@ -1,0 +1,65 @@
+//! Trace files.
+
+use fleetyard_sim::trace::{TraceContents, TraceReader};
+use fleetyard_sim::{TraceWriter, trace::read_trace};
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+use super::check_error;
+
+const SOURCE: &str = "a.fyt";
+
+/// Reads a trace as it is, and once more with checks that are right: without them next
+/// to nothing behind them would be reached.
+pub fn run(data: &[u8]) {
+    read(data);
+    read(&with_right_checks(data));
+}
+
+fn read(data: &[u8]) {
+    let reader = match TraceReader::open(data, SOURCE) {
+        Ok(reader) => reader,
+        Err(error) => return check_error(&error, SOURCE, data),
+    };
+    let mut writer = TraceWriter::new(Vec::new(), reader.header().state_every);
+    let contents = reader
+        .replay(&mut writer)
+        .expect("what is read can be written");
+    assert!(contents.intact_bytes <= data.len() as u64);
+    assert!(contents.header.bodies() * 20 <= data.len());
+    match &contents.damage {
+        Some(damage) => check_error(damage, SOURCE, data),
+        None => {
+            assert_eq!(contents.intact_bytes, data.len() as u64);
+            let again = read_trace(&writer.into_inner()[..], SOURCE).expect("a trace");
+            let place = |contents: TraceContents| TraceContents {
+                intact_bytes: 0,
+                ..contents
+            };
+            assert_eq!(place(again), place(contents));
+        }
+    }
+}
+
+/// The bytes with the checks of all frames as they should be, and the digest of the file.
+fn with_right_checks(data: &[u8]) -> Vec<u8> {
+    let mut bytes = data.to_vec();
+    let mut at = 12;
+    let mut file = Xxh3::new();
+    file.update(&bytes[..bytes.len().min(at)]);
+    while let Some(head) = bytes.get(at..at + 5) {
+        let length = u32::from_le_bytes([head[1], head[2], head[3], head[4]]) as usize;
+        let end = at + 5 + length;
+        if bytes.len() < end + 8 {
+            break;
+        }
+        if head[0] == b'Z' && length >= 16 {
+            file.update(&bytes[at..end - 16]);
+            bytes[end - 16..end].copy_from_slice(&file.digest128().to_le_bytes());
+        }
+        let check = xxh3_64(&bytes[at..end]).to_le_bytes();
+        bytes[end..end + 8].copy_from_slice(&check);
+        file.update(&bytes[at..end + 8]);
+        at = end + 8;
+    }
+    bytes
+}
