@@ -26,18 +26,16 @@ fn read(data: &[u8]) {
         .expect("what is read can be written");
     assert!(contents.intact_bytes <= data.len() as u64);
     assert!(contents.header.bodies() * 20 <= data.len());
-    match &contents.damage {
-        Some(damage) => check_error(damage, SOURCE, data),
-        None => {
-            assert_eq!(contents.intact_bytes, data.len() as u64);
-            let again = read_trace(&writer.into_inner()[..], SOURCE).expect("a trace");
-            let place = |contents: TraceContents| TraceContents {
-                intact_bytes: 0,
-                ..contents
-            };
-            assert_eq!(place(again), place(contents));
-        }
+    if let Some(damage) = &contents.damage {
+        return check_error(damage, SOURCE, data);
     }
+    assert_eq!(contents.intact_bytes, data.len() as u64);
+    let again = read_trace(&writer.into_inner()[..], SOURCE).expect("a trace");
+    let place = |contents: TraceContents| TraceContents {
+        intact_bytes: 0,
+        ..contents
+    };
+    assert_eq!(place(again), place(contents));
 }
 
 /// The bytes with the checks of all frames as they should be, and the digest of the file.

@@ -1,6 +1,6 @@
 //! `fleetyard trace`: what a trace file says, where two differ, and other files of one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Write};
@@ -505,7 +505,7 @@ fn compare_tick(header: &Header, a: &Kept, b: &Kept, tolerance: f64, difference:
 /// Events one by one.
 struct Events<'a> {
     reader: &'a mut Reader,
-    waiting: std::vec::IntoIter<Event>,
+    waiting: VecDeque<Event>,
     summary: Option<Summary>,
 }
 
@@ -513,7 +513,7 @@ impl<'a> Events<'a> {
     fn new(reader: &'a mut Reader) -> Self {
         Self {
             reader,
-            waiting: Vec::new().into_iter(),
+            waiting: VecDeque::new(),
             summary: None,
         }
     }
@@ -521,11 +521,11 @@ impl<'a> Events<'a> {
     /// The next event; at the end of the trace `None`, and there is a summary.
     fn next(&mut self) -> Result<Option<Event>> {
         loop {
-            if let Some(event) = self.waiting.next() {
+            if let Some(event) = self.waiting.pop_front() {
                 return Ok(Some(event));
             }
             match self.reader.next_frame()? {
-                Some(Frame::Events(events)) => self.waiting = events.to_vec().into_iter(),
+                Some(Frame::Events(events)) => self.waiting.extend(events),
                 Some(Frame::End(summary)) => self.summary = Some(summary.clone()),
                 Some(Frame::State { .. }) => {}
                 None => return Ok(None),
