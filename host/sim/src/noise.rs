@@ -601,3 +601,205 @@ impl fmt::Display for Messages {
         write!(f, "{delay_min_s}s,{delay_max_s}s,{loss}")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(delay: &str, velocity: VelocityNoise) -> Noise {
+        let disturbance = Disturbance {
+            seed: 7,
+            delay: delay.parse().expect("a delay"),
+            velocity,
+            ..Disturbance::default()
+        };
+        Noise::new(&disturbance, 0.1)
+    }
+
+    fn even() -> VelocityNoise {
+        VelocityNoise::default()
+    }
+
+    /// Mean and standard deviation.
+    fn moments(values: &[f64]) -> (f64, f64) {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares = values.iter().map(|value| (value - mean) * (value - mean));
+        (mean, (squares.sum::<f64>() / count).sqrt())
+    }
+
+    /// libm's error function is the oracle.
+    #[test]
+    fn normal_inverts_the_distribution_function() {
+        let probabilities = (1..2000).map(|i| f64::from(i) / 2000.0);
+        let tails = (3..=300).map(|i| libm::pow(10.0, -f64::from(i)));
+        for p in probabilities.chain(tails) {
+            let z = normal(p);
+            let back = 0.5 * libm::erfc(-z / 2f64.sqrt());
+            assert!((back / p - 1.0).abs() < 1e-12, "{p}: {z}, {back}");
+            if p >= 1e-3 {
+                assert!((normal(1.0 - p) + z).abs() < 1e-11, "{p}");
+            }
+        }
+    }
+
+    #[test]
+    fn delays_have_their_distributions() {
+        let delays = |text: &str| -> Vec<f64> {
+            let noise = noise(text, even());
+            let pairs = (0..100).flat_map(|agent| (1..=200).map(move |action| (agent, action)));
+            pairs
+                .map(|(agent, action)| noise.start_delay_s(agent, action))
+                .collect()
+        };
+        assert!(delays("none").iter().all(|delay| *delay == 0.0));
+        let late = delays("bernoulli:0.1,2s");
+        let share = late.iter().filter(|delay| **delay == 2.0).count() as f64 / 20_000.0;
+        assert!(late.iter().all(|delay| [0.0, 2.0].contains(delay)));
+        assert!((share - 0.1).abs() < 0.01, "{share}");
+        let uniform = delays("uniform:0.5,1500ms");
+        assert!(uniform.iter().all(|delay| (0.5..=1.5).contains(delay)));
+        let (mean, deviation) = moments(&uniform);
+        assert!((mean - 1.0).abs() < 0.01, "{mean}");
+        assert!((deviation - 1.0 / 12f64.sqrt()).abs() < 0.01, "{deviation}");
+        let (mean, deviation) = moments(&delays("gaussian:5s,500ms"));
+        assert!((mean - 5.0).abs() < 0.02 && (deviation - 0.5).abs() < 0.02);
+        let truncated = delays("gaussian:0s,1s");
+        let never = truncated.iter().filter(|delay| **delay == 0.0).count();
+        assert!(truncated.iter().all(|delay| *delay >= 0.0) && (9500..10_500).contains(&never));
+    }
+
+    /// Values are the same whoever asks for them, in which order, in which pieces.
+    #[test]
+    fn values_do_not_depend_on_the_order_of_evaluation() {
+        let velocity = VelocityNoise {
+            std: 0.3,
+            floor: 0.2,
+        };
+        let noise = noise("bursts:0.5,5s", velocity);
+        let (mut all, mut pieces) = (vec![0.0; 200], vec![0.0; 200]);
+        noise.speed_factors(9, 0, &mut all);
+        for first in (0..200).step_by(40).rev() {
+            noise.speed_factors(9, first, &mut pieces[first..first + 40]);
+        }
+        assert_eq!(all, pieces);
+        let mut other = vec![0.0; 200];
+        noise.speed_factors(10, 0, &mut other);
+        assert_ne!(all, other, "another block");
+        assert!(all.iter().all(|factor| (0.2..=1.0).contains(factor)));
+        let stops = |ranges: &[std::ops::Range<usize>]| {
+            let mut found = Vec::new();
+            for range in ranges {
+                noise.stops(9, range.clone(), |agent, seconds| {
+                    found.push((agent, seconds))
+                });
+            }
+            found.sort_by(|a, b| a.0.cmp(&b.0));
+            found
+        };
+        let found = stops(&[0..1000]);
+        assert_eq!(found, stops(&[640..1000, 0..64, 64..640]));
+        assert!(found.iter().all(|(_, seconds)| *seconds == 5.0));
+        // 1 − exp(−0.05) of a thousand agents.
+        assert!((30..70).contains(&found.len()), "{}", found.len());
+    }
+
+    #[test]
+    fn seeds_and_purposes_are_unrelated() {
+        let of = |seed| {
+            let delay = Delay::Uniform {
+                min_s: 0.0,
+                max_s: 1.0,
+            };
+            let disturbance = Disturbance {
+                seed,
+                delay,
+                ..Disturbance::default()
+            };
+            Noise::new(&disturbance, 0.1)
+        };
+        assert_eq!(of(1).start_delay_s(3, 4), of(1).start_delay_s(3, 4));
+        assert_ne!(of(1).start_delay_s(3, 4), of(2).start_delay_s(3, 4));
+        assert_ne!(of(1).start_delay_s(3, 4), of(1).start_delay_s(4, 3));
+        let messages: Messages = "0s,1s,0.5".parse().expect("messages");
+        let mut noise = MessageNoise::new(&messages, 1, 0.1);
+        let reports: Vec<_> = (0..100).map(|agent| noise.report(5, agent)).collect();
+        let releases: Vec<_> = (0..100).map(|agent| noise.release(5, agent)).collect();
+        assert_ne!(reports, releases);
+        assert!(reports.iter().flatten().all(|blocks| *blocks <= 10));
+        let lost = reports.iter().filter(|report| report.is_none()).count();
+        assert!((30..70).contains(&lost), "{lost}");
+    }
+
+    #[test]
+    fn text_and_json_give_back_what_they_were_given() {
+        for text in [
+            "none",
+            "bernoulli:0.1,2s",
+            "uniform:0s,1.5s",
+            "gaussian:0.5s,0.2s",
+            "bursts:0.01,5s",
+        ] {
+            let delay: Delay = text.parse().expect("a delay");
+            assert_eq!(delay.to_string(), text);
+            let json = serde_json::to_string(&delay).expect("JSON");
+            assert_eq!(
+                serde_json::from_str::<Delay>(&json).expect("a delay"),
+                delay
+            );
+        }
+        let delay: Delay = "gaussian: 500ms, .2".parse().expect("a delay");
+        assert_eq!(delay.to_string(), "gaussian:0.5s,0.2s");
+        let velocity: VelocityNoise = "0.1,0.2".parse().expect("velocity noise");
+        assert_eq!(velocity.to_string(), "0.1,0.2");
+        let messages: Messages = "50ms,0.2s,0.05".parse().expect("messages");
+        assert_eq!(messages.to_string(), "0.05s,0.2s,0.05");
+        let empty: Disturbance = serde_json::from_str("{}").expect("nothing");
+        assert!(empty.is_none() && empty.validate().is_ok());
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        let delays = [
+            "",
+            "poisson:1",
+            "none:1",
+            "bernoulli",
+            "bernoulli:0.1",
+            "bernoulli:1.1,2s",
+            "bernoulli:0.1s,2s",
+            "bernoulli:NaN,2s",
+            "bernoulli:0.1,inf",
+            "bernoulli:0.1,-2s",
+            "uniform:2s,1s",
+            "uniform:a,b",
+            "gaussian:1s,-1s",
+            "gaussian:1s",
+            "bursts:-1,5s",
+            "bursts:1e3,1e3s",
+            "uniform:0,1,2",
+        ];
+        for text in delays {
+            let error = text.parse::<Delay>().expect_err(text);
+            assert!(error.hint().is_some(), "{text}: {error}");
+        }
+        for text in ["", "0.1", "0.1,0", "-0.1,0.5", "0.1,2", "0.1s,0.2"] {
+            let error = text.parse::<VelocityNoise>().expect_err(text);
+            assert!(error.hint().is_some(), "{text}: {error}");
+        }
+        for text in [
+            "",
+            "1s,2s",
+            "2s,1s,0",
+            "0,1s,1",
+            "0,1s,-0.1",
+            "-1s,1s,0",
+            "0,nan,0",
+        ] {
+            let error = text.parse::<Messages>().expect_err(text);
+            assert!(error.hint().is_some(), "{text}: {error}");
+        }
+        let json = r#"{"kind":"uniform","min_s":0,"max_s":1,"more":2}"#;
+        assert!(serde_json::from_str::<Delay>(json).is_err());
+    }
+}

@@ -274,3 +274,71 @@ impl<R: Routes + ?Sized> Routes for Refined<'_, R> {
         start + (end - start) * fraction
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use fleetyard_core::Knot;
+
+    use super::*;
+
+    /// Two agents along x, the first one by four actions of one metre and second.
+    fn line() -> TrajectoryPlan {
+        let knot = |time: i32| Knot {
+            time_s: f64::from(time),
+            x_m: f64::from(time),
+            y_m: 0.0,
+            heading_rad: None,
+        };
+        let mut plan = TrajectoryPlan::default();
+        plan.push_path((0..5).map(knot)).expect("a path");
+        plan.push_path([knot(0)]).expect("a path");
+        plan
+    }
+
+    fn split(agent: u32, action: u32, pieces: u32) -> Split {
+        Split {
+            agent,
+            action,
+            pieces,
+        }
+    }
+
+    fn places(cuts: &Cuts) -> Vec<f64> {
+        let plan = line();
+        let routes = Refined {
+            routes: &plan,
+            cuts,
+        };
+        assert_eq!(routes.actions(1), 0);
+        let knots = 0..=routes.actions(0);
+        knots
+            .map(|knot| {
+                let (pose, time_s) = (routes.pose(0, knot), routes.time_s(0, knot));
+                assert!((pose.x - time_s).abs() < 1e-12);
+                assert!((pose.x.floor() - routes.whole_knot(0, knot) as f64).abs() < 1e-12);
+                pose.x
+            })
+            .collect()
+    }
+
+    #[test]
+    fn pieces_are_cut_into_pieces_again() {
+        let none = Cuts::default();
+        assert_eq!(places(&none), [0.0, 1.0, 2.0, 3.0, 4.0]);
+        let halves = none.refine(2, &[split(0, 2, 2)]);
+        assert_eq!(places(&halves), [0.0, 1.0, 1.5, 2.0, 3.0, 4.0]);
+        let more = halves.refine(2, &[split(0, 1, 2), split(0, 3, 2), split(0, 5, 4)]);
+        assert_eq!(
+            places(&more),
+            [0.0, 0.5, 1.0, 1.5, 1.75, 2.0, 3.0, 3.25, 3.5, 3.75, 4.0]
+        );
+        let most = more.refine(2, &[split(0, 3, 2), split(0, 4, 2), split(0, 6, 2)]);
+        assert_eq!(
+            places(&most),
+            [
+                0.0, 0.5, 1.0, 1.25, 1.5, 1.625, 1.75, 2.0, 2.5, 3.0, 3.25, 3.5, 3.75, 4.0
+            ]
+        );
+        assert_eq!(places(&most.refine(2, &[])), places(&most));
+    }
+}
