@@ -603,6 +603,7 @@ impl fmt::Display for Messages {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "values are repeated, not computed anew")]
 mod tests {
     use super::*;
 
@@ -691,13 +692,13 @@ mod tests {
             let mut found = Vec::new();
             for range in ranges {
                 noise.stops(9, range.clone(), |agent, seconds| {
-                    found.push((agent, seconds))
+                    found.push((agent, seconds));
                 });
             }
-            found.sort_by(|a, b| a.0.cmp(&b.0));
+            found.sort_by_key(|stop| stop.0);
             found
         };
-        let found = stops(&[0..1000]);
+        let found = stops(&[0..500, 500..1000]);
         assert_eq!(found, stops(&[640..1000, 0..64, 64..640]));
         assert!(found.iter().all(|(_, seconds)| *seconds == 5.0));
         // 1 − exp(−0.05) of a thousand agents.

@@ -5,7 +5,7 @@ mod common;
 
 use std::collections::BTreeSet;
 
-use common::{below, random_grid, rng, starts, valid_walks};
+use common::{below, random_grid, rng, starts, turning_blocks, valid_walks};
 use fleetyard_core::{Connectivity, Grid, GridPlan, Knot, TrajectoryPlan};
 use fleetyard_sim::gate::{DependencyGraph, GateError, GateOptions, Gates, GridRoutes, Routes};
 use fleetyard_sim::noise::Messages;
@@ -264,36 +264,6 @@ fn routes<'a>(grid: &'a Grid, plan: &'a GridPlan) -> GridRoutes<'a> {
     }
 }
 
-/// Blocks of two by two cells turn, whoever is in them; everybody obeys the rules.
-fn turning_blocks(rng: &mut ChaCha8Rng, grid: &Grid, agents: usize, steps: usize) -> GridPlan {
-    let mut now = starts(rng, grid, agents);
-    let mut paths: Vec<Vec<u32>> = now.iter().map(|cell| vec![*cell]).collect();
-    for _ in 0..steps {
-        let mut to: Vec<u32> = (0..grid.cell_count()).collect();
-        let (row0, col0) = (below(rng, 2) as u32, below(rng, 2) as u32);
-        for row in (row0..grid.rows() - 1).step_by(2) {
-            for col in (col0..grid.cols() - 1).step_by(2) {
-                let cell = |r: u32, c: u32| (row + r) * grid.cols() + col + c;
-                let mut block = [cell(0, 0), cell(0, 1), cell(1, 1), cell(1, 0)];
-                if below(rng, 3) == 0 || !block.iter().all(|cell| grid.is_passable(*cell)) {
-                    continue;
-                }
-                if below(rng, 2) == 0 {
-                    block.reverse();
-                }
-                for at in 0..4 {
-                    to[block[at] as usize] = block[(at + 1) % 4];
-                }
-            }
-        }
-        for (cell, path) in now.iter_mut().zip(&mut paths) {
-            *cell = to[*cell as usize];
-            path.push(*cell);
-        }
-    }
-    GridPlan::from_paths(paths)
-}
-
 #[test]
 fn walks_on_grids() {
     for seed in 0..60 {
@@ -346,10 +316,11 @@ fn meetings_have_an_order() {
 
 #[test]
 fn rings_turn() {
-    for seed in 0..12 {
+    let mut rings = 0;
+    for seed in 0..6 {
         let mut rng = rng(2000 + seed);
         let grid = open(4 + seed as u32 % 3, 5);
-        let agents = 10 + below(&mut rng, 10);
+        let agents = 17 + below(&mut rng, 4);
         let plan = turning_blocks(&mut rng, &grid, agents, 6);
         let routes = routes(&grid, &plan);
         for (radius_m, margin_m) in [(0.2, 0.05), (0.3, 0.05), (0.35, 0.0), (0.35, 0.05)] {
@@ -360,8 +331,17 @@ fn rings_turn() {
                 ..by_cell()
             };
             execute_all(&world, &options, &mut rng);
+            // Half-way round, discs of 0.35 m are 7 mm apart.
+            let graph = world.build(&options).expect("a graph");
+            let has_rings = (0..agents).any(|agent| graph.actions(agent) > 6);
+            let kept_m = graph.margin_m();
+            let is_tight = has_rings && radius_m >= 0.35;
+            let expected_m = if is_tight { 0.0 } else { margin_m };
+            rings += usize::from(has_rings);
+            assert!((kept_m - expected_m).abs() < 1e-12, "{kept_m}");
         }
     }
+    assert!(rings >= 4 * 4, "{rings} of 6 × 4 graphs have rings");
 }
 
 #[test]

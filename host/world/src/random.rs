@@ -24,8 +24,20 @@ impl SeededRandom {
     /// numbers, so that it can be had without those before it. A new generator is
     /// at the first number of stream 0.
     pub fn go_to(&mut self, stream: u64, index: u64) {
-        self.0.set_stream(stream);
-        self.0.set_word_pos(2 * u128::from(index));
+        let to = 2 * u128::from(index);
+        if self.0.get_stream() == stream {
+            // Going ahead by a few numbers is cheaper than beginning there.
+            let ahead = to.wrapping_sub(self.0.get_word_pos());
+            if ahead <= 64 {
+                for _ in 0..ahead / 2 {
+                    self.0.next_u64();
+                }
+                return;
+            }
+        } else {
+            self.0.set_stream(stream);
+        }
+        self.0.set_word_pos(to);
     }
 
     /// The next number of the stream, any equally likely.
@@ -61,5 +73,26 @@ impl SeededRandom {
         for at in (1..items.len()).rev() {
             items.swap(at, self.below(at + 1));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_the_same_however_one_gets_there() {
+        let mut straight = SeededRandom::new("test", 3);
+        straight.go_to(5, 0);
+        let all: Vec<u64> = (0..300).map(|_| straight.next_u64()).collect();
+        let mut random = SeededRandom::new("test", 3);
+        for index in [0, 1, 2, 10, 41, 42, 100, 299, 7, 7, 8] {
+            random.go_to(5, index);
+            assert_eq!(random.next_u64(), all[index as usize], "{index}");
+        }
+        random.go_to(6, 9);
+        assert_ne!(random.next_u64(), all[9]);
+        random.go_to(5, 10);
+        assert_eq!(random.next_u64(), all[10]);
     }
 }

@@ -68,6 +68,7 @@ pub struct DependencyGraph {
     offsets: Vec<u32>,
     waits: Vec<Wait>,
     cuts: Cuts,
+    margin_m: f64,
 }
 
 impl DependencyGraph {
@@ -94,12 +95,12 @@ impl DependencyGraph {
             routes,
             cuts: &cuts,
         };
-        let edges = match by_cell {
-            Some(edges) => edges,
+        let (edges, margin_m) = match by_cell {
+            Some(edges) => (edges, options.margin_m),
             None => near::edges(&refined, &bodies, options.margin_m)?,
         };
         let actions = (0..agents).map(|agent| refined.actions(agent) as u32);
-        let graph = Self::assemble(actions.collect(), edges).with_cuts(cuts);
+        let graph = Self::assemble(actions.collect(), edges).with(cuts, margin_m);
         rings::resolve(graph, routes, &bodies, options.margin_m)
     }
 
@@ -133,11 +134,16 @@ impl DependencyGraph {
             offsets,
             waits: edges.iter().map(|edge| edge.wait).collect(),
             cuts: Cuts::default(),
+            margin_m: 0.0,
         }
     }
 
-    pub(super) fn with_cuts(self, cuts: Cuts) -> Self {
-        Self { cuts, ..self }
+    pub(super) fn with(self, cuts: Cuts, margin_m: f64) -> Self {
+        Self {
+            cuts,
+            margin_m,
+            ..self
+        }
     }
 
     pub(super) fn cuts(&self) -> &Cuts {
@@ -162,6 +168,12 @@ impl DependencyGraph {
     /// Number of dependencies between agents.
     pub fn edges(&self) -> usize {
         self.waits.len()
+    }
+
+    /// The distance in metres that is kept everywhere: the margin that was asked
+    /// for, or 0 if the plan itself has two agents pass nearer than that.
+    pub fn margin_m(&self) -> f64 {
+        self.margin_m
     }
 
     /// Bytes on the heap.

@@ -62,11 +62,12 @@ pub(super) fn cut_long<R: Routes + ?Sized>(
 
 /// The dependencies: for every action, the last action of every other agent that
 /// meets it and goes first, unless an earlier action waits for it or a later one.
+/// With them, the distance that agents keep from those who rest, at most the margin.
 pub(super) fn edges<R: Routes + ?Sized>(
     routes: &R,
     bodies: &Bodies<'_>,
     margin_m: f64,
-) -> Result<Vec<Edge>, GateError> {
+) -> Result<(Vec<Edge>, f64), GateError> {
     let motions = motions(routes)?;
     let plane = Plane::new(&motions, bodies, margin_m);
     let agents = routes.agents();
@@ -75,27 +76,30 @@ pub(super) fn edges<R: Routes + ?Sized>(
         begins[motion.timed.sweep.agent as usize + 1] = at + 1;
     }
     // Threads make no difference: every agent's edges depend on the routes alone.
-    let found: Vec<Result<Vec<Edge>, GateError>> = (0..agents)
+    let found: Vec<Result<(Vec<Edge>, f64), GateError>> = (0..agents)
         .into_par_iter()
         .with_min_len(8)
         .map_init(
             || Scratch::new(agents, motions.len()),
             |scratch, agent| {
                 let range = begins[agent]..begins[agent + 1];
-                let mut edges = Vec::new();
+                let (mut edges, mut kept_m) = (Vec::new(), margin_m);
                 scratch.agent += 1;
                 for at in range {
-                    waits(at, &motions, &plane, bodies, margin_m, scratch, &mut edges)?;
+                    let kept = waits(at, &motions, &plane, bodies, margin_m, scratch, &mut edges)?;
+                    kept_m = kept_m.min(kept);
                 }
-                Ok(edges)
+                Ok((edges, kept_m))
             },
         )
         .collect();
-    let mut edges = Vec::new();
+    let (mut edges, mut kept_m) = (Vec::new(), margin_m);
     for part in found {
-        edges.append(&mut part?);
+        let (mut part, part_m) = part?;
+        edges.append(&mut part);
+        kept_m = kept_m.min(part_m);
     }
-    Ok(edges)
+    Ok((edges, kept_m))
 }
 
 /// Actions that move and rests of all agents, one after the other.
@@ -237,7 +241,7 @@ impl Scratch {
     }
 }
 
-/// What one motion waits for.
+/// What one motion waits for. Returns the distance that is kept from rests.
 fn waits(
     at: usize,
     motions: &[Motion],
@@ -246,7 +250,8 @@ fn waits(
     margin_m: f64,
     scratch: &mut Scratch,
     edges: &mut Vec<Edge>,
-) -> Result<(), GateError> {
+) -> Result<f64, GateError> {
+    let mut kept_m = margin_m;
     let motion = motions[at];
     let (timed, bounds) = (motion.timed, plane.bounds[at]);
     scratch.motion += 1;
@@ -267,7 +272,7 @@ fn waits(
             continue;
         }
         if motion.rests || other.rests {
-            check_rest(&motion, &other, bodies)?;
+            kept_m = kept_m.min(check_rest(&motion, &other, bodies, margin_m)?);
             continue;
         }
         let known = |(when, action): (u32, u32), now: u32| when == now && action >= other.action;
@@ -301,27 +306,34 @@ fn waits(
             },
         });
     }
-    Ok(())
+    Ok(kept_m)
 }
 
 /// A plan that has an agent in another one's way while it rests collides. Passing
-/// nearer than the margin is the plan's own affair: no order would change it.
-fn check_rest(motion: &Motion, other: &Motion, bodies: &Bodies<'_>) -> Result<(), GateError> {
+/// nearer than the margin is the plan's own affair, since no order would change it.
+/// Returns the distance that is kept: the margin, or 0.
+fn check_rest(
+    motion: &Motion,
+    other: &Motion,
+    bodies: &Bodies<'_>,
+    margin_m: f64,
+) -> Result<f64, GateError> {
     let both_start = motion.rests && other.rests && motion.action + other.action == 0;
     let (a, b) = (&motion.timed, &other.timed);
     let begin_s = a.start_s.max(b.start_s);
     let end_s = a.end_s.min(b.end_s);
     if !both_start && begin_s >= end_s {
-        return Ok(());
+        return Ok(margin_m);
     }
     // Of a motion, only the part that falls into the rest counts; since one of the
     // two stands still, sweeping the same place is being there at the same time.
     let (one, two) = (a.part(begin_s, end_s), b.part(begin_s, end_s));
-    if !bodies.meet(one, two, 0.0) {
-        return Ok(());
+    if bodies.meet(one, two, 0.0) {
+        return Err(GateError::Collision {
+            agents: pair(a, b),
+            time_s: a.collides(b, bodies, 0.0).unwrap_or(begin_s),
+        });
     }
-    Err(GateError::Collision {
-        agents: pair(a, b),
-        time_s: a.collides(b, bodies, 0.0).unwrap_or(begin_s),
-    })
+    let is_tight = margin_m > 0.0 && bodies.meet(one, two, margin_m);
+    Ok(if is_tight { 0.0 } else { margin_m })
 }

@@ -33,6 +33,7 @@ type Ring = Vec<Part>;
 /// counted from 0 along each agent's part.
 struct Solved {
     pieces: u32,
+    margin_m: f64,
     edges: Vec<Link>,
 }
 
@@ -317,7 +318,13 @@ fn solve<R: Routes + ?Sized>(
         let mut pieces = 1;
         while pieces <= MOST_PIECES {
             match cut(ring, routes, bodies, *margin_m, pieces) {
-                Ok(edges) => return Ok(Solved { pieces, edges }),
+                Ok(edges) => {
+                    return Ok(Solved {
+                        pieces,
+                        margin_m: *margin_m,
+                        edges,
+                    });
+                }
                 Err(Stuck::Coarse) => pieces *= 2,
                 Err(Stuck::TooClose { agents, time_s }) if *margin_m <= 0.0 => {
                     return Err(GateError::Collision { agents, time_s });
@@ -550,6 +557,8 @@ fn replace<R: Routes + ?Sized>(
             edges.push(edge(place(link.to), place(link.from)));
         }
     }
-    let refined = DependencyGraph::assemble(actions, edges);
-    Ok(refined.with_cuts(graph.cuts().refine(agents, &splits)))
+    let margins = solved.iter().map(|solved| solved.margin_m);
+    let margin_m = margins.fold(graph.margin_m(), f64::min);
+    let cuts = graph.cuts().refine(agents, &splits);
+    Ok(DependencyGraph::assemble(actions, edges).with(cuts, margin_m))
 }

@@ -190,6 +190,41 @@ pub(crate) fn wild_walks(
     }))
 }
 
+/// Blocks of two by two cells turn, whoever is in them; everybody obeys the rules.
+pub(crate) fn turning_blocks(
+    rng: &mut ChaCha8Rng,
+    grid: &Grid,
+    agents: usize,
+    steps: usize,
+) -> GridPlan {
+    let mut now = starts(rng, grid, agents);
+    let mut paths: Vec<Vec<u32>> = now.iter().map(|cell| vec![*cell]).collect();
+    for _ in 0..steps {
+        let mut to: Vec<u32> = (0..grid.cell_count()).collect();
+        let (row0, col0) = (below(rng, 2) as u32, below(rng, 2) as u32);
+        for row in (row0..grid.rows() - 1).step_by(2) {
+            for col in (col0..grid.cols() - 1).step_by(2) {
+                let cell = |r: u32, c: u32| (row + r) * grid.cols() + col + c;
+                let mut block = [cell(0, 0), cell(0, 1), cell(1, 1), cell(1, 0)];
+                if below(rng, 3) == 0 || !block.iter().all(|cell| grid.is_passable(*cell)) {
+                    continue;
+                }
+                if below(rng, 2) == 0 {
+                    block.reverse();
+                }
+                for at in 0..4 {
+                    to[block[at] as usize] = block[(at + 1) % 4];
+                }
+            }
+        }
+        for (cell, path) in now.iter_mut().zip(&mut paths) {
+            *cell = to[*cell as usize];
+            path.push(*cell);
+        }
+    }
+    GridPlan::from_paths(paths)
+}
+
 /// A generator for one test case.
 pub(crate) fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
