@@ -153,38 +153,35 @@ impl<M: Motions> Bodies<'_, M> {
     /// A body at the beginning of its motion.
     pub(super) fn begin(&self, body: usize) -> Leg {
         let (time_s, pose) = self.knot(body, 0);
-        if time_s > 0.0 {
-            return Leg {
-                next: 0,
-                begin_s: 0.0,
-                end_s: time_s,
-                from: pose,
-                to: pose,
-            };
-        }
-        self.leg(body, 0)
-    }
-
-    /// The motion that begins at a knot.
-    fn leg(&self, body: usize, knot: usize) -> Leg {
-        let (begin_s, from) = self.knot(body, knot);
-        let (end_s, to) = if knot + 1 < self.knots(body) {
-            self.knot(body, knot + 1)
-        } else {
-            (f64::INFINITY, from)
+        let first = Leg {
+            next: 0,
+            begin_s: 0.0,
+            end_s: time_s,
+            from: pose,
+            to: pose,
         };
-        Leg {
-            next: knot as u32 + 1,
-            begin_s,
-            end_s,
-            from,
-            to,
+        if time_s > 0.0 {
+            first
+        } else {
+            self.after(body, &first)
         }
     }
 
     /// The motion after this one, which has an end.
     pub(super) fn after(&self, body: usize, leg: &Leg) -> Leg {
-        self.leg(body, leg.next as usize)
+        let next = leg.next + 1;
+        let (end_s, to) = if (next as usize) < self.knots(body) {
+            self.knot(body, next as usize)
+        } else {
+            (f64::INFINITY, leg.to)
+        };
+        Leg {
+            next,
+            begin_s: leg.end_s,
+            end_s,
+            from: leg.to,
+            to,
+        }
     }
 }
 
