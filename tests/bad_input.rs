@@ -409,6 +409,123 @@ fn bad_plan_files() {
     }
 }
 
+#[test]
+fn bad_plans_in_the_plane() {
+    let yard = Yard::new();
+    yard.write(
+        "good.json",
+        r#"{"format": "fleetyard.trajectories/1", "paths": [[[0,1,1],[1,2,1]],[[0,5,5]]]}"#,
+    );
+    let trajectories = |paths: &str| {
+        format!("{{\"format\": \"fleetyard.trajectories/1\", \"paths\":\n{paths}}}\n")
+    };
+    let on_roadmap = |rest: &str| format!("{{\"format\": \"fleetyard.roadmap-plan/1\", {rest}}}\n");
+    let cases: &[(&str, String, &[&str])] = &[
+        (
+            "going back in time",
+            trajectories("[[[0,0,0],[2,1,0],[1,0,0]]]"),
+            &["bad.json:2:25: ", "back in time, from 2 s to 1 s"],
+        ),
+        (
+            "a gap",
+            trajectories("[[[0,0,0],[2,1,0],[2,9,0]]]"),
+            &["bad.json:2:25: ", "there is a gap", "hint: "],
+        ),
+        (
+            "not a number",
+            trajectories("[[[0,0,NaN]]]"),
+            &["bad.json:2:", "hint: "],
+        ),
+        (
+            "infinite",
+            trajectories("[[[0,0,1e999]]]"),
+            &["bad.json:2:", "out of range"],
+        ),
+        (
+            "far away",
+            trajectories("[[[0,0,1e12]]]"),
+            &["bad.json:2:", "beyond"],
+        ),
+        (
+            "no knots",
+            trajectories("[[]]"),
+            &["agent 0 has no knots", "hint: "],
+        ),
+        (
+            "another version",
+            trajectories("[]").replace("/1", "/2"),
+            &["bad.json:1:", "fleetyard.trajectories/2"],
+        ),
+        (
+            "deep",
+            trajectories(&"[".repeat(1_000_000)),
+            &["bad.json:2:"],
+        ),
+        (
+            "truncated",
+            trajectories("[[[0,0,").replace("}\n", ""),
+            &["bad.json:"],
+        ),
+        (
+            "no roadmap",
+            on_roadmap("\"paths\": [[[0,0]]]"),
+            &["bad.json: ", "does not name its roadmap", "hint: "],
+        ),
+        (
+            "a roadmap that is not there",
+            on_roadmap("\"roadmap\": \"gone.json\", \"paths\": [[[0,0]]]"),
+            &["gone.json: no such file"],
+        ),
+        (
+            "a roadmap that is none",
+            on_roadmap("\"roadmap\": \"good.json\", \"paths\": [[[0,0]]]"),
+            &["good.json:1:", "expected \"fleetyard.roadmap/1\""],
+        ),
+        (
+            "XML that is not closed",
+            "<graphml><graph>\n<node".to_owned(),
+            &["bad.json:", "this is not XML"],
+        ),
+    ];
+    for (name, content, texts) in cases {
+        yard.write("bad.json", content);
+        for line in [
+            "convert bad.json out.json",
+            "validate bad.json --world w.json --radius 1",
+        ] {
+            let ended = yard.line(line).expect(INPUT);
+            assert_eq!(ended.stdout, "", "{name}: {line}");
+            says(&ended, texts);
+        }
+    }
+    // What the plan is held against.
+    for (option, content, texts) in [
+        (
+            "--radius 1 --world",
+            r#"{"format": "fleetyard.world/1", "bounds_m": [0,0,9,9], "obstacles": [{"polygon": [[0,0],[1,1],[1,0],[0,1]]}]}"#,
+            ["bad.json:1:", "intersects itself"],
+        ),
+        (
+            "--fleet",
+            r#"{"format": "fleetyard.fleet/1", "profiles": {"a": {"footprint": {"disc": {"radius_m": 0}}, "model": "agv"}}, "agents": {"all": "a"}}"#,
+            ["bad.json:1:", "radius_m is 0"],
+        ),
+        (
+            "--fleet",
+            r#"{"format": "fleetyard.fleet/1", "profiles": {"a": "go2"}, "agents": ["a"]}"#,
+            ["bad.json: ", "lists 1 agents, but there are 2"],
+        ),
+    ] {
+        yard.write("bad.json", content);
+        let line = format!("validate good.json {option} bad.json --map good.map");
+        yard.write("good.map", MAP);
+        let ended = yard.line(&line).expect(INPUT);
+        assert_eq!(ended.stdout, "", "{line}");
+        says(&ended, &texts);
+    }
+    assert!(!yard.path("out.json").exists());
+}
+
 // ---- The command line --------------------------------------------------------------
 
 #[test]
