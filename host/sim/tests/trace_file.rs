@@ -13,6 +13,7 @@ use fleetyard_sim::{
     Event, EventKind, NoTrace, Other, Outcome, SimConfig, SimError, Simulator, TraceReader,
     TraceSink, TraceWriter,
 };
+use xxhash_rust::xxh3::xxh3_64;
 
 fn world() -> (Grid, GridPlan) {
     let mut rng = common::rng(7);
@@ -489,4 +490,101 @@ fn a_full_disk_is_an_error() {
             .run(&plan, &mut NoTrace)
             .is_ok()
     );
+}
+
+/// A frame with its check.
+fn frame(kind: u8, payload: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![kind];
+    bytes.extend((payload.len() as u32).to_le_bytes());
+    bytes.extend(payload);
+    let check = xxh3_64(&bytes);
+    bytes.extend(check.to_le_bytes());
+    bytes
+}
+
+/// A trace up to its states with so many agents in the header, and fewer in the file.
+fn beginning(agents: u32, bodies_there: usize) -> Vec<u8> {
+    let text = serde_json::to_string(&read(&of_everything()).header.unwrap()).unwrap();
+    let text = text.replace("\"agents\":2", &format!("\"agents\":{agents}"));
+    let text = text.replace("\"movers\":1", "\"movers\":0");
+    let text = text.replace("{\"program\"", "{\"later\":[1,{}],\"program\"");
+    let mut bytes = b"\x89FYT\r\n\x1a\n\x02\0\0\0".to_vec();
+    bytes.extend(frame(b'H', text.as_bytes()));
+    bytes.extend(frame(b'B', &[0; 20].repeat(bodies_there)));
+    bytes
+}
+
+fn group(tick: u64, ticks: u32, is_key: u8, planes: &[u8]) -> Vec<u8> {
+    let mut payload = tick.to_le_bytes().to_vec();
+    payload.extend(ticks.to_le_bytes());
+    payload.push(is_key);
+    payload.extend(zstd::bulk::compress(planes, 1).unwrap());
+    frame(b'S', &payload)
+}
+
+#[test]
+fn claims_that_nothing_stands_behind_are_refused() {
+    // 28 bytes for an agent at a tick.
+    let reason = |mut bytes: Vec<u8>, rest: &[u8]| {
+        bytes.extend(rest);
+        match read_trace(&bytes[..], "t") {
+            Ok(contents) => contents.damage.expect("it is cut at the least").reason,
+            Err(error) => error.reason,
+        }
+    };
+    let cut = "ends within";
+    assert!(reason(beginning(2, 2), b"").contains(cut));
+    assert!(reason(beginning(2, 2), &group(0, 1, 1, &[0; 56])).contains(cut));
+    let bomb = zstd::bulk::compress(&vec![0; 64 << 20], 19).unwrap();
+    assert!(bomb.len() < 10_000);
+    let with_bomb = |ticks: u32| {
+        let mut payload = 0u64.to_le_bytes().to_vec();
+        payload.extend(ticks.to_le_bytes());
+        payload.push(1);
+        payload.extend(&bomb);
+        frame(b'S', &payload)
+    };
+    for (start, rest, expected) in [
+        (beginning(1 << 26, 3), vec![], "one profile per body"),
+        (beginning(1 << 31, 3), vec![], "more bodies than"),
+        (beginning(0, 0), vec![], "no agents"),
+        (beginning(2, 2), with_bomb(1), "cannot be decompressed"),
+        (beginning(2, 2), with_bomb(70_000), "cannot be decompressed"),
+        (beginning(2, 2), with_bomb(1_200_000), "size of a group"),
+        (beginning(2, 2), group(0, 0, 1, &[]), "size of a group"),
+        (
+            beginning(2, 2),
+            group(0, u32::MAX, 1, &[]),
+            "size of a group",
+        ),
+        (beginning(2, 2), group(0, 1, 2, &[0; 56]), "size of a group"),
+        (beginning(2, 2), group(0, 1, 1, &[0; 55]), "shorter than"),
+        (
+            beginning(2, 2),
+            group(0, 1, 0, &[0; 56]),
+            "needs one before it",
+        ),
+        (beginning(2, 2), group(5, 1, 1, &[0; 56]), "another tick"),
+        (beginning(2, 2), frame(b'S', b"short"), "too short"),
+        (beginning(2, 2), frame(b'E', &[0; 4]), "number of events"),
+        (
+            beginning(2, 2),
+            frame(b'E', &[1, 0, 0, 0, 9]),
+            "cannot be decompressed",
+        ),
+        (beginning(2, 2), frame(b'Z', b""), "summary makes no sense"),
+        (beginning(2, 2), frame(b'H', b""), "no such kind"),
+        (beginning(2, 2), frame(b'Q', b""), "no such kind"),
+        (
+            beginning(2, 2),
+            [&b"Z"[..], &[0xff; 4]].concat(),
+            "longer than it can be",
+        ),
+        // A kind that a later release may add is passed over.
+        (beginning(2, 2), frame(b'q', b"whatever"), cut),
+        (beginning(2, 2), [&b"q"[..], &[0xff; 4]].concat(), cut),
+    ] {
+        let got = reason(start, &rest);
+        assert!(got.contains(expected), "{got}, not {expected}");
+    }
 }

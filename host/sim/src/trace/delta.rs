@@ -19,36 +19,40 @@ struct Track {
     curved: bool,
 }
 
+/// The two guesses for the next value.
+#[derive(Debug, Clone, Copy)]
+struct Guesses {
+    straight: f64,
+    curve: f64,
+}
+
 impl Track {
-    fn straight(&self) -> f64 {
-        let [a, b, _] = self.last;
-        finite_or(a + (a - b), a)
-    }
-
-    fn curve(&self) -> f64 {
+    #[inline]
+    fn guesses(&self) -> Guesses {
         let [a, b, c] = self.last;
-        finite_or(3.0 * (a - b) + c, a)
-    }
-
-    fn prediction(&self) -> f64 {
-        if self.curved {
-            self.curve()
-        } else {
-            self.straight()
+        Guesses {
+            straight: finite_or(a + (a - b), a),
+            curve: finite_or(3.0 * (a - b) + c, a),
         }
     }
 
     /// A value that nothing precedes.
+    #[inline]
     fn begin(&mut self, value: f64) {
         self.last = [value; 3];
         self.curved = false;
     }
 
-    fn learn(&mut self, value: f64) {
-        let straight = difference(value, self.straight());
+    /// Takes a value; returns its difference to what was predicted.
+    #[inline]
+    fn learn(&mut self, value: f64, guesses: Guesses) -> u64 {
+        let straight = difference(value, guesses.straight);
+        let curve = difference(value, guesses.curve);
+        let predicted = if self.curved { curve } else { straight };
         // Of two that are about as good the simpler one: it adds less noise.
-        self.curved = difference(value, self.curve()) < straight >> 2;
+        self.curved = curve < straight >> 2;
         self.last = [value, self.last[0], self.last[1]];
+        predicted
     }
 }
 
@@ -157,8 +161,7 @@ impl Tracks {
                 out.push(difference(*value, 0.0));
                 track.begin(*value);
             } else {
-                out.push(difference(*value, track.prediction()));
-                track.learn(*value);
+                out.push(track.learn(*value, track.guesses()));
             }
         }
         let progress = states.progress.unwrap_or_default();
@@ -175,12 +178,17 @@ impl Tracks {
         let (floats, progress) = numbers.split_at(self.coordinates.len());
         let coordinates = self.coordinates.iter_mut().zip(values);
         for ((track, value), number) in coordinates.zip(floats) {
-            let from = if self.fresh { 0.0 } else { track.prediction() };
+            let guesses = track.guesses();
+            let from = match (self.fresh, track.curved) {
+                (true, _) => 0.0,
+                (false, true) => guesses.curve,
+                (false, false) => guesses.straight,
+            };
             *value = from_ordered(ordered(from).wrapping_add(from_zigzag(*number)));
             if self.fresh {
                 track.begin(*value);
             } else {
-                track.learn(*value);
+                track.learn(*value, guesses);
             }
         }
         for (last, number) in self.progress.iter_mut().zip(progress) {
@@ -210,18 +218,21 @@ pub(super) fn to_planes(layout: Layout, numbers: &[u64], planes: &mut Vec<u8>) {
     let ticks = numbers.len() / tick;
     planes.clear();
     planes.resize(ticks * layout.tick_bytes(), 0);
+    let plane = ticks * layout.bodies;
     let mut rest = &mut planes[..];
     for (channel, width) in layout.widths().enumerate() {
-        for place in 0..width {
-            let (plane, others) = rest.split_at_mut(ticks * layout.bodies);
-            for (body, bytes) in plane.chunks_exact_mut(ticks).enumerate() {
-                let first = channel * layout.bodies + body;
-                for (at, byte) in bytes.iter_mut().enumerate() {
-                    *byte = (numbers[at * tick + first] >> (8 * place)) as u8;
+        let (planes, others) = rest.split_at_mut(width * plane);
+        for body in 0..layout.bodies {
+            let first = channel * layout.bodies + body;
+            for at in 0..ticks {
+                let number = numbers[at * tick + first].to_le_bytes();
+                let place = body * ticks + at;
+                for (at, byte) in number.iter().take(width).enumerate() {
+                    planes[at * plane + place] = *byte;
                 }
             }
-            rest = others;
         }
+        rest = others;
     }
 }
 
@@ -231,18 +242,22 @@ pub(super) fn from_planes(layout: Layout, planes: &[u8], numbers: &mut Vec<u64>)
     let ticks = planes.len() / layout.tick_bytes();
     numbers.clear();
     numbers.resize(ticks * tick, 0);
+    let plane = ticks * layout.bodies;
     let mut rest = planes;
     for (channel, width) in layout.widths().enumerate() {
-        for place in 0..width {
-            let (plane, others) = rest.split_at(ticks * layout.bodies);
-            for (body, bytes) in plane.chunks_exact(ticks).enumerate() {
-                let first = channel * layout.bodies + body;
-                for (at, byte) in bytes.iter().enumerate() {
-                    numbers[at * tick + first] |= u64::from(*byte) << (8 * place);
+        let (planes, others) = rest.split_at(width * plane);
+        for body in 0..layout.bodies {
+            let first = channel * layout.bodies + body;
+            for at in 0..ticks {
+                let place = body * ticks + at;
+                let mut number = [0; 8];
+                for (at, byte) in number.iter_mut().take(width).enumerate() {
+                    *byte = planes[at * plane + place];
                 }
+                numbers[at * tick + first] = u64::from_le_bytes(number);
             }
-            rest = others;
         }
+        rest = others;
     }
 }
 
