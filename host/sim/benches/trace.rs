@@ -4,6 +4,7 @@
 //! processor where the kernel tells them, so that a busy machine does not matter much.
 
 #![allow(missing_docs, reason = "a program")]
+#![allow(clippy::disallowed_methods, reason = "it measures time")]
 
 use std::fs;
 use std::time::Instant;
