@@ -137,8 +137,8 @@ impl Axis {
         let mut wanted = 0.0;
         let size = gap.abs();
         if size > THERE {
-            let limit = self.cap.min(self.bound(size));
             let asked = self.pid.p * gap + self.pid.i * *integral - self.pid.d * speed;
+            let limit = self.cap.min(self.bound(size));
             wanted = if gap > 0.0 {
                 asked.max(0.0).min(limit)
             } else {
@@ -163,18 +163,27 @@ impl Axis {
         wanted.max(low).min(high)
     }
 
-    /// [`Axis::next`] for a body that moves forwards or rests, without a square root while
-    /// it need not brake.
+    /// [`Axis::next`] for a body that moves forwards or rests, with the square root only
+    /// where it begins to brake and where it ends.
     #[inline]
     pub(super) fn next_forward(&self, speed: f64, gap: f64, integral: &mut f64) -> f64 {
+        let asked = self.pid.p * gap + self.pid.i * *integral - self.pid.d * speed;
+        let room = self.two_a * gap;
         let faster = (speed + self.up).min(self.cap);
-        let with_margin = faster + self.half_q;
+        let square = (faster + self.half_q) * (faster + self.half_q);
         // Where this holds, `faster` is below the bound, in both of its cases.
-        if with_margin * with_margin <= self.two_a * gap
-            && speed <= self.cap
-            && faster <= self.pid.p * gap + self.pid.i * *integral - self.pid.d * speed
-        {
+        if square <= room && speed <= self.cap && faster <= asked {
             return faster;
+        }
+        // Who is at the bound stays there by losing q: up to rounding, so it is looked at.
+        let slower = speed - self.q;
+        let square = (slower + self.half_q) * (slower + self.half_q);
+        if slower > 0.0
+            && (square - room).abs() <= 1e-10 * room
+            && slower <= self.cap
+            && slower <= asked
+        {
+            return slower;
         }
         self.next(speed, gap, integral).max(0.0)
     }

@@ -128,10 +128,29 @@ impl Model {
             }
             Self::SingleIntegrator(model) => model.run(state, target, ticks, dt, factor, visit),
             Self::DifferentialDrive(model) => {
-                model.wheels(dt, factor).run(state, target, ticks, visit);
+                if model.control.rests(state, target) {
+                    state.forget();
+                    (0..ticks).for_each(|_| visit(state));
+                } else {
+                    model.wheels(dt, factor).run(state, target, ticks, visit);
+                }
             }
-            Self::Unicycle1(model) => model.wheels(dt, factor).run(state, target, ticks, visit),
-            Self::Unicycle2(model) => model.wheels(dt, factor).run(state, target, ticks, visit),
+            Self::Unicycle1(model) => {
+                if model.control.rests(state, target) {
+                    state.forget();
+                    (0..ticks).for_each(|_| visit(state));
+                } else {
+                    model.wheels(dt, factor).run(state, target, ticks, visit);
+                }
+            }
+            Self::Unicycle2(model) => {
+                if model.control.rests(state, target) {
+                    state.forget();
+                    (0..ticks).for_each(|_| visit(state));
+                } else {
+                    model.wheels(dt, factor).run(state, target, ticks, visit);
+                }
+            }
             Self::DoubleIntegrator(model) => {
                 model.plane(dt, factor).run(state, target, ticks, visit);
             }

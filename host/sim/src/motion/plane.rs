@@ -341,14 +341,24 @@ impl Plane {
         ticks: usize,
         visit: &mut impl FnMut(&State),
     ) {
-        let (mut gap, mut speed) = (into(frame, way), into(frame, [state.vx, state.vy]));
+        let (gap, speed) = (into(frame, way), into(frame, [state.vx, state.vy]));
         let axes = self.axes(gap, speed);
+        // Mirrored so that the way is forwards in both: the law for that is the cheaper one.
+        let signs = gap.map(|gap| if gap < 0.0 { -1.0 } else { 1.0 });
+        let mut gap = [gap[0] * signs[0], gap[1] * signs[1]];
+        let mut speed = [speed[0] * signs[0], speed[1] * signs[1]];
+        let forward = speed.map(|speed| speed >= 0.0);
         for _ in 0..ticks {
             for side in 0..2 {
-                speed[side] = axes[side].next(speed[side], gap[side], &mut 0.0);
+                let (axis, now, to_go) = (&axes[side], speed[side], gap[side]);
+                speed[side] = if forward[side] {
+                    axis.next_forward(now, to_go, &mut 0.0)
+                } else {
+                    axis.next(now, to_go, &mut 0.0)
+                };
                 gap[side] -= speed[side] * self.dt;
             }
-            [state.vx, state.vy] = out_of(frame, speed);
+            [state.vx, state.vy] = out_of(frame, [speed[0] * signs[0], speed[1] * signs[1]]);
             state.x += state.vx * self.dt;
             state.y += state.vy * self.dt;
             visit(state);

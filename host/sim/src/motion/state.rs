@@ -68,6 +68,13 @@ impl State {
         }
     }
 
+    /// A vector of the world as the body sees it, ahead and to its left; after
+    /// [`State::face`].
+    #[inline]
+    pub(super) fn seen(&self, x: f64, y: f64) -> [f64; 2] {
+        [x * self.cos + y * self.sin, y * self.cos - x * self.sin]
+    }
+
     /// The memory of the controller ends where a body rests.
     #[inline]
     pub(super) fn forget(&mut self) {

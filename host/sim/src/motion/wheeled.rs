@@ -63,6 +63,19 @@ impl TurnAndDrive {
         tolerance_rad("control.steer_within_rad", self.steer_within_rad)
     }
 
+    /// Whether a body rests where it is to be.
+    #[inline]
+    pub(super) fn rests(&self, state: &State, target: &Target) -> bool {
+        let (_, _, squared) = state.way(target);
+        state.vx == 0.0
+            && state.vy == 0.0
+            && state.omega == 0.0
+            && squared <= self.arrival_tolerance_m * self.arrival_tolerance_m
+            && target.heading.is_none_or(|heading| {
+                wrap(heading - state.heading).abs() <= self.heading_tolerance_rad
+            })
+    }
+
     /// A straight leg is kept to within this distance.
     pub(super) fn lateral_tolerance_m(&self) -> f64 {
         1.1 * self.arrival_tolerance_m
@@ -269,15 +282,14 @@ impl Wheels {
         visit: &mut impl FnMut(&State),
     ) {
         let mut left = ticks;
-        state.face();
         while left > 0 {
             let (dx, dy, squared) = state.way(target);
-            let ahead = dx * state.cos + dy * state.sin;
-            let aside = dy * state.cos - dx * state.sin;
-            let speed = state.vx * state.cos + state.vy * state.sin;
             let near = squared <= self.near_squared;
-            if speed != 0.0 {
-                let way = if speed > 0.0 { 1.0 } else { -1.0 };
+            if state.vx != 0.0 || state.vy != 0.0 {
+                state.face();
+                let [ahead, aside] = state.seen(dx, dy);
+                let [speed, _] = state.seen(state.vx, state.vy);
+                let way = if speed >= 0.0 { 1.0 } else { -1.0 };
                 if state.omega == 0.0 && (aside.abs() <= self.on_course || near) {
                     self.straight(state, way, [speed, ahead], &mut left, visit);
                 } else {
@@ -287,37 +299,49 @@ impl Wheels {
                 }
                 continue;
             }
-            let error = if near {
-                let turn = target
-                    .heading
-                    .map_or(0.0, |heading| wrap(heading - state.heading));
-                if state.omega == 0.0 && turn.abs() <= self.heading_tolerance {
-                    0.0
-                } else {
-                    turn
-                }
-            } else if aside.abs() <= self.on_course && (ahead > 0.0 || self.reverse) {
-                0.0
+            let mut error = if near {
+                let heading = target.heading.unwrap_or(state.heading);
+                wrap(heading - state.heading)
             } else {
-                let bearing = libm::atan2(aside, ahead);
-                if self.reverse && bearing.abs() > FRAC_PI_2 {
-                    bearing - PI.copysign(bearing)
-                } else {
-                    bearing
-                }
+                self.bearing_error(state, dx, dy)
             };
-            if state.omega != 0.0 || (error != 0.0 && !self.turn.is_stalled()) {
-                self.turn_in_place(state, error, &mut left, visit);
-            } else if near || error != 0.0 || self.drive.is_stalled() {
-                state.forget();
-                for _ in 0..left {
-                    visit(state);
+            if state.omega == 0.0 {
+                if near && error.abs() <= self.heading_tolerance {
+                    error = 0.0;
                 }
-                left = 0;
-            } else {
-                let way = if ahead > 0.0 { 1.0 } else { -1.0 };
-                self.straight(state, way, [0.0, ahead], &mut left, visit);
+                if !near && error == 0.0 && !self.drive.is_stalled() {
+                    let [ahead, _] = state.seen(dx, dy);
+                    let way = if ahead > 0.0 { 1.0 } else { -1.0 };
+                    self.straight(state, way, [0.0, ahead], &mut left, visit);
+                    continue;
+                }
+                if error == 0.0 || self.turn.is_stalled() {
+                    state.forget();
+                    for _ in 0..left {
+                        visit(state);
+                    }
+                    return;
+                }
             }
+            self.turn_in_place(state, error, &mut left, visit);
+        }
+    }
+
+    /// By how much a body that stands must turn to drive to what lies at (dx, dy). Without
+    /// cosine and sine while it turns: the heading changes with every tick.
+    fn bearing_error(&self, state: &mut State, dx: f64, dy: f64) -> f64 {
+        if state.omega == 0.0 {
+            state.face();
+            let [ahead, aside] = state.seen(dx, dy);
+            if aside.abs() <= self.on_course && (ahead > 0.0 || self.reverse) {
+                return 0.0;
+            }
+        }
+        let error = wrap(libm::atan2(dy, dx) - state.heading);
+        if self.reverse && error.abs() > FRAC_PI_2 {
+            error - PI.copysign(error)
+        } else {
+            error
         }
     }
 
@@ -382,11 +406,20 @@ impl Wheels {
         left: &mut usize,
         visit: &mut impl FnMut(&State),
     ) {
-        (state.vx, state.vy) = (0.0, 0.0);
+        // The law for going forwards is the cheaper one.
+        let way = if error < 0.0 { -1.0 } else { 1.0 };
+        let forward = state.omega * way >= 0.0;
+        let mut sum = state.sum_heading * way;
+        let mut rate = state.omega * way;
+        error *= way;
         while *left > 0 {
-            let rate = self.turn.next(state.omega, error, &mut state.sum_heading);
-            state.omega = rate;
-            state.heading += rate * self.dt;
+            rate = if forward {
+                self.turn.next_forward(rate, error, &mut sum)
+            } else {
+                self.turn.next(rate, error, &mut sum)
+            };
+            state.omega = rate * way;
+            state.heading += state.omega * self.dt;
             error -= rate * self.dt;
             *left -= 1;
             visit(state);
@@ -394,6 +427,6 @@ impl Wheels {
                 break;
             }
         }
-        state.face();
+        state.sum_heading = sum * way;
     }
 }
