@@ -419,6 +419,7 @@ impl Wheels {
                 self.turn.next(rate, error, &mut sum)
             };
             state.omega = rate * way;
+            state.sum_heading = sum * way;
             state.heading += state.omega * self.dt;
             error -= rate * self.dt;
             *left -= 1;
@@ -427,6 +428,5 @@ impl Wheels {
                 break;
             }
         }
-        state.sum_heading = sum * way;
     }
 }
