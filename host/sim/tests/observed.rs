@@ -12,7 +12,7 @@ mod rapier_observer;
 use std::collections::BTreeMap;
 
 use fleetyard_core::{Grid, GridPlan, Knot, TrajectoryPlan};
-use fleetyard_sim::{Execution, NoTrace, Other, SimConfig};
+use fleetyard_sim::{NoTrace, Other, SimConfig, Simulator};
 use fleetyard_world::exact::{ContactSearch, Obstacles, Touched, contacts};
 use fleetyard_world::{Footprint, Pose, Shape};
 use rapier_observer::{CELLS, RapierObserver};
@@ -69,9 +69,13 @@ fn by_kinematic_tier(grid: &Grid, plan: &GridPlan, radius_m: f64) -> Contacts {
     let config = SimConfig {
         radius_m: Some(radius_m),
         max_contacts_kept: usize::MAX,
+        overlapping_starts: true,
         ..SimConfig::default()
     };
-    let outcome = Execution::run(grid, plan, &config, &mut NoTrace).expect("it can be executed");
+    let outcome = Simulator::new(&config)
+        .on_grid(grid)
+        .run(plan, &mut NoTrace)
+        .expect("the plan can be executed");
     let mut found = Contacts::new();
     for contact in &outcome.contacts.first {
         let other = match contact.other {
