@@ -41,7 +41,8 @@ impl Pose {
         if self.heading == 0.0 {
             (1.0, 0.0)
         } else {
-            (libm::cos(self.heading), libm::sin(self.heading))
+            let (sin, cos) = libm::sincos(self.heading);
+            (cos, sin)
         }
     }
 
@@ -63,5 +64,33 @@ impl Pose {
             y: between(self.y, end.y),
             heading: between(self.heading, end.heading),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poses_go_from_end_to_end() {
+        let (from, to) = (Pose::new(0.1, 0.2, 0.3), Pose::new(-7.7, 1e-9, 123.4));
+        assert_eq!(from.toward(to, 0.0), from);
+        assert_eq!(from.toward(to, 1.0), to);
+        assert_eq!(
+            Pose::default().toward(Pose::new(2.0, 4.0, 6.0), 0.5),
+            Pose::new(1.0, 2.0, 3.0)
+        );
+    }
+
+    #[test]
+    fn rotations_are_cosine_and_sine() {
+        for step in -1000..1000 {
+            let heading = f64::from(step) * 0.37;
+            let (cos, sin) = Pose::new(0.0, 0.0, heading).rotation();
+            assert_eq!(cos.to_bits(), libm::cos(heading).to_bits());
+            assert_eq!(sin.to_bits(), libm::sin(heading).to_bits());
+        }
+        let [x, y] = Pose::new(1.0, 2.0, std::f64::consts::FRAC_PI_2).apply([3.0, 0.0]);
+        assert!((x - 1.0).abs() < 1e-15 && (y - 5.0).abs() < 1e-15);
     }
 }
