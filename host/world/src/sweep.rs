@@ -26,8 +26,11 @@ use crate::{Inside, Placement, Pose, Relative, Shape};
 /// millionth of the way.
 pub const RESOLUTION_M: f64 = 1e-6;
 
-/// The most steps of a span, as a power of two.
+/// The most steps of a span.
 const MOST_STEPS: f64 = (1 << 20) as f64;
+
+/// How many moments of a span are told apart.
+const MOST_MOMENTS: f64 = (1u64 << 36) as f64;
 
 /// Appends when two bodies overlap by more than `tolerance_m` in a span in which
 /// they move from one pose to the other, in order of time.
@@ -219,7 +222,9 @@ impl Span<'_> {
 
     /// Where an overlap begins or ends between two fractions.
     fn bisect(&self, mut from: f64, mut to: f64, inside: bool, speed: f64) -> f64 {
-        while (to - from) * speed > 1e-4 * RESOLUTION_M {
+        // To a tenth of a nanometre, or 2⁻³⁶ of a span that is long.
+        let enough = (1e-4 * RESOLUTION_M / speed).max(1.0 / MOST_MOMENTS);
+        while to - from > enough {
             let middle = from + 0.5 * (to - from);
             if middle <= from || middle >= to {
                 break;

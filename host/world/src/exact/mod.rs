@@ -884,6 +884,19 @@ mod tests {
         }
     }
 
+    /// Spins and jumps as large as a plan can have.
+    #[test]
+    fn absurd_plans_end() {
+        let spin = |x: f64| vec![(0.0, Pose::at(x, 0.0)), (1e-3, Pose::new(x, 0.0, 1e5))];
+        let jump = vec![
+            (0.0, Pose::at(-1e9, -1e9)),
+            (1e-3, Pose::new(1e9, 1e9, -1e9)),
+        ];
+        let creep = vec![(0.0, Pose::at(0.0, 1.0)), (1e9, Pose::new(1e9, 1.0, 1e9))];
+        let times = found(&[spin(0.0), spin(1.0), jump, creep], &rectangle(1.0, 0.9));
+        assert!(!times.is_empty());
+    }
+
     #[test]
     fn nobody_at_all() {
         let plan = TrajectoryPlan::default();
