@@ -216,3 +216,21 @@ fn profiles_are_written_as_they_are_read() {
         assert_eq!(serde_json::from_str::<Profile>(&text).unwrap(), profile);
     }
 }
+
+/// What docs/motion.md shows is a fleet, and its error is what a mistake in it gives.
+#[test]
+fn the_documented_file_is_a_fleet() {
+    let page = include_str!("../../../docs/motion.md");
+    let (_, rest) = page.split_once("```json\n").unwrap();
+    let (text, rest) = rest.split_once("```").unwrap();
+    let fleet = read_fleet("fleet.json", text.as_bytes())
+        .unwrap()
+        .fleet(8)
+        .unwrap();
+    assert_eq!(fleet.profile_of(), [0, 0, 2, 1, 0, 0, 2, 1]);
+    let (_, error) = rest.split_once("```text\n").unwrap();
+    let wrong = text.replace("1.5", "-2");
+    let found = read_fleet("fleet.json", wrong.as_bytes()).unwrap_err();
+    let shown = format!("{found}\nhint: {}\n", found.hint.as_deref().unwrap());
+    assert!(error.starts_with(&shown), "{shown}");
+}
