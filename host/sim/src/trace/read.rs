@@ -516,11 +516,11 @@ impl<R: Read> Source<R> {
             }
             Some(_) => {}
         }
-        let mut payload = self.take(length + FRAME_CHECK)?;
-        if payload.len() < length + FRAME_CHECK {
+        let payload = self.take(length)?;
+        let check = self.take(FRAME_CHECK)?;
+        if payload.len() < length || check.len() < FRAME_CHECK {
             return Err(self.truncated(start));
         }
-        let check = payload.split_off(length);
         let mut hash = Xxh3::new();
         hash.update(&head);
         hash.update(&payload);
@@ -536,7 +536,7 @@ impl<R: Read> Source<R> {
         };
         self.hash.update(file);
         self.hash.update(&check);
-        self.offset += (FRAME_HEAD + length + FRAME_CHECK) as u64;
+        self.offset += length as u64 + (FRAME_HEAD + FRAME_CHECK) as u64;
         Ok(RawFrame {
             start,
             kind,
