@@ -630,3 +630,22 @@ fn smooth_corners_are_rounded_and_others_kept() {
     assert!(smooth(&corner, 0.1, 0).is_err());
     assert!(smooth(&[], 0.1, 4).unwrap().is_empty());
 }
+
+/// Plans are checked before they are driven; what slips through ends all the same.
+#[test]
+fn targets_that_are_no_places_neither_hang_nor_panic() {
+    for preset in PRESETS {
+        let model = (preset.model)();
+        for far in [f64::NAN, f64::INFINITY, -1e300, 1e300] {
+            let mut state = State::at_rest(0.0, 0.0, 0.0);
+            let mut ticks = 0;
+            for heading in [None, Some(far), Some(1.0)] {
+                for (x, y) in [(far, 0.0), (0.0, far), (1.0, 1.0)] {
+                    let target = Target { x, y, heading };
+                    model.run(&mut state, &target, 6, 1.0 / 60.0, 1.0, &mut |_| ticks += 1);
+                }
+            }
+            assert_eq!(ticks, 54, "{} to {far}", preset.name);
+        }
+    }
+}
