@@ -5,12 +5,13 @@ mod common;
 use std::io::{self, Cursor};
 
 use fleetyard_core::{Digest, Grid, GridPlan};
+use fleetyard_sim::motion::{Fleet, Profile as Robot};
 use fleetyard_sim::trace::{
     Bounds, Cells, Digests, EventsDigest, Frame, Header, Outline, Profile, Scene, States,
     StatesDigest, Summary, TraceOptions, read_trace,
 };
 use fleetyard_sim::{
-    Event, EventKind, NoTrace, Other, Outcome, SimConfig, SimError, Simulator, TraceReader,
+    Event, EventKind, NoTrace, Other, Outcome, SimConfig, SimError, Simulator, Tier, TraceReader,
     TraceSink, TraceWriter,
 };
 use xxhash_rust::xxh3::xxh3_64;
@@ -141,6 +142,33 @@ fn what_is_written_is_read() {
         assert_eq!(kept.events, memory.events);
         assert_eq!(kept.summary, memory.summary);
         assert_eq!(kept.summary.unwrap().trace_digest, outcome.trace_digest);
+    }
+}
+
+#[test]
+fn robots_that_turn_have_headings_and_a_digest_that_is_found_again() {
+    let mut rng = common::rng(9);
+    let grid = common::random_grid(&mut rng, 12, 12, 10);
+    let plan = common::valid_walks(&mut rng, &grid, 70, 6);
+    let profile = Robot::preset("agv").unwrap();
+    let fleet = Fleet::uniform(profile, plan.agents()).unwrap();
+    for tier in [Tier::Kinematic, Tier::Contact] {
+        let config = SimConfig {
+            tier,
+            ..SimConfig::default()
+        };
+        let mut writer = TraceWriter::new(Vec::new(), 1);
+        let simulator = Simulator::new(&config).on_grid(&grid).with_fleet(&fleet);
+        let outcome = simulator.run(&plan, &mut writer).unwrap();
+        // Reading compares the digests of states, of more than one chunk, and events.
+        let memory = read(&writer.into_inner());
+        let header = memory.header.unwrap();
+        assert!(header.headings);
+        assert_eq!(header.profiles[0].model, "differential-drive");
+        assert_eq!(memory.states.len() as u64, outcome.ticks + 1);
+        let turned = |state: &Kept| state.values[2].iter().any(|bits| *bits != 0);
+        assert!(memory.states.iter().any(turned));
+        assert_eq!(memory.summary.unwrap().trace_digest, outcome.trace_digest);
     }
 }
 
