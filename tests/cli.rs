@@ -10,8 +10,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::{
-    INVALID_PLAN, NO_PLAN, SUCCESS, Started, Yard, c_library, faulty_library, faulty_program, have,
-    instance, root, until, words,
+    INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, Started, USAGE, Yard, c_library, faulty_library,
+    faulty_program, have, instance, root, until, words,
 };
 use serde_json::Value;
 
@@ -321,9 +321,61 @@ fn pictures_are_well_formed() {
         let svg = text_of(&bytes);
         assert!(svg.starts_with("<svg xmlns=\"http://www.w3.org/2000/svg\""));
         assert!(svg.contains("<title>a&lt;b&amp;c</title>"));
-        assert!(svg.contains("viewBox=\"0 0 32 32\""));
+        assert!(svg.contains("viewBox=\"0 0 32 33.1"), "map and scale");
         assert_well_formed(svg);
     }
+}
+
+#[test]
+fn traces_become_pictures_and_pages() {
+    let yard = Yard::new();
+    let map = common::map("random-32-32-20.map");
+    let scen = common::map("random-32-32-20-random-1.scen");
+    yard.line(&format!(
+        "run --map {map} --scen {scen} --agents 10 --planner pibt --budget 60s --trace-out it.trace"
+    ))
+    .expect(SUCCESS);
+    yard.line(
+        "trace export it.trace --svg all.svg --png all.png --width 300 \
+         --html it.html --rate 5 --agents 0,3-5",
+    )
+    .expect(SUCCESS);
+    yard.line("trace export it.trace --svg moment.svg --at 5.25")
+        .expect(SUCCESS);
+    let (all, moment) = (yard.read("all.svg"), yard.read("moment.svg"));
+    for svg in [text_of(&all), text_of(&moment)] {
+        assert_well_formed(svg);
+        assert!(svg.contains("<title>it</title>"));
+    }
+    // Starts, or bodies at a moment.
+    assert_eq!(text_of(&all).matches("<circle").count(), 10);
+    assert_eq!(text_of(&moment).matches("<circle").count(), 10);
+    let png = yard.read("all.png");
+    assert!(png.starts_with(b"\x89PNG"));
+    assert_eq!(png[16..20], 300u32.to_be_bytes());
+    let page = yard.read("it.html");
+    let page = text_of(&page);
+    assert!(page.starts_with("<!doctype html>"));
+    assert!(page.contains("4 of 10 agents are shown"));
+    assert!(page.contains("5 of 60 recorded states per second are kept."));
+    // What cannot be made is not made.
+    for (options, code, reason) in [
+        ("--svg no.svg --at 1e9", INPUT, "not at 1000000000 s"),
+        ("--html no.html --agents 10", INPUT, "there is no agent 10"),
+        ("--html no.html --rate 0", INPUT, "out of range"),
+        (
+            "--html no.html --agents 5-3",
+            USAGE,
+            "ends before it begins",
+        ),
+        ("--svg no.svg --at=-1", USAGE, "not negative"),
+        ("--svg no/no.svg", INPUT, "no/no.svg"),
+    ] {
+        let ended = yard.line(&format!("trace export it.trace {options}"));
+        let ended = ended.expect(code);
+        assert!(ended.stderr.contains(reason), "{options}: {ended}");
+    }
+    assert!(!yard.path("no.svg").exists() && !yard.path("no.html").exists());
 }
 
 // ---- maps ----------------------------------------------------------------------------

@@ -387,7 +387,7 @@ pub(crate) struct Run {
     /// Write the execution's trace to a file (implies --execute)
     #[arg(long, value_name = "FILE")]
     pub(crate) trace_out: Option<PathBuf>,
-    /// Draw map, paths, starts and goals to an SVG file
+    /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
     /// Show what the planner wrote to its log and to standard error
@@ -606,7 +606,7 @@ pub(crate) struct Simulate {
     /// Write the trace to a file
     #[arg(long, value_name = "FILE")]
     pub(crate) trace_out: Option<PathBuf>,
-    /// Draw map, paths, starts and goals to an SVG file
+    /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
     /// How to print the result
@@ -662,10 +662,64 @@ pub(crate) struct TraceExport {
     /// Write everything as one JSON document
     #[arg(long, value_name = "FILE", group = "targets")]
     pub(crate) json: Option<PathBuf>,
-    /// Leave out all states but those of every n-th tick
+    /// Leave out all states but those of every n-th tick, in CSV and JSON
     #[arg(long, value_name = "N", default_value_t = 1,
           value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) every: u32,
+    /// Draw all ways and contacts, or a moment (--at), as SVG
+    #[arg(long, value_name = "FILE", group = "targets")]
+    pub(crate) svg: Option<PathBuf>,
+    /// The same as PNG
+    #[arg(long, value_name = "FILE", group = "targets")]
+    pub(crate) png: Option<PathBuf>,
+    /// The moment to draw, in simulated seconds
+    #[arg(long, value_name = "SECONDS", value_parser = moment)]
+    pub(crate) at: Option<f64>,
+    /// Width of a PNG in pixels
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16_384))]
+    pub(crate) width: Option<u32>,
+    /// Write an animated replay as one HTML page
+    #[arg(long, value_name = "FILE", group = "targets")]
+    pub(crate) html: Option<PathBuf>,
+    /// States per simulated second on the page
+    #[arg(long, value_name = "HZ", default_value_t = 10.0)]
+    pub(crate) rate: f64,
+    /// Agents to show on the page, such as 0,3,7-12 [default: all]
+    #[arg(long, value_name = "LIST", value_parser = agent_list)]
+    pub(crate) agents: Option<AgentList>,
+}
+
+/// Numbers of agents.
+#[derive(Debug, Clone)]
+pub(crate) struct AgentList(pub(crate) Vec<u32>);
+
+/// Reads numbers and ranges of numbers, separated by commas.
+fn agent_list(text: &str) -> Result<AgentList, String> {
+    let mut agents = Vec::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let number = |text: &str| text.trim().parse::<u32>();
+        let (Ok(first), Ok(last)) = (number(first), number(last)) else {
+            return Err("write numbers and ranges, such as 0,3,7-12".to_owned());
+        };
+        if first > last {
+            return Err(format!("the range {part} ends before it begins"));
+        }
+        if agents.len() + (last - first) as usize >= 1 << 24 {
+            return Err("these are more agents than a page can show".to_owned());
+        }
+        agents.extend(first..=last);
+    }
+    Ok(AgentList(agents))
+}
+
+fn moment(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "write a number".to_owned())?;
+    if value.is_finite() && value >= 0.0 {
+        Ok(value)
+    } else {
+        Err("a time is finite and not negative".to_owned())
+    }
 }
 
 fn tolerance(text: &str) -> Result<f64, String> {

@@ -8,7 +8,6 @@ mod claims;
 mod commands;
 mod exit;
 mod output;
-mod picture;
 mod record;
 mod trial;
 

@@ -1,6 +1,29 @@
 //! Pictures and pages of maps, plans and traces.
 //!
 //! Everything here turns what others found out into something to look at; it
-//! decides nothing.
+//! decides nothing. [`Picture`] is a still image (SVG, and PNG through resvg),
+//! [`Page`] an animated replay as one HTML file that needs nothing else. Both
+//! are functions of their input alone: equal input gives equal bytes.
+//!
+//! Lengths are metres in the world frame (x right, y up), angles radians
+//! counter-clockwise from +x, times seconds.
 
 #![forbid(unsafe_code)]
+
+mod error;
+mod glyph;
+mod html;
+mod palette;
+mod png;
+mod still;
+mod svg;
+mod track;
+mod world;
+
+pub use error::ViewError;
+pub use fleetyard_sim::trace::Outline;
+pub use html::{Page, PageOptions, Recording};
+pub use png::png;
+pub use still::Still;
+pub use svg::{Body, Picture};
+pub use world::{Cells, World};

@@ -8,13 +8,14 @@ use std::sync::Arc;
 
 use clap::CommandFactory;
 use clap_complete::Shell;
-use fleetyard_core::{Grid, GridInstance, GridPlan, InputError, load_map, load_scen};
+use fleetyard_core::{GridInstance, InputError, load_map, load_scen, write_atomically};
 use fleetyard_sim::{TraceSink, TraceWriter};
+use fleetyard_view::{Picture, ViewError, png};
 use tempfile::NamedTempFile;
 
 use crate::args::{Cli, InstanceArgs};
 use crate::exit::{Exit, Result};
-use crate::{output, picture};
+use crate::output;
 
 pub(crate) mod check;
 pub(crate) mod compare;
@@ -25,6 +26,7 @@ pub(crate) mod new;
 pub(crate) mod pin;
 pub(crate) mod plugins;
 pub(crate) mod run;
+mod show;
 pub(crate) mod simulate;
 pub(crate) mod trace;
 pub(crate) mod validate;
@@ -60,9 +62,27 @@ fn quoted(word: &str) -> String {
     }
 }
 
-fn draw(path: &Path, grid: &Grid, plan: Option<&GridPlan>, goals: Option<&[u32]>) -> Result<()> {
-    let svg = picture::svg(grid, plan, goals);
-    Ok(fleetyard_core::write_atomically(path, svg.as_bytes())?)
+/// Writes a picture to a file, as PNG if the name ends so and as SVG otherwise.
+fn draw(path: &Path, picture: &Picture<'_>) -> Result<()> {
+    let end = path.extension();
+    if end.is_some_and(|end| end.eq_ignore_ascii_case("png")) {
+        draw_png(path, picture, None)
+    } else {
+        draw_svg(path, picture)
+    }
+}
+
+fn draw_png(path: &Path, picture: &Picture<'_>, width: Option<u32>) -> Result<()> {
+    let image = png(&picture.svg(), width).map_err(|error| not_drawn(path, &error))?;
+    Ok(write_atomically(path, &image)?)
+}
+
+fn draw_svg(path: &Path, picture: &Picture<'_>) -> Result<()> {
+    Ok(write_atomically(path, picture.svg().as_bytes())?)
+}
+
+fn not_drawn(path: &Path, error: &ViewError) -> InputError {
+    InputError::new(path.display().to_string(), error.reason.as_str()).hint(error.hint)
 }
 
 /// A trace file that appears under its name only when it is whole.

@@ -8,13 +8,14 @@ use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_runtime::LogLine;
 use fleetyard_sim::NoTrace;
+use fleetyard_view::{Picture, World};
 
 use super::{TraceFile, draw, file_name, load_instance};
 use crate::args::{Format, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::record::Record;
-use crate::trial::{Candidate, Host, Outcome, Trial};
+use crate::trial::{Candidate, Host, Outcome, Trial, sim_config};
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let instance = load_instance(&arguments.instance)?;
@@ -57,7 +58,13 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         trace.finish()?;
     }
     if let Some(path) = &arguments.picture {
-        draw(path, instance.grid(), plan.as_ref(), Some(instance.goals()))?;
+        let grid = instance.grid();
+        let world = World::of_grid(grid, sim_config(&arguments.world).cell_size_m);
+        let mut picture = Picture::new(&world);
+        if let Some(plan) = &plan {
+            picture = picture.plan(grid, plan).goals(grid, instance.goals());
+        }
+        draw(path, &picture)?;
     }
     tell(arguments.verbose, &outcome);
     match arguments.format {

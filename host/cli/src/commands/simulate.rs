@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use fleetyard_core::formats::{grid_size, load_any_plan};
 use fleetyard_core::load_map;
 use fleetyard_sim::NoTrace;
+use fleetyard_view::{Picture, World};
 
 use super::{TraceFile, draw};
 use crate::args::{Format, Simulate};
@@ -29,7 +30,8 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
         None => execute(&grid, &file.plan, &config, &mut NoTrace)?,
     };
     if let Some(path) = &arguments.picture {
-        draw(path, &grid, Some(&file.plan), None)?;
+        let world = World::of_grid(&grid, config.cell_size_m);
+        draw(path, &Picture::new(&world).plan(&grid, &file.plan))?;
     }
     match arguments.format {
         Format::Json => output::print_json(&execution)?,

@@ -13,6 +13,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::convert::refuse_input;
+use super::show::Shown;
 use super::{Unnamed, file_name};
 use crate::args::{Format, TraceDiff, TraceExport};
 use crate::exit::{Exit, Failure, Result, internal};
@@ -798,8 +799,12 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         events,
         json,
         every,
+        svg,
+        png,
+        html,
+        ..
     } = arguments;
-    for path in [csv, events, json].into_iter().flatten() {
+    for path in [csv, events, json, svg, png, html].into_iter().flatten() {
         refuse_input(path, &[file.as_path()])?;
     }
     let reader = open(file)?;
@@ -815,7 +820,10 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         let reason = format!("the files could not be written: {error}");
         Failure::from(InputError::new(file.display().to_string(), reason))
     };
-    let contents = reader.replay(&mut exporter).map_err(failed)?;
+    let mut shown = Shown::new(arguments, reader.header())?;
+    let mut both = Both(&mut exporter, &mut shown);
+    let contents = reader.replay(&mut both).map_err(failed)?;
+    shown.finish(&contents)?;
     let Exporter {
         csv, events, json, ..
     } = exporter;
@@ -829,4 +837,29 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         target.finish()?;
     }
     Ok(verdict(&contents))
+}
+
+/// Tells both what it is told.
+struct Both<'a>(&'a mut dyn TraceSink, &'a mut dyn TraceSink);
+
+impl TraceSink for Both<'_> {
+    fn begin(&mut self, header: &Header) -> io::Result<()> {
+        self.0.begin(header)?;
+        self.1.begin(header)
+    }
+
+    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
+        self.0.state(tick, states)?;
+        self.1.state(tick, states)
+    }
+
+    fn events(&mut self, events: &[Event]) -> io::Result<()> {
+        self.0.events(events)?;
+        self.1.events(events)
+    }
+
+    fn end(&mut self, summary: &Summary) -> io::Result<()> {
+        self.0.end(summary)?;
+        self.1.end(summary)
+    }
 }

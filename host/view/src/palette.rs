@@ -1,0 +1,14 @@
+//! Colours that stay apart for colour-blind readers.
+
+/// Colours of agents, in turn: Okabe and Ito's set ("Color Universal Design",
+/// 2008) without black, without yellow, which vanishes on white, and without
+/// vermillion, which is [`CONTACT`]. All of them show on light and dark ground.
+pub(crate) const AGENTS: [&str; 5] = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9"];
+
+/// Contacts, which have a shape of their own besides.
+pub(crate) const CONTACT: &str = "#d55e00";
+
+pub(crate) const GROUND: &str = "#fbfaf7";
+pub(crate) const OBSTACLE: &str = "#3c4043";
+pub(crate) const ROADMAP: &str = "#b9b4a8";
+pub(crate) const INK: &str = "#202124";

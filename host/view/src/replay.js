@@ -1,0 +1,1057 @@
+// Replays a recording of agents in the plane. The page holds everything: `meta` is
+// JSON, `tracks` the ways of the agents (see track.rs for the encoding).
+'use strict';
+(() => {
+const $ = (id) => document.getElementById(id);
+const meta = JSON.parse($('meta').textContent);
+const COLORS = meta.colors;
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
+const LIST_STEP = 200;
+const count = meta.agents; // shown; moving obstacles come after them
+const bodies = meta.ids.length;
+const end = meta.duration_s;
+
+// ---- The recording ---------------------------------------------------------------
+
+/** Knots of all agents, one after the other: agent i has first[i]..first[i + 1]. */
+const tracks = decode($('tracks').textContent);
+$('tracks').remove();
+
+function decode(text) {
+  const binary = atob(text);
+  const first = new Uint32Array(bodies + 1);
+  const time = new Float64Array(meta.knots);
+  const pose = [0, 1, 2].map(() => new Int32Array(meta.knots));
+  let at = 0, knot = 0;
+  const number = () => {
+    let value = 0, unit = 1, byte;
+    do {
+      byte = binary.charCodeAt(at++);
+      value += (byte & 127) * unit;
+      unit *= 128;
+    } while (byte > 127);
+    return value;
+  };
+  const last = [0, 0, 0];
+  for (let i = 0; i < bodies; i++) {
+    let sample = 0;
+    last.fill(0);
+    for (let left = number(); left > 0; left--, knot++) {
+      const head = number();
+      sample += Math.floor(head / 8);
+      for (let axis = 0; axis < 3; axis++) {
+        if (head >> axis & 1) {
+          const code = number();
+          last[axis] += code % 2 ? -(code + 1) / 2 : code / 2;
+        }
+        pose[axis][knot] = last[axis];
+      }
+      // The last sample may come sooner than the others.
+      time[knot] = Math.min(sample * meta.sample_s, end);
+    }
+    first[i + 1] = knot;
+  }
+  return { first, time, x: pose[0], y: pose[1], h: pose[2] };
+}
+
+const indexOf = new Map(meta.ids.map((id, index) => [id, index]));
+const outlineOf = (i) => meta.outlines[meta.outline_of.length ? meta.outline_of[i] : 0];
+const reach = meta.outlines.map((o) => 'r' in o ? o.r : Math.max(...pairs(o.v).map(([x, y]) => Math.hypot(x, y))));
+const reachOf = (i) => reach[meta.outline_of.length ? meta.outline_of[i] : 0];
+const largest = Math.max(0, ...reach);
+/** Contacts in the order of their beginnings: bodies as ids, `b` null for what stands. */
+const contacts = meta.contacts.map(([from, to, a, b]) => ({ from, to: to ?? end, open: to === null, a, b }));
+
+const isAgent = (id) => id !== null && id < meta.all_agents;
+const nameOf = (id) => id === null ? 'obstacle' : isAgent(id) ? `agent ${id}` : 'moving obstacle';
+
+function pairs(flat) {
+  const out = [];
+  for (let i = 0; i + 1 < flat.length; i += 2) out.push([flat[i], flat[i + 1]]);
+  return out;
+}
+
+// Poses at the current time, in metres and radians.
+const [X, Y, H] = [0, 1, 2].map(() => new Float64Array(bodies));
+/** The knot of each body that is not after the current time. */
+const cursor = tracks.first.slice(0, bodies);
+
+function place(time) {
+  for (let i = 0; i < bodies; i++) {
+    const k = knotAt(i, time, cursor[i]);
+    cursor[i] = k;
+    const part = k + 1 < tracks.first[i + 1] ? (time - tracks.time[k]) / (tracks.time[k + 1] - tracks.time[k]) : 0;
+    const next = part > 0 ? k + 1 : k;
+    X[i] = (tracks.x[k] + part * (tracks.x[next] - tracks.x[k])) * meta.length_m;
+    Y[i] = (tracks.y[k] + part * (tracks.y[next] - tracks.y[k])) * meta.length_m;
+    H[i] = (tracks.h[k] + part * (tracks.h[next] - tracks.h[k])) * meta.angle_rad;
+  }
+}
+
+/** The last knot of an agent that is not after a time; looks near `guess` first. */
+function knotAt(i, time, guess) {
+  const from = tracks.first[i], to = tracks.first[i + 1];
+  let low = from, high = to;
+  if (tracks.time[guess] <= time) {
+    for (let step = 0; step < 4; step++) {
+      if (guess + 1 >= to || tracks.time[guess + 1] > time) return guess;
+      guess++;
+    }
+    low = guess;
+  }
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (tracks.time[middle] <= time) low = middle; else high = middle;
+  }
+  return low;
+}
+
+const MOVING = 0, TURNING = 1, WAITING = 2;
+const STATES = ['moving', 'turning', 'waiting'];
+
+/** Calls `visit(from, to, state)` for the stretches of an agent's time, in order. */
+function stretches(i, visit) {
+  let since = 0, state = -1;
+  const put = (until, next) => {
+    if (next !== state) {
+      if (until > since && state >= 0) visit(since, until, state);
+      if (until > since || state < 0) since = until;
+      state = next;
+    }
+  };
+  for (let k = tracks.first[i]; k + 1 < tracks.first[i + 1]; k++) {
+    const span = tracks.time[k + 1] - tracks.time[k];
+    const way = Math.hypot(tracks.x[k + 1] - tracks.x[k], tracks.y[k + 1] - tracks.y[k]) * meta.length_m;
+    const turn = Math.abs(tracks.h[k + 1] - tracks.h[k]) * meta.angle_rad;
+    // Slower than a hundredth of its own reach per second (or 0.5° per second) is at rest.
+    const moves = way > 0.02 * reachOf(i) * span, turns = turn > 0.01 * span;
+    put(tracks.time[k], moves ? MOVING : turns ? TURNING : WAITING);
+  }
+  const last = tracks.time[tracks.first[i + 1] - 1];
+  if (last < end) put(last, WAITING);
+  if (state >= 0 && end > since) visit(since, end, state);
+}
+
+function distance(i) {
+  let sum = 0;
+  for (let k = tracks.first[i]; k + 1 < tracks.first[i + 1]; k++) {
+    sum += Math.hypot(tracks.x[k + 1] - tracks.x[k], tracks.y[k + 1] - tracks.y[k]);
+  }
+  return sum * meta.length_m;
+}
+
+/** Nearest approach of an agent to any other: closed form between knots. */
+function nearest(i) {
+  let best = { d2: Infinity };
+  const { first, time, x, y } = tracks;
+  for (let j = 0; j < count; j++) {
+    if (j === i) continue;
+    let a = first[i], b = first[j], from = 0;
+    while (from < end) {
+      const lastA = a + 1 >= first[i + 1], lastB = b + 1 >= first[j + 1];
+      const to = Math.min(lastA ? end : time[a + 1], lastB ? end : time[b + 1]);
+      const rate = (v, k, last) => last ? 0 : (v[k + 1] - v[k]) / (time[k + 1] - time[k]);
+      const vx = rate(x, b, lastB) - rate(x, a, lastA), vy = rate(y, b, lastB) - rate(y, a, lastA);
+      const at = (v, k, last) => v[k] + rate(v, k, last) * (from - time[k]);
+      const dx = at(x, b, lastB) - at(x, a, lastA), dy = at(y, b, lastB) - at(y, a, lastA);
+      const speed2 = vx * vx + vy * vy;
+      const t = speed2 > 0 ? Math.min(Math.max(-(dx * vx + dy * vy) / speed2, 0), to - from) : 0;
+      const d2 = (dx + vx * t) ** 2 + (dy + vy * t) ** 2;
+      if (d2 < best.d2) best = { d2, other: j, time: from + t };
+      from = to;
+      if (!lastA && time[a + 1] <= from) a++;
+      if (!lastB && time[b + 1] <= from) b++;
+    }
+  }
+  best.m = Math.sqrt(best.d2) * meta.length_m;
+  return best;
+}
+
+// ---- What the page shows -----------------------------------------------------------
+
+let now = 0, playing = false, speed = 1;
+let selected = -1, following = false;
+let pointed = null; // the contact that was clicked
+let hover = null; // where the mouse is on the canvas
+let over = -1; // the agent there
+const show = {};
+let theme = {};
+const stage = $('stage'), scene = $('scene'), ground = $('ground');
+const [pen, groundPen] = [scene.getContext('2d'), ground.getContext('2d')];
+const view = { x: 0, y: 0, scale: 1 }; // centre in metres, pixels per metre
+let width = 1, height = 1, dpr = 1;
+let dirty = true, groundDrawn = null, settle = 0;
+
+function readTheme() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of ['page', 'card', 'ground', 'solid', 'roadmap', 'ink', 'halo', 'contact', 'moving', 'turning', 'waiting']) {
+    theme[name] = style.getPropertyValue('--' + name).trim();
+  }
+  groundDrawn = null;
+  dirty = true;
+}
+
+const [minX, minY, maxX, maxY] = meta.bounds;
+
+function fit() {
+  view.x = (minX + maxX) / 2;
+  view.y = (minY + maxY) / 2;
+  view.scale = fitScale();
+  dirty = true;
+}
+
+function fitScale() {
+  return 0.95 * Math.min(width / Math.max(maxX - minX, 1e-9), height / Math.max(maxY - minY, 1e-9));
+}
+
+/** Zooms by a factor around a point of the canvas. */
+function zoom(factor, px = width / 2, py = height / 2) {
+  const before = view.scale;
+  const most = Math.max(fitScale(), Math.min(width, height) / (4 * (largest || 1)));
+  view.scale = Math.min(Math.max(before * factor, fitScale() / 4), most);
+  const change = 1 / before - 1 / view.scale;
+  if (!following) {
+    view.x += (px - width / 2) * change;
+    view.y -= (py - height / 2) * change;
+  }
+  dirty = true;
+}
+
+function pan(dx, dy) {
+  if (following) follow(selected, false);
+  const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+  view.x = clamp(view.x - dx / view.scale, minX, maxX);
+  view.y = clamp(view.y + dy / view.scale, minY, maxY);
+  dirty = true;
+}
+
+const toX = (x) => (x - view.x) * view.scale + width / 2;
+const toY = (y) => (view.y - y) * view.scale + height / 2;
+
+// ---- The ground: map and paths, drawn rarely on a canvas larger than the stage --------
+
+const MARGIN = 0.3;
+
+const solid = new Path2D();
+if (meta.cells) {
+  const { rows, side, rectangles } = meta.cells;
+  for (let i = 0; i < rectangles.length; i += 4) {
+    const [row, col, down, across] = rectangles.slice(i, i + 4);
+    solid.rect(col * side, (rows - row - down) * side, across * side, down * side);
+  }
+}
+for (const polygon of meta.polygons) {
+  pairs(polygon).forEach(([x, y], at) => at ? solid.lineTo(x, y) : solid.moveTo(x, y));
+  solid.closePath();
+}
+const roadmap = new Path2D();
+for (let i = 0; i < meta.roadmap.length; i += 4) {
+  roadmap.moveTo(meta.roadmap[i], meta.roadmap[i + 1]);
+  roadmap.lineTo(meta.roadmap[i + 2], meta.roadmap[i + 3]);
+}
+
+let ways = null;
+/** All paths as one line per colour, made when first wanted. */
+function allWays() {
+  return ways ??= COLORS.map((_, color) => {
+    const path = new Path2D();
+    for (let i = color; i < count; i += COLORS.length) way(path, i, tracks.first[i], tracks.first[i + 1]);
+    return path;
+  });
+}
+
+function way(path, i, from, to) {
+  for (let k = from, lastX, lastY; k < to; k++) {
+    const x = tracks.x[k], y = tracks.y[k];
+    if (x === lastX && y === lastY) continue;
+    if (lastX === undefined) path.moveTo(x * meta.length_m, y * meta.length_m);
+    else path.lineTo(x * meta.length_m, y * meta.length_m);
+    lastX = x;
+    lastY = y;
+  }
+}
+
+function drawGround() {
+  const w = width * (1 + 2 * MARGIN), h = height * (1 + 2 * MARGIN);
+  const s = view.scale;
+  if (ground.width !== Math.round(w * dpr) || ground.height !== Math.round(h * dpr)) {
+    ground.width = Math.round(w * dpr);
+    ground.height = Math.round(h * dpr);
+    Object.assign(ground.style, { width: w + 'px', height: h + 'px', left: -MARGIN * width + 'px', top: -MARGIN * height + 'px' });
+  }
+  const c = groundPen;
+  c.setTransform(1, 0, 0, 1, 0, 0);
+  c.fillStyle = theme.page;
+  c.fillRect(0, 0, ground.width, ground.height);
+  c.setTransform(s * dpr, 0, 0, -s * dpr, (w / 2 - view.x * s) * dpr, (h / 2 + view.y * s) * dpr);
+  c.lineWidth = 1 / s;
+  c.fillStyle = theme.ground;
+  c.fillRect(minX, minY, maxX - minX, maxY - minY);
+  c.strokeStyle = theme.roadmap;
+  c.strokeRect(minX, minY, maxX - minX, maxY - minY);
+  c.stroke(roadmap);
+  c.fillStyle = theme.solid;
+  c.fill(solid);
+  if (show.paths) {
+    c.lineJoin = c.lineCap = 'round';
+    c.lineWidth = Math.max(0.2 * largest, 0.7 / s);
+    c.globalAlpha = Math.min(0.6, Math.max(0.25, 60 / count));
+    allWays().forEach((path, color) => {
+      c.strokeStyle = COLORS[color];
+      c.stroke(path);
+    });
+    c.globalAlpha = 1;
+  }
+  groundDrawn = { ...view };
+}
+
+/** Moves the ground below the scene; draws it anew where moving is not enough. */
+function lay() {
+  const g = groundDrawn;
+  const k = g ? view.scale / g.scale : 0;
+  const dx = g ? (g.x - view.x) * view.scale : 0, dy = g ? (view.y - g.y) * view.scale : 0;
+  const reaches = Math.abs(dx) + width / 2 <= (0.5 + MARGIN) * width * k &&
+    Math.abs(dy) + height / 2 <= (0.5 + MARGIN) * height * k;
+  if (!g || !reaches || k > 2) {
+    drawGround();
+    ground.style.transform = '';
+    return;
+  }
+  ground.style.transform = `translate(${dx}px, ${dy}px) scale(${k})`;
+  if (k !== 1) {
+    clearTimeout(settle);
+    settle = setTimeout(() => { groundDrawn = null; dirty = true; }, 120);
+  }
+}
+
+// ---- The scene: agents, drawn all the time -------------------------------------------
+
+const TRAIL_S = 10;
+
+function draw() {
+  const s = view.scale;
+  if (following && selected >= 0) {
+    view.x = X[selected];
+    view.y = Y[selected];
+  }
+  lay();
+  over = hover ? agentAt(...hover) : -1;
+  scene.classList.toggle('over', over >= 0);
+  const c = pen;
+  c.setTransform(dpr, 0, 0, dpr, 0, 0);
+  c.clearRect(0, 0, width, height);
+  c.lineJoin = c.lineCap = 'round';
+  const slack = largest * s + 2;
+  const seen = [];
+  for (let i = 0; i < count; i++) {
+    const x = toX(X[i]), y = toY(Y[i]);
+    if (x > -slack && y > -slack && x < width + slack && y < height + slack) seen.push(i);
+  }
+  c.beginPath();
+  for (let i = count; i < bodies; i++) outline(c, i);
+  c.fillStyle = theme.solid;
+  c.fill();
+  if (show.trails) trails(c, seen);
+  if (selected >= 0) {
+    selectedWay(c);
+    goal(c);
+  }
+  COLORS.forEach((fill, color) => {
+    c.beginPath();
+    for (const i of seen) if (i % COLORS.length === color) outline(c, i);
+    c.fillStyle = fill;
+    c.fill();
+  });
+  if (largest * s > 5) {
+    c.beginPath();
+    for (const i of seen) {
+      outline(c, i);
+      if (meta.headings) {
+        const x = toX(X[i]), y = toY(Y[i]), r = reachOf(i) * s;
+        c.moveTo(x, y);
+        c.lineTo(x + r * Math.cos(H[i]), y - r * Math.sin(H[i]));
+      }
+    }
+    c.strokeStyle = theme.ink;
+    c.lineWidth = Math.min(2, 0.1 * largest * s);
+    c.stroke();
+  }
+  const touching = touchingNow();
+  if (show.contacts) for (const contact of touching) cross(c, contact);
+  if (pointed) for (const i of both(pointed)) ring(c, i, theme.contact);
+  if (selected >= 0) ring(c, selected, theme.ink);
+  if (over >= 0 && over !== selected) ring(c, over, theme.ink);
+  const named = show.ids && largest * s > 7 ? seen : [selected, over].filter((i) => i >= 0);
+  numbers(c, named, named === seen);
+  scaleBar(c);
+  return touching;
+}
+
+function outline(c, i) {
+  const s = view.scale, x = toX(X[i]), y = toY(Y[i]), shape = outlineOf(i);
+  const r = reachOf(i) * s;
+  if (r < 2.2) {
+    // A dot that can be seen is better than a true size that cannot.
+    const half = Math.max(r, 1);
+    c.rect(x - half, y - half, 2 * half, 2 * half);
+  } else if ('r' in shape) {
+    c.moveTo(x + r, y);
+    c.arc(x, y, r, 0, 2 * Math.PI);
+  } else {
+    const cos = Math.cos(H[i]) * s, sin = Math.sin(H[i]) * s, v = shape.v;
+    for (let at = 0; at < v.length; at += 2) {
+      const px = x + v[at] * cos - v[at + 1] * sin, py = y - v[at] * sin - v[at + 1] * cos;
+      if (at) c.lineTo(px, py); else c.moveTo(px, py);
+    }
+    c.closePath();
+  }
+}
+
+function trails(c, seen) {
+  const from = now - TRAIL_S, s = view.scale, unit = meta.length_m;
+  c.lineWidth = Math.max(1, 0.5 * largest * s);
+  c.globalAlpha = 0.35;
+  COLORS.forEach((stroke, color) => {
+    c.beginPath();
+    for (const i of seen) {
+      if (i % COLORS.length !== color) continue;
+      c.moveTo(toX(X[i]), toY(Y[i]));
+      for (let k = cursor[i]; k >= tracks.first[i]; k--) {
+        let x = tracks.x[k], y = tracks.y[k];
+        const since = tracks.time[k];
+        if (since < from) {
+          if (k + 1 < tracks.first[i + 1]) {
+            const part = Math.min(1, (from - since) / (tracks.time[k + 1] - since));
+            x += part * (tracks.x[k + 1] - x);
+            y += part * (tracks.y[k + 1] - y);
+          }
+          c.lineTo(toX(x * unit), toY(y * unit));
+          break;
+        }
+        c.lineTo(toX(x * unit), toY(y * unit));
+      }
+    }
+    c.strokeStyle = stroke;
+    c.stroke();
+  });
+  c.globalAlpha = 1;
+}
+
+/** The way of the selected agent from its start to its end. */
+let chosenWay = { i: -1, path: null };
+function selectedWay(c) {
+  if (chosenWay.i !== selected) {
+    chosenWay = { i: selected, path: new Path2D() };
+    way(chosenWay.path, selected, tracks.first[selected], tracks.first[selected + 1]);
+  }
+  const s = view.scale;
+  c.save();
+  c.translate(width / 2 - view.x * s, height / 2 + view.y * s);
+  c.scale(s, -s);
+  for (const [color, wide] of [[theme.halo, 4.5], [theme.ink, 1.8]]) {
+    c.strokeStyle = color;
+    c.lineWidth = wide / s;
+    c.stroke(chosenWay.path);
+  }
+  c.restore();
+}
+
+function ring(c, i, color) {
+  const x = toX(X[i]), y = toY(Y[i]), r = Math.max(reachOf(i) * view.scale + 4, 9);
+  for (const [stroke, wide] of [[theme.halo, 5], [color, 2.5]]) {
+    c.beginPath();
+    c.arc(x, y, r, 0, 2 * Math.PI);
+    c.strokeStyle = stroke;
+    c.lineWidth = wide;
+    c.stroke();
+  }
+}
+
+/** Where the selected agent wants to go. */
+function goal(c) {
+  const place = meta.goals[selected];
+  if (!place) return;
+  const half = Math.max(0.4 * largest * view.scale, 4);
+  c.fillStyle = COLORS[selected % COLORS.length];
+  c.strokeStyle = theme.ink;
+  c.lineWidth = 1.5;
+  c.fillRect(toX(place[0]) - half, toY(place[1]) - half, 2 * half, 2 * half);
+  c.strokeRect(toX(place[0]) - half, toY(place[1]) - half, 2 * half, 2 * half);
+}
+
+/** A cross in a ring between two agents, or on the one that touches an obstacle or an agent that is not shown. */
+function cross(c, contact) {
+  const ends = both(contact);
+  if (!ends.length) return;
+  const x = toX(ends.reduce((sum, i) => sum + X[i], 0) / ends.length);
+  const y = toY(ends.reduce((sum, i) => sum + Y[i], 0) / ends.length);
+  const r = Math.max(0.6 * largest * view.scale, 9), arm = 0.45 * r;
+  for (const [stroke, wide] of [[theme.halo, 5], [theme.contact, 2.5]]) {
+    c.beginPath();
+    c.arc(x, y, r, 0, 2 * Math.PI);
+    c.moveTo(x - arm, y - arm);
+    c.lineTo(x + arm, y + arm);
+    c.moveTo(x - arm, y + arm);
+    c.lineTo(x + arm, y - arm);
+    c.strokeStyle = stroke;
+    c.lineWidth = wide;
+    c.stroke();
+  }
+}
+
+/** The bodies of a contact that are shown, as indices. */
+function both(contact) {
+  return [contact.a, contact.b].map((id) => indexOf.get(id) ?? -1).filter((i) => i >= 0);
+}
+
+/** Contacts now; while playing, short ones linger so that they can be seen. */
+function touchingNow() {
+  const linger = playing ? 0.4 * speed : 0;
+  const out = [];
+  for (const contact of contacts) {
+    if (contact.from > now) break;
+    if (now <= Math.max(contact.to, contact.from + linger)) out.push(contact);
+  }
+  return out;
+}
+
+function numbers(c, agents, inside) {
+  const size = inside ? Math.min(Math.max(0.8 * largest * view.scale, 9), 22) : 13;
+  c.font = `600 ${size}px system-ui, sans-serif`;
+  c.textAlign = 'center';
+  c.textBaseline = 'middle';
+  c.lineWidth = 3;
+  c.strokeStyle = theme.halo;
+  c.fillStyle = theme.ink;
+  for (const i of agents) {
+    const x = toX(X[i]), r = reachOf(i) * view.scale;
+    const y = inside ? toY(Y[i]) : toY(Y[i]) - Math.max(r, 5) - 13;
+    c.strokeText(meta.ids[i], x, y);
+    c.fillText(meta.ids[i], x, y);
+  }
+}
+
+function scaleBar(c) {
+  const most = 0.25 * width / view.scale;
+  const power = 10 ** Math.floor(Math.log10(most));
+  const length = [5, 2, 1].find((digit) => digit * power <= most) * power;
+  const text = length >= 1000 ? `${length / 1000} km` : length >= 1 ? `${length} m` : `${+(length * 1000).toPrecision(1)} mm`;
+  const x = 12.5, y = height - 12.5, w = length * view.scale;
+  c.font = '12px system-ui, sans-serif';
+  c.textAlign = 'left';
+  c.textBaseline = 'alphabetic';
+  const wide = Math.max(w, c.measureText(text).width + 4);
+  c.globalAlpha = 0.85;
+  c.fillStyle = theme.card;
+  c.fillRect(x - 6, y - 20, wide + 12, 26);
+  c.globalAlpha = 1;
+  c.beginPath();
+  c.moveTo(x, y - 5);
+  c.lineTo(x, y);
+  c.lineTo(x + w, y);
+  c.lineTo(x + w, y - 5);
+  c.strokeStyle = theme.ink;
+  c.lineWidth = 1.5;
+  c.stroke();
+  c.fillStyle = theme.ink;
+  c.fillText(text, x + 4, y - 5);
+}
+
+// ---- Time ----------------------------------------------------------------------------
+
+let lastFrame = 0;
+const cost = { frames: 0, ms: 0, worst_ms: 0 };
+
+function frame(clock) {
+  requestAnimationFrame(frame);
+  if (playing) {
+    // A tab that was hidden does not jump.
+    now = Math.min(now + Math.min((clock - lastFrame) / 1000, 0.25) * speed, end);
+    if (now >= end) play(false);
+    dirty = true;
+  }
+  lastFrame = clock;
+  if (!dirty) return;
+  dirty = false;
+  const start = performance.now();
+  place(now);
+  const touching = draw();
+  told(touching);
+  const spent = performance.now() - start;
+  cost.frames++;
+  cost.ms += spent;
+  cost.worst_ms = Math.max(cost.worst_ms, spent);
+}
+
+const digits = end < 10 ? 2 : 1;
+const shown = (time) => time.toFixed(digits) + ' s';
+
+/** Brings what is around the canvas up to date. */
+function told(touching) {
+  const text = `${now.toFixed(digits)} / ${shown(end)}`;
+  if ($('clock').textContent !== text) $('clock').textContent = text;
+  $('seek').value = now;
+  $('seek').setAttribute('aria-valuetext', `${shown(now)} of ${shown(end)}`);
+  $('fleet-now').style.left = 100 * (end ? now / end : 0) + '%';
+  if (selected >= 0) drawTimeline();
+  const current = new Set(touching);
+  for (const [contact, button] of rows) {
+    const on = current.has(contact) || contact === pointed;
+    if ((button.getAttribute('aria-current') === 'true') !== on) button.setAttribute('aria-current', on);
+  }
+}
+
+function say(text) { $('status').textContent = text; }
+
+function play(on) {
+  if (on && now >= end) now = 0;
+  if (on) pointed = null;
+  playing = on;
+  $('play').setAttribute('aria-label', on ? 'Pause' : 'Play');
+  $('play-icon').setAttribute('d', on ? 'M3 2h4v12H3zM9 2h4v12H9z' : 'M4 2l10 6-10 6z');
+  say(on ? 'playing' : `paused at ${shown(now)}`);
+  dirty = true;
+}
+
+function seek(time) {
+  now = Math.min(Math.max(Number.isFinite(time) ? time : 0, 0), end);
+  pointed = null;
+  dirty = true;
+}
+
+function setSpeed(value) {
+  speed = value;
+  $('speed').value = String(value);
+}
+
+function otherSpeed(step) {
+  const at = Math.min(Math.max(SPEEDS.indexOf(speed) + step, 0), SPEEDS.length - 1);
+  setSpeed(SPEEDS[at]);
+  say(`speed ${speed}×`);
+}
+
+// ---- Agents ----------------------------------------------------------------------------
+
+function agentAt(px, py) {
+  let best = -1, least = Infinity;
+  for (let i = 0; i < count; i++) {
+    const d = Math.hypot(toX(X[i]) - px, toY(Y[i]) - py);
+    if (d < least && d <= Math.max(reachOf(i) * view.scale, 12)) {
+      best = i;
+      least = d;
+    }
+  }
+  return best;
+}
+
+/** Selects an agent (by its index; -1 is none), and follows it or not. */
+function follow(i, on) {
+  following = on && i >= 0;
+  if (i !== selected) {
+    selected = i;
+    $('only-box').hidden = i < 0 || !contacts.length;
+    if (i < 0) $('only').checked = false;
+    listContacts();
+    describe();
+  }
+  $('pick').value = i < 0 ? '' : meta.ids[i];
+  $('chip').hidden = i < 0;
+  if (i >= 0) {
+    $('chip-text').textContent = `${following ? 'Following' : 'Agent'} ${meta.ids[i]}`;
+    say(following ? `following agent ${meta.ids[i]}` : `agent ${meta.ids[i]} selected`);
+  } else {
+    say('no agent selected');
+  }
+  dirty = true;
+}
+
+let timeline = null;
+
+function describe() {
+  $('agent-none').hidden = selected >= 0;
+  $('agent-some').hidden = selected < 0;
+  if (selected < 0) return;
+  const i = selected, id = meta.ids[i];
+  const spent = [0, 0, 0], parts = [];
+  stretches(i, (from, to, state) => {
+    spent[state] += to - from;
+    parts.push([from, to, state]);
+  });
+  const own = contacts.filter(({ a, b }) => a === id || b === id);
+  // Contacts may overlap; the time in contact is that of their union.
+  let touched = 0, until = 0;
+  for (const { from, to } of own) {
+    touched += Math.max(0, to - Math.max(from, until));
+    until = Math.max(until, to);
+  }
+  timeline = { parts, own };
+  const list = $('figures');
+  list.replaceChildren();
+  const put = (name, value, swatch) => {
+    const term = document.createElement('dt'), text = document.createElement('dd');
+    if (swatch) term.append(Object.assign(document.createElement('span'), { className: 'swatch ' + swatch }));
+    term.append(name);
+    text.append(value);
+    list.append(term, text);
+    return text;
+  };
+  const share = (time) => `${shown(time)} (${Math.round(100 * time / (end || 1))} %)`;
+  put('moving', share(spent[MOVING]), 'moving');
+  if (meta.headings) put('turning', share(spent[TURNING]), 'turning');
+  put('waiting', share(spent[WAITING]), 'waiting');
+  put('in contact', own.length ? `${shown(touched)} in ${own.length} contact${own.length > 1 ? 's' : ''}` : 'never', 'contact');
+  const arrived = meta.arrivals[i];
+  if (meta.arrivals.length) put('arrived', arrived === null ? 'never' : `at ${shown(arrived)}`);
+  put('travelled', `${distance(i).toFixed(1)} m`);
+  const near = put('nearest', '…');
+  $('timeline').setAttribute('aria-label', `Agent ${id} over time: moving ${share(spent[MOVING])}, ` +
+    `turning ${share(spent[TURNING])}, waiting ${share(spent[WAITING])}, ${own.length} contacts`);
+  // Long recordings of many agents take a moment.
+  setTimeout(() => {
+    if (selected !== i) return;
+    const best = nearest(i);
+    if (best.other === undefined) return void (near.textContent = 'alone');
+    const jump = document.createElement('button');
+    jump.type = 'button';
+    jump.textContent = shown(best.time);
+    jump.addEventListener('click', () => { play(false); seek(best.time); });
+    near.replaceChildren(`${best.m.toFixed(2)} m between centres, to agent ${meta.ids[best.other]} at `, jump);
+  }, 30);
+}
+
+function sized(canvas) {
+  const w = Math.round(canvas.clientWidth * dpr), h = Math.round(canvas.clientHeight * dpr);
+  if (canvas.width !== w || canvas.height !== h) Object.assign(canvas, { width: w, height: h });
+  return [canvas.getContext('2d'), w, h];
+}
+
+/** States as bars of different height, so that colour is not all that tells them apart. */
+function drawTimeline() {
+  const [c, w, h] = sized($('timeline'));
+  c.clearRect(0, 0, w, h);
+  const at = (time) => end ? time / end * w : 0;
+  const tall = [1, 0.65, 0.3].map((part) => part * 0.72 * h);
+  for (const [from, to, state] of timeline.parts) {
+    c.fillStyle = theme[STATES[state]];
+    c.fillRect(at(from), h - tall[state], Math.max(at(to) - at(from), 0.5), tall[state]);
+  }
+  c.fillStyle = theme.contact;
+  for (const { from, to } of timeline.own) c.fillRect(at(from), 0, Math.max(at(to) - at(from), 2 * dpr), 0.2 * h);
+  c.fillStyle = theme.ink;
+  c.fillRect(at(now) - dpr, 0, 2 * dpr, h);
+}
+
+function drawFleet() {
+  const canvas = $('fleet');
+  const w = 640, h = Math.min(Math.max(count, 1), 600);
+  const rgb = STATES.concat('contact').map((name) => {
+    const c = document.createElement('canvas').getContext('2d', { willReadFrequently: true });
+    c.fillStyle = theme[name];
+    c.fillRect(0, 0, 1, 1);
+    return c.getImageData(0, 0, 1, 1).data;
+  });
+  Object.assign(canvas, { width: w, height: h });
+  const c = canvas.getContext('2d'), image = c.createImageData(w, h);
+  const put = (row, from, to, color) => {
+    const last = Math.min(w - 1, Math.max(Math.floor(from / end * w), Math.ceil(to / end * w) - 1));
+    for (let x = Math.floor(from / end * w); x <= last; x++) image.data.set(color, 4 * (row * w + x));
+  };
+  if (end > 0) {
+    for (let row = 0; row < h && count; row++) {
+      // Where there are more agents than rows, some are left out.
+      const i = Math.floor(row * count / h);
+      stretches(i, (from, to, state) => put(row, from, to, rgb[state]));
+    }
+    for (const contact of contacts) {
+      for (const i of both(contact).filter((i) => i < count)) put(Math.min(h - 1, Math.floor(i * h / count)), contact.from, contact.to, rgb[3]);
+    }
+  }
+  c.putImageData(image, 0, 0);
+  canvas.style.imageRendering = h < 150 ? 'pixelated' : 'auto';
+  $('fleet-frame').style.height = Math.min(150, Math.max(24, 14 * count)) + 'px';
+}
+
+// ---- Contacts ----------------------------------------------------------------------------
+
+/** The rows of the list that are on the page. */
+let rows = [];
+let listed = LIST_STEP;
+
+function listContacts() {
+  const id = selected >= 0 && $('only').checked ? meta.ids[selected] : null;
+  const wanted = id === null ? contacts : contacts.filter(({ a, b }) => a === id || b === id);
+  const list = $('contacts');
+  list.replaceChildren();
+  rows = wanted.slice(0, listed).map((contact) => {
+    const button = document.createElement('button');
+    button.type = 'button';
+    const [when, who, long] = ['span', 'span', 'small'].map((tag) => document.createElement(tag));
+    when.textContent = contact.from.toFixed(2) + ' s';
+    who.textContent = `${contact.a} × ${isAgent(contact.b) ? contact.b : nameOf(contact.b)}`;
+    long.textContent = contact.open ? 'to the end' : (contact.to - contact.from).toFixed(2) + ' s';
+    button.setAttribute('aria-label', `at ${when.textContent}: agent ${contact.a} and ` +
+      `${nameOf(contact.b)}, ${long.textContent}`);
+    button.append(when, who, long);
+    button.addEventListener('click', () => jump(contact));
+    const row = document.createElement('li');
+    row.append(button);
+    list.append(row);
+    return [contact, button];
+  });
+  if (!wanted.length) {
+    list.append(Object.assign(document.createElement('li'), { className: 'none', textContent: 'None.' }));
+  }
+  const total = id === null ? meta.contacts_total : wanted.length;
+  $('contact-count').textContent = total ? `(${total})` : '';
+  $('more').hidden = wanted.length <= listed;
+  dirty = true;
+}
+
+/** Shows a contact: its moment, its place, its two. */
+function jump(contact) {
+  play(false);
+  seek(contact.from);
+  pointed = contact;
+  const ends = both(contact);
+  if (following) follow(selected, false);
+  place(now);
+  if (ends.length) {
+    view.x = ends.reduce((sum, i) => sum + X[i], 0) / ends.length;
+    view.y = ends.reduce((sum, i) => sum + Y[i], 0) / ends.length;
+    // Near enough to see who touches whom.
+    if (largest * view.scale < 8) view.scale = 8 / largest;
+  }
+  say(`contact of agent ${contact.a} and ${nameOf(contact.b)} at ${shown(contact.from)}`);
+  dirty = true;
+}
+
+function nextContact(step) {
+  const later = step > 0
+    ? contacts.find((contact) => contact.from > now + 1e-6)
+    : contacts.findLast((contact) => contact.from < now - 1e-6);
+  if (later) jump(later);
+}
+
+function drawMarks() {
+  const [c, w, h] = sized($('marks'));
+  c.clearRect(0, 0, w, h);
+  c.fillStyle = theme.contact;
+  // The thumb's middle runs from 8 pixels to 8 pixels before the end.
+  const inset = 8 * dpr;
+  let last = -1;
+  for (const { from } of contacts) {
+    const x = Math.round(inset + (end ? from / end : 0) * (w - 2 * inset));
+    if (x !== last) c.fillRect(x - dpr, 0, 2 * dpr, 0.22 * h);
+    last = x;
+  }
+}
+
+// ---- The user ------------------------------------------------------------------------------
+
+const onClick = (id, action) => $(id).addEventListener('click', action);
+onClick('play', () => play(!playing));
+onClick('earlier', () => nextContact(-1));
+onClick('later', () => nextContact(1));
+onClick('zoom-in', () => zoom(1.5));
+onClick('zoom-out', () => zoom(1 / 1.5));
+onClick('fit', () => { if (following) follow(selected, false); fit(); });
+onClick('release', () => follow(-1, false));
+onClick('more', () => { listed += LIST_STEP; listContacts(); });
+$('only').addEventListener('change', listContacts);
+$('seek').addEventListener('input', () => seek(Number($('seek').value)));
+$('speed').addEventListener('change', () => setSpeed(Number($('speed').value)));
+$('pick').addEventListener('change', () => {
+  const text = $('pick').value.trim();
+  const i = text === '' || !isAgent(Number(text)) ? -1 : indexOf.get(Number(text)) ?? -1;
+  if (text !== '' && i < 0) say(`there is no agent ${text}`);
+  follow(i, true);
+});
+const timeUnder = (event) => {
+  const box = event.currentTarget.getBoundingClientRect();
+  return (event.clientX - box.left) / box.width * end;
+};
+$('timeline').addEventListener('click', (event) => seek(timeUnder(event)));
+$('fleet').addEventListener('click', (event) => {
+  const box = $('fleet').getBoundingClientRect();
+  const i = Math.floor((event.clientY - box.top) / box.height * count);
+  seek(timeUnder(event));
+  follow(Math.min(Math.max(i, 0), count - 1), true);
+});
+
+const setting = {
+  trails: count <= 2000,
+  paths: false,
+  ids: false,
+  contacts: true,
+};
+for (const name of Object.keys(setting)) {
+  const box = $('show-' + name);
+  box.checked = show[name] = setting[name];
+  box.addEventListener('change', () => {
+    show[name] = box.checked;
+    groundDrawn = null;
+    dirty = true;
+  });
+}
+
+// Fingers and the mouse: one drags, two pinch, a short touch selects.
+const pointers = new Map();
+let travelled = 0;
+const local = (event) => {
+  const box = scene.getBoundingClientRect();
+  return [event.clientX - box.left, event.clientY - box.top];
+};
+scene.addEventListener('pointerdown', (event) => {
+  if (event.button > 0) return;
+  try { scene.setPointerCapture(event.pointerId); } catch { /* a pointer made by a script */ }
+  if (!pointers.size) travelled = 0;
+  pointers.set(event.pointerId, local(event));
+  hover = null;
+});
+scene.addEventListener('pointermove', (event) => {
+  const to = local(event), from = pointers.get(event.pointerId);
+  if (!from) {
+    hover = event.pointerType === 'mouse' ? to : null;
+    if ((hover ? agentAt(...to) : -1) !== over) dirty = true;
+    return;
+  }
+  const others = [...pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
+  travelled += Math.hypot(to[0] - from[0], to[1] - from[1]);
+  pointers.set(event.pointerId, to);
+  if (others.length) {
+    const [px, py] = others[0];
+    const apart = (at) => Math.max(Math.hypot(at[0] - px, at[1] - py), 1);
+    zoom(apart(to) / apart(from), (to[0] + px) / 2, (to[1] + py) / 2);
+    if (!following) pan((to[0] - from[0]) / 2, (to[1] - from[1]) / 2);
+  } else if (travelled > 6) {
+    scene.classList.add('dragging');
+    pan(to[0] - from[0], to[1] - from[1]);
+  }
+});
+const lift = (event) => {
+  if (!pointers.delete(event.pointerId)) return;
+  if (event.type === 'pointerup' && travelled <= 6 && !pointers.size) {
+    const found = agentAt(...local(event));
+    if (found >= 0) follow(found, true);
+  }
+  if (!pointers.size) scene.classList.remove('dragging');
+};
+scene.addEventListener('pointerup', lift);
+scene.addEventListener('pointercancel', lift);
+scene.addEventListener('pointerleave', () => { hover = null; dirty = true; });
+scene.addEventListener('wheel', (event) => {
+  event.preventDefault();
+  const lines = event.deltaMode === 1 ? 20 : 1;
+  zoom(Math.exp(-0.0015 * lines * event.deltaY), ...local(event));
+}, { passive: false });
+
+scene.addEventListener('keydown', (event) => {
+  const way = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] }[event.key];
+  if (way) {
+    pan(...way);
+    event.preventDefault();
+    event.stopPropagation();
+  }
+});
+document.addEventListener('keydown', (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const tag = event.target.tagName, type = event.target.type;
+  // Fields keep the keys that they understand themselves.
+  if (tag === 'SELECT' || type === 'number') return;
+  if (event.key === ' ' && (tag === 'BUTTON' || tag === 'SUMMARY' || type === 'checkbox')) return;
+  const by = (step) => () => { play(false); seek(now + step); };
+  const jumpBy = (step) => () => seek(now + (event.shiftKey ? 10 : 1) * step);
+  const action = {
+    ' ': () => play(!playing), k: () => play(!playing),
+    ArrowLeft: jumpBy(-1), ArrowRight: jumpBy(1),
+    ',': by(-1 / 60), '.': by(1 / 60),
+    Home: () => seek(0), End: () => seek(end),
+    '[': () => otherSpeed(-1), ']': () => otherSpeed(1),
+    p: () => nextContact(-1), n: () => nextContact(1),
+    '+': () => zoom(1.25), '=': () => zoom(1.25), '-': () => zoom(0.8), 0: () => { if (following) follow(selected, false); fit(); },
+    Escape: () => follow(-1, false),
+  }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (action) {
+    action();
+    event.preventDefault();
+  }
+});
+
+// ---- Beginning -------------------------------------------------------------------------------
+
+function resize() {
+  const [w, h] = [Math.max(stage.clientWidth, 2), Math.max(stage.clientHeight, 2)];
+  const fine = Math.min(window.devicePixelRatio || 1, 3);
+  if (w === width && h === height && fine === dpr) return;
+  const whole = width === 1 || Math.abs(view.scale - fitScale()) < 1e-9 * view.scale;
+  [width, height, dpr] = [w, h, fine];
+  // A canvas that changes its size is blank, so it is drawn at once.
+  Object.assign(scene, { width: Math.round(width * dpr), height: Math.round(height * dpr) });
+  if (whole) fit();
+  groundDrawn = null;
+  drawMarks();
+  redraw();
+}
+
+function redraw() {
+  place(now);
+  told(draw());
+}
+
+function repaint() {
+  readTheme();
+  drawMarks();
+  drawFleet();
+}
+
+for (const value of SPEEDS) {
+  $('speed').append(Object.assign(document.createElement('option'), { value, textContent: value + '×' }));
+}
+setSpeed(1);
+$('seek').max = end;
+$('brief').textContent = `${count} agent${count === 1 ? '' : 's'}, ${shown(end)}, ` +
+  (meta.contacts_total ? `${meta.contacts_total} contact${meta.contacts_total === 1 ? '' : 's'}` : 'no contacts');
+for (const [name, value] of meta.facts) {
+  const [term, text] = ['dt', 'dd'].map((tag) => document.createElement(tag));
+  term.textContent = name;
+  text.textContent = value;
+  $('facts').append(term, text);
+}
+for (const note of meta.notes) {
+  $('notes').append(Object.assign(document.createElement('li'), { textContent: note }));
+}
+if (!contacts.length) $('earlier').disabled = $('later').disabled = true;
+if (!meta.headings) document.querySelector('#legend li:nth-child(2)').remove();
+
+stage.style.setProperty('--tall', (maxY - minY) / Math.max(maxX - minX, 1e-9));
+repaint();
+listContacts();
+resize();
+new ResizeObserver(resize).observe(stage);
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', repaint);
+const paper = () => { repaint(); resize(); redraw(); };
+addEventListener('beforeprint', paper);
+addEventListener('afterprint', paper);
+
+// `page.html#t=12.5&agent=3&speed=10&play` begins there.
+const wish = new URLSearchParams(location.hash.slice(1));
+if (wish.has('t')) seek(Number(wish.get('t')));
+if (wish.has('agent')) follow(indexOf.get(Number(wish.get('agent'))) ?? -1, true);
+if (wish.has('zoom') && Number(wish.get('zoom')) > 0) zoom(Number(wish.get('zoom')));
+for (const name of Object.keys(setting)) if (wish.has(name)) $('show-' + name).click();
+if (SPEEDS.includes(Number(wish.get('speed')))) setSpeed(Number(wish.get('speed')));
+if (wish.has('play')) play(true);
+requestAnimationFrame(frame);
+
+// For scripts that drive the page, to make the frames of a film for example.
+globalThis.replay = {
+  play, seek, follow: (id) => follow(indexOf.get(id) ?? -1, true), zoom, fit, cost,
+  /** Draws at once instead of at the next frame. */
+  draw: redraw,
+  pose: (id) => { const i = indexOf.get(id); place(now); return [X[i], Y[i], H[i]]; },
+  onScreen: (id) => { const i = indexOf.get(id); return [toX(X[i]), toY(Y[i])]; },
+  get state() {
+    return { now, playing, speed, agent: meta.ids[selected] ?? null, following, scale: view.scale, x: view.x, y: view.y, pointed };
+  },
+};
+})();

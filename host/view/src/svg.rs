@@ -1,0 +1,486 @@
+//! Still pictures as SVG: map, paths, starts, goals, and, at a moment of an
+//! execution, footprints and contacts.
+
+use std::fmt::Write as _;
+
+use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
+use fleetyard_sim::trace::Outline;
+
+use crate::glyph;
+use crate::palette::{AGENTS, CONTACT, GROUND, INK, OBSTACLE, ROADMAP};
+use crate::world::{World, floor_exponent};
+
+/// The longer side of a picture in pixels, at least and at most; in between, a
+/// cell gets two.
+const SIDE: (f64, f64) = (960.0, 4096.0);
+
+/// The distance of an outline's farthest point from the position.
+pub(crate) fn reach_m(outline: &Outline) -> f64 {
+    match outline {
+        Outline::Disc { radius_m } => *radius_m,
+        Outline::Polygon { vertices_m } => {
+            let distances = vertices_m.iter().map(|[x, y]| (x * x + y * y).sqrt());
+            distances.fold(0.0, f64::max)
+        }
+    }
+}
+
+/// An agent at a moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// Position.
+    pub at_m: [f64; 2],
+    /// Heading, if it has one.
+    pub heading_rad: Option<f64>,
+    /// Its outline around that.
+    pub outline: Outline,
+}
+
+/// What to draw.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture<'a> {
+    /// The map.
+    pub world: &'a World,
+    /// The ways of the agents. Where they begin is marked with a ring.
+    pub paths: Vec<Vec<[f64; 2]>>,
+    /// Where agents should come to, marked with squares.
+    pub goals: Vec<Option<[f64; 2]>>,
+    /// The agents at a moment; none if the picture is of a plan.
+    pub bodies: Vec<Body>,
+    /// Places to be pointed at.
+    pub contacts: Vec<[f64; 2]>,
+    /// The moment, which is written below.
+    pub time_s: Option<f64>,
+}
+
+impl<'a> Picture<'a> {
+    /// A map and nothing else.
+    pub fn new(world: &'a World) -> Self {
+        Self {
+            world,
+            paths: Vec::new(),
+            goals: Vec::new(),
+            bodies: Vec::new(),
+            contacts: Vec::new(),
+            time_s: None,
+        }
+    }
+
+    /// Adds the paths of a grid plan; goals are the paths' ends. Cells that are
+    /// not on the map are left out.
+    #[must_use]
+    pub fn plan(mut self, grid: &Grid, plan: &GridPlan) -> Self {
+        let cells = plan.paths().map(|path| self.centers(grid, path));
+        self.paths = cells.collect();
+        self.end_at_goals()
+    }
+
+    /// Adds the paths of a plan in the plane; goals are the paths' ends.
+    #[must_use]
+    pub fn trajectories(mut self, plan: &TrajectoryPlan) -> Self {
+        let points = |path: fleetyard_core::Knots<'_>| {
+            let points = path.x_m.iter().zip(path.y_m);
+            points.map(|(x, y)| [*x, *y]).collect()
+        };
+        self.paths = plan.paths().map(points).collect();
+        self.end_at_goals()
+    }
+
+    /// Sets goals that need not be the paths' ends.
+    #[must_use]
+    pub fn goals(mut self, grid: &Grid, goals: &[u32]) -> Self {
+        let center = |goal: &u32| self.centers(grid, &[*goal]).first().copied();
+        self.goals = goals.iter().map(center).collect();
+        self
+    }
+
+    fn end_at_goals(mut self) -> Self {
+        self.goals = self.paths.iter().map(|path| path.last().copied()).collect();
+        self
+    }
+
+    fn centers(&self, grid: &Grid, cells: &[u32]) -> Vec<[f64; 2]> {
+        let side = self.world.cells.as_ref().map_or(1.0, |cells| cells.side_m);
+        let on_map = cells.iter().filter(|cell| **cell < grid.cell_count());
+        on_map
+            .map(|cell| cell_center_m(grid, side, *cell).into())
+            .collect()
+    }
+
+    /// The picture as an SVG document, one unit per metre.
+    pub fn svg(&self) -> String {
+        let mut canvas = Canvas::new(self.world, &self.bodies);
+        canvas.open(self.world);
+        canvas.roadmap(&self.world.roadmap);
+        canvas.obstacles(self.world);
+        let agents = self.paths.len().max(self.bodies.len());
+        canvas.paths(&self.paths, agents, !self.bodies.is_empty());
+        canvas.goals(&self.goals);
+        if self.bodies.is_empty() {
+            canvas.starts(&self.paths);
+        }
+        canvas.bodies(&self.bodies);
+        canvas.contacts(&self.contacts);
+        canvas.footer(self.time_s);
+        canvas.out.push_str("</svg>\n");
+        canvas.out
+    }
+}
+
+/// The document, and how the world lies on it: the map's upper left corner is the
+/// origin, y grows down.
+struct Canvas {
+    out: String,
+    left_m: f64,
+    top_m: f64,
+    width_m: f64,
+    height_m: f64,
+    /// A pixel in metres, at the size that the document asks for.
+    pixel_m: f64,
+    /// Height of the strip with the scale below the map.
+    footer_m: f64,
+    /// A small length of the world that is at least a few pixels.
+    unit_m: f64,
+    /// Digits after the point that are worth writing.
+    decimals: usize,
+}
+
+impl Canvas {
+    fn new(world: &World, bodies: &[Body]) -> Self {
+        let [width_m, height_m] = world.size_m().map(|side| side.max(1e-9));
+        let side = width_m.max(height_m);
+        let largest = bodies.iter().map(|body| reach_m(&body.outline));
+        let unit_m = match &world.cells {
+            Some(cells) => cells.side_m,
+            None if bodies.is_empty() => side / 100.0,
+            None => 2.0 * largest.fold(0.005 * side, f64::max),
+        };
+        let pixels = (2.0 * side / unit_m).clamp(SIDE.0, SIDE.1);
+        let pixel_m = side / pixels;
+        // A tenth of a pixel can be seen when one zooms in; a hundredth cannot.
+        Self {
+            out: String::new(),
+            left_m: world.bounds.min[0],
+            top_m: world.bounds.max[1],
+            width_m,
+            height_m,
+            pixel_m,
+            footer_m: 34.0 * pixel_m,
+            unit_m: unit_m.max(5.0 * pixel_m),
+            decimals: (-floor_exponent(pixel_m / 100.0)).clamp(0, 9) as usize,
+        }
+    }
+
+    fn number(&self, value: f64) -> String {
+        let text = format!("{value:.*}", self.decimals);
+        let text = if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.')
+        } else {
+            &text
+        };
+        if text == "-0" { "0" } else { text }.to_owned()
+    }
+
+    /// A point of the world on the document.
+    fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [x - self.left_m, self.top_m - y]
+    }
+
+    /// A broken line through points of the document, as path data. Points
+    /// between which the direction does not change are left out.
+    fn line(&self, points: impl IntoIterator<Item = [f64; 2]>) -> String {
+        let mut corners: Vec<[f64; 2]> = Vec::new();
+        for [x, y] in points {
+            if corners.last() == Some(&[x, y]) {
+                continue;
+            }
+            if let [.., [ax, ay], [bx, by]] = corners[..] {
+                let (ux, uy, vx, vy) = (bx - ax, by - ay, x - bx, y - by);
+                let size = (ux * ux + uy * uy) * (vx * vx + vy * vy);
+                if (ux * vy - uy * vx).powi(2) <= 1e-12 * size && ux * vx + uy * vy > 0.0 {
+                    corners.pop();
+                }
+            }
+            corners.push([x, y]);
+        }
+        let mut data = String::new();
+        let mut last = [String::new(), String::new()];
+        for (at, point) in corners.into_iter().enumerate() {
+            let [x, y] = point.map(|value| self.number(value));
+            let _ = match (at, x == last[0], y == last[1]) {
+                (0, ..) => write!(data, "M{x} {y}"),
+                (_, true, true) => Ok(()),
+                (_, true, false) => write!(data, "V{y}"),
+                (_, false, true) => write!(data, "H{x}"),
+                (_, false, false) => write!(data, "L{x} {y}"),
+            };
+            last = [x, y];
+        }
+        data
+    }
+
+    fn open(&mut self, world: &World) {
+        let height_m = self.height_m + self.footer_m;
+        let _ = writeln!(
+            self.out,
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" \
+             viewBox=\"0 0 {} {}\">",
+            self.width_m / self.pixel_m,
+            height_m / self.pixel_m,
+            self.number(self.width_m),
+            self.number(height_m),
+        );
+        let _ = writeln!(self.out, "<title>{}</title>", escape(&world.name));
+        let (width, height) = (self.number(self.width_m), self.number(height_m));
+        let _ = writeln!(
+            self.out,
+            "<rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>"
+        );
+        let (width, height) = (self.number(self.width_m), self.number(self.height_m));
+        let _ = writeln!(
+            self.out,
+            "<rect width=\"{width}\" height=\"{height}\" fill=\"{GROUND}\"/>"
+        );
+    }
+
+    fn roadmap(&mut self, edges: &[[[f64; 2]; 2]]) {
+        if edges.is_empty() {
+            return;
+        }
+        let width = self.number(1.2 * self.pixel_m);
+        let lines = edges.iter().map(|edge| {
+            let ends = edge.map(|end| self.place(end));
+            self.line(ends)
+        });
+        let data: String = lines.collect();
+        let _ = writeln!(
+            self.out,
+            "<path fill=\"none\" stroke=\"{ROADMAP}\" stroke-width=\"{width}\" d=\"{data}\"/>"
+        );
+    }
+
+    fn obstacles(&mut self, world: &World) {
+        if let Some(cells) = &world.cells {
+            let mut data = String::new();
+            for rectangle in &cells.rectangles {
+                let [y, x, height, width] =
+                    rectangle.map(|side| self.number(f64::from(side) * cells.side_m));
+                let _ = write!(data, "M{x} {y}h{width}v{height}h-{width}z");
+            }
+            // Without blur, so that no seams show between rectangles.
+            let _ = writeln!(
+                self.out,
+                "<path fill=\"{OBSTACLE}\" shape-rendering=\"crispEdges\" d=\"{data}\"/>"
+            );
+        }
+        if !world.polygons.is_empty() {
+            let mut data = String::new();
+            for polygon in &world.polygons {
+                data += &self.line(polygon.iter().map(|corner| self.place(*corner)));
+                data.push('z');
+            }
+            let _ = writeln!(self.out, "<path fill=\"{OBSTACLE}\" d=\"{data}\"/>");
+        }
+    }
+
+    /// Opens a group of each colour in turn and lets `each` draw the agents that
+    /// have it.
+    fn by_color(&mut self, agents: usize, group: &str, mut each: impl FnMut(&mut Self, usize)) {
+        for (first, color) in AGENTS.iter().enumerate().take(agents) {
+            let before = self.out.len();
+            let _ = writeln!(self.out, "<g {}>", group.replace("COLOR", color));
+            let opened = self.out.len();
+            for agent in (first..agents).step_by(AGENTS.len()) {
+                each(self, agent);
+            }
+            if self.out.len() == opened {
+                self.out.truncate(before);
+            } else {
+                self.out.push_str("</g>\n");
+            }
+        }
+    }
+
+    fn paths(&mut self, paths: &[Vec<[f64; 2]>], agents: usize, faint: bool) {
+        if paths.is_empty() {
+            return;
+        }
+        // Crowded pictures need thin, translucent lines.
+        let room = self.width_m * self.height_m / (self.unit_m * self.unit_m);
+        let opacity = (0.9 - 3.0 * agents as f64 / room).clamp(0.35, 0.85);
+        let opacity = if faint { 0.5 * opacity } else { opacity };
+        let width = self.number(0.16 * self.unit_m);
+        let group = format!(
+            "fill=\"none\" stroke=\"COLOR\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\" \
+             stroke-linejoin=\"round\" stroke-linecap=\"round\""
+        );
+        self.by_color(paths.len(), &group, |canvas, agent| {
+            let data = canvas.line(paths[agent].iter().map(|point| canvas.place(*point)));
+            if data.contains(['H', 'V', 'L']) {
+                let _ = writeln!(canvas.out, "<path d=\"{data}\"/>");
+            }
+        });
+    }
+
+    fn goals(&mut self, goals: &[Option<[f64; 2]>]) {
+        let side = 0.56 * self.unit_m;
+        self.by_color(goals.len(), "fill=\"COLOR\"", |canvas, agent| {
+            if let Some(goal) = goals[agent] {
+                let corner = canvas.place(goal).map(|middle| middle - side / 2.0);
+                let [x, y] = corner.map(|value| canvas.number(value));
+                let side = canvas.number(side);
+                let _ = writeln!(
+                    canvas.out,
+                    "<rect x=\"{x}\" y=\"{y}\" width=\"{side}\" height=\"{side}\"/>"
+                );
+            }
+        });
+    }
+
+    /// Above the goals, open in the middle: a start on another's goal shows both.
+    fn starts(&mut self, paths: &[Vec<[f64; 2]>]) {
+        let (radius, width) = (0.3 * self.unit_m, self.number(0.14 * self.unit_m));
+        let group = format!(
+            "fill=\"#fff\" fill-opacity=\"0.75\" stroke=\"COLOR\" stroke-width=\"{width}\""
+        );
+        self.by_color(paths.len(), &group, |canvas, agent| {
+            if let Some(start) = paths[agent].first() {
+                canvas.circle(*start, radius);
+            }
+        });
+    }
+
+    fn circle(&mut self, center: [f64; 2], radius: f64) {
+        let [x, y] = self.place(center).map(|value| self.number(value));
+        let radius = self.number(radius);
+        let _ = writeln!(self.out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>");
+    }
+
+    fn bodies(&mut self, bodies: &[Body]) {
+        let large = bodies
+            .iter()
+            .all(|body| reach_m(&body.outline) > 4.0 * self.pixel_m);
+        // Small bodies are dots; an outline would swallow them.
+        let edge = if large { 1.2 * self.pixel_m } else { 0.0 };
+        let group = format!(
+            "fill=\"COLOR\" stroke=\"{INK}\" stroke-width=\"{}\"",
+            self.number(edge)
+        );
+        self.by_color(bodies.len(), &group, |canvas, agent| {
+            let body = &bodies[agent];
+            match &body.outline {
+                Outline::Disc { radius_m } => {
+                    canvas.circle(body.at_m, radius_m.max(1.5 * canvas.pixel_m));
+                }
+                Outline::Polygon { vertices_m } => {
+                    let (sin, cos) = libm::sincos(body.heading_rad.unwrap_or(0.0));
+                    let [x, y] = body.at_m;
+                    let corners = vertices_m
+                        .iter()
+                        .map(|[a, b]| canvas.place([x + a * cos - b * sin, y + a * sin + b * cos]));
+                    let data = canvas.line(corners);
+                    let _ = writeln!(canvas.out, "<path d=\"{data}z\"/>");
+                }
+            }
+        });
+        if large {
+            let noses = bodies.iter().filter_map(|body| {
+                let (sin, cos) = libm::sincos(body.heading_rad?);
+                let ([x, y], reach) = (body.at_m, reach_m(&body.outline));
+                let nose = [x + reach * cos, y + reach * sin];
+                Some(self.line([body.at_m, nose].map(|point| self.place(point))))
+            });
+            let data: String = noses.collect();
+            if !data.is_empty() {
+                let width = self.number(1.6 * self.pixel_m);
+                let _ = writeln!(
+                    self.out,
+                    "<path fill=\"none\" stroke=\"{INK}\" stroke-width=\"{width}\" d=\"{data}\"/>"
+                );
+            }
+        }
+    }
+
+    /// A ring with a cross in it, on a halo of white.
+    fn contacts(&mut self, contacts: &[[f64; 2]]) {
+        if contacts.is_empty() {
+            return;
+        }
+        let radius = (0.6 * self.unit_m).max(7.0 * self.pixel_m);
+        let arm = radius * 0.45;
+        for (color, width) in [("#fff", 5.0), (CONTACT, 2.4)] {
+            let width = self.number(width * self.pixel_m);
+            let _ = writeln!(
+                self.out,
+                "<g fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\">"
+            );
+            for place in contacts {
+                self.circle(*place, radius);
+                let [x, y] = self.place(*place);
+                let cross = self.line([[x - arm, y - arm], [x + arm, y + arm]])
+                    + &self.line([[x - arm, y + arm], [x + arm, y - arm]]);
+                let _ = writeln!(self.out, "<path d=\"{cross}\"/>");
+            }
+            self.out.push_str("</g>\n");
+        }
+    }
+
+    /// The scale, and the time if there is one.
+    fn footer(&mut self, time_s: Option<f64>) {
+        let length = round_length(0.2 * self.width_m);
+        let text = if length < 1000.0 {
+            format!("{length} m")
+        } else {
+            format!("{} km", length / 1000.0)
+        };
+        let pixel = self.pixel_m;
+        let (left, base) = (8.0 * pixel, self.height_m + 20.0 * pixel);
+        let (top, size) = (base - 6.0 * pixel, 11.0 * pixel);
+        let letters_top = base - size;
+        let mut lines = vec![
+            vec![[left, top], [left, base], [left + length, base]],
+            vec![[left + length, base], [left + length, top]],
+        ];
+        lines.extend(glyph::lines(&text, left + length + size, letters_top, size));
+        if let Some(time_s) = time_s {
+            let text = format!("t = {time_s:.1} s");
+            let width = text.chars().count() as f64 * size * 5.5 / 6.0;
+            let left = self.width_m - width - 4.0 * pixel;
+            lines.extend(glyph::lines(&text, left, letters_top, size));
+        }
+        let data: String = lines.into_iter().map(|line| self.line(line)).collect();
+        let (description, width) = (format!("scale: {text}"), self.number(1.5 * pixel));
+        let _ = writeln!(
+            self.out,
+            "<path fill=\"none\" stroke=\"{INK}\" stroke-width=\"{width}\" \
+             stroke-linejoin=\"round\" d=\"{data}\"><title>{description}</title></path>"
+        );
+    }
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is not above a length.
+fn round_length(most: f64) -> f64 {
+    let power = 10f64.powi(floor_exponent(most));
+    let digit = [5.0, 2.0, 1.0]
+        .into_iter()
+        .find(|digit| digit * power <= most);
+    digit.unwrap_or(1.0) * power
+}
+
+/// Text for XML and HTML, in elements and in quoted attributes.
+pub(crate) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            // Neither XML nor HTML can hold these in any form.
+            c if c.is_control() && !matches!(c, '\n' | '\t') => out.push('\u{fffd}'),
+            '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}

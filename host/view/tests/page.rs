@@ -1,0 +1,237 @@
+//! The replay page: that it is one file that needs no other, and, in a real browser,
+//! that everything on it works.
+
+use std::f64::consts::PI;
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use fleetyard_core::Grid;
+use fleetyard_sim::trace::States;
+use fleetyard_sim::{Event, EventKind, Other, TraceSink as _};
+use fleetyard_view::{Outline, Page, PageOptions, Recording, World};
+
+const HOSTILE: &str = "<b>&\"'</script><script>globalThis.hacked = 1</script><!--";
+
+fn states<'a>(x_m: &'a [f64], y_m: &'a [f64], heading_rad: Option<&'a [f64]>) -> States<'a> {
+    States {
+        x_m,
+        y_m,
+        heading_rad,
+        progress: None,
+    }
+}
+
+/// Four agents for 10 s: 0 goes along a row, 1 turns on the spot, 2 stands by the
+/// way of 0, 3 waits and then moves; one obstacle goes to and fro.
+fn page(options: &PageOptions) -> String {
+    let rows = [
+        "@@@@@@@@@@@@@",
+        "@...........@",
+        "@...........@",
+        "@...@@......@",
+        "@@@@@@@@@@@@@",
+    ];
+    let grid = Grid::new(HOSTILE, 5, 13, rows.concat().into_bytes()).unwrap();
+    let world = World::of_grid(&grid, 1.0);
+    let recording = Recording {
+        title: HOSTILE.to_owned(),
+        world: world.clone(),
+        outlines: vec![
+            Outline::Disc { radius_m: 0.35 },
+            Outline::Polygon {
+                vertices_m: vec![[0.4, 0.0], [-0.3, 0.3], [-0.3, -0.3]],
+            },
+        ],
+        outline_of_body: vec![0, 1, 0, 1, 1],
+        agents: 4,
+        goals_m: vec![[11.5, 2.5], [2.5, 1.5], [6.5, 2.0], [9.5, 2.5]],
+        headings: true,
+        tick_s: 1.0 / 60.0,
+        state_every: 1,
+        facts: vec![("planner".to_owned(), HOSTILE.to_owned())],
+    };
+    let mut page = Page::new(recording, options).unwrap();
+    for tick in 0..=600u32 {
+        let time = f64::from(tick) / 60.0;
+        let x = [1.5 + time, 2.5, 6.5, 9.5, 3.0 + (time - 5.0).abs()];
+        let y = [2.5, 1.5, 2.0, 3.5 - (time - 8.0).max(0.0) * 0.5, 3.5];
+        // Wrapped, as some write them.
+        let turned = (time * 0.5 * PI + PI).rem_euclid(2.0 * PI) - PI;
+        let heading = [0.0, turned, 1.0, -0.5 * PI, 0.0];
+        page.state(tick.into(), &states(&x, &y, Some(&heading)))
+            .unwrap();
+    }
+    let event = |time_s: f64, kind, agent, other| Event {
+        substep: 0,
+        time_s,
+        kind,
+        agent,
+        other,
+    };
+    let events = [
+        event(4.75, EventKind::Begin, 0, Other::Agent(2)),
+        event(5.25, EventKind::End, 0, Other::Agent(2)),
+        event(10.0, EventKind::Begin, 0, Other::Obstacle { cell: 38 }),
+        event(8.0, EventKind::Arrive, 2, Other::Goal),
+    ];
+    page.events(&events).unwrap();
+    page.finish(None).unwrap()
+}
+
+#[test]
+fn a_page_is_one_file_and_equal_for_equal_input() {
+    let text = page(&PageOptions::default());
+    assert!(text.starts_with("<!doctype html>"));
+    assert_eq!(text, page(&PageOptions::default()));
+    for needle in ["http:", "https:", "src=", "href=", "@import", "url(", "{{"] {
+        assert!(!text.contains(needle), "{needle}");
+    }
+    assert!(text.contains("default-src 'none'"));
+    assert!(!text.contains("globalThis.hacked = 1</script><!--\""));
+    assert_eq!(text.matches("<script").count(), 3);
+    assert_eq!(text.matches("</script").count(), 3);
+}
+
+#[test]
+fn fewer_agents_and_states_make_a_smaller_page_that_says_so() {
+    let all = page(&PageOptions {
+        rate_hz: 60.0,
+        agents: None,
+    });
+    let some = page(&PageOptions {
+        rate_hz: 5.0,
+        agents: Some(vec![2, 0, 2]),
+    });
+    assert!(some.len() < all.len());
+    assert!(all.contains("60 of 60 recorded states per second are kept."));
+    assert!(some.contains("5 of 60 recorded states per second are kept."));
+    assert!(some.contains("2 of 4 agents are shown"));
+    assert!(some.contains("\"agents\":2,\"all_agents\":4,\"ids\":[0,2,4]"));
+}
+
+#[test]
+fn what_cannot_be_shown_is_refused() {
+    let grid = Grid::new("map", 1, 2, b"..".to_vec()).unwrap();
+    let world = World::of_grid(&grid, 1.0);
+    let recording = || Recording {
+        title: "map".to_owned(),
+        world: world.clone(),
+        outlines: vec![Outline::Disc { radius_m: 0.3 }],
+        outline_of_body: vec![0, 0],
+        agents: 2,
+        goals_m: Vec::new(),
+        headings: false,
+        tick_s: 0.1,
+        state_every: 1,
+        facts: Vec::new(),
+    };
+    let refused = |rate_hz, agents| {
+        let options = PageOptions { rate_hz, agents };
+        Page::new(recording(), &options).unwrap_err().to_string()
+    };
+    assert_eq!(
+        refused(10.0, Some(vec![2])),
+        "there is no agent 2: the trace has 2"
+    );
+    for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(refused(rate, None).contains("states per second is out of range"));
+    }
+    let empty = Page::new(recording(), &PageOptions::default()).unwrap();
+    let error = empty.finish(None).unwrap_err();
+    assert_eq!(error.to_string(), "the trace has no states, only events");
+    // No time passes, nobody moves, numbers that are none: a page nevertheless.
+    let mut still = Page::new(recording(), &PageOptions::default()).unwrap();
+    still
+        .state(0, &states(&[f64::NAN, 0.5], &[0.5], None))
+        .unwrap();
+    let text = still.finish(Some("it was cut off")).unwrap();
+    assert!(text.contains("The recording is not complete: it was cut off."));
+}
+
+/// A browser, or why there is none.
+fn chromium() -> Option<&'static str> {
+    ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|name| {
+            let version = Command::new(name).arg("--version").output();
+            version.is_ok_and(|output| output.status.success())
+        })
+}
+
+/// Ends a browser, whatever happens.
+struct Browser(Child);
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Opens a page and waits for what the self-test says on the console.
+fn selftest(browser: &str, folder: &Path, page: &Path, size: &str) -> String {
+    let log = folder.join("browser.log");
+    let child = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu"])
+        .args(["--disable-dev-shm-usage", "--no-first-run"])
+        .args(["--enable-logging=stderr", "--v=0"])
+        .arg(format!("--window-size={size}"))
+        .arg(format!(
+            "--user-data-dir={}",
+            folder.join("profile").display()
+        ))
+        .arg(format!("file://{}", page.display()))
+        .stdout(Stdio::null())
+        .stderr(File::create(&log).unwrap())
+        .spawn()
+        .unwrap();
+    let mut browser = Browser(child);
+    let patience = Instant::now() + Duration::from_mins(2);
+    loop {
+        let said = fs::read(&log).unwrap();
+        let said = String::from_utf8_lossy(&said);
+        if let Some((_, report)) = said.split_once("selftest ")
+            && let Some((report, _)) = report.split_once(" selftest-end")
+        {
+            return report.to_owned();
+        }
+        let ended = browser.0.try_wait().unwrap();
+        assert!(
+            ended.is_none() && Instant::now() < patience,
+            "the test did not end: {ended:?}\n{said}"
+        );
+        sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn everything_on_the_page_works_in_a_browser() {
+    let Some(browser) = chromium() else {
+        eprintln!("skipped: there is no Chromium on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("replay.html");
+    let text = page(&PageOptions::default());
+    // Errors are collected from the beginning, and the user comes last.
+    let collect = "<script>globalThis.pageErrors = [];\
+        addEventListener('error', (event) => pageErrors.push(event.message));\
+        addEventListener('unhandledrejection', (event) => pageErrors.push(String(event.reason)));\
+        console.error = (...all) => pageErrors.push(all.join(' '));</script>";
+    let user = format!(
+        "<script>\n{}</script>\n</body>",
+        include_str!("selftest.js")
+    );
+    let text = text.replacen("<style>", &format!("{collect}<style>"), 1);
+    let (before, after) = text.rsplit_once("</body>").unwrap();
+    fs::write(&file, format!("{before}{user}{after}")).unwrap();
+    for size in ["1280,800", "390,844"] {
+        let report = selftest(browser, folder.path(), &file, size);
+        assert!(!report.contains("FAILED"), "{size}: {report}");
+        assert!(report.ends_with("\"errors\":[]}"), "{size}: {report}");
+        assert_eq!(report.matches("\"ok\"").count(), 40, "{size}: {report}");
+    }
+}

@@ -1,0 +1,161 @@
+//! Still pictures: what they say, to the byte, and that PNG shows the same.
+//!
+//! When a picture changes on purpose, run with `FLEETYARD_UPDATE_EXPECTED=1`, look
+//! at the files in `expected/`, and commit them.
+
+use std::path::Path;
+use std::{env, fs};
+
+use fleetyard_core::{Grid, GridPlan, Roadmap, TrajectoryPlan};
+use fleetyard_view::{Body, Outline, Picture, World, png};
+use fleetyard_world::{Bounds, Polygon, Workspace};
+use resvg::tiny_skia::Pixmap;
+use xxhash_rust::xxh3::xxh3_128;
+
+fn expect(name: &str, found: &str) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/expected")
+        .join(name);
+    if env::var_os("FLEETYARD_UPDATE_EXPECTED").is_some() {
+        fs::write(&path, found).unwrap();
+    }
+    let expected = fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(found, expected, "{name} is not as expected");
+}
+
+fn grid() -> Grid {
+    let rows = ["....@", ".@@..", "....."];
+    Grid::new("<small & odd>", 3, 5, rows.concat().into_bytes()).unwrap()
+}
+
+fn plan() -> GridPlan {
+    GridPlan::from_paths([
+        vec![0, 1, 2, 3, 8, 9],
+        vec![14, 13, 12, 11, 11, 10, 5],
+        vec![4],
+        vec![],
+    ])
+}
+
+#[test]
+fn a_plan_on_a_grid() {
+    let grid = grid();
+    let world = World::of_grid(&grid, 1.0);
+    let picture = Picture::new(&world).plan(&grid, &plan());
+    expect("grid.svg", &picture.svg());
+    // Other goals than the paths' ends, one of them off the map.
+    let goals = picture.goals(&grid, &[9, 0, 99, 3]).svg();
+    assert_eq!(goals.matches("<rect x=").count(), 3);
+}
+
+#[test]
+fn a_moment_in_a_workspace() {
+    let ring = [[4.0, 1.0], [6.0, 1.0], [5.0, 3.0]];
+    let workspace = Workspace {
+        name: "room".to_owned(),
+        bounds: Bounds {
+            min: [-2.0, -1.0],
+            max: [8.0, 5.0],
+        },
+        obstacles: vec![Polygon::new(&ring).unwrap()],
+        movers: Vec::new(),
+    };
+    let roadmap = Roadmap::new(
+        vec![0.0, 3.0, 3.0],
+        vec![0.0, 0.0, 4.0],
+        [(0, 1), (1, 0), (1, 2)],
+    )
+    .unwrap();
+    let world = World::of_workspace(&workspace).roadmap(&roadmap);
+    assert_eq!(world.roadmap.len(), 2);
+    let mut picture = Picture::new(&world);
+    picture.paths = vec![vec![[0.0, 0.0], [1.5, 0.0], [3.0, 0.0], [3.0, 4.0]]];
+    picture.bodies = vec![
+        Body {
+            at_m: [3.0, 2.0],
+            heading_rad: Some(1.5),
+            outline: Outline::Polygon {
+                vertices_m: vec![[0.4, 0.25], [-0.4, 0.25], [-0.4, -0.25], [0.4, -0.25]],
+            },
+        },
+        Body {
+            at_m: [3.2, 2.4],
+            heading_rad: None,
+            outline: Outline::Disc { radius_m: 0.3 },
+        },
+    ];
+    picture.contacts = vec![[3.1, 2.2]];
+    picture.time_s = Some(6.0);
+    expect("moment.svg", &picture.svg());
+}
+
+#[test]
+fn trajectories_are_drawn_like_paths() {
+    let grid = grid();
+    let world = World::of_grid(&grid, 1.0);
+    let by_cells = Picture::new(&world).plan(&grid, &GridPlan::from_paths([[0, 1, 2]]));
+    let mut plan = TrajectoryPlan::with_capacity(1, 2);
+    let knot = |time_s, x_m| fleetyard_core::Knot {
+        time_s,
+        x_m,
+        y_m: 2.5,
+        heading_rad: None,
+    };
+    plan.push_path([knot(0.0, 0.5), knot(2.0, 2.5)]).unwrap();
+    assert_eq!(
+        by_cells.svg(),
+        Picture::new(&world).trajectories(&plan).svg()
+    );
+}
+
+#[test]
+fn png_has_the_pixels_that_it_had() {
+    let grid = grid();
+    let world = World::of_grid(&grid, 1.0);
+    let svg = Picture::new(&world).plan(&grid, &plan()).svg();
+    let image = png(&svg, Some(200)).unwrap();
+    assert!(image.starts_with(b"\x89PNG\r\n\x1a\n"));
+    let side = |at: usize| u32::from_be_bytes(image[at..at + 4].try_into().unwrap());
+    assert_eq!((side(16), side(20)), (200, 127));
+    let pixels = Pixmap::decode_png(&image).unwrap();
+    assert_eq!(
+        format!("{:032x}", xxh3_128(pixels.data())),
+        "f364c531ff810d955b34184952e9b76b",
+        "the picture has changed"
+    );
+    let full = png(&svg, None).unwrap();
+    assert_eq!(u32::from_be_bytes(full[16..20].try_into().unwrap()), 960);
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused() {
+    assert!(
+        png("no svg", None)
+            .unwrap_err()
+            .reason
+            .contains("cannot be drawn")
+    );
+    let svg = Picture::new(&World::of_grid(&grid(), 1.0)).svg();
+    let error = png(&svg, Some(100_000)).unwrap_err();
+    assert_eq!(
+        error.reason,
+        "a picture of 100000 x 63542 pixels is too large"
+    );
+    assert!(png(&svg, Some(0)).is_ok_and(|image| image.len() > 50));
+}
+
+#[test]
+fn thousands_of_agents_stay_a_moderate_file() {
+    let side = 500;
+    let grid = Grid::new("wide", side, side, vec![b'.'; (side * side) as usize]).unwrap();
+    let world = World::of_grid(&grid, 1.0);
+    let paths = (0..5000u32).map(|agent| {
+        let start = agent * 7 % 400 + agent / 10 % 400 * side;
+        let across = (0..50).map(move |step| start + step);
+        across.chain((1..50).map(move |step| start + 49 + step * side))
+    });
+    let mut plan = GridPlan::with_capacity(5000, 500_000);
+    paths.for_each(|path| plan.push_path(path));
+    let svg = Picture::new(&world).plan(&grid, &plan).svg();
+    assert!(svg.len() < 1_200_000, "{}", svg.len());
+}
