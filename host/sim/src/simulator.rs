@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use fleetyard_core::{Grid, GridPlan};
-use fleetyard_world::{Pose, Workspace};
+use fleetyard_world::{Pose, Shape, Workspace};
 
 use crate::chunk::{CHUNK, Chunk};
 use crate::clock::Clock;
@@ -244,7 +244,11 @@ impl<'a> Simulator<'a> {
                 cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
                 ..GateOptions::default()
             };
-            let shape_of = |agent: usize| shapes.of(agent as u32);
+            let discs = turning_discs(&shapes, &models);
+            let shape_of = |agent: usize| {
+                let kind = shapes.kind_of(agent as u32);
+                discs[kind].as_ref().unwrap_or(&shapes.kinds[kind])
+            };
             let graph = DependencyGraph::build(&reference, &shape_of, &options)?;
             let (messages, seed) = (&config.disturbance.messages, config.disturbance.seed);
             Some(Gates::with_messages(
@@ -351,6 +355,21 @@ impl<'a> Simulator<'a> {
         }
         Ok(())
     }
+}
+
+/// Per profile, the disc around its footprint if robots of the profile turn. Plans
+/// on grids and roadmaps say nothing about that, and where a plan has headings,
+/// controllers still turn when they need to and not evenly over an action: so the
+/// graph may assume no more than that they stay within their effective radius.
+fn turning_discs(shapes: &Shapes, models: &[Option<&Model>]) -> Vec<Option<Shape>> {
+    let kinds = shapes.kinds.iter().zip(models);
+    let turns = |model: Option<&Model>| model.is_some_and(|model| !is_pebble(model));
+    kinds
+        .map(|(shape, model)| {
+            let needs_disc = !shape.is_disc() && turns(*model);
+            needs_disc.then(|| shape.enclosing_disc())
+        })
+        .collect()
 }
 
 /// Whether a model follows its reference with no time for anything else.

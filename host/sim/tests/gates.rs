@@ -5,10 +5,11 @@ mod common;
 
 use std::collections::BTreeSet;
 
-use common::{below, random_grid, rng, starts, turning_blocks, valid_walks};
+use common::{below, random_grid, rng, starts, turning_blocks, valid_drives, valid_walks};
 use fleetyard_core::{Connectivity, Grid, GridPlan, Knot, TrajectoryPlan};
 use fleetyard_sim::gate::{DependencyGraph, GateError, GateOptions, Gates, GridRoutes, Routes};
 use fleetyard_sim::noise::Messages;
+use fleetyard_sim::{Fleet, NoTrace, Policy, Profile, SimConfig, Simulator};
 use fleetyard_world::{Footprint, Pose, Shape};
 use parry2d_f64::math::{Pose as Isometry, Vector};
 use parry2d_f64::query;
@@ -616,6 +617,34 @@ fn messages_late_and_lost_only_delay() {
     assert!(prompt < late.0 && late.0 < lossy.0);
     assert_eq!(lossy, blocks("50ms,350ms,0.5", 1, true), "order of reports");
     assert_ne!(lossy, blocks("50ms,350ms,0.5", 2, false), "another seed");
+}
+
+/// Paths on a grid say nothing about headings. A robot that turns into its
+/// direction sweeps more than its footprint as it lies in the plan.
+#[test]
+fn long_robots_that_turn_do_not_touch() {
+    let profile = Profile {
+        footprint: Footprint::Rectangle {
+            length_m: 0.85,
+            width_m: 0.2,
+        },
+        model: "agv".parse().expect("a model"),
+    };
+    for seed in 0..4 {
+        let mut rng = rng(9000 + seed);
+        let grid = random_grid(&mut rng, 8, 8, 10);
+        let plan = valid_drives(&mut rng, &grid, 20, 25);
+        let fleet = Fleet::uniform(profile.clone(), plan.agents()).expect("a fleet");
+        let config = SimConfig {
+            policy: Policy::Adg,
+            start_heading_rad: 1.5,
+            ..SimConfig::default()
+        };
+        let simulator = Simulator::new(&config).on_grid(&grid).with_fleet(&fleet);
+        let outcome = simulator.run(&plan, &mut NoTrace).expect("an execution");
+        assert_eq!(outcome.contacts.agent_agent, 0, "seed {seed}");
+        assert_eq!(outcome.arrived as usize, plan.agents(), "seed {seed}");
+    }
 }
 
 #[test]

@@ -104,6 +104,13 @@ impl Shape {
         (!is_flat).then_some(shape)
     }
 
+    /// The disc of the effective radius around c_eff: all that the shape can cover
+    /// by turning.
+    #[must_use]
+    pub fn enclosing_disc(&self) -> Self {
+        Self::disc(self.effective_radius)
+    }
+
     /// Whether this is a disc.
     pub fn is_disc(&self) -> bool {
         self.vertices.is_empty()
