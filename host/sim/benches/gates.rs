@@ -35,6 +35,7 @@ fn build(routes: &GridRoutes<'_>, shape: &Shape, by_cell: bool) -> DependencyGra
         margin_m: 0.05,
         cell_size_m: by_cell.then_some(1.0),
         longest_action_m: Some(1.0),
+        ..GateOptions::default()
     };
     DependencyGraph::build(routes, &|_| shape, &options).expect("a graph")
 }

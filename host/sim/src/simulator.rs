@@ -239,8 +239,10 @@ impl<'a> Simulator<'a> {
                 .iter()
                 .flatten()
                 .map(|model| model.arrival_tolerance_m().max(model.lateral_tolerance_m()));
+            let needed_m = 2.0 * tolerance.fold(0.0, f64::max);
             let options = GateOptions {
-                margin_m: config.margin_m + 2.0 * tolerance.fold(0.0, f64::max),
+                margin_m: config.margin_m + needed_m,
+                least_margin_m: needed_m,
                 cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
                 ..GateOptions::default()
             };

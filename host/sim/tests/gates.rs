@@ -647,6 +647,35 @@ fn long_robots_that_turn_do_not_touch() {
     }
 }
 
+/// Rings of robots with controllers turn if there is room for what those are off
+/// their ways; half-way round, discs of 0.35 m have 7 mm.
+#[test]
+fn robots_turn_in_rings_with_room() {
+    for radius_m in [0.25, 0.3, 0.33, 0.35] {
+        let profile = Profile {
+            footprint: disc(radius_m),
+            model: "agv".parse().expect("a model"),
+        };
+        let grid = open(5, 5);
+        let plan = turning_blocks(&mut rng(10), &grid, 22, 6);
+        let fleet = Fleet::uniform(profile, plan.agents()).expect("a fleet");
+        let config = SimConfig {
+            policy: Policy::Adg,
+            ..SimConfig::default()
+        };
+        let simulator = Simulator::new(&config).on_grid(&grid).with_fleet(&fleet);
+        let outcome = simulator.run(&plan, &mut NoTrace);
+        if radius_m >= 0.35 {
+            let error = outcome.expect_err("too little room").to_string();
+            assert!(error.contains("too little room"), "{error}");
+            continue;
+        }
+        let outcome = outcome.expect("an execution");
+        assert_eq!(outcome.contacts.agent_agent, 0, "{radius_m} m");
+        assert_eq!(outcome.arrived, 22, "{radius_m} m");
+    }
+}
+
 #[test]
 fn threads_make_no_difference() {
     let grid = open(8, 8);

@@ -51,6 +51,7 @@ impl GateError {
         match self {
             Self::Option { field, .. } => Some(match *field {
                 "margin_m" => "give metres, 0 or more",
+                "least_margin_m" => "give metres from 0 to margin_m",
                 _ => "give metres above 0",
             }),
             Self::TooManyAgents { .. } => Some("split the plan"),

@@ -17,6 +17,11 @@ pub struct GateOptions {
     /// the same time. It has to cover what both bodies may be off their ways:
     /// beside them, and beyond the knots where they stop.
     pub margin_m: f64,
+    /// Where the plan has agents pass nearer than the margin, at least this is kept,
+    /// in metres, at most the margin; a plan that leaves less is refused. With 0 the
+    /// plan's own distance will do, which is enough for robots that are never off
+    /// their ways.
+    pub least_margin_m: f64,
     /// Longer actions are cut into equal pieces, in metres of any point of the
     /// body: who follows another agent then waits for a piece and not for its
     /// whole way. `None` is twice the largest effective radius. Moves between
@@ -31,6 +36,7 @@ impl Default for GateOptions {
     fn default() -> Self {
         Self {
             margin_m: 0.0,
+            least_margin_m: 0.0,
             longest_action_m: None,
             cell_size_m: None,
         }
@@ -97,11 +103,11 @@ impl DependencyGraph {
         };
         let (edges, margin_m) = match by_cell {
             Some(edges) => (edges, options.margin_m),
-            None => near::edges(&refined, &bodies, options.margin_m)?,
+            None => near::edges(&refined, &bodies, options)?,
         };
         let actions = (0..agents).map(|agent| refined.actions(agent) as u32);
         let graph = Self::assemble(actions.collect(), edges).with(cuts, margin_m);
-        rings::resolve(graph, routes, &bodies, options.margin_m)
+        rings::resolve(graph, routes, &bodies, options)
     }
 
     /// Sorts edges to their agents, without those that follow from earlier ones
@@ -171,7 +177,7 @@ impl DependencyGraph {
     }
 
     /// The distance in metres that is kept everywhere: the margin that was asked
-    /// for, or 0 if the plan itself has two agents pass nearer than that.
+    /// for, or the least one if the plan itself has two agents pass nearer than that.
     pub fn margin_m(&self) -> f64 {
         self.margin_m
     }
@@ -202,6 +208,11 @@ fn check<R: Routes + ?Sized>(routes: &R, options: &GateOptions) -> Result<(), Ga
             "margin_m",
             margin_m,
             margin_m >= 0.0 && margin_m.is_finite(),
+        ),
+        (
+            "least_margin_m",
+            options.least_margin_m,
+            (0.0..=margin_m).contains(&options.least_margin_m),
         ),
         (
             "longest_action_m",

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::GateError;
-use super::graph::{Edge, Wait};
+use super::graph::{Edge, GateOptions, Wait};
 use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
 use super::routes::{Cuts, Routes, Split};
 
@@ -66,8 +66,9 @@ pub(super) fn cut_long<R: Routes + ?Sized>(
 pub(super) fn edges<R: Routes + ?Sized>(
     routes: &R,
     bodies: &Bodies<'_>,
-    margin_m: f64,
+    options: &GateOptions,
 ) -> Result<(Vec<Edge>, f64), GateError> {
+    let margin_m = options.margin_m;
     let motions = motions(routes)?;
     let plane = Plane::new(&motions, bodies, margin_m);
     let agents = routes.agents();
@@ -86,7 +87,7 @@ pub(super) fn edges<R: Routes + ?Sized>(
                 let (mut edges, mut kept_m) = (Vec::new(), margin_m);
                 scratch.agent += 1;
                 for at in range {
-                    let kept = waits(at, &motions, &plane, bodies, margin_m, scratch, &mut edges)?;
+                    let kept = waits(at, &motions, &plane, bodies, options, scratch, &mut edges)?;
                     kept_m = kept_m.min(kept);
                 }
                 Ok((edges, kept_m))
@@ -247,10 +248,11 @@ fn waits(
     motions: &[Motion],
     plane: &Plane,
     bodies: &Bodies<'_>,
-    margin_m: f64,
+    options: &GateOptions,
     scratch: &mut Scratch,
     edges: &mut Vec<Edge>,
 ) -> Result<f64, GateError> {
+    let margin_m = options.margin_m;
     let mut kept_m = margin_m;
     let motion = motions[at];
     let (timed, bounds) = (motion.timed, plane.bounds[at]);
@@ -272,7 +274,7 @@ fn waits(
             continue;
         }
         if motion.rests || other.rests {
-            kept_m = kept_m.min(check_rest(&motion, &other, bodies, margin_m)?);
+            kept_m = kept_m.min(check_rest(&motion, &other, bodies, options)?);
             continue;
         }
         let known = |(when, action): (u32, u32), now: u32| when == now && action >= other.action;
@@ -311,13 +313,14 @@ fn waits(
 
 /// A plan that has an agent in another one's way while it rests collides. Passing
 /// nearer than the margin is the plan's own affair, since no order would change it.
-/// Returns the distance that is kept: the margin, or 0.
+/// Returns the distance that is kept: the margin, or the least one.
 fn check_rest(
     motion: &Motion,
     other: &Motion,
     bodies: &Bodies<'_>,
-    margin_m: f64,
+    options: &GateOptions,
 ) -> Result<f64, GateError> {
+    let (margin_m, least_m) = (options.margin_m, options.least_margin_m);
     let both_start = motion.rests && other.rests && motion.action + other.action == 0;
     let (a, b) = (&motion.timed, &other.timed);
     let begin_s = a.start_s.max(b.start_s);
@@ -334,6 +337,12 @@ fn check_rest(
             time_s: a.collides(b, bodies, 0.0).unwrap_or(begin_s),
         });
     }
-    let is_tight = margin_m > 0.0 && bodies.meet(one, two, margin_m);
-    Ok(if is_tight { 0.0 } else { margin_m })
+    if least_m > 0.0 && bodies.meet(one, two, least_m) {
+        return Err(GateError::NoOrder {
+            agents: pair(a, b).to_vec(),
+            time_s: a.collides(b, bodies, least_m).unwrap_or(begin_s),
+        });
+    }
+    let is_tight = margin_m > least_m && bodies.meet(one, two, margin_m);
+    Ok(if is_tight { least_m } else { margin_m })
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::GateError;
 use super::frontier::Frontier;
-use super::graph::{DependencyGraph, Edge, Wait};
+use super::graph::{DependencyGraph, Edge, GateOptions, Wait};
 use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
 use super::routes::{Routes, Split};
 
@@ -51,7 +51,7 @@ pub(super) fn resolve<R: Routes + ?Sized>(
     graph: DependencyGraph,
     routes: &R,
     bodies: &Bodies<'_>,
-    margin_m: f64,
+    options: &GateOptions,
 ) -> Result<DependencyGraph, GateError> {
     let mut frontier = Frontier::new(&graph);
     if frontier.run(&graph) {
@@ -61,7 +61,7 @@ pub(super) fn resolve<R: Routes + ?Sized>(
     let refined = graph.routes(routes);
     let solved: Vec<Result<Solved, GateError>> = rings
         .par_iter()
-        .map(|ring| solve(ring, &refined, bodies, margin_m))
+        .map(|ring| solve(ring, &refined, bodies, options))
         .collect();
     let solved: Vec<Solved> = solved.into_iter().collect::<Result<_, _>>()?;
     let ordered = replace(&graph, &refined, &rings, &solved)?;
@@ -302,17 +302,19 @@ enum Stuck {
 }
 
 /// Finds the fewest pieces that have an order, with the margin if there are any,
-/// without it otherwise: the plan may not keep one.
+/// else with the least one.
 fn solve<R: Routes + ?Sized>(
     ring: &Ring,
     routes: &R,
     bodies: &Bodies<'_>,
-    margin_m: f64,
+    options: &GateOptions,
 ) -> Result<Solved, GateError> {
-    let margins = if margin_m > 0.0 {
-        &[margin_m, 0.0][..]
+    let (margin_m, least_m) = (options.margin_m, options.least_margin_m);
+    let margins = [margin_m, least_m];
+    let margins = if margin_m > least_m {
+        &margins[..]
     } else {
-        &[0.0]
+        &margins[..1]
     };
     for margin_m in margins {
         let mut pieces = 1;
