@@ -13,7 +13,8 @@ use fleetyard_core::Connectivity;
 use fleetyard_core::PathEncoding;
 use fleetyard_core::formats::Format as FileFormat;
 use fleetyard_runtime::{Attach, Level};
-use fleetyard_sim::Tier;
+use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
+use fleetyard_sim::{Policy, Tier};
 
 use crate::exit;
 
@@ -594,8 +595,12 @@ pub(crate) struct Convert {
 /// Execute a plan in the simulator.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
-    #[command(flatten)]
-    pub(crate) map: MapArgs,
+    /// MovingAI map file; plans on grids need one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) map: Option<PathBuf>,
+    /// Workspace with obstacles in continuous space, a fleetyard.world/1 file
+    #[arg(long = "world", value_name = "FILE")]
+    pub(crate) workspace: Option<PathBuf>,
     /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
     /// The format of the plan [default: what the file looks like]
@@ -603,15 +608,117 @@ pub(crate) struct Simulate {
     pub(crate) from: Option<FileFormat>,
     #[command(flatten)]
     pub(crate) world: WorldArgs,
+    #[command(flatten)]
+    pub(crate) robots: RobotArgs,
+    #[command(flatten)]
+    pub(crate) conduct: ConductArgs,
+    /// Threads that do the work; results do not depend on it [default: one per processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
     /// Write the trace to a file
+    #[arg(long, value_name = "FILE", alias = "trace-out")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Ticks between the states in the trace; 0 records events only
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "trace")]
+    pub(crate) trace_every: u32,
+    /// Write contacts and arrivals to a file, one JSON object a line
     #[arg(long, value_name = "FILE")]
-    pub(crate) trace_out: Option<PathBuf>,
+    pub(crate) events: Option<PathBuf>,
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     pub(crate) format: Format,
+}
+
+/// What is on the move.
+#[derive(Debug, Args)]
+pub(crate) struct RobotArgs {
+    /// Motion model or preset of all robots, such as pebble, agv, holonomic or go2;
+    /// docs/motion.md lists them [default: pebble]
+    #[arg(
+        long,
+        help_heading = "Robots",
+        value_name = "NAME",
+        conflicts_with = "fleet"
+    )]
+    pub(crate) model: Option<String>,
+    /// Footprints, models and limits of all robots, a fleetyard.fleet/1 file
+    #[arg(
+        long,
+        help_heading = "Robots",
+        value_name = "FILE",
+        conflicts_with = "radius"
+    )]
+    pub(crate) fleet: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum PolicyArg {
+    /// When the plan says, whatever the others do
+    Time,
+    /// In the order of the plan: who comes second waits (an action dependency graph)
+    Adg,
+}
+
+impl From<PolicyArg> for Policy {
+    fn from(policy: PolicyArg) -> Self {
+        match policy {
+            PolicyArg::Time => Self::Time,
+            PolicyArg::Adg => Self::Adg,
+        }
+    }
+}
+
+/// Where the help shows what follows.
+const CONDUCT: &str = "Execution";
+
+/// How the plan is carried out, and what goes wrong meanwhile.
+#[derive(Debug, Args)]
+pub(crate) struct ConductArgs {
+    /// When a robot may go on
+    #[arg(long, help_heading = CONDUCT, value_enum, default_value = "time")]
+    pub(crate) policy: PolicyArg,
+    /// How robots are late: none, bernoulli:P,SECONDS, uniform:MIN,MAX,
+    /// gaussian:MEAN,STD or bursts:RATE,SECONDS
+    #[arg(long, help_heading = CONDUCT, value_name = "DELAY", default_value = "none")]
+    pub(crate) delay: Delay,
+    /// How uneven speeds are: STD,FLOOR as parts of the speed [default: even]
+    #[arg(long, help_heading = CONDUCT, value_name = "STD,FLOOR")]
+    pub(crate) velocity_noise: Option<VelocityNoise>,
+    /// How long messages take and how many are lost: MIN,MAX,LOSS [default: none and none]
+    #[arg(long, help_heading = CONDUCT, value_name = "MIN,MAX,LOSS")]
+    pub(crate) messages: Option<Messages>,
+    /// Seconds between two exchanges of messages
+    #[arg(long, help_heading = CONDUCT, value_name = "SECONDS", default_value_t = 0.1)]
+    pub(crate) message_period: f64,
+    /// Metres that robots keep from each other's ways beyond what their controllers need
+    #[arg(long, help_heading = CONDUCT, value_name = "METRES", default_value_t = 0.0)]
+    pub(crate) margin: f64,
+    /// Seed of all delays, noise and losses
+    #[arg(long, help_heading = CONDUCT, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Go on until everybody has arrived (always so with --policy adg)
+    #[arg(long, help_heading = CONDUCT)]
+    pub(crate) until_done: bool,
+    /// End at this simulated time at the latest
+    #[arg(long, help_heading = CONDUCT, value_name = "SECONDS")]
+    pub(crate) time_limit: Option<f64>,
+    /// Heading of robots at the start, in degrees from east, where the plan gives none
+    #[arg(long, help_heading = CONDUCT, value_name = "DEGREES", default_value_t = 90.0,
+          allow_negative_numbers = true)]
+    pub(crate) start_heading: f64,
+    /// Execute also what begins with robots in obstacles or in each other
+    #[arg(long, help_heading = CONDUCT)]
+    pub(crate) allow_overlaps: bool,
+}
+
+impl ConductArgs {
+    /// Whether the execution goes on until everybody has arrived.
+    pub(crate) fn goes_on(&self) -> bool {
+        self.until_done || matches!(self.policy, PolicyArg::Adg)
+    }
 }
 
 #[derive(Debug, Subcommand)]

@@ -96,6 +96,18 @@ pub(crate) fn progress(total: u64) -> ProgressBar {
     bar
 }
 
+/// The same for work whose end is not known.
+pub(crate) fn spinner() -> ProgressBar {
+    if !io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new_spinner();
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed} elapsed") {
+        bar.set_style(style);
+    }
+    bar
+}
+
 #[cfg(test)]
 mod tests {
     use super::plain;

@@ -8,6 +8,7 @@ use fleetyard_check::{Verdict, Violation};
 use fleetyard_core::Digest;
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{Attach, CodeFile, Layer, Level, Limit, SandboxReport, Termination, Usage};
+use fleetyard_sim::Policy;
 use serde::Serialize;
 
 use crate::claims::Claim;
@@ -174,6 +175,12 @@ pub(crate) struct IncumbentInfo {
 
 #[derive(Debug, Serialize)]
 pub(crate) struct ExecutionInfo {
+    pub(crate) policy: Policy,
+    pub(crate) agents: u32,
+    pub(crate) arrived: u32,
+    pub(crate) makespan_s: Option<f64>,
+    pub(crate) sum_of_costs_s: Option<f64>,
+    pub(crate) ticks: u64,
     pub(crate) rtf: f64,
     pub(crate) simulated_s: f64,
     pub(crate) wall_ms: f64,

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
 use fleetyard_check::{metrics, sum_of_costs, validate};
-use fleetyard_core::{Connectivity, Digest, Grid, GridInstance, GridPlan};
+use fleetyard_core::{Connectivity, Digest, GridInstance, GridPlan};
 use fleetyard_runtime::measure::{
     Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
@@ -15,7 +15,7 @@ use fleetyard_runtime::{
     Lock, LogLine, Origin, PlanRun, PluginFile, Policy, Runtime, Session, Standing, Termination,
     Trust, check_options, parse_option,
 };
-use fleetyard_sim::{SimConfig, Simulator, TraceSink};
+use fleetyard_sim::{Plan, SimConfig, Simulator, TraceSink};
 use serde_json::{Map, Value};
 
 use crate::args::{BudgetArgs, GrantArgs, PinArg, TrustArgs, WorldArgs};
@@ -299,6 +299,10 @@ impl Trial<'_> {
         self.check_capabilities(&descriptor)
     }
 
+    fn simulator<'c>(&'c self, config: &'c SimConfig) -> Simulator<'c> {
+        Simulator::new(config).on_grid(self.instance.grid())
+    }
+
     pub(crate) fn run(&self, trace: &mut dyn TraceSink) -> Result<Outcome> {
         let config = sim_config(self.world);
         if self.execute {
@@ -344,8 +348,7 @@ impl Trial<'_> {
         }
         let plan = run.plan().cloned();
         let execution = match &plan {
-            Some(plan) if self.execute => match execute(self.instance.grid(), plan, &config, trace)
-            {
+            Some(plan) if self.execute => match execute(&self.simulator(&config), plan, trace) {
                 Ok(execution) => Some(execution),
                 Err(failure) if failure.exit == Exit::Internal => return Err(failure),
                 Err(failure) => {
@@ -623,17 +626,22 @@ pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
 }
 
 /// Executes a plan and takes the time.
-pub(crate) fn execute(
-    grid: &Grid,
-    plan: &GridPlan,
-    config: &SimConfig,
+pub(crate) fn execute<'p>(
+    simulator: &Simulator<'_>,
+    plan: impl Into<Plan<'p>>,
     trace: &mut dyn TraceSink,
 ) -> Result<ExecutionInfo> {
     let started = Instant::now();
-    let outcome = Simulator::new(config).on_grid(grid).run(plan, trace)?;
+    let outcome = simulator.run(plan, trace)?;
     let wall = started.elapsed();
     Ok(ExecutionInfo {
         rtf: outcome.simulated_s / wall.as_secs_f64().max(1e-9),
+        policy: outcome.policy,
+        agents: outcome.agents,
+        arrived: outcome.arrived,
+        makespan_s: outcome.makespan_s,
+        sum_of_costs_s: outcome.sum_of_costs_s,
+        ticks: outcome.ticks,
         simulated_s: outcome.simulated_s,
         wall_ms: milliseconds(wall),
         contacts: outcome.contacts.total(),

@@ -232,6 +232,7 @@ impl<'a> Simulator<'a> {
         if by_time && let Plan::Trajectories(plan) = plan {
             self.check_speeds(plan)?;
         }
+        let plan_headings = matches!(plan, Plan::Trajectories(plan) if plan.has_headings());
         let gates = if by_time {
             None
         } else {
@@ -260,7 +261,6 @@ impl<'a> Simulator<'a> {
                 clock.period_s(),
             ))
         };
-        let plan_headings = matches!(plan, Plan::Trajectories(plan) if plan.has_headings());
         let with_heading =
             plan_headings || !ideal || shapes.kinds.iter().any(|shape| !shape.is_disc());
         let movers = self

@@ -19,8 +19,9 @@ const DENSITY: f64 = 500.0;
 /// The sideways grip of wheels in m/s²: rubber on a dry floor.
 const GRIP: f64 = 6.0;
 
-/// What bodies without limits accelerate with, in m/s² and rad/s².
-const UNLIMITED: f64 = 1e3;
+/// What bodies without limits accelerate with, in m/s² and rad/s²: harder drives press
+/// robots into each other (docs/contact-tier.md).
+const UNLIMITED: f64 = 15.0;
 
 /// The bodies of an execution as a world in which they push each other.
 pub(crate) struct Solved {

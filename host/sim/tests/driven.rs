@@ -145,6 +145,32 @@ fn by_time_robots_fall_behind() {
     assert!(robots.makespan_s > pebbles.makespan_s);
 }
 
+/// On a grid nobody says which way a rectangle lies: it may lie any way.
+#[test]
+fn gated_rectangles_on_a_grid_have_room_to_turn() {
+    let (grid, plan) = world(11, 40, 25);
+    for preset in ["go2", "anymal-c"] {
+        let profile = Profile::preset(preset).expect("a preset with a body");
+        let turning = Profile {
+            model: "agv".parse().expect("a model"),
+            ..profile.clone()
+        };
+        let profiles = vec![profile, turning];
+        let fleet = Fleet::new(profiles, (0..40).map(|agent| agent % 2).collect()).unwrap();
+        let config = SimConfig {
+            cell_size_m: 1.5,
+            ..disturbed(2)
+        };
+        let outcome = Simulator::new(&config)
+            .on_grid(&grid)
+            .with_fleet(&fleet)
+            .run(&plan, &mut NoTrace)
+            .unwrap_or_else(|error| panic!("{preset}: {error}"));
+        assert_eq!(outcome.contacts.total(), 0, "{preset}");
+        assert_eq!(outcome.arrived, 40, "{preset}");
+    }
+}
+
 /// One robot, one straight way: the time is that of the speed profile.
 #[test]
 fn a_straight_drive_takes_as_long_as_it_must() {

@@ -41,7 +41,7 @@ fn cases() -> Vec<Case> {
             },
             config: SimConfig::default(),
             kinematic: "99e96f3a5e733db6bee01da7d0a1a0be",
-            contact: "a4ec85efe5ae49b78e9ed3da3295eacb",
+            contact: "1bd764278b4389e72e1d212f5c20542f",
         },
         Case {
             name: "collisions between agents, odd parameters",
@@ -58,7 +58,7 @@ fn cases() -> Vec<Case> {
                 ..SimConfig::default()
             },
             kinematic: "de81c2827fdcd6a636cc95e7ada66d55",
-            contact: "a56dfdc52f58fa551deda05282937d80",
+            contact: "364fe3aa7ce149bfa566db5b9788fcfc",
         },
         Case {
             name: "teleports through walls",
@@ -70,7 +70,7 @@ fn cases() -> Vec<Case> {
             },
             config: SimConfig::default(),
             kinematic: "b4f8e6d55896fd4338ba6f79c8762b94",
-            contact: "058b7e40aba1972ff1ea4dad2ec64a48",
+            contact: "fb363add143078ee1cea3503ac070a15",
         },
     ]
 }

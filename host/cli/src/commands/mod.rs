@@ -9,6 +9,7 @@ use std::sync::Arc;
 use clap::CommandFactory;
 use clap_complete::Shell;
 use fleetyard_core::{GridInstance, InputError, load_map, load_scen, write_atomically};
+use fleetyard_sim::trace::TraceOptions;
 use fleetyard_sim::{TraceSink, TraceWriter};
 use fleetyard_view::{Picture, ViewError, png};
 use tempfile::NamedTempFile;
@@ -188,11 +189,15 @@ impl Write for Unnamed {
 
 impl<'a> TraceFile<'a> {
     fn create(path: &'a Path) -> Result<Self> {
-        let out = BufWriter::new(Unnamed::beside(path)?);
         // Every tick: the trace is what other tools replay.
+        Self::with_options(path, TraceOptions::default())
+    }
+
+    fn with_options(path: &'a Path, options: TraceOptions) -> Result<Self> {
+        let out = BufWriter::new(Unnamed::beside(path)?);
         Ok(Self {
             path,
-            writer: TraceWriter::new(out, 1),
+            writer: TraceWriter::with_options(out, options),
         })
     }
 

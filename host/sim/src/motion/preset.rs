@@ -83,7 +83,7 @@ pub const PRESETS: &[Preset] = &[
         name: "agv",
         about: "2 m/s, 2 m/s², 45°/s: LSMART as published (section 4.1)",
         model: || Model::DifferentialDrive(DifferentialDrive::default()),
-        footprint: Some(|| disc(0.35)),
+        footprint: Some(|| disc(0.3)),
     },
     Preset {
         name: "lsmart-effective",
