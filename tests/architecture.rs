@@ -311,6 +311,14 @@ fn what_must_be_reproducible_reads_no_clock() {
 }
 
 #[test]
+fn simulation_and_judgement_have_no_order_that_is_up_to_a_hash() {
+    for name in ["world", "check", "sim"] {
+        let files = sources(&root().join("host").join(name).join("src"));
+        assert_eq!(lines_with(&files, &["HashMap", "HashSet"]), [""; 0]);
+    }
+}
+
+#[test]
 fn simulation_and_judgement_use_no_float_function_of_the_platform() {
     // IEEE 754 does not say what these return in the last bit, and platforms differ.
     let functions = [

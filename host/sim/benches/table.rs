@@ -12,11 +12,17 @@
 
 #[path = "../tests/common/mod.rs"]
 mod common;
+#[path = "../tests/common/rapier_observer.rs"]
+mod rapier_observer;
 
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use fleetyard_core::{Grid, GridPlan};
+use fleetyard_core::{Grid, GridPlan, cell_center_m};
+use fleetyard_world::{Footprint, Pose};
+use nalgebra::{DMatrix, DVector};
+use rapier_observer::RapierObserver;
+
 use fleetyard_sim::{Fleet, NoTrace, Policy, Profile, SimConfig, Simulator, Tier};
 
 /// A row of the table.
@@ -37,6 +43,8 @@ enum Kind {
     Drive,
     Gated,
     Contact,
+    /// Not ours: bodies put where the plan has them, contacts found by rapier.
+    Rapier,
 }
 
 const WAREHOUSE: (u32, u32) = (140, 540);
@@ -77,7 +85,18 @@ const ROWS: &[Row] = &[
         steps: 10,
         ..row("contact tier, diff-drive", 45.0, 1000, Kind::Contact)
     },
+    rapier(550),
+    rapier(1000),
+    rapier(2500),
 ];
+
+const fn rapier(agents: usize) -> Row {
+    Row {
+        goal: None,
+        steps: 5,
+        ..row("rapier's pipeline, replay", 0.0, agents, Kind::Rapier)
+    }
+}
 
 /// Shelves of ten by two cells with aisles between them, and room at both ends.
 fn warehouse((rows, cols): (u32, u32)) -> Grid {
@@ -99,7 +118,7 @@ fn config(kind: Kind, threads: usize) -> SimConfig {
         ..SimConfig::default()
     };
     match kind {
-        Kind::Replay | Kind::Drive => {}
+        Kind::Replay | Kind::Drive | Kind::Rapier => {}
         Kind::Contact => config.tier = Tier::Contact,
         Kind::Gated => {
             config.policy = Policy::Adg;
@@ -137,12 +156,47 @@ fn measure(row: &Row, threads: usize, repeats: usize) -> Figures {
     let grid = warehouse(row.map);
     let mut rng = common::rng(row.agents as u64);
     let plan = common::valid_drives(&mut rng, &grid, row.agents, row.steps);
+    if row.kind == Kind::Rapier {
+        return observe(&grid, &plan);
+    }
     let (config, fleet) = (config(row.kind, threads), agvs(row.agents));
     let mut simulator = Simulator::new(&config).on_grid(&grid);
     if row.kind != Kind::Replay {
         simulator = simulator.with_fleet(&fleet);
     }
     run(&simulator, &plan, row.agents, repeats)
+}
+
+/// The same plan in rapier: bodies are put where the plan has them at every tick of
+/// 60 Hz, and its pipeline finds who touches whom.
+fn observe(grid: &Grid, plan: &GridPlan) -> Figures {
+    let radius_m = SimConfig::DEFAULT_RADIUS_CELLS;
+    let shape = Footprint::Disc { radius_m }.shape().expect("a disc");
+    let shapes = vec![&shape; plan.agents()];
+    let pose = |agent: usize, tick: usize| {
+        let (step, part) = (tick / 60, (tick % 60) as f64 / 60.0);
+        let (ax, ay) = cell_center_m(grid, 1.0, plan.at(agent, step));
+        let (bx, by) = cell_center_m(grid, 1.0, plan.at(agent, step + 1));
+        Pose::at(ax + (bx - ax) * part, ay + (by - ay) * part)
+    };
+    let poses = |tick| (0..plan.agents()).map(|agent| pose(agent, tick)).collect();
+    let start: Vec<Pose> = poses(0);
+    let mut observer = RapierObserver::new(&shapes, &start, Some((grid, 1.0)));
+    let ticks = 60 * plan.horizon();
+    let frames: Vec<Vec<Pose>> = (1..=ticks).map(poses).collect();
+    let begin = Instant::now();
+    let contacts: usize = frames
+        .iter()
+        .map(|poses| observer.step(poses, 1.0 / 60.0).len())
+        .sum();
+    let wall = begin.elapsed().as_secs_f64();
+    Figures {
+        rtf: plan.horizon() as f64 / wall,
+        ns_per_agent_tick: wall * 1e9 / (ticks * plan.agents()) as f64,
+        bytes: 0.0,
+        contacts: contacts as u64,
+        digest: "none".to_owned(),
+    }
 }
 
 fn run(simulator: &Simulator<'_>, plan: &GridPlan, agents: usize, repeats: usize) -> Figures {
@@ -192,15 +246,19 @@ fn elsewhere(index: usize, threads: usize, repeats: usize) -> Option<Figures> {
     Some(figures)
 }
 
-/// Slope and coefficient of determination of bytes over agents.
+/// Slope and coefficient of determination of the least-squares line through points.
 fn fit(points: &[(f64, f64)]) -> (f64, f64) {
-    let n = points.len() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
-    let (mx, my) = (mean(|p| p.0), mean(|p| p.1));
-    let sum = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>();
-    let sxy = sum(&|p| (p.0 - mx) * (p.1 - my));
-    let (sxx, syy) = (sum(&|p| (p.0 - mx).powi(2)), sum(&|p| (p.1 - my).powi(2)));
-    (sxy / sxx, sxy * sxy / (sxx * syy))
+    let design = DMatrix::from_fn(points.len(), 2, |row, column| {
+        if column == 0 { 1.0 } else { points[row].0 }
+    });
+    let values = DVector::from_iterator(points.len(), points.iter().map(|point| point.1));
+    let line = design.clone().svd(true, true).solve(&values, 1e-9);
+    let Ok(line) = line else {
+        return (f64::NAN, f64::NAN);
+    };
+    let spread = values.add_scalar(-values.mean()).norm_squared();
+    let residual = (&values - design * &line).norm_squared();
+    (line[1], 1.0 - residual / spread)
 }
 
 fn main() -> ExitCode {
@@ -238,6 +296,7 @@ fn main() -> ExitCode {
         "", "agents", "threads", "RTF", "goal", "ns/tick", "bytes/agent", "contacts"
     );
     let mut ok = true;
+    let mut replays: Vec<(usize, f64)> = Vec::new();
     for (index, row) in rows().iter().enumerate().take(ROWS.len()) {
         let wanted = filters.is_empty() || filters.iter().any(|filter| row.name.contains(*filter));
         if !wanted || (quick && row.agents > 100_000) {
@@ -245,7 +304,7 @@ fn main() -> ExitCode {
         }
         let mut one: Option<Figures> = None;
         for threads in &threads {
-            if row.kind == Kind::Contact && *threads > 1 {
+            if matches!(row.kind, Kind::Contact | Kind::Rapier) && *threads > 1 {
                 continue;
             }
             let Some(figures) = elsewhere(index, *threads, repeats) else {
@@ -253,7 +312,15 @@ fn main() -> ExitCode {
                 ok = false;
                 continue;
             };
+            if row.kind == Kind::Replay && *threads == 1 {
+                replays.push((row.agents, figures.rtf));
+            }
+            let ours = replays.iter().find(|(agents, _)| *agents == row.agents);
             let goal = match (&one, row.goal) {
+                (None, None) if row.kind == Kind::Rapier && ours.is_some() => {
+                    let ratio = ours.map_or(0.0, |(_, rtf)| rtf / figures.rtf);
+                    format!("ours {ratio:.0} ×")
+                }
                 (None, Some(goal)) => format!("{goal}"),
                 (Some(one), _) => format!("{:.2} ×", figures.rtf / one.rtf),
                 (None, None) => String::new(),
@@ -302,6 +369,7 @@ fn memory_name(kind: Kind) -> &'static str {
         Kind::Drive => "diff-drive",
         Kind::Gated => "diff-drive, gated, noise",
         Kind::Contact => "contact tier",
+        Kind::Rapier => "rapier's pipeline",
     }
 }
 

@@ -149,6 +149,12 @@ impl Tracks {
         }
     }
 
+    /// Where a body is at the start of the block.
+    pub(crate) fn first(&self, lane: usize) -> (f64, f64) {
+        let at = self.starts[lane] as usize;
+        (self.x[at], self.y[at])
+    }
+
     /// Whether every track is one uniform stretch.
     fn is_simple(&self, bodies: usize) -> bool {
         self.t.len() == 2 * bodies
@@ -252,6 +258,17 @@ impl Chunk {
         } else {
             for lane in 0..bodies {
                 let track = self.tracks.get(lane);
+                // Bodies that are driven have a moment at every tick.
+                if track.t.get(..moments.len()) == Some(moments) {
+                    for (at, row) in self.samples.chunks_exact_mut(row).enumerate() {
+                        row[lane] = track.x[at];
+                        row[bodies + lane] = track.y[at];
+                        if with_heading {
+                            row[2 * bodies + lane] = track.heading[at];
+                        }
+                    }
+                    continue;
+                }
                 let mut at = 0;
                 for (moment, row) in moments.iter().zip(self.samples.chunks_exact_mut(row)) {
                     while at + 2 < track.t.len() && track.t[at + 1] <= *moment {

@@ -18,8 +18,9 @@ pub enum Tier {
     /// them, contacts come from closed-form swept tests in continuous time.
     #[default]
     Kinematic,
-    /// rapier2d: every agent is a kinematic body in a physics world, contacts
-    /// come from its collision events and are known at the end of a substep.
+    /// rapier2d: every agent is a body with mass that its controller drives with
+    /// bounded forces; bodies push each other, and contacts are known at the end of
+    /// a tick.
     Contact,
 }
 

@@ -181,12 +181,12 @@ impl Driver<'_> {
     /// controller.
     pub(crate) fn drive(&self, model: &Model, chunk: &mut Chunk, lane: usize) {
         let agent = chunk.first as usize + lane;
-        let mut pilot = chunk.pilots[lane];
+        let pilot = &mut chunk.pilots[lane];
         let tracks = &mut chunk.tracks;
         tracks.open();
         let State { x, y, heading, .. } = pilot.state;
         tracks.push(self.block.start, x, y, heading);
-        let released = self.released(agent, &mut pilot);
+        let released = self.released(agent, pilot);
         let factor = chunk.factors[lane];
         let chase = self.chase;
         let mut left = self.ticks;
@@ -201,11 +201,11 @@ impl Driver<'_> {
                 self.ticks[begin - 1]
             };
             let target = if chase {
-                self.look_at_the_clock(agent, &mut pilot, self.block.end);
+                self.look_at_the_clock(agent, pilot, self.block.end);
                 pilot.done = pilot.due;
-                Some(self.planned(agent, &pilot, self.block.end))
+                Some(self.planned(agent, pilot, self.block.end))
             } else {
-                self.leg(agent, &mut pilot, released, now)
+                self.leg(agent, pilot, released, now)
             };
             let rest = target.is_none();
             if rest && pilot.state.vx == 0.0 && pilot.state.vy == 0.0 && pilot.state.omega == 0.0 {
@@ -240,11 +240,11 @@ impl Driver<'_> {
             if let Some((count, state)) = arrived {
                 pilot.state = state;
                 left = &left[count..];
-                self.reach(agent, &mut pilot, self.ticks[begin + count - 1]);
+                self.reach(agent, pilot, self.ticks[begin + count - 1]);
             } else {
                 left = &[];
                 if !chase && !rest {
-                    self.pass(agent, &mut pilot, &target);
+                    self.pass(agent, pilot, &target);
                 }
             }
         }
@@ -254,11 +254,10 @@ impl Driver<'_> {
                 pilot.arrival = self.block.end;
             }
         }
-        let error = self.error_m(agent, &mut pilot);
+        let error = self.error_m(agent, pilot);
         chunk
             .tracking
             .note(agent as u32, error, self.block.length());
-        chunk.pilots[lane] = pilot;
     }
 
     /// The velocity that an agent wants to have at the end of a tick from where
@@ -474,7 +473,7 @@ impl Driver<'_> {
     /// a turn in place takes that has to come before a move, if the body has one.
     pub(crate) fn follow(&self, quarter_turn: Option<f64>, chunk: &mut Chunk, lane: usize) {
         let agent = chunk.first as usize + lane;
-        let mut pilot = chunk.pilots[lane];
+        let pilot = &mut chunk.pilots[lane];
         let tracks = &mut chunk.tracks;
         let State {
             mut x,
@@ -484,17 +483,17 @@ impl Driver<'_> {
         } = pilot.state;
         tracks.open();
         tracks.push(self.block.start, x, y, heading);
-        let released = self.released(agent, &mut pilot);
+        let released = self.released(agent, pilot);
         let factor = chunk.factors[lane];
         let mut now = self.block.start;
         let end = self.block.end;
         while now < end {
             if pilot.done >= released {
-                self.note_arrival(agent, &mut pilot, now);
+                self.note_arrival(agent, pilot, now);
                 break;
             }
             let action = pilot.done + 1;
-            if !self.is_ready(agent, &mut pilot, action, now) {
+            if !self.is_ready(agent, pilot, action, now) {
                 if pilot.hold >= end {
                     break;
                 }
@@ -538,8 +537,7 @@ impl Driver<'_> {
         if now < end || self.block.length() <= 0.0 {
             tracks.push(end, x, y, heading);
         }
-        self.note_arrival(agent, &mut pilot, now.max(self.block.start));
+        self.note_arrival(agent, pilot, now.max(self.block.start));
         (pilot.state.x, pilot.state.y, pilot.state.heading) = (x, y, heading);
-        chunk.pilots[lane] = pilot;
     }
 }

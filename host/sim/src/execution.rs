@@ -69,6 +69,8 @@ pub(crate) struct Run<'a> {
     pairs: Pairs,
     sweep: Sweep,
     nearest: Nearest,
+    /// Where bodies are at the start of the block, and how far they get.
+    places: Vec<[f64; 3]>,
     log: Log,
     next_tick: u64,
     /// The moments of the block at which ticks start.
@@ -101,6 +103,7 @@ impl<'a> Run<'a> {
             noise: Noise::new(&config.disturbance, clock.period_s()),
             pairs: Pairs::new(range, config.max_pairs),
             sweep: Sweep::default(),
+            places: Vec::new(),
             nearest: Nearest::new(setup.agents, approach_m),
             log: Log::new(clock.substeps_per_s, config.max_contacts_kept),
             next_tick: 0,
@@ -369,10 +372,13 @@ impl<'a> Run<'a> {
     fn search(&mut self, block: Span, first: bool) -> Result<(), SimError> {
         let Setup { config, clock, .. } = self.setup;
         let mut travel = 0f64;
+        self.places.clear();
         for chunk in &self.chunks {
-            travel = chunk.travel[..chunk.len()]
-                .iter()
-                .fold(travel, |a, b| a.max(*b));
+            for (lane, reach) in chunk.travel[..chunk.len()].iter().enumerate() {
+                let (x, y) = chunk.tracks.first(lane);
+                self.places.push([x, y, *reach]);
+                travel = travel.max(*reach);
+            }
         }
         if travel > 0.0 {
             self.moved = block.end;
@@ -380,15 +386,9 @@ impl<'a> Run<'a> {
         // A list lasts while bodies move by a part of a cell, or for the block if
         // they move more.
         let horizon = 0.375 * config.cell_size_m;
-        let chunks = &self.chunks;
         let places = |x: &mut Vec<f64>, y: &mut Vec<f64>| {
-            for chunk in chunks {
-                for lane in 0..chunk.len() {
-                    let track = chunk.tracks.get(lane);
-                    x.push(track.x[0]);
-                    y.push(track.y[0]);
-                }
-            }
+            x.extend(self.places.iter().map(|place| place[0]));
+            y.extend(self.places.iter().map(|place| place[1]));
         };
         self.pairs
             .cover(self.setup.workers, places, travel * (1.0 + 1e-6), horizon)
@@ -397,7 +397,8 @@ impl<'a> Run<'a> {
                 time_s: block.start / clock.substeps_per_s,
             })?;
         let bodies = Bodies {
-            chunks,
+            chunks: &self.chunks,
+            places: &self.places,
             agents: self.setup.agents as u32,
             shapes: &self.shapes,
             contacts: self.solved.is_none() || first,

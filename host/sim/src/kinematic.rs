@@ -10,7 +10,7 @@ use crate::event::{Change, EventKind, Other};
 use crate::workers::Workers;
 
 /// Pairs that are swept as one piece of work.
-const PIECE: usize = 2048;
+const PIECE: usize = 512;
 
 /// The nearest approach of every agent to any other, between centres.
 #[derive(Debug)]
@@ -81,6 +81,9 @@ pub(crate) struct Sweep {
 /// What bodies are, for the search.
 pub(crate) struct Bodies<'a> {
     pub(crate) chunks: &'a [Chunk],
+    /// Where each is at the start of the block, and how far it gets from there at
+    /// most: side by side, since most pairs are told apart by these alone.
+    pub(crate) places: &'a [[f64; 3]],
     /// Agents come first; the rest are moving obstacles.
     pub(crate) agents: u32,
     pub(crate) shapes: &'a Shapes,
@@ -113,10 +116,9 @@ impl Shapes {
 }
 
 impl Bodies<'_> {
-    fn track(&self, body: u32) -> (Track<'_>, f64) {
+    fn track(&self, body: u32) -> Track<'_> {
         let (chunk, lane) = (body as usize / CHUNK, body as usize % CHUNK);
-        let chunk = &self.chunks[chunk];
-        (chunk.tracks.get(lane), chunk.travel[lane])
+        self.chunks[chunk].tracks.get(lane)
     }
 }
 
@@ -176,7 +178,8 @@ fn sweep_pair(
         return;
     }
     let both_agents = j < bodies.agents;
-    let ((a, a_travel), (b, b_travel)) = (bodies.track(i), bodies.track(j));
+    let [ax, ay, a_travel] = bodies.places[i as usize];
+    let [bx, by, b_travel] = bodies.places[j as usize];
     let (one, two) = (bodies.shapes.of(i), bodies.shapes.of(j));
     let touch = if bodies.contacts {
         one.effective_radius_m() + two.effective_radius_m() - bodies.tolerance_m
@@ -191,10 +194,11 @@ fn sweep_pair(
     // Neither is any nearer than this in the block, so that most pairs that
     // go their ways side by side need no sweep.
     let reach = (near.max(touch) + a_travel + b_travel) * (1.0 + 1e-12);
-    let (dx, dy) = (b.x[0] - a.x[0], b.y[0] - a.y[0]);
+    let (dx, dy) = (bx - ax, by - ay);
     if reach < 0.0 || dx * dx + dy * dy > reach * reach {
         return;
     }
+    let (a, b) = (bodies.track(i), bodies.track(j));
     let mut least = Near {
         i,
         j,

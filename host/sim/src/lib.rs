@@ -15,19 +15,20 @@
 //!
 //! # From plan to motion
 //!
-//! A [grid plan](fleetyard_core::GridPlan) becomes one timed polyline per agent
-//! through the centres of its cells, one cell per [`SimConfig::step_s`]. The
-//! executed body follows the reference at no more than
-//! [`SimConfig::max_speed_cells_per_step`]: plans made of unit moves are
-//! followed exactly, and a teleport shows as tracking error instead of as a body
-//! that vanishes. Agents are discs; see [`SimConfig::radius_m`] for the default
-//! radius and the reason for it.
+//! A plan on a grid or of poses in the plane is a route per agent: knots with
+//! planned times. What decides when an agent may go on is the [`Policy`]: the
+//! plan's times, or the order of passing, which a [dependency graph](gate) keeps
+//! under any delay. How it goes on is its [model](motion): pebbles follow the plan
+//! exactly (a teleport shows as tracking error instead of as a body that
+//! vanishes), all others are driven by a controller under limits. What goes wrong
+//! meanwhile is [`noise`]. Agents are discs, or have the footprints of a
+//! [`Fleet`].
 //!
 //! # Tiers
 //!
-//! Two tiers share everything but the motion of bodies and the search for
-//! contacts: [`Tier::Kinematic`], an engine of our own over flat arrays with
-//! closed-form swept tests, and [`Tier::Contact`] on rapier2d.
+//! In [`Tier::Kinematic`] bodies go where their controllers take them, and contacts
+//! are found in closed form and continuous time. In [`Tier::Contact`] they push
+//! each other, on rapier2d: see [`contact`].
 //!
 //! # Example
 //!
@@ -47,9 +48,11 @@
 //! # Determinism
 //!
 //! All arithmetic is IEEE `f64` addition, multiplication, division and square
-//! root in a fixed order; there is no fused multiply-add, no transcendental
-//! function, no clock, no thread and no hash map whose order could reach an
-//! output. Golden digests in the tests hold in debug and release builds.
+//! root in a fixed order, and the functions of the `libm` crate; there is no fused
+//! multiply-add, no clock, and no hash map whose order could reach an output.
+//! Threads work on pieces that do not depend on their number, and results are
+//! joined in the order of the pieces. Golden digests in the tests hold in debug and
+//! release builds, on one and many threads, and on 32-bit targets.
 
 #![forbid(unsafe_code)]
 

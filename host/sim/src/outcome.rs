@@ -43,7 +43,7 @@ pub struct Outcome {
     pub contacts: Contacts,
     /// Least distance between the centres of any two agents in metres, over
     /// all time and not only at ticks; `None` if no two came within
-    /// [`SimConfig::approach_range_cells`].
+    /// [`SimConfig::approach_range_cells`](crate::SimConfig::approach_range_cells).
     pub nearest_approach_m: Option<f64>,
     /// The same with time and pair.
     pub nearest_approach: Option<Approach>,

@@ -1,97 +1,307 @@
-//! Golden digests: the same bits in every run, build and tier-by-tier.
+//! Golden digests of a dozen worlds: the same bits in every run, in every build and
+//! on any number of threads. `scripts/determinism.sh` runs them in debug and release,
+//! for the processor at hand, and on 32-bit and WebAssembly targets.
 //!
 //! A change of any of these constants means that executions of the past can no
-//! longer be compared with those of today; it needs a note in the changelog and
-//! a new version in the domain string of the trace digest.
+//! longer be compared with those of today; it needs a note in the changelog and,
+//! if what is hashed changes, a new version in the domain string of the trace digest.
 
 mod common;
 
-use fleetyard_core::{Grid, GridPlan};
-use fleetyard_sim::{NoTrace, SimConfig, Simulator, Tier};
+use std::collections::BTreeSet;
 
-fn digest(grid: &Grid, plan: &GridPlan, config: &SimConfig) -> String {
-    let config = &SimConfig {
-        overlapping_starts: true,
-        ..config.clone()
-    };
-    let outcome = Simulator::new(config)
-        .on_grid(grid)
-        .run(plan, &mut NoTrace)
-        .expect("can be executed");
-    outcome.trace_digest.to_string()
-}
+use fleetyard_core::{Grid, GridPlan, Knot, TrajectoryPlan};
+use fleetyard_sim::{Fleet, NoTrace, Plan, Policy, Profile, SimConfig, Simulator, Tier};
+use fleetyard_world::{Footprint, Mover, Polygon, Pose, Workspace};
 
-struct Case {
-    name: &'static str,
-    world: fn() -> (Grid, GridPlan),
+/// Something to execute.
+struct World {
+    grid: Option<Grid>,
+    workspace: Option<Workspace>,
+    fleet: Option<Fleet>,
+    plan: OwnedPlan,
     config: SimConfig,
-    kinematic: &'static str,
-    contact: &'static str,
 }
 
-fn cases() -> Vec<Case> {
-    vec![
-        Case {
-            name: "valid plan, default parameters",
-            world: || {
-                let mut rng = common::rng(1);
-                let grid = common::random_grid(&mut rng, 16, 16, 20);
-                let plan = common::valid_walks(&mut rng, &grid, 60, 25);
-                (grid, plan)
-            },
-            config: SimConfig::default(),
-            kinematic: "99e96f3a5e733db6bee01da7d0a1a0be",
-            contact: "1bd764278b4389e72e1d212f5c20542f",
-        },
-        Case {
-            name: "collisions between agents, odd parameters",
-            world: || {
-                let mut rng = common::rng(2);
-                let grid = common::random_grid(&mut rng, 11, 17, 10);
-                let plan = common::wild_walks(&mut rng, &grid, 30, 25, false, 0);
-                (grid, plan)
-            },
+enum OwnedPlan {
+    Grid(GridPlan),
+    Trajectories(TrajectoryPlan),
+}
+
+impl World {
+    fn on_grid(grid: Grid, plan: GridPlan) -> Self {
+        Self {
+            grid: Some(grid),
+            workspace: None,
+            fleet: None,
+            plan: OwnedPlan::Grid(plan),
             config: SimConfig {
-                cell_size_m: 0.37,
-                step_s: 0.731,
-                radius_m: Some(0.17),
+                overlapping_starts: true,
                 ..SimConfig::default()
             },
-            kinematic: "de81c2827fdcd6a636cc95e7ada66d55",
-            contact: "364fe3aa7ce149bfa566db5b9788fcfc",
-        },
-        Case {
-            name: "teleports through walls",
-            world: || {
-                let mut rng = common::rng(3);
-                let grid = common::random_grid(&mut rng, 20, 9, 25);
-                let plan = common::wild_walks(&mut rng, &grid, 20, 25, true, 10);
-                (grid, plan)
+        }
+    }
+
+    fn digest(&self, threads: usize) -> String {
+        let config = SimConfig {
+            threads,
+            ..self.config.clone()
+        };
+        let mut simulator = Simulator::new(&config);
+        if let Some(grid) = &self.grid {
+            simulator = simulator.on_grid(grid);
+        }
+        if let Some(workspace) = &self.workspace {
+            simulator = simulator.in_workspace(workspace);
+        }
+        if let Some(fleet) = &self.fleet {
+            simulator = simulator.with_fleet(fleet);
+        }
+        let plan = match &self.plan {
+            OwnedPlan::Grid(plan) => Plan::Grid(plan),
+            OwnedPlan::Trajectories(plan) => Plan::Trajectories(plan),
+        };
+        let outcome = simulator.run(plan, &mut NoTrace).expect("can be executed");
+        outcome.trace_digest.to_string()
+    }
+}
+
+fn discs(model: &str, agents: usize) -> Fleet {
+    let profile = Profile {
+        footprint: Footprint::Disc { radius_m: 0.3 },
+        model: model.parse().expect("a model"),
+    };
+    Fleet::uniform(profile, agents).expect("a fleet")
+}
+
+fn valid() -> World {
+    let mut rng = common::rng(1);
+    let grid = common::random_grid(&mut rng, 16, 16, 20);
+    let plan = common::valid_walks(&mut rng, &grid, 60, 25);
+    World::on_grid(grid, plan)
+}
+
+fn collisions() -> World {
+    let mut rng = common::rng(2);
+    let grid = common::random_grid(&mut rng, 11, 17, 10);
+    let plan = common::wild_walks(&mut rng, &grid, 30, 25, false, 0);
+    let mut world = World::on_grid(grid, plan);
+    world.config.cell_size_m = 0.37;
+    world.config.step_s = 0.731;
+    world.config.radius_m = Some(0.17);
+    world
+}
+
+fn teleports() -> World {
+    let mut rng = common::rng(3);
+    let grid = common::random_grid(&mut rng, 20, 9, 25);
+    let plan = common::wild_walks(&mut rng, &grid, 20, 25, true, 10);
+    World::on_grid(grid, plan)
+}
+
+/// Many chunks of agents.
+fn crowd() -> World {
+    let mut rng = common::rng(4);
+    let grid = common::random_grid(&mut rng, 60, 60, 10);
+    let plan = common::valid_walks(&mut rng, &grid, 700, 12);
+    World::on_grid(grid, plan)
+}
+
+fn driven(model: &str, policy: Policy) -> World {
+    let mut rng = common::rng(5);
+    let grid = common::random_grid(&mut rng, 24, 24, 15);
+    let plan = common::valid_drives(&mut rng, &grid, 150, 15);
+    let mut world = World::on_grid(grid, plan);
+    world.fleet = Some(discs(model, 150));
+    world.config.policy = policy;
+    world
+}
+
+fn disturbed(model: &str, delay: &str) -> World {
+    let mut world = driven(model, Policy::Adg);
+    let disturbance = &mut world.config.disturbance;
+    disturbance.seed = 99;
+    disturbance.delay = delay.parse().expect("a delay");
+    disturbance.velocity = "0.2,0.2".parse().expect("a noise");
+    disturbance.messages = "0s,0.4s,0.2".parse().expect("messages");
+    world
+}
+
+fn mixed_fleet() -> World {
+    let mut world = driven("agv", Policy::Time);
+    world.config.until_done = true;
+    world.config.time_limit_s = Some(60.0);
+    world.config.cell_size_m = 1.5;
+    let names = ["agv", "go2", "waypoint-law", "unicycle-2", "rotation"];
+    let profiles = names.iter().map(|name| {
+        Profile::preset(name).unwrap_or_else(|_| Profile {
+            footprint: Footprint::Polygon {
+                vertices_m: vec![[0.0, 0.0], [0.8, 0.1], [0.5, 0.6]],
             },
-            config: SimConfig::default(),
-            kinematic: "b4f8e6d55896fd4338ba6f79c8762b94",
-            contact: "fb363add143078ee1cea3503ac070a15",
+            model: name.parse().expect("a model"),
+        })
+    });
+    let of_agent = (0..150).map(|agent| agent % 5).collect();
+    world.fleet = Some(Fleet::new(profiles.collect(), of_agent).expect("a fleet"));
+    world
+}
+
+/// Rectangles and discs among polygons, and an obstacle that comes across.
+fn in_the_plane() -> World {
+    let mut rng = common::rng(6);
+    let mut plan = TrajectoryPlan::default();
+    for _ in 0..40 {
+        let mut unit = || common::below(&mut rng, 1000) as f64 / 1000.0;
+        let knots: Vec<Knot> = (0..12)
+            .map(|knot| Knot {
+                time_s: f64::from(knot) * 1.3,
+                x_m: 1.0 + 18.0 * unit(),
+                y_m: 1.0 + 18.0 * unit(),
+                heading_rad: Some(6.0 * unit()),
+            })
+            .collect();
+        plan.push_path(knots).expect("a plan");
+    }
+    let profiles = [
+        Footprint::Rectangle {
+            length_m: 0.9,
+            width_m: 0.4,
         },
+        Footprint::Disc { radius_m: 0.3 },
     ]
+    .map(|footprint| Profile {
+        footprint,
+        model: "pebble".parse().expect("a model"),
+    });
+    let of_agent = (0..40).map(|agent| agent % 2).collect();
+    let across = [
+        (2.0, Pose::new(0.0, 10.0, 0.0)),
+        (14.0, Pose::new(20.0, 11.0, 3.0)),
+    ];
+    let workspace = Workspace {
+        name: "polygons".to_owned(),
+        bounds: fleetyard_world::Bounds {
+            min: [0.0, 0.0],
+            max: [20.0, 20.0],
+        },
+        obstacles: vec![
+            Polygon::new(&[[4.0, 4.0], [7.0, 4.5], [5.0, 5.0], [4.5, 8.0]]).expect("a polygon"),
+            Polygon::rectangle([14.0, 12.0], [3.0, 1.0], 0.5).expect("a polygon"),
+        ],
+        movers: vec![Mover::new(Footprint::Disc { radius_m: 1.0 }, &across).expect("a mover")],
+    };
+    World {
+        grid: None,
+        workspace: Some(workspace),
+        fleet: Some(Fleet::new(profiles.to_vec(), of_agent).expect("a fleet")),
+        plan: OwnedPlan::Trajectories(plan),
+        config: SimConfig {
+            overlapping_starts: true,
+            ..SimConfig::default()
+        },
+    }
+}
+
+fn pushing(mut world: World) -> World {
+    world.config.tier = Tier::Contact;
+    world
+}
+
+type Case = (&'static str, fn() -> World, &'static str);
+
+const WORLDS: &[Case] = &[
+    ("valid plan", valid, "99e96f3a5e733db6bee01da7d0a1a0be"),
+    (
+        "collisions, odd parameters",
+        collisions,
+        "de81c2827fdcd6a636cc95e7ada66d55",
+    ),
+    (
+        "teleports through walls",
+        teleports,
+        "b4f8e6d55896fd4338ba6f79c8762b94",
+    ),
+    ("crowd", crowd, "52a524aaa2530b6b594caf3bbba9ad74"),
+    (
+        "differential drives by time",
+        || driven("agv", Policy::Time),
+        "12719ef114b562227d181e0f38620075",
+    ),
+    (
+        "differential drives by order",
+        || driven("agv", Policy::Adg),
+        "6b52f92a8ac4ef8f3baa35de6639b9bf",
+    ),
+    (
+        "disturbed, bernoulli",
+        || disturbed("agv", "bernoulli:0.2,3s"),
+        "d472ee54ec0174fcb7e177810bf5b9e4",
+    ),
+    (
+        "disturbed, gaussian",
+        || disturbed("holonomic", "gaussian:0.5s,0.5s"),
+        "c9af4ec0c86accb6fd4b4503cf60d027",
+    ),
+    (
+        "disturbed, bursts",
+        || disturbed("unicycle-1", "bursts:0.05,4s"),
+        "121589adedd4b8d9b7dff14de89cf838",
+    ),
+    (
+        "disturbed pebbles",
+        || disturbed("pebble", "uniform:0s,2s"),
+        "8edcecb73cccd39688c8a3f17eac5b9a",
+    ),
+    (
+        "mixed fleet by time",
+        mixed_fleet,
+        "f618cd1d5f2d238f5b4b69f777f6e531",
+    ),
+    (
+        "trajectories among polygons",
+        in_the_plane,
+        "1d7703e746fd1682d4b9f3f09a586d4c",
+    ),
+    (
+        "contact tier, valid plan",
+        || pushing(valid()),
+        "1bd764278b4389e72e1d212f5c20542f",
+    ),
+    (
+        "contact tier, collisions",
+        || pushing(collisions()),
+        "364fe3aa7ce149bfa566db5b9788fcfc",
+    ),
+    (
+        "contact tier, mixed fleet",
+        || pushing(mixed_fleet()),
+        "c203943da6fa491fe67a0997204b3879",
+    ),
+    (
+        "contact tier, by order",
+        || pushing(driven("agv", Policy::Adg)),
+        "55ac33eb0da1fefeb7e34cb6861f6f57",
+    ),
+];
+
+/// How many threads a target can have.
+fn thread_counts() -> &'static [usize] {
+    if cfg!(target_family = "wasm") {
+        &[1]
+    } else {
+        &[1, 2, 3, 8]
+    }
 }
 
 #[test]
 fn digests_do_not_change() {
     let mut wrong = Vec::new();
-    for case in cases() {
-        let (grid, plan) = (case.world)();
-        for (tier, golden) in [
-            (Tier::Kinematic, case.kinematic),
-            (Tier::Contact, case.contact),
-        ] {
-            let config = SimConfig {
-                tier,
-                ..case.config.clone()
-            };
-            let digest_now = digest(&grid, &plan, &config);
-            assert_eq!(digest_now, digest(&grid, &plan, &config), "two runs");
-            if digest_now != golden {
-                wrong.push(format!("{}, {tier}: {digest_now}", case.name));
+    for (name, world, golden) in WORLDS {
+        let world = world();
+        for threads in thread_counts() {
+            let digest = world.digest(*threads);
+            if digest != *golden {
+                wrong.push(format!("(\"{name}\", \"{digest}\") on {threads}"));
             }
         }
     }
@@ -103,45 +313,46 @@ fn everything_that_matters_changes_the_digest() {
     let mut rng = common::rng(4);
     let grid = common::random_grid(&mut rng, 10, 10, 10);
     let plan = common::wild_walks(&mut rng, &grid, 10, 10, false, 0);
-    let base = SimConfig::default();
-    let mut seen = std::collections::BTreeSet::new();
+    let original = plan.clone();
+    let base = World::on_grid(grid, plan);
+    let digest = |config: &SimConfig, plan: Option<GridPlan>| {
+        let world = World {
+            grid: base.grid.clone(),
+            plan: OwnedPlan::Grid(plan.unwrap_or_else(|| original.clone())),
+            config: config.clone(),
+            workspace: None,
+            fleet: None,
+        };
+        world.digest(1)
+    };
+    let with = |change: fn(&mut SimConfig)| {
+        let mut config = base.config.clone();
+        change(&mut config);
+        config
+    };
     let configs = [
-        base.clone(),
-        SimConfig {
-            radius_m: Some(0.3),
-            ..base.clone()
-        },
-        SimConfig {
-            step_s: 2.0,
-            ..base.clone()
-        },
-        SimConfig {
-            substeps: 5,
-            ..base.clone()
-        },
-        SimConfig {
-            tier: Tier::Contact,
-            ..base.clone()
-        },
-        SimConfig {
-            every_substep: true,
-            ..base.clone()
-        },
-        SimConfig {
-            max_speed_cells_per_step: 2.0,
-            ..base.clone()
-        },
+        base.config.clone(),
+        with(|config| config.radius_m = Some(0.3)),
+        with(|config| config.step_s = 2.0),
+        with(|config| config.substeps = 5),
+        with(|config| config.tier = Tier::Contact),
+        with(|config| config.every_substep = true),
+        with(|config| config.max_speed_cells_per_step = 2.0),
+        with(|config| config.disturbance.seed = 1),
+        with(|config| config.message_period_s = 0.2),
     ];
-    for config in &configs {
-        seen.insert(digest(&grid, &plan, config));
-    }
-    let other = common::wild_walks(&mut rng, &grid, 10, 10, false, 0);
-    seen.insert(digest(&grid, &other, &base));
+    let mut seen: BTreeSet<String> = configs.iter().map(|config| digest(config, None)).collect();
+    let other = common::wild_walks(
+        &mut rng,
+        base.grid.as_ref().expect("a map"),
+        10,
+        10,
+        false,
+        0,
+    );
+    seen.insert(digest(&base.config, Some(other)));
     assert_eq!(seen.len(), configs.len() + 1);
     // What is only kept, not done, changes nothing.
-    let less = SimConfig {
-        max_contacts_kept: 0,
-        ..base.clone()
-    };
-    assert_eq!(digest(&grid, &plan, &less), digest(&grid, &plan, &base));
+    let less = with(|config| config.max_contacts_kept = 0);
+    assert_eq!(digest(&less, None), digest(&base.config, None));
 }
