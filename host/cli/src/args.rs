@@ -342,7 +342,8 @@ pub(crate) struct WorldArgs {
     /// Duration of one step of a plan in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
     pub(crate) step: f64,
-    /// Radius of an agent in metres [default: 0.35 cells]
+    /// Radius of an agent in metres [default: 0.35 cells; of robots with a model the
+    /// preset's footprint, or 0.3 cells]
     #[arg(long, value_name = "METRES")]
     pub(crate) radius: Option<f64>,
     /// Simulator ticks per second
