@@ -26,7 +26,7 @@ fi
 [ $# -gt 0 ] || set -- 100 550 1000 2500
 
 echo "map: $(basename "$map")"
-printf '%8s %10s %12s %14s %12s %14s\n' agents simulated 'RTF own' 'memory own' 'RTF rapier' 'memory rapier'
+printf '%8s %10s %12s %14s %12s %14s\n' agents simulated 'RTF kin.' 'memory kin.' 'RTF contact' 'memory contact'
 for agents in "$@"; do
     scen=$("$fleetyard" maps scenario "$map" --agents "$agents" --seed 1 --out "$scratch")
     plan=$scratch/plan.json
@@ -34,7 +34,7 @@ for agents in "$@"; do
         --plan-out "$plan" --plan-encoding moves --format json >"$scratch/run.json"
     row=()
     for tier in kinematic contact; do
-        "$fleetyard" simulate --map "$map" "$plan" --tier "$tier" --format json >"$scratch/$tier.json"
+        "$fleetyard" simulate --map "$map" "$plan" --tier "$tier" --threads 1 --format json >"$scratch/$tier.json"
         row+=("$(python3 - "$scratch/$tier.json" <<'PY'
 import json, sys
 execution = json.load(open(sys.argv[1]))

@@ -627,6 +627,9 @@ class Process(unittest.TestCase):
 
     @unittest.skipUnless(hasattr(signal, "SIGINT"), "needs signals")
     def test_interrupted_it_ends_quietly(self):
+        # What a shell starts in the background ignores the signal, and so do its children.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGINT, before)
         process = self.start(SCRIPT.format(root=str(ROOT)))
         process.stdin.write((create() + "\n").encode())
         process.stdin.flush()
