@@ -95,7 +95,10 @@ fn worlds_and_fleets_are_files() {
             "agents": ["small", "agv"]}"#,
     );
     let swept = json(&yard, "--world world.json");
-    assert!(swept["contacts_agent_obstacle"].as_u64() > Some(0), "{swept}");
+    assert!(
+        swept["contacts_agent_obstacle"].as_u64() > Some(0),
+        "{swept}"
+    );
     let fleet = json(&yard, "--fleet fleet.json --policy adg");
     assert_eq!(fleet["arrived"], 2);
     assert_eq!(fleet["radius_m"], 0.3);
