@@ -245,8 +245,16 @@ impl Chunk {
     }
 
     /// Samples the states of the bodies at the given moments, all within the
-    /// block, and hashes them.
-    pub(crate) fn sample(&mut self, moments: &[f64]) {
+    /// block, and hashes them. They stay in `samples` if they are to be kept, and
+    /// otherwise a few at a time go through it.
+    pub(crate) fn sample(&mut self, moments: &[f64], keep: bool) {
+        let batch = if keep { moments.len() } else { 8 };
+        for moments in moments.chunks(batch.max(1)) {
+            self.sample_batch(moments);
+        }
+    }
+
+    fn sample_batch(&mut self, moments: &[f64]) {
         let bodies = self.len();
         let with_heading = self.tracks.with_heading;
         let width = if with_heading { 3 } else { 2 };

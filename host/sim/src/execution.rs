@@ -254,6 +254,8 @@ impl<'a> Run<'a> {
             tick_s: clock.tick_s(),
         };
         let (setup, shapes, moments) = (self.setup, &self.shapes, &self.moments);
+        let before = self.next_tick - moments.len() as u64;
+        let keep = (before..self.next_tick).any(|tick| sink.wants_state(tick));
         let tolerance_m = config.touch_tolerance_m();
         let contacts = (self.solved.is_none() || first) && !last;
         let solved = if last { None } else { self.solved.as_mut() };
@@ -305,7 +307,7 @@ impl<'a> Run<'a> {
                     obstacles.sweep_track(agent, shape, track, first, tolerance_m, changes);
                 }
             }
-            chunk.sample(moments);
+            chunk.sample(moments, keep);
         });
         if !last {
             self.report_progress();
