@@ -114,6 +114,12 @@
 #define FLEETYARD_MOTION_ROTATION 1
 
 /*
+ A robot moves in straight lines between the cells of its path, which need not be
+ adjacent; a path is a place after the other, without times.
+ */
+#define FLEETYARD_MOTION_ANY_ANGLE 2
+
+/*
  Minimise the sum over agents of the last time of arrival at the goal.
  */
 #define FLEETYARD_OBJECTIVE_SUM_OF_COSTS 0
@@ -172,6 +178,11 @@
  Capability: the rotation motion model.
  */
 #define FLEETYARD_CAPABILITY_ROTATION (1 << 9)
+
+/*
+ Capability: the any-angle motion model.
+ */
+#define FLEETYARD_CAPABILITY_ANY_ANGLE (1 << 10)
 
 /*
  Capability: keeps submitting better plans until the budget ends.

@@ -87,6 +87,7 @@ inline constexpr std::uint64_t continuous = FLEETYARD_CAPABILITY_CONTINUOUS;
 inline constexpr std::uint64_t eight_connected = FLEETYARD_CAPABILITY_EIGHT_CONNECTED;
 inline constexpr std::uint64_t pebble = FLEETYARD_CAPABILITY_PEBBLE;
 inline constexpr std::uint64_t rotation = FLEETYARD_CAPABILITY_ROTATION;
+inline constexpr std::uint64_t any_angle = FLEETYARD_CAPABILITY_ANY_ANGLE;
 inline constexpr std::uint64_t anytime = FLEETYARD_CAPABILITY_ANYTIME;
 inline constexpr std::uint64_t windowed = FLEETYARD_CAPABILITY_WINDOWED;
 inline constexpr std::uint64_t duplicate_goals = FLEETYARD_CAPABILITY_DUPLICATE_GOALS;
@@ -110,6 +111,7 @@ enum class Status : std::int32_t {
 enum class Motion : std::int32_t {
   pebble = FLEETYARD_MOTION_PEBBLE,
   rotation = FLEETYARD_MOTION_ROTATION,
+  any_angle = FLEETYARD_MOTION_ANY_ANGLE,
 };
 
 enum class Objective : std::int32_t {

@@ -68,6 +68,9 @@ pub const REPRESENTATION_CONTINUOUS: i32 = 2;
 pub const MOTION_PEBBLE: i32 = 0;
 /// As a pebble, but turning by 90 degrees takes a step.
 pub const MOTION_ROTATION: i32 = 1;
+/// A robot moves in straight lines between the cells of its path, which need not be
+/// adjacent; a path is a place after the other, without times.
+pub const MOTION_ANY_ANGLE: i32 = 2;
 
 /// Minimise the sum over agents of the last time of arrival at the goal.
 pub const OBJECTIVE_SUM_OF_COSTS: i32 = 0;
@@ -95,6 +98,8 @@ pub const CAPABILITY_EIGHT_CONNECTED: u64 = 1 << 3;
 pub const CAPABILITY_PEBBLE: u64 = 1 << 8;
 /// Capability: the rotation motion model.
 pub const CAPABILITY_ROTATION: u64 = 1 << 9;
+/// Capability: the any-angle motion model.
+pub const CAPABILITY_ANY_ANGLE: u64 = 1 << 10;
 /// Capability: keeps submitting better plans until the budget ends.
 pub const CAPABILITY_ANYTIME: u64 = 1 << 16;
 /// Capability: several goals per agent, planned up to `FleetyardInstance::window_steps`.

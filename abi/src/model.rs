@@ -99,6 +99,8 @@ capabilities! {
     Pebble = CAPABILITY_PEBBLE, "pebble";
     /// The rotation motion model.
     Rotation = CAPABILITY_ROTATION, "rotation";
+    /// The any-angle motion model.
+    AnyAngle = CAPABILITY_ANY_ANGLE, "any-angle";
     /// Keeps submitting better plans until the budget ends.
     Anytime = CAPABILITY_ANYTIME, "anytime";
     /// Several goals per agent, planned up to a window.
@@ -501,6 +503,9 @@ code_enum! {
         Pebble = MOTION_PEBBLE,
         /// As a pebble, but turning by 90 degrees takes a step.
         Rotation = MOTION_ROTATION,
+        /// In straight lines between the cells of its path, which need not be
+        /// adjacent; a path is a place after the other, without times.
+        AnyAngle = MOTION_ANY_ANGLE,
     }
 }
 

@@ -1,0 +1,296 @@
+//! A trial as one row: the columns of the store, of its exports and of reports.
+//!
+//! Every column is declared once, with its type and its documentation; the table of
+//! the store, CSV, JSON Lines, Parquet and the documentation follow from [`COLUMNS`].
+//! What does not exist is absent (`NULL`, an empty field), never zero. Columns are
+//! only ever added; a change of meaning is a new name.
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ColumnType {
+    /// UTF-8 text.
+    Text,
+    /// A whole number.
+    Integer,
+    /// A floating point number.
+    Real,
+    /// Yes or no; 1 or 0 in SQLite.
+    Boolean,
+}
+
+/// A column: its name with its unit, what it holds, and what that means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Column {
+    /// Snake case, with the unit as the last word.
+    pub name: &'static str,
+    /// What it holds.
+    pub kind: ColumnType,
+    /// Whether it may be absent.
+    pub optional: bool,
+    /// What it means.
+    pub doc: &'static str,
+}
+
+/// A value of a column.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// Absent.
+    Null,
+    /// Text.
+    Text(String),
+    /// A whole number.
+    Integer(i64),
+    /// A number.
+    Real(f64),
+    /// Yes or no.
+    Boolean(bool),
+}
+
+/// What the types of fields have in common.
+trait Field: Sized {
+    const KIND: ColumnType;
+    const OPTIONAL: bool = false;
+    fn to_value(&self) -> Value;
+    fn from_value(value: Value) -> Option<Self>;
+}
+
+macro_rules! field {
+    ($type:ty, $kind:ident, $self:ident => $to:expr, $from:pat => $back:expr) => {
+        impl Field for $type {
+            const KIND: ColumnType = ColumnType::$kind;
+            fn to_value(&self) -> Value {
+                let $self = self;
+                Value::$kind($to)
+            }
+            fn from_value(value: Value) -> Option<Self> {
+                match value {
+                    Value::$kind($from) => $back,
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+field!(String, Text, text => text.clone(), text => Some(text));
+field!(bool, Boolean, value => *value, value => Some(value));
+field!(f64, Real, value => *value, value => Some(value));
+// SQLite's integers are signed: larger ones are stored as their bits.
+field!(u64, Integer, value => value.cast_signed(), value => Some(value.cast_unsigned()));
+field!(u32, Integer, value => i64::from(*value), value => u32::try_from(value).ok());
+
+impl<T: Field> Field for Option<T> {
+    const KIND: ColumnType = T::KIND;
+    const OPTIONAL: bool = true;
+    fn to_value(&self) -> Value {
+        self.as_ref().map_or(Value::Null, Field::to_value)
+    }
+    fn from_value(value: Value) -> Option<Self> {
+        match value {
+            Value::Null => Some(None),
+            value => T::from_value(value).map(Some),
+        }
+    }
+}
+
+macro_rules! columns {
+    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty,)*) => {
+        /// One trial. Fields are columns, in this order.
+        #[derive(Debug, Clone, PartialEq, Default)]
+        pub struct Row {
+            $($(#[doc = $doc])+ pub $name: $type,)*
+            /// The plans that came in time, in order of arrival.
+            pub incumbents: Vec<Incumbent>,
+        }
+
+        /// Every column, in the order of [`Row::values`].
+        pub const COLUMNS: &[Column] = &[$(Column {
+            name: stringify!($name),
+            kind: <$type as Field>::KIND,
+            optional: <$type as Field>::OPTIONAL,
+            doc: concat!($($doc),+),
+        },)*];
+
+        impl Row {
+            /// The values, by column.
+            pub fn values(&self) -> Vec<Value> {
+                vec![$(self.$name.to_value()),*]
+            }
+
+            /// From the values by column, without incumbents; the name of the first
+            /// column whose value does not fit it otherwise.
+            pub fn from_values(values: impl IntoIterator<Item = Value>) -> Result<Self, &'static str> {
+                let mut values = values.into_iter();
+                Ok(Self {
+                    $($name: values
+                        .next()
+                        .and_then(Field::from_value)
+                        .ok_or(stringify!($name))?,)*
+                    incumbents: Vec::new(),
+                })
+            }
+        }
+    };
+}
+
+/// A plan that came in time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Incumbent {
+    /// From the start of the call, by the host's clock.
+    pub time_ms: f64,
+    /// Its sum of costs, if it was kept.
+    pub soc_steps: Option<u64>,
+    /// Whether it is valid, if it was kept.
+    pub valid: Option<bool>,
+}
+
+columns! {
+    /// Stands for instance, planner's code, options, budget, seed and repeat; no two
+    /// rows of a store have the same.
+    key: String,
+    /// Place in the suite's order, from 0.
+    trial: u64,
+    /// The planner's label in the suite.
+    planner: String,
+    /// Identifier of the plugin.
+    planner_id: String,
+    /// Version of the plugin.
+    planner_version: String,
+    /// Digest of the plugin's code.
+    planner_digest: Option<String>,
+    /// Options as a JSON object.
+    options: String,
+    /// How the plugin was attached.
+    attach: String,
+    /// Whether the result may be compared: not in the host's process, and in a sandbox.
+    ranked: bool,
+    /// Digest of the instance.
+    instance_digest: String,
+    /// Name of the map.
+    map: String,
+    /// Where starts and goals come from.
+    scenario: String,
+    /// Number of agents.
+    agents: u64,
+    /// Neighbours of a cell, 4 or 8.
+    connectivity: u32,
+    /// Rows of the map.
+    map_rows: u32,
+    /// Columns of the map.
+    map_cols: u32,
+    /// Number of the maze in its series, from 0.
+    maze_index: Option<u64>,
+    /// Seed of the maze.
+    maze_seed: Option<u64>,
+    /// Width of the maze in maze cells.
+    maze_width: Option<u32>,
+    /// Height of the maze in maze cells.
+    maze_height: Option<u32>,
+    /// How the maze was carved.
+    maze_algorithm: Option<String>,
+    /// Wall-clock budget of the plan.
+    budget_ms: f64,
+    /// Seed given to the planner.
+    seed: u64,
+    /// Number of the repeat, from 0.
+    repeat: u32,
+    /// How the call ended.
+    termination: String,
+    /// What is wrong with the plugin, if something is.
+    fault: Option<String>,
+    /// The limit that it exceeded.
+    limit_exceeded: Option<String>,
+    /// The status that the planner claims.
+    claim: Option<String>,
+    /// The planner's explanation.
+    message: Option<String>,
+    /// Whether the last plan is valid.
+    valid: bool,
+    /// Violations in the last plan.
+    violations: u64,
+    /// The first violation, in words.
+    first_violation: Option<String>,
+    /// Whether the trial succeeded: the planner ended as it should and its plan is valid.
+    success: bool,
+    /// The time that is compared: one of the next two, whichever the suite names.
+    solve_time_ms: f64,
+    /// Wall time of the call by the host's clock, transport included.
+    planning_time_ms: f64,
+    /// Wall time of the call beside the plugin, in its process.
+    call_time_ms: Option<f64>,
+    /// From the start of the plugin until it had introduced itself; absent when a
+    /// process that ran already was used again.
+    startup_time_ms: Option<f64>,
+    /// Wall time of learning the map; absent when it was known.
+    prepare_time_ms: Option<f64>,
+    /// From the start of the call to the first plan, by the host's clock.
+    first_solution_ms: Option<f64>,
+    /// Sum over agents of the last arrival at the goal.
+    soc_steps: Option<u64>,
+    /// Time at which the last agent arrives.
+    makespan_steps: Option<u64>,
+    /// Sum over agents of the shortest distance.
+    lower_bound_steps: u64,
+    /// Sum of costs over lower bound, of a valid plan.
+    suboptimality: Option<f64>,
+    /// Length of all paths in cells: moves, or cells of the rasterised segments.
+    path_length_cells: Option<f64>,
+    /// Length of all paths.
+    path_length_m: Option<f64>,
+    /// Expansions that the planner claims.
+    expansions: Option<f64>,
+    /// Agents that arrived in the execution.
+    arrived: Option<u64>,
+    /// Simulated time of the execution.
+    simulated_s: Option<f64>,
+    /// Simulated time over wall time.
+    rtf: Option<f64>,
+    /// Contacts in the execution.
+    contacts: Option<u64>,
+    /// Nearest approach of two agents in the execution.
+    nearest_approach_m: Option<f64>,
+    /// Largest distance between an agent and its plan.
+    tracking_error_max_m: Option<f64>,
+    /// Arrival of the last agent in the execution.
+    execution_makespan_s: Option<f64>,
+    /// Goals reached per simulated second.
+    throughput_per_s: Option<f64>,
+    /// Processor time of the call, over all processes and threads.
+    cpu_time_ms: Option<f64>,
+    /// Largest resident memory of the plugin's processes together.
+    peak_memory_kb: Option<u64>,
+    /// Why the times cannot be compared with others; empty when they can.
+    contended: String,
+    /// Digest of the machine's description.
+    machine: String,
+    /// Digest of the plan.
+    plan_digest: Option<String>,
+    /// Digest of the execution's trace.
+    trace_digest: Option<String>,
+    /// When the trial began, in milliseconds since 1970.
+    started_unix_ms: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_survive_their_values() {
+        let row = Row {
+            key: "k".into(),
+            seed: u64::MAX,
+            maze_width: Some(15),
+            rtf: Some(2.5),
+            success: true,
+            ..Row::default()
+        };
+        assert_eq!(row.values().len(), COLUMNS.len());
+        assert_eq!(Row::from_values(row.values()), Ok(row.clone()));
+        let mut wrong = row.values();
+        wrong[1] = Value::Text("one".into());
+        assert_eq!(Row::from_values(wrong), Err("trial"));
+        let short = row.values().into_iter().take(3);
+        assert_eq!(Row::from_values(short), Err("planner_id"));
+    }
+}

@@ -1,0 +1,3 @@
+//! Single-agent search on grids.
+
+#![forbid(unsafe_code)]
