@@ -70,3 +70,20 @@ impl fmt::Display for InputError {
 }
 
 impl std::error::Error for InputError {}
+
+/// The candidate that was probably meant, for a hint: at most `most` edits away.
+pub fn nearest<T: AsRef<str> + Ord>(
+    name: &str,
+    candidates: impl IntoIterator<Item = T>,
+    most: usize,
+) -> Option<T> {
+    candidates
+        .into_iter()
+        .map(|candidate| {
+            let distance = strsim::damerau_levenshtein(name, candidate.as_ref());
+            (distance, candidate)
+        })
+        .min()
+        .filter(|(distance, _)| *distance <= most)
+        .map(|(_, candidate)| candidate)
+}

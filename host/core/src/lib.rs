@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod digest;
+pub mod document;
 mod error;
 mod files;
 pub mod formats;
@@ -28,7 +29,7 @@ pub use fleetyard_abi::PathEncoding;
 pub use fleetyard_abi::moves::{self, OFF_MAP};
 
 pub use digest::{Digest, Hasher};
-pub use error::InputError;
+pub use error::{InputError, nearest};
 pub use files::{read_file, shown, write_all_atomically, write_atomically};
 pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{Connectivity, Grid};

@@ -10,10 +10,10 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use fleetyard_abi::{Descriptor, Kind};
+use fleetyard_core::nearest;
 use serde::Serialize;
 
 use crate::lock::Standing;
-use crate::options::nearest;
 use crate::plugin_file::{PluginFile, is_manifest};
 use crate::session::Introduction;
 use crate::{Fault, Runtime};

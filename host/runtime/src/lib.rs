@@ -44,7 +44,7 @@ pub use library::Library;
 pub use lock::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
 pub use log::LogLine;
 pub use monitor::{CallUsage, Limit, Source, Usage};
-pub use options::{OptionError, check_options, nearest, parse_option};
+pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
 pub use sandbox::{Layer, LayerState, Level, Policy, SandboxReport};
 pub use session::{

@@ -1,6 +1,7 @@
 //! Options of plugins: from the command line to JSON, checked against the
 //! plugin's schema before the plugin sees them.
 
+use fleetyard_core::nearest;
 use serde_json::{Map, Value};
 
 /// An option that the plugin's schema does not allow.
@@ -77,19 +78,6 @@ pub fn check_options(options: &Map<String, Value>, schema: &Value) -> Result<(),
             })
         }
     }
-}
-
-/// The candidate that was probably meant: at most `most` edits away.
-pub fn nearest<'a>(
-    name: &str,
-    candidates: impl Iterator<Item = &'a String>,
-    most: usize,
-) -> Option<&'a String> {
-    candidates
-        .map(|candidate| (strsim::damerau_levenshtein(name, candidate), candidate))
-        .min()
-        .filter(|(distance, _)| *distance <= most)
-        .map(|(_, candidate)| candidate)
 }
 
 fn unknown(name: &str, known: &Map<String, Value>) -> OptionError {

@@ -39,9 +39,11 @@ pub struct UnknownCase {
 pub fn find(name: &str) -> Result<&'static Case, UnknownCase> {
     let found = CASES.iter().find(|case| case.name == name);
     found.ok_or_else(|| {
-        let names: Vec<String> = CASES.iter().map(|case| case.name.to_owned()).collect();
-        let nearest = fleetyard_runtime::nearest(name, names.iter(), name.len() / 2).cloned();
-        UnknownCase { nearest }
+        let names = CASES.iter().map(|case| case.name);
+        let nearest = fleetyard_core::nearest(name, names, name.len() / 2);
+        UnknownCase {
+            nearest: nearest.map(ToOwned::to_owned),
+        }
     })
 }
 

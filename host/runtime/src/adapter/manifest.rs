@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fleetyard_abi::{Capabilities, Capability, Plan, Status};
+use fleetyard_core::document::{Document, Table, Value};
 use fleetyard_core::formats::{Begin, Layout, Major, MapSize};
 use fleetyard_core::{GridPlan, InputError, shown};
 use regex::bytes::{Regex, RegexBuilder};
 use serde_json::{Map, Value as Json};
 
-use super::document::{Document, Table, Value};
 use super::template::{Slot, Template};
 use crate::options::check_options;
 

@@ -11,7 +11,6 @@
 //! [`Manifest`] is the file, [`fleetyard_core::formats`] reads answers, `process` runs
 //! programs.
 
-mod document;
 mod manifest;
 mod process;
 mod solver;

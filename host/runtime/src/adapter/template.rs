@@ -6,9 +6,7 @@
 use std::ffi::OsString;
 
 use fleetyard_core::formats::{Piece, PieceError, pieces};
-use fleetyard_core::shown;
-
-use crate::options::nearest;
+use fleetyard_core::{nearest, shown};
 
 /// What a placeholder stands for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -127,10 +125,9 @@ fn slot(name: &str, options: &[&str]) -> Result<Slot, TemplateError> {
         if options.contains(&option) {
             return Ok(Slot::Option(option.to_owned()));
         }
-        let known: Vec<String> = options.iter().map(ToString::to_string).collect();
         return Err(TemplateError {
             reason: format!("there is no option `{}`", shown(option)),
-            hint: match nearest(option, known.iter(), 3) {
+            hint: match nearest(option, options, 3) {
                 Some(near) => format!("did you mean `{{option.{near}}}`?"),
                 None => format!("add a table [options.{}]", shown(option)),
             },
@@ -138,10 +135,10 @@ fn slot(name: &str, options: &[&str]) -> Result<Slot, TemplateError> {
     }
     let found = SLOTS.iter().find(|(known, _)| *known == name);
     found.map(|(_, slot)| slot.clone()).ok_or_else(|| {
-        let known: Vec<String> = SLOTS.iter().map(|(name, _)| (*name).to_owned()).collect();
+        let known: Vec<&str> = SLOTS.iter().map(|(name, _)| *name).collect();
         TemplateError {
             reason: format!("unknown placeholder `{{{}}}`", shown(name)),
-            hint: match nearest(name, known.iter(), 2) {
+            hint: match nearest(name, &known, 2) {
                 Some(near) => format!("did you mean `{{{near}}}`?"),
                 None => format!(
                     "known placeholders: {{{}}} and {{option.NAME}}; write {{{{ for a brace",

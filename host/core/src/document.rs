@@ -1,30 +1,41 @@
 //! TOML with places: tables that are read key by key, and errors that say where.
 //!
-//! Not a general reader: it exists so that every fault of a manifest names its
-//! line, its column and a way out, and so that no unknown key goes unnoticed.
+//! Not a general reader: it exists so that every fault of a manifest or a suite names
+//! its line, its column and a way out, and so that no unknown key goes unnoticed.
+//!
+//! ```
+//! use fleetyard_core::document::{Document, Table};
+//!
+//! let document = Document::new("robots.toml", "speed = 2\ncolor = \"red\"\n");
+//! let root = document.parse()?;
+//! let fault = Table::new(document, "", 0, root.get_ref(), &["speed", "colour"]).unwrap_err();
+//! assert_eq!(fault.to_string(), "robots.toml:2:1: unknown key `color`");
+//! assert_eq!(fault.hint.as_deref(), Some("did you mean `colour`?"));
+//! # Ok::<(), fleetyard_core::InputError>(())
+//! ```
 
 use std::borrow::Cow;
 
-use fleetyard_core::{InputError, shown};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::options::nearest;
+use crate::{InputError, nearest, shown};
 
 /// The text that is read, for places in it.
-#[derive(Clone, Copy)]
-pub(super) struct Document<'a> {
+#[derive(Debug, Clone, Copy)]
+pub struct Document<'a> {
     source: &'a str,
     text: &'a str,
 }
 
 impl<'a> Document<'a> {
-    pub(super) fn new(source: &'a str, text: &'a str) -> Self {
+    /// `source` is the text's name in errors.
+    pub fn new(source: &'a str, text: &'a str) -> Self {
         Self { source, text }
     }
 
     /// An error at a byte of the text.
-    pub(super) fn error(self, at: usize, reason: impl Into<String>) -> InputError {
+    pub fn error(self, at: usize, reason: impl Into<String>) -> InputError {
         let before = &self.text[..self.text.floor_char_boundary(at)];
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let line = before.matches('\n').count() + 1;
@@ -33,7 +44,7 @@ impl<'a> Document<'a> {
     }
 
     /// The root table of the text.
-    pub(super) fn parse(self) -> Result<Spanned<DeTable<'a>>, InputError> {
+    pub fn parse(self) -> Result<Spanned<DeTable<'a>>, InputError> {
         DeTable::parse(self.text).map_err(|error| {
             let reason = format!("this is not TOML: {}", first_line(error.message()));
             match error.span() {
@@ -49,8 +60,10 @@ fn first_line(text: &str) -> String {
 }
 
 /// A table whose keys are known.
-pub(super) struct Table<'t, 'a> {
-    pub(super) document: Document<'a>,
+#[derive(Debug)]
+pub struct Table<'t, 'a> {
+    /// The text that it is from.
+    pub document: Document<'a>,
     /// What it is called in messages: empty for the root, else as `[program]`.
     name: Cow<'t, str>,
     at: usize,
@@ -59,7 +72,7 @@ pub(super) struct Table<'t, 'a> {
 
 impl<'t, 'a> Table<'t, 'a> {
     /// Refuses keys that are not in `known`.
-    pub(super) fn new(
+    pub fn new(
         document: Document<'a>,
         name: impl Into<Cow<'t, str>>,
         at: usize,
@@ -74,8 +87,7 @@ impl<'t, 'a> Table<'t, 'a> {
         match unknown {
             None => Ok(table),
             Some((key, at)) => {
-                let known: Vec<String> = known.iter().map(ToString::to_string).collect();
-                let hint = match nearest(key, known.iter(), 3) {
+                let hint = match nearest(key, known, 3) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => format!("known keys: {}", known.join(", ")),
                 };
@@ -86,7 +98,7 @@ impl<'t, 'a> Table<'t, 'a> {
     }
 
     /// A table whose keys are names that the author chose.
-    pub(super) fn open(
+    pub fn open(
         document: Document<'a>,
         name: impl Into<Cow<'t, str>>,
         at: usize,
@@ -109,7 +121,7 @@ impl<'t, 'a> Table<'t, 'a> {
     }
 
     /// Its keys and where they stand, in alphabetical order.
-    pub(super) fn keys(&self) -> impl Iterator<Item = (&'t str, usize)> {
+    pub fn keys(&self) -> impl Iterator<Item = (&'t str, usize)> {
         let entries = self.entries;
         entries
             .keys()
@@ -117,7 +129,7 @@ impl<'t, 'a> Table<'t, 'a> {
     }
 
     /// Its values with their keys, in alphabetical order.
-    pub(super) fn values(&self) -> impl Iterator<Item = (&'t str, Value<'t, 'a>)> {
+    pub fn values(&self) -> impl Iterator<Item = (&'t str, Value<'t, 'a>)> {
         let (document, entries) = (self.document, self.entries);
         entries.iter().map(move |(key, value)| {
             let name = key.get_ref().as_ref();
@@ -125,12 +137,14 @@ impl<'t, 'a> Table<'t, 'a> {
         })
     }
 
-    pub(super) fn get(&self, key: &'t str) -> Option<Value<'t, 'a>> {
+    /// The value of a key, if it is there.
+    pub fn get(&self, key: &'t str) -> Option<Value<'t, 'a>> {
         let value = self.entries.get(key)?;
         Some(Value::new(self.document, key, value))
     }
 
-    pub(super) fn require(&self, key: &'t str) -> Result<Value<'t, 'a>, InputError> {
+    /// The value of a key that must be there.
+    pub fn require(&self, key: &'t str) -> Result<Value<'t, 'a>, InputError> {
         self.get(key).ok_or_else(|| {
             self.error(format!("the key `{key}` is missing{}", self.place()))
                 .hint(format!("add `{key} = …`"))
@@ -138,21 +152,22 @@ impl<'t, 'a> Table<'t, 'a> {
     }
 
     /// An error about the table as a whole.
-    pub(super) fn error(&self, reason: impl Into<String>) -> InputError {
+    pub fn error(&self, reason: impl Into<String>) -> InputError {
         self.document.error(self.at, reason)
     }
 
-    pub(super) fn text(&self, key: &'t str) -> Result<Option<&'t str>, InputError> {
+    /// The text of a key, if it is there.
+    pub fn text(&self, key: &'t str) -> Result<Option<&'t str>, InputError> {
         self.get(key).map(|value| value.text()).transpose()
     }
 }
 
 /// A value and its key.
-#[derive(Clone)]
-pub(super) struct Value<'t, 'a> {
+#[derive(Debug, Clone)]
+pub struct Value<'t, 'a> {
     document: Document<'a>,
-    /// As in messages.
-    pub(super) key: Cow<'t, str>,
+    /// Its name in messages.
+    pub key: Cow<'t, str>,
     at: usize,
     inner: &'t DeValue<'a>,
 }
@@ -172,7 +187,7 @@ impl<'t, 'a> Value<'t, 'a> {
     }
 
     /// An error about the value.
-    pub(super) fn error(&self, reason: impl Into<String>) -> InputError {
+    pub fn error(&self, reason: impl Into<String>) -> InputError {
         self.document.error(self.at, reason)
     }
 
@@ -192,7 +207,8 @@ impl<'t, 'a> Value<'t, 'a> {
         ))
     }
 
-    pub(super) fn text(&self) -> Result<&'t str, InputError> {
+    /// The value as text.
+    pub fn text(&self) -> Result<&'t str, InputError> {
         match self.inner {
             DeValue::String(text) => Ok(text),
             _ => Err(self.wrong_type("a string")),
@@ -200,7 +216,7 @@ impl<'t, 'a> Value<'t, 'a> {
     }
 
     /// Text that says something.
-    pub(super) fn nonempty(&self) -> Result<&'t str, InputError> {
+    pub fn nonempty(&self) -> Result<&'t str, InputError> {
         match self.text()? {
             text if text.trim().is_empty() => {
                 Err(self.error(format!("`{}` is empty", shown(&self.key))))
@@ -209,14 +225,16 @@ impl<'t, 'a> Value<'t, 'a> {
         }
     }
 
-    pub(super) fn flag(&self) -> Result<bool, InputError> {
+    /// The value as yes or no.
+    pub fn flag(&self) -> Result<bool, InputError> {
         match self.inner {
             DeValue::Boolean(flag) => Ok(*flag),
             _ => Err(self.wrong_type("true or false")),
         }
     }
 
-    pub(super) fn integer(&self, low: i64, high: i64) -> Result<i64, InputError> {
+    /// The value as an integer, both bounds included.
+    pub fn integer(&self, low: i64, high: i64) -> Result<i64, InputError> {
         let DeValue::Integer(integer) = self.inner else {
             return Err(self.wrong_type("an integer"));
         };
@@ -230,7 +248,7 @@ impl<'t, 'a> Value<'t, 'a> {
     }
 
     /// Its items; errors name each as the list itself.
-    pub(super) fn list(&self) -> Result<Vec<Self>, InputError> {
+    pub fn list(&self) -> Result<Vec<Self>, InputError> {
         let DeValue::Array(items) = self.inner else {
             return Err(self.wrong_type("a list"));
         };
@@ -241,12 +259,12 @@ impl<'t, 'a> Value<'t, 'a> {
     }
 
     /// One of some words, and what it stands for.
-    pub(super) fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T, InputError> {
+    pub fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T, InputError> {
         let text = self.text()?;
         let found = choices.iter().find(|(word, _)| *word == text);
         found.map(|(_, meaning)| *meaning).ok_or_else(|| {
-            let known: Vec<String> = choices.iter().map(|(word, _)| (*word).into()).collect();
-            let hint = match nearest(text, known.iter(), 3) {
+            let known: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
+            let hint = match nearest(text, &known, 3) {
                 Some(near) => format!("did you mean \"{near}\"?"),
                 None => format!("it is one of {}", known.join(", ")),
             };
@@ -256,7 +274,7 @@ impl<'t, 'a> Value<'t, 'a> {
     }
 
     /// A table with known keys.
-    pub(super) fn table(
+    pub fn table(
         &self,
         name: impl Into<Cow<'t, str>>,
         known: &[&str],
@@ -268,19 +286,20 @@ impl<'t, 'a> Value<'t, 'a> {
     }
 
     /// A table with names that the author chose.
-    pub(super) fn names(&self, name: impl Into<Cow<'t, str>>) -> Result<Table<'t, 'a>, InputError> {
+    pub fn names(&self, name: impl Into<Cow<'t, str>>) -> Result<Table<'t, 'a>, InputError> {
         match self.inner {
             DeValue::Table(entries) => Ok(Table::open(self.document, name, self.at, entries)),
             _ => Err(self.wrong_type("a table")),
         }
     }
 
-    pub(super) fn is_table(&self) -> bool {
+    /// Whether it is a table.
+    pub fn is_table(&self) -> bool {
         matches!(self.inner, DeValue::Table(_))
     }
 
     /// The value as JSON; dates, `inf` and `nan` are refused.
-    pub(super) fn json(&self) -> Result<serde_json::Value, InputError> {
+    pub fn json(&self) -> Result<serde_json::Value, InputError> {
         let number = |found: Option<serde_json::Number>| {
             found
                 .map(serde_json::Value::Number)
