@@ -1044,12 +1044,40 @@ pub(crate) struct SizeArgs {
     pub(crate) cols: u32,
 }
 
+/// A maze's size: that of the map, or that of the maze.
+#[derive(Debug, Args)]
+pub(crate) struct MazeSizeArgs {
+    /// Rows of the map
+    #[arg(long, value_name = "N", required_unless_present_any = ["width", "height"])]
+    pub(crate) rows: Option<u32>,
+    /// Columns of the map
+    #[arg(long, value_name = "N", required_unless_present_any = ["width", "height"])]
+    pub(crate) cols: Option<u32>,
+    /// Width in maze cells, instead of --cols: the map is closed on all sides
+    #[arg(long, value_name = "N", requires = "height", conflicts_with_all = ["rows", "cols"],
+        value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) width: Option<u32>,
+    /// Height in maze cells, instead of --rows
+    #[arg(long, value_name = "N", requires = "width", conflicts_with_all = ["rows", "cols"],
+        value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) height: Option<u32>,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum MazeArg {
     /// Depth-first: long winding corridors
     Backtracker,
     /// Randomised Prim: many short dead ends
     Prim,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum MazeRandomArg {
+    /// Those of this program's other generators
+    #[value(name = "chacha")]
+    ChaCha,
+    /// Those of Python's random module: the mazes of the grid-maze benchmark
+    Python,
 }
 
 #[derive(Debug, Subcommand)]
@@ -1093,16 +1121,23 @@ pub(crate) enum Generate {
     /// A maze
     Maze {
         #[command(flatten)]
-        size: SizeArgs,
+        size: MazeSizeArgs,
         /// Width of corridors in cells
         #[arg(long, value_name = "N", default_value_t = 1)]
         corridor: u32,
         /// How it is carved
         #[arg(long, value_enum, default_value = "backtracker")]
         algorithm: MazeArg,
+        /// Whose random numbers carve it
+        #[arg(long, value_enum, default_value = "chacha")]
+        random: MazeRandomArg,
         /// Seed of the map
         #[arg(long, value_name = "N", default_value_t = 1)]
         seed: u64,
+        /// Also write a scenario with the maze's own task: from its north-west cell to
+        /// the one in its middle
+        #[arg(long)]
+        scenario: bool,
         #[command(flatten)]
         out: OutArgs,
     },

@@ -11,7 +11,9 @@ use fleetyard_abi::{
 };
 use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
 use fleetyard_world::SeededRandom;
-use fleetyard_world::{EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec};
+use fleetyard_world::{
+    EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec,
+};
 
 use crate::trial::{Step, Stop};
 
@@ -130,6 +132,7 @@ impl Scene {
                 cols: cols | 1,
                 corridor: 1,
                 algorithm: MazeAlgorithm::Backtracker,
+                random: MazeRandom::ChaCha,
                 seed,
             }),
         };

@@ -11,16 +11,7 @@ pub(crate) struct Canvas {
 
 impl Canvas {
     pub(crate) fn new(rows: u32, cols: u32, letter: u8) -> Result<Self, InputError> {
-        for (what, size) in [("rows", rows), ("cols", cols)] {
-            at_least(what, size, 1)?;
-        }
-        if u64::from(rows) * u64::from(cols) > Grid::MAX_CELLS {
-            return Err(InputError::new(
-                "rows",
-                format!("a map of {rows} rows and {cols} columns is too large"),
-            )
-            .hint(format!("a map has at most {} cells", Grid::MAX_CELLS)));
-        }
+        check_size(rows, cols)?;
         Ok(Self {
             rows,
             cols,
@@ -51,6 +42,21 @@ impl Canvas {
     pub(crate) fn grid(self, name: String) -> Result<Grid, InputError> {
         Grid::new(name, self.rows, self.cols, self.terrain)
     }
+}
+
+/// Whether a map may have that size.
+pub(crate) fn check_size(rows: u32, cols: u32) -> Result<(), InputError> {
+    for (what, size) in [("rows", rows), ("cols", cols)] {
+        at_least(what, size, 1)?;
+    }
+    if u64::from(rows) * u64::from(cols) <= Grid::MAX_CELLS {
+        return Ok(());
+    }
+    Err(InputError::new(
+        "rows",
+        format!("a map of {rows} rows and {cols} columns is too large"),
+    )
+    .hint(format!("a map has at most {} cells", Grid::MAX_CELLS)))
 }
 
 pub(crate) fn at_least(what: &str, value: u32, least: u32) -> Result<(), InputError> {

@@ -1,22 +1,34 @@
-//! Perfect mazes on a lattice: exactly one simple way between any two cells.
+//! Perfect mazes: exactly one simple way between any two cells.
 //!
-//! The two algorithms are those of the deterministic grid-maze benchmark for
-//! planners: depth-first search with an explicit stack (the recursive
-//! backtracker), and randomised Prim with a list of frontier edges. They are the
-//! same algorithms on our own random numbers, so that a seed here gives another
-//! maze than the same seed there.
+//! The algorithms are those of the deterministic grid-maze benchmark for planners
+//! (Contreras 2026): depth-first search with an explicit stack (the recursive
+//! backtracker), and randomised Prim with a list of frontier edges. On
+//! [`MazeRandom::Python`] the mazes are the benchmark's own, cell by cell; on
+//! [`MazeRandom::ChaCha`], the project's own random numbers, a seed gives another maze.
+//!
+//! # Contract
+//!
+//! A [`Maze`] is a spanning tree of its cells. So every cell can be reached from
+//! every other one, whatever start and goal are, and the shortest way is the only
+//! one that visits no cell twice.
 
-use fleetyard_core::{Grid, InputError};
+use std::collections::VecDeque;
+use std::sync::Arc;
 
-use crate::SeededRandom;
-use crate::canvas::{Canvas, at_least};
+use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
+
+use crate::canvas::{Canvas, at_least, check_size};
+use crate::{PythonRandom, SeededRandom};
 
 /// How a maze is carved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MazeAlgorithm {
-    /// Depth-first: long winding corridors.
+    /// Depth-first: long winding corridors. The next cell is uniform among the
+    /// neighbours that were not visited yet.
     Backtracker,
-    /// Randomised Prim: many short dead ends.
+    /// Randomised Prim: many short dead ends. The next edge is uniform among those
+    /// that led out of the maze when their first cell joined it; edges whose other
+    /// cell has joined since are drawn and dropped.
     Prim,
 }
 
@@ -30,7 +42,314 @@ impl MazeAlgorithm {
     }
 }
 
-/// A maze of corridors of equal width between walls of one cell.
+/// Where a maze's random numbers come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MazeRandom {
+    /// Those of this project's other generators ([`SeededRandom`]).
+    #[default]
+    ChaCha,
+    /// Those of Python's `random` ([`PythonRandom`]): the mazes of the benchmark.
+    Python,
+}
+
+impl MazeRandom {
+    /// `chacha` or `python`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ChaCha => "chacha",
+            Self::Python => "python",
+        }
+    }
+}
+
+/// How the seeds of a series of mazes follow from one base seed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MazeSeeds {
+    /// base, base + 1, base + 2, …: the planner benchmark, with base 7.
+    #[default]
+    Benchmark,
+    /// base + 2e − 1 for the episodes e = 1, 2, …: the episode runtime, where the
+    /// runtime and its generator each add the episode's number.
+    Episodes,
+}
+
+impl MazeSeeds {
+    /// `benchmark` or `episodes`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Benchmark => "benchmark",
+            Self::Episodes => "episodes",
+        }
+    }
+
+    /// The seed of the maze with a number, counted from 0 (episode e has number
+    /// e − 1); nothing if it would be more than a seed can be.
+    pub fn seed(self, base: u64, index: u64) -> Option<u64> {
+        match self {
+            Self::Benchmark => base.checked_add(index),
+            Self::Episodes => base.checked_add(index.checked_mul(2)?.checked_add(1)?),
+        }
+    }
+}
+
+/// A maze of cells with walls between them, before it is drawn on a grid.
+///
+/// Cell (x, y) has index `y * width + x`; x grows right and y grows down.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Maze {
+    width: u32,
+    height: u32,
+    /// Per cell, [`EAST`] and [`SOUTH`] if the wall there is open.
+    open: Vec<u8>,
+}
+
+const EAST: u8 = 1;
+const SOUTH: u8 = 2;
+
+impl Maze {
+    /// Carves a maze of at least one cell, beginning at cell (0, 0).
+    pub fn carve(
+        width: u32,
+        height: u32,
+        algorithm: MazeAlgorithm,
+        random: MazeRandom,
+        seed: u64,
+    ) -> Result<Self, InputError> {
+        at_least("width", width, 1)?;
+        at_least("height", height, 1)?;
+        check_size(lattice_size(height), lattice_size(width))?;
+        let mut maze = Self {
+            width,
+            height,
+            open: vec![0; width as usize * height as usize],
+        };
+        let mut draws = match random {
+            MazeRandom::ChaCha => Draws::ChaCha(SeededRandom::new("map maze", seed)),
+            MazeRandom::Python => Draws::Python(Box::new(PythonRandom::new(seed))),
+        };
+        match algorithm {
+            MazeAlgorithm::Backtracker => maze.backtracker(&mut draws),
+            MazeAlgorithm::Prim => maze.prim(&mut draws),
+        }
+        Ok(maze)
+    }
+
+    /// Cells from west to east.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Cells from north to south.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Number of cells.
+    pub fn cell_count(&self) -> u32 {
+        self.width * self.height
+    }
+
+    /// The cell at a position, if it is in the maze.
+    pub fn cell(&self, x: u32, y: u32) -> Option<u32> {
+        (x < self.width && y < self.height).then(|| y * self.width + x)
+    }
+
+    /// Column x and row y of a cell.
+    pub fn position(&self, cell: u32) -> (u32, u32) {
+        (cell % self.width, cell / self.width)
+    }
+
+    /// The benchmark's start: (0, 0).
+    pub fn start(&self) -> u32 {
+        0
+    }
+
+    /// The benchmark's goal: (width / 2, height / 2), rounded down.
+    pub fn goal(&self) -> u32 {
+        self.height / 2 * self.width + self.width / 2
+    }
+
+    /// Whether there is no wall between two cells that are neighbours.
+    pub fn passage(&self, a: u32, b: u32) -> bool {
+        self.wall(a, b)
+            .is_some_and(|(cell, side)| self.open[cell as usize] & side != 0)
+    }
+
+    /// The cells beyond the open walls of a cell, in the order north, east, south, west.
+    pub fn neighbors(&self, cell: u32) -> impl Iterator<Item = u32> {
+        self.adjacent(cell)
+            .filter(move |to| self.passage(cell, *to))
+    }
+
+    /// The cells of the shortest way, both ends included; nothing if an end is not
+    /// in the maze.
+    pub fn shortest_path(&self, from: u32, to: u32) -> Option<Vec<u32>> {
+        if from.max(to) >= self.cell_count() {
+            return None;
+        }
+        // Backwards, so that the way comes out in its order.
+        let mut next = vec![u32::MAX; self.open.len()];
+        next[to as usize] = to;
+        let mut queue = VecDeque::from([to]);
+        while let Some(cell) = queue.pop_front() {
+            if cell == from {
+                break;
+            }
+            for before in self.neighbors(cell) {
+                if next[before as usize] == u32::MAX {
+                    next[before as usize] = cell;
+                    queue.push_back(before);
+                }
+            }
+        }
+        let mut path = vec![from];
+        let mut cell = from;
+        while cell != to {
+            cell = next[cell as usize];
+            path.push(cell);
+        }
+        Some(path)
+    }
+
+    /// Where a cell is on the lattice, as row and column: φ(x, y) = (2y + 1, 2x + 1),
+    /// the benchmark's equation 2.
+    pub fn on_lattice(&self, cell: u32) -> (u32, u32) {
+        let (x, y) = self.position(cell);
+        (2 * y + 1, 2 * x + 1)
+    }
+
+    /// The occupancy lattice of equation 1: (2H + 1) × (2W + 1) cells, of which the
+    /// maze's cells and its passages are free.
+    pub fn lattice(&self, name: impl Into<String>) -> Result<Grid, InputError> {
+        self.draw(lattice_size(self.height), lattice_size(self.width), 1, name)
+    }
+
+    /// Corridors of a width on a map of `rows` and `cols`, cut where it ends.
+    fn draw(
+        &self,
+        rows: u32,
+        cols: u32,
+        corridor: u32,
+        name: impl Into<String>,
+    ) -> Result<Grid, InputError> {
+        let mut canvas = Canvas::new(rows, cols, b'@')?;
+        let pitch = corridor.saturating_add(1);
+        for cell in 0..self.cell_count() {
+            let (x, y) = self.position(cell);
+            let (row, col) = (y * pitch + 1, x * pitch + 1);
+            let open = self.open[cell as usize];
+            let across = corridor.saturating_add(u32::from(open & EAST != 0));
+            let down = corridor.saturating_add(u32::from(open & SOUTH != 0));
+            canvas.fill(row, col, corridor, across, b'.');
+            canvas.fill(row, col, down, corridor, b'.');
+        }
+        canvas.grid(name.into())
+    }
+
+    /// The wall between two neighbours: the cell that has it at its east or south.
+    fn wall(&self, a: u32, b: u32) -> Option<(u32, u8)> {
+        let (first, second) = (a.min(b), a.max(b));
+        if second >= self.cell_count() {
+            return None;
+        }
+        let ((x, y), to) = (self.position(first), self.position(second));
+        match to {
+            _ if to == (x + 1, y) => Some((first, EAST)),
+            _ if to == (x, y + 1) => Some((first, SOUTH)),
+            _ => None,
+        }
+    }
+
+    fn open_wall(&mut self, a: u32, b: u32) {
+        if let Some((cell, side)) = self.wall(a, b) {
+            self.open[cell as usize] |= side;
+        }
+    }
+
+    /// Neighbours, walls or not, in the order north, east, south, west.
+    fn adjacent(&self, cell: u32) -> impl Iterator<Item = u32> + use<> {
+        let (x, y) = self.position(cell);
+        [
+            (y > 0).then(|| cell - self.width),
+            (x + 1 < self.width).then(|| cell + 1),
+            (y + 1 < self.height).then(|| cell + self.width),
+            (x > 0).then(|| cell - 1),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    fn backtracker(&mut self, draws: &mut Draws) {
+        let mut visited = vec![false; self.open.len()];
+        let mut stack = vec![0];
+        visited[0] = true;
+        while let Some(cell) = stack.last().copied() {
+            let closed: Vec<u32> = self
+                .adjacent(cell)
+                .filter(|to| !visited[*to as usize])
+                .collect();
+            if closed.is_empty() {
+                stack.pop();
+                continue;
+            }
+            let to = closed[draws.below(closed.len())];
+            visited[to as usize] = true;
+            self.open_wall(cell, to);
+            stack.push(to);
+        }
+    }
+
+    fn prim(&mut self, draws: &mut Draws) {
+        let mut visited = vec![false; self.open.len()];
+        // Edges, with a target as often as it has visited neighbours.
+        let mut frontier: Vec<(u32, u32)> = self.adjacent(0).map(|to| (0, to)).collect();
+        visited[0] = true;
+        while !frontier.is_empty() {
+            let (from, to) = draws.take(&mut frontier);
+            if std::mem::replace(&mut visited[to as usize], true) {
+                continue;
+            }
+            self.open_wall(from, to);
+            let edges = self
+                .adjacent(to)
+                .filter(|next| !visited[*next as usize])
+                .map(|next| (to, next));
+            frontier.extend(edges);
+        }
+    }
+}
+
+/// Rows or columns of the lattice of so many maze cells.
+fn lattice_size(cells: u32) -> u32 {
+    cells.saturating_mul(2).saturating_add(1)
+}
+
+/// Random choices while a maze is carved.
+enum Draws {
+    ChaCha(SeededRandom),
+    Python(Box<PythonRandom>),
+}
+
+impl Draws {
+    fn below(&mut self, bound: usize) -> usize {
+        match self {
+            Self::ChaCha(random) => random.below(bound),
+            Self::Python(random) => random.below(bound),
+        }
+    }
+
+    /// Takes one of the items, any equally likely. The order in which the others
+    /// stay decides what later draws mean: Python's `list.pop` keeps it.
+    fn take<T>(&mut self, items: &mut Vec<T>) -> T {
+        let at = self.below(items.len());
+        match self {
+            Self::ChaCha(_) => items.swap_remove(at),
+            Self::Python(_) => items.remove(at),
+        }
+    }
+}
+
+/// A map of a maze: corridors of equal width between walls of one cell.
 ///
 /// Walls stand in rows and columns whose number is a multiple of `corridor + 1`.
 /// The map is cut at `rows` and `cols`: with `corridor` 1 and odd sizes this is
@@ -47,6 +366,8 @@ pub struct MazeSpec {
     pub corridor: u32,
     /// How it is carved.
     pub algorithm: MazeAlgorithm,
+    /// Whose random numbers carve it.
+    pub random: MazeRandom,
     /// Chooses the maze.
     pub seed: u64,
 }
@@ -54,121 +375,68 @@ pub struct MazeSpec {
 impl MazeSpec {
     /// A maze of `height` × `width` maze cells, each one cell of the map, closed
     /// on all sides.
-    pub fn lattice(height: u32, width: u32, algorithm: MazeAlgorithm, seed: u64) -> Self {
-        let lattice = |cells: u32| cells.saturating_mul(2).saturating_add(1);
+    pub fn lattice(
+        height: u32,
+        width: u32,
+        algorithm: MazeAlgorithm,
+        random: MazeRandom,
+        seed: u64,
+    ) -> Self {
         Self {
-            rows: lattice(height),
-            cols: lattice(width),
+            rows: lattice_size(height),
+            cols: lattice_size(width),
             corridor: 1,
             algorithm,
+            random,
             seed,
         }
     }
 
-    /// `maze-ROWS-COLS-CORRIDOR`.
+    /// `maze-ROWS-COLS-CORRIDOR`; with Python's numbers `maze-ROWS-COLS-CORRIDOR-ALGORITHM-SEED`,
+    /// since such mazes come in series.
     pub fn name(&self) -> String {
-        format!("maze-{}-{}-{}", self.rows, self.cols, self.corridor)
+        let name = format!("maze-{}-{}-{}", self.rows, self.cols, self.corridor);
+        match self.random {
+            MazeRandom::ChaCha => name,
+            MazeRandom::Python => format!("{name}-{}-{}", self.algorithm.name(), self.seed),
+        }
+    }
+
+    /// The maze itself.
+    pub fn maze(&self) -> Result<Maze, InputError> {
+        at_least("rows", self.rows, 2)?;
+        at_least("cols", self.cols, 2)?;
+        at_least("corridor", self.corridor, 1)?;
+        check_size(self.rows, self.cols)?;
+        let pitch = self.corridor.saturating_add(1);
+        let (height, width) = (
+            (self.rows - 1).div_ceil(pitch),
+            (self.cols - 1).div_ceil(pitch),
+        );
+        Maze::carve(width, height, self.algorithm, self.random, self.seed)
     }
 
     /// The map.
     pub fn generate(&self) -> Result<Grid, InputError> {
-        at_least("rows", self.rows, 2)?;
-        at_least("cols", self.cols, 2)?;
-        at_least("corridor", self.corridor, 1)?;
-        let mut canvas = Canvas::new(self.rows, self.cols, b'.')?;
+        self.map_of(&self.maze()?)
+    }
+
+    /// The map with one agent, from the north-west corner of the maze's start to that
+    /// of its goal; both are single cells where corridors are one cell wide.
+    pub fn instance(&self, connectivity: Connectivity) -> Result<GridInstance, InputError> {
+        let maze = self.maze()?;
+        let grid = self.map_of(&maze)?;
         let pitch = self.corridor.saturating_add(1);
-        for row in (0..self.rows).step_by(pitch as usize) {
-            canvas.fill(row, 0, 1, self.cols, b'@');
-        }
-        for col in (0..self.cols).step_by(pitch as usize) {
-            canvas.fill(0, col, self.rows, 1, b'@');
-        }
-        let lattice = Lattice {
-            rows: (self.rows - 1).div_ceil(pitch),
-            cols: (self.cols - 1).div_ceil(pitch),
+        let cell = |of_maze: u32| {
+            let (x, y) = maze.position(of_maze);
+            (y * pitch + 1) * self.cols + x * pitch + 1
         };
-        let mut random = SeededRandom::new("map maze", self.seed);
-        let passages = match self.algorithm {
-            MazeAlgorithm::Backtracker => lattice.backtracker(&mut random),
-            MazeAlgorithm::Prim => lattice.prim(&mut random),
-        };
-        for (a, b) in passages {
-            let (a, b) = (lattice.row_col(a.min(b)), lattice.row_col(a.max(b)));
-            if a.0 == b.0 {
-                // East: the wall column before `b`, over the corridor's height.
-                canvas.fill(a.0 * pitch + 1, b.1 * pitch, self.corridor, 1, b'.');
-            } else {
-                canvas.fill(b.0 * pitch, a.1 * pitch + 1, 1, self.corridor, b'.');
-            }
-        }
-        canvas.grid(self.name())
-    }
-}
-
-/// The maze's own cells, before they are drawn.
-struct Lattice {
-    rows: u32,
-    cols: u32,
-}
-
-impl Lattice {
-    fn row_col(&self, cell: u32) -> (u32, u32) {
-        (cell / self.cols, cell % self.cols)
+        let (start, goal) = (cell(maze.start()), cell(maze.goal()));
+        GridInstance::new(Arc::new(grid), connectivity, vec![start], vec![goal])
+            .map_err(|error| InputError::new(self.name(), error.to_string()))
     }
 
-    /// Neighbours in the order north, east, south, west.
-    fn neighbors(&self, cell: u32) -> impl Iterator<Item = u32> + use<> {
-        let (row, col) = self.row_col(cell);
-        [
-            (row > 0).then(|| cell - self.cols),
-            (col + 1 < self.cols).then(|| cell + 1),
-            (row + 1 < self.rows).then(|| cell + self.cols),
-            (col > 0).then(|| cell - 1),
-        ]
-        .into_iter()
-        .flatten()
-    }
-
-    fn backtracker(&self, random: &mut SeededRandom) -> Vec<(u32, u32)> {
-        let mut visited = vec![false; (self.rows * self.cols) as usize];
-        let mut passages = Vec::with_capacity(visited.len());
-        let mut stack = vec![0];
-        visited[0] = true;
-        while let Some(cell) = stack.last().copied() {
-            let open: Vec<u32> = self
-                .neighbors(cell)
-                .filter(|to| !visited[*to as usize])
-                .collect();
-            if open.is_empty() {
-                stack.pop();
-                continue;
-            }
-            let to = open[random.below(open.len())];
-            visited[to as usize] = true;
-            passages.push((cell, to));
-            stack.push(to);
-        }
-        passages
-    }
-
-    fn prim(&self, random: &mut SeededRandom) -> Vec<(u32, u32)> {
-        let mut visited = vec![false; (self.rows * self.cols) as usize];
-        let mut passages = Vec::with_capacity(visited.len());
-        // Edges, with a target as often as it has visited neighbours.
-        let mut frontier: Vec<(u32, u32)> = self.neighbors(0).map(|to| (0, to)).collect();
-        visited[0] = true;
-        while !frontier.is_empty() {
-            let (from, to) = frontier.swap_remove(random.below(frontier.len()));
-            if std::mem::replace(&mut visited[to as usize], true) {
-                continue;
-            }
-            passages.push((from, to));
-            let open = self
-                .neighbors(to)
-                .filter(|next| !visited[*next as usize])
-                .map(|next| (to, next));
-            frontier.extend(open);
-        }
-        passages
+    fn map_of(&self, maze: &Maze) -> Result<Grid, InputError> {
+        maze.draw(self.rows, self.cols, self.corridor, self.name())
     }
 }

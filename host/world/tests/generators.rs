@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use fleetyard_core::{Connectivity, Grid, InputError, read_map, read_scen, write_map, write_scen};
 use fleetyard_world::{
-    EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec, WarehouseSpec,
+    EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec,
+    WarehouseSpec,
 };
 use proptest::prelude::*;
 
@@ -76,14 +77,14 @@ fn bad_parameters() {
         &MapSpec::Room(RoomSpec { doors: 0, ..room }),
         "doors: doors is 0; doors is a whole number of 1 or more",
     );
-    let maze = MazeSpec::lattice(0, 3, MazeAlgorithm::Prim, 0);
+    let maze = MazeSpec::lattice(0, 3, MazeAlgorithm::Prim, MazeRandom::ChaCha, 0);
     fails(
         &MapSpec::Maze(maze),
         "rows: rows is 1; rows is a whole number of 2 or more",
     );
     let maze = MazeSpec {
         corridor: 0,
-        ..MazeSpec::lattice(3, 3, MazeAlgorithm::Prim, 0)
+        ..MazeSpec::lattice(3, 3, MazeAlgorithm::Prim, MazeRandom::ChaCha, 0)
     };
     fails(
         &MapSpec::Maze(maze),
@@ -190,6 +191,7 @@ fn scenarios_have_the_columns_of_the_benchmark() {
 fn specs() -> impl Strategy<Value = MapSpec> {
     let size = || (2u32..24, 2u32..24);
     let algorithm = prop_oneof![Just(MazeAlgorithm::Backtracker), Just(MazeAlgorithm::Prim)];
+    let random = prop_oneof![Just(MazeRandom::ChaCha), Just(MazeRandom::Python)];
     prop_oneof![
         size().prop_map(|(rows, cols)| MapSpec::Empty(EmptySpec { rows, cols })),
         (size(), 0.0..0.99, any::<u64>()).prop_map(|((rows, cols), obstacle_density, seed)| {
@@ -211,13 +213,14 @@ fn specs() -> impl Strategy<Value = MapSpec> {
                 })
             }
         ),
-        (size(), 1u32..6, algorithm, any::<u64>()).prop_map(
-            |((rows, cols), corridor, algorithm, seed)| {
+        (size(), 1u32..6, (algorithm, random), any::<u64>()).prop_map(
+            |((rows, cols), corridor, (algorithm, random), seed)| {
                 MapSpec::Maze(MazeSpec {
                     rows,
                     cols,
                     corridor,
                     algorithm,
+                    random,
                     seed,
                 })
             }
@@ -331,6 +334,7 @@ fn shipped() -> Vec<(MapSpec, ScenarioSpec)> {
                 cols: 32,
                 corridor: 3,
                 algorithm,
+                random: MazeRandom::ChaCha,
                 seed: 1,
             }),
             ScenarioSpec {
@@ -339,7 +343,13 @@ fn shipped() -> Vec<(MapSpec, ScenarioSpec)> {
             },
         ),
         (
-            MapSpec::Maze(MazeSpec::lattice(10, 10, MazeAlgorithm::Prim, 1)),
+            MapSpec::Maze(MazeSpec::lattice(
+                10,
+                10,
+                MazeAlgorithm::Prim,
+                MazeRandom::ChaCha,
+                1,
+            )),
             ScenarioSpec {
                 agents: 10,
                 seed: 1,

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use fleetyard_core::{Grid, InputError, Scenario, load_map, save_map, save_scen};
+use fleetyard_core::{Connectivity, Grid, InputError, Scenario, load_map, save_map, save_scen};
 use fleetyard_world::{
-    EmptySpec, MapSpec, MazeAlgorithm, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec, WarehouseSpec,
+    EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec,
+    WarehouseSpec,
 };
 use serde::Serialize;
 
-use crate::args::{Format, Generate, MazeArg, OutArgs, SizeArgs};
+use crate::args::{Format, Generate, MazeArg, MazeRandomArg, MazeSizeArgs, OutArgs, SizeArgs};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 
@@ -27,27 +28,31 @@ fn wrong_flag(error: InputError) -> Failure {
 pub(crate) fn generate(what: &Generate) -> Result<Exit> {
     let (spec, out) = spec(what);
     let grid = spec.generate().map_err(wrong_flag)?;
-    let scenario = out
-        .scenario_agents
-        .map(|agents| make_scenario(&grid, agents, out.scenario_seed, "scenario-agents"));
-    let scenario = scenario.transpose()?;
+    let mut scenarios = Vec::new();
+    if let (MapSpec::Maze(spec), Generate::Maze { scenario: true, .. }) = (&spec, what) {
+        let task = spec.instance(Connectivity::Four).map_err(wrong_flag)?;
+        let map = format!("{}.map", grid.name());
+        let entry = (task.starts()[0], task.goals()[0]);
+        let name = format!("{}.scen", grid.name());
+        scenarios.push((name, Scenario::of(&grid, &map, [entry])));
+    }
+    if let Some(agents) = out.scenario_agents {
+        let scenario = make_scenario(&grid, agents, out.scenario_seed, "scenario-agents")?;
+        scenarios.push((scenario_name(&grid, out.scenario_seed), scenario));
+    }
     let map = out.out.join(format!("{}.map", grid.name()));
     save_map(&grid, &map)?;
     output::print(&map.display().to_string())?;
-    if let Some(scenario) = scenario {
-        save(&scenario, &grid, out.scenario_seed, &out.out)?;
+    for (name, scenario) in scenarios {
+        save(&scenario, &out.out.join(name))?;
     }
     Ok(Exit::Success)
 }
 
 pub(crate) fn scenario(map: &Path, agents: u32, seed: u64, out: &Path) -> Result<Exit> {
     let grid = load_map(map)?;
-    save(
-        &make_scenario(&grid, agents, seed, "agents")?,
-        &grid,
-        seed,
-        out,
-    )?;
+    let scenario = make_scenario(&grid, agents, seed, "agents")?;
+    save(&scenario, &out.join(scenario_name(&grid, seed)))?;
     Ok(Exit::Success)
 }
 
@@ -63,10 +68,13 @@ fn make_scenario(grid: &Grid, agents: u32, seed: u64, flag: &str) -> Result<Scen
         })
 }
 
-/// Writes a scenario under the name that the benchmarks would give it.
-fn save(scenario: &Scenario, grid: &Grid, seed: u64, folder: &Path) -> Result<()> {
-    let path = folder.join(format!("{}-random-{seed}.scen", grid.name()));
-    save_scen(scenario, &path)?;
+/// The name that the benchmarks would give a random scenario.
+fn scenario_name(grid: &Grid, seed: u64) -> String {
+    format!("{}-random-{seed}.scen", grid.name())
+}
+
+fn save(scenario: &Scenario, path: &Path) -> Result<()> {
+    save_scen(scenario, path)?;
     output::print(&path.display().to_string())
 }
 
@@ -120,24 +128,31 @@ fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
             )
         }
         Generate::Maze {
-            size: SizeArgs { rows, cols },
+            size,
             corridor,
             algorithm,
+            random,
             seed,
             out,
+            ..
         } => {
             let algorithm = match algorithm {
                 MazeArg::Backtracker => MazeAlgorithm::Backtracker,
                 MazeArg::Prim => MazeAlgorithm::Prim,
             };
-            let (rows, cols, corridor, seed) = (*rows, *cols, *corridor, *seed);
+            let random = match random {
+                MazeRandomArg::ChaCha => MazeRandom::ChaCha,
+                MazeRandomArg::Python => MazeRandom::Python,
+            };
+            let (rows, cols) = maze_size(size, *corridor);
             (
                 MapSpec::Maze(MazeSpec {
                     rows,
                     cols,
-                    corridor,
+                    corridor: *corridor,
                     algorithm,
-                    seed,
+                    random,
+                    seed: *seed,
                 }),
                 out,
             )
@@ -162,6 +177,19 @@ fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
             (MapSpec::Warehouse(spec), out)
         }
     }
+}
+
+/// Rows and columns of the map; one of the two pairs is there.
+fn maze_size(size: &MazeSizeArgs, corridor: u32) -> (u32, u32) {
+    let of_cells = |cells: u32| {
+        let pitch = corridor.saturating_add(1);
+        cells.saturating_mul(pitch).saturating_add(1)
+    };
+    let lattice = |cells: Option<u32>| cells.map(of_cells).unwrap_or_default();
+    (
+        size.rows.unwrap_or_else(|| lattice(size.height)),
+        size.cols.unwrap_or_else(|| lattice(size.width)),
+    )
 }
 
 #[derive(Serialize)]
