@@ -3,5 +3,6 @@
 #![forbid(unsafe_code)]
 
 mod row;
+pub mod statistics;
 
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};

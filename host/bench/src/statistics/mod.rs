@@ -1,0 +1,17 @@
+//! Statistics of trials: pure functions over slices, each with its formula and source.
+//!
+//! Values are finite; a function of values that do not determine its result (none, or
+//! one where two are needed) returns `None`. Nothing here knows what a trial is:
+//! `evaluate` asks, this answers. `docs/statistics.md` says when each is used.
+
+mod bootstrap;
+mod describe;
+mod interval;
+mod paired;
+mod rank;
+
+pub use bootstrap::{BOOTSTRAP_SEED, RESAMPLES, bootstrap_mean, bootstrap_median};
+pub use describe::{Summary, mean, median, quantile, sorted, standard_deviation};
+pub use interval::{CONFIDENCE, Interval, mean_interval, wilson};
+pub use paired::{holm, sign_test};
+pub use rank::kendall_tau_b;

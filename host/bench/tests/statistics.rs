@@ -1,0 +1,317 @@
+//! The statistics against published values and against SciPy.
+
+use std::io::Write as _;
+use std::process::{Command, Stdio};
+
+use fleetyard_bench::statistics::{
+    BOOTSTRAP_SEED, Interval, RESAMPLES, Summary, bootstrap_mean, bootstrap_median, holm,
+    kendall_tau_b, mean_interval, median, quantile, sign_test, sorted, standard_deviation, wilson,
+};
+use fleetyard_world::SeededRandom;
+use serde_json::{Value, json};
+
+fn close(found: f64, wanted: f64, relative: f64) {
+    let error = (found - wanted).abs();
+    assert!(
+        error <= relative * wanted.abs().max(f64::MIN_POSITIVE),
+        "{found:e} is not {wanted:e}"
+    );
+}
+
+#[test]
+fn the_sign_test_gives_published_values() {
+    // Arbuthnott, "An argument for divine providence" (1710): more boys than girls were
+    // christened in each of 82 years; one chance in 4.836 · 10²⁴, here on two sides.
+    close(sign_test(82, 0), 2.0 / 4.835_703_278_458_517e24, 1e-15);
+    // The maze paper, Table IV, before correction.
+    close(sign_test(50, 0), 1.776_356_839_400_250_5e-15, 1e-15);
+    // 2·(1 + 50 + 1225)/2⁵⁰.
+    close(sign_test(2, 48), 2.0 * 1276.0 / 2f64.powi(50), 1e-15);
+    close(sign_test(2, 8), 0.109_375, 1e-15);
+    close(sign_test(5, 5), 1.0, 0.0);
+    close(sign_test(0, 0), 1.0, 0.0);
+}
+
+#[test]
+fn the_sign_test_takes_a_million_pairs() {
+    // Normal approximation with continuity correction for 3σ: z = (2·1500 − 1)/√10⁶ = 2.999.
+    close(sign_test(501_500, 498_500), 0.002_708_7, 1e-3);
+    close(sign_test(1_000_000, 0), 0.0, 0.0);
+    let almost_even = sign_test(500_001, 500_000);
+    assert!((0.998..=1.0).contains(&almost_even), "{almost_even}");
+    // 2/2¹⁰⁷⁴ is twice the smallest number there is.
+    close(sign_test(1074, 0), 1e-323, 0.0);
+}
+
+#[test]
+fn holm_gives_published_values() {
+    // The maze paper, Table IV: ten comparisons 50/0 and one 48/2.
+    let mut raw = vec![sign_test(50, 0); 11];
+    raw[2] = sign_test(48, 2);
+    let adjusted = holm(&raw);
+    for (at, p) in adjusted.iter().enumerate() {
+        let wanted = if at == 2 { 2.27e-12 } else { 1.95e-14 };
+        close(*p, wanted, 0.005);
+    }
+    // Monotone: what comes later is never smaller. R's p.adjust gives the same.
+    let adjusted = holm(&[0.01, 0.04, 0.03, 0.005]);
+    for (found, wanted) in adjusted.iter().zip([0.03, 0.06, 0.06, 0.02]) {
+        close(*found, wanted, 1e-12);
+    }
+    assert_eq!(holm(&[0.9, 0.8]), [1.0, 1.0]);
+    assert_eq!(holm(&[]), [0.0; 0]);
+}
+
+#[test]
+fn wilson_gives_published_values() {
+    // Newcombe, "Two-sided confidence intervals for the single proportion" (1998), Table I,
+    // method 3.
+    for (successes, trials, low, high) in [
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ] {
+        let found = wilson(successes, trials).unwrap();
+        assert!((found.low - low).abs() < 5e-5, "{found:?}");
+        assert!((found.high - high).abs() < 5e-5, "{found:?}");
+    }
+    assert_eq!(wilson(7, 7).unwrap().high.to_bits(), 1.0f64.to_bits());
+    assert_eq!(wilson(0, 0), None);
+}
+
+#[test]
+fn the_interval_of_the_mean_gives_published_values() {
+    // The sleep data of Student (1908), as R's `t.test` prints them.
+    let extra_sleep = [1.2, 2.4, 1.3, 1.3, 0.0, 1.0, 1.8, 0.8, 4.6, 1.4];
+    let found = mean_interval(&extra_sleep).unwrap();
+    assert!((found.low - 0.700_114_2).abs() < 1e-7, "{found:?}");
+    assert!((found.high - 2.459_885_8).abs() < 1e-7, "{found:?}");
+}
+
+#[test]
+fn quantiles_are_of_type_seven() {
+    let values = sorted([15.0, 20.0, 35.0, 40.0, 50.0].into_iter().rev());
+    assert_eq!(quantile(&values, 0.4), Some(29.0));
+    assert_eq!(quantile(&values, 0.0), Some(15.0));
+    assert_eq!(quantile(&values, 1.0), Some(50.0));
+    assert_eq!(median(&sorted([4.0, 1.0, 3.0, 2.0])), Some(2.5));
+}
+
+#[test]
+fn kendall_counts_ties() {
+    // The example of scipy.stats.kendalltau.
+    let tau = kendall_tau_b(&[12.0, 2.0, 1.0, 12.0, 2.0], &[1.0, 4.0, 7.0, 1.0, 0.0]);
+    close(tau.unwrap(), -0.471_404_520_791_031_73, 1e-15);
+    assert_eq!(
+        kendall_tau_b(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]),
+        Some(-1.0)
+    );
+    assert_eq!(kendall_tau_b(&[1.0, 2.0], &[3.0, 3.0]), None);
+    assert_eq!(kendall_tau_b(&[1.0, 2.0], &[3.0]), None);
+    assert_eq!(kendall_tau_b(&[], &[]), None);
+}
+
+#[test]
+fn what_has_no_answer_has_none() {
+    assert_eq!(Summary::of(&[]), None);
+    let one = Summary::of(&[3.5]).unwrap();
+    assert_eq!((one.mean, one.median, one.p95), (3.5, 3.5, 3.5));
+    assert_eq!((one.standard_deviation, one.mean_interval), (None, None));
+    for bootstrap in [bootstrap_mean, bootstrap_median] {
+        assert_eq!(bootstrap(&[], 100, 1), None);
+        assert_eq!(bootstrap(&[1.0], 100, 1), None);
+        assert_eq!(bootstrap(&[1.0, 2.0], 0, 1), None);
+        let same = Interval {
+            low: 2.0,
+            high: 2.0,
+        };
+        assert_eq!(bootstrap(&[2.0; 9], 100, 1), Some(same));
+    }
+}
+
+/// P(median of a resample ≤ the i-th smallest value) for odd n: at least (n + 1)/2 of n
+/// draws are among the first i.
+fn exact_median_distribution(n: u32, i: u32) -> f64 {
+    let share = f64::from(i) / f64::from(n);
+    let mut choose = 1.0;
+    let mut sum = 0.0;
+    for k in 0..=n {
+        if k > n / 2 {
+            sum += choose * share.powi(k as i32) * (1.0 - share).powi((n - k) as i32);
+        }
+        choose *= f64::from(n - k) / f64::from(k + 1);
+    }
+    sum
+}
+
+#[test]
+fn the_bootstrap_of_the_median_has_the_exact_distribution() {
+    // Without sampling, the percentiles of the median are the first values whose exact
+    // probability reaches them: Efron, "The jackknife, the bootstrap and other resampling
+    // plans" (1982), section 10.3.
+    for n in [3u32, 7, 15, 51, 101] {
+        let values: Vec<f64> = (1..=n).map(f64::from).collect();
+        let at = |level: f64| (1..=n).find(|i| exact_median_distribution(n, *i) >= level);
+        // Chance moves an end only where the distribution is close to the level.
+        let bounds = |level: f64| (at(level - 0.003).unwrap(), at(level + 0.003).unwrap());
+        let found = bootstrap_median(&values, RESAMPLES, BOOTSTRAP_SEED).unwrap();
+        for (end, (low, high)) in [(found.low, bounds(0.025)), (found.high, bounds(0.975))] {
+            assert!(
+                f64::from(low) <= end && end <= f64::from(high),
+                "{n}: {found:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_bootstrap_is_the_same_every_time() {
+    let values: Vec<f64> = (0..50).map(|i| f64::from(i * i % 47)).collect();
+    for bootstrap in [bootstrap_mean, bootstrap_median] {
+        let first = bootstrap(&values, 2000, 7).unwrap();
+        assert_eq!(bootstrap(&values, 2000, 7), Some(first));
+        let mut mixed = values.clone();
+        SeededRandom::new("test", 1).shuffle(&mut mixed);
+        let again = bootstrap(&mixed, 2000, 7).unwrap();
+        assert!((again.low - first.low).abs() < 0.6, "{again:?} {first:?}");
+    }
+    // The median does not depend on the order either.
+    let reversed: Vec<f64> = values.iter().copied().rev().collect();
+    assert_eq!(
+        bootstrap_median(&values, 2000, 7),
+        bootstrap_median(&reversed, 2000, 7)
+    );
+}
+
+/// Python with SciPy: the one that `FLEETYARD_PYTHON` names, or the system's.
+fn scipy(questions: &Value) -> Option<Value> {
+    const SCRIPT: &str = include_str!("statistics.py");
+    let python = std::env::var("FLEETYARD_PYTHON").unwrap_or_else(|_| "python3".into());
+    let has_scipy = Command::new(&python)
+        .args(["-c", "import scipy"])
+        .stderr(Stdio::null())
+        .status();
+    if !has_scipy.is_ok_and(|status| status.success()) {
+        println!("skipped: {python} has no SciPy; FLEETYARD_PYTHON may name one that has");
+        return None;
+    }
+    let mut child = Command::new(&python)
+        .args(["-c", SCRIPT])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    input.write_all(questions.to_string().as_bytes()).unwrap();
+    drop(input);
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    Some(serde_json::from_slice(&output.stdout).unwrap())
+}
+
+#[test]
+fn scipy_says_the_same() {
+    let mut random = SeededRandom::new("samples", 3);
+    let mut sample = |n: usize, step: f64| -> Vec<f64> {
+        let value = |x: f64| {
+            if step > 0.0 {
+                (x / step).round() * step
+            } else {
+                x
+            }
+        };
+        (0..n).map(|_| value(-random.unit().ln() * 10.0)).collect()
+    };
+    // Skewed ones of several sizes, and one with many ties.
+    let samples: Vec<Vec<f64>> = [
+        (2, 0.0),
+        (3, 0.0),
+        (10, 0.0),
+        (50, 0.0),
+        (51, 0.0),
+        (1000, 0.0),
+        (40, 4.0),
+    ]
+    .into_iter()
+    .map(|(n, step)| sample(n, step))
+    .collect();
+    let pairs: Vec<[Vec<f64>; 2]> = [(5, 0.0), (12, 0.0), (30, 5.0)]
+        .into_iter()
+        .map(|(n, step)| [sample(n, step), sample(n, step)])
+        .collect();
+    let counts = [
+        (0u64, 1u64),
+        (1, 1),
+        (3, 9),
+        (20, 31),
+        (0, 50),
+        (48, 2),
+        (700, 800),
+        (100, 4000),
+    ];
+    let questions = json!({"samples": samples, "pairs": pairs, "counts": counts});
+    let Some(answers) = scipy(&questions) else {
+        return;
+    };
+    let numbers = |value: &Value| -> Vec<f64> { serde_json::from_value(value.clone()).unwrap() };
+
+    for (counts, answer) in counts.iter().zip(answers["counts"].as_array().unwrap()) {
+        let answer = numbers(answer);
+        close(sign_test(counts.0, counts.1), answer[0], 1e-11);
+        let interval = wilson(counts.0, counts.0 + counts.1).unwrap();
+        assert!((interval.low - answer[1]).abs() < 1e-12);
+        assert!((interval.high - answer[2]).abs() < 1e-12);
+    }
+    for (pair, answer) in pairs.iter().zip(answers["pairs"].as_array().unwrap()) {
+        close(
+            kendall_tau_b(&pair[0], &pair[1]).unwrap(),
+            answer.as_f64().unwrap(),
+            1e-12,
+        );
+    }
+    for (sample, answer) in samples.iter().zip(answers["samples"].as_array().unwrap()) {
+        let summary = Summary::of(sample).unwrap();
+        let interval = summary.mean_interval.unwrap();
+        let found = [
+            summary.mean,
+            standard_deviation(sample).unwrap(),
+            summary.q1,
+            summary.median,
+            summary.q3,
+            summary.p95,
+            interval.low,
+            interval.high,
+        ];
+        for (found, wanted) in found.into_iter().zip(numbers(&answer["summary"])) {
+            assert!(
+                (found - wanted).abs() < 1e-9 * wanted.abs().max(1.0),
+                "{found} {wanted}"
+            );
+        }
+        // Two seeds differ by chance: by one value of the sample at the ends of the median,
+        // and by a few percent of the interval at those of the mean.
+        let ascending = sorted(sample.iter().copied());
+        let place = |value: f64| ascending.partition_point(|at| *at < value) as i64;
+        let found = bootstrap_median(sample, RESAMPLES, BOOTSTRAP_SEED).unwrap();
+        for (found, wanted) in [found.low, found.high]
+            .into_iter()
+            .zip(numbers(&answer["median"]))
+        {
+            assert!(
+                (place(found) - place(wanted)).abs() <= 1,
+                "{found} {wanted}"
+            );
+        }
+        let found = bootstrap_mean(sample, RESAMPLES, BOOTSTRAP_SEED).unwrap();
+        for (end, wanted) in [found.low, found.high]
+            .into_iter()
+            .zip(numbers(&answer["mean"]))
+        {
+            assert!(
+                (end - wanted).abs() <= 0.03 * (found.high - found.low),
+                "{end} {wanted}"
+            );
+        }
+    }
+}
