@@ -9,6 +9,7 @@ use std::io::{self, BufRead, BufReader, IsTerminal, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::thread::{self, ThreadId};
 use std::time::Duration;
 
 use serde::Serialize;
@@ -269,16 +270,10 @@ impl<W: Write + Send> Server<'_, W> {
                 };
                 let context = path_context(self.environment.as_ref(), &instance)?;
                 let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
+                let began_ns = monotonic_ns();
                 let result = planner.plan(&instance, &budget, &sink);
-                let Outcome { status, message } = outcome(result)?;
-                channel.reply(
-                    id,
-                    PlanResult {
-                        status,
-                        message,
-                        paths: None,
-                    },
-                );
+                let call_ns = sink.worked_ns(began_ns);
+                channel.reply(id, plan_result(result, call_ns)?);
             }
             "recover" => {
                 let RecoverParams {
@@ -296,16 +291,10 @@ impl<W: Write + Send> Server<'_, W> {
                 let failed = failed_paths.map(read).transpose().map_err(invalid_params)?;
                 let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
                 let failed = failed.as_ref().map(Plan::as_ref);
+                let began_ns = monotonic_ns();
                 let result = policy.recover(&instance, failed, &budget, &sink);
-                let Outcome { status, message } = outcome(result)?;
-                channel.reply(
-                    id,
-                    PlanResult {
-                        status,
-                        message,
-                        paths: None,
-                    },
-                );
+                let call_ns = sink.worked_ns(began_ns);
+                channel.reply(id, plan_result(result, call_ns)?);
             }
             "generate" => {
                 let GenerateParams { state, budget } = params(text)?;
@@ -366,6 +355,17 @@ fn wrong_object(method: &str, object: Option<&Object>) -> Refusal {
         None => format!("`{method}` came before a successful `create`"),
     };
     Refusal::new(wire::INVALID_REQUEST, reason)
+}
+
+/// The answer to a call that asked for a plan.
+fn plan_result(result: Result<(), Failure>, call_ns: u64) -> Result<PlanResult<'static>, Refusal> {
+    let Outcome { status, message } = outcome(result)?;
+    Ok(PlanResult {
+        status,
+        message,
+        paths: None,
+        call_ns: Some(call_ns),
+    })
 }
 
 fn outcome(result: Result<(), Failure>) -> Result<Outcome, Refusal> {
@@ -435,6 +435,8 @@ impl<'a, W: Write + Send> Channel<'a, W> {
             id,
             deadline,
             answer,
+            thread: thread::current().id(),
+            writing_ns: AtomicU64::new(0),
         }
     }
 
@@ -462,6 +464,27 @@ struct WireSink<'a, W> {
     id: u64,
     deadline: u64,
     answer: Answer<'a>,
+    /// The call's own thread, and how long it has written messages.
+    thread: ThreadId,
+    writing_ns: AtomicU64,
+}
+
+impl<W: Write + Send> WireSink<'_, W> {
+    /// How long the call that began then has worked until now.
+    fn worked_ns(&self, began_ns: u64) -> u64 {
+        (monotonic_ns() - began_ns).saturating_sub(self.writing_ns.load(Ordering::Relaxed))
+    }
+
+    /// Sends a message. What other threads of the plugin send does not keep the call
+    /// from its work.
+    fn send<T: Serialize>(&self, message: &T) {
+        let began_ns = monotonic_ns();
+        self.channel.send(message);
+        if thread::current().id() == self.thread {
+            let spent_ns = monotonic_ns() - began_ns;
+            self.writing_ns.fetch_add(spent_ns, Ordering::Relaxed);
+        }
+    }
 }
 
 impl<W: Write + Send> Sink for WireSink<'_, W> {
@@ -477,7 +500,7 @@ impl<W: Write + Send> Sink for WireSink<'_, W> {
             context,
             encoding: PathEncoding::Moves,
         };
-        self.channel.send(&Request::notification(
+        self.send(&Request::notification(
             "incumbent",
             IncumbentParams { paths },
         ));
@@ -499,7 +522,7 @@ impl<W: Write + Send> Sink for WireSink<'_, W> {
                 name: name.into(),
                 value,
             };
-            self.channel.send(&Request::notification("metric", params));
+            self.send(&Request::notification("metric", params));
         }
     }
 
@@ -508,11 +531,11 @@ impl<W: Write + Send> Sink for WireSink<'_, W> {
             level,
             text: text.into(),
         };
-        self.channel.send(&Request::notification("log", params));
+        self.send(&Request::notification("log", params));
     }
 
     fn progress(&self, done: u64, total: u64) {
-        self.channel.send(&Request::notification(
+        self.send(&Request::notification(
             "progress",
             ProgressParams { done, total },
         ));

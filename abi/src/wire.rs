@@ -270,6 +270,10 @@ pub struct PlanResult<'a> {
     #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Vec<WirePath>>")]
     pub paths: Option<&'a RawValue>,
+    /// How long the plugin worked on the call, without reading and writing messages:
+    /// nanoseconds of a monotonic clock.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub call_ns: Option<u64>,
 }
 
 /// Parameters of the notification `incumbent`: a plan, better than the last.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import threading
+import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, Callable, ClassVar, Dict, List, Mapping, Optional, Sequence
 
@@ -41,6 +43,8 @@ class Context:
         self._budget = budget
         self._encode = encode
         self._submitted = False
+        self._thread = threading.get_ident()
+        self._writing_ns = 0
 
     def cancelled(self) -> bool:
         """Whether the call should end: its deadline is so near that an answer may just
@@ -67,7 +71,8 @@ class Context:
         late = self._budget is not None and self._budget.expired()
         if late or self._revoked():
             return False
-        self._channel.notify("incumbent", {"paths": self._encode(paths)})
+        encode = self._encode
+        self._notify("incumbent", lambda: {"paths": encode(paths)})
         self._submitted = True
         return True
 
@@ -76,17 +81,25 @@ class Context:
         that is not finite is left out."""
         value = float(value)
         if math.isfinite(value):
-            self._channel.notify("metric", {"name": str(name), "value": value})
+            self._notify("metric", lambda: {"name": str(name), "value": value})
 
     def progress(self, done: int, total: int = 0) -> None:
         """Says how much of the work is done; ``total`` 0 if unknown."""
-        self._channel.notify("progress", {"done": max(0, int(done)), "total": max(0, int(total))})
+        params = {"done": max(0, int(done)), "total": max(0, int(total))}
+        self._notify("progress", lambda: params)
 
     def log(self, text: str, level: str = "info") -> None:
         """Writes to the run's log; levels are error, warning, info, debug."""
         if level not in LOG_LEVELS:
             raise ValueError(f"{level!r} is none of {', '.join(LOG_LEVELS)}")
-        self._channel.notify("log", {"level": level, "text": str(text)})
+        self._notify("log", lambda: {"level": level, "text": str(text)})
+
+    def _notify(self, method: str, params: Callable[[], Dict[str, Any]]) -> None:
+        """Sends a message, and notes how long that kept the call from its work."""
+        began = time.monotonic_ns()
+        self._channel.notify(method, params())
+        if threading.get_ident() == self._thread:
+            self._writing_ns += time.monotonic_ns() - began
 
 
 class Plugin(ABC):

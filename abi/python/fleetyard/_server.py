@@ -310,9 +310,14 @@ def _outcome(call: Callable[[], Any]) -> Dict[str, Any]:
 
 def _plan_result(context: Context, call: Callable[[], Any]) -> Dict[str, Any]:
     written: List[Any] = []
+    worked: List[int] = []
 
     def plan() -> None:
-        paths = call()
+        began = time.monotonic_ns()
+        try:
+            paths = call()
+        finally:
+            worked.append(time.monotonic_ns() - began - context._writing_ns)
         if paths is not None:
             assert context._encode is not None
             written.append(context._encode(paths))
@@ -322,6 +327,7 @@ def _plan_result(context: Context, call: Callable[[], Any]) -> Dict[str, Any]:
     result = _outcome(plan)
     if written:
         result["paths"] = written[0]
+    result["call_ns"] = max(worked[0], 0)
     return result
 
 

@@ -2,7 +2,21 @@
 
 #![forbid(unsafe_code)]
 
+mod candidate;
+pub mod claims;
+mod options;
+mod record;
 mod row;
 pub mod statistics;
+mod trial;
+mod trial_error;
 
+pub use candidate::{Candidate, GivenOptions, Running};
+pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
+pub use record::{
+    BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
+    PlannerInfo, Record, VerdictInfo, number,
+};
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
+pub use trial::{Host, Outcome, Trial, execute, milliseconds};
+pub use trial_error::TrialError;

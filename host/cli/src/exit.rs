@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use fleetyard_bench::{Ending, TrialError};
 use fleetyard_core::InputError;
 use fleetyard_runtime::{Fault, OptionError};
 use fleetyard_sim::SimError;
@@ -120,6 +121,38 @@ impl From<Fault> for Failure {
             exit,
             message: fault.to_string(),
             hint,
+        }
+    }
+}
+
+impl From<TrialError> for Failure {
+    fn from(error: TrialError) -> Self {
+        let hint = error.hint();
+        let message = error.to_string();
+        let exit = match error {
+            TrialError::Input(error) => return error.into(),
+            TrialError::Options(error) => return error.into(),
+            TrialError::Fault(fault) => return fault.into(),
+            TrialError::Simulation(error) => return error.into(),
+            TrialError::Robots(_) | TrialError::SeveralPlanners { .. } => Exit::Usage,
+            TrialError::NoPlanner { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
+            TrialError::Incapable { .. } => Exit::NoPlan,
+        };
+        Self {
+            exit,
+            message,
+            hint,
+        }
+    }
+}
+
+impl From<Ending> for Exit {
+    fn from(ending: Ending) -> Self {
+        match ending {
+            Ending::Success => Self::Success,
+            Ending::NoPlan => Self::NoPlan,
+            Ending::InvalidPlan => Self::InvalidPlan,
+            Ending::Plugin => Self::Plugin,
         }
     }
 }

@@ -4,12 +4,10 @@
 #![forbid(unsafe_code)]
 
 mod args;
-mod claims;
 mod commands;
 mod exit;
 mod output;
-mod record;
-mod trial;
+mod setup;
 
 use clap::Parser;
 

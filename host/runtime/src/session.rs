@@ -198,6 +198,9 @@ pub struct PlanRun {
     pub metrics: BTreeMap<String, f64>,
     /// Wall time of the call by the host's clock.
     pub planning: Duration,
+    /// Wall time of the call beside the plugin, in its process, without transport; absent
+    /// where nobody measures it.
+    pub call: Option<Duration>,
     /// What the plugin's processes used meanwhile.
     pub usage: CallUsage,
     /// Whether the plugin was stopped, rather than ending its call by itself.
@@ -222,6 +225,7 @@ impl PlanRun {
             late: 0,
             metrics: BTreeMap::new(),
             planning: Duration::ZERO,
+            call: None,
         }
     }
 
@@ -735,7 +739,8 @@ impl Session {
         let cells = environment.and_then(|environment| environment.grid());
         let cells = cells.map_or(0, |grid| grid.rows.saturating_mul(grid.cols));
         let collector = Collector::new(instance, cells, &budget, &self.limits);
-        let called = self.call_solve(question, instance, &budget, &collector);
+        let mut call = None;
+        let called = self.call_solve(question, instance, &budget, &collector, &mut call);
         let ended_ns = monotonic_ns();
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
         let usage = self.finish();
@@ -779,6 +784,8 @@ impl Session {
             late,
             metrics,
             planning,
+            // It cannot have worked for longer than the call took.
+            call: call.map(|call: Duration| call.min(planning)),
             usage,
             stopped: false,
             limit: over.or((ended_ns > budget.deadline_monotonic_ns).then_some(Limit::Wall)),
@@ -815,6 +822,7 @@ impl Session {
         instance: &Instance,
         budget: &Budget,
         collector: &Collector,
+        call: &mut Option<Duration>,
     ) -> Result<Outcome, Fault> {
         let method = question.method();
         let grid = self
@@ -830,6 +838,7 @@ impl Session {
         };
         let client = match &mut self.inner {
             Inner::InProcess { object, .. } => {
+                let began_ns = monotonic_ns();
                 let result = match (object, question) {
                     (Some(Object::Planner(planner)), Question::Plan) => {
                         planner.plan(instance, budget, collector)
@@ -839,6 +848,7 @@ impl Session {
                     }
                     _ => Err(wrong_object()),
                 };
+                *call = Some(Duration::from_nanos(monotonic_ns() - began_ns));
                 return match result {
                     Ok(()) => Ok(Outcome {
                         status: Status::Solved,
@@ -893,12 +903,14 @@ impl Session {
             }
         };
         let arrived_ns = monotonic_ns();
-        let read = || -> Result<Outcome, String> {
+        let mut read = || -> Result<Outcome, String> {
             let PlanResult {
                 status,
                 message,
                 paths,
+                call_ns,
             } = result(method, &answer)?;
+            *call = call_ns.map(Duration::from_nanos);
             if let Some(paths) = paths {
                 collector.accept(&decode(context, paths)?, arrived_ns)?;
             }

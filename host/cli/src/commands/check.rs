@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use fleetyard_abi::{Descriptor, Kind};
+use fleetyard_bench::{half_of_memory, milliseconds};
 use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
 use fleetyard_runtime::{
     Attach, Found, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
@@ -23,7 +24,7 @@ use crate::args::{Check, Format, GrantArgs};
 use crate::commands::quoted;
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
-use crate::trial::{self, half_of_memory, milliseconds, policy, runtime, trust};
+use crate::setup::{self, policy, runtime, trust};
 
 #[derive(Serialize)]
 struct Document {
@@ -109,7 +110,7 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
     let kit = Kit::new(BUILT_IN, config, limits).map_err(internal)?;
     let name = arguments.plugin.as_deref().unwrap_or_default();
     let trust = kit.limits().trust.clone();
-    let Found { file, id, .. } = trial::find(&runtime(trust)?, arguments.kind, name)?;
+    let Found { file, id, .. } = setup::find(&runtime(trust)?, arguments.kind, name)?;
     let attach = attachment(&file, arguments)?;
     let mut run = Run {
         arguments,

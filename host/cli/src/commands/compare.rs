@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fleetyard_bench::claims::{self, Claim, signed};
+use fleetyard_bench::{Candidate, GivenOptions, Host, Record, Robots, Trial, number};
 use fleetyard_core::{Grid, GridInstance, InputError, Scenario, load_map, load_scen};
 use fleetyard_runtime::Termination;
-use fleetyard_sim::NoTrace;
+use fleetyard_sim::{NoTrace, SimConfig};
 use serde::Serialize;
 
 use super::file_name;
 use crate::args::{Compare, Format};
-use crate::claims::{self, Claim, signed};
-use crate::exit::{Exit, Result};
+use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use crate::record::{Record, number};
-use crate::trial::{Candidate, Host, Trial};
+use crate::setup::{candidate, host, sim_config};
 
 /// One line of the table. Means and medians are over the trials that succeeded; how
 /// many did stands beside them.
@@ -94,11 +94,12 @@ impl Question {
 
 pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let questions = questions(arguments)?;
-    let host = Host::new(&arguments.budget, None)?;
+    let host = host(&arguments.budget, None)?;
+    let config = sim_config(&arguments.world);
     let contestants = &arguments.planners.0;
     let candidates: Vec<Candidate> = contestants
         .iter()
-        .map(|contestant| Candidate::find(&host.runtime, &contestant.plugin))
+        .map(|contestant| candidate(&host.runtime, &contestant.plugin))
         .collect::<Result<_>>()?;
     let labels: Vec<String> = candidates
         .iter()
@@ -111,11 +112,21 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             words.join(" ")
         })
         .collect();
-    let trial = |which: usize, question| trial(arguments, &host, &candidates, which, question);
+    let options: Vec<GivenOptions> = contestants
+        .iter()
+        .map(|contestant| GivenOptions::Texts(contestant.options.clone()))
+        .collect();
+    let ask = Ask {
+        host: &host,
+        candidates: &candidates,
+        options: &options,
+        config: &config,
+        arguments,
+    };
     if let Some(first) = questions.first() {
         // Before budgets are spent, not after the first hour.
         for which in 0..candidates.len() {
-            trial(which, first).check()?;
+            ask.trial(which, first).check()?;
         }
     }
     let bar = output::progress((questions.len() * candidates.len()) as u64);
@@ -130,7 +141,8 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
                 labels[which], question.scenario, question.agents
             );
             bar.set_message(what.clone());
-            let failed = match trial(which, question).run(&mut NoTrace) {
+            let outcome = ask.trial(which, question).run(&mut NoTrace);
+            let failed = match outcome.map_err(Failure::from) {
                 Ok(outcome) => {
                     let fault = outcome.record.fault.clone();
                     trials.push((which, outcome.record));
@@ -185,23 +197,28 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     })
 }
 
-fn trial<'a>(
-    arguments: &'a Compare,
+/// What all trials have in common.
+struct Ask<'a> {
     host: &'a Host,
     candidates: &'a [Candidate],
-    which: usize,
-    question: &'a Question,
-) -> Trial<'a> {
-    Trial {
-        host,
-        candidate: &candidates[which],
-        attach: None,
-        options: &arguments.planners.0[which].options,
-        instance: &question.instance,
-        scenario: question.scenario.clone(),
-        budget: &arguments.budget,
-        world: &arguments.world,
-        execute: !arguments.no_execute,
+    options: &'a [GivenOptions],
+    config: &'a SimConfig,
+    arguments: &'a Compare,
+}
+
+impl<'a> Ask<'a> {
+    fn trial(&self, which: usize, question: &'a Question) -> Trial<'a> {
+        Trial {
+            host: self.host,
+            candidate: &self.candidates[which],
+            attach: None,
+            options: &self.options[which],
+            instance: &question.instance,
+            scenario: &question.scenario,
+            seed: self.arguments.budget.seed,
+            config: self.config,
+            robots: (!self.arguments.no_execute).then_some(&Robots::Pebbles),
+        }
     }
 }
 

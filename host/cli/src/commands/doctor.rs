@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use fleetyard_bench::milliseconds;
 use fleetyard_runtime::measure::{Cpus, Machine, Topology};
 use fleetyard_runtime::sandbox::Backend;
 use fleetyard_runtime::{Discovery, LayerState, Level, Policy, Runtime, Trust};
@@ -13,7 +14,7 @@ use serde::Serialize;
 use crate::args::{Format, LevelArg};
 use crate::exit::{Exit, Result};
 use crate::output;
-use crate::trial::{milliseconds, runtime_with};
+use crate::setup::runtime_with;
 
 /// Everything that the doctor found.
 #[derive(Serialize)]

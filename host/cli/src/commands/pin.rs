@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::args::{Format, Pin};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use crate::trial::runtime;
+use crate::setup::runtime;
 
 /// What became of an entry of the lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

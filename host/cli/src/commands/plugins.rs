@@ -15,7 +15,7 @@ use serde_json::Value;
 use crate::args::{Format, TrustArgs};
 use crate::exit::{Exit, Result};
 use crate::output;
-use crate::trial::{runtime, trust, unreadable};
+use crate::setup::{runtime, trust, unreadable};
 
 /// A file of the plugin path, as `--format json` shows it.
 #[derive(Serialize)]

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fleetyard_abi::Status;
+use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial};
 use fleetyard_core::InputError;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
@@ -14,8 +15,7 @@ use super::{TraceFile, draw, file_name, load_instance};
 use crate::args::{Format, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
-use crate::record::Record;
-use crate::trial::{Candidate, Host, Outcome, Trial, sim_config};
+use crate::setup::{candidate, host, sim_config};
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let instance = load_instance(&arguments.instance)?;
@@ -25,23 +25,25 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     {
         check_folder(path)?;
     }
-    let host = Host::new(&arguments.budget, arguments.attach.map(Into::into))?;
-    let candidate = Candidate::find(&host.runtime, &arguments.planner)?;
+    let attach = arguments.attach.map(Into::into);
+    let host = host(&arguments.budget, attach)?;
+    let candidate = candidate(&host.runtime, &arguments.planner)?;
     let mut trace = arguments
         .trace_out
         .as_deref()
         .map(TraceFile::create)
         .transpose()?;
+    let execute = arguments.execute || arguments.trace_out.is_some();
     let trial = Trial {
         host: &host,
         candidate: &candidate,
-        attach: arguments.attach.map(Into::into),
-        options: &arguments.options,
+        attach,
+        options: &GivenOptions::Texts(arguments.options.clone()),
         instance: &instance,
-        scenario: file_name(&arguments.instance.scen),
-        budget: &arguments.budget,
-        world: &arguments.world,
-        execute: arguments.execute || arguments.trace_out.is_some(),
+        scenario: &file_name(&arguments.instance.scen),
+        seed: arguments.budget.seed,
+        config: &sim_config(&arguments.world),
+        robots: execute.then_some(&Robots::Pebbles),
     };
     let outcome = match &mut trace {
         Some(trace) => trial.run(trace.sink())?,
@@ -71,7 +73,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         Format::Text => output::print(&output::plain(&record.text()))?,
         Format::Json => output::print_json(record)?,
     }
-    let exit = record.exit();
+    let exit = record.ending().into();
     if let Some(fault) = &record.fault {
         output::error(&format!("planner `{}` {fault}", record.planner.id));
     } else if exit == Exit::NoPlan {

@@ -5,25 +5,21 @@ use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write as _};
 use std::path::Path;
 
+use fleetyard_bench::{ExecutionInfo, Robots, RobotsError, execute, number};
 use fleetyard_core::formats::{AnyPlan, grid_size, load_any_plan};
 use fleetyard_core::{Grid, InputError, load_map};
-use fleetyard_sim::motion::{FleetFile, Model, load_fleet};
+use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
-use fleetyard_sim::{Event, Fleet, Plan, Profile, SimConfig, Simulator, TraceSink};
+use fleetyard_sim::{Event, Fleet, Plan, SimConfig, Simulator, TraceSink};
 use fleetyard_view::{Picture, World};
-use fleetyard_world::{Bounds, Footprint, Workspace, load_workspace};
+use fleetyard_world::{Bounds, Workspace, load_workspace};
 use indicatif::ProgressBar;
 
 use super::{TraceFile, Unnamed, cannot_write, draw};
 use crate::args::{Format, Simulate};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use crate::record::{ExecutionInfo, number};
-use crate::trial::{execute, sim_config};
-
-/// The radius of robots whose model has no body of its own, in cells. Smaller than that of
-/// pebbles: with 0.35 a controller has 7 mm to err where a plan turns robots in a ring.
-const DRIVEN_RADIUS_CELLS: f64 = 0.3;
+use crate::setup::sim_config;
 
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let grid = arguments.map.as_deref().map(load_map).transpose()?;
@@ -33,8 +29,8 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
         .map(load_workspace)
         .transpose()?;
     let plan = load_plan(arguments, grid.as_ref())?;
-    let fleet = load_robots(arguments, plan_of(&plan).agents())?;
     let config = config(arguments);
+    let fleet = fleet(&robots(arguments)?, plan_of(&plan).agents(), &config)?;
     let mut simulator = Simulator::new(&config);
     if let Some(grid) = &grid {
         simulator = simulator.on_grid(grid);
@@ -94,40 +90,25 @@ fn plan_of(plan: &AnyPlan) -> Plan<'_> {
     }
 }
 
-/// The fleet that was asked for; pebbles need none.
-fn load_robots(arguments: &Simulate, agents: usize) -> Result<Option<Fleet>> {
-    if let Some(path) = &arguments.robots.fleet {
-        let file: FleetFile = load_fleet(path)?;
-        let fleet = file.fleet(agents).map_err(|error| {
-            InputError::new(path.display().to_string(), error.to_string()).hint(error.hint())
-        })?;
-        return Ok(Some(fleet));
-    }
-    let Some(name) = &arguments.robots.model else {
-        return Ok(None);
-    };
-    let usage = |message: String, hint: &str| Failure {
-        exit: Exit::Usage,
-        message: format!("--model: {message}"),
-        hint: Some(hint.to_owned()),
-    };
-    let model: Model = name
-        .parse()
-        .map_err(|error: fleetyard_sim::motion::MotionError| {
-            usage(error.to_string(), error.hint)
-        })?;
-    // A preset may have a body of its own; the radius that is asked for goes before.
-    let radius_m = arguments.world.radius;
-    let footprint = match (radius_m, Profile::preset(name)) {
-        (None, Ok(profile)) => profile.footprint,
-        (radius_m, _) => Footprint::Disc {
-            radius_m: radius_m.unwrap_or(DRIVEN_RADIUS_CELLS * arguments.world.cell_size),
+/// The robots that were asked for.
+fn robots(arguments: &Simulate) -> Result<Robots> {
+    Ok(match (&arguments.robots.fleet, &arguments.robots.model) {
+        (Some(path), _) => Robots::File(path.display().to_string(), Box::new(load_fleet(path)?)),
+        (None, Some(name)) => Robots::Model(name.clone()),
+        (None, None) => Robots::Pebbles,
+    })
+}
+
+/// The fleet that they make.
+fn fleet(robots: &Robots, agents: usize, config: &SimConfig) -> Result<Option<Fleet>> {
+    robots.fleet(agents, config).map_err(|error| match error {
+        RobotsError::File(error) => error.into(),
+        error => Failure {
+            exit: Exit::Usage,
+            message: format!("--model: {error}"),
+            hint: error.hint().map(str::to_owned),
         },
-    };
-    let fleet = Fleet::uniform(Profile { footprint, model }, agents);
-    fleet
-        .map(Some)
-        .map_err(|error| usage(error.to_string(), error.hint()))
+    })
 }
 
 fn config(arguments: &Simulate) -> SimConfig {

@@ -6,6 +6,7 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use fleetyard_bench::number;
 use fleetyard_core::InputError;
 use fleetyard_sim::trace::{Frame, Header, Scene, States, Summary, TraceContents};
 use fleetyard_sim::{Event, EventKind, Other, TraceReader, TraceSink};
@@ -18,7 +19,6 @@ use super::{Unnamed, file_name};
 use crate::args::{Format, TraceDiff, TraceExport};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
-use crate::record::number;
 
 type Reader = TraceReader<BufReader<File>>;
 

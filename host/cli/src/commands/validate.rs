@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use std::sync::Arc;
 
+use fleetyard_bench::number;
 use fleetyard_check::{Verdict, metrics};
 use fleetyard_core::formats::{
     AnyPlan, TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed,
@@ -15,7 +16,6 @@ use super::validate_plane as plane;
 use crate::args::{Format, Validate};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use crate::record::number;
 
 /// How many violations are listed.
 pub(super) const LISTED: usize = 100;

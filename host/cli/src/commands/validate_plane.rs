@@ -3,6 +3,7 @@
 
 use std::fmt::Write as _;
 
+use fleetyard_bench::number;
 use fleetyard_check::{ContinuousTask, ContinuousVerdict, SpeedLimits, validate_trajectories};
 use fleetyard_core::formats::AnyPlan;
 use fleetyard_core::{
@@ -17,7 +18,6 @@ use super::validate::LISTED;
 use crate::args::{Format, Validate};
 use crate::exit::{Exit, Result};
 use crate::output;
-use crate::record::number;
 
 #[derive(Serialize)]
 struct Report {

@@ -12,124 +12,169 @@ use fleetyard_sim::Policy;
 use serde::Serialize;
 
 use crate::claims::Claim;
-use crate::exit::Exit;
 
 /// Everything there is to say about one run. Values that do not exist are
 /// absent, never zero.
 #[derive(Debug, Serialize)]
-pub(crate) struct Record {
-    pub(crate) fleetyard: &'static str,
-    pub(crate) planner: PlannerInfo,
-    pub(crate) instance: InstanceInfo,
-    pub(crate) budget: BudgetInfo,
+pub struct Record {
+    /// Version of this program.
+    pub fleetyard: &'static str,
+    /// Who was asked.
+    pub planner: PlannerInfo,
+    /// What it was asked.
+    pub instance: InstanceInfo,
+    /// What it might use.
+    pub budget: BudgetInfo,
     /// How the call ended.
-    pub(crate) termination: Termination,
+    pub termination: Termination,
     /// What is wrong with the plugin, if something is.
-    pub(crate) fault: Option<String>,
+    pub fault: Option<String>,
     /// Whether the plugin was stopped, rather than ending its call by itself.
-    pub(crate) stopped: bool,
+    pub stopped: bool,
     /// The limit that it exceeded, whether it was stopped for it or not.
-    pub(crate) limit: Option<Limit>,
+    pub limit: Option<Limit>,
     /// From the decision to stop it until nobody was left.
-    pub(crate) kill_latency_ms: Option<f64>,
+    pub kill_latency_ms: Option<f64>,
     /// What the planner claims.
-    pub(crate) claim: Option<Status>,
+    pub claim: Option<Status>,
     /// The planner's explanation.
-    pub(crate) message: Option<String>,
+    pub message: Option<String>,
     /// What the host found.
-    pub(crate) verdict: VerdictInfo,
-    pub(crate) metrics: Metrics,
+    pub verdict: VerdictInfo,
+    /// Figures of the plan and of the call.
+    pub metrics: Metrics,
     /// Figures that the planner reported of itself.
-    pub(crate) claimed_metrics: BTreeMap<String, f64>,
+    pub claimed_metrics: BTreeMap<String, f64>,
     /// What it claims, held against what the host found.
-    pub(crate) claims: Vec<Claim>,
-    pub(crate) resources: Option<Usage>,
-    pub(crate) measurement: Measurement,
+    pub claims: Vec<Claim>,
+    /// What the plugin's processes used in all; absent in process, and while they are kept.
+    pub resources: Option<Usage>,
+    /// How times were taken.
+    pub measurement: Measurement,
     /// The layers that were active; absent in process, where there are none.
-    pub(crate) sandbox: Option<SandboxReport>,
-    pub(crate) environment_digest: Option<Digest>,
-    pub(crate) execution: Option<ExecutionInfo>,
-    pub(crate) instance_digest: Digest,
-    pub(crate) plan_digest: Option<Digest>,
+    pub sandbox: Option<SandboxReport>,
+    /// Stands for the plugin's whole environment.
+    pub environment_digest: Option<Digest>,
+    /// What came of executing the plan.
+    pub execution: Option<ExecutionInfo>,
+    /// Digest of the instance.
+    pub instance_digest: Digest,
+    /// Digest of the plan.
+    pub plan_digest: Option<Digest>,
 }
 
+/// A planner, as it was asked.
 #[derive(Debug, Serialize)]
-pub(crate) struct PlannerInfo {
-    pub(crate) id: String,
-    pub(crate) version: String,
-    pub(crate) attach: Attach,
+pub struct PlannerInfo {
+    /// Its identifier.
+    pub id: String,
+    /// Its version.
+    pub version: String,
+    /// How it was attached.
+    pub attach: Attach,
     /// In the host's own process nothing is isolated, so the result may not be
     /// compared with others.
-    pub(crate) ranked: bool,
-    pub(crate) path: Option<String>,
+    pub ranked: bool,
+    /// Its file; absent for built-ins.
+    pub path: Option<String>,
     /// Of the plugin's code; of this program, for built-ins.
-    pub(crate) digest: Option<Digest>,
+    pub digest: Option<Digest>,
     /// Its files with their SHA-256; none for built-ins.
-    pub(crate) code: Vec<CodeFile>,
+    pub code: Vec<CodeFile>,
     /// Whether the lock file has just this code.
-    pub(crate) pinned: bool,
-    pub(crate) options: serde_json::Value,
+    pub pinned: bool,
+    /// Its options.
+    pub options: serde_json::Value,
 }
 
 /// How the times were taken, and what stood in the way.
 #[derive(Debug, Serialize)]
-pub(crate) struct Measurement {
+pub struct Measurement {
     /// From the start of the plugin until it had introduced itself, the sandbox
     /// included.
-    pub(crate) startup_ms: f64,
-    pub(crate) prepare: Option<CallInfo>,
-    pub(crate) plan: CallInfo,
+    pub startup_ms: Option<f64>,
+    /// While it learnt the map.
+    pub prepare: Option<CallInfo>,
+    /// While it planned.
+    pub plan: CallInfo,
     /// The processors that the plugin had to itself.
-    pub(crate) cpus: Option<Cpus>,
+    pub cpus: Option<Cpus>,
     /// Those that were kept idle for it.
-    pub(crate) idle_siblings: Option<Cpus>,
+    pub idle_siblings: Option<Cpus>,
     /// Why it had none.
-    pub(crate) not_pinned: Option<String>,
+    pub not_pinned: Option<String>,
     /// What happened on the machine during `prepare` and `plan`.
-    pub(crate) load: Difference,
+    pub load: Difference,
     /// Why the times cannot be compared with others; empty when they can.
-    pub(crate) contended: Vec<Reason>,
-    pub(crate) machine_digest: Digest,
-    pub(crate) machine: &'static Machine,
+    pub contended: Vec<Reason>,
+    /// Digest of the machine's description.
+    pub machine_digest: Digest,
+    /// The machine.
+    pub machine: &'static Machine,
 }
 
 /// What a call used.
 #[derive(Debug, Serialize)]
-pub(crate) struct CallInfo {
-    pub(crate) cpu_ms: Option<f64>,
-    pub(crate) run_delay_ms: Option<f64>,
+pub struct CallInfo {
+    /// Processor time.
+    pub cpu_ms: Option<f64>,
+    /// How long it was ready to run and had no processor.
+    pub run_delay_ms: Option<f64>,
 }
 
+/// An instance.
 #[derive(Debug, Serialize)]
-pub(crate) struct InstanceInfo {
-    pub(crate) map: String,
-    pub(crate) scenario: String,
-    pub(crate) agents: usize,
-    pub(crate) connectivity: u32,
+pub struct InstanceInfo {
+    /// Name of the map.
+    pub map: String,
+    /// Where starts and goals come from.
+    pub scenario: String,
+    /// Number of agents.
+    pub agents: usize,
+    /// Neighbours of a cell.
+    pub connectivity: u32,
 }
 
+/// What a planner might use.
 #[derive(Debug, Serialize)]
-pub(crate) struct BudgetInfo {
-    pub(crate) wall_ms: f64,
-    pub(crate) prepare_wall_ms: f64,
-    pub(crate) grace_ms: Option<f64>,
-    pub(crate) cpu_ms: Option<f64>,
-    pub(crate) prepare_cpu_ms: Option<f64>,
-    pub(crate) memory_bytes: Option<u64>,
-    pub(crate) prepare_memory_bytes: Option<u64>,
-    pub(crate) processes: u32,
-    pub(crate) output_bytes: u64,
-    pub(crate) disk_bytes: u64,
-    pub(crate) nodes: Option<u64>,
-    pub(crate) threads: u32,
-    pub(crate) seed: u64,
+pub struct BudgetInfo {
+    /// Wall time.
+    pub wall_ms: f64,
+    /// Wall time of learning the map.
+    pub prepare_wall_ms: f64,
+    /// How long it might go on after the deadline.
+    pub grace_ms: Option<f64>,
+    /// Processor time.
+    pub cpu_ms: Option<f64>,
+    /// Processor time of learning the map.
+    pub prepare_cpu_ms: Option<f64>,
+    /// Memory of all processes.
+    pub memory_bytes: Option<u64>,
+    /// Memory of learning the map.
+    pub prepare_memory_bytes: Option<u64>,
+    /// Processes and threads.
+    pub processes: u32,
+    /// Output that is no message.
+    pub output_bytes: u64,
+    /// Size of the scratch folder.
+    pub disk_bytes: u64,
+    /// Search nodes.
+    pub nodes: Option<u64>,
+    /// Threads.
+    pub threads: u32,
+    /// Seed of every random choice.
+    pub seed: u64,
 }
 
+/// What the validator says of the plan.
 #[derive(Debug, Default, Serialize)]
-pub(crate) struct VerdictInfo {
-    pub(crate) valid: bool,
-    pub(crate) violation_count: u64,
-    pub(crate) violations: Vec<Violation>,
+pub struct VerdictInfo {
+    /// Whether it is valid.
+    pub valid: bool,
+    /// How many violations there are.
+    pub violation_count: u64,
+    /// The first of them.
+    pub violations: Vec<Violation>,
 }
 
 impl From<Verdict> for VerdictInfo {
@@ -148,52 +193,87 @@ impl From<Verdict> for VerdictInfo {
     }
 }
 
+/// Figures of a plan and of the call.
 #[derive(Debug, Default, Serialize)]
-pub(crate) struct Metrics {
-    pub(crate) soc_steps: Option<u64>,
-    pub(crate) makespan_steps: Option<u64>,
-    pub(crate) lower_bound_steps: u64,
+pub struct Metrics {
+    /// Sum of costs.
+    pub soc_steps: Option<u64>,
+    /// When the last agent arrives.
+    pub makespan_steps: Option<u64>,
+    /// Sum of shortest distances.
+    pub lower_bound_steps: u64,
     /// SoC over lower bound, of a valid plan.
-    pub(crate) suboptimality: Option<f64>,
-    pub(crate) length_m: Option<f64>,
-    pub(crate) lower_bound_m: f64,
-    pub(crate) waits: Option<u64>,
-    pub(crate) planning_time_ms: f64,
-    pub(crate) prepare_time_ms: Option<f64>,
-    pub(crate) first_solution_ms: Option<f64>,
-    pub(crate) incumbents: Vec<IncumbentInfo>,
+    pub suboptimality: Option<f64>,
+    /// Length of all paths.
+    pub length_m: Option<f64>,
+    /// Sum of the lengths of shortest paths.
+    pub lower_bound_m: f64,
+    /// Steps in which an agent waits before it has arrived.
+    pub waits: Option<u64>,
+    /// By the host's clock, transport included.
+    pub planning_time_ms: f64,
+    /// Beside the plugin, in its process, without transport.
+    pub call_time_ms: Option<f64>,
+    /// Of learning the map; absent when it was known.
+    pub prepare_time_ms: Option<f64>,
+    /// Until the first plan had come.
+    pub first_solution_ms: Option<f64>,
+    /// The plans that came in time.
+    pub incumbents: Vec<IncumbentInfo>,
     /// Plans that came after the deadline and do not count.
-    pub(crate) late_plans: u64,
+    pub late_plans: u64,
 }
 
+/// A plan that came in time.
 #[derive(Debug, Serialize)]
-pub(crate) struct IncumbentInfo {
-    pub(crate) time_ms: f64,
-    pub(crate) soc_steps: Option<u64>,
-    pub(crate) valid: Option<bool>,
+pub struct IncumbentInfo {
+    /// When it came.
+    pub time_ms: f64,
+    /// Sum of costs.
+    pub soc_steps: Option<u64>,
+    /// Whether it is valid.
+    pub valid: Option<bool>,
 }
 
+/// What came of an execution.
 #[derive(Debug, Serialize)]
-pub(crate) struct ExecutionInfo {
-    pub(crate) policy: Policy,
-    pub(crate) agents: u32,
-    pub(crate) arrived: u32,
-    pub(crate) makespan_s: Option<f64>,
-    pub(crate) sum_of_costs_s: Option<f64>,
-    pub(crate) ticks: u64,
-    pub(crate) rtf: f64,
-    pub(crate) simulated_s: f64,
-    pub(crate) wall_ms: f64,
-    pub(crate) contacts: u64,
-    pub(crate) contacts_agent_agent: u64,
-    pub(crate) contacts_agent_obstacle: u64,
-    pub(crate) nearest_approach_m: Option<f64>,
-    pub(crate) tracking_error_max_m: f64,
-    pub(crate) tracking_error_mean_m: f64,
-    pub(crate) radius_m: f64,
+pub struct ExecutionInfo {
+    /// What decided when agents went on.
+    pub policy: Policy,
+    /// Number of agents.
+    pub agents: u32,
+    /// How many arrived.
+    pub arrived: u32,
+    /// When the last one arrived.
+    pub makespan_s: Option<f64>,
+    /// Sum of arrivals.
+    pub sum_of_costs_s: Option<f64>,
+    /// Ticks of the simulator.
+    pub ticks: u64,
+    /// Simulated time over wall time.
+    pub rtf: f64,
+    /// Simulated time.
+    pub simulated_s: f64,
+    /// Wall time.
+    pub wall_ms: f64,
+    /// Contacts.
+    pub contacts: u64,
+    /// Between agents.
+    pub contacts_agent_agent: u64,
+    /// With obstacles.
+    pub contacts_agent_obstacle: u64,
+    /// Between centres.
+    pub nearest_approach_m: Option<f64>,
+    /// Largest distance from the plan.
+    pub tracking_error_max_m: f64,
+    /// Mean distance from the plan.
+    pub tracking_error_mean_m: f64,
+    /// Radius of the largest robot.
+    pub radius_m: f64,
     /// Largest resident set of the host so far, the simulator's included.
-    pub(crate) host_peak_memory_kb: Option<u64>,
-    pub(crate) trace_digest: Digest,
+    pub host_peak_memory_kb: Option<u64>,
+    /// Digest of the trace.
+    pub trace_digest: Digest,
 }
 
 /// Which layers were active, in one line.
@@ -214,7 +294,7 @@ fn sandbox_line(sandbox: &SandboxReport) -> String {
 }
 
 /// A number without needless digits.
-pub(crate) fn number(value: f64) -> String {
+pub fn number(value: f64) -> String {
     let digits = match value.abs() {
         size if size >= 1000.0 => 0,
         size if size >= 10.0 => 1,
@@ -224,37 +304,52 @@ pub(crate) fn number(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
+/// How a trial ended, in the words that matter to who asked for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// With a valid plan.
+    Success,
+    /// Without a plan: none within the budget, none exists, or the planner does not
+    /// support the instance.
+    NoPlan,
+    /// With a plan that breaks a rule.
+    InvalidPlan,
+    /// The plugin crashed, broke the protocol or reported an error.
+    Plugin,
+}
+
 impl Record {
-    /// How the command should end.
-    pub(crate) fn exit(&self) -> Exit {
+    /// How the trial ended.
+    pub fn ending(&self) -> Ending {
         match self.termination {
             Termination::Crashed
             | Termination::Exited
             | Termination::ProtocolError
-            | Termination::Failed => Exit::Plugin,
-            Termination::Unsupported => Exit::NoPlan,
+            | Termination::Failed => Ending::Plugin,
+            Termination::Unsupported => Ending::NoPlan,
             Termination::Completed | Termination::TimedOut | Termination::OverLimit => {
                 match self.plan_digest {
-                    None => Exit::NoPlan,
-                    Some(_) if self.verdict.valid => Exit::Success,
-                    Some(_) => Exit::InvalidPlan,
+                    None => Ending::NoPlan,
+                    Some(_) if self.verdict.valid => Ending::Success,
+                    Some(_) => Ending::InvalidPlan,
                 }
             }
         }
     }
 
-    pub(crate) fn succeeded(&self) -> bool {
-        self.exit() == Exit::Success
+    /// Whether it ended with a valid plan.
+    pub fn succeeded(&self) -> bool {
+        self.ending() == Ending::Success
     }
 
     /// Claims that are not what the host found.
-    pub(crate) fn disagreements(&self) -> impl Iterator<Item = &Claim> {
+    pub fn disagreements(&self) -> impl Iterator<Item = &Claim> {
         let claims = self.claims.iter();
         claims.filter(|claim| claim.agrees == Some(false))
     }
 
     /// For people.
-    pub(crate) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         let mut out = String::new();
         let mut line = |name: &str, value: String| {
             // Writing to a string cannot fail.

@@ -14,20 +14,22 @@ use crate::record::{Record, number};
 
 /// A claim that can be checked in principle.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct Claim {
-    pub(crate) what: Subject,
-    pub(crate) claimed: Figure,
+pub struct Claim {
+    /// What is claimed.
+    pub what: Subject,
+    /// What the planner says.
+    pub claimed: Figure,
     /// What the host found; absent when it found nothing that it could hold the claim
     /// against.
-    pub(crate) found: Option<Figure>,
+    pub found: Option<Figure>,
     /// Absent when the claim could not be checked.
-    pub(crate) agrees: Option<bool>,
+    pub agrees: Option<bool>,
 }
 
 /// What is claimed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Subject {
+pub enum Subject {
     /// How the call went.
     Status,
     /// In steps.
@@ -49,8 +51,10 @@ impl fmt::Display for Subject {
 /// A number of steps, or words.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
-pub(crate) enum Figure {
+pub enum Figure {
+    /// A number of steps.
     Steps(f64),
+    /// Words.
     Words(String),
 }
 
@@ -65,7 +69,7 @@ impl fmt::Display for Figure {
 
 impl Claim {
     /// How much more was claimed than found.
-    pub(crate) fn difference(&self) -> Option<f64> {
+    pub fn difference(&self) -> Option<f64> {
         match (&self.claimed, &self.found) {
             (Figure::Steps(claimed), Some(Figure::Steps(found))) => Some(claimed - found),
             _ => None,
@@ -89,7 +93,7 @@ impl fmt::Display for Claim {
 }
 
 /// A difference with its sign.
-pub(crate) fn signed(difference: f64) -> String {
+pub fn signed(difference: f64) -> String {
     let sign = if difference > 0.0 { "+" } else { "" };
     if difference.fract() == 0.0 {
         format!("{sign}{difference}")
@@ -99,7 +103,7 @@ pub(crate) fn signed(difference: f64) -> String {
 }
 
 /// Every claim of a trial, from its record as far as it is written.
-pub(crate) fn of(record: &Record) -> Vec<Claim> {
+pub fn of(record: &Record) -> Vec<Claim> {
     let valid = record.plan_digest.map(|_| record.verdict.valid);
     let mut claims: Vec<Claim> = status(record.claim, valid).into_iter().collect();
     let metrics = &record.metrics;
@@ -157,7 +161,7 @@ fn status(claim: Option<Status>, valid: Option<bool>) -> Option<Claim> {
 /// Holds planners against each other: who claims that no plan exists is wrong when
 /// another one found a valid plan of the same instance. Records come with the names
 /// that their planners have in the comparison.
-pub(crate) fn confront(records: &mut [(&str, &mut Record)]) {
+pub fn confront(records: &mut [(&str, &mut Record)]) {
     for index in 0..records.len() {
         let mine = &records[index].1;
         if mine.claim != Some(Status::Infeasible) {

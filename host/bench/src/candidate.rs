@@ -1,0 +1,221 @@
+//! Planners before and while they are asked.
+
+use std::path::PathBuf;
+
+use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
+use fleetyard_core::{Digest, GridInstance};
+use fleetyard_runtime::{
+    Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
+    Standing, check_options, parse_option,
+};
+use serde_json::{Map, Value};
+
+use crate::trial_error::TrialError;
+
+/// A planner that was found, not yet started.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// What it is called in messages and tables.
+    pub name: String,
+    file: PluginFile,
+    id: Option<String>,
+    digest: Option<Digest>,
+    code: Vec<CodeFile>,
+    standing: Standing,
+}
+
+/// Options of a planner, as they were given.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GivenOptions {
+    /// `NAME=VALUE` each, to be read by the planner's schema.
+    Texts(Vec<String>),
+    /// Values with their types.
+    Values(Map<String, Value>),
+}
+
+impl Default for GivenOptions {
+    fn default() -> Self {
+        Self::Values(Map::new())
+    }
+}
+
+impl GivenOptions {
+    fn read(&self, descriptor: &Descriptor) -> Result<Map<String, Value>, TrialError> {
+        let schema = &descriptor.options_schema;
+        let mut options = Map::new();
+        match self {
+            Self::Texts(texts) => {
+                for text in texts {
+                    options.extend([parse_option(text, schema)?]);
+                }
+            }
+            Self::Values(values) => options.clone_from(values),
+        }
+        check_options(&options, schema)?;
+        Ok(options)
+    }
+}
+
+impl Candidate {
+    /// What a search for `name` found.
+    pub fn new(runtime: &Runtime, found: Found, name: &str) -> Result<Self, Fault> {
+        let Found {
+            file, origin, id, ..
+        } = found;
+        let name = match (&origin, file.path().and_then(|path| path.file_stem())) {
+            (Origin::Path, Some(stem)) => stem.to_string_lossy().into_owned(),
+            _ => name.to_owned(),
+        };
+        let digest = file.digest();
+        let code = file.code()?;
+        let standing = runtime.limits().trust.standing(&file);
+        Ok(Self {
+            name,
+            file,
+            id,
+            digest,
+            code,
+            standing,
+        })
+    }
+
+    /// Digest of its code; of this program, for built-ins.
+    pub fn digest(&self) -> Option<Digest> {
+        self.digest
+    }
+
+    /// Its files with their SHA-256; none for built-ins.
+    pub fn code(&self) -> &[CodeFile] {
+        &self.code
+    }
+
+    /// Where its code is; `None` for built-ins.
+    pub fn path(&self) -> Option<PathBuf> {
+        self.file.path().map(Into::into)
+    }
+
+    /// Whether the lock file has just this code.
+    pub fn is_pinned(&self) -> bool {
+        self.standing == Standing::Pinned
+    }
+
+    /// How it is attached, if nothing else is wanted.
+    pub fn attach(&self, wanted: Option<Attach>) -> Attach {
+        wanted.unwrap_or(self.file.default_attach())
+    }
+
+    /// Starts the planner, which takes its options.
+    pub fn start(
+        &self,
+        runtime: &Runtime,
+        attach: Attach,
+        options: &GivenOptions,
+    ) -> Result<Running, TrialError> {
+        let mut session = runtime.open(&self.file, attach)?;
+        // What the record says of the code has to be true of every trial.
+        if self.file.code()? != self.code {
+            session.close();
+            return Err(TrialError::CodeChanged {
+                planner: self.name.clone(),
+            });
+        }
+        let descriptor = self.choose(session.descriptors())?;
+        let options = options.read(&descriptor)?;
+        Ok(Running {
+            session,
+            descriptor,
+            options,
+            attach,
+            trials: 0,
+            environment: None,
+        })
+    }
+
+    fn choose(&self, descriptors: &[Descriptor]) -> Result<Descriptor, TrialError> {
+        let planners: Vec<_> = descriptors
+            .iter()
+            .filter(|descriptor| descriptor.kind == Kind::Planner)
+            .collect();
+        let ids = || planners.iter().map(|planner| planner.id.clone()).collect();
+        let chosen = match (&self.id, planners.as_slice()) {
+            (Some(id), planners) => planners.iter().find(|planner| planner.id == *id).copied(),
+            (None, [only]) => Some(*only),
+            (None, []) => None,
+            (None, _) => {
+                return Err(TrialError::SeveralPlanners {
+                    file: self.name.clone(),
+                    ids: ids(),
+                });
+            }
+        };
+        chosen.cloned().ok_or_else(|| TrialError::NoPlanner {
+            file: self.name.clone(),
+            wanted: self.id.clone(),
+            ids: ids(),
+        })
+    }
+}
+
+/// A planner that was started and can be asked.
+pub struct Running {
+    pub(crate) session: Session,
+    /// What it says of itself.
+    pub descriptor: Descriptor,
+    /// Its options, all of them known and well typed.
+    pub options: Map<String, Value>,
+    /// How it is attached.
+    pub attach: Attach,
+    /// How many instances it was asked.
+    pub(crate) trials: u64,
+    /// The map that it learnt last.
+    pub(crate) environment: Option<SharedEnvironment>,
+}
+
+impl Running {
+    /// Asking for what a planner does not claim is refused before it is asked.
+    pub fn check_capabilities(
+        &self,
+        instance: &GridInstance,
+        name: &str,
+    ) -> Result<(), TrialError> {
+        let mut needed = vec![Capability::Grid, Capability::Pebble];
+        if instance.connectivity() == fleetyard_core::Connectivity::Eight {
+            needed.push(Capability::EightConnected);
+        }
+        let capabilities = self.descriptor.capabilities;
+        let missing = needed.into_iter().find(|needed| !capabilities.has(*needed));
+        missing.map_or(Ok(()), |missing| {
+            Err(TrialError::Incapable {
+                planner: self.descriptor.id.clone(),
+                name: name.to_owned(),
+                missing,
+            })
+        })
+    }
+
+    /// Makes the planner and lets it learn the map, unless it has and knows it.
+    pub(crate) fn ready(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+    ) -> Result<Option<CallReport>, Fault> {
+        if self.trials == 0 {
+            let options = Value::Object(self.options.clone());
+            let id = self.descriptor.id.clone();
+            self.session.create(Kind::Planner, &id, options)?;
+        }
+        self.trials += 1;
+        let known = self.environment.as_ref();
+        if known.is_some_and(|known| known == environment) {
+            return Ok(None);
+        }
+        let report = self.session.prepare(environment, budget)?;
+        self.environment = Some(SharedEnvironment::clone(environment));
+        Ok(Some(report))
+    }
+
+    /// Ends it.
+    pub fn close(mut self) -> Closing {
+        self.session.close()
+    }
+}

@@ -1,0 +1,171 @@
+//! What trials may use, and how their plans are executed. Defaults are those of
+//! `fleetyard run`.
+
+use std::time::Duration;
+
+use fleetyard_core::InputError;
+use fleetyard_runtime::measure::Machine;
+use fleetyard_runtime::{Limits, Policy, Trust};
+use fleetyard_sim::motion::{FleetError, FleetFile, Model, MotionError};
+use fleetyard_sim::{Fleet, Profile, SimConfig};
+use fleetyard_world::Footprint;
+
+/// The budget of every call of a trial.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BudgetOptions {
+    /// Wall clock of a plan.
+    pub wall: Duration,
+    /// Wall clock of learning the map; `None` is the plan's.
+    pub prepare: Option<Duration>,
+    /// How long a planner may take to start and be made.
+    pub startup: Duration,
+    /// How long a planner may go on after the deadline once it was told to stop.
+    pub grace: Option<Duration>,
+    /// Processor time of a plan; `None` for no limit.
+    pub cpu: Option<Duration>,
+    /// Processor time of learning the map; `None` is the plan's.
+    pub prepare_cpu: Option<Duration>,
+    /// Memory of all processes together; `None` is half of the machine's.
+    pub memory_bytes: Option<u64>,
+    /// Memory of learning the map; `None` is the plan's.
+    pub prepare_memory_bytes: Option<u64>,
+    /// Most search nodes, for planners that count them; 0 for no limit.
+    pub nodes: u64,
+    /// Most threads that a planner may use.
+    pub threads: u32,
+}
+
+impl Default for BudgetOptions {
+    fn default() -> Self {
+        Self {
+            wall: Duration::from_secs(10),
+            prepare: None,
+            startup: Duration::from_mins(1),
+            grace: None,
+            cpu: None,
+            prepare_cpu: None,
+            memory_bytes: None,
+            prepare_memory_bytes: None,
+            nodes: 0,
+            threads: 1,
+        }
+    }
+}
+
+impl BudgetOptions {
+    /// Memory of a plan in bytes; 0 for no limit.
+    pub fn plan_memory(&self) -> u64 {
+        self.memory_bytes.unwrap_or_else(half_of_memory)
+    }
+
+    /// Memory of learning the map in bytes; 0 for no limit.
+    pub fn prepare_memory(&self) -> u64 {
+        self.prepare_memory_bytes
+            .unwrap_or_else(|| self.plan_memory())
+    }
+
+    /// Wall clock of learning the map.
+    pub fn prepare_wall(&self) -> Duration {
+        self.prepare.unwrap_or(self.wall)
+    }
+}
+
+/// Half of the machine's memory; 0 where nobody tells how much that is.
+pub fn half_of_memory() -> u64 {
+    Machine::here().memory_kb.unwrap_or(0) / 2 * 1024
+}
+
+/// What a plugin may use and see in every call.
+#[derive(Debug, Clone)]
+pub struct SandboxOptions {
+    /// Layers, files, network, environment, processes and disk.
+    pub policy: Policy,
+    /// Most output that is no message.
+    pub output_bytes: u64,
+    /// Whose code may be started.
+    pub trust: Trust,
+    /// Whether planners have processor cores of their own, where the machine has so
+    /// many that nobody else has reserved.
+    pub pin: bool,
+}
+
+impl Default for SandboxOptions {
+    fn default() -> Self {
+        Self {
+            policy: Policy::default(),
+            output_bytes: Limits::default().output_bytes,
+            trust: Trust::default(),
+            pin: true,
+        }
+    }
+}
+
+/// Which robots execute a plan.
+#[derive(Debug, Clone, Default)]
+pub enum Robots {
+    /// Points of a radius that follow the plan exactly.
+    #[default]
+    Pebbles,
+    /// One model for everybody, by the name of a model or preset.
+    Model(String),
+    /// What a fleet file says, by the file's name.
+    File(String, Box<FleetFile>),
+}
+
+/// Why there is no such fleet.
+#[derive(Debug, thiserror::Error)]
+pub enum RobotsError {
+    /// No model has this name, or its limits contradict each other.
+    #[error("{0}")]
+    Model(#[from] MotionError),
+    /// The robots make no fleet.
+    #[error("{0}")]
+    Fleet(#[from] FleetError),
+    /// The fleet file does not fit.
+    #[error("{0}")]
+    File(InputError),
+}
+
+impl RobotsError {
+    /// What to do about it.
+    pub fn hint(&self) -> Option<&str> {
+        match self {
+            Self::Model(error) => Some(error.hint),
+            Self::Fleet(error) => Some(error.hint()),
+            Self::File(error) => error.hint.as_deref(),
+        }
+    }
+}
+
+impl Robots {
+    /// The radius of robots whose model has no body of its own, in cells. Smaller than
+    /// that of pebbles: with 0.35 a controller has 7 mm to err where a plan turns robots
+    /// in a ring.
+    pub const DRIVEN_RADIUS_CELLS: f64 = 0.3;
+
+    /// The fleet of so many agents; pebbles need none.
+    pub fn fleet(&self, agents: usize, config: &SimConfig) -> Result<Option<Fleet>, RobotsError> {
+        match self {
+            Self::Pebbles => Ok(None),
+            Self::File(name, file) => match file.fleet(agents) {
+                Ok(fleet) => Ok(Some(fleet)),
+                Err(error) => Err(RobotsError::File(
+                    InputError::new(name.as_str(), error.to_string()).hint(error.hint()),
+                )),
+            },
+            Self::Model(name) => {
+                let model: Model = name.parse()?;
+                // A preset may have a body of its own; the radius that is asked for goes
+                // before.
+                let footprint = match (config.radius_m, Profile::preset(name)) {
+                    (None, Ok(profile)) => profile.footprint,
+                    (radius_m, _) => Footprint::Disc {
+                        radius_m: radius_m
+                            .unwrap_or(Self::DRIVEN_RADIUS_CELLS * config.cell_size_m),
+                    },
+                };
+                Ok(Some(Fleet::uniform(Profile { footprint, model }, agents)?))
+            }
+        }
+    }
+}

@@ -1,0 +1,504 @@
+//! A trial: one planner, one instance, one budget, judged and executed.
+
+use std::time::{Duration, Instant};
+
+use fleetyard_abi::c::PluginEntry;
+use fleetyard_abi::{Budget, Kind, SharedEnvironment};
+use fleetyard_check::{metrics, sum_of_costs, validate};
+use fleetyard_core::{GridInstance, GridPlan};
+use fleetyard_runtime::measure::{
+    Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
+    pin_this_process,
+};
+use fleetyard_runtime::{
+    Attach, CallReport, CallUsage, Closing, Fault, Level, Limits, LogLine, PlanRun, Runtime,
+    Termination,
+};
+use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
+use serde_json::Value;
+
+use crate::candidate::{Candidate, GivenOptions, Running};
+use crate::claims;
+use crate::options::{BudgetOptions, Robots, SandboxOptions};
+use crate::record::{
+    BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
+    PlannerInfo, Record, VerdictInfo,
+};
+use crate::trial_error::TrialError;
+
+/// How many violations a record lists; all are counted.
+const VIOLATIONS: usize = 20;
+
+/// Where trials run: the runtime with its limits, and the cores that are theirs.
+#[derive(Debug)]
+pub struct Host {
+    /// Starts plugins.
+    pub runtime: Runtime,
+    budget: BudgetOptions,
+    cores: Option<Result<Reservation, NoCores>>,
+}
+
+impl Host {
+    /// For a program with these plugins linked in. Without `apart` planners run in the
+    /// host's own process, so that none has cores of its own.
+    pub fn new(
+        built_in: &'static [&'static PluginEntry],
+        budget: BudgetOptions,
+        sandbox: SandboxOptions,
+        apart: bool,
+    ) -> std::io::Result<Self> {
+        let cores = (apart && sandbox.pin).then(|| {
+            Topology::of_this_process().and_then(|topology| topology.reserve(budget.threads))
+        });
+        let reserved = cores.as_ref().and_then(|cores| cores.as_ref().ok());
+        if let Some(reserved) = reserved {
+            // Where it is refused, the load that is recorded shows it.
+            let _ = pin_this_process(&reserved.host);
+        }
+        let limits = Limits {
+            grace: budget.grace.unwrap_or(Duration::ZERO),
+            startup: budget.startup,
+            output_bytes: sandbox.output_bytes,
+            policy: sandbox.policy,
+            trust: sandbox.trust,
+            prepare_cpu: budget.prepare_cpu.or(budget.cpu),
+            cpu: budget.cpu,
+            memory_bytes: budget.plan_memory().max(budget.prepare_memory()),
+            threads: budget.threads,
+            cpus: reserved.map(|reserved| reserved.mask.clone()),
+            ..Limits::default()
+        };
+        Ok(Self {
+            runtime: Runtime::new(built_in, limits)?,
+            budget,
+            cores,
+        })
+    }
+
+    /// What every trial may use.
+    pub fn budget(&self) -> &BudgetOptions {
+        &self.budget
+    }
+
+    fn reserved(&self) -> Option<&Reservation> {
+        self.cores.as_ref()?.as_ref().ok()
+    }
+}
+
+/// What a trial is about.
+#[derive(Debug, Clone, Copy)]
+pub struct Trial<'a> {
+    /// Where it runs.
+    pub host: &'a Host,
+    /// Who is asked.
+    pub candidate: &'a Candidate,
+    /// How the planner is attached, if not as usual.
+    pub attach: Option<Attach>,
+    /// The planner's options.
+    pub options: &'a GivenOptions,
+    /// What it is asked.
+    pub instance: &'a GridInstance,
+    /// Where the instance comes from, for people.
+    pub scenario: &'a str,
+    /// Seed of every random choice of the planner.
+    pub seed: u64,
+    /// Size of cells and steps, and how the plan is executed if it is.
+    pub config: &'a SimConfig,
+    /// Who executes it; `None` when nobody does.
+    pub robots: Option<&'a Robots>,
+}
+
+/// What came of it.
+#[derive(Debug)]
+pub struct Outcome {
+    /// All there is to say.
+    pub record: Record,
+    /// The plan that counts.
+    pub plan: Option<GridPlan>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// The planner's log; empty while its process is kept.
+    pub log: Vec<LogLine>,
+    /// The end of what it wrote to standard error; empty while its process is kept.
+    pub stderr: String,
+}
+
+impl Trial<'_> {
+    /// Whether the planner can be asked at all: it starts, takes its options, and can do
+    /// what the instance needs.
+    pub fn check(&self) -> Result<(), TrialError> {
+        let running = self.start()?;
+        let checked = running.check_capabilities(self.instance, &self.candidate.name);
+        running.close();
+        checked
+    }
+
+    fn start(&self) -> Result<Running, TrialError> {
+        let attach = self.candidate.attach(self.attach);
+        self.candidate
+            .start(&self.host.runtime, attach, self.options)
+    }
+
+    /// Asks a process of its own.
+    pub fn run(&self, trace: &mut dyn TraceSink) -> Result<Outcome, TrialError> {
+        self.trial(&mut None, false, trace)
+    }
+
+    /// Asks the process that is there, or a new one, and leaves it there for the next
+    /// trial unless something went wrong with it. What the whole life of a process shows
+    /// is not in the record of a trial then.
+    pub fn run_again(
+        &self,
+        running: &mut Option<Running>,
+        trace: &mut dyn TraceSink,
+    ) -> Result<Outcome, TrialError> {
+        self.trial(running, true, trace)
+    }
+
+    fn trial(
+        &self,
+        kept: &mut Option<Running>,
+        keep: bool,
+        trace: &mut dyn TraceSink,
+    ) -> Result<Outcome, TrialError> {
+        if self.robots.is_some() {
+            // Before the planner is started, not after its budget is spent.
+            self.config.validate()?;
+        }
+        let mut running = match kept.take() {
+            Some(running) => running,
+            None => self.start()?,
+        };
+        running.check_capabilities(self.instance, &self.candidate.name)?;
+        let environment = fleetyard_runtime::environment(
+            self.instance,
+            self.config.cell_size_m,
+            self.config.step_s,
+        );
+        let watched = self.host.reserved().map(Reservation::watched);
+        let before = Snapshot::take(watched.as_ref());
+        let startup = (running.trials == 0).then(|| running.session.startup());
+        let (run, prepared) = self.plan(&mut running, &environment);
+        let load = Snapshot::take(watched.as_ref()).since(&before);
+        let measurement = self.measurement(&run, prepared.as_ref(), startup, load);
+        let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
+        let attach = running.attach;
+        // A planner that failed, or whose limits were exceeded, starts anew next time.
+        let closing = if keep && run.fault.is_none() && run.limit.is_none() {
+            *kept = Some(running);
+            None
+        } else {
+            Some(running.close())
+        };
+        let mut warnings = Vec::new();
+        let mut termination = run.termination;
+        let mut fault = run.fault.as_ref().map(ToString::to_string);
+        if let Some(closing) = &closing {
+            if let (Some(late), None) = (&closing.fault, &run.fault) {
+                if matches!(late, Fault::Protocol { .. }) {
+                    termination = Termination::from(late);
+                    fault = Some(late.to_string());
+                } else {
+                    warnings.push(format!("after its answer the planner {late}"));
+                }
+            }
+            if closing.stray_lines > 0 {
+                let count = closing.stray_lines;
+                warnings.push(format!(
+                    "the planner wrote {count} lines to standard output that are no messages; \
+                     --verbose shows them"
+                ));
+            }
+        }
+        let plan = run.plan().cloned();
+        let execution = match (&plan, self.robots) {
+            (Some(plan), Some(robots)) => match self.execute(robots, plan, trace) {
+                Ok(execution) => Some(execution),
+                Err(error @ TrialError::Simulation(SimError::Trace(_))) => return Err(error),
+                Err(error) => {
+                    warnings.push(format!("the plan was not executed: {error}"));
+                    None
+                }
+            },
+            _ => None,
+        };
+        let verdict = plan.as_ref().map_or_else(VerdictInfo::default, |plan| {
+            validate(self.instance, plan, VIOLATIONS).into()
+        });
+        let over = closing.as_ref().and_then(|closing| closing.over);
+        let mut record = Record {
+            fleetyard: env!("CARGO_PKG_VERSION"),
+            planner: PlannerInfo {
+                id: descriptor.id,
+                version: descriptor.version,
+                attach,
+                ranked: attach != Attach::InProcess
+                    && self.host.runtime.limits().policy.level != Level::None,
+                path: self.candidate.path().map(|path| path.display().to_string()),
+                digest: self.candidate.digest(),
+                code: self.candidate.code().to_vec(),
+                pinned: self.candidate.is_pinned(),
+                options: Value::Object(options),
+            },
+            instance: InstanceInfo {
+                map: self.instance.grid().name().to_owned(),
+                scenario: self.scenario.to_owned(),
+                agents: self.instance.agents(),
+                connectivity: self.instance.connectivity().degree(),
+            },
+            budget: self.budget(),
+            termination,
+            fault,
+            stopped: run.stopped || over.is_some(),
+            limit: run.limit.or(over),
+            kill_latency_ms: closing
+                .as_ref()
+                .and_then(|closing| closing.kill_latency.map(milliseconds)),
+            claim: run.claim,
+            message: run.message.clone(),
+            metrics: self.metrics(
+                &run,
+                plan.as_ref(),
+                verdict.valid,
+                prepared.map(|prepared| milliseconds(prepared.wall)),
+            ),
+            verdict,
+            claimed_metrics: run.metrics,
+            claims: Vec::new(),
+            resources: None,
+            measurement,
+            sandbox: None,
+            environment_digest: None,
+            execution,
+            instance_digest: self.instance.digest(),
+            plan_digest: plan.as_ref().map(GridPlan::digest),
+        };
+        record.claims = claims::of(&record);
+        let (mut log, mut stderr) = (Vec::new(), String::new());
+        if let Some(closing) = closing {
+            let Closing {
+                usage,
+                sandbox,
+                environment,
+                ..
+            } = closing;
+            record.resources = usage;
+            record.sandbox = sandbox;
+            record.environment_digest = environment;
+            (log, stderr) = (closing.log, closing.stderr);
+        }
+        Ok(Outcome {
+            record,
+            plan,
+            warnings,
+            log,
+            stderr,
+        })
+    }
+
+    fn execute(
+        &self,
+        robots: &Robots,
+        plan: &GridPlan,
+        trace: &mut dyn TraceSink,
+    ) -> Result<ExecutionInfo, TrialError> {
+        let fleet = robots.fleet(self.instance.agents(), self.config)?;
+        let mut simulator = Simulator::new(self.config).on_grid(self.instance.grid());
+        if let Some(fleet) = &fleet {
+            simulator = simulator.with_fleet(fleet);
+        }
+        Ok(execute(&simulator, plan, trace)?)
+    }
+
+    /// The limits of the run, as they are recorded.
+    fn budget(&self) -> BudgetInfo {
+        let budget = &self.host.budget;
+        let limits = self.host.runtime.limits();
+        let policy = &limits.policy;
+        let ms = |duration: Option<Duration>| duration.map(milliseconds);
+        let bytes = |bytes: u64| (bytes > 0).then_some(bytes);
+        BudgetInfo {
+            wall_ms: milliseconds(budget.wall),
+            prepare_wall_ms: milliseconds(budget.prepare_wall()),
+            grace_ms: ms(budget.grace),
+            cpu_ms: ms(limits.cpu),
+            prepare_cpu_ms: ms(limits.prepare_cpu),
+            memory_bytes: bytes(budget.plan_memory()),
+            prepare_memory_bytes: bytes(budget.prepare_memory()),
+            processes: policy.processes,
+            output_bytes: limits.output_bytes,
+            disk_bytes: policy.disk_bytes,
+            nodes: (budget.nodes > 0).then_some(budget.nodes),
+            threads: budget.threads,
+            seed: self.seed,
+        }
+    }
+
+    fn measurement(
+        &self,
+        run: &PlanRun,
+        prepared: Option<&CallReport>,
+        startup: Option<Duration>,
+        load: Difference,
+    ) -> Measurement {
+        let micros = |us: Option<u64>| us.map(Duration::from_micros);
+        let call = |usage: &CallUsage| CallInfo {
+            cpu_ms: micros(usage.cpu_us).map(milliseconds),
+            run_delay_ms: micros(usage.run_delay_us).map(milliseconds),
+        };
+        let sum = |a: Option<u64>, b: Option<u64>| Some(a? + b?);
+        let first = prepared.map(|prepared| prepared.usage).unwrap_or_default();
+        let spent = Spent {
+            wall: run.planning + prepared.map_or(Duration::ZERO, |prepared| prepared.wall),
+            cpu: micros(sum(first.cpu_us, run.usage.cpu_us)),
+            run_delay: micros(sum(first.run_delay_us, run.usage.run_delay_us)),
+            threads: self.host.budget.threads,
+        };
+        let not_pinned = match &self.host.cores {
+            None => Some("not asked for".to_owned()),
+            Some(Err(reason)) => Some(reason.to_string()),
+            Some(Ok(_)) => None,
+        };
+        Measurement {
+            startup_ms: startup.map(milliseconds),
+            prepare: prepared.map(|prepared| call(&prepared.usage)),
+            plan: call(&run.usage),
+            cpus: self.host.reserved().map(|cores| cores.mask.clone()),
+            idle_siblings: self
+                .host
+                .reserved()
+                .map(|cores| cores.siblings.clone())
+                .filter(|siblings| !siblings.is_empty()),
+            not_pinned,
+            contended: contended(&load, &spent),
+            load,
+            machine_digest: Machine::here().digest(),
+            machine: Machine::here(),
+        }
+    }
+
+    fn plan(
+        &self,
+        running: &mut Running,
+        environment: &SharedEnvironment,
+    ) -> (PlanRun, Option<CallReport>) {
+        let allowed = &self.host.budget;
+        let budget = |wall: Duration, memory_bytes: u64| Budget {
+            deadline_monotonic_ns: 0,
+            wall_ns: wall.as_nanos() as u64,
+            nodes: allowed.nodes,
+            memory_bytes,
+            threads: allowed.threads,
+            seed: self.seed,
+        };
+        match running.ready(
+            environment,
+            &budget(allowed.prepare_wall(), allowed.prepare_memory()),
+        ) {
+            Ok(report) => {
+                let instance = fleetyard_runtime::instance(self.instance, self.config.radius_m());
+                let budget = budget(allowed.wall, allowed.plan_memory());
+                (running.session.plan(&instance, &budget), report)
+            }
+            Err(fault) => (PlanRun::failed(fault), None),
+        }
+    }
+
+    fn metrics(
+        &self,
+        run: &PlanRun,
+        plan: Option<&GridPlan>,
+        valid: bool,
+        prepare_time_ms: Option<f64>,
+    ) -> Metrics {
+        // The lower bound does not depend on the plan: an empty one will do.
+        let empty = GridPlan::default();
+        let of_plan = metrics(
+            self.instance,
+            plan.unwrap_or(&empty),
+            self.config.cell_size_m,
+        );
+        // The last one is the plan itself, which was validated already.
+        let last = run.incumbents.len().saturating_sub(1);
+        let incumbents = run.incumbents.iter().enumerate().map(|(index, incumbent)| {
+            let valid = |plan| {
+                if index == last {
+                    valid
+                } else {
+                    validate(self.instance, plan, 0).valid
+                }
+            };
+            IncumbentInfo {
+                time_ms: milliseconds(incumbent.arrived),
+                soc_steps: incumbent.plan.as_ref().map(sum_of_costs),
+                valid: incumbent.plan.as_ref().map(valid),
+            }
+        });
+        let bound = of_plan.lower_bound_steps;
+        Metrics {
+            soc_steps: plan.map(|_| of_plan.sum_of_costs),
+            makespan_steps: plan.map(|_| of_plan.makespan),
+            lower_bound_steps: bound,
+            suboptimality: plan
+                .filter(|_| valid && bound > 0)
+                .map(|_| of_plan.sum_of_costs as f64 / bound as f64),
+            length_m: plan.map(|_| of_plan.length_m),
+            lower_bound_m: of_plan.lower_bound_m,
+            waits: plan.map(|_| of_plan.waits),
+            planning_time_ms: milliseconds(run.planning),
+            call_time_ms: run.call.map(milliseconds),
+            prepare_time_ms,
+            first_solution_ms: run
+                .incumbents
+                .first()
+                .map(|first| milliseconds(first.arrived)),
+            incumbents: incumbents.collect(),
+            late_plans: run.late,
+        }
+    }
+}
+
+/// A duration as records have it.
+pub fn milliseconds(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1000.0
+}
+
+/// Executes a plan and takes the time.
+pub fn execute<'p>(
+    simulator: &Simulator<'_>,
+    plan: impl Into<Plan<'p>>,
+    trace: &mut dyn TraceSink,
+) -> Result<ExecutionInfo, SimError> {
+    let started = Instant::now();
+    let outcome = simulator.run(plan, trace)?;
+    let wall = started.elapsed();
+    Ok(ExecutionInfo {
+        rtf: outcome.simulated_s / wall.as_secs_f64().max(1e-9),
+        policy: outcome.policy,
+        agents: outcome.agents,
+        arrived: outcome.arrived,
+        makespan_s: outcome.makespan_s,
+        sum_of_costs_s: outcome.sum_of_costs_s,
+        ticks: outcome.ticks,
+        simulated_s: outcome.simulated_s,
+        wall_ms: milliseconds(wall),
+        contacts: outcome.contacts.total(),
+        contacts_agent_agent: outcome.contacts.agent_agent,
+        contacts_agent_obstacle: outcome.contacts.agent_obstacle,
+        nearest_approach_m: outcome.nearest_approach_m,
+        tracking_error_max_m: outcome.tracking_error_max_m,
+        tracking_error_mean_m: outcome.tracking_error_mean_m,
+        radius_m: outcome.radius_m,
+        host_peak_memory_kb: peak_memory_kb(),
+        trace_digest: outcome.trace_digest,
+    })
+}
+
+/// The high-water mark of this process's resident set, where the kernel tells.
+fn peak_memory_kb() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok()
+}

@@ -1,0 +1,83 @@
+//! Why a trial could not be made, as opposed to how it went.
+
+use fleetyard_abi::Capability;
+use fleetyard_core::InputError;
+use fleetyard_runtime::{Fault, OptionError};
+use fleetyard_sim::SimError;
+
+use crate::options::RobotsError;
+
+/// Why a trial could not be made. What goes wrong once a planner is asked is a part of
+/// its record.
+#[derive(Debug, thiserror::Error)]
+pub enum TrialError {
+    /// Something that was given is wrong.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The planner has no such option, or not with such a value.
+    #[error("{}", .0.reason)]
+    Options(#[from] OptionError),
+    /// The plugin could not be started.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// The plan cannot be executed so.
+    #[error(transparent)]
+    Simulation(#[from] SimError),
+    /// There are no such robots.
+    #[error(transparent)]
+    Robots(#[from] RobotsError),
+    /// A file has several planners, and none was named.
+    #[error("{file} has several planners: {}", ids.join(", "))]
+    SeveralPlanners {
+        /// The plugin's name.
+        file: String,
+        /// Its planners.
+        ids: Vec<String>,
+    },
+    /// A file has no planner, or not the one that is wanted.
+    #[error("{file} has no planner{}", wanted.as_ref().map_or(String::new(), |id| format!(" `{id}`")))]
+    NoPlanner {
+        /// The plugin's name.
+        file: String,
+        /// The planner that is wanted.
+        wanted: Option<String>,
+        /// Those that it has.
+        ids: Vec<String>,
+    },
+    /// A plugin is no longer what it was when the command began.
+    #[error("{planner}: its code was changed meanwhile")]
+    CodeChanged {
+        /// The plugin's name.
+        planner: String,
+    },
+    /// A planner does not claim what the instance needs.
+    #[error("planner `{planner}` does not support `{}`", missing.as_str())]
+    Incapable {
+        /// Identifier of the planner.
+        planner: String,
+        /// What the user calls it.
+        name: String,
+        /// What is needed.
+        missing: Capability,
+    },
+}
+
+impl TrialError {
+    /// What to do about it.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::Input(error) => error.hint.clone(),
+            Self::Options(error) => error.hint.clone(),
+            Self::Fault(fault) => fault.hint().map(str::to_owned),
+            Self::Simulation(error) => error.hint().map(str::to_owned),
+            Self::Robots(error) => error.hint().map(str::to_owned),
+            Self::SeveralPlanners { .. } => Some("write PATH:ID to choose one of them".to_owned()),
+            Self::NoPlanner { ids, .. } if ids.is_empty() => None,
+            Self::NoPlanner { ids, .. } => Some(format!("it has {}", ids.join(", "))),
+            Self::CodeChanged { .. } => Some("run the command again".to_owned()),
+            Self::Incapable { name, .. } => Some(format!(
+                "`fleetyard plugins info {name}` lists what it can do"
+            )),
+        }
+    }
+}

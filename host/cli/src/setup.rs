@@ -1,0 +1,158 @@
+//! From arguments to what runs: the runtime, the sandbox and its limits, plugins by
+//! name.
+
+use std::path::Path;
+
+use fleetyard_abi::Kind;
+use fleetyard_bench::{BudgetOptions, Candidate, Host, SandboxOptions, half_of_memory};
+use fleetyard_runtime::{
+    Attach, Discovery, Fault, Found, LOCK_FILE, Limits, Lock, PluginFile, Policy, Runtime,
+    Standing, Trust,
+};
+use fleetyard_sim::SimConfig;
+
+use crate::args::{BudgetArgs, GrantArgs, PinArg, TrustArgs, WorldArgs};
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::{BUILT_IN, output};
+
+/// The runtime with default limits.
+pub(crate) fn runtime(trust: Trust) -> Result<Runtime> {
+    runtime_with(Policy::default(), trust)
+}
+
+/// The same, with another sandbox.
+pub(crate) fn runtime_with(policy: Policy, trust: Trust) -> Result<Runtime> {
+    let limits = Limits {
+        memory_bytes: half_of_memory(),
+        policy,
+        trust,
+        ..Limits::default()
+    };
+    Runtime::new(BUILT_IN, limits).map_err(internal)
+}
+
+/// Where trials run, with the limits that the arguments ask for.
+pub(crate) fn host(arguments: &BudgetArgs, attach: Option<Attach>) -> Result<Host> {
+    // In process the planner runs where the host does.
+    let apart = attach != Some(Attach::InProcess);
+    let sandbox = sandbox(&arguments.sandbox.grants, arguments.sandbox.pin)?;
+    Host::new(BUILT_IN, budget(arguments), sandbox, apart).map_err(internal)
+}
+
+fn budget(arguments: &BudgetArgs) -> BudgetOptions {
+    let sandbox = &arguments.sandbox;
+    BudgetOptions {
+        wall: arguments.budget,
+        prepare: arguments.prepare_budget,
+        startup: arguments.startup,
+        grace: arguments.grace,
+        cpu: sandbox.cpu,
+        prepare_cpu: sandbox.prepare_cpu,
+        memory_bytes: sandbox.memory,
+        prepare_memory_bytes: sandbox.prepare_memory,
+        nodes: arguments.nodes,
+        threads: arguments.threads,
+    }
+}
+
+fn sandbox(grants: &GrantArgs, pin: PinArg) -> Result<SandboxOptions> {
+    Ok(SandboxOptions {
+        policy: policy(grants)?,
+        output_bytes: grants.output_limit,
+        trust: trust(&grants.trust)?,
+        pin: pin == PinArg::Auto,
+    })
+}
+
+/// The lock that the arguments name, or the one that lies in the current folder.
+pub(crate) fn trust(arguments: &TrustArgs) -> Result<Trust> {
+    let usual = Path::new(LOCK_FILE);
+    let file = arguments.lock.as_deref();
+    let file = file.or_else(|| usual.exists().then_some(usual));
+    Ok(Trust {
+        lock: file.map(Lock::read).transpose()?,
+        locked: arguments.locked,
+    })
+}
+
+/// What the sandbox is to grant.
+pub(crate) fn policy(grants: &GrantArgs) -> Result<Policy> {
+    for path in &grants.allow_read {
+        if !path.exists() {
+            let message = format!("{}: there is no such file or folder", path.display());
+            return Err(Failure::new(Exit::Input, message)
+                .hint("--allow-read names what the plugin may read"));
+        }
+    }
+    Ok(Policy {
+        level: grants.sandbox.into(),
+        read: grants.allow_read.clone(),
+        network: grants.allow_network,
+        env: grants.env.clone(),
+        processes: grants.processes,
+        disk_bytes: grants.disk,
+        ..Policy::default()
+    })
+}
+
+/// A planner by path, `PATH:ID` or identifier.
+pub(crate) fn candidate(runtime: &Runtime, name: &str) -> Result<Candidate> {
+    let found = find(runtime, Some(Kind::Planner), name)?;
+    Ok(Candidate::new(runtime, found, name)?)
+}
+
+/// Finds a plugin by path, `PATH:ID` or identifier, and says what the user should know
+/// of the choice.
+pub(crate) fn find(runtime: &Runtime, kind: Option<Kind>, name: &str) -> Result<Found> {
+    let discovery = Discovery::from_environment();
+    let found = discovery.find(runtime, kind, name);
+    if matches!(found, Err(Fault::Unknown { .. })) {
+        for (folder, reason) in discovery.unreadable() {
+            output::warning(&unreadable(&folder, &reason));
+        }
+    }
+    let found = found?;
+    let place = |file: &PluginFile| match file.path() {
+        Some(path) => path.display().to_string(),
+        None => "the built-in one".into(),
+    };
+    if !found.shadowed.is_empty() {
+        output::note(&format!(
+            "`{name}` is {}, which shadows {}",
+            place(&found.file),
+            found.shadowed.join(", ")
+        ));
+    }
+    let trust = &runtime.limits().trust;
+    if let (Some(lock), Standing::Unlisted, false) =
+        (&trust.lock, trust.standing(&found.file), trust.locked)
+    {
+        output::note(&format!(
+            "{} is not in {}; `fleetyard plugins pin` puts it there",
+            place(&found.file),
+            lock.file().display()
+        ));
+    }
+    Ok(found)
+}
+
+/// Why a folder of the plugin path has no plugins.
+pub(crate) fn unreadable(folder: &Path, reason: &str) -> String {
+    format!(
+        "the folder {} of FLEETYARD_PLUGIN_PATH cannot be searched: {reason}",
+        folder.display()
+    )
+}
+
+/// The simulator's parameters from the arguments.
+pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
+    SimConfig {
+        cell_size_m: world.cell_size,
+        step_s: world.step,
+        radius_m: world.radius,
+        ticks_hz: world.ticks_hz,
+        substeps: world.substeps,
+        tier: world.tier.into(),
+        ..SimConfig::default()
+    }
+}
