@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::c::PluginEntry;
-use fleetyard_abi::{Budget, Kind, SharedEnvironment};
+use fleetyard_abi::{Budget, SharedEnvironment};
 use fleetyard_check::{metrics, sum_of_costs, validate};
 use fleetyard_core::{GridInstance, GridPlan};
 use fleetyard_runtime::measure::{
