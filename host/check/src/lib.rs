@@ -3,13 +3,14 @@
 //! A plan is judged here and nowhere else. This crate takes an instance and the
 //! paths that someone claims to solve it, and knows no planner, no plugin, no
 //! simulator and no clock: what a planner says of its own plan has no way in.
-//! [`validate`] judges plans on grids, [`validate_trajectories`] plans in
-//! continuous space and time.
+//! [`validate`] judges plans on grids, [`validate_paths`] those whose cells need not
+//! be neighbours, [`validate_trajectories`] plans in continuous space and time.
 
 #![forbid(unsafe_code)]
 
 mod continuous;
 mod metrics;
+mod path;
 mod validate;
 mod verdict;
 
@@ -18,5 +19,6 @@ pub use continuous::{
     validate_trajectories,
 };
 pub use metrics::{PlanMetrics, metrics, sum_of_costs};
+pub use path::{PathRule, validate_paths};
 pub use validate::validate;
 pub use verdict::{CellPosition, Rule, Verdict, Violation};

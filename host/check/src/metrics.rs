@@ -7,6 +7,8 @@
 use fleetyard_core::{Connectivity, GridInstance, GridPlan, GridSearch, OctileLength};
 use serde::{Deserialize, Serialize};
 
+use crate::path::line_length;
+
 /// Cost, length and lower bounds of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlanMetrics {
@@ -18,6 +20,10 @@ pub struct PlanMetrics {
     pub moves: u64,
     /// Steps in which an agent waits before its last arrival, over all agents.
     pub waits: u64,
+    /// Length of all paths in cells: 1 for a move, and for a longer step the cells of
+    /// its Bresenham line without the first, as the grid-maze benchmark measures
+    /// any-angle paths.
+    pub length_cells: u64,
     /// Length of all paths in metres: a diagonal move is √2 cells and a wait
     /// nothing.
     pub length_m: f64,
@@ -57,6 +63,7 @@ pub fn metrics(instance: &GridInstance, plan: &GridPlan, cell_size_m: f64) -> Pl
     // on the order of additions.
     let (mut straight, mut diagonal) = (0u64, 0u64);
     let mut other_cells = 0.0;
+    let mut length_cells = 0;
     for path in plan.paths() {
         let mut cost = 0;
         let mut path_moves = 0;
@@ -71,6 +78,7 @@ pub fn metrics(instance: &GridInstance, plan: &GridPlan, cell_size_m: f64) -> Pl
                 continue;
             }
             let (from, to) = (grid.row_col(from), grid.row_col(to));
+            length_cells += u64::from(line_length(from, to));
             let (rows, cols) = (from.0.abs_diff(to.0), from.1.abs_diff(to.1));
             match (rows, cols) {
                 (1, 0) | (0, 1) => straight += 1,
@@ -93,6 +101,7 @@ pub fn metrics(instance: &GridInstance, plan: &GridPlan, cell_size_m: f64) -> Pl
         makespan: costs.iter().copied().max().unwrap_or(0).into(),
         moves,
         waits,
+        length_cells,
         length_m: (length(straight, diagonal) + other_cells) * cell_size_m,
         lower_bound_steps: bound.steps,
         lower_bound_makespan: bound.makespan,

@@ -124,7 +124,7 @@ impl Maze {
             open: vec![0; width as usize * height as usize],
         };
         let mut draws = match random {
-            MazeRandom::ChaCha => Draws::ChaCha(SeededRandom::new("map maze", seed)),
+            MazeRandom::ChaCha => Draws::ChaCha(Box::new(SeededRandom::new("map maze", seed))),
             MazeRandom::Python => Draws::Python(Box::new(PythonRandom::new(seed))),
         };
         match algorithm {
@@ -326,7 +326,7 @@ fn lattice_size(cells: u32) -> u32 {
 
 /// Random choices while a maze is carved.
 enum Draws {
-    ChaCha(SeededRandom),
+    ChaCha(Box<SeededRandom>),
     Python(Box<PythonRandom>),
 }
 
