@@ -32,9 +32,22 @@ const MAY_USE: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "fleetyard-bench",
+        &[
+            "fleetyard-abi",
+            "fleetyard-check",
+            "fleetyard-core",
+            "fleetyard-runtime",
+            "fleetyard-sim",
+            "fleetyard-view",
+            "fleetyard-world",
+        ],
+    ),
+    (
         "fleetyard",
         &[
             "fleetyard-abi",
+            "fleetyard-bench",
             "fleetyard-check",
             "fleetyard-conformance",
             "fleetyard-core",
@@ -53,9 +66,11 @@ const HOMES: &[(&str, &str)] = &[
     ("clap*", "fleetyard"),
     ("geo", "fleetyard-world"),
     ("libloading", "fleetyard-runtime"),
+    ("parquet", "fleetyard-bench"),
     ("parry2d*", "fleetyard-sim"),
     ("rapier2d*", "fleetyard-sim"),
     ("resvg", "fleetyard-view"),
+    ("rusqlite", "fleetyard-bench"),
     ("zstd", "fleetyard-sim"),
 ];
 
