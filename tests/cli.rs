@@ -449,7 +449,20 @@ fn plugins_are_listed_and_described() {
         .iter()
         .map(|plugin| plugin["id"].as_str().unwrap())
         .collect();
-    assert_eq!(ids, ["lacam", "pibt", "empty"]);
+    assert_eq!(
+        ids,
+        [
+            "lacam",
+            "pibt",
+            "empty",
+            "astar",
+            "dijkstra",
+            "greedy-best-first",
+            "weighted-astar",
+            "bfs",
+            "bidirectional-bfs",
+        ]
+    );
     let text = yard.line("plugins list").expect(SUCCESS).stdout;
     for id in ids {
         assert!(text.lines().any(|line| line.starts_with(id)), "{text}");

@@ -82,9 +82,16 @@ fn built_in_planners_pass() {
 }
 
 #[test]
+fn built_in_planners_for_one_agent_pass() {
+    for planner in ["astar", "weighted-astar", "bidirectional-bfs"] {
+        passes(planner, 1, &["--attach in-process"]);
+    }
+}
+
+#[test]
 fn the_standard_plugins_as_a_library_pass() {
     let library = build("fleetyard-plugins").library.unwrap();
-    passes(&library.display().to_string(), 3, &["--attach worker"]);
+    passes(&library.display().to_string(), 9, &["--attach worker"]);
 }
 
 #[test]

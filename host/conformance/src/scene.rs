@@ -36,6 +36,8 @@ pub(crate) struct Scene {
     /// The least sum of costs, where it is known.
     pub(crate) best: Option<u64>,
     pub(crate) demand: Demand,
+    /// That it cannot be solved is because there are several agents.
+    pub(crate) crowded: bool,
 }
 
 /// What the fleet of a scene has to do, for instance generators.
@@ -97,7 +99,28 @@ impl Scene {
             window_steps: 0,
             best: None,
             demand: Demand::Some,
+            crowded: false,
         }
+    }
+
+    /// Nobody can solve it, though each agent alone would arrive.
+    pub(crate) fn crowded(mut self) -> Self {
+        self.crowded = true;
+        self
+    }
+
+    /// The first agent alone: for planners that plan for one.
+    pub(crate) fn first_agent(&self) -> Self {
+        let mut alone = self.clone();
+        alone.starts.truncate(1);
+        alone.goals.truncate(1);
+        if let Some(headings) = &mut alone.headings {
+            headings.truncate(1);
+        }
+        if self.agents() > 1 {
+            alone.best = None;
+        }
+        alone
     }
 
     /// The least sum of costs.
@@ -187,7 +210,7 @@ impl Scene {
         let (mut starts, mut goals) = (draw(), draw());
         starts.extend([alley, alley + 1]);
         goals.extend([alley + 1, alley]);
-        Ok(Self::new("jam", grid, starts, goals))
+        Ok(Self::new("jam", grid, starts, goals).crowded())
     }
 
     /// A map of 256 × 256 cells with one agent in it: a lot to learn.

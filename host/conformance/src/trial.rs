@@ -1,11 +1,12 @@
 //! One case and one plugin: sessions, questions, answers, and what is noted on
 //! the way.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, FleetStatus, Instance, Kind, Objective, Plan, Status,
+    Budget, Capability, Descriptor, FleetStatus, Instance, Kind, Motion, Objective, Plan, Status,
 };
 use fleetyard_core::GridPlan;
 use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Session};
@@ -159,6 +160,8 @@ pub(crate) struct Trial<'a> {
     kept: Option<Session>,
     /// How many steps of delay plans have to tolerate.
     pub(crate) delay: u32,
+    /// Whether it is a planner for one agent, once that was in question.
+    alone: Option<bool>,
 }
 
 impl<'a> Trial<'a> {
@@ -171,6 +174,7 @@ impl<'a> Trial<'a> {
             figures: BTreeMap::new(),
             kept: None,
             delay: 0,
+            alone: None,
         }
     }
 
@@ -315,13 +319,45 @@ impl<'a> Trial<'a> {
     }
 
     /// Asks what the plugin is for. The answer is not judged yet, but one that came
-    /// by force is none.
+    /// by force is none. A planner for one agent is asked about the first.
     pub(crate) fn ask(
         &mut self,
         session: &mut Session,
         scene: &Scene,
         call: &Call<'_>,
     ) -> Step<Answer> {
+        let answer = self.put(session, &self.fitting(scene), call)?;
+        let in_question = self.alone.is_none()
+            && self.kind() == Kind::Planner
+            && scene.agents() > 1
+            && scene.motion == Motion::Pebble
+            && answer.status == Status::Unsupported;
+        if !in_question {
+            return Ok(answer);
+        }
+        let pair = Scene::drawn("pair", &["ab"], &["ab"])?;
+        self.prepare(session, &pair)?;
+        let alone = self.put(session, &pair, call)?.status == Status::Unsupported;
+        self.alone = Some(alone);
+        self.prepare(session, scene)?;
+        if alone {
+            self.put(session, &self.fitting(scene), call)
+        } else {
+            Ok(answer)
+        }
+    }
+
+    /// The scene, or as much of it as the plugin plans for.
+    fn fitting<'s>(&self, scene: &'s Scene) -> Cow<'s, Scene> {
+        if self.alone == Some(true) {
+            Cow::Owned(scene.first_agent())
+        } else {
+            Cow::Borrowed(scene)
+        }
+    }
+
+    /// Asks it once, as it is.
+    fn put(&self, session: &mut Session, scene: &Scene, call: &Call<'_>) -> Step<Answer> {
         let budget = self.budget(call);
         let started = Instant::now();
         let answer = match self.kind() {
@@ -397,6 +433,12 @@ impl<'a> Trial<'a> {
         hope: Hope,
         arrival: Arrival,
     ) -> Step<()> {
+        if self.alone == Some(true) && scene.crowded {
+            return Err(Stop::Skipped(
+                "asks about several agents, and this is a planner for one".into(),
+            ));
+        }
+        let scene = &*self.fitting(scene);
         let failed = |reason: String| {
             let (name, picture) = (&scene.name, scene.picture());
             Err(Stop::Failed(format!("{name}: {reason}{picture}")))

@@ -147,7 +147,10 @@ struct How {
     cost: bool,
 }
 
-#[expect(clippy::too_many_arguments, reason = "the arrays are kept by the caller")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the arrays are kept by the caller"
+)]
 fn run<C: Cost, G: Guide<C>>(
     grid: &Grid,
     (start, goal): (Place, Place),

@@ -40,7 +40,9 @@ impl Wave {
 
     /// The moves to the next place, if there is one.
     fn depth(&self) -> Option<u32> {
-        self.found.get(self.next).map(|place| self.nodes.known(*place))
+        self.found
+            .get(self.next)
+            .map(|place| self.nodes.known(*place))
     }
 
     /// Finds a neighbour; false if it was found before.

@@ -17,7 +17,9 @@ use serde::{Deserialize, Serialize};
 use crate::grid::{Grid, Neighbors, Place};
 
 /// The cost of a path.
-pub(crate) trait Cost: Copy + Default + PartialEq + std::fmt::Debug + Send + 'static {
+pub(crate) trait Cost:
+    Copy + Default + PartialEq + std::fmt::Debug + Send + 'static
+{
     /// The cost after one more move.
     fn step(self, direction: u8) -> Self;
     /// The cost of two paths, one after the other.
@@ -156,6 +158,8 @@ pub enum TieBreaking {
 /// What a place is expanded by: the least entry first.
 pub(crate) trait Rank: Copy + Ord + std::fmt::Debug + Send + 'static {
     fn place(self) -> Place;
+    /// The priority alone, in an order of its own.
+    fn priority(self) -> u64;
 }
 
 /// Whole numbers below 2³²: priority, tie, insertion and place side by side, so that
@@ -164,6 +168,11 @@ impl Rank for u128 {
     #[inline]
     fn place(self) -> Place {
         self as u32
+    }
+
+    #[inline]
+    fn priority(self) -> u64 {
+        (self >> 96) as u64
     }
 }
 
@@ -176,6 +185,11 @@ impl Rank for Exact {
     fn place(self) -> Place {
         self.2 as u32
     }
+
+    #[inline]
+    fn priority(self) -> u64 {
+        self.0
+    }
 }
 
 /// The open list.
@@ -185,6 +199,8 @@ pub(crate) type Open<R> = BinaryHeap<Reverse<R>>;
 pub(crate) trait Guide<C> {
     type Rank: Rank;
     fn rank(&self, grid: &Grid, place: Place, cost: C, insertion: u32) -> Self::Rank;
+    /// Whether a priority is less than that of an end that is reached at a cost.
+    fn before(&self, rank: Self::Rank, cost: C) -> bool;
 }
 
 /// How the priority of a place is made up.
@@ -256,6 +272,11 @@ impl Guide<u32> for WholeGuide {
         let low = u64::from(insertion) << 32 | u64::from(place);
         u128::from(high) << 64 | u128::from(low)
     }
+
+    #[inline]
+    fn before(&self, rank: u128, cost: u32) -> bool {
+        rank.priority() < u64::from(cost * self.cost)
+    }
 }
 
 pub(crate) struct ExactGuide {
@@ -286,6 +307,11 @@ impl<C: Cost> Guide<C> for ExactGuide {
         };
         let last = u64::from(insertion) << 32 | u64::from(place);
         (priority.to_bits(), tie, last)
+    }
+
+    #[inline]
+    fn before(&self, rank: Exact, cost: C) -> bool {
+        f64::from_bits(rank.0) < cost.value()
     }
 }
 

@@ -247,7 +247,13 @@ mod tests {
 
     fn grid(rows: &[&str], neighbors: Neighbors) -> Grid {
         let passable: Vec<bool> = rows.concat().bytes().map(|letter| letter == b'.').collect();
-        Grid::new(rows.len() as u32, rows[0].len() as u32, &passable, neighbors).expect("a grid")
+        Grid::new(
+            rows.len() as u32,
+            rows[0].len() as u32,
+            &passable,
+            neighbors,
+        )
+        .expect("a grid")
     }
 
     #[test]
@@ -263,7 +269,8 @@ mod tests {
     fn nothing_leaves_the_map() {
         for (rows, cols) in [(1, 1), (1, 7), (7, 1), (3, 4), (4, 3), (3, 7), (3, 8)] {
             let free = vec![true; rows * cols];
-            let grid = Grid::new(rows as u32, cols as u32, &free, Neighbors::Eight).expect("a grid");
+            let grid =
+                Grid::new(rows as u32, cols as u32, &free, Neighbors::Eight).expect("a grid");
             for cell in 0..(rows * cols) as u32 {
                 let place = grid.place(cell);
                 assert_eq!(grid.cell(place), cell);
@@ -273,7 +280,11 @@ mod tests {
                 for other in 0..(rows * cols) as u32 {
                     let apart = grid.apart(place, grid.place(other));
                     let expected = apart.0.max(apart.1) == 1;
-                    assert_eq!(near.contains(&other), expected, "{rows}x{cols} {cell} {other}");
+                    assert_eq!(
+                        near.contains(&other),
+                        expected,
+                        "{rows}x{cols} {cell} {other}"
+                    );
                 }
             }
         }

@@ -145,13 +145,10 @@ impl<V: Variety> Planner for GridPlanner<V> {
                 Status::GaveUp,
                 "nothing is left to search, but not everything was searched",
             ),
-            Outcome::Stopped(Stop::Nodes) => {
-                failed(Status::TimedOut, "the node limit was reached")
+            Outcome::Stopped(Stop::Nodes) => failed(Status::TimedOut, "the node limit was reached"),
+            Outcome::Stopped(Stop::Told) => {
+                failed(Status::TimedOut, "the budget ended before a path was found")
             }
-            Outcome::Stopped(Stop::Told) => failed(
-                Status::TimedOut,
-                "the budget ended before a path was found",
-            ),
         }
     }
 }
@@ -171,7 +168,9 @@ fn question(instance: &Instance, motion: Motion) -> Result<(u32, u32), Failure> 
     };
     match (instance.goals.get(0), instance.window_steps) {
         ([goal], 0) => Ok((*start, *goal)),
-        _ => Err(unsupported("only complete plans with one goal are supported")),
+        _ => Err(unsupported(
+            "only complete plans with one goal are supported",
+        )),
     }
 }
 
@@ -287,7 +286,9 @@ impl Variety for WeightedOptions {
     fn search(self) -> Result<BestFirst, String> {
         let weight = self.weight;
         if !(1.0..=MOST_WEIGHT).contains(&weight) {
-            return Err(format!("`weight` is {weight}, but has to be from 1 to {MOST_WEIGHT}"));
+            return Err(format!(
+                "`weight` is {weight}, but has to be from 1 to {MOST_WEIGHT}"
+            ));
         }
         Ok(BestFirst::weighted(
             self.heuristic,

@@ -99,7 +99,7 @@ fn impossible(trial: &mut Trial<'_>, scene: &Scene) -> Step<()> {
 }
 
 pub(crate) fn no_room(trial: &mut Trial<'_>) -> Step<()> {
-    impossible(trial, &Scene::drawn("no-room", &["ab"], &["ba"])?)
+    impossible(trial, &Scene::drawn("no-room", &["ab"], &["ba"])?.crowded())
 }
 
 pub(crate) fn unreachable_goal(trial: &mut Trial<'_>) -> Step<()> {

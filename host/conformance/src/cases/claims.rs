@@ -98,7 +98,7 @@ pub(crate) fn anytime(trial: &mut Trial<'_>) -> Step<()> {
 pub(crate) fn colliding_plans(trial: &mut Trial<'_>) -> Step<()> {
     let mut random = trial.random();
     let scenes = [
-        Scene::drawn("no-room", &["ab"], &["ba"])?,
+        Scene::drawn("no-room", &["ab"], &["ba"])?.crowded(),
         Scene::jam(&mut random)?,
     ];
     let wall = at_least(trial.config().slice(), 100);
