@@ -4,6 +4,7 @@
 
 mod candidate;
 pub mod claims;
+pub mod evaluate;
 mod options;
 mod record;
 mod row;

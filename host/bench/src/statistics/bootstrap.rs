@@ -26,8 +26,12 @@ pub const BOOTSTRAP_SEED: u64 = 20_260_226;
 pub fn bootstrap_median(values: &[f64], resamples: usize, seed: u64) -> Option<Interval> {
     let ascending = sorted(values.iter().copied());
     let n = ascending.len();
-    if n < 2 {
+    if n < 2 || resamples == 0 {
         return None;
+    }
+    if ascending[n - 1] <= ascending[0] {
+        let (low, high) = (ascending[0], ascending[0]);
+        return Some(Interval { low, high });
     }
     // Ranks of both middle values, from 1; the same for odd n.
     let (low, high) = (n.div_ceil(2), n / 2 + 1);

@@ -1,0 +1,235 @@
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{Case, Dimension, Level, Metric, Trials};
+use crate::statistics::{Interval, Summary, wilson};
+
+/// A value and the trial that it is of.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Mark {
+    /// The value of the case.
+    pub value: f64,
+    /// Place of its first repeat in the suite's order.
+    pub trial: u64,
+}
+
+/// A planner's success rate and a metric along a dimension.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Curve {
+    /// Its label.
+    pub planner: String,
+    /// In order of the dimension.
+    pub points: Vec<CurvePoint>,
+}
+
+/// All cases of a planner at one level of a dimension.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CurvePoint {
+    /// Where it is.
+    pub level: Level,
+    /// Cases.
+    pub cases: usize,
+    /// Cases that succeeded.
+    pub successes: usize,
+    /// Share of those.
+    pub success_rate: f64,
+    /// Its 95 % Wilson interval.
+    pub success_interval: Option<Interval>,
+    /// The metric over the cases that succeeded, with the 95 % interval of its mean.
+    pub values: Option<Summary>,
+    /// Cases without a value.
+    pub left_out: usize,
+}
+
+/// Success rates and a metric along a dimension, such as throughput against the number of
+/// agents.
+pub fn curves(trials: &Trials<'_>, along: Dimension, metric: &Metric) -> Vec<Curve> {
+    let planners = trials.planners().iter();
+    planners
+        .map(|planner| {
+            let mut levels: BTreeMap<Level, Vec<&Case<'_>>> = BTreeMap::new();
+            for case in &planner.cases {
+                if let Some(level) = along.level(trials.instances()[case.instance]) {
+                    levels.entry(level).or_default().push(case);
+                }
+            }
+            let point = |(level, cases): (Level, Vec<&Case<'_>>)| {
+                let successes = cases.iter().filter(|case| case.success()).count();
+                let values: Vec<f64> = cases.iter().filter_map(|case| case.value(metric)).collect();
+                CurvePoint {
+                    level,
+                    cases: cases.len(),
+                    successes,
+                    success_rate: successes as f64 / cases.len() as f64,
+                    success_interval: wilson(successes as u64, cases.len() as u64),
+                    left_out: cases.len() - values.len(),
+                    values: Summary::of(&values),
+                }
+            };
+            Curve {
+                planner: planner.label.into(),
+                points: levels.into_iter().map(point).collect(),
+            }
+        })
+        .collect()
+}
+
+/// How many cases a planner solves with so much of a metric: the k-th mark is the value
+/// within which k cases are solved.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Cactus {
+    /// Its label.
+    pub planner: String,
+    /// Cases, solved or not.
+    pub cases: usize,
+    /// Of the solved ones, ascending.
+    pub marks: Vec<Mark>,
+}
+
+/// Quantile curves of every planner.
+pub fn cactus(trials: &Trials<'_>, metric: &Metric) -> Vec<Cactus> {
+    let planners = trials.planners().iter();
+    planners
+        .map(|planner| Cactus {
+            planner: planner.label.into(),
+            cases: planner.cases.len(),
+            marks: marks(&planner.cases, metric),
+        })
+        .collect()
+}
+
+/// Ascending.
+fn marks(cases: &[Case<'_>], metric: &Metric) -> Vec<Mark> {
+    let mark = |case: &Case<'_>| {
+        let value = case.value(metric)?;
+        let trial = case.trial();
+        Some(Mark { value, trial })
+    };
+    let mut marks: Vec<Mark> = cases.iter().filter_map(mark).collect();
+    marks.sort_by(|a, b| a.value.total_cmp(&b.value).then(a.trial.cmp(&b.trial)));
+    marks
+}
+
+/// One planner against another, instance by instance.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scatter {
+    /// Label of the planner whose values are `x`.
+    pub x: String,
+    /// Label of the planner whose values are `y`.
+    pub y: String,
+    /// Of every instance that both were asked, in order.
+    pub points: Vec<ScatterPoint>,
+    /// Instances where `x` has the smaller value.
+    pub x_smaller: usize,
+    /// Instances where `y` has the smaller value.
+    pub y_smaller: usize,
+    /// Instances where both have the same.
+    pub tied: usize,
+    /// Instances that only `x` solved.
+    pub only_x: usize,
+    /// Instances that only `y` solved.
+    pub only_y: usize,
+    /// Instances that neither solved.
+    pub neither: usize,
+}
+
+/// An instance; a value is absent where the planner failed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ScatterPoint {
+    /// Of the one.
+    pub x: Option<f64>,
+    /// Of the other.
+    pub y: Option<f64>,
+    /// The one's first repeat.
+    pub x_trial: u64,
+    /// The other's first repeat.
+    pub y_trial: u64,
+}
+
+/// Two planners beside each other; `None` if one of both labels is unknown.
+pub fn scatter(trials: &Trials<'_>, x: &str, y: &str, metric: &Metric) -> Option<Scatter> {
+    let (of_x, of_y) = (trials.planner(x)?, trials.planner(y)?);
+    let points: Vec<ScatterPoint> = of_x
+        .cases
+        .iter()
+        .filter_map(|x_case| {
+            let y_case = of_y.case(x_case.instance)?;
+            Some(ScatterPoint {
+                x: x_case.value(metric),
+                y: y_case.value(metric),
+                x_trial: x_case.trial(),
+                y_trial: y_case.trial(),
+            })
+        })
+        .collect();
+    let count = |what: fn(Option<f64>, Option<f64>) -> bool| {
+        points.iter().filter(|point| what(point.x, point.y)).count()
+    };
+    Some(Scatter {
+        x: x.into(),
+        y: y.into(),
+        x_smaller: count(|x, y| x.zip(y).is_some_and(|(x, y)| x < y)),
+        y_smaller: count(|x, y| x.zip(y).is_some_and(|(x, y)| y < x)),
+        tied: count(|x, y| x.is_some() && x == y),
+        only_x: count(|x, y| x.is_some() && y.is_none()),
+        only_y: count(|x, y| x.is_none() && y.is_some()),
+        neither: count(|x, y| x.is_none() && y.is_none()),
+        points,
+    })
+}
+
+/// A planner's box plot for a logarithmic axis.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BoxPlot {
+    /// Its label.
+    pub planner: String,
+    /// The box is from the first to the third quartile, the same as in tables.
+    pub summary: Summary,
+    /// Smallest value that is at most one and a half boxes below the box, on a logarithmic
+    /// axis: not below q1·(q1/q3)^1.5.
+    pub whisker_low: f64,
+    /// Largest value not above q3·(q3/q1)^1.5.
+    pub whisker_high: f64,
+    /// Values beyond the whiskers, ascending.
+    pub outliers: Vec<Mark>,
+    /// Values that have no place on a logarithmic axis.
+    pub not_positive: usize,
+    /// Cases without a value.
+    pub left_out: usize,
+}
+
+/// Box plots of every planner that has a value. Where a quartile is not positive, fences are
+/// one and a half boxes away on a linear axis.
+pub fn box_plots(trials: &Trials<'_>, metric: &Metric) -> Vec<BoxPlot> {
+    let planners = trials.planners().iter();
+    planners
+        .filter_map(|planner| {
+            let marks = marks(&planner.cases, metric);
+            let values: Vec<f64> = marks.iter().map(|mark| mark.value).collect();
+            let summary = Summary::of(&values)?;
+            let (q1, q3) = (summary.q1, summary.q3);
+            let (low, high) = if q1 > 0.0 {
+                (q1 * (q1 / q3).powf(1.5), q3 * (q3 / q1).powf(1.5))
+            } else {
+                (q1 - 1.5 * (q3 - q1), q3 + 1.5 * (q3 - q1))
+            };
+            let within = |value: f64| (low..=high).contains(&value);
+            let inner = || values.iter().copied().filter(|value| within(*value));
+            Some(BoxPlot {
+                planner: planner.label.into(),
+                // Rounding may put a quartile of equal values outside of its own fences.
+                whisker_low: inner().next().unwrap_or(q1).min(q1),
+                whisker_high: inner().next_back().unwrap_or(q3).max(q3),
+                outliers: marks
+                    .iter()
+                    .copied()
+                    .filter(|mark| !within(mark.value))
+                    .collect(),
+                not_positive: values.iter().filter(|value| **value <= 0.0).count(),
+                left_out: planner.cases.len() - values.len(),
+                summary,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,75 @@
+//! From rows to what tables and plots show. Whoever shows a number of a suite (reports,
+//! Markdown, `compare`, scripts) has it from here, so that all show the same.
+//!
+//! A *case* is a planner on an instance with a seed and a budget. Its repeats are one: it
+//! succeeds when all of them do, and its values are their medians. Rates, means and
+//! tests count cases, because repeats of one case are not independent of each other.
+//! Values other than the overall mean time are of cases that succeeded, and stand beside
+//! the number of those that they leave out.
+//!
+//! Everything is sorted and depends on the rows alone, not on their order.
+
+mod curves;
+mod groups;
+mod metric;
+mod paired;
+mod quality;
+mod ranking;
+mod runs;
+mod summary;
+mod trials;
+
+pub use curves::{
+    BoxPlot, Cactus, Curve, CurvePoint, Mark, Scatter, ScatterPoint, box_plots, cactus, curves,
+    scatter,
+};
+pub use groups::{Dimension, Filter, Group, Level, groups};
+pub use metric::{EXPANSIONS, METRICS, Metric, PATH_LENGTH, SOLVE_TIME};
+pub use paired::{Comparison, Paired, compare_with};
+pub use quality::{Quality, QualityPoint, Reference, log_spaced, quality_over_time};
+pub use ranking::{Order, RankStability, Ranked, Ranking, rank, rank_stability};
+pub use runs::{
+    Digests, MetricDifference, PlannerDifference, RunComparison, TrialPair, compare_runs,
+};
+pub use summary::{FailureCount, MetricSummary, Overview, PlannerSummary, failure};
+pub use trials::{Case, Planner, Trials};
+
+use serde::Serialize;
+
+/// What a suite says: the tables of a report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// How much there is, and what stands in the way of comparing it.
+    pub overview: Overview,
+    /// Planners in the order of their ranks.
+    pub ranking: Ranking,
+    /// One per planner, in the order of their ranks.
+    pub planners: Vec<PlannerSummary>,
+    /// Every planner's solve times against those of the best; absent with one planner.
+    pub comparison: Option<Comparison>,
+}
+
+impl Evaluation {
+    /// Of trials.
+    pub fn of(trials: &Trials<'_>, order: Order) -> Self {
+        let ranking = rank(trials, order);
+        let summary = |ranked: &Ranked| {
+            let planner = trials.planner(&ranked.planner)?;
+            Some(PlannerSummary::of(planner))
+        };
+        let planners = ranking.planners.iter().filter_map(summary).collect();
+        let best = ranking.planners.first();
+        let comparison = best
+            .filter(|_| trials.planners().len() > 1)
+            .and_then(|best| compare_with(trials, &best.planner, &SOLVE_TIME));
+        Self {
+            overview: Overview::of(trials),
+            ranking,
+            planners,
+            comparison,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,206 @@
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{METRICS, Metric, Paired, Planner, Trials};
+use crate::Row;
+
+/// Two runs of one suite beside each other.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunComparison {
+    /// Trials that both have.
+    pub pairs: usize,
+    /// Trials that only the first has.
+    pub only_in_a: usize,
+    /// Trials that only the second has.
+    pub only_in_b: usize,
+    /// Whether they ran on machines of the same description: their times can be compared
+    /// otherwise only with care.
+    pub same_machines: bool,
+    /// Planners of both, by label.
+    pub planners: Vec<PlannerDifference>,
+}
+
+/// A planner in both runs, over the trials that both have.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlannerDifference {
+    /// Its label.
+    pub planner: String,
+    /// Trials that both runs have.
+    pub pairs: usize,
+    /// Whether its code is the same; absent where a digest is.
+    pub same_code: Option<bool>,
+    /// Of those, successes in the first run.
+    pub successes_a: usize,
+    /// Of those, successes in the second run.
+    pub successes_b: usize,
+    /// Succeeded in the first run and failed in the second.
+    pub lost: Vec<TrialPair>,
+    /// Failed in the first run and succeeded in the second.
+    pub won: Vec<TrialPair>,
+    /// Its plans.
+    pub plans: Digests,
+    /// Traces of their executions.
+    pub traces: Digests,
+    /// Of every metric that both runs have; differences are second − first.
+    pub metrics: Vec<MetricDifference>,
+}
+
+/// A metric in both runs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MetricDifference {
+    /// The column.
+    pub metric: Metric,
+    /// Over cases that both runs solved; corrected for all planners.
+    #[serde(flatten)]
+    pub paired: Paired,
+}
+
+/// Whether digests agree.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Digests {
+    /// Pairs with equal digests.
+    pub same: usize,
+    /// Pairs of which one side or both have none.
+    pub absent: usize,
+    /// Pairs with different digests.
+    pub different: Vec<TrialPair>,
+}
+
+/// One trial in both runs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct TrialPair {
+    /// Its place in the first suite's order.
+    pub a: u64,
+    /// Its place in the second suite's order.
+    pub b: u64,
+}
+
+/// The same question to the same planner, whatever its code is.
+type Identity<'a> = (&'a str, &'a str, u64, u64, u32);
+
+fn identity(row: &Row) -> Identity<'_> {
+    let budget = row.budget_ms.to_bits();
+    (
+        &row.planner,
+        &row.instance_digest,
+        row.seed,
+        budget,
+        row.repeat,
+    )
+}
+
+/// Compares two runs of one suite. Trials belong together that are of the same planner's
+/// label, instance, seed, budget and repeat.
+pub fn compare_runs<'a>(
+    a: impl IntoIterator<Item = &'a Row>,
+    b: impl IntoIterator<Item = &'a Row>,
+) -> RunComparison {
+    let by_identity = |rows: &mut dyn Iterator<Item = &'a Row>| -> BTreeMap<Identity<'a>, &'a Row> {
+        rows.map(|row| (identity(row), row)).collect()
+    };
+    let a = by_identity(&mut a.into_iter());
+    let b = by_identity(&mut b.into_iter());
+    let mut pairs: BTreeMap<&str, Vec<(&Row, &Row)>> = BTreeMap::new();
+    for (identity, in_a) in &a {
+        if let Some(in_b) = b.get(identity) {
+            pairs.entry(identity.0).or_default().push((in_a, in_b));
+        }
+    }
+    let count = pairs.values().map(Vec::len).sum();
+    let machines = |rows: &BTreeMap<Identity<'_>, &'a Row>| -> Vec<&'a str> {
+        let mut machines: Vec<&str> = rows.values().map(|row| row.machine.as_str()).collect();
+        machines.sort_unstable();
+        machines.dedup();
+        machines
+    };
+    let mut planners: Vec<PlannerDifference> = pairs
+        .into_iter()
+        .map(|(planner, mut pairs)| {
+            pairs.sort_by_key(|(in_a, in_b)| (in_a.trial, in_b.trial));
+            difference(planner, &pairs)
+        })
+        .collect();
+    for metric in METRICS {
+        let differences = planners.iter_mut().flat_map(|planner| &mut planner.metrics);
+        let of_metric = differences.filter(|difference| difference.metric == *metric);
+        Paired::correct(of_metric.map(|difference| &mut difference.paired));
+    }
+    RunComparison {
+        pairs: count,
+        only_in_a: a.len() - count,
+        only_in_b: b.len() - count,
+        same_machines: machines(&a) == machines(&b),
+        planners,
+    }
+}
+
+fn difference(planner: &str, pairs: &[(&Row, &Row)]) -> PlannerDifference {
+    let which = |what: &dyn Fn(&Row, &Row) -> bool| -> Vec<TrialPair> {
+        let found = pairs.iter().filter(|(a, b)| what(a, b));
+        let pair = |(a, b): &(&Row, &Row)| TrialPair {
+            a: a.trial,
+            b: b.trial,
+        };
+        found.map(pair).collect()
+    };
+    let digests = |of: fn(&Row) -> Option<&String>| Digests {
+        same: which(&|a, b| of(a).is_some() && of(a) == of(b)).len(),
+        absent: which(&|a, b| of(a).is_none() || of(b).is_none()).len(),
+        different: which(&|a, b| of(a).zip(of(b)).is_some_and(|(a, b)| a != b)),
+    };
+    let code = digests(|row| row.planner_digest.as_ref());
+    let in_a = Trials::new(pairs.iter().map(|pair| pair.0));
+    let in_b = Trials::new(pairs.iter().map(|pair| pair.1));
+    PlannerDifference {
+        planner: planner.to_owned(),
+        pairs: pairs.len(),
+        same_code: (code.absent == 0).then_some(code.different.is_empty()),
+        successes_a: which(&|a, _| a.success).len(),
+        successes_b: which(&|_, b| b.success).len(),
+        lost: which(&|a, b| a.success && !b.success),
+        won: which(&|a, b| !a.success && b.success),
+        plans: digests(|row| row.plan_digest.as_ref()),
+        traces: digests(|row| row.trace_digest.as_ref()),
+        metrics: match (in_a.planner(planner), in_b.planner(planner)) {
+            (Some(a), Some(b)) => metric_differences((&in_a, a), (&in_b, b)),
+            _ => Vec::new(),
+        },
+    }
+}
+
+fn metric_differences(
+    (in_a, a): (&Trials<'_>, &Planner<'_>),
+    (in_b, b): (&Trials<'_>, &Planner<'_>),
+) -> Vec<MetricDifference> {
+    // Instances are numbered in each run's own order.
+    let question = |row: &Row| {
+        (
+            row.instance_digest.clone(),
+            row.seed,
+            row.budget_ms.to_bits(),
+        )
+    };
+    let numbers: BTreeMap<_, usize> = (in_b.instances().iter().enumerate())
+        .map(|(number, row)| (question(row), number))
+        .collect();
+    let cases: Vec<_> = a
+        .cases
+        .iter()
+        .filter_map(|of_a| {
+            let number = numbers.get(&question(in_a.instances()[of_a.instance]))?;
+            Some((of_a, b.case(*number)?))
+        })
+        .collect();
+    let difference = |metric: &Metric| {
+        let pairs: Vec<(f64, f64)> = cases
+            .iter()
+            .filter_map(|(of_a, of_b)| of_a.value(metric).zip(of_b.value(metric)))
+            .collect();
+        (!pairs.is_empty()).then(|| MetricDifference {
+            metric: *metric,
+            paired: Paired::of(&pairs, cases.len() - pairs.len()),
+        })
+    };
+    METRICS.iter().filter_map(difference).collect()
+}

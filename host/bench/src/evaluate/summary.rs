@@ -1,0 +1,217 @@
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::Serialize;
+
+use super::{METRICS, Metric, Planner, SOLVE_TIME, Trials};
+use crate::Row;
+use crate::statistics::{Interval, Summary, wilson};
+
+/// How much there is, and what stands in the way of comparing it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Overview {
+    /// Rows.
+    pub trials: usize,
+    /// Trials that failed.
+    pub failures: usize,
+    /// Planners.
+    pub planners: usize,
+    /// Instances, by seed and budget.
+    pub instances: usize,
+    /// Instances that every planner solved.
+    pub shared: usize,
+    /// Fewest repeats of a case.
+    pub repeats_min: usize,
+    /// Most repeats of a case.
+    pub repeats_max: usize,
+    /// Timings without repeats describe what happened once; nothing tells a planner's
+    /// time from the machine's noise.
+    pub descriptive: bool,
+    /// Trials that others disturbed.
+    pub contended: usize,
+    /// Trials that may not be compared: in the host's process or without a sandbox.
+    pub unranked: usize,
+    /// Digests of the machines, sorted.
+    pub machines: Vec<String>,
+}
+
+impl Overview {
+    /// Of trials.
+    pub fn of(trials: &Trials<'_>) -> Self {
+        let count = |what: fn(&Row) -> bool| trials.rows().filter(|row| what(row)).count();
+        let cases = trials.planners().iter().flat_map(|planner| &planner.cases);
+        let repeats = || cases.clone().map(|case| case.repeats.len());
+        let machines: BTreeSet<&String> = trials.rows().map(|row| &row.machine).collect();
+        Self {
+            trials: trials.rows().count(),
+            failures: count(|row| !row.success),
+            planners: trials.planners().len(),
+            instances: trials.instances().len(),
+            shared: trials.shared().len(),
+            repeats_min: repeats().min().unwrap_or(0),
+            repeats_max: repeats().max().unwrap_or(0),
+            descriptive: repeats().any(|repeats| repeats < 2),
+            contended: count(|row| !row.contended.is_empty()),
+            unranked: count(|row| !row.ranked),
+            machines: machines.into_iter().cloned().collect(),
+        }
+    }
+}
+
+/// Why a trial failed, in a few words that many trials share; `None` if it succeeded.
+pub fn failure(row: &Row) -> Option<String> {
+    if row.success {
+        return None;
+    }
+    // What stopped the planner says more than that it was stopped.
+    let limit = row
+        .limit_exceeded
+        .as_deref()
+        .filter(|limit| !limit.is_empty());
+    Some(match (row.termination.as_str(), limit) {
+        ("over-limit", Some(limit)) => format!("over limit: {limit}"),
+        ("completed" | "timed-out", _) if row.violations > 0 => "invalid plan".into(),
+        ("completed", _) => match row.claim.as_deref() {
+            // It says that it has a plan.
+            None | Some("solved" | "optimal") => "no plan".into(),
+            Some(claim) => format!("no plan: {claim}"),
+        },
+        (termination, _) => termination.into(),
+    })
+}
+
+/// How many trials failed for a reason.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FailureCount {
+    /// As [`failure`] says it.
+    pub reason: String,
+    /// Trials.
+    pub trials: usize,
+}
+
+/// What a planner's values of a metric look like.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MetricSummary {
+    /// The column.
+    pub metric: Metric,
+    /// Over cases that succeeded.
+    #[serde(flatten)]
+    pub summary: Summary,
+    /// Cases without a value: they failed, or have none.
+    pub left_out: usize,
+}
+
+/// A planner's line of the tables.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlannerSummary {
+    /// Its label.
+    pub planner: String,
+    /// Identifier of the plugin.
+    pub planner_id: String,
+    /// Versions of the plugin, sorted; one, unless stores were mixed.
+    pub versions: Vec<String>,
+    /// Digests of its code, sorted.
+    pub digests: Vec<String>,
+    /// Its options as a JSON object.
+    pub options: String,
+    /// Rows.
+    pub trials: usize,
+    /// Cases.
+    pub cases: usize,
+    /// Cases of which every repeat succeeded.
+    pub successes: usize,
+    /// Share of those.
+    pub success_rate: f64,
+    /// Its 95 % Wilson interval.
+    pub success_interval: Option<Interval>,
+    /// Cases that aggregates leave out.
+    pub failures: usize,
+    /// Failed trials by reason, most frequent first.
+    pub reasons: Vec<FailureCount>,
+    /// Cases of which some repeats succeeded and others did not.
+    pub unsteady: usize,
+    /// Cases whose repeats have different plans.
+    pub different_plans: usize,
+    /// Trials that others disturbed.
+    pub contended: usize,
+    /// Trials that may not be compared.
+    pub unranked: usize,
+    /// Mean solve time over all cases, failures included.
+    pub mean_time_of_all_ms: Option<f64>,
+    /// Of every metric that it has.
+    pub metrics: Vec<MetricSummary>,
+}
+
+impl PlannerSummary {
+    /// Of a planner's cases.
+    pub fn of(planner: &Planner<'_>) -> Self {
+        let distinct = |of: fn(&Row) -> Option<&String>| -> Vec<String> {
+            let texts: BTreeSet<&String> = planner.rows().filter_map(of).collect();
+            texts.into_iter().cloned().collect()
+        };
+        let count = |what: fn(&Row) -> bool| planner.rows().filter(|row| what(row)).count();
+        let cases = planner.cases.len();
+        let successes = planner.successes().count();
+        let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+        for reason in planner.rows().filter_map(failure) {
+            *reasons.entry(reason).or_default() += 1;
+        }
+        let mut reasons: Vec<FailureCount> = reasons
+            .into_iter()
+            .map(|(reason, trials)| FailureCount { reason, trials })
+            .collect();
+        reasons.sort_by_key(|reason| std::cmp::Reverse(reason.trials));
+        let unsteady = planner.cases.iter().filter(|case| {
+            let successes = case.repeats.iter().filter(|row| row.success).count();
+            successes > 0 && successes < case.repeats.len()
+        });
+        let different_plans = planner.cases.iter().filter(|case| {
+            let mut plans = case
+                .repeats
+                .iter()
+                .filter_map(|row| row.plan_digest.as_ref());
+            let first = plans.next();
+            plans.any(|plan| Some(plan) != first)
+        });
+        let metrics = METRICS.iter().filter_map(|metric| {
+            let summary = Summary::of(&planner.values(metric))?;
+            Some(MetricSummary {
+                metric: *metric,
+                left_out: cases - summary.count,
+                summary,
+            })
+        });
+        let times: Vec<f64> = planner
+            .cases
+            .iter()
+            .filter_map(|case| case.any_value(&SOLVE_TIME))
+            .collect();
+        let first = planner.rows().next();
+        Self {
+            planner: planner.label.into(),
+            planner_id: first.map(|row| row.planner_id.clone()).unwrap_or_default(),
+            versions: distinct(|row| Some(&row.planner_version)),
+            digests: distinct(|row| row.planner_digest.as_ref()),
+            options: first.map(|row| row.options.clone()).unwrap_or_default(),
+            trials: planner.rows().count(),
+            cases,
+            successes,
+            success_rate: successes as f64 / cases.max(1) as f64,
+            success_interval: wilson(successes as u64, cases as u64),
+            failures: cases - successes,
+            reasons,
+            unsteady: unsteady.count(),
+            different_plans: different_plans.count(),
+            contended: count(|row| !row.contended.is_empty()),
+            unranked: count(|row| !row.ranked),
+            mean_time_of_all_ms: Summary::of(&times).map(|summary| summary.mean),
+            metrics: metrics.collect(),
+        }
+    }
+
+    /// Its summary of a metric, if it has any value.
+    pub fn metric(&self, metric: &Metric) -> Option<&MetricSummary> {
+        self.metrics
+            .iter()
+            .find(|summary| summary.metric == *metric)
+    }
+}

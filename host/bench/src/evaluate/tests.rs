@@ -1,0 +1,404 @@
+use super::*;
+use crate::{Incumbent, Row};
+
+/// A trial of the maze kind; times are given, all else is derived from them.
+fn row(planner: &str, instance: u64, time_ms: Option<f64>) -> Row {
+    Row {
+        key: format!("{planner}-{instance}"),
+        planner: planner.into(),
+        planner_id: planner.into(),
+        options: "{}".into(),
+        instance_digest: format!("instance {instance}"),
+        map: format!("maze-{instance}"),
+        agents: 1,
+        connectivity: 4,
+        maze_index: Some(instance),
+        maze_width: Some(15),
+        maze_height: Some(15),
+        maze_algorithm: Some("backtracker".into()),
+        budget_ms: 10_000.0,
+        trial: instance * 10,
+        ranked: true,
+        termination: if time_ms.is_some() {
+            "completed"
+        } else {
+            "timed-out"
+        }
+        .into(),
+        success: time_ms.is_some(),
+        valid: time_ms.is_some(),
+        solve_time_ms: time_ms.unwrap_or(10_000.0),
+        path_length_cells: time_ms.map(|_| 100.0 + instance as f64),
+        expansions: time_ms.map(|_| 50.0),
+        ..Row::default()
+    }
+}
+
+fn rows(planner: &str, times: &[Option<f64>]) -> Vec<Row> {
+    let times = times.iter().zip(0..);
+    times
+        .map(|(time, instance)| row(planner, instance, *time))
+        .collect()
+}
+
+#[test]
+fn table_four_of_the_maze_paper_comes_out() {
+    // 50 mazes; ten comparators are always slower, one is faster on two.
+    let best: Vec<Option<f64>> = (0..50)
+        .map(|at| Some(1.0 + f64::from(at) / 100.0))
+        .collect();
+    let slower = |by: f64, except: usize| -> Vec<Option<f64>> {
+        let times = best.iter().enumerate();
+        let slower = |(at, time): (usize, &Option<f64>)| {
+            time.map(|time| if at < except { time - 0.001 } else { time + by })
+        };
+        times.map(slower).collect()
+    };
+    let mut all = rows("weighted", &best);
+    for number in 0..11 {
+        let times = slower(
+            0.05 * f64::from(number + 1),
+            if number == 2 { 2 } else { 0 },
+        );
+        all.extend(rows(&format!("comparator-{number:02}"), &times));
+    }
+    let found = Evaluation::of(&Trials::new(&all), Order::Text);
+    assert_eq!(found.ranking.planners[0].planner, "weighted");
+    assert_eq!(found.ranking.shared, 50);
+    let comparison = found.comparison.unwrap();
+    assert_eq!(
+        (comparison.baseline.as_str(), comparison.descriptive),
+        ("weighted", true)
+    );
+    assert_eq!(comparison.planners.len(), 11);
+    for (number, (planner, paired)) in comparison.planners.iter().enumerate() {
+        assert_eq!(*planner, format!("comparator-{number:02}"));
+        let (counts, p) = if number == 2 {
+            ((48, 2), 2.27e-12)
+        } else {
+            ((50, 0), 1.95e-14)
+        };
+        assert_eq!((paired.greater, paired.smaller), counts);
+        assert!((paired.p_holm / p - 1.0).abs() < 0.005, "{}", paired.p_holm);
+        let delta = 0.05 * (number as f64 + 1.0);
+        assert!((paired.median_delta.unwrap() - delta).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn both_orders_of_the_paper_rank_differently_and_failures_come_first() {
+    let mut all = rows("a", &[Some(1.0), Some(3.0), Some(2.0)]);
+    all.extend(rows("b", &[Some(3.0), Some(1.0), Some(2.0)]));
+    all.extend(rows("c", &[Some(0.1), Some(0.1), None]));
+    for row in &mut all {
+        // Both take the same time; `a` expands less and has longer paths.
+        match row.planner.as_str() {
+            "a" => row.path_length_cells = Some(120.0),
+            "b" => row.expansions = Some(60.0),
+            _ => {}
+        }
+    }
+    let names = |order| -> Vec<String> {
+        let ranking = rank(&Trials::new(&all), order);
+        ranking
+            .planners
+            .into_iter()
+            .map(|ranked| ranked.planner)
+            .collect()
+    };
+    assert_eq!(names(Order::Text), ["a", "b", "c"]);
+    assert_eq!(names(Order::Appendix), ["b", "a", "c"]);
+    let ranking = rank(&Trials::new(&all), Order::Text);
+    let c = &ranking.planners[2];
+    assert_eq!((ranking.shared, ranking.over_shared), (2, true));
+    // Equation 20 over the shared ones, 22 over all, the failure's time included.
+    assert!((c.comparable_time_ms.unwrap() - 0.1).abs() < 1e-12);
+    assert!((c.mean_time_ms.unwrap() - 10_000.2 / 3.0).abs() < 1e-9);
+}
+
+#[test]
+fn without_shared_successes_means_are_over_what_there_is() {
+    let mut all = rows("a", &[Some(1.0), None]);
+    all.extend(rows("b", &[None, Some(2.0)]));
+    let ranking = rank(&Trials::new(&all), Order::Text);
+    assert_eq!((ranking.shared, ranking.over_shared), (0, false));
+    let a = &ranking.planners[0];
+    assert_eq!(a.planner, "a");
+    assert_eq!(a.comparable_time_ms, Some(10_001.0 / 2.0));
+    assert_eq!(a.comparable_length_cells, Some(100.0));
+    let comparison = compare_with(&Trials::new(&all), "a", &SOLVE_TIME).unwrap();
+    let (_, paired) = &comparison.planners[0];
+    assert_eq!(
+        (paired.pairs, paired.left_out, paired.median_delta),
+        (0, 2, None)
+    );
+    assert_eq!(paired.p_holm.to_bits(), 1.0f64.to_bits());
+}
+
+#[test]
+fn repeats_are_one_case() {
+    let mut all = Vec::new();
+    for (repeat, time) in [(0, 5.0), (1, 1.0), (2, 2.0)] {
+        all.push(Row {
+            repeat,
+            trial: u64::from(repeat),
+            ..row("a", 0, Some(time))
+        });
+        // One of three fails.
+        let time = Some(time).filter(|_| repeat != 1);
+        all.push(Row {
+            repeat,
+            trial: u64::from(repeat) + 3,
+            ..row("b", 0, time)
+        });
+    }
+    let trials = Trials::new(&all);
+    let summary = PlannerSummary::of(trials.planner("a").unwrap());
+    assert_eq!(
+        (summary.trials, summary.cases, summary.successes),
+        (3, 1, 1)
+    );
+    let mean = summary.metric(&SOLVE_TIME).map(|found| found.summary.mean);
+    assert_eq!(mean, Some(2.0));
+    let summary = PlannerSummary::of(trials.planner("b").unwrap());
+    assert_eq!(
+        (summary.successes, summary.unsteady, summary.failures),
+        (0, 1, 1)
+    );
+    assert_eq!(summary.metric(&SOLVE_TIME), None);
+    let reason = FailureCount {
+        reason: "timed-out".into(),
+        trials: 1,
+    };
+    assert_eq!(summary.reasons, [reason]);
+    assert!(!Overview::of(&trials).descriptive);
+}
+
+#[test]
+fn the_order_of_rows_does_not_matter() {
+    let mut all = rows("a", &[Some(1.0), Some(3.3), None, Some(0.7)]);
+    all.extend(rows("b", &[Some(3.0), None, Some(2.0), Some(0.1)]));
+    all.extend(rows("c", &[Some(0.3), Some(0.2), Some(9.0), Some(0.7)]));
+    let first = serde_json::to_string(&Evaluation::of(&Trials::new(&all), Order::Text)).unwrap();
+    all.reverse();
+    let second = serde_json::to_string(&Evaluation::of(&Trials::new(&all), Order::Text)).unwrap();
+    assert_eq!(first, second);
+}
+
+#[test]
+fn reasons_say_what_happened() {
+    let failed = |termination: &str, edit: fn(&mut Row)| {
+        let mut row = row("a", 0, None);
+        row.termination = termination.into();
+        edit(&mut row);
+        failure(&row).unwrap()
+    };
+    assert_eq!(failed("timed-out", |_| {}), "timed-out");
+    assert_eq!(
+        failed("timed-out", |row| row.violations = 2),
+        "invalid plan"
+    );
+    assert_eq!(
+        failed("completed", |row| row.claim = Some("infeasible".into())),
+        "no plan: infeasible"
+    );
+    assert_eq!(
+        failed("over-limit", |row| row.limit_exceeded =
+            Some("memory".into())),
+        "over limit: memory"
+    );
+    assert_eq!(failed("crashed", |row| row.violations = 1), "crashed");
+    assert_eq!(failure(&row("a", 0, Some(1.0))), None);
+}
+
+#[test]
+fn curves_count_what_they_leave_out() {
+    let mut all = Vec::new();
+    for (instance, agents, time) in [
+        (0, 100, None),
+        (1, 50, Some(2.0)),
+        (2, 50, Some(4.0)),
+        (3, 100, Some(8.0)),
+    ] {
+        all.push(Row {
+            agents,
+            ..row("a", instance, time)
+        });
+    }
+    let found = curves(&Trials::new(&all), Dimension::Agents, &SOLVE_TIME);
+    let points = &found[0].points;
+    assert_eq!(points[0].level.number, Some(50.0));
+    assert_eq!(points[0].values.map(|values| values.mean), Some(3.0));
+    assert_eq!(
+        (points[1].cases, points[1].successes, points[1].left_out),
+        (2, 1, 1)
+    );
+    assert_eq!(points[1].values.unwrap().mean_interval, None);
+
+    let found = cactus(&Trials::new(&all), &SOLVE_TIME);
+    let marks: Vec<(f64, u64)> = found[0]
+        .marks
+        .iter()
+        .map(|mark| (mark.value, mark.trial))
+        .collect();
+    assert_eq!(marks, [(2.0, 10), (4.0, 20), (8.0, 30)]);
+    assert_eq!(found[0].cases, 4);
+}
+
+#[test]
+fn scatters_keep_failures() {
+    let mut all = rows("a", &[Some(1.0), Some(3.0), None, None, Some(5.0)]);
+    all.extend(rows("b", &[Some(2.0), None, Some(2.0), None, Some(5.0)]));
+    let found = scatter(&Trials::new(&all), "a", "b", &SOLVE_TIME).unwrap();
+    assert_eq!(found.points.len(), 5);
+    let counts = [
+        found.x_smaller,
+        found.y_smaller,
+        found.tied,
+        found.only_x,
+        found.only_y,
+        found.neither,
+    ];
+    assert_eq!(counts, [1, 0, 1, 1, 1, 1]);
+    assert!(scatter(&Trials::new(&all), "a", "none", &SOLVE_TIME).is_none());
+}
+
+#[test]
+fn fences_are_on_the_axis_of_the_plot() {
+    let times = [1.0, 2.0, 4.0, 8.0, 16.0, 1000.0, 0.001].map(Some);
+    let all = rows("a", &times);
+    let found = &box_plots(&Trials::new(&all), &SOLVE_TIME)[0];
+    // Quartiles 1.5 and 12: fences at 1.5/8^1.5 = 0.066 and 12·8^1.5 = 271.5.
+    assert_eq!((found.summary.q1, found.summary.q3), (1.5, 12.0));
+    assert_eq!((found.whisker_low, found.whisker_high), (1.0, 16.0));
+    let outliers: Vec<f64> = found.outliers.iter().map(|mark| mark.value).collect();
+    assert_eq!(outliers, [0.001, 1000.0]);
+    let same = rows("a", &[Some(3.0); 5]);
+    let found = &box_plots(&Trials::new(&same), &SOLVE_TIME)[0];
+    assert_eq!(
+        (found.whisker_low, found.whisker_high, found.outliers.len()),
+        (3.0, 3.0, 0)
+    );
+}
+
+#[test]
+fn quality_says_how_many_have_a_plan() {
+    let plan = |time_ms, soc, valid| Incumbent {
+        time_ms,
+        soc_steps: Some(soc),
+        valid: Some(valid),
+    };
+    let mut all = rows("a", &[Some(9.0), Some(9.0)]);
+    all[0].incumbents = vec![
+        plan(1.0, 200, true),
+        plan(4.0, 150, true),
+        plan(5.0, 100, false),
+    ];
+    all[0].soc_steps = Some(120);
+    all[1].incumbents = vec![plan(3.0, 300, true)];
+    for row in &mut all {
+        row.lower_bound_steps = 100;
+    }
+    let times = [0.5, 2.0, 4.0, 10.0];
+    let found = &quality_over_time(&Trials::new(&all), Reference::LowerBound, &times)[0];
+    let points: Vec<(usize, Option<f64>)> = found
+        .points
+        .iter()
+        .map(|point| (point.with_plan, point.mean_ratio))
+        .collect();
+    // The last plan, which was judged by itself, came at 5 ms.
+    assert_eq!(
+        points,
+        [(0, None), (1, Some(2.0)), (2, Some(2.25)), (2, Some(2.1))]
+    );
+    let best = &quality_over_time(&Trials::new(&all), Reference::Best, &[10.0])[0];
+    assert_eq!(best.points[0].mean_ratio, Some(1.0));
+    let times = log_spaced(1.0, 1000.0, 4);
+    let wanted = [1.0, 10.0, 100.0, 1000.0];
+    assert!(
+        times
+            .iter()
+            .zip(wanted)
+            .all(|(time, wanted)| (time / wanted - 1.0).abs() < 1e-12)
+    );
+    assert!(log_spaced(0.0, 10.0, 5).is_empty());
+}
+
+#[test]
+fn rankings_of_regimes_are_compared() {
+    let mut all = Vec::new();
+    for (regime, times) in [("backtracker", [1.0, 2.0, 3.0]), ("prim", [3.0, 2.0, 1.0])] {
+        for (planner, time) in ["a", "b", "c"].into_iter().zip(times) {
+            let mut row = row(planner, u64::from(regime == "prim"), Some(time));
+            row.maze_algorithm = Some(regime.into());
+            all.push(row);
+        }
+    }
+    let found = rank_stability(
+        &all,
+        &[Dimension::MazeAlgorithm, Dimension::MazeSize],
+        Order::Text,
+    );
+    assert_eq!(found.ranks, [[1, 2, 3], [3, 2, 1]]);
+    assert_eq!(
+        found.tau,
+        [[Some(1.0), Some(-1.0)], [Some(-1.0), Some(1.0)]]
+    );
+    assert_eq!((found.mean_tau, found.min_tau), (Some(-1.0), Some(-1.0)));
+    assert_eq!(found.regimes[0][1].as_ref().unwrap().text, "15×15");
+}
+
+#[test]
+fn two_runs_of_a_suite_are_compared() {
+    let mut a = rows("p", &[Some(1.0), Some(1.0), Some(1.0), None]);
+    let mut b = rows("p", &[Some(2.0), Some(1.5), None, Some(1.0), Some(7.0)]);
+    for row in a.iter_mut().chain(&mut b) {
+        row.plan_digest = row.success.then(|| "same".into());
+        row.planner_digest = Some("code".into());
+        // Numbered otherwise in the second run.
+        row.trial += u64::from(row.solve_time_ms > 1.0) * 100;
+    }
+    b[1].plan_digest = Some("other".into());
+    let found = compare_runs(&a, &b);
+    assert_eq!((found.pairs, found.only_in_a, found.only_in_b), (4, 0, 1));
+    let planner = &found.planners[0];
+    assert_eq!((planner.successes_a, planner.successes_b), (3, 3));
+    assert_eq!((planner.lost.len(), planner.won.len()), (1, 1));
+    assert_eq!((planner.plans.same, planner.plans.absent), (1, 2));
+    assert_eq!(planner.plans.different, [TrialPair { a: 10, b: 110 }]);
+    assert_eq!(planner.same_code, Some(true));
+    let time = &planner.metrics[0];
+    assert_eq!(time.metric, SOLVE_TIME);
+    assert_eq!((time.paired.pairs, time.paired.left_out), (2, 2));
+    assert_eq!(time.paired.median_delta, Some(0.75));
+}
+
+#[test]
+fn filters_and_groups() {
+    let all = [
+        rows("a", &[Some(1.0), None]),
+        rows("b", &[Some(2.0), Some(3.0)]),
+    ]
+    .concat();
+    let filter = Filter {
+        planners: vec!["b".into()],
+        levels: vec![(Dimension::Map, vec!["maze-1".into()])],
+        ..Filter::default()
+    };
+    let kept: Vec<&Row> = all.iter().filter(|row| filter.keeps(row)).collect();
+    assert_eq!(kept, [&all[3]]);
+    assert!(all.iter().all(|row| Filter::default().keeps(row)));
+    let found = groups(&all, &[Dimension::Map, Dimension::Seed]);
+    assert_eq!(found.len(), 2);
+    assert_eq!(found[1].levels[0].as_ref().unwrap().text, "maze-1");
+    assert_eq!(found[1].rows.len(), 2);
+}
+
+#[test]
+fn nothing_to_evaluate_is_no_problem() {
+    let found = Evaluation::of(&Trials::new([]), Order::Appendix);
+    assert!(found.planners.is_empty() && found.comparison.is_none());
+    let stability = rank_stability([], &[Dimension::Map], Order::Text);
+    assert_eq!(stability.mean_tau, None);
+    assert_eq!(compare_runs([], []).pairs, 0);
+}

@@ -1,0 +1,158 @@
+use std::collections::BTreeMap;
+
+use super::Metric;
+use crate::Row;
+use crate::statistics::{median, sorted};
+
+/// Trials by planner and instance, repeats brought together.
+#[derive(Debug, Clone)]
+pub struct Trials<'a> {
+    planners: Vec<Planner<'a>>,
+    instances: Vec<&'a Row>,
+}
+
+/// A planner's cases.
+#[derive(Debug, Clone)]
+pub struct Planner<'a> {
+    /// Its label in the suite.
+    pub label: &'a str,
+    /// In the order of instances, at most one for each.
+    pub cases: Vec<Case<'a>>,
+}
+
+/// A planner on an instance, with a seed and a budget.
+#[derive(Debug, Clone)]
+pub struct Case<'a> {
+    /// Number of the instance in [`Trials::instances`].
+    pub instance: usize,
+    /// At least one trial, in the order of repeats.
+    pub repeats: Vec<&'a Row>,
+}
+
+impl<'a> Trials<'a> {
+    /// Of rows in any order. Planners and instances are in the suite's order.
+    pub fn new(rows: impl IntoIterator<Item = &'a Row>) -> Self {
+        let mut rows: Vec<&Row> = rows.into_iter().collect();
+        rows.sort_by_key(|row| (row.trial, row.repeat, &row.planner, &row.key));
+        let mut instances = Vec::new();
+        let mut instance_numbers = BTreeMap::new();
+        let mut planners: Vec<Planner<'_>> = Vec::new();
+        let mut planner_numbers = BTreeMap::new();
+        let mut cases: BTreeMap<(usize, usize), Vec<&Row>> = BTreeMap::new();
+        for row in rows {
+            let question = (&row.instance_digest, row.seed, row.budget_ms.to_bits());
+            let instance = *instance_numbers.entry(question).or_insert_with(|| {
+                instances.push(row);
+                instances.len() - 1
+            });
+            let label = row.planner.as_str();
+            let planner = *planner_numbers.entry(label).or_insert_with(|| {
+                let cases = Vec::new();
+                planners.push(Planner { label, cases });
+                planners.len() - 1
+            });
+            cases.entry((planner, instance)).or_default().push(row);
+        }
+        for ((planner, instance), mut repeats) in cases {
+            repeats.sort_by_key(|row| (row.repeat, &row.key));
+            planners[planner].cases.push(Case { instance, repeats });
+        }
+        Self {
+            planners,
+            instances,
+        }
+    }
+
+    /// Every planner.
+    pub fn planners(&self) -> &[Planner<'a>] {
+        &self.planners
+    }
+
+    /// The planner of that label.
+    pub fn planner(&self, label: &str) -> Option<&Planner<'a>> {
+        self.planners.iter().find(|planner| planner.label == label)
+    }
+
+    /// A row of every instance: what it says of its map, scenario, agents, seed and budget
+    /// is true of the instance.
+    pub fn instances(&self) -> &[&'a Row] {
+        &self.instances
+    }
+
+    /// Every row.
+    pub fn rows(&self) -> impl Iterator<Item = &'a Row> {
+        let cases = self.planners.iter().flat_map(|planner| &planner.cases);
+        cases.flat_map(|case| case.repeats.iter().copied())
+    }
+
+    /// The shared-success subset: numbers of the instances that every planner solved
+    /// (paper 003, equation 19).
+    pub fn shared(&self) -> Vec<usize> {
+        let mut successes = vec![0; self.instances.len()];
+        for planner in &self.planners {
+            for case in planner.successes() {
+                successes[case.instance] += 1;
+            }
+        }
+        let all = self.planners.len();
+        (0..successes.len())
+            .filter(|instance| successes[*instance] == all)
+            .collect()
+    }
+}
+
+impl<'a> Planner<'a> {
+    /// Its case of an instance.
+    pub fn case(&self, instance: usize) -> Option<&Case<'a>> {
+        let at = self
+            .cases
+            .binary_search_by_key(&instance, |case| case.instance);
+        at.ok().map(|at| &self.cases[at])
+    }
+
+    /// Cases that succeeded.
+    pub fn successes(&self) -> impl Iterator<Item = &Case<'a>> {
+        self.cases.iter().filter(|case| case.success())
+    }
+
+    /// Values of the cases that succeeded and have one.
+    pub fn values(&self, metric: &Metric) -> Vec<f64> {
+        let cases = self.cases.iter();
+        cases.filter_map(|case| case.value(metric)).collect()
+    }
+
+    /// Its rows.
+    pub fn rows(&self) -> impl Iterator<Item = &'a Row> {
+        self.cases
+            .iter()
+            .flat_map(|case| case.repeats.iter().copied())
+    }
+}
+
+impl Case<'_> {
+    /// Whether every repeat succeeded.
+    pub fn success(&self) -> bool {
+        self.repeats.iter().all(|row| row.success)
+    }
+
+    /// The median over repeats, if the case succeeded and every repeat has a value.
+    pub fn value(&self, metric: &Metric) -> Option<f64> {
+        self.success().then(|| self.any_value(metric)).flatten()
+    }
+
+    /// The median over repeats, whether they succeeded or not.
+    pub fn any_value(&self, metric: &Metric) -> Option<f64> {
+        match self.repeats.as_slice() {
+            [row] => metric.of(row),
+            rows => {
+                let values: Option<Vec<f64>> = rows.iter().map(|row| metric.of(row)).collect();
+                median(&sorted(values?))
+            }
+        }
+    }
+
+    /// Place of the first repeat in the suite's order.
+    pub fn trial(&self) -> u64 {
+        self.repeats.first().map_or(0, |row| row.trial)
+    }
+}
