@@ -6,18 +6,22 @@ mod candidate;
 pub mod claims;
 pub mod evaluate;
 mod options;
+mod plan;
 mod record;
 mod row;
 pub mod statistics;
+mod store;
 mod trial;
 mod trial_error;
 
 pub use candidate::{Candidate, GivenOptions, Running};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
+pub use plan::{Planned, Schedule, Shard, Step};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, number,
 };
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
+pub use store::{Asked, Merged, Meta, Store, schema};
 pub use trial::{Host, Outcome, Trial, execute, milliseconds};
 pub use trial_error::TrialError;

@@ -1,0 +1,946 @@
+//! The store: the trials of a suite in one SQLite file.
+//!
+//! The table `trials` has the columns of [`COLUMNS`], `incumbents` the plans that came in
+//! time, `meta` what the trials belong to, `machines` and `code` what their digests stand
+//! for. A trial is one transaction, written when it has ended: whatever kills the process
+//! costs the trial in flight and nothing else. A power cut costs the trials of the last
+//! second at most, for so often the log is forced to the disk; the file is whole all the same.
+//!
+//! One process writes a store at a time, and holds a lock on a file beside it; any number
+//! may read meanwhile. A new store appears whole under its name or not at all. What is no
+//! store of this program is told so from the file's first bytes, and is not touched.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, Read, Seek, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
+
+use fleetyard_core::{Digest, InputError};
+use fleetyard_runtime::CodeFile;
+use rusqlite::types::{ToSqlOutput, ValueRef};
+use rusqlite::{Connection, ErrorCode, OpenFlags, ToSql, Transaction, TransactionBehavior};
+use rustix::fs::FlockOperation;
+
+use crate::row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
+
+/// Says in the header of the file whose it is: `FlYd`.
+const APPLICATION_ID: i32 = i32::from_be_bytes(*b"FlYd");
+
+/// Version of the tables. Columns that are added do not change it.
+const VERSION: i32 = 1;
+
+/// How long written trials may be in the machine's memory alone.
+const SYNC_EVERY: Duration = Duration::from_secs(1);
+
+/// How long to wait for a process that is just ending.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Conflicts that an error names; all are counted.
+const NAMED: usize = 5;
+
+type Result<T> = std::result::Result<T, InputError>;
+
+/// The names of all columns, for a statement.
+static NAMES: LazyLock<String> = LazyLock::new(|| {
+    let names: Vec<String> = COLUMNS.iter().map(|column| quoted(column)).collect();
+    names.join(", ")
+});
+
+fn quoted(column: &Column) -> String {
+    format!("\"{}\"", column.name)
+}
+
+/// A store of trials.
+pub struct Store {
+    connection: Connection,
+    path: PathBuf,
+    /// What is read for each column of [`COLUMNS`].
+    select: String,
+    synced: Option<Instant>,
+    /// Released after the connection is closed.
+    _lock: Option<Lock>,
+}
+
+/// What the trials of a store belong to.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Meta {
+    /// Name of the suite.
+    pub suite: String,
+    /// The suite's file as it was.
+    pub suite_text: String,
+    /// Digest of all that the suite asks, its instances included.
+    pub suite_digest: String,
+    /// Version of the program that wrote the store last.
+    pub fleetyard: String,
+    /// When the store was made, in milliseconds since 1970.
+    pub created_unix_ms: u64,
+}
+
+/// A trial that the suite asks for, as far as a store has to know it.
+#[derive(Debug, Clone, Copy)]
+pub struct Asked<'a> {
+    /// Key of the trial.
+    pub key: &'a str,
+    /// Its place in the suite's order.
+    pub trial: u64,
+    /// The planner's label.
+    pub planner: &'a str,
+}
+
+/// What came of merging stores.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Merged {
+    /// Trials in the new store.
+    pub trials: u64,
+    /// Trials that several stores had, equal in every column.
+    pub repeated: u64,
+}
+
+impl ToSql for Value {
+    fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
+        Ok(ToSqlOutput::Borrowed(match self {
+            Self::Null => ValueRef::Null,
+            Self::Text(text) => ValueRef::Text(text.as_bytes()),
+            Self::Integer(value) => ValueRef::Integer(*value),
+            // SQLite has no NaN: it would read as absent.
+            Self::Real(value) => ValueRef::Real(*value),
+            Self::Boolean(value) => ValueRef::Integer(i64::from(*value)),
+        }))
+    }
+}
+
+/// The type of a column in SQLite.
+fn sql_type(kind: ColumnType) -> &'static str {
+    match kind {
+        ColumnType::Text => "TEXT",
+        ColumnType::Integer | ColumnType::Boolean => "INTEGER",
+        ColumnType::Real => "REAL",
+    }
+}
+
+fn definition(column: &Column) -> String {
+    let mut text = format!("{} {}", quoted(column), sql_type(column.kind));
+    if !column.optional {
+        text += " NOT NULL";
+    }
+    if column.kind == ColumnType::Boolean {
+        let _ = write!(text, " CHECK ({} IN (0, 1))", quoted(column));
+    }
+    text
+}
+
+/// The statements that make the tables of a store.
+pub fn schema() -> String {
+    let columns: Vec<String> = COLUMNS.iter().map(definition).collect();
+    format!(
+        "CREATE TABLE trials (\n  \
+           id INTEGER PRIMARY KEY,\n  \
+           current INTEGER NOT NULL DEFAULT 1 CHECK (current IN (0, 1)),\n  \
+           {},\n  \
+           UNIQUE (\"key\")\n\
+         ) STRICT;\n\
+         CREATE TABLE incumbents (\n  \
+           trial_id INTEGER NOT NULL REFERENCES trials (id),\n  \
+           number INTEGER NOT NULL,\n  \
+           time_ms REAL NOT NULL,\n  \
+           soc_steps INTEGER,\n  \
+           valid INTEGER CHECK (valid IN (0, 1)),\n  \
+           PRIMARY KEY (trial_id, number)\n\
+         ) STRICT, WITHOUT ROWID;\n\
+         CREATE TABLE meta (name TEXT PRIMARY KEY NOT NULL, value TEXT NOT NULL) STRICT;\n\
+         CREATE TABLE machines (digest TEXT PRIMARY KEY NOT NULL, description TEXT NOT NULL) STRICT;\n\
+         CREATE TABLE code (\n  \
+           planner_digest TEXT NOT NULL,\n  \
+           path TEXT NOT NULL,\n  \
+           sha256 TEXT NOT NULL,\n  \
+           PRIMARY KEY (planner_digest, path)\n\
+         ) STRICT, WITHOUT ROWID;\n",
+        columns.join(",\n  ")
+    )
+}
+
+impl Store {
+    /// A new store, to be written by this process. There must be nothing of that name.
+    pub fn create(path: &Path, meta: &Meta) -> Result<Self> {
+        let lock = Lock::take(path)?;
+        if path.symlink_metadata().is_ok() {
+            return Err(InputError::new(shown(path), "there is a file of this name")
+                .hint("name another store, or go on with this one by --resume"));
+        }
+        // Nobody else has this name while the lock is held, so that what a killed process
+        // left of it may go.
+        let draft = beside(path, ".draft");
+        remove(&draft)?;
+        let made = Self::write_draft(&draft, meta, path);
+        let named = made.and_then(|()| {
+            fs::rename(&draft, path)
+                .map_err(|error| InputError::new(shown(path), format!("cannot write: {error}")))
+        });
+        if let Err(error) = named {
+            let _ = remove(&draft);
+            return Err(error);
+        }
+        Self::connect(path, Some(lock))
+    }
+
+    /// Tables and header are in the file itself, not in a log beside it, before it has its name.
+    fn write_draft(draft: &Path, meta: &Meta, path: &Path) -> Result<()> {
+        let write = || -> rusqlite::Result<()> {
+            let mut connection = Connection::open(draft)?;
+            connection.pragma_update(None, "application_id", APPLICATION_ID)?;
+            connection.pragma_update(None, "user_version", VERSION)?;
+            let transaction = connection.transaction()?;
+            transaction.execute_batch(&schema())?;
+            put_meta(&transaction, meta)?;
+            transaction.commit()?;
+            connection.pragma_update_and_check(None, "journal_mode", "wal", |_| Ok(()))?;
+            connection.close().map_err(|(_, error)| error)
+        };
+        write().map_err(|error| failed(path, &error))
+    }
+
+    /// A store that is there, to be written by this process.
+    pub fn open(path: &Path) -> Result<Self> {
+        identify(path)?;
+        let lock = Lock::take(path)?;
+        let store = Self::connect(path, Some(lock))?;
+        store.check_whole()?;
+        store.add_columns()?;
+        Ok(store)
+    }
+
+    /// A store that is there, to be read. Others may write it meanwhile.
+    pub fn open_read_only(path: &Path) -> Result<Self> {
+        identify(path)?;
+        Self::connect(path, None)
+    }
+
+    fn connect(path: &Path, lock: Option<Lock>) -> Result<Self> {
+        let no_mutex = OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let access = match lock {
+            Some(_) => OpenFlags::SQLITE_OPEN_READ_WRITE,
+            None => OpenFlags::SQLITE_OPEN_READ_ONLY,
+        };
+        let open = || -> rusqlite::Result<Connection> {
+            let connection = Connection::open_with_flags(path, access | no_mutex)?;
+            // Nothing is read before the first statement.
+            connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
+            Ok(connection)
+        };
+        let connection = match open() {
+            // In a folder where nobody may write, SQLite cannot share a log. There is none
+            // if the writer ended well, and then nothing can change either.
+            Err(error) if lock.is_none() && cannot_share(&error) && !has_log(path) => {
+                let uri = format!("file:{}?immutable=1", percent_encoded(path));
+                let flags = access | no_mutex | OpenFlags::SQLITE_OPEN_URI;
+                Connection::open_with_flags(uri, flags)
+            }
+            other => other,
+        }
+        .map_err(|error| failed(path, &error))?;
+        let mut store = Self {
+            connection,
+            path: path.to_owned(),
+            select: String::new(),
+            synced: None,
+            _lock: lock,
+        };
+        store.select = store.selection()?;
+        Ok(store)
+    }
+
+    /// The names of the columns that the file has.
+    fn columns(&self) -> Result<BTreeSet<String>> {
+        self.run(|connection| {
+            let mut statement =
+                connection.prepare("SELECT name FROM pragma_table_info('trials')")?;
+            let names = statement.query_map([], |row| row.get(0))?;
+            names.collect()
+        })
+    }
+
+    /// What stands for every column in a query: an earlier version did not know them all.
+    fn selection(&self) -> Result<String> {
+        let there = self.columns()?;
+        let terms: Vec<String> = COLUMNS
+            .iter()
+            .map(
+                |column| match (there.contains(column.name), column.optional) {
+                    (true, _) => Ok(quoted(column)),
+                    (false, true) => Ok("NULL".to_owned()),
+                    (false, false) => {
+                        let reason =
+                            format!("the table `trials` lacks the column `{}`", column.name);
+                        Err(InputError::new(shown(&self.path), reason)
+                            .hint("the store was changed by another program, or is damaged"))
+                    }
+                },
+            )
+            .collect::<Result<_>>()?;
+        Ok(terms.join(", "))
+    }
+
+    /// Adds the columns that an earlier version did not know.
+    fn add_columns(&self) -> Result<()> {
+        let there = self.columns()?;
+        let missing = COLUMNS.iter().filter(|column| !there.contains(column.name));
+        for column in missing {
+            let statement = format!("ALTER TABLE trials ADD COLUMN {}", definition(column));
+            self.run(|connection| connection.execute_batch(&statement))?;
+        }
+        Ok(())
+    }
+
+    /// Nothing is written to a file that is damaged.
+    fn check_whole(&self) -> Result<()> {
+        let found: String = self.run(|connection| {
+            connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0))
+        })?;
+        if found == "ok" {
+            return Ok(());
+        }
+        let first = found.lines().last().unwrap_or_default();
+        Err(damaged(&self.path, first))
+    }
+
+    fn run<T>(&self, work: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T> {
+        work(&self.connection).map_err(|error| failed(&self.path, &error))
+    }
+
+    fn transact<T>(
+        &mut self,
+        work: impl FnOnce(&Transaction<'_>) -> rusqlite::Result<T>,
+    ) -> Result<T> {
+        let run = || -> rusqlite::Result<T> {
+            let due = self
+                .synced
+                .is_none_or(|synced| synced.elapsed() >= SYNC_EVERY);
+            // A commit forces the log, and with it the commits before, to the disk.
+            let level = if due { "FULL" } else { "NORMAL" };
+            self.connection.pragma_update(None, "synchronous", level)?;
+            let transaction = self
+                .connection
+                .transaction_with_behavior(TransactionBehavior::Immediate)?;
+            let result = work(&transaction)?;
+            transaction.commit()?;
+            if due {
+                self.synced = Some(Instant::now());
+            }
+            Ok(result)
+        };
+        run().map_err(|error| failed(&self.path, &error))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes a trial as a whole or not at all. A key that is there already is an error.
+    pub fn insert(&mut self, row: &Row) -> Result<()> {
+        self.transact(|transaction| insert(transaction, row, true))
+    }
+
+    /// Every trial that the suite asks for, in its order.
+    pub fn rows(&self) -> Result<Vec<Row>> {
+        let mut rows = Vec::new();
+        self.visit(true, &mut |row| {
+            rows.push(row);
+            Ok(())
+        })?;
+        Ok(rows)
+    }
+
+    /// Every trial that belongs to an earlier state of the suite or of a planner's code.
+    pub fn superseded(&self) -> Result<Vec<Row>> {
+        let mut rows = Vec::new();
+        self.visit(false, &mut |row| {
+            rows.push(row);
+            Ok(())
+        })?;
+        Ok(rows)
+    }
+
+    /// Reads trials one after the other, those that are current or those that are not.
+    fn visit(&self, current: bool, each: &mut dyn FnMut(Row) -> Result<()>) -> Result<()> {
+        let failed = |error: rusqlite::Error| failed(&self.path, &error);
+        let mut trials = self
+            .connection
+            .prepare(&format!(
+                "SELECT id, {} FROM trials WHERE current = ?1 ORDER BY \"trial\", \"key\"",
+                self.select
+            ))
+            .map_err(failed)?;
+        let mut incumbents = self
+            .connection
+            .prepare(
+                "SELECT time_ms, soc_steps, valid FROM incumbents WHERE trial_id = ?1 ORDER BY number",
+            )
+            .map_err(failed)?;
+        let mut found = trials.query([current]).map_err(failed)?;
+        while let Some(row) = found.next().map_err(failed)? {
+            let id: i64 = row.get(0).map_err(failed)?;
+            let values = COLUMNS
+                .iter()
+                .enumerate()
+                .map(|(index, column)| value(column, row.get_ref(index + 1)));
+            let mut trial = Row::from_values(values).map_err(|column| {
+                damaged(
+                    &self.path,
+                    &format!("row {id} has no fitting value in `{column}`"),
+                )
+            })?;
+            let plans = incumbents
+                .query_map([id], |row| {
+                    Ok(Incumbent {
+                        time_ms: row.get(0)?,
+                        soc_steps: row.get::<_, Option<i64>>(1)?.map(i64::cast_unsigned),
+                        valid: row.get(2)?,
+                    })
+                })
+                .map_err(failed)?;
+            trial.incumbents = plans.collect::<rusqlite::Result<_>>().map_err(failed)?;
+            each(trial)?;
+        }
+        Ok(())
+    }
+
+    /// The keys of all trials that the suite asks for.
+    pub fn keys(&self) -> Result<BTreeSet<String>> {
+        self.run(|connection| {
+            let mut statement = connection.prepare("SELECT \"key\" FROM trials WHERE current")?;
+            let keys = statement.query_map([], |row| row.get(0))?;
+            keys.collect()
+        })
+    }
+
+    /// How many trials the suite asks for are there, and how many belong to an earlier state.
+    pub fn counts(&self) -> Result<(u64, u64)> {
+        let count = |current: bool| {
+            self.run(|connection| {
+                connection.query_row(
+                    "SELECT count(*) FROM trials WHERE current = ?1",
+                    [current],
+                    |row| row.get(0),
+                )
+            })
+            .map(i64::cast_unsigned)
+        };
+        Ok((count(true)?, count(false)?))
+    }
+
+    /// What the trials belong to.
+    pub fn meta(&self) -> Result<Meta> {
+        let values: BTreeMap<String, String> = self.run(|connection| {
+            let mut statement = connection.prepare("SELECT name, value FROM meta")?;
+            let pairs = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+            pairs.collect()
+        })?;
+        let value = |name: &str| {
+            values
+                .get(name)
+                .cloned()
+                .ok_or_else(|| damaged(&self.path, &format!("the table `meta` lacks `{name}`")))
+        };
+        Ok(Meta {
+            suite: value("suite")?,
+            suite_text: value("suite_text")?,
+            suite_digest: value("suite_digest")?,
+            fleetyard: value("fleetyard")?,
+            created_unix_ms: value("created_unix_ms")?
+                .parse()
+                .map_err(|_| damaged(&self.path, "`created_unix_ms` of `meta` is no number"))?,
+        })
+    }
+
+    /// Makes the store that of `meta`, which asks for just these trials: what it has beside
+    /// them is kept apart, and the others get the places and labels that they now have.
+    pub fn adopt<'a>(
+        &mut self,
+        meta: &Meta,
+        asked: impl IntoIterator<Item = Asked<'a>>,
+    ) -> Result<()> {
+        self.transact(|transaction| {
+            transaction.execute_batch(
+                "CREATE TEMP TABLE asked (key TEXT PRIMARY KEY, trial INTEGER, planner TEXT)",
+            )?;
+            let mut statement =
+                transaction.prepare("INSERT OR IGNORE INTO temp.asked VALUES (?1, ?2, ?3)")?;
+            for Asked {
+                key,
+                trial,
+                planner,
+            } in asked
+            {
+                statement.execute((key, trial.cast_signed(), planner))?;
+            }
+            drop(statement);
+            transaction.execute_batch(
+                "UPDATE trials SET current = 0
+                 WHERE current AND \"key\" NOT IN (SELECT key FROM temp.asked);
+                 UPDATE trials SET current = 1, \"trial\" = asked.trial, \"planner\" = asked.planner
+                 FROM temp.asked AS asked WHERE asked.key = trials.\"key\"
+                 AND (NOT current OR trials.\"trial\" <> asked.trial
+                      OR trials.\"planner\" <> asked.planner);
+                 DROP TABLE temp.asked",
+            )?;
+            put_meta(transaction, meta)
+        })
+    }
+
+    /// Keeps the description of a machine, a JSON object.
+    pub fn add_machine(&mut self, digest: Digest, description: &str) -> Result<()> {
+        self.transact(|transaction| {
+            let digest = digest.to_string();
+            transaction
+                .execute(
+                    "INSERT OR IGNORE INTO machines VALUES (?1, ?2)",
+                    (digest, description),
+                )
+                .map(drop)
+        })
+    }
+
+    /// The descriptions of all machines, by digest.
+    pub fn machines(&self) -> Result<BTreeMap<String, String>> {
+        self.run(|connection| {
+            let mut statement = connection.prepare("SELECT digest, description FROM machines")?;
+            let pairs = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+            pairs.collect()
+        })
+    }
+
+    /// Keeps which files a planner's digest stands for.
+    pub fn add_code(&mut self, planner: Digest, code: &[CodeFile]) -> Result<()> {
+        self.transact(|transaction| {
+            let planner = planner.to_string();
+            let mut statement =
+                transaction.prepare("INSERT OR IGNORE INTO code VALUES (?1, ?2, ?3)")?;
+            for file in code {
+                let path = file.path.to_string_lossy();
+                statement.execute((&planner, &path, &file.sha256))?;
+            }
+            Ok(())
+        })
+    }
+
+    /// The files that are the code of planners, by digest.
+    pub fn code(&self) -> Result<BTreeMap<String, Vec<CodeFile>>> {
+        let files: Vec<(String, CodeFile)> = self.run(|connection| {
+            let mut statement = connection
+                .prepare("SELECT planner_digest, path, sha256 FROM code ORDER BY 1, 2")?;
+            let files = statement.query_map([], |row| {
+                let path: String = row.get(1)?;
+                let file = CodeFile {
+                    path: path.into(),
+                    sha256: row.get(2)?,
+                };
+                Ok((row.get(0)?, file))
+            })?;
+            files.collect()
+        })?;
+        let mut code: BTreeMap<String, Vec<CodeFile>> = BTreeMap::new();
+        for (planner, file) in files {
+            code.entry(planner).or_default().push(file);
+        }
+        Ok(code)
+    }
+
+    /// Writes the trials of several stores of one suite into a new one.
+    ///
+    /// Trials that several stores have must be equal: two results for one key are an error,
+    /// for nobody could say which one counts. Then nothing is written.
+    pub fn merge(path: &Path, parts: &[PathBuf]) -> Result<Merged> {
+        let stores: Vec<Self> = parts
+            .iter()
+            .map(|part| Self::open_read_only(part))
+            .collect::<Result<_>>()?;
+        let Some(first) = stores.first() else {
+            return Err(InputError::new(shown(path), "there is nothing to merge"));
+        };
+        let meta = first.meta()?;
+        for store in &stores[1..] {
+            let other = store.meta()?;
+            if other.suite_digest != meta.suite_digest {
+                let reason = format!(
+                    "belongs to another state of the suite than {}: `{}` with digest {}, and `{}` \
+                     with {}",
+                    first.path.display(),
+                    other.suite,
+                    other.suite_digest,
+                    meta.suite,
+                    meta.suite_digest
+                );
+                return Err(InputError::new(shown(&store.path), reason)
+                    .hint("`fleetyard bench SUITE --resume` on each brings them to one state"));
+            }
+        }
+        let lock = Lock::take(path)?;
+        if path.symlink_metadata().is_ok() {
+            return Err(InputError::new(shown(path), "there is a file of this name")
+                .hint("merge into a new store"));
+        }
+        let draft = beside(path, ".draft");
+        remove(&draft)?;
+        let merged = Self::write_draft(&draft, &meta, path)
+            .and_then(|()| Self::connect(&draft, None))
+            .map(drop)
+            .and_then(|()| Self::fill(&draft, path, &stores))
+            .and_then(|merged| {
+                fs::rename(&draft, path)
+                    .map(|()| merged)
+                    .map_err(|error| InputError::new(shown(path), format!("cannot write: {error}")))
+            });
+        if merged.is_err() {
+            let _ = remove(&draft);
+        }
+        drop(lock);
+        merged
+    }
+
+    /// Writes the trials of all parts into the draft, in one transaction.
+    fn fill(draft: &Path, path: &Path, stores: &[Self]) -> Result<Merged> {
+        let failed = |error: rusqlite::Error| failed(path, &error);
+        let mut connection = Connection::open(draft).map_err(failed)?;
+        let transaction = connection.transaction().map_err(failed)?;
+        let mut merged = Merged::default();
+        let mut conflicts = 0;
+        let mut named = String::new();
+        for store in stores {
+            for (digest, description) in store.machines()? {
+                transaction
+                    .execute(
+                        "INSERT OR IGNORE INTO machines VALUES (?1, ?2)",
+                        (digest, description),
+                    )
+                    .map_err(failed)?;
+            }
+            for (planner, files) in store.code()? {
+                for file in files {
+                    let path = file.path.to_string_lossy();
+                    transaction
+                        .execute(
+                            "INSERT OR IGNORE INTO code VALUES (?1, ?2, ?3)",
+                            (&planner, &path, &file.sha256),
+                        )
+                        .map_err(failed)?;
+                }
+            }
+            for current in [true, false] {
+                store.visit(current, &mut |row| {
+                    let there = same_key(&transaction, &row.key).map_err(failed)?;
+                    match there {
+                        None => {
+                            insert(&transaction, &row, current).map_err(failed)?;
+                            merged.trials += u64::from(current);
+                        }
+                        Some(values) if values == row.values() => merged.repeated += 1,
+                        Some(_) => {
+                            conflicts += 1;
+                            if conflicts <= NAMED {
+                                let _ = write!(
+                                    named,
+                                    "\n  {} on {}, {}, {} agents, seed {}, repeat {} (key {})",
+                                    row.planner,
+                                    row.map,
+                                    row.scenario,
+                                    row.agents,
+                                    row.seed,
+                                    row.repeat,
+                                    row.key
+                                );
+                            }
+                        }
+                    }
+                    Ok(())
+                })?;
+            }
+        }
+        if conflicts > 0 {
+            let more = if conflicts > NAMED { "\n  …" } else { "" };
+            let reason =
+                format!("{conflicts} trials have two results each, which differ:{named}{more}");
+            return Err(InputError::new(shown(path), reason)
+                .hint("merge shards of one run, each trial of which was made once"));
+        }
+        transaction.commit().map_err(failed)?;
+        connection.close().map_err(|(_, error)| failed(error))?;
+        Ok(merged)
+    }
+}
+
+fn put_meta(transaction: &Transaction<'_>, meta: &Meta) -> rusqlite::Result<()> {
+    let created = meta.created_unix_ms.to_string();
+    let pairs = [
+        ("suite", &meta.suite),
+        ("suite_text", &meta.suite_text),
+        ("suite_digest", &meta.suite_digest),
+        ("fleetyard", &meta.fleetyard),
+        ("created_unix_ms", &created),
+    ];
+    for (name, value) in pairs {
+        transaction.execute("INSERT OR REPLACE INTO meta VALUES (?1, ?2)", (name, value))?;
+    }
+    Ok(())
+}
+
+fn insert(transaction: &Transaction<'_>, row: &Row, current: bool) -> rusqlite::Result<()> {
+    static STATEMENT: LazyLock<String> = LazyLock::new(|| {
+        let values = ", ?".repeat(COLUMNS.len());
+        format!(
+            "INSERT INTO trials (current, {}) VALUES (?{values})",
+            *NAMES
+        )
+    });
+    let values = std::iter::once(Value::Boolean(current)).chain(row.values());
+    let id = transaction
+        .prepare(&STATEMENT)?
+        .insert(rusqlite::params_from_iter(values))?;
+    let mut statement =
+        transaction.prepare("INSERT INTO incumbents VALUES (?1, ?2, ?3, ?4, ?5)")?;
+    for (number, plan) in row.incumbents.iter().enumerate() {
+        let soc = plan.soc_steps.map(u64::cast_signed);
+        statement.execute((id, number as i64, plan.time_ms, soc, plan.valid))?;
+    }
+    Ok(())
+}
+
+/// The values of the trial with a key.
+fn same_key(transaction: &Transaction<'_>, key: &str) -> rusqlite::Result<Option<Vec<Value>>> {
+    let statement = format!("SELECT {} FROM trials WHERE \"key\" = ?1", *NAMES);
+    let mut statement = transaction.prepare(&statement)?;
+    let mut rows = statement.query([key])?;
+    let Some(row) = rows.next()? else {
+        return Ok(None);
+    };
+    let values = COLUMNS.iter().enumerate();
+    let values = values.map(|(index, column)| value(column, row.get_ref(index)));
+    Ok(Some(values.collect()))
+}
+
+/// A value as its column means it; what cannot be one is absent.
+fn value(column: &Column, found: rusqlite::Result<ValueRef<'_>>) -> Value {
+    match (found, column.kind) {
+        (Ok(ValueRef::Integer(value)), ColumnType::Boolean) => Value::Boolean(value != 0),
+        (Ok(ValueRef::Integer(value)), ColumnType::Real) => Value::Real(value as f64),
+        (Ok(ValueRef::Integer(value)), _) => Value::Integer(value),
+        (Ok(ValueRef::Real(value)), _) => Value::Real(value),
+        (Ok(ValueRef::Text(text)), _) => match std::str::from_utf8(text) {
+            Ok(text) => Value::Text(text.to_owned()),
+            Err(_) => Value::Null,
+        },
+        (Ok(ValueRef::Null | ValueRef::Blob(_)) | Err(_), _) => Value::Null,
+    }
+}
+
+fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// A file beside another one, by the end of its name.
+fn beside(path: &Path, end: &str) -> PathBuf {
+    let mut name = path.file_name().map_or_else(OsString::new, OsString::from);
+    name.push(end);
+    path.with_file_name(name)
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(InputError::new(
+            shown(path),
+            format!("cannot remove: {error}"),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Whether the file's header says that it is a store that this program knows.
+fn identify(path: &Path) -> Result<()> {
+    const MAGIC: &[u8] = b"SQLite format 3\0";
+    let cannot = |error: io::Error| {
+        let base = InputError::new(shown(path), format!("cannot read: {error}"));
+        match error.kind() {
+            io::ErrorKind::NotFound => InputError::new(shown(path), "there is no such store")
+                .hint("`fleetyard bench SUITE.toml` makes one"),
+            io::ErrorKind::PermissionDenied => {
+                base.hint("check who may read the file and its folder")
+            }
+            _ => base,
+        }
+    };
+    let file = File::open(path).map_err(cannot)?;
+    if !file.metadata().map_err(cannot)?.is_file() {
+        return Err(InputError::new(shown(path), "this is not a file")
+            .hint("a store is a file that `fleetyard bench` has made"));
+    }
+    let mut header = Vec::with_capacity(100);
+    file.take(100).read_to_end(&mut header).map_err(cannot)?;
+    if header.len() < 100 || !header.starts_with(MAGIC) {
+        let reason = match header.len() {
+            0 => "the file is empty, and no store",
+            _ if header.starts_with(MAGIC) => "the file ends within its header",
+            _ => "the file is no SQLite database",
+        };
+        return Err(InputError::new(shown(path), reason)
+            .hint("a store is a file that `fleetyard bench` has made"));
+    }
+    let field = |at: usize| i32::from_be_bytes([0, 1, 2, 3].map(|byte| header[at + byte]));
+    if field(68) != APPLICATION_ID {
+        return Err(
+            InputError::new(shown(path), "the database belongs to another program")
+                .hint("a store is a file that `fleetyard bench` has made"),
+        );
+    }
+    let version = field(60);
+    if version != VERSION {
+        let reason = format!("a store of version {version}, and this program knows {VERSION}");
+        return Err(InputError::new(shown(path), reason)
+            .hint("use the version of fleetyard that wrote it, or a newer one"));
+    }
+    Ok(())
+}
+
+fn damaged(path: &Path, what: &str) -> InputError {
+    let what = fleetyard_core::shown(what);
+    InputError::new(shown(path), format!("the store is damaged: {what}")).hint(
+        "nothing was changed; restore a copy, or recover what is left with `sqlite3 FILE .recover`",
+    )
+}
+
+/// An error of SQLite in the user's terms.
+fn failed(path: &Path, error: &rusqlite::Error) -> InputError {
+    let text = |reason: &str| InputError::new(shown(path), reason);
+    let Some(code) = error.sqlite_error_code() else {
+        return damaged(path, &error.to_string());
+    };
+    match code {
+        ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase => damaged(path, &error.to_string()),
+        ErrorCode::DiskFull => full(path),
+        ErrorCode::SystemIoFailure if no_space(path) => full(path),
+        ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked => {
+            text("another program holds the store").hint("close it and try again")
+        }
+        ErrorCode::ReadOnly | ErrorCode::PermissionDenied => {
+            text("the store cannot be written").hint("check who may write the file and its folder")
+        }
+        ErrorCode::CannotOpen => text("the store cannot be opened")
+            .hint("does its folder exist, and may you write to it?"),
+        ErrorCode::ConstraintViolation => damaged(path, &error.to_string()),
+        _ => text(&format!("the store fails: {error}")),
+    }
+}
+
+fn full(path: &Path) -> InputError {
+    InputError::new(shown(path), "cannot write: no space is left on the disk")
+        .hint("what was stored before is kept; free some space, then go on with --resume")
+}
+
+/// Whether the file system has no room for another page.
+fn no_space(path: &Path) -> bool {
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    rustix::fs::statvfs(folder.unwrap_or(Path::new(".")))
+        .is_ok_and(|found| found.f_bavail * found.f_frsize < 1 << 16)
+}
+
+/// Whether SQLite fails because it would have to write beside the file.
+fn cannot_share(error: &rusqlite::Error) -> bool {
+    matches!(
+        error.sqlite_error_code(),
+        Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly)
+    )
+}
+
+/// Whether a writer left, or has, something that is not in the file itself yet.
+fn has_log(path: &Path) -> bool {
+    fs::metadata(beside(path, "-wal")).is_ok_and(|log| log.len() > 0)
+}
+
+/// A path for a URI.
+fn percent_encoded(path: &Path) -> String {
+    let mut text = String::new();
+    for byte in path.as_os_str().as_encoded_bytes() {
+        if byte.is_ascii_alphanumeric() || b"-_./".contains(byte) {
+            text.push(char::from(*byte));
+        } else {
+            let _ = write!(text, "%{byte:02x}");
+        }
+    }
+    text
+}
+
+/// The right to write a store: a lock on a file beside it, with the number of the process.
+/// The file is there while somebody holds it, and after a process that was killed.
+struct Lock {
+    file: File,
+    path: PathBuf,
+}
+
+impl Lock {
+    fn take(store: &Path) -> Result<Self> {
+        let path = beside(store, ".lock");
+        let failed = |error: &dyn std::fmt::Display| {
+            InputError::new(shown(&path), format!("cannot be locked: {error}"))
+                .hint("does its folder exist, and may you write to it?")
+        };
+        let started = Instant::now();
+        loop {
+            let file = File::options()
+                .create(true)
+                .truncate(false)
+                .read(true)
+                .write(true)
+                .open(&path);
+            let mut file = match file {
+                Err(error) if error.kind() == io::ErrorKind::StorageFull => {
+                    return Err(full(&path));
+                }
+                other => other.map_err(|error| failed(&error))?,
+            };
+            match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
+                Ok(()) => {}
+                Err(rustix::io::Errno::INTR) => continue,
+                // A process that was killed holds it until the kernel is done with it.
+                Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(10));
+                    continue;
+                }
+                Err(rustix::io::Errno::WOULDBLOCK) => {
+                    let mut holder = String::new();
+                    let _ = file.take(32).read_to_string(&mut holder);
+                    let who = match holder.trim().parse::<u32>() {
+                        Ok(process) => format!("process {process}"),
+                        Err(_) => "another process".to_owned(),
+                    };
+                    let reason = format!("{who} is writing this store");
+                    return Err(InputError::new(shown(store), reason)
+                        .hint("wait until it has ended, or name another store with --store"));
+                }
+                Err(error) => return Err(failed(&error)),
+            }
+            // The one before may have removed the file between our opening and locking it.
+            let mine = file.metadata().map_err(|error| failed(&error))?.ino();
+            if fs::metadata(&path).is_ok_and(|now| now.ino() == mine) {
+                // Without the number an error names nobody; the lock holds all the same.
+                let _ = file
+                    .set_len(0)
+                    .and_then(|()| file.rewind())
+                    .and_then(|()| writeln!(file, "{}", std::process::id()));
+                return Ok(Self { file, path });
+            }
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
+        // Closing is not enough when a process that is just being started has a copy of the
+        // descriptor for a moment.
+        let _ = rustix::fs::flock(&self.file, FlockOperation::Unlock);
+    }
+}
