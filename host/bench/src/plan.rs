@@ -130,13 +130,16 @@ impl Schedule {
         hasher.finish().to_string()
     }
 
+    /// The trials of an instance in the order of their numbers.
+    pub(crate) fn of_instance(&self, instance: usize) -> impl Iterator<Item = Planned> {
+        (0..self.rounds()).flat_map(move |round| {
+            (0..self.planners.len()).map(move |planner| self.planned(instance, round, planner))
+        })
+    }
+
     /// All trials in the order of their numbers.
     pub fn trials(&self) -> impl Iterator<Item = Planned> {
-        (0..self.instances.len()).flat_map(move |instance| {
-            (0..self.rounds()).flat_map(move |round| {
-                (0..self.planners.len()).map(move |planner| self.planned(instance, round, planner))
-            })
-        })
+        self.trials_of(Shard::ALL)
     }
 
     /// Digest of all of it: equal suites have equal ones wherever their files are.
@@ -167,6 +170,12 @@ impl Schedule {
     /// How many trials a shard has.
     pub fn len_of(&self, shard: Shard) -> u64 {
         self.dealt(shard).count() as u64 * self.rounds() * self.planners.len() as u64
+    }
+
+    /// The trials of a shard in the order of their numbers.
+    pub fn trials_of(&self, shard: Shard) -> impl Iterator<Item = Planned> {
+        self.dealt(shard)
+            .flat_map(move |instance| self.of_instance(instance))
     }
 
     /// What a shard does, in this order.

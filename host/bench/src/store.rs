@@ -73,6 +73,8 @@ pub struct Meta {
     pub suite: String,
     /// The suite's file as it was.
     pub suite_text: String,
+    /// What it says as a JSON object, values of the command line included.
+    pub suite_values: String,
     /// Digest of all that the suite asks, its instances included.
     pub suite_digest: String,
     /// Version of the program that wrote the store last.
@@ -419,6 +421,21 @@ impl Store {
         })
     }
 
+    /// The planners of all trials that the suite asks for: labels and the digests of their code.
+    pub fn planners(&self) -> Result<BTreeMap<String, BTreeSet<String>>> {
+        let pairs: Vec<(String, Option<String>)> = self.run(|connection| {
+            let mut statement = connection
+                .prepare("SELECT DISTINCT planner, planner_digest FROM trials WHERE current")?;
+            let pairs = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+            pairs.collect()
+        })?;
+        let mut planners: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for (label, digest) in pairs {
+            planners.entry(label).or_default().extend(digest);
+        }
+        Ok(planners)
+    }
+
     /// How many trials the suite asks for are there, and how many belong to an earlier state.
     pub fn counts(&self) -> Result<(u64, u64)> {
         let count = |current: bool| {
@@ -450,6 +467,7 @@ impl Store {
         Ok(Meta {
             suite: value("suite")?,
             suite_text: value("suite_text")?,
+            suite_values: value("suite_values")?,
             suite_digest: value("suite_digest")?,
             fleetyard: value("fleetyard")?,
             created_unix_ms: value("created_unix_ms")?
@@ -679,6 +697,7 @@ fn put_meta(transaction: &Transaction<'_>, meta: &Meta) -> rusqlite::Result<()> 
     let pairs = [
         ("suite", &meta.suite),
         ("suite_text", &meta.suite_text),
+        ("suite_values", &meta.suite_values),
         ("suite_digest", &meta.suite_digest),
         ("fleetyard", &meta.fleetyard),
         ("created_unix_ms", &created),

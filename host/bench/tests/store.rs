@@ -11,6 +11,7 @@ fn meta() -> Meta {
     Meta {
         suite: "small".into(),
         suite_text: "name = \"small\"\n".into(),
+        suite_values: "{}".into(),
         suite_digest: "d".into(),
         fleetyard: "0.0.0".into(),
         created_unix_ms: 7,
