@@ -198,7 +198,7 @@ fn judge(instance: &GridInstance, path: &[u32], rule: PathRule, findings: &mut F
     );
     let mut before = None;
     for (at, cell) in path.iter().copied().enumerate() {
-        let from = std::mem::replace(&mut before, Some(cell));
+        let from = before.replace(cell);
         if from == Some(cell) {
             continue;
         }
