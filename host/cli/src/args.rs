@@ -9,6 +9,7 @@ use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use fleetyard_abi::Kind;
+use fleetyard_check::PathRule;
 use fleetyard_core::Connectivity;
 use fleetyard_core::PathEncoding;
 use fleetyard_core::formats::Format as FileFormat;
@@ -91,6 +92,26 @@ impl From<AttachArg> for Attach {
             AttachArg::Worker => Self::Worker,
             AttachArg::Stdio => Self::Stdio,
             AttachArg::Command => Self::Command,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PathRuleArg {
+    /// Unit moves in unit time, for any number of agents
+    Steps,
+    /// Straight lines whose Bresenham cells are free, for one agent
+    Bresenham,
+    /// Straight lines that touch free cells alone, for one agent
+    Supercover,
+}
+
+impl From<PathRuleArg> for PathRule {
+    fn from(rule: PathRuleArg) -> Self {
+        match rule {
+            PathRuleArg::Steps => Self::Steps,
+            PathRuleArg::Bresenham => Self::Bresenham,
+            PathRuleArg::Supercover => Self::Supercover,
         }
     }
 }
@@ -520,6 +541,9 @@ pub(crate) struct Validate {
         required_unless_present = "robots"
     )]
     pub(crate) agents: Option<usize>,
+    /// What may lie between two cells of a path
+    #[arg(long, value_enum, default_value = "steps")]
+    pub(crate) path_rule: PathRuleArg,
     /// World file with bounds and obstacles in the plane
     #[arg(long, value_name = "FILE", requires = "robots")]
     pub(crate) world: Option<PathBuf>,
@@ -607,6 +631,10 @@ pub(crate) struct Simulate {
     /// The format of the plan [default: what the file looks like]
     #[arg(long, value_name = "FORMAT", value_parser = file_format)]
     pub(crate) from: Option<FileFormat>,
+    /// How a path on a grid is meant: in unit moves, or (bresenham, supercover) as a list
+    /// of cells between which the robot goes in straight lines, a cell a step
+    #[arg(long, value_enum, default_value = "steps")]
+    pub(crate) path_rule: PathRuleArg,
     #[command(flatten)]
     pub(crate) world: WorldArgs,
     #[command(flatten)]

@@ -319,11 +319,7 @@ impl TrajectoryPlan {
         cell_size_m: f64,
         step_s: f64,
     ) -> Result<Self, TrajectoryError> {
-        for (what, value) in [("cell size", cell_size_m), ("time of a step", step_s)] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(TrajectoryError::Scale { what, value });
-            }
-        }
+        check_scale(cell_size_m, step_s)?;
         let mut all = Self::with_capacity(plan.agents(), 0);
         for (agent, path) in plan.paths().enumerate() {
             if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
@@ -340,6 +336,53 @@ impl TrajectoryPlan {
                 let (x_m, y_m) = cell_center_m(grid, cell_size_m, path[time]);
                 Knot {
                     time_s: time as f64 * step_s,
+                    x_m,
+                    y_m,
+                    heading_rad: None,
+                }
+            }))?;
+        }
+        Ok(all)
+    }
+
+    /// Paths without times, as any-angle planners return them, in the plane: from centre
+    /// to centre of their cells in straight lines, a cell's side in `step_s` seconds.
+    /// Only the cells at which a path turns have a knot, besides its ends.
+    pub fn along_lines(
+        plan: &GridPlan,
+        grid: &Grid,
+        cell_size_m: f64,
+        step_s: f64,
+    ) -> Result<Self, TrajectoryError> {
+        check_scale(cell_size_m, step_s)?;
+        let mut all = Self::with_capacity(plan.agents(), 0);
+        for (agent, path) in plan.paths().enumerate() {
+            if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
+                return Err(TrajectoryError::OffMap { agent, time });
+            }
+            let mut turns: Vec<u32> = Vec::new();
+            for cell in path {
+                if turns.last() == Some(cell) {
+                    continue;
+                }
+                if let [.., from, by] = turns[..] {
+                    let ((ar, ac), (br, bc)) = (way(grid, from, by), way(grid, by, *cell));
+                    if ar * bc == ac * br && ar * br + ac * bc > 0 {
+                        turns.pop();
+                    }
+                }
+                turns.push(*cell);
+            }
+            let mut length = 0.0;
+            let mut before = None;
+            all.push_path(turns.into_iter().map(|cell| {
+                if let Some(from) = before.replace(cell) {
+                    let (rows, cols) = way(grid, from, cell);
+                    length += ((rows * rows + cols * cols) as f64).sqrt();
+                }
+                let (x_m, y_m) = cell_center_m(grid, cell_size_m, cell);
+                Knot {
+                    time_s: length * step_s,
                     x_m,
                     y_m,
                     heading_rad: None,
@@ -487,6 +530,24 @@ fn follows(
         });
     }
     Ok(next != before)
+}
+
+fn check_scale(cell_size_m: f64, step_s: f64) -> Result<(), TrajectoryError> {
+    for (what, value) in [("cell size", cell_size_m), ("time of a step", step_s)] {
+        if !(value > 0.0 && value.is_finite()) {
+            return Err(TrajectoryError::Scale { what, value });
+        }
+    }
+    Ok(())
+}
+
+/// Rows and columns from one cell of a map to another.
+fn way(grid: &Grid, from: u32, to: u32) -> (i64, i64) {
+    let (from, to) = (grid.row_col(from), grid.row_col(to));
+    (
+        i64::from(to.0) - i64::from(from.0),
+        i64::from(to.1) - i64::from(from.1),
+    )
 }
 
 fn distance_m(from: Knot, to: Knot) -> f64 {

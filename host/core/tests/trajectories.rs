@@ -298,6 +298,51 @@ fn grid_plans_become_trajectories() {
     );
 }
 
+#[test]
+fn paths_in_straight_lines() {
+    let grid = Grid::new("g", 4, 5, vec![b'.'; 20]).unwrap();
+    // Two steps east, a wait, a line of (3, 4), and back over two cells of it.
+    let plan = GridPlan::from_paths([vec![0, 1, 1, 0, 1, 2, 0, 19, 19], vec![7]]);
+    let made = TrajectoryPlan::along_lines(&plan, &grid, 2.0, 0.5).unwrap();
+    let knots: Vec<Knot> = made.knots(0).iter().collect();
+    assert_eq!(
+        knots,
+        [
+            at(0.0, 1.0, 7.0),
+            at(0.5, 3.0, 7.0),
+            at(1.0, 1.0, 7.0),
+            at(2.0, 5.0, 7.0),
+            at(3.0, 1.0, 7.0),
+            at(5.5, 9.0, 1.0)
+        ]
+    );
+    assert_eq!(
+        made.knots(1).iter().collect::<Vec<_>>(),
+        [at(0.0, 5.0, 5.0)]
+    );
+    let line = GridPlan::from_paths([[0, 6, 12, 18]]);
+    let line = TrajectoryPlan::along_lines(&line, &grid, 1.0, 1.0).unwrap();
+    assert_eq!(line.knots(0).len(), 2);
+    assert!((line.horizon_s() - 3.0 * 2f64.sqrt()).abs() < 1e-12);
+    for (paths, cell, expected) in [
+        (vec![vec![0], vec![]], 1.0, "agent 1 has no knots"),
+        (
+            vec![vec![0, u32::MAX]],
+            1.0,
+            "agent 0 is not on the map at time 1",
+        ),
+        (
+            vec![vec![0]],
+            -1.0,
+            "the cell size is -1, but it must be positive and finite",
+        ),
+    ] {
+        let plan = GridPlan::from_paths(paths);
+        let error = TrajectoryPlan::along_lines(&plan, &grid, cell, 1.0).unwrap_err();
+        assert_eq!(error.to_string(), expected);
+    }
+}
+
 fn square() -> Roadmap {
     let edges = [(0, 1), (1, 0), (1, 2), (2, 3), (3, 0), (1, 2)];
     Roadmap::new(vec![0.0, 3.0, 3.0, 0.0], vec![0.0, 0.0, 4.0, 4.0], edges).unwrap()

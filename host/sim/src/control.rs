@@ -119,6 +119,15 @@ const CLOSE_M: f64 = 0.01;
 /// Places nearer than this to each other are one, in metres.
 const SAME_M: f64 = 1e-9;
 
+/// Whether a body is at the end of its leg, which may be that of its way.
+fn is_there(model: &Model, last: bool, state: &State, target: &Target) -> bool {
+    if last {
+        model.has_finished(state, target)
+    } else {
+        model.has_arrived(state, target)
+    }
+}
+
 fn same(a: Place, b: Place) -> bool {
     let (dx, dy) = (a.x - b.x, a.y - b.y);
     let heading = match (a.heading, b.heading) {
@@ -219,6 +228,7 @@ impl Driver<'_> {
                 .target();
             // A body that gets there in the middle of the block goes on with
             // its next leg at once.
+            let last = pilot.leg == self.last(agent);
             let mut arrived: Option<(usize, State)> = None;
             let mut count = 0;
             model.run(
@@ -231,7 +241,7 @@ impl Driver<'_> {
                     if arrived.is_none() {
                         tracks.push(left[count], state.x, state.y, state.heading);
                         count += 1;
-                        if !rest && !chase && model.has_arrived(state, &target) {
+                        if !rest && !chase && is_there(model, last, state, &target) {
                             arrived = Some((count, *state));
                         }
                     }
@@ -250,7 +260,7 @@ impl Driver<'_> {
         }
         if chase && pilot.done == self.last(agent) && pilot.arrival.is_infinite() {
             let goal = self.place(agent, pilot.done).target();
-            if model.has_arrived(&pilot.state, &goal) {
+            if model.has_finished(&pilot.state, &goal) {
                 pilot.arrival = self.block.end;
             }
         }
@@ -312,7 +322,8 @@ impl Driver<'_> {
     pub(crate) fn notice(&self, model: Option<&Model>, agent: usize, pilot: &mut Pilot, now: f64) {
         let target = self.place(agent, pilot.leg.max(pilot.done)).target();
         let arrived = if let Some(model) = model.filter(|model| !model.is_ideal()) {
-            model.has_arrived(&pilot.state, &target)
+            let last = pilot.leg.max(pilot.done) == self.last(agent);
+            is_there(model, last, &pilot.state, &target)
         } else {
             let (dx, dy) = (target.x - pilot.state.x, target.y - pilot.state.y);
             dx * dx + dy * dy <= CLOSE_M * CLOSE_M

@@ -568,6 +568,30 @@ fn wheels_turn_as_the_body_moves() {
     assert!((wheels.right_rad_per_s * law.wheel_radius_m - wheels.right_m_per_s).abs() < 1e-12);
 }
 
+/// The tolerance of the maze benchmark is larger at the last waypoint.
+#[test]
+fn the_last_waypoint_may_have_a_tolerance_of_its_own() {
+    let model: Model = serde_json::from_str(
+        r#"{"waypoint-law": {"arrival_tolerance_m": 0.1, "final_tolerance_m": 0.4}}"#,
+    )
+    .unwrap();
+    let target = Target {
+        x: 0.3,
+        y: 0.0,
+        heading: None,
+    };
+    let state = State::at_rest(0.0, 0.0, 0.0);
+    assert!(model.has_finished(&state, &target) && !model.has_arrived(&state, &target));
+    assert!((model.arrival_tolerance_m() - 0.4).abs() < 1e-12);
+    let usual = Model::WaypointLaw(WaypointLaw::default());
+    assert!(!usual.has_finished(&state, &target));
+    let error = serde_json::from_str::<Model>(
+        r#"{"waypoint-law": {"arrival_tolerance_m": 0.1, "final_tolerance_m": 0.05}}"#,
+    )
+    .unwrap_err();
+    assert!(error.to_string().contains("final_tolerance_m"), "{error}");
+}
+
 /// Distance of a point from a path.
 fn distance_from(path: &[Waypoint], point: [f64; 2]) -> f64 {
     let legs = path.windows(2).map(|leg| {

@@ -6,8 +6,9 @@ use std::io::{self, BufWriter, Write as _};
 use std::path::Path;
 
 use fleetyard_bench::{ExecutionInfo, Robots, RobotsError, execute, number};
+use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, grid_size, load_any_plan};
-use fleetyard_core::{Grid, InputError, load_map};
+use fleetyard_core::{Grid, InputError, TrajectoryPlan, load_map};
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
 use fleetyard_sim::{Event, Fleet, Plan, SimConfig, Simulator, TraceSink};
@@ -15,6 +16,7 @@ use fleetyard_view::{Picture, World};
 use fleetyard_world::{Bounds, Workspace, load_workspace};
 use indicatif::ProgressBar;
 
+use super::validate::one_agent;
 use super::{TraceFile, Unnamed, cannot_write, draw};
 use crate::args::{Format, Simulate};
 use crate::exit::{Exit, Failure, Result};
@@ -30,6 +32,7 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
         .transpose()?;
     let plan = load_plan(arguments, grid.as_ref())?;
     let config = config(arguments);
+    let lines = along_lines(arguments, grid.as_ref(), &plan, &config)?;
     let fleet = fleet(&robots(arguments)?, plan_of(&plan).agents(), &config)?;
     let mut simulator = Simulator::new(&config);
     if let Some(grid) = &grid {
@@ -42,7 +45,8 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
         simulator = simulator.with_fleet(fleet);
     }
     let mut sinks = Sinks::create(arguments)?;
-    let execution = execute(&simulator, plan_of(&plan), &mut sinks)?;
+    let executed = lines.as_ref().map_or(plan_of(&plan), Plan::Trajectories);
+    let execution = execute(&simulator, executed, &mut sinks)?;
     sinks.finish()?;
     if let Some(path) = &arguments.picture {
         picture(
@@ -81,6 +85,28 @@ fn load_plan(arguments: &Simulate, grid: Option<&Grid>) -> Result<AnyPlan> {
         file.check_map(grid)?;
     }
     Ok(plan)
+}
+
+/// A plan on a grid whose cells are joined by straight lines, if it is meant so.
+fn along_lines(
+    arguments: &Simulate,
+    grid: Option<&Grid>,
+    plan: &AnyPlan,
+    config: &SimConfig,
+) -> Result<Option<TrajectoryPlan>> {
+    let rule = PathRule::from(arguments.path_rule);
+    let (AnyPlan::Grid(file), Some(grid)) = (plan, grid) else {
+        return Ok(None);
+    };
+    if rule == PathRule::Steps {
+        return Ok(None);
+    }
+    if !rule.allows_agents(file.plan.agents()) {
+        return Err(one_agent(rule, file.plan.agents()));
+    }
+    let lines = TrajectoryPlan::along_lines(&file.plan, grid, config.cell_size_m, config.step_s)
+        .map_err(|error| InputError::new(file.source.as_str(), error.to_string()))?;
+    Ok(Some(lines))
 }
 
 fn plan_of(plan: &AnyPlan) -> Plan<'_> {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use fleetyard_bench::number;
-use fleetyard_check::{Verdict, metrics};
+use fleetyard_check::{PathRule, Verdict, metrics, validate_paths};
 use fleetyard_core::formats::{
     AnyPlan, TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed,
 };
@@ -33,6 +33,7 @@ struct Figures {
     soc_steps: u64,
     makespan_steps: u64,
     lower_bound_steps: u64,
+    length_cells: u64,
     length_m: f64,
     waits: u64,
 }
@@ -77,14 +78,19 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
         );
     };
     let size = grid_size(instance.grid());
+    let rule = PathRule::from(arguments.path_rule);
+    if !rule.allows_agents(instance.agents()) {
+        return Err(one_agent(rule, instance.agents()));
+    }
     file.check_for(&instance)?;
     let figures = metrics(&instance, &file.plan, arguments.cell_size);
     let report = Report {
-        verdict: fleetyard_check::validate(&instance, &file.plan, LISTED),
+        verdict: validate_paths(&instance, &file.plan, rule, LISTED),
         metrics: Figures {
             soc_steps: figures.sum_of_costs,
             makespan_steps: figures.makespan,
             lower_bound_steps: figures.lower_bound_steps,
+            length_cells: figures.length_cells,
             length_m: figures.length_m,
             waits: figures.waits,
         },
@@ -93,7 +99,7 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     };
     match arguments.format {
         Format::Json => output::print_json(&report)?,
-        Format::Text => output::print(&text(&report))?,
+        Format::Text => output::print(&text(&report, rule))?,
     }
     if !report.verdict.valid && looks_transposed(size, instance.starts(), &file.plan) {
         output::hint(TRANSPOSED_HINT);
@@ -105,7 +111,7 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     })
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &Report, rule: PathRule) -> String {
     let Report {
         verdict, metrics, ..
     } = report;
@@ -129,14 +135,28 @@ fn text(report: &Report) -> String {
         soc_steps,
         makespan_steps,
         lower_bound_steps,
+        length_cells,
         length_m,
         ..
     } = metrics;
-    let _ = writeln!(
-        out,
-        "sum of costs {soc_steps} steps (lower bound {lower_bound_steps})"
-    );
-    let _ = writeln!(out, "makespan     {makespan_steps} steps");
-    let _ = write!(out, "path length  {} m", number(*length_m));
+    // Paths in straight lines have no steps.
+    if rule == PathRule::Steps {
+        let _ = writeln!(
+            out,
+            "sum of costs {soc_steps} steps (lower bound {lower_bound_steps})"
+        );
+        let _ = writeln!(out, "makespan     {makespan_steps} steps");
+        let _ = write!(out, "path length  {} m", number(*length_m));
+    } else {
+        let _ = writeln!(out, "path length  {length_cells} cells");
+        let _ = write!(out, "in metres    {} m", number(*length_m));
+    }
     out
+}
+
+/// Why paths without times are refused.
+pub(super) fn one_agent(rule: PathRule, agents: usize) -> Failure {
+    let message = format!("--path-rule {rule} is for one agent, not for {agents}");
+    Failure::new(Exit::Usage, message)
+        .hint("such paths have no times, so that nobody can say who meets whom")
 }

@@ -4,7 +4,9 @@
 use std::fmt::Write as _;
 
 use fleetyard_bench::number;
-use fleetyard_check::{ContinuousTask, ContinuousVerdict, SpeedLimits, validate_trajectories};
+use fleetyard_check::{
+    ContinuousTask, ContinuousVerdict, PathRule, SpeedLimits, validate_trajectories,
+};
 use fleetyard_core::formats::AnyPlan;
 use fleetyard_core::{
     Digest, Grid, GridInstance, InputError, TrajectoryFile, TrajectoryPlan, cell_center_m,
@@ -14,7 +16,7 @@ use fleetyard_world::exact::Obstacles;
 use fleetyard_world::{Bounds, Footprint, Pose, Shape, load_workspace};
 use serde::Serialize;
 
-use super::validate::LISTED;
+use super::validate::{LISTED, one_agent};
 use crate::args::{Format, Validate};
 use crate::exit::{Exit, Result};
 use crate::output;
@@ -130,7 +132,15 @@ fn in_the_plane(
     };
     file.check_map(grid)?;
     let (cell_size_m, step_s) = (arguments.cell_size, arguments.step);
-    let plan = TrajectoryPlan::from_grid(&file.plan, grid, cell_size_m, step_s)
+    let rule = PathRule::from(arguments.path_rule);
+    if !rule.allows_agents(file.plan.agents()) {
+        return Err(one_agent(rule, file.plan.agents()));
+    }
+    let in_the_plane = match rule {
+        PathRule::Steps => TrajectoryPlan::from_grid,
+        PathRule::Bresenham | PathRule::Supercover => TrajectoryPlan::along_lines,
+    };
+    let plan = in_the_plane(&file.plan, grid, cell_size_m, step_s)
         .map_err(|error| InputError::new(file.source.as_str(), error.to_string()))?;
     Ok(TrajectoryFile {
         source: file.source,

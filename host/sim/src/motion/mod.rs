@@ -161,7 +161,19 @@ impl Model {
 
     /// Whether the body is at the target, and would stop within the tolerances.
     pub fn has_arrived(&self, state: &State, target: &Target) -> bool {
-        let near = self.arrival_tolerance_m();
+        let near = match self {
+            Self::WaypointLaw(model) => model.arrival_tolerance_m,
+            _ => self.arrival_tolerance_m(),
+        };
+        self.is_within(near, state, target)
+    }
+
+    /// Whether the body is at the last target of its way, which may be less exact.
+    pub fn has_finished(&self, state: &State, target: &Target) -> bool {
+        self.is_within(self.arrival_tolerance_m(), state, target)
+    }
+
+    fn is_within(&self, near: f64, state: &State, target: &Target) -> bool {
         let (_, _, squared) = state.way(target);
         if squared > near * near || self.stop_distance_m(state) > near {
             return false;
@@ -225,7 +237,7 @@ impl Model {
             Self::Unicycle2(model) => model.control.arrival_tolerance_m,
             Self::DoubleIntegrator(model) => model.arrival_tolerance_m,
             Self::Holonomic(model) => model.arrival_tolerance_m,
-            Self::WaypointLaw(model) => model.arrival_tolerance_m,
+            Self::WaypointLaw(model) => model.final_tolerance_m(),
         }
     }
 

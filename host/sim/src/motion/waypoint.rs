@@ -43,8 +43,11 @@ pub struct WaypointLaw {
     pub axle_track_m: f64,
     /// `r`; by default 0.165 m (Husky).
     pub wheel_radius_m: f64,
-    /// `ε`; by default 0.05 m.
+    /// `ε` of every waypoint but the last; by default 0.05 m.
     pub arrival_tolerance_m: f64,
+    /// `ε` of the last waypoint, no less than that of the others, and by default the
+    /// same. The body counts as arrived there, and goes on to `arrival_tolerance_m`.
+    pub final_tolerance_m: Option<f64>,
     /// As near to a heading that is asked for; by default 1°. The paper has no headings.
     pub heading_tolerance_rad: f64,
 }
@@ -67,6 +70,7 @@ impl Default for WaypointLaw {
             axle_track_m: 0.555,
             wheel_radius_m: 0.165,
             arrival_tolerance_m: 0.05,
+            final_tolerance_m: None,
             heading_tolerance_rad: PI / 180.0,
         }
     }
@@ -118,6 +122,13 @@ impl WaypointLaw {
         within("turn_slowdown", self.turn_slowdown, 0.0, 1.0, hint)?;
         within("turn_floor", self.turn_floor, 0.0, 1.0, hint)?;
         tolerance_m("arrival_tolerance_m", self.arrival_tolerance_m)?;
+        within(
+            "final_tolerance_m",
+            self.final_tolerance_m(),
+            self.arrival_tolerance_m,
+            1e3,
+            "give metres between arrival_tolerance_m and 1000",
+        )?;
         let hint = "give radians between 1e-6 and 3";
         within(
             "heading_tolerance_rad",
@@ -126,6 +137,11 @@ impl WaypointLaw {
             3.0,
             hint,
         )
+    }
+
+    /// `ε` of the last waypoint.
+    pub(super) fn final_tolerance_m(&self) -> f64 {
+        self.final_tolerance_m.unwrap_or(self.arrival_tolerance_m)
     }
 
     /// What the wheels do in the tick that ends in `state`.
