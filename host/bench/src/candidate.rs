@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use fleetyard_abi::{Budget, Capability, Descriptor, Kind, SharedEnvironment};
+use fleetyard_abi::{Budget, Capability, Descriptor, Kind, Motion, SharedEnvironment};
+use fleetyard_check::PathRule;
 use fleetyard_core::{Digest, GridInstance};
 use fleetyard_runtime::{
     Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
@@ -176,9 +177,13 @@ impl Running {
     pub fn check_capabilities(
         &self,
         instance: &GridInstance,
+        rule: PathRule,
         name: &str,
     ) -> Result<(), TrialError> {
-        let mut needed = vec![Capability::Grid, Capability::Pebble];
+        let mut needed = vec![Capability::Grid];
+        if self.motion(rule) == Motion::Pebble {
+            needed.push(Capability::Pebble);
+        }
         if instance.connectivity() == fleetyard_core::Connectivity::Eight {
             needed.push(Capability::EightConnected);
         }
@@ -212,6 +217,17 @@ impl Running {
         let report = self.session.prepare(environment, budget)?;
         self.environment = Some(SharedEnvironment::clone(environment));
         Ok(Some(report))
+    }
+
+    /// How it is asked to move where paths are judged by this rule: in straight lines if
+    /// the rule allows that and the planner can.
+    pub fn motion(&self, rule: PathRule) -> Motion {
+        let any_angle = self.descriptor.capabilities.has(Capability::AnyAngle);
+        if any_angle && rule != PathRule::Steps {
+            Motion::AnyAngle
+        } else {
+            Motion::Pebble
+        }
     }
 
     /// Ends it.

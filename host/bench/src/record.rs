@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use fleetyard_abi::Status;
-use fleetyard_check::{Verdict, Violation};
+use fleetyard_check::{PathRule, Verdict, Violation};
 use fleetyard_core::Digest;
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{Attach, CodeFile, Layer, Level, Limit, SandboxReport, Termination, Usage};
@@ -125,6 +125,8 @@ pub struct CallInfo {
 /// An instance.
 #[derive(Debug, Serialize)]
 pub struct InstanceInfo {
+    /// By which rule paths are judged.
+    pub path_rule: PathRule,
     /// Name of the map.
     pub map: String,
     /// Where starts and goals come from.
@@ -204,6 +206,8 @@ pub struct Metrics {
     pub lower_bound_steps: u64,
     /// SoC over lower bound, of a valid plan.
     pub suboptimality: Option<f64>,
+    /// Length of all paths in cells: of the lines between the cells of each.
+    pub length_cells: Option<u64>,
     /// Length of all paths.
     pub length_m: Option<f64>,
     /// Sum of the lengths of shortest paths.

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Budget, SharedEnvironment};
-use fleetyard_check::{metrics, sum_of_costs, validate};
-use fleetyard_core::{GridInstance, GridPlan};
+use fleetyard_check::{PathRule, metrics, sum_of_costs, validate_paths};
+use fleetyard_core::{GridInstance, GridPlan, InputError, TrajectoryPlan};
 use fleetyard_runtime::measure::{
     Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
@@ -100,6 +100,8 @@ pub struct Trial<'a> {
     pub instance: &'a GridInstance,
     /// Where the instance comes from, for people.
     pub scenario: &'a str,
+    /// By which rule paths are judged.
+    pub path_rule: PathRule,
     /// Seed of every random choice of the planner.
     pub seed: u64,
     /// Size of cells and steps, and how the plan is executed if it is.
@@ -128,9 +130,21 @@ impl Trial<'_> {
     /// what the instance needs.
     pub fn check(&self) -> Result<(), TrialError> {
         let running = self.start()?;
-        let checked = running.check_capabilities(self.instance, &self.candidate.name);
+        let checked = self.check_of(&running);
         running.close();
         checked
+    }
+
+    fn check_of(&self, running: &Running) -> Result<(), TrialError> {
+        let agents = self.instance.agents();
+        if !self.path_rule.allows_agents(agents) {
+            let rule = self.path_rule;
+            let reason = format!("the path rule `{rule}` is for one agent, not for {agents}");
+            return Err(InputError::new(self.scenario, reason)
+                .hint("plans of several agents are judged by the rule `steps`")
+                .into());
+        }
+        running.check_capabilities(self.instance, self.path_rule, &self.candidate.name)
     }
 
     fn start(&self) -> Result<Running, TrialError> {
@@ -169,7 +183,7 @@ impl Trial<'_> {
             Some(running) => running,
             None => self.start()?,
         };
-        running.check_capabilities(self.instance, &self.candidate.name)?;
+        self.check_of(&running)?;
         let environment = fleetyard_runtime::environment(
             self.instance,
             self.config.cell_size_m,
@@ -223,7 +237,7 @@ impl Trial<'_> {
             _ => None,
         };
         let verdict = plan.as_ref().map_or_else(VerdictInfo::default, |plan| {
-            validate(self.instance, plan, VIOLATIONS).into()
+            validate_paths(self.instance, plan, self.path_rule, VIOLATIONS).into()
         });
         let over = closing.as_ref().and_then(|closing| closing.over);
         let mut record = Record {
@@ -245,6 +259,7 @@ impl Trial<'_> {
                 scenario: self.scenario.to_owned(),
                 agents: self.instance.agents(),
                 connectivity: self.instance.connectivity().degree(),
+                path_rule: self.path_rule,
             },
             budget: self.budget(),
             termination,
@@ -307,7 +322,17 @@ impl Trial<'_> {
         if let Some(fleet) = &fleet {
             simulator = simulator.with_fleet(fleet);
         }
-        Ok(execute(&simulator, plan, trace)?)
+        if self.path_rule == PathRule::Steps {
+            return Ok(execute(&simulator, plan, trace)?);
+        }
+        let SimConfig {
+            cell_size_m,
+            step_s,
+            ..
+        } = *self.config;
+        let lines = TrajectoryPlan::along_lines(plan, self.instance.grid(), cell_size_m, step_s)
+            .map_err(|error| InputError::new(self.scenario, error.to_string()))?;
+        Ok(execute(&simulator, &lines, trace)?)
     }
 
     /// The limits of the run, as they are recorded.
@@ -396,7 +421,9 @@ impl Trial<'_> {
             &budget(allowed.prepare_wall(), allowed.prepare_memory()),
         ) {
             Ok(report) => {
-                let instance = fleetyard_runtime::instance(self.instance, self.config.radius_m());
+                let mut instance =
+                    fleetyard_runtime::instance(self.instance, self.config.radius_m());
+                instance.motion = running.motion(self.path_rule);
                 let budget = budget(allowed.wall, allowed.plan_memory());
                 (running.session.plan(&instance, &budget), report)
             }
@@ -411,6 +438,8 @@ impl Trial<'_> {
         valid: bool,
         prepare_time_ms: Option<f64>,
     ) -> Metrics {
+        // Lines have no times, and so no costs in steps.
+        let timed = self.path_rule == PathRule::Steps;
         // The lower bound does not depend on the plan: an empty one will do.
         let empty = GridPlan::default();
         let of_plan = metrics(
@@ -425,26 +454,27 @@ impl Trial<'_> {
                 if index == last {
                     valid
                 } else {
-                    validate(self.instance, plan, 0).valid
+                    validate_paths(self.instance, plan, self.path_rule, 0).valid
                 }
             };
             IncumbentInfo {
                 time_ms: milliseconds(incumbent.arrived),
-                soc_steps: incumbent.plan.as_ref().map(sum_of_costs),
+                soc_steps: incumbent.plan.as_ref().filter(|_| timed).map(sum_of_costs),
                 valid: incumbent.plan.as_ref().map(valid),
             }
         });
         let bound = of_plan.lower_bound_steps;
         Metrics {
-            soc_steps: plan.map(|_| of_plan.sum_of_costs),
-            makespan_steps: plan.map(|_| of_plan.makespan),
+            soc_steps: plan.filter(|_| timed).map(|_| of_plan.sum_of_costs),
+            makespan_steps: plan.filter(|_| timed).map(|_| of_plan.makespan),
             lower_bound_steps: bound,
             suboptimality: plan
-                .filter(|_| valid && bound > 0)
+                .filter(|_| timed && valid && bound > 0)
                 .map(|_| of_plan.sum_of_costs as f64 / bound as f64),
+            length_cells: plan.map(|_| of_plan.length_cells),
             length_m: plan.map(|_| of_plan.length_m),
             lower_bound_m: of_plan.lower_bound_m,
-            waits: plan.map(|_| of_plan.waits),
+            waits: plan.filter(|_| timed).map(|_| of_plan.waits),
             planning_time_ms: milliseconds(run.planning),
             call_time_ms: run.call.map(milliseconds),
             prepare_time_ms,

@@ -390,6 +390,9 @@ pub(crate) struct Run {
     /// An option of the planner; may be given several times
     #[arg(long = "option", value_name = "NAME=VALUE")]
     pub(crate) options: Vec<String>,
+    /// What may lie between two cells of a path
+    #[arg(long, value_enum, default_value = "steps")]
+    pub(crate) path_rule: PathRuleArg,
     #[command(flatten)]
     pub(crate) budget: BudgetArgs,
     /// How the plugin is attached [default: worker for libraries, stdio for
@@ -437,6 +440,9 @@ pub(crate) struct Compare {
     /// Team sizes
     #[arg(long, value_name = "N,…", required = true, value_delimiter = ',')]
     pub(crate) agents: Vec<usize>,
+    /// What may lie between two cells of a path
+    #[arg(long, value_enum, default_value = "steps")]
+    pub(crate) path_rule: PathRuleArg,
     #[command(flatten)]
     pub(crate) planners: Contestants,
     #[command(flatten)]

@@ -215,6 +215,7 @@ impl<'a> Ask<'a> {
             options: &self.options[which],
             instance: &question.instance,
             scenario: &question.scenario,
+            path_rule: self.arguments.path_rule.into(),
             seed: self.arguments.budget.seed,
             config: self.config,
             robots: (!self.arguments.no_execute).then_some(&Robots::Pebbles),

@@ -41,6 +41,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         options: &GivenOptions::Texts(arguments.options.clone()),
         instance: &instance,
         scenario: &file_name(&arguments.instance.scen),
+        path_rule: arguments.path_rule.into(),
         seed: arguments.budget.seed,
         config: &sim_config(&arguments.world),
         robots: execute.then_some(&Robots::Pebbles),
