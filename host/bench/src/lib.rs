@@ -5,6 +5,7 @@
 mod candidate;
 pub mod claims;
 pub mod evaluate;
+pub mod export;
 mod options;
 mod plan;
 mod record;

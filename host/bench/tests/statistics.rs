@@ -1,7 +1,6 @@
 //! The statistics against published values and against SciPy.
 
-use std::io::Write as _;
-use std::process::{Command, Stdio};
+mod python;
 
 use fleetyard_bench::statistics::{
     BOOTSTRAP_SEED, Interval, RESAMPLES, Summary, bootstrap_mean, bootstrap_median, holm,
@@ -184,32 +183,6 @@ fn the_bootstrap_is_the_same_every_time() {
     );
 }
 
-/// Python with SciPy: the one that `FLEETYARD_PYTHON` names, or the system's.
-fn scipy(questions: &Value) -> Option<Value> {
-    const SCRIPT: &str = include_str!("statistics.py");
-    let python = std::env::var("FLEETYARD_PYTHON").unwrap_or_else(|_| "python3".into());
-    let has_scipy = Command::new(&python)
-        .args(["-c", "import scipy"])
-        .stderr(Stdio::null())
-        .status();
-    if !has_scipy.is_ok_and(|status| status.success()) {
-        println!("skipped: {python} has no SciPy; FLEETYARD_PYTHON may name one that has");
-        return None;
-    }
-    let mut child = Command::new(&python)
-        .args(["-c", SCRIPT])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut input = child.stdin.take().unwrap();
-    input.write_all(questions.to_string().as_bytes()).unwrap();
-    drop(input);
-    let output = child.wait_with_output().unwrap();
-    assert!(output.status.success());
-    Some(serde_json::from_slice(&output.stdout).unwrap())
-}
-
 #[test]
 fn scipy_says_the_same() {
     let mut random = SeededRandom::new("samples", 3);
@@ -251,9 +224,11 @@ fn scipy_says_the_same() {
         (100, 4000),
     ];
     let questions = json!({"samples": samples, "pairs": pairs, "counts": counts});
-    let Some(answers) = scipy(&questions) else {
+    let script = include_str!("statistics.py");
+    let Some(answers) = python::run("scipy", script, questions.to_string().as_bytes()) else {
         return;
     };
+    let answers: Value = serde_json::from_slice(&answers).unwrap();
     let numbers = |value: &Value| -> Vec<f64> { serde_json::from_value(value.clone()).unwrap() };
 
     for (counts, answer) in counts.iter().zip(answers["counts"].as_array().unwrap()) {

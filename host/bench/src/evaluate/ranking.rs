@@ -23,6 +23,14 @@ pub enum Order {
 }
 
 impl Order {
+    /// As suites name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Text => "text",
+            Self::Appendix => "appendix",
+        }
+    }
+
     /// For people.
     pub fn description(self) -> &'static str {
         match self {
