@@ -153,7 +153,7 @@ fn any_value(kind: ColumnType, optional: bool) -> BoxedStrategy<Value> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn csv_reads_any_row_as_what_was_written(
@@ -179,10 +179,9 @@ fn csv_errors_say_where() {
         read_csv("rows.csv", changed.as_bytes()).unwrap_err()
     };
     let found = error("solve_time_ms", "solve_time");
-    assert_eq!(
-        found.to_string(),
-        "rows.csv:1:31: there is no column `solve_time`"
-    );
+    let at = written.find("solve_time_ms").unwrap() + 1;
+    let wanted = format!("rows.csv:1:{at}: there is no column `solve_time`");
+    assert_eq!(found.to_string(), wanted);
     assert_eq!(found.hint.as_deref(), Some("did you mean `solve_time_ms`?"));
     let found = error("planner_id,", "").to_string();
     assert!(
@@ -192,7 +191,7 @@ fn csv_errors_say_where() {
     let found = error("142", "many").to_string();
     assert!(found.starts_with("rows.csv:2: `many` is not a"), "{found}");
     let found = error("key,trial", "trial,trial").to_string();
-    assert_eq!(found, "rows.csv:1:2: there are two columns `trial`");
+    assert_eq!(found, "rows.csv:1:7: there are two columns `trial`");
     let found = read_csv("rows.csv", b"key\r\na\r\n")
         .unwrap_err()
         .to_string();
@@ -300,7 +299,7 @@ assert list(parquet.columns) == list(csv.columns)
 for name in csv.columns.drop(['incumbents', 'success', 'valid', 'ranked']):
     a, b = parquet[name], csv[name]
     if a.dtype == object or a.dtype == 'str':
-        assert list(a.fillna('')) == list(b.fillna('').astype(str)), name
+        assert [x for x in a.dropna() if x] == [str(x) for x in b.dropna()], name
     else:
         assert a.astype(float).equals(b.astype(float)), name
 assert list(parquet['success'].astype(int)) == list(csv['success'])

@@ -85,7 +85,7 @@ fn why(row: &Row) -> String {
 /// columns are absent.
 pub fn read_csv(source: &str, bytes: &[u8]) -> Result<Vec<Row>, InputError> {
     let malformed = |error: &csv::Error| {
-        let line = error.position().map(csv::Position::line);
+        let line = error.position().map(|at| line_at(bytes, at));
         let reason = match error.kind() {
             csv::ErrorKind::UnequalLengths {
                 expected_len, len, ..
@@ -105,7 +105,10 @@ pub fn read_csv(source: &str, bytes: &[u8]) -> Result<Vec<Row>, InputError> {
     let header = reader.headers().map_err(|error| malformed(&error))?.clone();
     for (at, name) in header.iter().enumerate() {
         let known = || COLUMNS.iter().map(|column| column.name).chain([INCUMBENTS]);
-        let column = at as u64 + 1;
+        let before = header.iter().take(at);
+        let column = 1 + before
+            .map(|name| name.chars().count() as u64 + 1)
+            .sum::<u64>();
         if !known().any(|known| known == name) {
             let nearest = known().min_by_key(|known| strsim::damerau_levenshtein(name, known));
             let reason = format!("there is no column `{}`", fleetyard_core::shown(name));
@@ -133,13 +136,16 @@ pub fn read_csv(source: &str, bytes: &[u8]) -> Result<Vec<Row>, InputError> {
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|error| malformed(&error))?;
-        let line = record.position().map_or(0, csv::Position::line);
+        let position = record
+            .position()
+            .cloned()
+            .unwrap_or_else(csv::Position::new);
         let wrong = |name: &str, text: &str, what: &str| {
             let reason = format!(
                 "`{}` is not {what} (column {name})",
                 fleetyard_core::shown(text)
             );
-            InputError::new(source, reason).at_line(line)
+            InputError::new(source, reason).at_line(line_at(bytes, &position))
         };
         let mut values = Vec::with_capacity(COLUMNS.len());
         for (column, place) in COLUMNS.iter().zip(&places) {
@@ -160,6 +166,15 @@ pub fn read_csv(source: &str, bytes: &[u8]) -> Result<Vec<Row>, InputError> {
         rows.push(row);
     }
     Ok(rows)
+}
+
+/// The line on which the record begins that was read from there. The reader's own count is
+/// of lines that it has seen the end of, which it has not where they end with CR LF.
+fn line_at(bytes: &[u8], position: &csv::Position) -> u64 {
+    let (before, rest) = bytes.split_at(bytes.len().min(position.byte() as usize));
+    let blank = rest.iter().take_while(|byte| b"\r\n".contains(byte));
+    let ends = before.iter().chain(blank).filter(|byte| **byte == b'\n');
+    1 + ends.count() as u64
 }
 
 /// A field as a value; what it should have been otherwise.

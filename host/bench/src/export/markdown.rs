@@ -106,6 +106,15 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", share * 100.0)
 }
 
+/// Differences are smaller than what they are of.
+fn fine(value: f64) -> String {
+    if value.abs() < 100.0 {
+        format!("{value:.3}")
+    } else {
+        number(value)
+    }
+}
+
 fn heading(metric: &Metric) -> String {
     match metric.unit {
         "" => metric.title.to_owned(),
@@ -241,8 +250,8 @@ fn paired(text: &mut String, comparison: &Comparison) {
     for (planner, found) in &comparison.planners {
         let cells = [
             plain(planner),
-            found.median_delta.map_or("–".into(), number),
-            interval(found.delta_interval, number),
+            found.median_delta.map_or("–".into(), fine),
+            interval(found.delta_interval, fine),
             format!("{}/{}/{}", found.greater, found.smaller, found.tied),
             format!("{:.2e}", found.p_holm),
             found.left_out.to_string(),
