@@ -12,6 +12,7 @@ mod record;
 mod row;
 pub mod statistics;
 mod store;
+pub mod suite;
 mod trial;
 mod trial_error;
 

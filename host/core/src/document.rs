@@ -21,42 +21,194 @@ use toml::de::{DeTable, DeValue};
 
 use crate::{InputError, nearest, shown};
 
-/// The text that is read, for places in it.
+/// The text that is read, for places in it, and what is set over it.
+///
+/// A byte is counted from the start of the text, on through the settings: each begins
+/// one byte after the end of what is before it.
 #[derive(Debug, Clone, Copy)]
 pub struct Document<'a> {
     source: &'a str,
     text: &'a str,
+    settings: &'a [Setting],
 }
 
 impl<'a> Document<'a> {
     /// `source` is the text's name in errors.
     pub fn new(source: &'a str, text: &'a str) -> Self {
-        Self { source, text }
+        Self::with_settings(source, text, &[])
     }
 
-    /// An error at a byte of the text.
-    pub fn error(self, at: usize, reason: impl Into<String>) -> InputError {
+    /// The same with values from elsewhere in place of those of the text.
+    pub fn with_settings(source: &'a str, text: &'a str, settings: &'a [Setting]) -> Self {
+        Self {
+            source,
+            text,
+            settings,
+        }
+    }
+
+    /// Where a byte stands.
+    pub fn place(self, at: usize) -> Place {
+        if at > self.text.len() {
+            let mut begin = self.text.len() + 1;
+            for setting in self.settings {
+                begin += setting.text.len() + 1;
+                if at < begin {
+                    return Place {
+                        source: setting.option.clone(),
+                        line_column: None,
+                    };
+                }
+            }
+        }
         let before = &self.text[..self.text.floor_char_boundary(at)];
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let line = before.matches('\n').count() + 1;
         let column = before[line_start..].chars().count() + 1;
-        InputError::new(self.source, reason).at(line as u64, column as u64)
+        Place {
+            source: self.source.to_owned(),
+            line_column: Some((line as u64, column as u64)),
+        }
+    }
+
+    /// An error at a byte.
+    pub fn error(self, at: usize, reason: impl Into<String>) -> InputError {
+        self.place(at).error(reason)
     }
 
     /// The root table of the text.
     pub fn parse(self) -> Result<Spanned<DeTable<'a>>, InputError> {
-        DeTable::parse(self.text).map_err(|error| {
-            let reason = format!("this is not TOML: {}", first_line(error.message()));
+        let mut root = self.parse_part(self.text, 0)?;
+        let mut begin = self.text.len() + 1;
+        for setting in self.settings {
+            let set = self.parse_part(&setting.text, begin)?.into_inner();
+            merge(root.get_mut(), shifted(set, begin));
+            begin += setting.text.len() + 1;
+        }
+        Ok(root)
+    }
+
+    fn parse_part(self, text: &'a str, begin: usize) -> Result<Spanned<DeTable<'a>>, InputError> {
+        DeTable::parse(text).map_err(|error| {
+            let reason = not_toml(&error);
             match error.span() {
-                Some(span) => self.error(span.start, reason),
+                Some(span) => self.error(begin + span.start, reason),
                 None => InputError::new(self.source, reason),
             }
         })
     }
 }
 
-fn first_line(text: &str) -> String {
-    text.lines().collect::<Vec<_>>().join(", ")
+fn not_toml(error: &toml::de::Error) -> String {
+    let lines: Vec<&str> = error.message().lines().collect();
+    format!("this is not TOML: {}", lines.join(", "))
+}
+
+/// A table whose places count from `begin`.
+fn shifted(table: DeTable<'_>, begin: usize) -> DeTable<'_> {
+    fn moved<T>(spanned: Spanned<T>, begin: usize, change: impl FnOnce(T) -> T) -> Spanned<T> {
+        let span = spanned.span();
+        let span = span.start + begin..span.end + begin;
+        Spanned::new(span, change(spanned.into_inner()))
+    }
+    fn of_value(value: DeValue<'_>, begin: usize) -> DeValue<'_> {
+        match value {
+            DeValue::Table(table) => DeValue::Table(shifted(table, begin)),
+            DeValue::Array(items) => {
+                let items = items.into_iter();
+                let items = items.map(|item| moved(item, begin, |item| of_value(item, begin)));
+                DeValue::Array(items.collect())
+            }
+            plain => plain,
+        }
+    }
+    let entries = table.into_iter();
+    let entries = entries.map(|(key, item)| {
+        let key = moved(key, begin, |key| key);
+        (key, moved(item, begin, |item| of_value(item, begin)))
+    });
+    entries.collect()
+}
+
+/// Values of `from` take the place of those in `into`, key by key in tables.
+fn merge<'a>(into: &mut DeTable<'a>, from: DeTable<'a>) {
+    for (key, value) in from {
+        match (into.get_mut(&key).map(Spanned::get_mut), value.get_ref()) {
+            (Some(DeValue::Table(old)), DeValue::Table(_)) => {
+                if let DeValue::Table(new) = value.into_inner() {
+                    merge(old, new);
+                }
+            }
+            _ => {
+                into.remove(&key);
+                into.insert(key, value);
+            }
+        }
+    }
+}
+
+/// A value that is set from elsewhere, such as the command line: `protocol.repeats=3`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Setting {
+    /// Its name in errors.
+    option: String,
+    /// As TOML.
+    text: String,
+}
+
+impl Setting {
+    /// Reads `NAME=VALUE`, where the name is that of a key with dots between the tables
+    /// that it is in. The value is TOML, and text where it is not. `option` says in errors
+    /// how it was given.
+    pub fn new(option: &str, given: &str) -> Result<Self, InputError> {
+        let named = format!("{option} {}", shown(given));
+        let wrong = |reason: String| {
+            let hint = format!("write {option} TABLE.KEY=VALUE");
+            Err(InputError::new(named.as_str(), reason).hint(hint))
+        };
+        let Some((key, value)) = given.split_once('=') else {
+            return wrong("there is no value".to_owned());
+        };
+        if given.contains(char::is_control) {
+            return wrong("there is a control character".to_owned());
+        }
+        let quoted = serde_json::Value::from(value.trim()).to_string();
+        let texts = [given.to_owned(), format!("{key}={quoted}")];
+        let mut fault = String::new();
+        for text in texts {
+            match DeTable::parse(&text) {
+                // A comment sets nothing.
+                Ok(root) if root.get_ref().is_empty() => {}
+                Ok(_) => {
+                    let option = named;
+                    return Ok(Self { option, text });
+                }
+                Err(error) => fault = not_toml(&error),
+            }
+        }
+        if fault.is_empty() {
+            "there is no key".clone_into(&mut fault);
+        }
+        wrong(fault)
+    }
+}
+
+/// Where something stands, for errors that are found once the text is gone.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    source: String,
+    line_column: Option<(u64, u64)>,
+}
+
+impl Place {
+    /// An error here.
+    pub fn error(&self, reason: impl Into<String>) -> InputError {
+        let error = InputError::new(self.source.as_str(), reason);
+        match self.line_column {
+            Some((line, column)) => error.at(line, column),
+            None => error,
+        }
+    }
 }
 
 /// A table whose keys are known.
@@ -91,7 +243,7 @@ impl<'t, 'a> Table<'t, 'a> {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => format!("known keys: {}", known.join(", ")),
                 };
-                let reason = format!("unknown key `{}`{}", shown(key), table.place());
+                let reason = format!("unknown key `{}`{}", shown(key), table.within());
                 Err(document.error(at, reason).hint(hint))
             }
         }
@@ -113,7 +265,7 @@ impl<'t, 'a> Table<'t, 'a> {
     }
 
     /// In which table, for messages.
-    fn place(&self) -> String {
+    fn within(&self) -> String {
         match self.name.as_ref() {
             "" => String::new(),
             name => format!(" in {name}"),
@@ -146,14 +298,27 @@ impl<'t, 'a> Table<'t, 'a> {
     /// The value of a key that must be there.
     pub fn require(&self, key: &'t str) -> Result<Value<'t, 'a>, InputError> {
         self.get(key).ok_or_else(|| {
-            self.error(format!("the key `{key}` is missing{}", self.place()))
+            self.error(format!("the key `{key}` is missing{}", self.within()))
                 .hint(format!("add `{key} = …`"))
         })
+    }
+
+    /// Where it begins.
+    pub fn place(&self) -> Place {
+        self.document.place(self.at)
     }
 
     /// An error about the table as a whole.
     pub fn error(&self, reason: impl Into<String>) -> InputError {
         self.document.error(self.at, reason)
+    }
+
+    /// As a JSON object, with the tables in it; dates, `inf` and `nan` are refused.
+    pub fn object(&self) -> Result<serde_json::Map<String, serde_json::Value>, InputError> {
+        let values = self.values();
+        values
+            .map(|(key, value)| Ok((key.to_owned(), value.tree()?)))
+            .collect()
     }
 
     /// The text of a key, if it is there.
@@ -184,6 +349,11 @@ impl<'t, 'a> Value<'t, 'a> {
             at: value.span().start,
             inner: value.get_ref(),
         }
+    }
+
+    /// Where it stands.
+    pub fn place(&self) -> Place {
+        self.document.place(self.at)
     }
 
     /// An error about the value.
@@ -247,6 +417,40 @@ impl<'t, 'a> Value<'t, 'a> {
             })
     }
 
+    /// The value as an integer that may be larger than most of TOML's, both bounds
+    /// included.
+    pub fn whole(&self, low: u64, high: u64) -> Result<u64, InputError> {
+        let DeValue::Integer(integer) = self.inner else {
+            return Err(self.wrong_type("an integer"));
+        };
+        u64::from_str_radix(integer.as_str(), integer.radix())
+            .ok()
+            .filter(|value| (low..=high).contains(value))
+            .ok_or_else(|| {
+                let reason = format!("`{}` is not between {low} and {high}", shown(&self.key));
+                self.error(reason)
+            })
+    }
+
+    /// The value as a finite number.
+    pub fn number(&self) -> Result<f64, InputError> {
+        let text = match self.inner {
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+            DeValue::Float(float) => float.as_str(),
+            _ => return Err(self.wrong_type("a number")),
+        };
+        let value: Option<f64> = text.parse().ok().filter(|value: &f64| value.is_finite());
+        value.ok_or_else(|| self.error(format!("`{}` is not a finite number", shown(&self.key))))
+    }
+
+    /// Its items, or the value itself where it is no list.
+    pub fn one_or_more(&self) -> Result<Vec<Self>, InputError> {
+        match self.inner {
+            DeValue::Array(_) => self.list(),
+            _ => Ok(vec![self.clone()]),
+        }
+    }
+
     /// Its items; errors name each as the list itself.
     pub fn list(&self) -> Result<Vec<Self>, InputError> {
         let DeValue::Array(items) = self.inner else {
@@ -298,7 +502,7 @@ impl<'t, 'a> Value<'t, 'a> {
         matches!(self.inner, DeValue::Table(_))
     }
 
-    /// The value as JSON; dates, `inf` and `nan` are refused.
+    /// The value as JSON; tables, dates, `inf` and `nan` are refused.
     pub fn json(&self) -> Result<serde_json::Value, InputError> {
         let number = |found: Option<serde_json::Number>| {
             found
@@ -324,5 +528,111 @@ impl<'t, 'a> Value<'t, 'a> {
                 Err(self.wrong_type("a string, a number or a boolean"))
             }
         }
+    }
+    /// A table as a JSON object, with the tables in it; dates, `inf` and `nan` are
+    /// refused.
+    pub fn object(&self) -> Result<serde_json::Map<String, serde_json::Value>, InputError> {
+        self.names("")?.object()
+    }
+
+    fn tree(&self) -> Result<serde_json::Value, InputError> {
+        match self.inner {
+            DeValue::Table(_) => Ok(self.object()?.into()),
+            DeValue::Array(_) => self.list()?.iter().map(Self::tree).collect(),
+            _ => self.json(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "[protocol]\nrepeats = 1\nseeds = [1]\n";
+
+    fn set(settings: &[&str]) -> Result<Vec<String>, InputError> {
+        let settings: Result<Vec<Setting>, InputError> = settings
+            .iter()
+            .map(|given| Setting::new("--set", given))
+            .collect();
+        let settings = settings?;
+        let document = Document::with_settings("a.toml", TEXT, &settings);
+        let root = document.parse()?;
+        let root = Table::new(document, "", 0, root.get_ref(), &["name", "protocol"])?;
+        let protocol = root.require("protocol")?;
+        let protocol = protocol.table("[protocol]", &["repeats", "seeds", "clock"])?;
+        let repeats = protocol.require("repeats")?.integer(1, 9)?;
+        let seeds = protocol.require("seeds")?.list()?;
+        let seeds: Result<Vec<u64>, _> = seeds.iter().map(|seed| seed.whole(0, 99)).collect();
+        let clock = match protocol.get("clock") {
+            Some(clock) => clock.choice(&[("host", "h"), ("call", "c")])?,
+            None => "",
+        };
+        let name = root.text("name")?.unwrap_or_default();
+        Ok(vec![
+            repeats.to_string(),
+            format!("{:?}", seeds?),
+            clock.into(),
+            name.into(),
+        ])
+    }
+
+    #[test]
+    fn settings_take_the_place_of_values() {
+        let told = |settings: &[&str]| set(settings).map(|told| told.join(" "));
+        assert_eq!(told(&[]).as_deref(), Ok("1 [1]  "));
+        assert_eq!(
+            told(&["protocol.repeats=3", "protocol.seeds=[4, 5]"]).as_deref(),
+            Ok("3 [4, 5]  ")
+        );
+        // The last one counts, and a word needs no quotes.
+        let both = ["protocol.clock=host", "protocol.clock = call", "name=x y"];
+        assert_eq!(told(&both).as_deref(), Ok("1 [1] c x y"));
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_setting_is_said_of_it() {
+        let cases = [
+            (
+                "protocol.repeats=0",
+                "--set protocol.repeats=0: `repeats` is not between 1 and 9",
+            ),
+            (
+                "protocol.repeat=2",
+                "--set protocol.repeat=2: unknown key `repeat` in [protocol]",
+            ),
+            (
+                "protocol.seeds=[1, 100]",
+                "--set protocol.seeds=[1, 100]: `seeds` is not between 0 and 99",
+            ),
+            (
+                "protocol=3",
+                "--set protocol=3: `protocol` is an integer, expected a table",
+            ),
+            (
+                "protocol.repeats",
+                "--set protocol.repeats: there is no value",
+            ),
+            ("#a=1", "--set #a=1: there is no key"),
+        ];
+        for (given, told) in cases {
+            assert_eq!(set(&[given]).unwrap_err().to_string(), told);
+        }
+        // The text is blamed for what it says itself.
+        let settings = [Setting::new("--set", "protocol.clock=call").unwrap()];
+        let document = Document::with_settings("a.toml", "b = ", &settings);
+        let fault = document.parse().unwrap_err().to_string();
+        assert!(fault.starts_with("a.toml:1:5: this is not TOML"), "{fault}");
+    }
+
+    #[test]
+    fn tables_become_objects() {
+        let text = "x = { a = { b = [1, { c = 2.5 }] }, d = \"e\" }";
+        let document = Document::new("a.toml", text);
+        let root = document.parse().unwrap();
+        let root = Table::open(document, "", 0, root.get_ref());
+        let object = root.require("x").unwrap().object().unwrap();
+        let expected = serde_json::json!({ "a": { "b": [1, { "c": 2.5 }] }, "d": "e" });
+        assert_eq!(serde_json::Value::Object(object), expected);
     }
 }

@@ -43,7 +43,7 @@ pub use roadmap_file::{
     save_roadmap, save_roadmap_plan, write_roadmap, write_roadmap_plan,
 };
 pub use scenario::{
-    SCEN_FILE_LIMIT, Scenario, ScenarioEntry, load_scen, read_scen, save_scen, write_scen,
+    SCEN_FILE_LIMIT, Scenario, ScenarioEntry, find_map, load_scen, read_scen, save_scen, write_scen,
 };
 pub use search::{GridSearch, OctileLength};
 pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan};

@@ -8,7 +8,7 @@
 //! first `n` lines. Coordinates in a file are x, y; here they are row, column.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::files::{Lines, column, quote, read_file, stem, write_atomically};
@@ -172,6 +172,40 @@ impl Scenario {
             line => error.at_line(line),
         }
     }
+}
+
+/// The file of the map `name` that a scenario is for: one of `places`, each the file of a
+/// map or a folder with `NAME.map`, or else beside the scenario's file. `option` is what
+/// users name places with.
+pub fn find_map(
+    name: &str,
+    scenario: &Path,
+    places: &[PathBuf],
+    option: &str,
+) -> Result<PathBuf, InputError> {
+    let inside = |folder: &Path| folder.join(format!("{name}.map"));
+    let mut candidates: Vec<PathBuf> = Vec::new();
+    for place in places {
+        if place.is_dir() {
+            candidates.push(inside(place));
+        } else if places.len() == 1 || place.file_stem().is_some_and(|stem| stem == name) {
+            // A file that is the only one is meant: reading it says what is wrong with it.
+            return Ok(place.clone());
+        }
+    }
+    if places.is_empty() {
+        candidates.push(inside(scenario.parent().unwrap_or(Path::new(""))));
+    }
+    let found = candidates.iter().find(|candidate| candidate.is_file());
+    found.cloned().ok_or_else(|| {
+        let reason = format!("the scenario is for map {name}, which was not found");
+        let hint = match candidates.as_slice() {
+            [] => format!("name its file by {option} as well"),
+            [only] => format!("there is no {}; {option} says where it is", only.display()),
+            _ => format!("none of the folders of {option} has {name}.map"),
+        };
+        InputError::new(scenario.display().to_string(), reason).hint(hint)
+    })
 }
 
 /// Reads and parses a `.scen` file.

@@ -1,12 +1,12 @@
 //! `fleetyard compare`: several planners on the same instances.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::{Candidate, GivenOptions, Host, Record, Robots, Trial, number};
-use fleetyard_core::{Grid, GridInstance, InputError, Scenario, load_map, load_scen};
+use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
 use fleetyard_runtime::Termination;
 use fleetyard_sim::{NoTrace, SimConfig};
 use serde::Serialize;
@@ -229,7 +229,8 @@ fn questions(arguments: &Compare) -> Result<Vec<Question>> {
     let mut questions = Vec::new();
     for file in &arguments.scen {
         let scenario = load_scen(file)?;
-        let map = map_of(&scenario, file, &arguments.map)?;
+        let name = scenario.map_name().unwrap_or_default();
+        let map = find_map(name, file, &arguments.map, "--map")?;
         let grid = if let Some(grid) = grids.get(&map) {
             Arc::clone(grid)
         } else {
@@ -247,42 +248,6 @@ fn questions(arguments: &Compare) -> Result<Vec<Question>> {
         }
     }
     Ok(questions)
-}
-
-/// The file of the map that a scenario names, in one of `places` or else beside it.
-fn map_of(
-    scenario: &Scenario,
-    file: &Path,
-    places: &[PathBuf],
-) -> std::result::Result<PathBuf, InputError> {
-    let Some(name) = scenario.map_name() else {
-        let reason = "the scenario has no entry, and so no map";
-        return Err(InputError::new(scenario.source.as_str(), reason));
-    };
-    let inside = |folder: &Path| folder.join(format!("{name}.map"));
-    let beside = inside(file.parent().unwrap_or(Path::new("")));
-    let mut candidates: Vec<PathBuf> = Vec::new();
-    for place in places {
-        if place.is_dir() {
-            candidates.push(inside(place));
-        } else if places.len() == 1 || place.file_stem().is_some_and(|stem| stem == name) {
-            // A file that is the only one is meant: reading it says what is wrong with it.
-            return Ok(place.clone());
-        }
-    }
-    if places.is_empty() {
-        candidates.push(beside);
-    }
-    let found = candidates.iter().find(|candidate| candidate.is_file());
-    found.cloned().ok_or_else(|| {
-        let reason = format!("the scenario is for map {name}, which was not found");
-        let hint = match candidates.as_slice() {
-            [] => "name its file by --map as well".to_owned(),
-            [only] => format!("there is no {}; --map says where it is", only.display()),
-            _ => format!("none of the folders of --map has {name}.map"),
-        };
-        InputError::new(scenario.source.as_str(), reason).hint(hint)
-    })
 }
 
 /// A line for every map, team size and planner, in the order in which they were given.

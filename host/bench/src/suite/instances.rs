@@ -1,0 +1,678 @@
+//! Sets of instances: what a suite asks, before and after its files were read.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use fleetyard_core::document::Place;
+use fleetyard_core::formats::{Contents, Format};
+use fleetyard_core::{
+    Connectivity, Digest, Grid, GridInstance, Hasher, InputError, SCEN_FILE_LIMIT, find_map,
+    load_map, read_file, read_scen,
+};
+use fleetyard_world::{MapSpec, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec, ScenarioSpec};
+
+use super::question::{MazeOrigin, Origin, Question};
+use super::{MOST_QUESTIONS, Named};
+
+/// Numbers of a suite file, all different.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Numbers {
+    List(Vec<u64>),
+    /// From the first on with equal steps; none is more than a number can be.
+    Series {
+        first: u64,
+        step: u64,
+        count: u64,
+    },
+}
+
+impl Numbers {
+    pub(super) fn len(&self) -> u64 {
+        match self {
+            Self::List(numbers) => numbers.len() as u64,
+            Self::Series { count, .. } => *count,
+        }
+    }
+
+    pub(super) fn get(&self, index: u64) -> u64 {
+        match self {
+            Self::List(numbers) => numbers[index as usize],
+            Self::Series { first, step, .. } => first + step * index,
+        }
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = u64> {
+        (0..self.len()).map(|index| self.get(index))
+    }
+
+    pub(super) fn max(&self) -> u64 {
+        self.iter().max().unwrap_or(0)
+    }
+}
+
+/// Team sizes.
+#[derive(Debug, Clone)]
+pub(super) struct Teams {
+    pub(super) sizes: Numbers,
+    pub(super) place: Place,
+    /// Leave out what a scenario has too few agents for.
+    pub(super) skip: bool,
+}
+
+/// `[[instances]]`: some bases, each with all team sizes and connectivities.
+#[derive(Debug, Clone)]
+pub(super) struct InstanceSet {
+    pub(super) kind: Kind,
+    /// `None` for as many as there are.
+    pub(super) teams: Option<Teams>,
+    pub(super) connectivity: Vec<Connectivity>,
+    pub(super) place: Place,
+}
+
+/// What the bases of a set are.
+#[derive(Debug, Clone)]
+pub(super) enum Kind {
+    /// Files with starts and goals, and where their maps are.
+    Files {
+        files: Vec<Named>,
+        maps: Vec<PathBuf>,
+    },
+    /// Series of mazes with one agent each.
+    Mazes(Mazes),
+    /// Maps that are made, and scenarios of random starts and goals on them.
+    Generated(Generated),
+}
+
+/// Series of mazes: every size by every algorithm with every seed.
+#[derive(Debug, Clone)]
+pub(super) struct Mazes {
+    /// Width and height.
+    pub(super) sizes: Vec<(u32, u32)>,
+    pub(super) algorithms: Vec<MazeAlgorithm>,
+    pub(super) random: MazeRandom,
+    pub(super) seeds: SeriesSeeds,
+    pub(super) place: Place,
+}
+
+/// The seeds of a series.
+#[derive(Debug, Clone)]
+pub(super) enum SeriesSeeds {
+    /// As the maze paper has them; none is more than a seed can be.
+    Schedule {
+        schedule: MazeSeeds,
+        base: u64,
+        count: u64,
+    },
+    Numbers(Numbers),
+}
+
+impl SeriesSeeds {
+    fn len(&self) -> u64 {
+        match self {
+            Self::Schedule { count, .. } => *count,
+            Self::Numbers(numbers) => numbers.len(),
+        }
+    }
+
+    fn get(&self, index: u64) -> u64 {
+        match self {
+            // It is less than the last one, which is a seed.
+            Self::Schedule { schedule, base, .. } => {
+                schedule.seed(*base, index).unwrap_or(u64::MAX)
+            }
+            Self::Numbers(numbers) => numbers.get(index),
+        }
+    }
+}
+
+/// What is needed to make random scenarios on generated maps.
+#[derive(Debug, Clone)]
+pub(super) struct Generated {
+    /// With any seed.
+    pub(super) map: MapSpec,
+    /// `None` for maps in which nothing is random.
+    pub(super) map_seeds: Option<Numbers>,
+    pub(super) scenario_seeds: Numbers,
+    pub(super) place: Place,
+}
+
+/// Maps that were read already.
+#[derive(Default)]
+pub(super) struct Library(BTreeMap<PathBuf, Arc<Grid>>);
+
+impl Library {
+    fn map(&mut self, path: PathBuf) -> Result<Arc<Grid>, InputError> {
+        if let Some(grid) = self.0.get(&path) {
+            return Ok(Arc::clone(grid));
+        }
+        let grid = Arc::new(load_map(&path)?);
+        self.0.insert(path, Arc::clone(&grid));
+        Ok(grid)
+    }
+}
+
+/// An instance that is there, with the largest team.
+#[derive(Debug)]
+pub(super) struct Loaded {
+    path: PathBuf,
+    instance: Arc<GridInstance>,
+}
+
+/// How the bases of a set are made. A base is an instance of the largest team; smaller
+/// teams are its first agents.
+#[derive(Debug)]
+pub(super) enum Recipe {
+    Loaded(Vec<Loaded>),
+    Made {
+        made: Made,
+        /// The one that was made last: its questions follow each other.
+        latest: Mutex<Option<(u64, Arc<GridInstance>)>>,
+    },
+}
+
+/// What is made when it is asked for.
+#[derive(Debug)]
+pub(super) enum Made {
+    Mazes(Mazes),
+    Generated { generated: Generated, most: u32 },
+}
+
+impl Made {
+    fn bases(&self) -> Option<u64> {
+        match self {
+            Self::Mazes(mazes) => {
+                let series = mazes.sizes.len() as u64 * mazes.algorithms.len() as u64;
+                series.checked_mul(mazes.seeds.len())
+            }
+            Self::Generated { generated, .. } => {
+                let maps = generated.map_seeds.as_ref().map_or(1, Numbers::len);
+                maps.checked_mul(generated.scenario_seeds.len())
+            }
+        }
+    }
+
+    fn make(&self, base: u64) -> Result<GridInstance, InputError> {
+        let (made, place) = match self {
+            Self::Mazes(mazes) => {
+                let made = mazes.spec(base).0.instance(Connectivity::Four);
+                (made, &mazes.place)
+            }
+            Self::Generated { generated, most } => {
+                (generated.make(base, *most), &generated.place)
+            }
+        };
+        made.map_err(|error| {
+            // The error names a parameter, which the reason does as well.
+            let fault = place.error(error.reason);
+            match error.hint {
+                Some(hint) => fault.hint(hint),
+                None => fault,
+            }
+        })
+    }
+
+    fn origin(&self, base: u64) -> Origin {
+        match self {
+            Self::Mazes(mazes) => {
+                let (spec, origin) = mazes.spec(base);
+                let (rows, cols) = (spec.rows, spec.cols);
+                Origin {
+                    map: format!("maze-{rows}-{cols}-1-{}", spec.algorithm.name()),
+                    scenario: format!("{} seed {}", mazes.random.name(), spec.seed),
+                    maze: Some(origin),
+                }
+            }
+            Self::Generated { generated, .. } => {
+                let (map_seed, seed) = generated.seeds(base);
+                let map = match &generated.map {
+                    MapSpec::Maze(spec) => {
+                        format!("{}-{}", generated.map.name(), spec.algorithm.name())
+                    }
+                    spec => spec.name(),
+                };
+                Origin {
+                    map,
+                    scenario: match map_seed {
+                        Some(map_seed) => format!("map seed {map_seed}, agents seed {seed}"),
+                        None => format!("agents seed {seed}"),
+                    },
+                    maze: None,
+                }
+            }
+        }
+    }
+}
+
+impl Mazes {
+    /// A maze by its number in the set: size by size, algorithm by algorithm.
+    fn spec(&self, base: u64) -> (MazeSpec, MazeOrigin) {
+        let (series, index) = (base / self.seeds.len(), base % self.seeds.len());
+        let algorithms = self.algorithms.len();
+        let (width, height) = self.sizes[series as usize / algorithms];
+        let algorithm = self.algorithms[series as usize % algorithms];
+        let seed = self.seeds.get(index);
+        let origin = MazeOrigin {
+            index,
+            seed,
+            width,
+            height,
+            algorithm,
+        };
+        let spec = MazeSpec::lattice(height, width, algorithm, self.random, seed);
+        (spec, origin)
+    }
+}
+
+impl Generated {
+    fn seeds(&self, base: u64) -> (Option<u64>, u64) {
+        let scenarios = self.scenario_seeds.len();
+        let map_seed = self.map_seeds.as_ref();
+        (
+            map_seed.map(|seeds| seeds.get(base / scenarios)),
+            self.scenario_seeds.get(base % scenarios),
+        )
+    }
+
+    fn make(&self, base: u64, agents: u32) -> Result<GridInstance, InputError> {
+        let (map_seed, seed) = self.seeds(base);
+        let mut spec = self.map.clone();
+        if let Some(map_seed) = map_seed {
+            match &mut spec {
+                MapSpec::Random(spec) => spec.seed = map_seed,
+                MapSpec::Room(spec) => spec.seed = map_seed,
+                MapSpec::Maze(spec) => spec.seed = map_seed,
+                MapSpec::Empty(_) | MapSpec::Warehouse(_) => {}
+            }
+        }
+        let grid = Arc::new(spec.generate()?);
+        let scenario = ScenarioSpec { agents, seed }.generate(&grid)?;
+        scenario.instance(grid, agents as usize, Connectivity::Four)
+    }
+}
+
+impl Recipe {
+    fn made(made: Made) -> Self {
+        Self::Made {
+            made,
+            latest: Mutex::new(None),
+        }
+    }
+
+    fn bases(&self) -> Option<u64> {
+        match self {
+            Self::Loaded(loaded) => Some(loaded.len() as u64),
+            Self::Made { made, .. } => made.bases(),
+        }
+    }
+
+    /// The largest team of a base, if it is known before it is made.
+    fn team(&self, base: u64) -> Option<usize> {
+        match self {
+            Self::Loaded(loaded) => Some(loaded[base as usize].instance.agents()),
+            Self::Made { .. } => None,
+        }
+    }
+
+    pub(super) fn base(&self, base: u64) -> Result<Arc<GridInstance>, InputError> {
+        match self {
+            Self::Loaded(loaded) => Ok(Arc::clone(&loaded[base as usize].instance)),
+            Self::Made { made, latest } => {
+                let mut latest = latest.lock().unwrap_or_else(PoisonError::into_inner);
+                match &*latest {
+                    Some((number, instance)) if *number == base => Ok(Arc::clone(instance)),
+                    _ => {
+                        let instance = Arc::new(made.make(base)?);
+                        *latest = Some((base, Arc::clone(&instance)));
+                        Ok(instance)
+                    }
+                }
+            }
+        }
+    }
+
+    pub(super) fn origin(&self, base: u64) -> Origin {
+        match self {
+            Self::Loaded(loaded) => {
+                let Loaded { path, instance } = &loaded[base as usize];
+                let file = path.file_name().unwrap_or(path.as_os_str());
+                Origin {
+                    map: instance.grid().name().to_owned(),
+                    scenario: file.to_string_lossy().into_owned(),
+                    maze: None,
+                }
+            }
+            Self::Made { made, .. } => made.origin(base),
+        }
+    }
+
+    /// What makes a base what it is: equal ones have equal starts, goals and maps.
+    fn identity(&self, base: u64) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.base/1");
+        match self {
+            Self::Loaded(loaded) => {
+                let path = &loaded[base as usize].path;
+                hasher.bytes(path.as_os_str().as_encoded_bytes());
+            }
+            Self::Made { made, .. } => match made {
+                Made::Mazes(mazes) => {
+                    hasher.bytes(format!("{:?}", mazes.spec(base).0).as_bytes());
+                }
+                Made::Generated { generated, most } => {
+                    let (map_seed, seed) = generated.seeds(base);
+                    let text = format!("{:?} {map_seed:?} {seed} {most}", generated.map);
+                    hasher.bytes(text.as_bytes());
+                }
+            },
+        }
+        hasher.finish()
+    }
+}
+
+/// A set whose files were read.
+pub(super) struct FoundSet<'s> {
+    set: &'s InstanceSet,
+    recipe: Arc<Recipe>,
+}
+
+impl InstanceSet {
+    /// Reads the files of the set, and makes one of what is made.
+    pub(super) fn find(&self, library: &mut Library) -> Result<FoundSet<'_>, InputError> {
+        let recipe = match &self.kind {
+            Kind::Files { files, maps } => {
+                let mut loaded = Vec::new();
+                for file in files {
+                    for path in expand(file)? {
+                        loaded.extend(self.load(file, path, maps, library)?);
+                    }
+                }
+                Recipe::Loaded(loaded)
+            }
+            Kind::Mazes(mazes) => Recipe::made(Made::Mazes(mazes.clone())),
+            Kind::Generated(generated) => {
+                let most = self.teams.as_ref().map_or(0, |teams| teams.sizes.max());
+                Recipe::made(Made::Generated {
+                    generated: generated.clone(),
+                    most: u32::try_from(most).unwrap_or(u32::MAX),
+                })
+            }
+        };
+        if matches!(recipe, Recipe::Made { .. }) {
+            recipe.base(0)?;
+        }
+        Ok(FoundSet {
+            set: self,
+            recipe: Arc::new(recipe),
+        })
+    }
+
+    /// The instance of a file with the largest team that is asked for; nothing if all are
+    /// larger than it has, and that is allowed.
+    fn load(
+        &self,
+        file: &Named,
+        path: PathBuf,
+        maps: &[PathBuf],
+        library: &mut Library,
+    ) -> Result<Option<Loaded>, InputError> {
+        let source = path.display().to_string();
+        // What is wrong with the file as a whole is a mistake in the suite.
+        let blamed = |error: InputError| {
+            if error.line.is_some() {
+                return error;
+            }
+            let fault = file
+                .place
+                .error(format!("{}: {}", error.source, error.reason));
+            match error.hint {
+                Some(hint) => fault.hint(hint),
+                None => fault,
+            }
+        };
+        let read = || -> Result<Parts, InputError> {
+            let bytes = read_file(&path, SCEN_FILE_LIMIT)?;
+            if Format::guess(&path, &bytes) == Some(Format::Scen) {
+                let scenario = read_scen(&source, &bytes)?;
+                return Ok(Parts::Scenario(scenario));
+            }
+            Contents::read(&path, &bytes, None, None)
+                .map(|contents| Parts::Other(Box::new(contents)))
+        };
+        let parts = read().map_err(blamed)?;
+        let has = parts.agents().ok_or_else(|| {
+            let formats = Format::ALL.iter().copied();
+            let known: Vec<&str> = formats
+                .filter(|format| format.carries_agents())
+                .map(Format::name)
+                .collect();
+            let reason = format!("{source}: the file has no starts and goals");
+            let hint = format!("formats that have them are {}", known.join(", "));
+            file.place.error(reason).hint(hint)
+        })?;
+        let agents = match &self.teams {
+            None => has,
+            Some(teams) => {
+                let fits = |size: &u64| *size <= has as u64;
+                match teams.sizes.iter().find(|size| !fits(size)) {
+                    Some(size) if !teams.skip => {
+                        let reason = format!("{size} agents asked for, but {source} has {has}");
+                        let hint = format!(
+                            "ask for at most {has} agents, or write `too_many_agents = \"skip\"`"
+                        );
+                        return Err(teams.place.error(reason).hint(hint));
+                    }
+                    _ => {}
+                }
+                match teams.sizes.iter().filter(fits).max() {
+                    Some(most) => most as usize,
+                    None => return Ok(None),
+                }
+            }
+        };
+        let grid = match parts.grid() {
+            Some(grid) => grid,
+            None => {
+                let name = parts
+                    .map_name()
+                    .ok_or_else(|| file.place.error(format!("{source}: the file names no map")))?;
+                let map = find_map(name, &path, maps, "`map`").map_err(blamed)?;
+                library.map(map).map_err(blamed)?
+            }
+        };
+        let instance = parts.instance(grid, agents).map_err(blamed)?;
+        Ok(Some(Loaded {
+            path,
+            instance: Arc::new(instance),
+        }))
+    }
+}
+
+/// What a file of starts and goals says.
+enum Parts {
+    /// Of which the size of the map is checked.
+    Scenario(fleetyard_core::Scenario),
+    Other(Box<Contents>),
+}
+
+impl Parts {
+    fn agents(&self) -> Option<usize> {
+        match self {
+            Self::Scenario(scenario) => Some(scenario.entries.len()),
+            Self::Other(contents) => contents.agents.as_ref().map(|list| list.agents.len()),
+        }
+    }
+
+    fn grid(&self) -> Option<Arc<Grid>> {
+        match self {
+            Self::Scenario(_) => None,
+            Self::Other(contents) => contents.grid.clone(),
+        }
+    }
+
+    fn map_name(&self) -> Option<&str> {
+        match self {
+            Self::Scenario(scenario) => scenario.map_name(),
+            Self::Other(contents) => {
+                let file = contents.agents.as_ref()?.map_file.as_deref()?;
+                Path::new(file).file_stem()?.to_str()
+            }
+        }
+    }
+
+    fn instance(&self, grid: Arc<Grid>, agents: usize) -> Result<GridInstance, InputError> {
+        match self {
+            Self::Scenario(scenario) => scenario.instance(grid, agents, Connectivity::Four),
+            Self::Other(contents) => match &contents.agents {
+                Some(list) => list.instance(grid, Some(agents), Connectivity::Four),
+                None => Err(InputError::new(
+                    "agents",
+                    "the file has no starts and goals",
+                )),
+            },
+        }
+    }
+}
+
+impl FoundSet<'_> {
+    /// How many questions there are at most; nothing if that is more than can be counted.
+    pub(super) fn count(&self) -> Option<u64> {
+        let teams = self.set.teams.as_ref();
+        let teams = teams.map_or(1, |teams| teams.sizes.len());
+        let each = teams.checked_mul(self.set.connectivity.len() as u64)?;
+        self.recipe.bases()?.checked_mul(each)
+    }
+
+    /// Adds the questions of the set; two that are the same would be one in every table.
+    pub(super) fn questions(
+        &self,
+        seen: &mut HashSet<(Digest, u64, Connectivity)>,
+        questions: &mut Vec<Question>,
+    ) -> Result<(), InputError> {
+        for base in 0..self.recipe.bases().unwrap_or(0) {
+            let identity = self.recipe.identity(base);
+            let team = self.recipe.team(base);
+            let all = Numbers::List(vec![team.unwrap_or(1) as u64]);
+            let teams = self.set.teams.as_ref();
+            let sizes = teams.map_or(&all, |teams| &teams.sizes);
+            for connectivity in &self.set.connectivity {
+                for agents in sizes.iter() {
+                    if team.is_some_and(|team| agents > team as u64) {
+                        continue;
+                    }
+                    let question = Question::new(&self.recipe, base, agents, *connectivity);
+                    if !seen.insert((identity, agents, *connectivity)) {
+                        let reason = format!("the suite asks twice for {question}");
+                        return Err(self.set.place.error(reason).hint("remove one of them"));
+                    }
+                    questions.push(question);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The files that a path with wildcards stands for, in the order of their names.
+fn expand(named: &Named) -> Result<Vec<PathBuf>, InputError> {
+    let has_wildcards = |part: &std::ffi::OsStr| {
+        let bytes = part.as_encoded_bytes();
+        bytes.contains(&b'*') || bytes.contains(&b'?')
+    };
+    if !has_wildcards(named.path.as_os_str()) {
+        return Ok(vec![named.path.clone()]);
+    }
+    let mut found = vec![PathBuf::new()];
+    for part in &named.path {
+        if !has_wildcards(part) {
+            for path in &mut found {
+                path.push(part);
+            }
+            continue;
+        }
+        let pattern: Vec<char> = part.to_string_lossy().chars().collect();
+        let mut next = Vec::new();
+        for folder in &found {
+            let listed = if folder.as_os_str().is_empty() {
+                Path::new(".")
+            } else {
+                folder
+            };
+            let mut names: Vec<String> = fs::read_dir(listed)
+                .into_iter()
+                .flatten()
+                .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+                .filter(|name| !name.starts_with('.') || pattern.first() == Some(&'.'))
+                .filter(|name| matches(&pattern, &name.chars().collect::<Vec<_>>()))
+                .collect();
+            names.sort_unstable();
+            next.extend(names.into_iter().map(|name| folder.join(name)));
+            if next.len() as u64 > MOST_QUESTIONS {
+                let reason = format!("more than {MOST_QUESTIONS} files match");
+                return Err(named.place.error(reason));
+            }
+        }
+        found = next;
+    }
+    found.retain(|path| path.exists());
+    if found.is_empty() {
+        let reason = format!("no file matches {}", named.path.display());
+        return Err(named.place.error(reason));
+    }
+    Ok(found)
+}
+
+/// Whether a name matches a pattern, in which `*` stands for any letters and `?` for one.
+fn matches(pattern: &[char], name: &[char]) -> bool {
+    let (mut at, mut letter) = (0, 0);
+    // The last `*`, and the letter up to which it reaches.
+    let mut star: Option<(usize, usize)> = None;
+    while letter < name.len() {
+        match pattern.get(at) {
+            Some('*') => {
+                star = Some((at, letter));
+                at += 1;
+            }
+            Some(wanted) if *wanted == '?' || *wanted == name[letter] => {
+                at += 1;
+                letter += 1;
+            }
+            _ => match star {
+                Some((from, reached)) => {
+                    star = Some((from, reached + 1));
+                    at = from + 1;
+                    letter = reached + 1;
+                }
+                None => return false,
+            },
+        }
+    }
+    pattern[at..].iter().all(|letter| *letter == '*')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wildcards() {
+        let cases = [
+            ("*", "", true),
+            ("*.scen", "a.scen", true),
+            ("*.scen", "a.scene", false),
+            ("a*b*c", "aXbYbZc", true),
+            ("a*b*c", "aXbYbZ", false),
+            ("?-1?", "ä-12", true),
+            ("?", "", false),
+            ("**", "x", true),
+        ];
+        for (pattern, name, expected) in cases {
+            let letters = |text: &str| text.chars().collect::<Vec<_>>();
+            assert_eq!(
+                matches(&letters(pattern), &letters(name)),
+                expected,
+                "{pattern} {name}"
+            );
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! Suites: who is asked, what, how often, and under which budget.
+//!
+//! A suite is a TOML file; `docs/suites.md` is its reference. Reading one
+//! ([`load_suite`]) looks at the file alone, so that every fault in it has its place;
+//! [`Suite::questions`] then reads the files that it names.
+
+mod instances;
+mod question;
+mod read;
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use fleetyard_core::document::{Place, Setting};
+use fleetyard_core::{Digest, Hasher, InputError, read_file};
+use fleetyard_runtime::Attach;
+use serde_json::{Map, Value};
+
+use instances::InstanceSet;
+pub use question::{MazeOrigin, Origin, Question};
+pub use read::KEYS;
+
+/// The largest suite file that is read, in bytes.
+pub const SUITE_LIMIT: u64 = 1 << 20;
+
+/// Most trials of a suite.
+pub const MOST_TRIALS: u64 = 10_000_000;
+
+/// Most instances of a suite.
+pub const MOST_QUESTIONS: u64 = 1_000_000;
+
+/// What a suite file says.
+#[derive(Debug, Clone)]
+pub struct Suite {
+    /// Letters, digits, `.`, `_` and `-`: files are named after it.
+    pub name: String,
+    /// For people.
+    pub description: String,
+    /// The file as it was.
+    pub text: String,
+    /// How trials follow each other and are compared.
+    pub protocol: Protocol,
+    /// Who is asked, at least one; no two have the same label.
+    pub planners: Vec<Contestant>,
+    sets: Vec<InstanceSet>,
+    /// The file as a whole.
+    place: Place,
+    /// What it says, without comments and order.
+    normal: Map<String, Value>,
+}
+
+/// How trials follow each other and are compared.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Protocol {
+    /// Timed repeats of every trial.
+    pub repeats: u32,
+    /// Untimed trials of every planner on every instance, before the timed ones.
+    pub warm_ups: u32,
+    /// Seeds given to planners, all different.
+    pub seeds: Vec<u64>,
+    /// How long a planner's process is kept.
+    pub reuse: Reuse,
+    /// Which time is compared.
+    pub clock: Clock,
+    /// What planners are ranked by after their success rate.
+    pub ranking: Ranking,
+}
+
+impl Default for Protocol {
+    fn default() -> Self {
+        Self {
+            repeats: 1,
+            warm_ups: 0,
+            seeds: vec![0],
+            reuse: Reuse::Never,
+            clock: Clock::Host,
+            ranking: Ranking::Text,
+        }
+    }
+}
+
+/// How long a planner's process is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reuse {
+    /// For one trial.
+    Never,
+    /// For all trials of the planner, as long as nothing goes wrong with it.
+    Planner,
+}
+
+/// Which time is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clock {
+    /// The host's around the call, transport included.
+    Host,
+    /// The one beside the plugin, in its process.
+    Call,
+}
+
+/// The two lexicographic orders of the maze paper, whose text and appendix differ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ranking {
+    /// Success rate, comparable mean time, mean expansions, overall mean time, name.
+    Text,
+    /// Formula (23) of the appendix, which has comparable length third.
+    Appendix,
+}
+
+macro_rules! names {
+    ($type:ident: $($variant:ident = $name:literal),*) => {
+        impl $type {
+            const CHOICES: &[(&str, Self)] = &[$(($name, Self::$variant)),*];
+
+            /// Its name in suite files.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)*
+                }
+            }
+        }
+    };
+}
+
+names!(Reuse: Never = "never", Planner = "planner");
+names!(Clock: Host = "host", Call = "call");
+names!(Ranking: Text = "text", Appendix = "appendix");
+
+/// A planner of a suite.
+#[derive(Debug, Clone)]
+pub struct Contestant {
+    /// What it is called in tables; no other planner of the suite is called so.
+    pub label: String,
+    /// An identifier, the path of a library or program, or `PATH:ID`.
+    pub plugin: String,
+    /// How it is attached, if not as usual.
+    pub attach: Option<Attach>,
+    /// Its options, not yet checked against its schema.
+    pub options: Map<String, Value>,
+    /// Where `plugin` stands in the suite.
+    pub plugin_place: Place,
+    /// Where `options` stands, or the planner where it has none.
+    pub options_place: Place,
+}
+
+/// Reads a suite file.
+pub fn load_suite(path: impl AsRef<Path>) -> Result<Suite, InputError> {
+    Suite::load_with(path, &[])
+}
+
+impl Suite {
+    /// Reads a suite file, with values from the command line in place of its own.
+    ///
+    /// Paths in it are relative to its folder, and `${NAME}` in them stands for an
+    /// environment variable.
+    pub fn load_with(path: impl AsRef<Path>, settings: &[Setting]) -> Result<Self, InputError> {
+        let path = path.as_ref();
+        let source = path.display().to_string();
+        let bytes = read_file(path, SUITE_LIMIT)?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let valid = error.utf8_error().valid_up_to();
+            let lines = error.as_bytes()[..valid].split(|byte| *byte == b'\n');
+            InputError::new(source.as_str(), "this is not UTF-8 text").at_line(lines.count() as u64)
+        })?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::read(&source, &text, settings, folder, &|name| {
+            std::env::var(name).ok()
+        })
+    }
+
+    /// Reads the text of a suite; `source` is its name in errors, paths in it are
+    /// relative to `folder`, and `variable` is the environment that they may name.
+    pub fn read(
+        source: &str,
+        text: &str,
+        settings: &[Setting],
+        folder: &Path,
+        variable: &dyn Fn(&str) -> Option<String>,
+    ) -> Result<Self, InputError> {
+        read::suite(source, text, settings, &read::Paths { folder, variable })
+    }
+
+    /// What the suite says as JSON, without comments and with keys in order: the values
+    /// of the command line are in it, defaults are not.
+    pub fn normal(&self) -> String {
+        format!("{:#}", Value::Object(self.normal.clone()))
+    }
+
+    /// Digest of what the suite says, names and descriptions apart. What the files say
+    /// that it names is not in it: see [`Question::digest`].
+    pub fn digest(&self) -> Digest {
+        let mut said = self.normal.clone();
+        said.remove("name");
+        said.remove("description");
+        let mut hasher = Hasher::new("fleetyard.suite/1");
+        hasher.bytes(Value::Object(said).to_string().as_bytes());
+        hasher.finish()
+    }
+
+    /// How many timed trials so many instances are.
+    fn trials(&self, questions: u64) -> Result<u64, InputError> {
+        let parts = [
+            (self.planners.len() as u64, "planner"),
+            (questions, "instance"),
+            (self.protocol.seeds.len() as u64, "seed"),
+            (u64::from(self.protocol.repeats), "repeat"),
+        ];
+        let product = parts
+            .iter()
+            .try_fold(1, |product: u64, (count, _)| product.checked_mul(*count));
+        match product {
+            Some(trials) if trials <= MOST_TRIALS && questions <= MOST_QUESTIONS => Ok(trials),
+            _ => {
+                let parts = parts.map(|(count, what)| match count {
+                    1 => format!("1 {what}"),
+                    _ => format!("{count} {what}s"),
+                });
+                let total = product.map_or("too many".to_owned(), |trials| trials.to_string());
+                let reason = format!("the suite has {} = {total} trials", parts.join(" × "));
+                Err(self.place.error(reason).hint(format!(
+                    "a suite has at most {MOST_QUESTIONS} instances and {MOST_TRIALS} trials; \
+                     split it"
+                )))
+            }
+        }
+    }
+
+    /// Every instance, in the order of the file: set by set; in a set by map or maze, then
+    /// scenario, then connectivity, then team size.
+    ///
+    /// Scenarios and maps are read here, mazes and generated maps are made when they
+    /// are asked for ([`Question::instance`]); of each set one is made here, so that
+    /// what cannot be made is found.
+    pub fn questions(&self) -> Result<Vec<Question>, InputError> {
+        let mut library = instances::Library::default();
+        let mut found = Vec::new();
+        for set in &self.sets {
+            found.push(set.find(&mut library)?);
+        }
+        let count = found
+            .iter()
+            .try_fold(0, |sum: u64, set| sum.checked_add(set.count()?));
+        self.trials(count.unwrap_or(u64::MAX))?;
+        let mut seen = HashSet::new();
+        let mut questions = Vec::new();
+        for set in found {
+            set.questions(&mut seen, &mut questions)?;
+        }
+        Ok(questions)
+    }
+}
+
+/// A path of a suite file.
+#[derive(Debug, Clone)]
+struct Named {
+    path: PathBuf,
+    place: Place,
+}

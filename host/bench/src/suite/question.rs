@@ -1,0 +1,114 @@
+//! One instance of a suite, made when it is asked for.
+
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+
+use fleetyard_core::{Connectivity, Digest, GridInstance, InputError};
+use fleetyard_world::MazeAlgorithm;
+
+use super::instances::Recipe;
+
+/// What every planner of a suite is asked: an instance, and where it comes from.
+#[derive(Debug, Clone)]
+pub struct Question {
+    recipe: Arc<Recipe>,
+    base: u64,
+    agents: u32,
+    connectivity: Connectivity,
+    digest: OnceLock<Digest>,
+}
+
+/// Where an instance comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Origin {
+    /// Name of the map. Maps that differ by their seed have the same.
+    pub map: String,
+    /// The file of starts and goals, or the seeds that stand for them.
+    pub scenario: String,
+    /// The maze, if it is one of a series.
+    pub maze: Option<MazeOrigin>,
+}
+
+/// A maze's place in a series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MazeOrigin {
+    /// Its number, from 0.
+    pub index: u64,
+    /// What it was carved with.
+    pub seed: u64,
+    /// Cells of the maze from west to east.
+    pub width: u32,
+    /// Cells of the maze from north to south.
+    pub height: u32,
+    /// How it was carved.
+    pub algorithm: MazeAlgorithm,
+}
+
+impl Question {
+    pub(super) fn new(
+        recipe: &Arc<Recipe>,
+        base: u64,
+        agents: u64,
+        connectivity: Connectivity,
+    ) -> Self {
+        Self {
+            recipe: Arc::clone(recipe),
+            base,
+            agents: u32::try_from(agents).unwrap_or(u32::MAX),
+            connectivity,
+            digest: OnceLock::new(),
+        }
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.agents as usize
+    }
+
+    /// Neighbours of a cell.
+    pub fn connectivity(&self) -> Connectivity {
+        self.connectivity
+    }
+
+    /// Where the instance comes from.
+    pub fn origin(&self) -> Origin {
+        self.recipe.origin(self.base)
+    }
+
+    /// The instance. Maps that were read are shared; what is generated is made anew unless
+    /// the question before was about the same map and scenario.
+    pub fn instance(&self) -> Result<GridInstance, InputError> {
+        let base = self.recipe.base(self.base)?;
+        let agents = self.agents();
+        let first = |cells: &[u32]| cells[..agents.min(cells.len())].to_vec();
+        let (starts, goals) = (first(base.starts()), first(base.goals()));
+        let grid = Arc::clone(base.grid());
+        let instance = GridInstance::new(grid, self.connectivity, starts, goals)
+            .map_err(|error| InputError::new(self.to_string(), error.to_string()))?;
+        let _ = self.digest.set(instance.digest());
+        Ok(instance)
+    }
+
+    /// Digest of the instance, computed once.
+    pub fn digest(&self) -> Result<Digest, InputError> {
+        match self.digest.get() {
+            Some(digest) => Ok(*digest),
+            None => Ok(self.instance()?.digest()),
+        }
+    }
+}
+
+impl fmt::Display for Question {
+    /// Such as `random-32-32-20, random-32-32-20-random-1.scen, 10 agents`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Origin { map, scenario, .. } = self.origin();
+        write!(f, "{map}, {scenario}, {} agent", self.agents)?;
+        if self.agents != 1 {
+            f.write_str("s")?;
+        }
+        match self.connectivity {
+            Connectivity::Four => Ok(()),
+            Connectivity::Eight => f.write_str(", 8-connected"),
+        }
+    }
+}
