@@ -199,9 +199,7 @@ impl Made {
                 let made = mazes.spec(base).0.instance(Connectivity::Four);
                 (made, &mazes.place)
             }
-            Self::Generated { generated, most } => {
-                (generated.make(base, *most), &generated.place)
-            }
+            Self::Generated { generated, most } => (generated.make(base, *most), &generated.place),
         };
         made.map_err(|error| {
             // The error names a parameter, which the reason does as well.

@@ -6,7 +6,8 @@ use fleetyard_core::document::{Document, Setting, Table, Value};
 use fleetyard_core::{Connectivity, InputError, shown};
 use fleetyard_runtime::Attach;
 use fleetyard_world::{
-    EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec, RandomSpec, RoomSpec, WarehouseSpec,
+    EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec, RandomSpec, RoomSpec,
+    WarehouseSpec,
 };
 use serde_json::Map;
 
@@ -420,9 +421,10 @@ fn instance_set(value: &Value<'_, '_>, paths: &Paths<'_>) -> Result<InstanceSet,
         }
     } else if kind.key == "maze" {
         if let Some(teams) = &teams {
-            return Err(teams.place.error("a maze of a series has one agent").hint(
-                "leave out `agents`; `generate = { kind = \"maze\", … }` has random teams",
-            ));
+            return Err(teams
+                .place
+                .error("a maze of a series has one agent")
+                .hint("leave out `agents`; `generate = { kind = \"maze\", … }` has random teams"));
         }
         Kind::Mazes(mazes(kind)?)
     } else {
@@ -444,7 +446,10 @@ fn mazes(value: &Value<'_, '_>) -> Result<Mazes, InputError> {
     let sizes = match (table.get("size"), table.get("width"), table.get("height")) {
         (Some(size), None, None) => {
             let sizes = numbers(&size, 1, u64::from(MOST_MAZE_CELLS))?;
-            sizes.iter().map(|size| (size as u32, size as u32)).collect()
+            sizes
+                .iter()
+                .map(|size| (size as u32, size as u32))
+                .collect()
         }
         (Some(size), _, _) => {
             return Err(size.error("`size` is width and height, which are there as well"));
@@ -535,7 +540,10 @@ const KINDS: &[(&str, &[&str])] = &[
     ("empty", &["rows", "cols"]),
     ("random", &["rows", "cols", "obstacle_density", "seeds"]),
     ("room", &["rows", "cols", "room_size", "doors", "seeds"]),
-    ("maze", &["rows", "cols", "corridor", "algorithm", "random", "seeds"]),
+    (
+        "maze",
+        &["rows", "cols", "corridor", "algorithm", "random", "seeds"],
+    ),
     (
         "warehouse",
         &[
