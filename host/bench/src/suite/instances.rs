@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use fleetyard_check::PathRule;
 use fleetyard_core::document::Place;
 use fleetyard_core::formats::{Contents, Format};
 use fleetyard_core::{
@@ -544,6 +545,7 @@ impl FoundSet<'_> {
     /// Adds the questions of the set; two that are the same would be one in every table.
     pub(super) fn questions(
         &self,
+        rule: PathRule,
         seen: &mut HashSet<(Digest, u64, Connectivity)>,
         questions: &mut Vec<Question>,
     ) -> Result<(), InputError> {
@@ -559,6 +561,12 @@ impl FoundSet<'_> {
                         continue;
                     }
                     let question = Question::new(&self.recipe, base, agents, *connectivity);
+                    if !rule.allows_agents(question.agents()) {
+                        let place = teams.map_or(&self.set.place, |teams| &teams.place);
+                        let reason = format!("{question}: path rule {rule} is for one agent");
+                        let hint = "write `agents = 1`, or `path_rule = \"steps\"` in [protocol]";
+                        return Err(place.error(reason).hint(hint));
+                    }
                     if !seen.insert((identity, agents, *connectivity)) {
                         let reason = format!("the suite asks twice for {question}");
                         return Err(self.set.place.error(reason).hint("remove one of them"));

@@ -7,15 +7,19 @@
 mod instances;
 mod question;
 mod read;
+mod settings;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use fleetyard_check::PathRule;
 use fleetyard_core::document::{Place, Setting};
 use fleetyard_core::{Digest, Hasher, InputError, read_file};
 use fleetyard_runtime::Attach;
+use fleetyard_sim::SimConfig;
 use serde_json::{Map, Value};
 
+use crate::options::{BudgetOptions, Robots, SandboxOptions};
 use instances::InstanceSet;
 pub use question::{MazeOrigin, Origin, Question};
 pub use read::KEYS;
@@ -40,6 +44,14 @@ pub struct Suite {
     pub text: String,
     /// How trials follow each other and are compared.
     pub protocol: Protocol,
+    /// What every call may take.
+    pub budget: BudgetOptions,
+    /// What planners may use and see. Whose code is trusted is for the command to say.
+    pub sandbox: SandboxOptions,
+    /// Size of cells and steps, and how plans are executed.
+    pub config: SimConfig,
+    /// Who executes plans; `None` when nobody does.
+    pub robots: Option<Robots>,
     /// Who is asked, at least one; no two have the same label.
     pub planners: Vec<Contestant>,
     sets: Vec<InstanceSet>,
@@ -62,6 +74,8 @@ pub struct Protocol {
     pub reuse: Reuse,
     /// Which time is compared.
     pub clock: Clock,
+    /// By which rule paths are judged.
+    pub path_rule: PathRule,
     /// What planners are ranked by after their success rate.
     pub ranking: Ranking,
 }
@@ -74,6 +88,7 @@ impl Default for Protocol {
             seeds: vec![0],
             reuse: Reuse::Never,
             clock: Clock::Host,
+            path_rule: PathRule::Steps,
             ranking: Ranking::Text,
         }
     }
@@ -243,7 +258,11 @@ impl Suite {
         let mut seen = HashSet::new();
         let mut questions = Vec::new();
         for set in found {
-            set.questions(&mut seen, &mut questions)?;
+            set.questions(self.protocol.path_rule, &mut seen, &mut questions)?;
+        }
+        if questions.is_empty() {
+            let reason = "the suite has no instance: every team is larger than its scenario";
+            return Err(self.place.error(reason));
         }
         Ok(questions)
     }

@@ -2,22 +2,30 @@
 
 use std::path::Path;
 
+use fleetyard_check::PathRule;
 use fleetyard_core::document::{Document, Setting, Table, Value};
 use fleetyard_core::{Connectivity, InputError, shown};
 use fleetyard_runtime::Attach;
+use fleetyard_sim::SimConfig;
 use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec, RandomSpec, RoomSpec,
     WarehouseSpec,
 };
 use serde_json::Map;
 
+use crate::options::{BudgetOptions, SandboxOptions};
+
 use super::instances::{Generated, InstanceSet, Kind, Mazes, Numbers, SeriesSeeds, Teams};
+use super::settings::{self, BUDGET, EXECUTION, SANDBOX};
 use super::{Clock, Contestant, Named, Protocol, Ranking, Reuse, Suite};
 
 /// Every table of a suite file with its keys; the root has no name.
 pub const KEYS: &[(&str, &[&str])] = &[
     ("", ROOT),
     ("protocol", PROTOCOL),
+    ("budget", BUDGET),
+    ("sandbox", SANDBOX),
+    ("execution", EXECUTION),
     ("planner", PLANNER),
     ("instances", INSTANCES),
     ("maze", MAZE),
@@ -25,8 +33,17 @@ pub const KEYS: &[(&str, &[&str])] = &[
     ("series", SERIES),
 ];
 
-const ROOT: &[&str] = &["name", "description", "protocol", "planner", "instances"];
-const PROTOCOL: &[&str] = &["repeats", "warm_ups", "seeds", "reuse", "clock", "ranking"];
+const ROOT: &[&str] = &[
+    "name",
+    "description",
+    "protocol",
+    "budget",
+    "sandbox",
+    "execution",
+    "planner",
+    "instances",
+];
+const PROTOCOL: &[&str] = &["repeats", "warm_ups", "seeds", "reuse", "clock", "path_rule", "ranking"];
 const PLANNER: &[&str] = &["label", "plugin", "attach", "options"];
 const INSTANCES: &[&str] = &[
     "scen",
@@ -80,7 +97,7 @@ pub(super) struct Paths<'p> {
 
 impl Paths<'_> {
     /// The text of a value with its variables replaced.
-    fn expanded(&self, value: &Value<'_, '_>) -> Result<String, InputError> {
+    pub(super) fn expanded(&self, value: &Value<'_, '_>) -> Result<String, InputError> {
         let text = value.nonempty()?;
         if text.contains(char::is_control) {
             let key = shown(&value.key);
@@ -112,7 +129,7 @@ impl Paths<'_> {
         Ok(expanded)
     }
 
-    fn path(&self, value: &Value<'_, '_>) -> Result<Named, InputError> {
+    pub(super) fn path(&self, value: &Value<'_, '_>) -> Result<Named, InputError> {
         Ok(Named {
             path: self.folder.join(self.expanded(value)?),
             place: value.place(),
@@ -126,7 +143,7 @@ impl Paths<'_> {
 }
 
 /// One value or several; a list without any makes a suite without trials.
-fn some<'t, 'a>(value: &Value<'t, 'a>) -> Result<Vec<Value<'t, 'a>>, InputError> {
+pub(super) fn some<'t, 'a>(value: &Value<'t, 'a>) -> Result<Vec<Value<'t, 'a>>, InputError> {
     let items = value.one_or_more()?;
     if items.is_empty() {
         let reason = format!(
@@ -155,6 +172,18 @@ pub(super) fn suite(
         Some(value) => protocol(&value)?,
         None => Protocol::default(),
     };
+    let budget = match root.get("budget") {
+        Some(value) => settings::budget(&value)?,
+        None => BudgetOptions::default(),
+    };
+    let sandbox = match root.get("sandbox") {
+        Some(value) => settings::sandbox(&value, paths)?,
+        None => SandboxOptions::default(),
+    };
+    let (config, robots) = match root.get("execution") {
+        Some(value) => settings::execution(&value, paths)?,
+        None => (SimConfig::default(), None),
+    };
     let planners = planners(&root, paths)?;
     let sets = some(&root.require("instances")?)?;
     let sets: Result<Vec<InstanceSet>, InputError> =
@@ -164,6 +193,10 @@ pub(super) fn suite(
         description: root.text("description")?.unwrap_or_default().to_owned(),
         text: text.to_owned(),
         protocol,
+        budget,
+        sandbox,
+        config,
+        robots,
         planners,
         sets: sets?,
         place: root.place(),
@@ -235,7 +268,7 @@ fn series(value: &Value<'_, '_>, low: u64, high: u64) -> Result<Numbers, InputEr
     Ok(Numbers::Series { first, step, count })
 }
 
-fn small(value: &Value<'_, '_>, low: u32, high: u32) -> Result<u32, InputError> {
+pub(super) fn small(value: &Value<'_, '_>, low: u32, high: u32) -> Result<u32, InputError> {
     let number = value.whole(u64::from(low), u64::from(high))?;
     // It is between two that fit.
     Ok(number as u32)
@@ -264,6 +297,10 @@ fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
     }
     if let Some(clock) = table.get("clock") {
         protocol.clock = clock.choice(Clock::CHOICES)?;
+    }
+    if let Some(rule) = table.get("path_rule") {
+        let rules = PathRule::ALL.map(|rule| (rule.name(), rule));
+        protocol.path_rule = rule.choice(&rules)?;
     }
     if let Some(ranking) = table.get("ranking") {
         protocol.ranking = ranking.choice(Ranking::CHOICES)?;
