@@ -133,17 +133,16 @@ fn shifted(table: DeTable<'_>, begin: usize) -> DeTable<'_> {
 /// Values of `from` take the place of those in `into`, key by key in tables.
 fn merge<'a>(into: &mut DeTable<'a>, from: DeTable<'a>) {
     for (key, value) in from {
-        match (into.get_mut(&key).map(Spanned::get_mut), value.get_ref()) {
-            (Some(DeValue::Table(old)), DeValue::Table(_)) => {
-                if let DeValue::Table(new) = value.into_inner() {
-                    merge(old, new);
-                }
+        let span = value.span();
+        let value = match (into.get_mut(&key).map(Spanned::get_mut), value.into_inner()) {
+            (Some(DeValue::Table(old)), DeValue::Table(new)) => {
+                merge(old, new);
+                continue;
             }
-            _ => {
-                into.remove(&key);
-                into.insert(key, value);
-            }
-        }
+            (_, value) => value,
+        };
+        into.remove(&key);
+        into.insert(key, Spanned::new(span, value));
     }
 }
 
@@ -207,6 +206,18 @@ impl Place {
         match self.line_column {
             Some((line, column)) => error.at(line, column),
             None => error,
+        }
+    }
+
+    /// An error about a file that is named here. Within the file it has a place of its
+    /// own; what is wrong with the file as a whole is wrong here.
+    pub fn error_in_file(&self, error: InputError) -> InputError {
+        if error.line.is_some() {
+            return error;
+        }
+        InputError {
+            hint: error.hint,
+            ..self.error(format!("{}: {}", error.source, error.reason))
         }
     }
 }

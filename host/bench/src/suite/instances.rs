@@ -203,11 +203,10 @@ impl Made {
             Self::Generated { generated, most } => (generated.make(base, *most), &generated.place),
         };
         made.map_err(|error| {
-            // The error names a parameter, which the reason does as well.
-            let fault = place.error(error.reason);
-            match error.hint {
-                Some(hint) => fault.hint(hint),
-                None => fault,
+            // The error's source is a parameter, which the reason names as well.
+            InputError {
+                hint: error.hint,
+                ..place.error(error.reason)
             }
         })
     }
@@ -416,19 +415,7 @@ impl InstanceSet {
         library: &mut Library,
     ) -> Result<Option<Loaded>, InputError> {
         let source = path.display().to_string();
-        // What is wrong with the file as a whole is a mistake in the suite.
-        let blamed = |error: InputError| {
-            if error.line.is_some() {
-                return error;
-            }
-            let fault = file
-                .place
-                .error(format!("{}: {}", error.source, error.reason));
-            match error.hint {
-                Some(hint) => fault.hint(hint),
-                None => fault,
-            }
-        };
+        let blamed = |error| file.place.error_in_file(error);
         let read = || -> Result<Parts, InputError> {
             let bytes = read_file(&path, SCEN_FILE_LIMIT)?;
             if Format::guess(&path, &bytes) == Some(Format::Scen) {
@@ -469,15 +456,13 @@ impl InstanceSet {
                 }
             }
         };
-        let grid = match parts.grid() {
-            Some(grid) => grid,
-            None => {
-                let name = parts
-                    .map_name()
-                    .ok_or_else(|| file.place.error(format!("{source}: the file names no map")))?;
-                let map = find_map(name, &path, maps, "`map`").map_err(blamed)?;
-                library.map(map).map_err(blamed)?
-            }
+        let grid = if let Some(grid) = parts.grid() {
+            grid
+        } else {
+            let nameless = || file.place.error(format!("{source}: the file names no map"));
+            let name = parts.map_name().ok_or_else(nameless)?;
+            let map = find_map(name, &path, maps, "`map`").map_err(blamed)?;
+            library.map(map).map_err(blamed)?
         };
         let instance = parts.instance(grid, agents).map_err(blamed)?;
         Ok(Some(Loaded {

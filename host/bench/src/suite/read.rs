@@ -43,7 +43,15 @@ const ROOT: &[&str] = &[
     "planner",
     "instances",
 ];
-const PROTOCOL: &[&str] = &["repeats", "warm_ups", "seeds", "reuse", "clock", "path_rule", "ranking"];
+const PROTOCOL: &[&str] = &[
+    "repeats",
+    "warm_ups",
+    "seeds",
+    "reuse",
+    "clock",
+    "path_rule",
+    "ranking",
+];
 const PLANNER: &[&str] = &["label", "plugin", "attach", "options"];
 const INSTANCES: &[&str] = &[
     "scen",
@@ -378,7 +386,7 @@ fn default_label(plugin: &str, options: &Map<String, serde_json::Value>) -> Stri
             serde_json::Value::String(text) => text.clone(),
             other => other.to_string(),
         };
-        label.push_str(&format!(" {key}={value}"));
+        label.extend([" ", key, "=", &value]);
     }
     label
 }

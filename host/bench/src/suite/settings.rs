@@ -241,9 +241,9 @@ fn parsed<T: std::str::FromStr<Err = SimError>>(
 }
 
 fn hinted(error: InputError, hint: Option<&str>) -> InputError {
-    match hint {
-        Some(hint) => error.hint(hint),
-        None => error,
+    InputError {
+        hint: hint.map(str::to_owned),
+        ..error
     }
 }
 
@@ -273,13 +273,7 @@ fn robots(
                 return Err(radius.error("the robots of a `fleet` have footprints of their own"));
             }
             let path = paths.path(&fleet)?.path;
-            let file = load_fleet(&path).map_err(|error| match error.line {
-                Some(_) => error,
-                None => {
-                    let fault = fleet.error(format!("{}: {}", error.source, error.reason));
-                    hinted(fault, error.hint.as_deref())
-                }
-            })?;
+            let file = load_fleet(&path).map_err(|error| fleet.place().error_in_file(error))?;
             Ok(Robots::File(path.display().to_string(), Box::new(file)))
         }
         (Some(model), None) => {
