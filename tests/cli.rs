@@ -459,8 +459,17 @@ fn plugins_are_listed_and_described() {
             "dijkstra",
             "greedy-best-first",
             "weighted-astar",
-            "bfs",
+            "bidirectional-astar",
+            "theta-star",
+            "idastar",
+            "jump-point-search",
+            "lpa-star",
+            "beam-search",
+            "fringe-search",
             "bidirectional-bfs",
+            "bfs",
+            "d-star-lite",
+            "lazy-theta-star",
         ]
     );
     let text = yard.line("plugins list").expect(SUCCESS).stdout;

@@ -91,7 +91,7 @@ fn built_in_planners_for_one_agent_pass() {
 #[test]
 fn the_standard_plugins_as_a_library_pass() {
     let library = build("fleetyard-plugins").library.unwrap();
-    passes(&library.display().to_string(), 9, &["--attach worker"]);
+    passes(&library.display().to_string(), 18, &["--attach worker"]);
 }
 
 #[test]

@@ -2,9 +2,7 @@
 //! into the `fleetyard` command.
 
 use fleetyard_plugin_mapf::plugin::{Lacam, Pibt};
-use fleetyard_plugin_search::plugin::{
-    Astar, BidirectionalBreadthFirst, BreadthFirst, Dijkstra, GreedyBestFirst, WeightedAstar,
-};
+use fleetyard_plugin_search::plugin as search;
 
 mod empty;
 
@@ -13,11 +11,20 @@ fleetyard_abi::export! {
         Lacam,
         Pibt,
         empty::Empty,
-        Astar,
-        Dijkstra,
-        GreedyBestFirst,
-        WeightedAstar,
-        BreadthFirst,
-        BidirectionalBreadthFirst,
+        search::Astar,
+        search::Dijkstra,
+        search::GreedyBestFirst,
+        search::WeightedAstar,
+        search::BidirectionalAstarPlanner,
+        search::Theta,
+        search::Ida,
+        search::JumpPointSearch,
+        search::LpaStar,
+        search::BeamSearch,
+        search::FringeSearch,
+        search::BidirectionalBreadthFirst,
+        search::BreadthFirst,
+        search::DStarLite,
+        search::LazyTheta,
     ],
 }

@@ -83,8 +83,8 @@ impl BestFirst {
         order: Order,
     ) -> Self {
         Self {
-            reopen,
             order,
+            reopen,
             ..Self::new(heuristic, true, weight, ties)
         }
     }

@@ -7,7 +7,7 @@
 //! Paths have as few moves as possible, a diagonal one counting as much as a straight
 //! one.
 
-use crate::grid::{Grid, NOWHERE, Neighbors, Place, directions};
+use crate::grid::{Grid, NOWHERE, Place, directions};
 use crate::nodes::Nodes;
 use crate::search::{Answer, Limit, Outcome, Search};
 
@@ -183,6 +183,7 @@ impl Search for BidirectionalBfs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::Neighbors;
 
     #[test]
     fn both_ends_meet_next_to_each_other() {

@@ -20,8 +20,15 @@ use crate::grid::{Grid, Neighbors, Place};
 pub(crate) trait Cost:
     Copy + Default + PartialEq + std::fmt::Debug + Send + 'static
 {
+    /// More than any path costs.
+    const FAR: Self;
+    /// The cost after so many more moves in a direction.
+    fn ahead(self, direction: u8, moves: u32) -> Self;
     /// The cost after one more move.
-    fn step(self, direction: u8) -> Self;
+    #[inline]
+    fn step(self, direction: u8) -> Self {
+        self.ahead(direction, 1)
+    }
     /// The cost of two paths, one after the other.
     fn join(self, other: Self) -> Self;
     /// Whether it is less than another.
@@ -32,9 +39,11 @@ pub(crate) trait Cost:
 
 /// With four neighbours: the number of moves.
 impl Cost for u32 {
+    const FAR: Self = Self::MAX;
+
     #[inline]
-    fn step(self, _: u8) -> Self {
-        self + 1
+    fn ahead(self, _: u8, moves: u32) -> Self {
+        self + moves
     }
 
     #[inline]
@@ -60,15 +69,18 @@ pub(crate) struct Octile(u64);
 
 impl Octile {
     /// So many straight and diagonal moves.
-    pub(crate) fn new(straight: u32, diagonal: u32) -> Self {
+    #[cfg(test)]
+    fn new(straight: u32, diagonal: u32) -> Self {
         Self(u64::from(straight) | u64::from(diagonal) << 32)
     }
 }
 
 impl Cost for Octile {
+    const FAR: Self = Self(u64::MAX);
+
     #[inline]
-    fn step(self, direction: u8) -> Self {
-        Self(self.0 + (1 << (u64::from(direction >> 2) * 32)))
+    fn ahead(self, direction: u8, moves: u32) -> Self {
+        Self(self.0 + (u64::from(moves) << (u32::from(direction >> 2) * 32)))
     }
 
     #[inline]
@@ -229,7 +241,7 @@ impl Priority {
         let most_cost = f64::from(scale) * grid.places() as f64;
         let most_left = weight * f64::from(grid.rows() + grid.cols());
         let fits = most_cost < HALF && most_left < HALF;
-        (fits && (self.heuristic.is_whole() || self.weight == 0.0)).then(|| WholeGuide {
+        (fits && (self.heuristic.is_whole() || self.weight == 0.0)).then_some(WholeGuide {
             goal,
             heuristic: self.heuristic,
             cost: if self.cost { scale } else { 0 },

@@ -26,9 +26,6 @@ pub(crate) const SOUTH_WEST: u8 = 7;
 /// No direction: where a search begins.
 pub(crate) const NOWHERE: u8 = 8;
 
-/// The directions that are straight, as a mask.
-pub(crate) const STRAIGHT: u8 = 0b0000_1111;
-
 /// Rows and columns that a direction leads on.
 pub(crate) const DELTAS: [(i32, i32); 8] = [
     (-1, 0),

@@ -14,8 +14,9 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    BestFirst, Bfs, BidirectionalBfs, Grid, Heuristic, Limit, Neighbors, Order, Outcome, Search,
-    Stop, TieBreaking,
+    Beam, BestFirst, Bfs, BidirectionalAstar, BidirectionalBfs, Corners, Done, Fringe, Grid,
+    Heuristic, IdaStar, Incremental, JumpPoint, Limit, Looks, Memory, Method, Neighbors, Order,
+    Outcome, Search, Stop, ThetaStar, TieBreaking,
 };
 
 /// A planner of this crate as a plugin: the options that a user may give decide
@@ -174,8 +175,7 @@ fn question(instance: &Instance, motion: Motion) -> Result<(u32, u32), Failure> 
     }
 }
 
-/// What the planners with a heuristic and a tie-breaking of their own have in common
-/// is written once, their defaults differ.
+/// Options with the default beside each.
 macro_rules! options {
     ($(#[doc = $doc:literal])* $name:ident { $($(#[$meta:meta])* $field:ident: $type:ty = $default:expr,)* }) => {
         $(#[doc = $doc])*
@@ -333,6 +333,237 @@ impl Variety for BidirectionalBfsOptions {
     }
 }
 
+options! {
+    /// Options of `bidirectional-astar`.
+    BidirectionalAstarOptions {
+        /// The estimate of what is left; `null` for `manhattan` with four neighbours
+        /// and `octile` with eight. One that overestimates gives up shortest paths.
+        heuristic: Option<Heuristic> = None,
+        /// Which of several places with equal f is expanded first.
+        tie_breaking: TieBreaking = TieBreaking::LowG,
+        /// When the search ends: when no side has anything better left, or when one
+        /// has not.
+        done: Done = Done::Both,
+    }
+}
+
+impl Variety for BidirectionalAstarOptions {
+    const ID: &'static str = "bidirectional-astar";
+    const NAME: &'static str = "Bidirectional A*";
+    const ABOUT: &'static str = "A* from both ends until no better meeting is possible; shortest \
+         paths (Pohl, 1971).";
+    type Search = BidirectionalAstar;
+
+    fn search(self) -> Result<BidirectionalAstar, String> {
+        Ok(BidirectionalAstar::new(
+            self.heuristic,
+            self.tie_breaking,
+            self.done,
+        ))
+    }
+}
+
+options! {
+    /// Options of `theta-star`.
+    ThetaOptions {
+        /// The estimate of what is left. One above `euclidean` overestimates.
+        heuristic: Heuristic = Heuristic::Euclidean,
+        /// Which of several places with equal f is expanded first.
+        tie_breaking: TieBreaking = TieBreaking::Fifo,
+        /// Which of the two cells beside a corner have to be free if a line is to pass
+        /// exactly through it.
+        corners: Corners = Corners::OneFree,
+    }
+}
+
+impl Variety for ThetaOptions {
+    const ID: &'static str = "theta-star";
+    const NAME: &'static str = "Theta*";
+    const ABOUT: &'static str = "Theta*: any-angle paths, short but not always shortest; looks \
+         for a line of sight to every place that is found (Nash, Daniel, Koenig, Felner, 2007).";
+    const MOTION: Motion = Motion::AnyAngle;
+    type Search = ThetaStar;
+
+    fn search(self) -> Result<ThetaStar, String> {
+        let looks = Looks::Early;
+        Ok(ThetaStar::new(
+            looks,
+            self.heuristic,
+            self.tie_breaking,
+            self.corners,
+        ))
+    }
+}
+
+options! {
+    /// Options of `lazy-theta-star`.
+    LazyThetaOptions {
+        /// The estimate of what is left. One above `euclidean` overestimates.
+        heuristic: Heuristic = Heuristic::Euclidean,
+        /// Which of several places with equal f is expanded first.
+        tie_breaking: TieBreaking = TieBreaking::Fifo,
+        /// Which of the two cells beside a corner have to be free if a line is to pass
+        /// exactly through it.
+        corners: Corners = Corners::OneFree,
+    }
+}
+
+impl Variety for LazyThetaOptions {
+    const ID: &'static str = "lazy-theta-star";
+    const NAME: &'static str = "Lazy Theta*";
+    const ABOUT: &'static str = "Lazy Theta*: any-angle paths, short but not always shortest; \
+         looks for a line of sight to places that are expanded (Nash, Koenig, Tovey, 2010).";
+    const MOTION: Motion = Motion::AnyAngle;
+    type Search = ThetaStar;
+
+    fn search(self) -> Result<ThetaStar, String> {
+        let looks = Looks::Late;
+        Ok(ThetaStar::new(
+            looks,
+            self.heuristic,
+            self.tie_breaking,
+            self.corners,
+        ))
+    }
+}
+
+options! {
+    /// Options of `idastar`.
+    IdaOptions {
+        /// The estimate of what is left; `null` for `manhattan` with four neighbours
+        /// and `octile` with eight. One that overestimates gives up shortest paths.
+        heuristic: Option<Heuristic> = None,
+        /// What is remembered within a round. In mazes without loops both expand the
+        /// same; in the open `path` takes exponential time.
+        memory: Memory = Memory::Costs,
+    }
+}
+
+impl Variety for IdaOptions {
+    const ID: &'static str = "idastar";
+    const NAME: &'static str = "IDA*";
+    const ABOUT: &'static str = "IDA*: depth-first searches under a rising bound on f; shortest \
+         paths (Korf, 1985).";
+    type Search = IdaStar;
+
+    fn search(self) -> Result<IdaStar, String> {
+        Ok(IdaStar::new(self.heuristic, self.memory))
+    }
+}
+
+options! {
+    /// Options of `jump-point-search`.
+    JumpPointOptions {
+        /// The estimate of what is left; `null` for `manhattan` with four neighbours
+        /// and `octile` with eight. One that overestimates gives up shortest paths.
+        heuristic: Option<Heuristic> = None,
+        /// Which of several places with equal f is expanded first.
+        tie_breaking: TieBreaking = TieBreaking::LowG,
+    }
+}
+
+impl Variety for JumpPointOptions {
+    const ID: &'static str = "jump-point-search";
+    const NAME: &'static str = "Jump point search";
+    const ABOUT: &'static str = "Jump point search: A* that goes straight on until there is a \
+         reason to turn; shortest paths (Harabor, Grastien, 2011).";
+    type Search = JumpPoint;
+
+    fn search(self) -> Result<JumpPoint, String> {
+        Ok(JumpPoint::new(self.heuristic, self.tie_breaking))
+    }
+}
+
+options! {
+    /// Options of `lpa-star`.
+    LpaOptions {
+        /// The estimate of what is left; `null` for `manhattan` with four neighbours
+        /// and `octile` with eight. One that overestimates gives up shortest paths.
+        heuristic: Option<Heuristic> = None,
+    }
+}
+
+impl Variety for LpaOptions {
+    const ID: &'static str = "lpa-star";
+    const NAME: &'static str = "LPA*";
+    const ABOUT: &'static str = "Lifelong planning A*, asked once per call: the library has it \
+         for maps that change; shortest paths (Koenig, Likhachev, Furcy, 2004).";
+    type Search = Incremental;
+
+    fn search(self) -> Result<Incremental, String> {
+        Ok(Incremental::new(Method::LpaStar, self.heuristic))
+    }
+}
+
+options! {
+    /// Options of `d-star-lite`.
+    DStarLiteOptions {
+        /// The estimate of what is left; `null` for `manhattan` with four neighbours
+        /// and `octile` with eight. One that overestimates gives up shortest paths.
+        heuristic: Option<Heuristic> = None,
+    }
+}
+
+impl Variety for DStarLiteOptions {
+    const ID: &'static str = "d-star-lite";
+    const NAME: &'static str = "D* Lite";
+    const ABOUT: &'static str = "D* Lite, asked once per call: the library has it for robots \
+         that move on maps that change; shortest paths (Koenig, Likhachev, 2002).";
+    type Search = Incremental;
+
+    fn search(self) -> Result<Incremental, String> {
+        Ok(Incremental::new(Method::DStarLite, self.heuristic))
+    }
+}
+
+options! {
+    /// Options of `beam-search`.
+    BeamOptions {
+        /// How many places of each layer are kept.
+        #[schemars(range(min = 1))]
+        width: u32 = 32,
+        /// The estimate of what is left; `null` for `manhattan` with four neighbours
+        /// and `octile` with eight.
+        heuristic: Option<Heuristic> = None,
+    }
+}
+
+impl Variety for BeamOptions {
+    const ID: &'static str = "beam-search";
+    const NAME: &'static str = "Beam search";
+    const ABOUT: &'static str = "Beam search: breadth-first search that keeps the most promising \
+         places of each layer; fast, paths of any length, may find none (Bisiani, 1987).";
+    type Search = Beam;
+
+    fn search(self) -> Result<Beam, String> {
+        if self.width == 0 {
+            return Err("`width` is 0, but has to be at least 1".into());
+        }
+        Ok(Beam::new(self.heuristic, self.width as usize))
+    }
+}
+
+options! {
+    /// Options of `fringe-search`.
+    FringeOptions {
+        /// The estimate of what is left; `null` for `manhattan` with four neighbours
+        /// and `octile` with eight. One that overestimates gives up shortest paths.
+        heuristic: Option<Heuristic> = None,
+    }
+}
+
+impl Variety for FringeOptions {
+    const ID: &'static str = "fringe-search";
+    const NAME: &'static str = "Fringe search";
+    const ABOUT: &'static str = "Fringe search: IDA* that goes on where the last round ended; \
+         shortest paths (Björnsson, Enzenberger, Holte, Schaeffer, 2005).";
+    type Search = Fringe;
+
+    fn search(self) -> Result<Fringe, String> {
+        Ok(Fringe::new(self.heuristic))
+    }
+}
+
 /// A*.
 pub type Astar = GridPlanner<AstarOptions>;
 /// Dijkstra's algorithm.
@@ -345,3 +576,21 @@ pub type WeightedAstar = GridPlanner<WeightedOptions>;
 pub type BreadthFirst = GridPlanner<BfsOptions>;
 /// Breadth-first search from both ends.
 pub type BidirectionalBreadthFirst = GridPlanner<BidirectionalBfsOptions>;
+/// A* from both ends.
+pub type BidirectionalAstarPlanner = GridPlanner<BidirectionalAstarOptions>;
+/// Theta*.
+pub type Theta = GridPlanner<ThetaOptions>;
+/// Lazy Theta*.
+pub type LazyTheta = GridPlanner<LazyThetaOptions>;
+/// IDA*.
+pub type Ida = GridPlanner<IdaOptions>;
+/// Jump point search.
+pub type JumpPointSearch = GridPlanner<JumpPointOptions>;
+/// LPA*.
+pub type LpaStar = GridPlanner<LpaOptions>;
+/// D* Lite.
+pub type DStarLite = GridPlanner<DStarLiteOptions>;
+/// Beam search.
+pub type BeamSearch = GridPlanner<BeamOptions>;
+/// Fringe search.
+pub type FringeSearch = GridPlanner<FringeOptions>;

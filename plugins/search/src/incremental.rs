@@ -1,0 +1,450 @@
+//! LPA* and D* Lite: shortest paths on a map that changes.
+//!
+//! - S. Koenig, M. Likhachev, D. Furcy, "Lifelong planning A*", Artificial Intelligence
+//!   155, 2004 (Koenig, Likhachev, "Incremental A*", NIPS 2001).
+//! - S. Koenig, M. Likhachev, "D* Lite", AAAI 2002.
+//!
+//! Both keep for every place its cost g and what its neighbours make of it, rhs = min
+//! (g' + 1), and expand the places where the two differ until they agree wherever it
+//! matters. After a change few do not agree. They are the same algorithm: LPA* searches
+//! from the start, and D* Lite from the goal, so that the start may move on while costs
+//! stay what they are; what the priorities owe to the place where the robot was before
+//! is added to all later ones (k_m).
+//!
+//! Priorities are (min(g, rhs) + h + k_m, min(g, rhs)), then the order in which places
+//! were put in. *Expansions*: places taken from the open list at their right priority,
+//! whether their cost falls (overconsistent) or becomes unknown (underconsistent); the
+//! target is expanded too if nothing else with its priority ends the search before.
+
+use std::cmp::Reverse;
+
+use crate::cost::{Cost, Exact, Heuristic, Octile, Open, Rank};
+use crate::grid::{Grid, Neighbors, Place, directions, opposite};
+use crate::search::{Answer, Limit, Outcome, Search, Stop};
+use crate::slate::Slate;
+
+/// From which end is searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// From the start. When the start moves, everything begins anew.
+    LpaStar,
+    /// From the goal. The start may move.
+    DStarLite,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node<C> {
+    g: C,
+    rhs: C,
+    /// The number of its entry in the open list, 0 if it has none.
+    entry: u32,
+}
+
+impl<C: Cost> Default for Node<C> {
+    fn default() -> Self {
+        Self {
+            g: C::FAR,
+            rhs: C::FAR,
+            entry: 0,
+        }
+    }
+}
+
+/// What is known of a map from one end, on the way to the other.
+#[derive(Debug)]
+struct Tree<C> {
+    nodes: Slate<Node<C>>,
+    open: Open<Exact>,
+    entries: u32,
+    root: Place,
+    target: Place,
+    heuristic: Heuristic,
+    /// k_m.
+    moved: f64,
+}
+
+impl<C: Cost> Default for Tree<C> {
+    fn default() -> Self {
+        Self {
+            nodes: Slate::default(),
+            open: Open::new(),
+            entries: 0,
+            root: 0,
+            target: 0,
+            heuristic: Heuristic::Manhattan,
+            moved: 0.0,
+        }
+    }
+}
+
+/// One more move, if there is a path at all.
+#[inline]
+fn further<C: Cost>(cost: C, direction: u8) -> C {
+    if cost == C::FAR {
+        cost
+    } else {
+        cost.step(direction)
+    }
+}
+
+impl<C: Cost> Tree<C> {
+    fn begin(&mut self, grid: &Grid, root: Place, target: Place, heuristic: Heuristic) {
+        self.nodes.begin(grid.places());
+        self.open.clear();
+        (self.entries, self.moved) = (0, 0.0);
+        (self.root, self.target, self.heuristic) = (root, target, heuristic);
+        self.nodes.entry(root).rhs = C::default();
+        self.update(grid, root);
+    }
+
+    /// The priority of a place: two numbers that are compared one after the other.
+    fn key(&self, grid: &Grid, place: Place, node: Node<C>) -> (u64, u64) {
+        let least = if node.g.less(node.rhs) {
+            node.g
+        } else {
+            node.rhs
+        };
+        if least == C::FAR {
+            return (f64::INFINITY.to_bits(), f64::INFINITY.to_bits());
+        }
+        let least = least.value();
+        let left = self.heuristic.value(grid.apart(place, self.target));
+        ((least + left + self.moved).to_bits(), least.to_bits())
+    }
+
+    /// Puts a place in the open list, or takes it out, as its costs say.
+    fn update(&mut self, grid: &Grid, place: Place) {
+        let node = *self.nodes.entry(place);
+        let entry = if node.g == node.rhs {
+            0
+        } else {
+            self.entries = self.entries.wrapping_add(1).max(1);
+            let (first, second) = self.key(grid, place, node);
+            let last = u64::from(self.entries) << 32 | u64::from(place);
+            self.open.push(Reverse((first, second, last)));
+            self.entries
+        };
+        self.nodes.entry(place).entry = entry;
+    }
+
+    /// What the neighbours of a place make of it.
+    fn look_around(&mut self, grid: &Grid, place: Place) {
+        if place == self.root {
+            return;
+        }
+        let mut best = C::FAR;
+        for direction in directions(grid.exits(place)) {
+            let near = grid.step(place, direction);
+            let g = self.nodes.get(near).unwrap_or_default().g;
+            let cost = further(g, direction);
+            if cost.less(best) {
+                best = cost;
+            }
+        }
+        self.nodes.entry(place).rhs = best;
+    }
+
+    /// The first entry that is still true.
+    fn first(&mut self) -> Option<Exact> {
+        loop {
+            let Reverse(rank) = *self.open.peek()?;
+            let entry = (rank.2 >> 32) as u32;
+            if self.nodes.entry(rank.place()).entry == entry {
+                return Some(rank);
+            }
+            self.open.pop();
+        }
+    }
+
+    /// Makes costs right as far as the way to the target needs them.
+    fn settle(&mut self, grid: &Grid, limit: &mut Limit<'_>) -> (Option<Stop>, u64) {
+        let mut expansions = 0;
+        while let Some(rank) = self.first() {
+            let target = *self.nodes.entry(self.target);
+            let key = (rank.0, rank.1);
+            if key >= self.key(grid, self.target, target) && target.g == target.rhs {
+                break;
+            }
+            if let Some(stop) = limit.reached(expansions) {
+                return (Some(stop), expansions);
+            }
+            self.open.pop();
+            let place = rank.place();
+            let node = self.nodes.entry(place);
+            node.entry = 0;
+            let node = *node;
+            if key < self.key(grid, place, node) {
+                self.update(grid, place);
+                continue;
+            }
+            expansions += 1;
+            if node.rhs.less(node.g) {
+                self.nodes.entry(place).g = node.rhs;
+                for direction in directions(grid.exits(place)) {
+                    let near = grid.step(place, direction);
+                    let cost = further(node.rhs, direction);
+                    let other = self.nodes.entry(near);
+                    if near != self.root && cost.less(other.rhs) {
+                        other.rhs = cost;
+                        self.update(grid, near);
+                    }
+                }
+            } else {
+                self.nodes.entry(place).g = C::FAR;
+                self.look_around(grid, place);
+                self.update(grid, place);
+                for direction in directions(grid.exits(place)) {
+                    let near = grid.step(place, direction);
+                    // Only those are concerned who came from here.
+                    if self.nodes.entry(near).rhs == further(node.g, direction) {
+                        self.look_around(grid, near);
+                        self.update(grid, near);
+                    }
+                }
+            }
+        }
+        (None, expansions)
+    }
+
+    /// Places have other neighbours now.
+    fn changed(&mut self, grid: &Grid, places: &[Place]) {
+        for place in places {
+            self.look_around(grid, *place);
+            if !grid.free_at(*place) {
+                // Nobody asks for the cost of a blocked cell: nothing is to be expanded.
+                let node = self.nodes.entry(*place);
+                node.g = node.rhs;
+            }
+            self.update(grid, *place);
+        }
+    }
+
+    /// The target is elsewhere now.
+    fn retarget(&mut self, grid: &Grid, target: Place) {
+        self.moved += self.heuristic.value(grid.apart(self.target, target));
+        self.target = target;
+    }
+
+    /// The cells from the target back to the root.
+    fn walk(&mut self, grid: &Grid, path: &mut Vec<u32>) {
+        let mut place = self.target;
+        path.push(grid.cell(place));
+        while place != self.root {
+            let mut best = (C::FAR, place);
+            for direction in directions(grid.exits(place)) {
+                let near = grid.step(place, direction);
+                let g = self.nodes.get(near).unwrap_or_default().g;
+                let cost = further(g, opposite(direction));
+                if cost.less(best.0) {
+                    best = (cost, near);
+                }
+            }
+            place = best.1;
+            path.push(grid.cell(place));
+        }
+    }
+
+    fn solve(
+        &mut self,
+        grid: &Grid,
+        from_start: bool,
+        limit: &mut Limit<'_>,
+        path: &mut Vec<u32>,
+    ) -> Answer {
+        path.clear();
+        let (stopped, expansions) = self.settle(grid, limit);
+        let outcome = match stopped {
+            Some(stop) => Outcome::Stopped(stop),
+            None if self.nodes.entry(self.target).g == C::FAR => Outcome::NoPath,
+            None => {
+                self.walk(grid, path);
+                if from_start {
+                    path.reverse();
+                }
+                Outcome::Found
+            }
+        };
+        Answer::new(outcome, expansions)
+    }
+}
+
+#[derive(Debug, Default)]
+struct Trees {
+    four: Tree<u32>,
+    eight: Tree<Octile>,
+}
+
+/// LPA* or D* Lite, once per call. What it is made for is a [`Replanner`].
+#[derive(Debug)]
+pub struct Incremental {
+    method: Method,
+    heuristic: Option<Heuristic>,
+    trees: Trees,
+}
+
+impl Incremental {
+    /// With a heuristic that does not overestimate, or else the one that is exact where
+    /// nothing is in the way.
+    pub fn new(method: Method, heuristic: Option<Heuristic>) -> Self {
+        Self {
+            method,
+            heuristic,
+            trees: Trees::default(),
+        }
+    }
+}
+
+impl Method {
+    /// Root and target of the search.
+    fn ends(self, start: Place, goal: Place) -> (Place, Place) {
+        match self {
+            Self::LpaStar => (start, goal),
+            Self::DStarLite => (goal, start),
+        }
+    }
+}
+
+impl Search for Incremental {
+    fn search(
+        &mut self,
+        grid: &Grid,
+        start: u32,
+        goal: u32,
+        limit: &mut Limit<'_>,
+        path: &mut Vec<u32>,
+    ) -> Answer {
+        let heuristic = Heuristic::or_fitting(self.heuristic, grid);
+        let (root, target) = self.method.ends(grid.place(start), grid.place(goal));
+        let from_start = self.method == Method::LpaStar;
+        match grid.neighbors() {
+            Neighbors::Four => {
+                let tree = &mut self.trees.four;
+                tree.begin(grid, root, target, heuristic);
+                tree.solve(grid, from_start, limit, path)
+            }
+            Neighbors::Eight => {
+                let tree = &mut self.trees.eight;
+                tree.begin(grid, root, target, heuristic);
+                tree.solve(grid, from_start, limit, path)
+            }
+        }
+    }
+}
+
+/// A robot on a map that changes: paths are found anew with what is known from before.
+///
+/// ```
+/// use fleetyard_plugin_search::{Grid, Limit, Method, Neighbors, Outcome, Replanner};
+///
+/// let grid = Grid::new(3, 3, &[true; 9], Neighbors::Four).expect("nine cells");
+/// let mut robot = Replanner::new(Method::DStarLite, grid, 0, 8, None).expect("two cells");
+/// let mut path = Vec::new();
+/// robot.plan(&mut Limit::none(), &mut path);
+/// assert_eq!(path.len(), 5);
+/// robot.move_to(path[1]);
+/// robot.set_free([(path[2], false)]);
+/// let answer = robot.plan(&mut Limit::none(), &mut path);
+/// assert_eq!(answer.outcome, Outcome::Found);
+/// ```
+#[derive(Debug)]
+pub struct Replanner {
+    method: Method,
+    heuristic: Heuristic,
+    grid: Grid,
+    start: u32,
+    goal: u32,
+    trees: Trees,
+}
+
+impl Replanner {
+    /// For a robot in the cell `start` that has to get to `goal`; `None` if one of them
+    /// is not on the map. The heuristic must not overestimate.
+    pub fn new(
+        method: Method,
+        grid: Grid,
+        start: u32,
+        goal: u32,
+        heuristic: Option<Heuristic>,
+    ) -> Option<Self> {
+        let cells = grid.rows() * grid.cols();
+        let mut made = Self {
+            method,
+            heuristic: Heuristic::or_fitting(heuristic, &grid),
+            grid,
+            start,
+            goal,
+            trees: Trees::default(),
+        };
+        (start < cells && goal < cells).then(|| {
+            made.begin();
+            made
+        })
+    }
+
+    /// The map as it is now.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    fn begin(&mut self) {
+        let (start, goal) = (self.grid.place(self.start), self.grid.place(self.goal));
+        let (root, target) = self.method.ends(start, goal);
+        match self.grid.neighbors() {
+            Neighbors::Four => self
+                .trees
+                .four
+                .begin(&self.grid, root, target, self.heuristic),
+            Neighbors::Eight => self
+                .trees
+                .eight
+                .begin(&self.grid, root, target, self.heuristic),
+        }
+    }
+
+    /// Blocks or frees cells; nothing happens off the map. To say all changes at once
+    /// is less work than one after the other.
+    pub fn set_free(&mut self, changes: impl IntoIterator<Item = (u32, bool)>) {
+        let mut places = Vec::new();
+        for (cell, free) in changes {
+            if self.grid.set_free(cell, free) {
+                let place = self.grid.place(cell);
+                places.push(place);
+                places.extend((0..8).map(|direction| self.grid.step(place, direction)));
+            }
+        }
+        places.sort_unstable();
+        places.dedup();
+        match self.grid.neighbors() {
+            Neighbors::Four => self.trees.four.changed(&self.grid, &places),
+            Neighbors::Eight => self.trees.eight.changed(&self.grid, &places),
+        }
+    }
+
+    /// The robot is in another cell now; nothing happens off the map.
+    pub fn move_to(&mut self, cell: u32) {
+        if cell >= self.grid.rows() * self.grid.cols() || cell == self.start {
+            return;
+        }
+        self.start = cell;
+        let place = self.grid.place(cell);
+        match (self.method, self.grid.neighbors()) {
+            (Method::LpaStar, _) => self.begin(),
+            (Method::DStarLite, Neighbors::Four) => self.trees.four.retarget(&self.grid, place),
+            (Method::DStarLite, Neighbors::Eight) => self.trees.eight.retarget(&self.grid, place),
+        }
+    }
+
+    /// Finds a shortest path, and leaves its cells in `path`. The expansions are those
+    /// of this call. A search that was stopped goes on when it is called again.
+    pub fn plan(&mut self, limit: &mut Limit<'_>, path: &mut Vec<u32>) -> Answer {
+        path.clear();
+        if !self.grid.is_free(self.start) || !self.grid.is_free(self.goal) {
+            return Answer::new(Outcome::NoPath, 0);
+        }
+        let from_start = self.method == Method::LpaStar;
+        match self.grid.neighbors() {
+            Neighbors::Four => self.trees.four.solve(&self.grid, from_start, limit, path),
+            Neighbors::Eight => self.trees.eight.solve(&self.grid, from_start, limit, path),
+        }
+    }
+}
