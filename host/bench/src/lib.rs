@@ -10,6 +10,7 @@ mod options;
 mod plan;
 mod record;
 mod row;
+pub mod slurm;
 pub mod statistics;
 mod store;
 pub mod suite;

@@ -22,6 +22,7 @@ mod roadmap;
 pub mod roadmap_file;
 mod scenario;
 mod search;
+mod shell;
 mod trajectory;
 pub mod trajectory_file;
 
@@ -46,6 +47,7 @@ pub use scenario::{
     SCEN_FILE_LIMIT, Scenario, ScenarioEntry, find_map, load_scen, read_scen, save_scen, write_scen,
 };
 pub use search::{GridSearch, OctileLength};
+pub use shell::quoted;
 pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan};
 pub use trajectory_file::{
     TrajectoryFile, load_trajectories, read_trajectories, save_trajectories, write_trajectories,

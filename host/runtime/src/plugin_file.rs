@@ -51,7 +51,8 @@ pub struct CodeFile {
 }
 
 impl CodeFile {
-    fn read(path: PathBuf) -> Result<Self, Fault> {
+    /// Reads the file and takes its digest.
+    pub fn read(path: PathBuf) -> Result<Self, Fault> {
         let hash = || -> std::io::Result<String> {
             let mut file = File::open(&path)?;
             let mut hasher = Sha256::new();

@@ -21,10 +21,14 @@ use serde_json::Map;
 
 use crate::BUILT_IN;
 use crate::args::{Check, Format, GrantArgs};
-use crate::commands::quoted;
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
+<<<<<<< HEAD
 use crate::setup::{self, policy, runtime, trust};
+=======
+use crate::trial::{self, half_of_memory, milliseconds, policy, runtime, trust};
+use fleetyard_core::quoted;
+>>>>>>> 6bc89a2 (Suites on Slurm: submission, status, requeue)
 
 #[derive(Serialize)]
 struct Document {

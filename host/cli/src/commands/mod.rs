@@ -53,16 +53,6 @@ fn file_name(path: &Path) -> String {
         .into_owned()
 }
 
-/// A word for a shell.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
-}
-
 /// Writes a picture to a file, as PNG if the name ends so and as SVG otherwise.
 fn draw(path: &Path, picture: &Picture<'_>) -> Result<()> {
     let end = path.extension();
@@ -209,18 +199,5 @@ impl<'a> TraceFile<'a> {
         let file = self.writer.into_inner().into_inner();
         let file = file.map_err(|error| cannot_write(self.path, error.error()))?;
         file.keep(self.path)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quoted;
-
-    #[test]
-    fn words_survive_a_shell() {
-        assert_eq!(quoted("--only"), "--only");
-        assert_eq!(quoted("fault=too-few-agents"), "fault=too-few-agents");
-        assert_eq!(quoted("my plugin's.so"), r"'my plugin'\''s.so'");
-        assert_eq!(quoted(""), "''");
     }
 }

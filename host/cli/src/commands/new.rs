@@ -15,9 +15,9 @@ use fleetyard_abi::Kind;
 use fleetyard_core::InputError;
 
 use crate::args::{LangArg, New};
-use crate::commands::quoted;
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
+use fleetyard_core::quoted;
 
 /// The text of a file of `templates/`.
 macro_rules! template {
