@@ -17,6 +17,7 @@ use fleetyard_runtime::{Attach, Level};
 use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
 use fleetyard_sim::{Policy, Tier};
 
+use crate::commands::jobs::Jobs;
 use crate::exit;
 
 /// Runs, executes and judges multi-robot planners.
@@ -42,6 +43,9 @@ pub(crate) enum Command {
     /// Look at traces of executions
     #[command(subcommand)]
     Trace(Trace),
+    /// Look at suites that run on a cluster, and go on with them
+    #[command(subcommand)]
+    Jobs(Jobs),
     /// Make and look at plugins
     #[command(subcommand)]
     Plugins(Plugins),
@@ -169,7 +173,7 @@ fn file_format(text: &str) -> Result<FileFormat, String> {
     })
 }
 
-fn duration(text: &str) -> Result<Duration, String> {
+pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     let duration = humantime::parse_duration(text)
         .map_err(|_| "write a duration with its unit, such as 500ms, 10s or 2m".to_owned())?;
     // Deadlines are 64-bit nanoseconds; a year is plenty.
@@ -231,7 +235,7 @@ pub(crate) struct BudgetArgs {
 }
 
 /// A number of bytes with its unit.
-fn size(text: &str) -> Result<u64, String> {
+pub(crate) fn size(text: &str) -> Result<u64, String> {
     let size: ByteSize = text
         .parse()
         .map_err(|_| "write a size with its unit, such as 512MiB or 4GiB".to_owned())?;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use fleetyard_bench::{Ending, TrialError};
+use fleetyard_bench::{Ending, TrialError, slurm};
 use fleetyard_core::InputError;
 use fleetyard_runtime::{Fault, OptionError};
 use fleetyard_sim::SimError;
@@ -94,6 +94,23 @@ impl From<OptionError> for Failure {
             exit: Exit::Usage,
             message: error.reason,
             hint: error.hint,
+        }
+    }
+}
+
+impl From<slurm::Error> for Failure {
+    fn from(error: slurm::Error) -> Self {
+        let hint = error.hint();
+        let exit = match &error {
+            slurm::Error::Input(_) | slurm::Error::State { .. } => Exit::Input,
+            slurm::Error::Failed { .. } => Exit::Internal,
+            // Another executor or other options are needed.
+            _ => Exit::Usage,
+        };
+        Self {
+            exit,
+            message: error.to_string(),
+            hint,
         }
     }
 }

@@ -41,6 +41,7 @@ fn dispatch(command: Command) -> Result<Exit> {
         Command::Trace(Trace::Info { file, format }) => commands::trace::info(&file, format),
         Command::Trace(Trace::Diff(arguments)) => commands::trace::diff(&arguments),
         Command::Trace(Trace::Export(arguments)) => commands::trace::export(&arguments),
+        Command::Jobs(what) => commands::jobs::jobs(&what),
         Command::Plugins(Plugins::New(arguments)) => commands::new::new(&arguments),
         Command::Plugins(Plugins::List { trust, format }) => {
             commands::plugins::list(&trust, format)

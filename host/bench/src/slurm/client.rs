@@ -48,7 +48,20 @@ impl Slurm {
         }
     }
 
-    /// Submits a batch script with options, from a folder that it may name.
+    /// All of them in one folder.
+    #[cfg(test)]
+    pub(super) fn in_folder(folder: &Path) -> Self {
+        let program = |name: &str| folder.join(name).into_os_string();
+        Self {
+            sbatch: program("sbatch"),
+            squeue: program("squeue"),
+            scontrol: program("scontrol"),
+            sacct: program("sacct"),
+            scancel: program("scancel"),
+        }
+    }
+
+    /// Submits a batch script with options.
     pub(super) fn submit(&self, options: &[String], script: &Path) -> Result<Submitted, Error> {
         let mut arguments: Vec<OsString> = options.iter().map(OsString::from).collect();
         arguments.push(script.into());

@@ -24,6 +24,8 @@ mod resources;
 mod run;
 mod script;
 mod status;
+#[cfg(test)]
+mod tests;
 
 use fleetyard_core::InputError;
 use thiserror::Error;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use fleetyard_core::{InputError, read_file, write_atomically};
+use fleetyard_core::{InputError, quoted, read_file, write_atomically};
 use fleetyard_runtime::CodeFile;
 
 use super::job::{Format, Job, MAX_SHARDS, Submission};
@@ -13,6 +13,7 @@ use super::parse::ranges;
 use super::script::{LOGS, SHARDS, SUITE, script};
 use super::status::{ShardState, Status, look_again, status};
 use super::{Error, Resources, Slurm};
+use crate::store::{Merged, Store};
 
 const FILE: &str = "job.json";
 const SCRIPT: &str = "run.sh";
@@ -137,13 +138,9 @@ impl Run {
         &self.job.suite.path
     }
 
-    /// The shards' stores, in order.
-    pub fn stores(&self) -> Vec<PathBuf> {
-        let folder = self.folder.join(SHARDS);
-        let shards = self.job.shards();
-        shards
-            .map(|shard| folder.join(format!("{shard}.sqlite")))
-            .collect()
+    /// The store of a shard, which is there once its task has begun.
+    pub fn shard_store(&self, shard: u32) -> PathBuf {
+        self.folder.join(SHARDS).join(format!("{shard}.sqlite"))
     }
 
     /// The log of a shard's last task.
@@ -258,6 +255,42 @@ impl Run {
         self.job.resources = self.job.resources.with(resources);
         self.submit_shards(shards.clone(), slurm)?;
         Ok(shards)
+    }
+
+    /// Merges the shards' stores into a new one. All shards must have come to their end; if
+    /// `partial`, what those have that ended otherwise counts as well, and others are left out.
+    pub fn merge(&self, slurm: &Slurm, store: &Path, partial: bool) -> Result<Merged, Error> {
+        let status = self.status(slurm);
+        let missing = status.shards.len() - status.count(ShardState::Completed);
+        let shown = quoted(&self.folder.display().to_string());
+        if missing > 0 && !partial {
+            return Err(Error::state(
+                format!(
+                    "{missing} of {} shards have not come to their end: {}",
+                    status.shards.len(),
+                    status.summary()
+                ),
+                format!(
+                    "`fleetyard jobs wait {shown}`, or `requeue` if they have ended; or take what \
+                     there is with --partial"
+                ),
+            ));
+        }
+        // A store that another machine writes must not be opened here.
+        let stores: Vec<PathBuf> = status
+            .shards
+            .iter()
+            .filter(|shard| shard.state.has_ended())
+            .map(|shard| self.shard_store(shard.shard))
+            .filter(|path| !partial || path.exists())
+            .collect();
+        if stores.is_empty() {
+            return Err(Error::state(
+                "no shard that has ended has a store",
+                format!("`fleetyard jobs status {shown}` says how they are"),
+            ));
+        }
+        Ok(Store::merge(store, &stores)?)
     }
 
     /// Writes what tasks need.

@@ -69,7 +69,8 @@ cmp -s -- "$run/{SUITE}" "$suite" ||
 signal=
 trap 'signal=TERM; kill -s TERM "$bench"' TERM
 trap 'signal=INT; kill -s INT "$bench"' INT
-"$fleetyard" bench "$suite" --shard "$shard/$shards" --store "$run/{SHARDS}/$shard.sqlite" --resume{arguments} &
+"$fleetyard" bench "$suite" --shard "$shard/$shards" --store "$run/{SHARDS}/$shard.sqlite" --resume \
+    --progress-file "$run/{SHARDS}/$shard.progress"{arguments} &
 bench=$!
 while :; do
     wait "$bench"

@@ -13,6 +13,7 @@ use clap::ValueEnum;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_bench::{half_of_memory, milliseconds};
 use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
+use fleetyard_core::quoted;
 use fleetyard_runtime::{
     Attach, Found, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
 };
@@ -23,12 +24,7 @@ use crate::BUILT_IN;
 use crate::args::{Check, Format, GrantArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
-<<<<<<< HEAD
 use crate::setup::{self, policy, runtime, trust};
-=======
-use crate::trial::{self, half_of_memory, milliseconds, policy, runtime, trust};
-use fleetyard_core::quoted;
->>>>>>> 6bc89a2 (Suites on Slurm: submission, status, requeue)
 
 #[derive(Serialize)]
 struct Document {

@@ -22,6 +22,7 @@ pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod doctor;
+pub(crate) mod jobs;
 pub(crate) mod maps;
 pub(crate) mod new;
 pub(crate) mod pin;
