@@ -297,7 +297,9 @@ fn text(status: &Status) -> String {
         status.trials()
     );
     if !rows.is_empty() {
-        let header = ["shard", "state", "trials", "of", "task", "node", "exit", "reason"];
+        let header = [
+            "shard", "state", "trials", "of", "task", "node", "exit", "reason",
+        ];
         text += "\n\n";
         text += &output::table(&header, rows, &[0, 2, 3]);
     }
@@ -334,7 +336,9 @@ fn advise(run: &Run, status: &Status) {
     let shown = word(run.folder());
     if status.is_complete() {
         if run.store().symlink_metadata().is_err() {
-            output::hint(&format!("`fleetyard jobs merge {shown}` makes one store of them"));
+            output::hint(&format!(
+                "`fleetyard jobs merge {shown}` makes one store of them"
+            ));
         }
         return;
     }
@@ -343,7 +347,10 @@ fn advise(run: &Run, status: &Status) {
         .into_iter()
         .find_map(first);
     if let Some(log) = failed.and_then(|shard| run.log(shard.shard)) {
-        output::hint(&format!("the log of the first that failed is {}", word(&log)));
+        output::hint(&format!(
+            "the log of the first that failed is {}",
+            word(&log)
+        ));
     }
     let more = if first(ShardState::Timeout).is_some() {
         " --time-limit DURATION"
