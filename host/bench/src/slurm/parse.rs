@@ -29,7 +29,8 @@ struct Span {
 impl Tasks {
     pub(super) fn has(&self, index: u32) -> bool {
         self.0.iter().any(|span| {
-            (span.first..=span.last).contains(&index) && (index - span.first) % span.step == 0
+            (span.first..=span.last).contains(&index)
+                && (index - span.first).is_multiple_of(span.step)
         })
     }
 

@@ -179,7 +179,7 @@ mod tests {
             ]
         );
         let more = Resources {
-            time: Some(Duration::from_secs(60)),
+            time: Some(Duration::from_mins(1)),
             options: vec!["nice=5".into()],
             ..Resources::default()
         };

@@ -165,10 +165,10 @@ impl Run {
     /// half a minute, since everybody's questions go to one controller.
     pub fn wait(&self, slurm: &Slurm, mut look: impl FnMut(&Status)) -> Result<Status, Error> {
         /// File systems that nodes share show a new file within a minute.
-        const GRACE: Duration = Duration::from_secs(60);
+        const GRACE: Duration = Duration::from_mins(1);
         const LOOK: Duration = Duration::from_secs(1);
         /// A controller may be away for a restart.
-        const SILENCE: Duration = Duration::from_secs(600);
+        const SILENCE: Duration = Duration::from_mins(10);
         let mut pause = Duration::from_millis(250);
         let mut last_seen = Instant::now();
         let mut ended_since = None;

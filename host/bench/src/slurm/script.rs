@@ -22,11 +22,11 @@ pub(super) const CHANGED: u32 = 82;
 /// words from outside are quoted.
 pub(super) fn script(job: &Job, run: &Path) -> String {
     let word = |path: &Path| quoted(&path.display().to_string());
-    let arguments: String = job
-        .arguments
-        .iter()
-        .map(|argument| format!(" {}", quoted(argument)))
-        .collect();
+    let mut arguments = String::new();
+    for argument in &job.arguments {
+        arguments.push(' ');
+        arguments.push_str(&quoted(argument));
+    }
     format!(
         r#"#!/bin/sh
 # Runs one shard of a suite of trials. Written by fleetyard {version}; `fleetyard jobs requeue` submits

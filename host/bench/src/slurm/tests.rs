@@ -332,7 +332,7 @@ fn what_is_missing_is_submitted_again() {
     cluster.ended(100, 2, 3, "");
     cluster.write("job", "200\n");
     let more = Resources {
-        time: Some(std::time::Duration::from_secs(7200)),
+        time: Some(std::time::Duration::from_hours(2)),
         ..Resources::default()
     };
     let shards = run.requeue(&cluster.slurm(), &more).unwrap();

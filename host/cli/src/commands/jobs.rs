@@ -116,6 +116,7 @@ impl ResourceArgs {
     }
 }
 
+#[allow(dead_code)]
 /// How a suite is spread over a cluster.
 #[derive(Debug, Args)]
 pub(crate) struct ClusterArgs {
@@ -134,6 +135,7 @@ pub(crate) struct ClusterArgs {
     resources: ResourceArgs,
 }
 
+#[allow(dead_code)]
 /// A suite that is to run on a cluster.
 pub(crate) struct Ask<'a> {
     pub(crate) name: &'a str,
@@ -149,9 +151,11 @@ pub(crate) struct Ask<'a> {
     pub(crate) memory: Option<u64>,
 }
 
+#[allow(dead_code)]
 /// What the host itself may need beside the planner.
 const HOST_MEMORY: u64 = 1 << 30;
 
+#[allow(dead_code)]
 /// Submits a suite, and unless it is to be left alone waits for it and merges its stores.
 pub(crate) fn submit(cluster: &ClusterArgs, ask: Ask<'_>) -> Result<Exit> {
     let slurm = Slurm::from_environment();
