@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fleetyard_bench::suite::{Question, Suite};
+use fleetyard_bench::{BudgetOptions, Robots};
 use fleetyard_core::document::Setting;
 use fleetyard_core::{Connectivity, InputError};
 
@@ -73,4 +74,466 @@ fn mazes_of_the_paper() {
     assert_eq!((grid.rows(), grid.cols()), (31, 31));
     assert_eq!(grid.row_col(instance.starts()[0]), (1, 1));
     assert_eq!(grid.row_col(instance.goals()[0]), (15, 15));
+}
+
+#[test]
+fn generated_maps_by_seed() {
+    let text = with(
+        "generate = { kind = \"random\", rows = 16, cols = 16, obstacle_density = 0.2, \
+         seeds = { from = 3, count = 2 }, scenario_seeds = [1, 9] }\nagents = { from = 5, to = 15, step = 5 }",
+    );
+    let questions = questions(&text).unwrap();
+    assert_eq!(questions.len(), 2 * 2 * 3);
+    assert_eq!(
+        questions[4].to_string(),
+        "random-16-16-20, map seed 3, agents seed 9, 10 agents"
+    );
+    let digests: std::collections::BTreeSet<_> = questions
+        .iter()
+        .map(|question| question.digest().unwrap())
+        .collect();
+    assert_eq!(digests.len(), questions.len());
+    // In any order, and however often it is asked for.
+    let again = read(&text).unwrap().questions().unwrap();
+    assert_eq!(again[4].digest(), questions[4].digest());
+    let grids = [0, 1].map(|at| questions[at].instance().unwrap().grid().clone());
+    assert!(std::sync::Arc::ptr_eq(&grids[0], &grids[1]));
+}
+
+#[test]
+fn a_hundred_thousand_mazes_are_not_made_before_they_are_asked_for() {
+    let text =
+        with("maze = { size = 255, algorithm = [\"backtracker\", \"prim\"], count = 50_000 }");
+    let questions = questions(&text).unwrap();
+    assert_eq!(questions.len(), 100_000);
+    let maze = questions[99_999].origin().maze.unwrap();
+    assert_eq!((maze.index, maze.seed), (49_999, 50_006));
+    assert_eq!(maze.algorithm.name(), "prim");
+}
+
+#[test]
+fn other_formats_name_their_agents_and_maps() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    std::fs::write(
+        place("m.map"),
+        "type octile\nheight 1\nwidth 4\nmap\n....\n",
+    )
+    .unwrap();
+    std::fs::write(
+        place("a.txt"),
+        "map_file=m.map\nagents=1\nseed=0\nrandom_problem=0\nmax_timestep=9\nmax_comp_time=9\n0,0,3,0\n",
+    )
+    .unwrap();
+    let text = with("scen = \"a.txt\"");
+    let suite = Suite::read("s.toml", &text, &[], folder.path(), &|_| None).unwrap();
+    let questions = suite.questions().unwrap();
+    assert_eq!(told(&questions), ["m, a.txt, 1 agent"]);
+    assert_eq!(questions[0].instance().unwrap().goals(), [3]);
+}
+
+const FULL: &str = r#"
+name = "full"
+description = "Everything"
+
+[protocol]
+repeats = 3
+warm_ups = 1
+seeds = { from = 0, to = 4 }
+reuse = "planner"
+clock = "call"
+path_rule = "supercover"
+ranking = "appendix"
+
+[budget]
+wall = "1500ms"
+memory = "2GiB"
+nodes = 18446744073709551615
+threads = 2
+
+[sandbox]
+level = "strict"
+disk = "1MiB"
+read = ["more", "/usr"]
+env = { OMP_NUM_THREADS = "1" }
+pin = false
+
+[execution]
+model = "agv"
+cell_size_m = 0.5
+policy = "adg"
+delay = "bernoulli:0.1,2s"
+start_heading_deg = 180
+
+[[planner]]
+label = "R1"
+plugin = "weighted-astar"
+options = { weight = 1.5 }
+
+[[planner]]
+plugin = "${PLACE}/vendor.so:theirs"
+attach = "in-process"
+options = { mode = "fast", deep = { list = [1, 2.5] } }
+
+[[instances]]
+maze = { size = [3, 5], seeds = [1, 2] }
+"#;
+
+#[test]
+fn everything_that_a_suite_may_say() {
+    let suite = read(FULL).unwrap();
+    let protocol = &suite.protocol;
+    assert_eq!((protocol.repeats, protocol.warm_ups), (3, 1));
+    assert_eq!(protocol.seeds, [0, 1, 2, 3, 4]);
+    let names = [
+        protocol.reuse.name(),
+        protocol.clock.name(),
+        protocol.path_rule.name(),
+        protocol.ranking.name(),
+    ];
+    assert_eq!(names, ["planner", "call", "supercover", "appendix"]);
+    let budget = &suite.budget;
+    assert_eq!(budget.wall.as_millis(), 1500);
+    assert_eq!(budget.memory_bytes, Some(2 << 30));
+    assert_eq!((budget.nodes, budget.threads), (u64::MAX, 2));
+    assert_eq!(budget.startup, BudgetOptions::default().startup);
+    let policy = &suite.sandbox.policy;
+    assert_eq!(policy.disk_bytes, 1 << 20);
+    assert!(policy.read[0].ends_with("maps/more"));
+    assert_eq!(policy.read[1], Path::new("/usr"));
+    assert_eq!(policy.env, [("OMP_NUM_THREADS".to_owned(), "1".to_owned())]);
+    assert!(!suite.sandbox.pin);
+    assert!(matches!(&suite.robots, Some(Robots::Model(name)) if name == "agv"));
+    assert!((suite.config.cell_size_m - 0.5).abs() < 1e-12);
+    let [one, other] = suite.planners.as_slice() else {
+        panic!("two planners");
+    };
+    assert_eq!(
+        (one.label.as_str(), one.plugin.as_str()),
+        ("R1", "weighted-astar")
+    );
+    assert_eq!(
+        one.options,
+        *serde_json::json!({ "weight": 1.5 }).as_object().unwrap()
+    );
+    assert_eq!(other.label, "theirs deep={\"list\":[1,2.5]} mode=fast");
+    assert!(
+        other.plugin.ends_with("maps/./vendor.so:theirs"),
+        "{}",
+        other.plugin
+    );
+    assert_eq!(other.attach, Some(fleetyard_runtime::Attach::InProcess));
+    let place = one.plugin_place.error("there is no planner").to_string();
+    assert_eq!(place, "s.toml:36:10: there is no planner");
+    let place = one.options_place.error("no such option").to_string();
+    assert_eq!(place, "s.toml:37:11: no such option");
+    assert_eq!(suite.questions().unwrap().len(), 4);
+}
+
+#[test]
+fn the_digest_is_of_what_is_said() {
+    let suite = read(FULL).unwrap();
+    let other = FULL
+        .replace("repeats = 3", "repeats=3 # as always")
+        .replace("\"full\"", "\"x\"");
+    assert_eq!(read(&other).unwrap().digest(), suite.digest());
+    let other = read_with(FULL, &["protocol.repeats=4"]).unwrap();
+    assert_ne!(other.digest(), suite.digest());
+    assert_eq!(other.protocol.repeats, 4);
+    assert!(
+        other.normal().contains("\"repeats\": 4"),
+        "{}",
+        other.normal()
+    );
+}
+
+#[test]
+fn scenarios_that_are_too_small_may_be_left_out() {
+    let text = with(
+        "scen = \"empty-8-8-random-1.scen\"\nagents = [10, 10000]\ntoo_many_agents = \"skip\"",
+    );
+    assert_eq!(questions(&text).unwrap().len(), 1);
+    let none = text.replace("[10, 10000]", "10000");
+    let error = questions(&none).unwrap_err().to_string();
+    assert!(error.ends_with("the suite has no instance: every team is larger than its scenario"));
+}
+
+/// The error of a text, shown as the command shows it.
+fn fault(text: &str) -> String {
+    let error = read(text)
+        .and_then(|suite| suite.questions().map(drop))
+        .expect_err(text);
+    let hint = error
+        .hint
+        .clone()
+        .map_or(String::new(), |hint| format!(" | {hint}"));
+    let folder = format!("{}/../../maps/", env!("CARGO_MANIFEST_DIR"));
+    format!("{error}{hint}").replace(&folder, "")
+}
+
+#[test]
+fn faults_of_a_suite_have_places_and_hints() {
+    let scen = "scen = \"empty-8-8-random-1.scen\"\nagents = [10]";
+    let top = |lines: &str| format!("{lines}\n{}", with(scen));
+    let suite = |lines: &str| format!("{}\n{lines}", with(scen));
+    let cases = [
+        // The file as a whole.
+        ("name = ".to_owned(), "s.toml:1:8: this is not TOML: "),
+        (
+            with(scen).replace("name = \"test\"", ""),
+            "s.toml:1:1: the key `name` is missing | add `name = …`",
+        ),
+        (
+            with(scen).replace("test", "../test"),
+            "s.toml:1:8: \"../test\" cannot be the name of a suite | files are named after it",
+        ),
+        (
+            suite("[protocl]\nrepeats = 2"),
+            "s.toml:7:2: unknown key `protocl` | did you mean `protocol`?",
+        ),
+        (
+            suite("[protocol]\nrepeat = 2"),
+            "s.toml:8:1: unknown key `repeat` in [protocol] | did you mean `repeats`?",
+        ),
+        (
+            top("speed = 3"),
+            "s.toml:1:1: unknown key `speed` | known keys: name, description",
+        ),
+        // Axes without values.
+        (
+            "name = \"x\"\n[[instances]]\nmaze = { size = 3, count = 1 }".into(),
+            "s.toml:1:1: the key `planner` is missing",
+        ),
+        (
+            "name = \"x\"\nplanner = []\n[[instances]]\nmaze = { size = 3, count = 1 }".into(),
+            "s.toml:2:11: `planner` is empty, so there is nothing to run",
+        ),
+        (
+            "name = \"x\"\ninstances = []\n[[planner]]\nplugin = \"pibt\"".into(),
+            "s.toml:2:13: `instances` is empty, so there is nothing to run",
+        ),
+        (with("scen = []"), "s.toml:4:8: `scen` is empty"),
+        (
+            with(&scen.replace("[10]", "[]")),
+            "s.toml:5:10: `agents` is empty",
+        ),
+        (
+            suite("[protocol]\nseeds = []"),
+            "s.toml:8:9: `seeds` is empty",
+        ),
+        (
+            with("maze = { size = 3, count = 0 }"),
+            "s.toml:4:28: `count` is not between 1 and 1000000",
+        ),
+        (
+            with("maze = { size = 3, seeds = [] }"),
+            "s.toml:4:28: `seeds` is empty",
+        ),
+        (
+            with("scen = \"no-*.scen\"\nagents = 1"),
+            "s.toml:4:8: no file matches no-*.scen",
+        ),
+        // Budgets.
+        (
+            suite("[budget]\nwall = \"0s\""),
+            "s.toml:8:8: `wall` is zero, so nobody could do anything",
+        ),
+        (
+            suite("[budget]\nwall = 10"),
+            "s.toml:8:8: `wall` is an integer, expected a string | write it with its unit",
+        ),
+        (
+            suite("[budget]\nwall = \"soon\""),
+            "s.toml:8:8: `wall` is \"soon\", which is no duration | write it with its unit",
+        ),
+        (
+            suite("[budget]\nmemory = \"1B\""),
+            "s.toml:8:10: `memory` is less than 4KiB",
+        ),
+        (
+            suite("[budget]\nnodes = 0"),
+            "s.toml:8:9: `nodes` is not between 1 and",
+        ),
+        (
+            suite("[budget]\nthreads = -1"),
+            "s.toml:8:11: `threads` is not between 1 and 4096",
+        ),
+        // Sandbox and execution.
+        (
+            suite("[sandbox]\nlevel = \"stric\""),
+            "s.toml:8:9: `level` cannot be \"stric\" | did you mean \"strict\"?",
+        ),
+        (
+            suite("[execution]\nmodel = \"agx\""),
+            "s.toml:8:9: model = \"agx\" is not a model or a preset",
+        ),
+        (
+            suite("[execution]\ncell_size_m = -1"),
+            "s.toml:8:15: cell_size_m = -1 is out of range | give metres between",
+        ),
+        (
+            suite("[execution]\ndelay = \"often\""),
+            "s.toml:8:9: delay = ",
+        ),
+        (
+            suite("[execution]\nfleet = \"none.fleet.json\""),
+            "s.toml:8:9: none.fleet.json: no such file",
+        ),
+        (
+            suite("[execution]\nfleet = \"x\"\nmodel = \"agv\""),
+            "s.toml:8:9: `model` and `fleet` are two ways",
+        ),
+        // Planners.
+        (
+            with(scen).replace(
+                "{ plugin = \"lacam\" }",
+                "{ plugin = \"pibt\" }, { plugin = \"pibt\" }",
+            ),
+            "s.toml:2:33: two planners are called \"pibt\" | give each a `label` of its own",
+        ),
+        (
+            with(scen).replace("{ plugin = \"lacam\" }", "{ label = \"L\" }"),
+            "s.toml:2:12: the key `plugin` is missing in [[planner]]",
+        ),
+        (
+            with(scen).replace("\"lacam\"", "\"lacam\", attach = \"worke\""),
+            "s.toml:2:41: `attach` cannot be \"worke\" | did you mean \"worker\"?",
+        ),
+        // Protocol.
+        (
+            suite("[protocol]\nrepeats = -3"),
+            "s.toml:8:11: `repeats` is not between 1 and 1000000",
+        ),
+        (
+            suite("[protocol]\nrepeats = 99999999999999999999"),
+            "s.toml:8:11: `repeats` is not between 1 and 1000000",
+        ),
+        (
+            suite("[protocol]\nseeds = [1, 2, 1]"),
+            "s.toml:8:16: `seeds` has 1 twice | remove one of them",
+        ),
+        (
+            suite("[protocol]\nseeds = { from = 1 }"),
+            "s.toml:8:9: `seeds` has no end | add `to = …` or `count = …`",
+        ),
+        (
+            suite("[protocol]\nseeds = { from = 0, count = 10_000_000 }\nrepeats = 1_000_000"),
+            "s.toml:1:1: the suite has 1 planner × 1 instance × 10000000 seeds × 1000000 repeats = \
+             10000000000000 trials | a suite has at most 1000000 instances and 10000000 trials",
+        ),
+        (
+            suite("[protocol]\npath_rule = \"bresenham\""),
+            "s.toml:5:10: empty-8-8, empty-8-8-random-1.scen, 10 agents: path rule bresenham is \
+             for one agent | write `agents = 1`",
+        ),
+        // Instances.
+        (
+            with("agents = 3"),
+            "s.toml:3:1: the instances have no source | write `scen = […]`",
+        ),
+        (
+            with("scen = \"a.scen\"\nmaze = { size = 3 }"),
+            "s.toml:5:8: `scen` and `maze` are two sources | write another [[instances]]",
+        ),
+        (
+            with(
+                "scen = [\n  \"empty-8-8-random-1.scen\",\n  \"empty-8-8-random-2.scen\",\n]\nagents = 1",
+            ),
+            "s.toml:6:3: empty-8-8-random-2.scen: no such file | did you mean \
+             empty-8-8-random-1.scen?",
+        ),
+        (
+            with(&scen.replace("[10]", "[10, 1000]")),
+            "s.toml:5:10: 1000 agents asked for, but empty-8-8-random-1.scen has 32 | ask for at \
+             most 32 agents, or write `too_many_agents = \"skip\"`",
+        ),
+        (
+            with(&format!("map = \"nowhere\"\n{scen}")),
+            "s.toml:5:8: nowhere: no such file",
+        ),
+        (
+            with(&format!("map = [\"nowhere\", \"elsewhere\"]\n{scen}")),
+            "s.toml:5:8: empty-8-8-random-1.scen: the scenario is for map empty-8-8, which was \
+             not found | name its file by `map` as well",
+        ),
+        (
+            with("scen = \"SOURCES.md\""),
+            "s.toml:4:8: SOURCES.md: this is in no format that is known",
+        ),
+        (
+            with("scen = \"empty-8-8.map\""),
+            "s.toml:4:8: empty-8-8.map: the file has no starts and goals | formats that have them",
+        ),
+        (
+            with("scen = \"${NOWHERE}/a.scen\""),
+            "s.toml:4:8: the environment variable `NOWHERE` is not set | set it",
+        ),
+        (
+            with("scen = \"${NOWHERE/a.scen\""),
+            "s.toml:4:8: `scen` has a variable without an end | write ${NAME}",
+        ),
+        (
+            format!("{}[[instances]]\n{scen}", with(scen)),
+            "s.toml:6:1: the suite asks twice for empty-8-8, empty-8-8-random-1.scen, 10 agents",
+        ),
+        (
+            with("maze = { count = 3 }"),
+            "s.toml:4:8: the maze has no size | add `size = …`",
+        ),
+        (with("maze = { size = 30000, count = 3 }"), "s.toml:4:8: "),
+        (
+            with("maze = { size = 3, count = 3 }\nagents = 1"),
+            "s.toml:5:10: a maze of a series has one agent | leave out `agents`",
+        ),
+        (
+            with("maze = { size = 3, count = 3, base_seed = 18446744073709551614 }"),
+            "s.toml:4:28: the last seeds are more than a seed can be",
+        ),
+        (
+            with("maze = { size = 3, seeds = [1], count = 3 }"),
+            "s.toml:4:41: `count` belongs to a schedule, and `seeds` are numbers",
+        ),
+        (
+            with(
+                "generate = { kind = \"random\", rows = 4, cols = 4, obstacle_density = 2 }\nagents = 1",
+            ),
+            "s.toml:4:12: the obstacle density is 2 | the obstacle density is from 0",
+        ),
+        (
+            with("generate = { kind = \"empty\", rows = 2, cols = 2 }\nagents = 5"),
+            "s.toml:4:12: a scenario of 5 agents on empty-2-2, which has room for 4 | ask for 1 \
+             to 4 agents",
+        ),
+        (
+            with("generate = { kind = \"empty\", rows = 2, cols = 2, seeds = 3 }\nagents = 1"),
+            "s.toml:4:50: unknown key `seeds` in `generate` of kind \"empty\"",
+        ),
+        (
+            with("generate = { kind = \"empty\", rows = 2, cols = 2 }"),
+            "s.toml:3:1: the key `agents` is missing in [[instances]]",
+        ),
+        (
+            with(&format!("{scen}\nconnectivity = 6")),
+            "s.toml:6:16: grids have 4 or 8 neighbours",
+        ),
+    ];
+    let wrong: Vec<String> = cases
+        .iter()
+        .map(|(text, expected)| (fault(text), expected))
+        .filter(|(told, expected)| !told.starts_with(*expected))
+        .map(|(told, expected)| format!("told      {told}\nexpected  {expected}\n"))
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_suite_on_the_command_line_is_blamed_there() {
+    let text = with("scen = \"empty-8-8-random-1.scen\"\nagents = [10]");
+    let error = read_with(&text, &["protocol.repeats=0"]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "--set protocol.repeats=0: `repeats` is not between 1 and 1000000"
+    );
+    let suite = read_with(&text, &["budget.wall=2s", "protocol.clock=call"]).unwrap();
+    assert_eq!(suite.budget.wall.as_secs(), 2);
 }

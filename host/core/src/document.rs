@@ -524,8 +524,10 @@ impl<'t, 'a> Value<'t, 'a> {
             DeValue::String(text) => Ok(text.as_ref().into()),
             DeValue::Boolean(flag) => Ok((*flag).into()),
             DeValue::Integer(integer) => {
-                let value = i64::from_str_radix(integer.as_str(), integer.radix());
-                number(value.ok().map(Into::into))
+                let (text, radix) = (integer.as_str(), integer.radix());
+                let value = i64::from_str_radix(text, radix).map(Into::into);
+                let value = value.or_else(|_| u64::from_str_radix(text, radix).map(Into::into));
+                number(value.ok())
             }
             DeValue::Float(float) => {
                 let value = float.as_str().parse().ok();

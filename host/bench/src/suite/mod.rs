@@ -19,6 +19,7 @@ use fleetyard_runtime::Attach;
 use fleetyard_sim::SimConfig;
 use serde_json::{Map, Value};
 
+use crate::evaluate::Order;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 use instances::InstanceSet;
 pub use question::{MazeOrigin, Origin, Question};
@@ -77,7 +78,7 @@ pub struct Protocol {
     /// By which rule paths are judged.
     pub path_rule: PathRule,
     /// What planners are ranked by after their success rate.
-    pub ranking: Ranking,
+    pub ranking: Order,
 }
 
 impl Default for Protocol {
@@ -89,7 +90,7 @@ impl Default for Protocol {
             reuse: Reuse::Never,
             clock: Clock::Host,
             path_rule: PathRule::Steps,
-            ranking: Ranking::Text,
+            ranking: Order::default(),
         }
     }
 }
@@ -112,15 +113,6 @@ pub enum Clock {
     Call,
 }
 
-/// The two lexicographic orders of the maze paper, whose text and appendix differ.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ranking {
-    /// Success rate, comparable mean time, mean expansions, overall mean time, name.
-    Text,
-    /// Formula (23) of the appendix, which has comparable length third.
-    Appendix,
-}
-
 macro_rules! names {
     ($type:ident: $($variant:ident = $name:literal),*) => {
         impl $type {
@@ -138,7 +130,6 @@ macro_rules! names {
 
 names!(Reuse: Never = "never", Planner = "planner");
 names!(Clock: Host = "host", Call = "call");
-names!(Ranking: Text = "text", Appendix = "appendix");
 
 /// A planner of a suite.
 #[derive(Debug, Clone)]

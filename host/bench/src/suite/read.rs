@@ -13,11 +13,12 @@ use fleetyard_world::{
 };
 use serde_json::Map;
 
+use crate::evaluate::Order;
 use crate::options::{BudgetOptions, SandboxOptions};
 
 use super::instances::{Generated, InstanceSet, Kind, Mazes, Numbers, SeriesSeeds, Teams};
 use super::settings::{self, BUDGET, EXECUTION, SANDBOX};
-use super::{Clock, Contestant, Named, Protocol, Ranking, Reuse, Suite};
+use super::{Clock, Contestant, Named, Protocol, Reuse, Suite};
 
 /// Every table of a suite file with its keys; the root has no name.
 pub const KEYS: &[(&str, &[&str])] = &[
@@ -311,10 +312,12 @@ fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
         protocol.path_rule = rule.choice(&rules)?;
     }
     if let Some(ranking) = table.get("ranking") {
-        protocol.ranking = ranking.choice(Ranking::CHOICES)?;
+        protocol.ranking = ranking.choice(RANKINGS)?;
     }
     Ok(protocol)
 }
+
+const RANKINGS: &[(&str, Order)] = &[("text", Order::Text), ("appendix", Order::Appendix)];
 
 fn planners(root: &Table<'_, '_>, paths: &Paths<'_>) -> Result<Vec<Contestant>, InputError> {
     let mut planners: Vec<Contestant> = Vec::new();
