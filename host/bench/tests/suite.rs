@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fleetyard_bench::suite::{Question, Suite};
+use fleetyard_bench::suite::{KEYS, Question, Suite, load_suite};
 use fleetyard_bench::{BudgetOptions, Robots};
 use fleetyard_core::document::Setting;
 use fleetyard_core::{Connectivity, InputError};
@@ -536,4 +536,58 @@ fn a_suite_on_the_command_line_is_blamed_there() {
     );
     let suite = read_with(&text, &["budget.wall=2s", "protocol.clock=call"]).unwrap();
     assert_eq!(suite.budget.wall.as_secs(), 2);
+}
+
+/// The part of a page under a heading.
+fn section<'p>(page: &'p str, heading: &str) -> &'p str {
+    let start = page
+        .find(&format!("\n## {heading}\n"))
+        .unwrap_or_else(|| panic!("no section {heading}"));
+    let part = &page[start + 4..];
+    &part[..part.find("\n## ").unwrap_or(part.len())]
+}
+
+#[test]
+fn the_page_has_every_key_and_no_other() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/suites.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    for (table, keys) in KEYS {
+        let heading = match *table {
+            "" => "The whole file".to_owned(),
+            "series" => "Numbers".to_owned(),
+            "planner" | "instances" => format!("`[[{table}]]`"),
+            "maze" | "generate" => format!("`{table}`"),
+            _ => format!("`[{table}]`"),
+        };
+        let documented: Vec<&str> = section(&page, &heading)
+            .lines()
+            .filter_map(|line| line.strip_prefix("| `")?.split_once('`'))
+            .map(|(key, _)| key)
+            .collect();
+        assert_eq!(documented, *keys, "{heading}");
+    }
+    let examples: Vec<&str> = page
+        .split("```toml\n")
+        .skip(1)
+        .filter_map(|rest| rest.split("```").next())
+        .collect();
+    assert_eq!(examples.len(), 3);
+    for example in examples {
+        let known = |_: &str| Some("/data".to_owned());
+        Suite::read("docs/suites.md", example, &[], Path::new(""), &known).unwrap();
+    }
+}
+
+#[test]
+fn the_suites_of_the_repository_can_be_read() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/suites");
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let suite = load_suite(&path).unwrap_or_else(|error| panic!("{error} {:?}", error.hint));
+        assert!(!suite.questions().unwrap().is_empty(), "{}", path.display());
+        names.push(suite.name);
+    }
+    names.sort();
+    assert!(names.contains(&"first".to_owned()) && names.contains(&"maze-table3".to_owned()));
 }
