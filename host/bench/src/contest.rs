@@ -1,0 +1,425 @@
+//! A suite that is ready to run: its planners found and asked what they are, its instances
+//! counted, every trial with its key.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use fleetyard_abi::c::PluginEntry;
+use fleetyard_abi::{Descriptor, Kind};
+use fleetyard_check::metrics;
+use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
+use fleetyard_runtime::measure::{Cpus, Machine};
+use fleetyard_runtime::{
+    Attach, Discovery, Fault, Found, Level, Runtime, SandboxReport, Termination, Trust,
+};
+use fleetyard_sim::NoTrace;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::candidate::{Candidate, GivenOptions, Running};
+use crate::error::BenchError;
+use crate::plan::{Planned, Schedule};
+use crate::record::{Ending, Record};
+use crate::row::{Incumbent, Row};
+use crate::suite::{Clock, Contestant, MazeOrigin, Origin, Question, Reuse, Suite};
+use crate::trial::{Host, Trial, milliseconds};
+use crate::trial_error::TrialError;
+
+/// A suite with its planners and instances.
+pub struct Contest<'s> {
+    suite: &'s Suite,
+    host: Host,
+    entrants: Vec<Entrant>,
+    questions: Vec<Question>,
+    schedule: Schedule,
+    /// The instance that was asked last: its trials follow each other.
+    latest: Option<(usize, GridInstance)>,
+    pin: Option<Pin>,
+}
+
+/// Where planners ran.
+#[derive(Debug, Clone, Serialize)]
+pub struct Pin {
+    /// The processors that they had to themselves.
+    pub cpus: Option<Cpus>,
+    /// Why they had none.
+    pub not_pinned: Option<String>,
+}
+
+/// A planner of the suite that was found, and has said what it is.
+pub struct Entrant {
+    /// What it is called in the suite.
+    pub label: String,
+    /// Its code.
+    pub candidate: Candidate,
+    /// What it says of itself.
+    pub descriptor: Descriptor,
+    /// Its options, checked.
+    pub options: Map<String, Value>,
+    /// How it is attached.
+    pub attach: Attach,
+    /// What its sandbox was, once a process of it has ended.
+    pub sandbox: Option<SandboxReport>,
+    given: GivenOptions,
+    wanted: Option<Attach>,
+    running: Option<Running>,
+}
+
+impl<'s> Contest<'s> {
+    /// Finds the planners of a suite and starts each of them once, so that a name, an
+    /// option or a file that is wrong shows before any budget is spent.
+    pub fn new(
+        suite: &'s Suite,
+        built_in: &'static [&'static PluginEntry],
+        trust: Trust,
+    ) -> Result<Self, BenchError> {
+        let questions = suite.questions()?;
+        let apart = suite
+            .planners
+            .iter()
+            .all(|planner| planner.attach != Some(Attach::InProcess));
+        let mut sandbox = suite.sandbox.clone();
+        sandbox.trust = trust;
+        let host = Host::new(built_in, suite.budget.clone(), sandbox, apart)?;
+        let keep = suite.protocol.reuse == Reuse::Planner;
+        let mut entrants = Vec::new();
+        for contestant in &suite.planners {
+            entrants.push(Entrant::new(contestant, &host.runtime, keep)?);
+        }
+        let context = context(suite);
+        let planners: Vec<Digest> = entrants
+            .iter()
+            .map(|entrant| entrant.digest(&context))
+            .collect();
+        for (index, digest) in planners.iter().enumerate() {
+            if let Some(twin) = planners[..index].iter().position(|other| other == digest) {
+                let reason = format!(
+                    "`{}` is the same as `{}`: the same code, options and attachment",
+                    entrants[index].label, entrants[twin].label
+                );
+                let place = &suite.planners[index].plugin_place;
+                return Err(place
+                    .error(reason)
+                    .hint("remove one of them; `repeats` asks a planner several times")
+                    .into());
+            }
+        }
+        let instances = questions
+            .iter()
+            .map(Question::digest)
+            .collect::<Result<_, InputError>>()?;
+        let protocol = &suite.protocol;
+        let schedule = Schedule::new(
+            planners,
+            instances,
+            protocol.seeds.clone(),
+            protocol.repeats,
+            protocol.warm_ups,
+        );
+        Ok(Self {
+            suite,
+            host,
+            entrants,
+            questions,
+            schedule,
+            latest: None,
+            pin: None,
+        })
+    }
+
+    /// The suite.
+    pub fn suite(&self) -> &'s Suite {
+        self.suite
+    }
+
+    /// Its trials.
+    pub fn schedule(&self) -> &Schedule {
+        &self.schedule
+    }
+
+    /// Its planners, in the order of the suite.
+    pub fn entrants(&self) -> &[Entrant] {
+        &self.entrants
+    }
+
+    /// Its instances, in the order of the suite.
+    pub fn questions(&self) -> &[Question] {
+        &self.questions
+    }
+
+    /// The longest that a trial may take, if its planner has to be started for it.
+    pub fn longest(&self) -> Duration {
+        let budget = self.host.budget();
+        let grace = budget.grace.unwrap_or(Duration::ZERO);
+        let ending = self.host.runtime.limits().ending;
+        [budget.startup, budget.prepare_wall(), budget.wall, grace, ending]
+            .into_iter()
+            .fold(Duration::ZERO, Duration::saturating_add)
+    }
+
+    /// Makes a trial. What goes wrong with a planner is in the row; an error is something
+    /// that makes going on useless.
+    pub fn trial(&mut self, planned: &Planned) -> Result<Row, BenchError> {
+        let started_unix_ms = now_unix_ms();
+        if self.latest.as_ref().is_none_or(|(index, _)| *index != planned.instance) {
+            let instance = self.questions[planned.instance].instance()?;
+            self.latest = Some((planned.instance, instance));
+        }
+        // Just put there.
+        let Some((_, instance)) = &self.latest else {
+            return Err(InputError::new("suite", "there is no such instance").into());
+        };
+        let origin = self.questions[planned.instance].origin();
+        let entrant = &mut self.entrants[planned.planner];
+        let mut row = Row {
+            key: self.schedule.key(planned),
+            trial: planned.number,
+            planner: entrant.label.clone(),
+            planner_id: entrant.descriptor.id.clone(),
+            planner_version: entrant.descriptor.version.clone(),
+            planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
+            options: Value::Object(entrant.options.clone()).to_string(),
+            attach: name(&entrant.attach),
+            ranked: entrant.attach != Attach::InProcess
+                && self.host.runtime.limits().policy.level != Level::None,
+            instance_digest: instance.digest().to_string(),
+            agents: instance.agents() as u64,
+            connectivity: instance.connectivity().degree(),
+            map_rows: instance.grid().rows(),
+            map_cols: instance.grid().cols(),
+            budget_ms: milliseconds(self.host.budget().wall),
+            seed: planned.seed,
+            repeat: planned.repeat,
+            machine: Machine::here().digest().to_string(),
+            started_unix_ms,
+            ..Row::default()
+        };
+        let trial = Trial {
+            host: &self.host,
+            candidate: &entrant.candidate,
+            attach: entrant.wanted,
+            options: &entrant.given,
+            instance,
+            scenario: &origin.scenario,
+            seed: planned.seed,
+            config: &self.suite.config,
+            robots: self.suite.robots.as_ref(),
+        };
+        let outcome = match self.suite.protocol.reuse {
+            Reuse::Planner => trial.run_again(&mut entrant.running, &mut NoTrace),
+            Reuse::Never => trial.run(&mut NoTrace),
+        };
+        match outcome {
+            Ok(outcome) => {
+                if outcome.record.sandbox.is_some() {
+                    entrant.sandbox.clone_from(&outcome.record.sandbox);
+                }
+                self.pin.get_or_insert_with(|| Pin {
+                    cpus: outcome.record.measurement.cpus.clone(),
+                    not_pinned: outcome.record.measurement.not_pinned.clone(),
+                });
+                row.fill(&outcome.record, self.suite.protocol.clock);
+            }
+            Err(error) => {
+                let termination = match &error {
+                    TrialError::Fault(fault) => Termination::from(fault),
+                    TrialError::Incapable { .. } => Termination::Unsupported,
+                    _ => {
+                        let planner = entrant.label.clone();
+                        return Err(BenchError::Trial { planner, error });
+                    }
+                };
+                row.termination = termination.to_string();
+                row.fault = Some(error.to_string());
+                let bound = metrics(instance, &GridPlan::default(), self.suite.config.cell_size_m);
+                row.lower_bound_steps = bound.lower_bound_steps;
+            }
+        }
+        row.place(origin);
+        Ok(row)
+    }
+
+    /// Where planners ran, once one did.
+    pub fn pin(&self) -> Option<&Pin> {
+        self.pin.as_ref()
+    }
+
+    /// Ends the processes that were kept; by then planners know what their sandboxes were.
+    pub fn finish(&mut self) {
+        for entrant in &mut self.entrants {
+            if let Some(running) = entrant.running.take() {
+                let closing = running.close();
+                entrant.sandbox = closing.sandbox.or(entrant.sandbox.take());
+            }
+        }
+    }
+}
+
+impl Entrant {
+    fn new(contestant: &Contestant, runtime: &Runtime, keep: bool) -> Result<Self, BenchError> {
+        let place = &contestant.plugin_place;
+        let blamed = |error: TrialError| {
+            let place = match error {
+                TrialError::Options(_) => &contestant.options_place,
+                _ => place,
+            };
+            let fault = place.error(error.to_string());
+            match error.hint() {
+                Some(hint) => fault.hint(hint),
+                None => fault,
+            }
+        };
+        let found: Found = Discovery::from_environment()
+            .find(runtime, Some(Kind::Planner), &contestant.plugin)
+            .map_err(|fault| blamed(fault.into()))?;
+        let candidate = Candidate::new(runtime, found, &contestant.plugin)
+            .map_err(|fault: Fault| blamed(fault.into()))?;
+        let attach = candidate.attach(contestant.attach);
+        let given = GivenOptions::Values(contestant.options.clone());
+        let running = candidate.start(runtime, attach, &given).map_err(blamed)?;
+        let mut entrant = Self {
+            label: contestant.label.clone(),
+            descriptor: running.descriptor.clone(),
+            options: running.options.clone(),
+            attach,
+            sandbox: None,
+            candidate,
+            given,
+            wanted: contestant.attach,
+            running: None,
+        };
+        if keep {
+            entrant.running = Some(running);
+        } else {
+            entrant.sandbox = running.close().sandbox;
+        }
+        Ok(entrant)
+    }
+
+    /// Stands for the planner as it is asked in this suite.
+    fn digest(&self, context: &str) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.entrant/1");
+        let code = self.candidate.digest();
+        hasher.bytes(&code.map_or([0; 16], |digest| digest.0.to_le_bytes()));
+        hasher.bytes(self.descriptor.id.as_bytes());
+        hasher.bytes(name(&self.attach).as_bytes());
+        hasher.bytes(Value::Object(self.options.clone()).to_string().as_bytes());
+        hasher.bytes(context.as_bytes());
+        hasher.finish()
+    }
+}
+
+/// All of a suite that results may depend on, beside planners, instances, seeds and repeats.
+fn context(suite: &Suite) -> String {
+    let sandbox = &suite.sandbox;
+    let protocol = &suite.protocol;
+    format!(
+        "{:?} {:?} {} {} {:?} {:?} {:?} {:?} {:?} {}",
+        suite.budget,
+        sandbox.policy,
+        sandbox.output_bytes,
+        sandbox.pin,
+        suite.config,
+        suite.robots,
+        protocol.reuse,
+        protocol.clock,
+        protocol.path_rule,
+        protocol.warm_ups,
+    )
+}
+
+/// A name as it is in JSON.
+fn name(value: &impl Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(Value::String(name)) => name,
+        other => other.unwrap_or_default().to_string(),
+    }
+}
+
+/// The time of day, in milliseconds since 1970.
+pub fn now_unix_ms() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |since| since.as_millis() as u64)
+}
+
+impl Row {
+    /// Where the instance comes from.
+    fn place(&mut self, origin: Origin) {
+        self.map = origin.map;
+        self.scenario = origin.scenario;
+        let Some(MazeOrigin {
+            index,
+            seed,
+            width,
+            height,
+            algorithm,
+        }) = origin.maze
+        else {
+            return;
+        };
+        self.maze_index = Some(index);
+        self.maze_seed = Some(seed);
+        self.maze_width = Some(width);
+        self.maze_height = Some(height);
+        self.maze_algorithm = Some(name(&algorithm));
+    }
+
+    /// What the record of the trial says.
+    fn fill(&mut self, record: &Record, clock: Clock) {
+        let metrics = &record.metrics;
+        self.termination = record.termination.to_string();
+        self.fault.clone_from(&record.fault);
+        self.limit_exceeded = record.limit.map(|limit| limit.to_string());
+        self.claim = record.claim.map(|claim| claim.to_string());
+        self.message.clone_from(&record.message);
+        self.valid = record.plan_digest.is_some() && record.verdict.valid;
+        self.violations = record.verdict.violation_count;
+        let first = record.verdict.violations.first();
+        self.first_violation = first.map(|violation| violation.sentence.clone());
+        self.success = record.ending() == Ending::Success;
+        self.planning_time_ms = metrics.planning_time_ms;
+        self.call_time_ms = metrics.call_time_ms;
+        self.solve_time_ms = match clock {
+            Clock::Host => metrics.planning_time_ms,
+            // A planner that was stopped did not come to say how long it took.
+            Clock::Call => metrics.call_time_ms.unwrap_or(metrics.planning_time_ms),
+        };
+        self.startup_time_ms = record.measurement.startup_ms;
+        self.prepare_time_ms = metrics.prepare_time_ms;
+        self.first_solution_ms = metrics.first_solution_ms;
+        self.soc_steps = metrics.soc_steps;
+        self.makespan_steps = metrics.makespan_steps;
+        self.lower_bound_steps = metrics.lower_bound_steps;
+        self.suboptimality = metrics.suboptimality;
+        self.path_length_cells = metrics.length_cells;
+        self.path_length_m = metrics.length_m;
+        self.expansions = record.claimed_metrics.get("expansions").copied();
+        if let Some(execution) = &record.execution {
+            self.arrived = Some(execution.arrived.into());
+            self.simulated_s = Some(execution.simulated_s);
+            self.rtf = Some(execution.rtf);
+            self.contacts = Some(execution.contacts);
+            self.nearest_approach_m = execution.nearest_approach_m;
+            self.tracking_error_max_m = Some(execution.tracking_error_max_m);
+            self.execution_makespan_s = execution.makespan_s;
+            self.throughput_per_s = (execution.simulated_s > 0.0)
+                .then(|| f64::from(execution.arrived) / execution.simulated_s);
+            self.trace_digest = Some(execution.trace_digest.to_string());
+        }
+        self.cpu_time_ms = record.measurement.plan.cpu_ms;
+        let usage = record.resources.as_ref();
+        self.peak_memory_kb = usage.and_then(|usage| usage.peak_memory_kb);
+        let contended = record.measurement.contended.iter();
+        let contended: Vec<String> = contended.map(ToString::to_string).collect();
+        self.contended = contended.join("; ");
+        self.plan_digest = record.plan_digest.map(|digest| digest.to_string());
+        self.incumbents = metrics
+            .incumbents
+            .iter()
+            .map(|plan| Incumbent {
+                time_ms: plan.time_ms,
+                soc_steps: plan.soc_steps,
+                valid: plan.valid,
+            })
+            .collect();
+    }
+}

@@ -1,0 +1,35 @@
+//! Why a suite cannot be run, as opposed to how its trials went.
+
+use fleetyard_core::InputError;
+
+use crate::trial_error::TrialError;
+
+/// Why a suite cannot be run or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// A suite, a file that it names or a store is not what it must be.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A trial could not be made at all.
+    #[error("{planner}: {error}")]
+    Trial {
+        /// The planner's label.
+        planner: String,
+        /// Why.
+        error: TrialError,
+    },
+    /// The host cannot run plugins here.
+    #[error("cannot run plugins: {0}")]
+    Host(#[from] std::io::Error),
+}
+
+impl BenchError {
+    /// What to do about it.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::Input(error) => error.hint.clone(),
+            Self::Trial { error, .. } => error.hint(),
+            Self::Host(_) => None,
+        }
+    }
+}

@@ -1,0 +1,782 @@
+//! `fleetyard bench`: every planner of a suite on every instance, into a store.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use fleetyard_bench::evaluate::{Evaluation, Order, PlannerSummary, SOLVE_TIME, Trials};
+use fleetyard_bench::{
+    Asked, Contest, Counts, Manifest, Meta, Planned, Progress, Ran, Row, Shard, SharedStore, Step,
+    Store, Suite, Verified, changes, now_unix_ms, rough, run, verify,
+};
+use fleetyard_core::document::Setting;
+use fleetyard_core::{InputError, shown, write_atomically};
+use fleetyard_runtime::on_interrupt;
+use indicatif::ProgressBar;
+use serde::Serialize;
+
+use super::quoted;
+use crate::args::{Format, TrustArgs};
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::setup::trust;
+use crate::{BUILT_IN, output};
+
+/// How often a line says how far a run is, where there is no terminal.
+const EVERY: Duration = Duration::from_secs(10);
+
+/// How often programs are told.
+const FILE_EVERY: Duration = Duration::from_secs(1);
+
+/// How many of the first steps a dry run shows.
+const SHOWN: usize = 12;
+
+/// How many differing trials are listed for people.
+const DIFFERENCES: usize = 20;
+
+/// Run a suite: every planner on every instance.
+#[derive(Debug, Args)]
+pub(crate) struct Bench {
+    /// The suite, a TOML file
+    pub(crate) suite: PathBuf,
+    /// Where trials are kept [default: the suite's name with .sqlite, in the current folder]
+    #[arg(long, value_name = "FILE")]
+    store: Option<PathBuf>,
+    /// Go on with a store that has trials: make those that are missing
+    #[arg(long)]
+    resume: bool,
+    /// Run one of N parts of the suite, such as 2/8; `fleetyard store merge` joins their stores
+    #[arg(long, value_name = "I/N", default_value_t = Shard::ALL, hide_default_value = true)]
+    shard: Shard,
+    /// Give a key of the suite another value, such as budget.wall=1s; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
+    settings: Vec<Setting>,
+    /// Say what would be run and how long it may take, and run nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Make recorded trials again and compare plans and executions; exit code 1 if any differs
+    #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
+    verify: bool,
+    /// How many trials to make again, spread evenly over planners and instances [default: all]
+    #[arg(long, value_name = "N", requires = "verify",
+          value_parser = clap::value_parser!(u64).range(1..))]
+    verify_sample: Option<u64>,
+    /// A file for programs that watch the run: how many trials are done, as JSON
+    #[arg(long, value_name = "FILE", hide = true)]
+    progress_file: Option<PathBuf>,
+    #[command(flatten)]
+    trust: TrustArgs,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+fn setting(text: &str) -> std::result::Result<Setting, String> {
+    Setting::new("--set", text).map_err(|error| match error.hint {
+        Some(hint) => format!("{}: {hint}", error.reason),
+        None => error.reason,
+    })
+}
+
+pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
+    let suite = Suite::load_with(&arguments.suite, &arguments.settings)?;
+    let place = arguments
+        .store
+        .clone()
+        .unwrap_or_else(|| PathBuf::from(format!("{}.sqlite", suite.name)));
+    if arguments.verify {
+        return verification(arguments, &suite, &place);
+    }
+    // What stands in the way is said before any planner is started, and the store is ours
+    // from here on.
+    let there = match place.symlink_metadata() {
+        Ok(_) if !arguments.dry_run => Some(existing(arguments, &suite, &place)?),
+        _ => None,
+    };
+    let mut contest = contest(arguments, &suite)?;
+    if arguments.dry_run {
+        return dry_run(arguments, &contest, &place);
+    }
+    let meta = meta(&contest, there.as_ref())?;
+    let begun = begin(&contest, &meta, there, &place)?;
+    let outcome = go(arguments, &mut contest, &meta, &begun.store, &place)?;
+    report(arguments, &contest, &place, &begun, outcome)
+}
+
+fn contest<'s>(arguments: &Bench, suite: &'s Suite) -> Result<Contest<'s>> {
+    Ok(Contest::new(suite, BUILT_IN, trust(&arguments.trust)?)?)
+}
+
+/// A store that is there, if it may be gone on with.
+fn existing(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Store> {
+    let store = Store::open(place)?;
+    let (current, superseded) = store.counts()?;
+    if current + superseded == 0 {
+        return Ok(store);
+    }
+    let before = store.meta()?.suite;
+    let refused = |reason: String, hint: &str| {
+        Err(InputError::new(place.display().to_string(), reason)
+            .hint(hint)
+            .into())
+    };
+    if before != suite.name {
+        let reason = format!(
+            "the store belongs to the suite `{}`, and this is `{}`",
+            shown(&before),
+            suite.name
+        );
+        return refused(reason, "name another store with --store");
+    }
+    if !arguments.resume {
+        let reason = format!("the store has {} already", trials(current + superseded));
+        return refused(
+            reason,
+            "go on with it by --resume, or name another store with --store",
+        );
+    }
+    Ok(store)
+}
+
+fn meta(contest: &Contest<'_>, there: Option<&Store>) -> Result<Meta> {
+    let suite = contest.suite();
+    Ok(Meta {
+        suite: suite.name.clone(),
+        suite_text: suite.text.clone(),
+        suite_values: suite.normal(),
+        suite_digest: contest.schedule().digest().to_string(),
+        fleetyard: env!("CARGO_PKG_VERSION").into(),
+        created_unix_ms: match there {
+            Some(store) => store.meta()?.created_unix_ms,
+            None => now_unix_ms(),
+        },
+    })
+}
+
+/// A store that is ready to be written.
+struct Begun {
+    store: SharedStore,
+    /// What is no longer as it was when the store's trials were made.
+    changes: Vec<String>,
+    /// Trials that are kept apart for it.
+    superseded: u64,
+}
+
+fn begin(
+    contest: &Contest<'_>,
+    meta: &Meta,
+    there: Option<Store>,
+    place: &Path,
+) -> Result<Begun> {
+    let mut changed = Vec::new();
+    let mut store = match there {
+        None => Store::create(place, meta)?,
+        Some(mut store) => {
+            changed = changes(contest, &store, meta)?;
+            adopt(contest, &mut store, meta)?;
+            store
+        }
+    };
+    let superseded = store.counts()?.1;
+    for line in &changed {
+        output::note(&format!("changed since the store was written: {line}"));
+    }
+    if superseded > 0 {
+        output::note(&format!(
+            "{} of an earlier state {} kept apart and {} not counted",
+            trials(superseded),
+            if superseded == 1 { "is" } else { "are" },
+            if superseded == 1 { "is" } else { "are" },
+        ));
+    }
+    store.add_machine(
+        fleetyard_runtime::measure::Machine::here().digest(),
+        &serde_json::to_string(fleetyard_runtime::measure::Machine::here()).map_err(internal)?,
+    )?;
+    for entrant in contest.entrants() {
+        if let Some(digest) = entrant.candidate.digest() {
+            store.add_code(digest, entrant.candidate.code())?;
+        }
+    }
+    Ok(Begun {
+        store: SharedStore::new(store),
+        changes: changed,
+        superseded,
+    })
+}
+
+fn adopt(contest: &Contest<'_>, store: &mut Store, meta: &Meta) -> Result<()> {
+    let schedule = contest.schedule();
+    let asked: Vec<(Planned, String)> = schedule
+        .trials()
+        .map(|planned| (planned, schedule.key(&planned)))
+        .collect();
+    let asked = asked.iter().map(|(planned, key)| Asked {
+        key,
+        trial: planned.number,
+        planner: &contest.entrants()[planned.planner].label,
+    });
+    Ok(store.adopt(meta, asked)?)
+}
+
+/// What came of a run, and how long it took.
+struct Outcome {
+    ran: Ran,
+    elapsed: Duration,
+}
+
+/// Makes what is missing. An interrupt ends it here: the trial in flight is lost with its
+/// planner, and everything else is kept.
+fn go(
+    arguments: &Bench,
+    contest: &mut Contest<'_>,
+    meta: &Meta,
+    store: &SharedStore,
+    place: &Path,
+) -> Result<Outcome> {
+    let schedule = contest.schedule().clone();
+    let shard = arguments.shard;
+    let asked = schedule.len_of(shard);
+    let part = (shard != Shard::ALL).then(|| shard.to_string());
+    let manifest = Manifest::new(contest, meta, place, part, now_unix_ms());
+    let manifest = Arc::new(Mutex::new(manifest));
+    let record = {
+        let manifest = Arc::clone(&manifest);
+        let place = place.to_owned();
+        move |store: &Store| -> std::result::Result<u64, InputError> {
+            let (stored, superseded) = store.counts()?;
+            let mut manifest = manifest.lock().unwrap_or_else(PoisonError::into_inner);
+            manifest.count(Counts {
+                asked,
+                stored,
+                superseded,
+            });
+            manifest.write(&place)?;
+            Ok(stored)
+        }
+    };
+    store.with(|store| record(store).map(drop))?;
+    interrupted(store.clone(), record.clone(), asked, resume_line(arguments));
+    let started = Instant::now();
+    let longest = contest.longest();
+    let mut watch = Watch::new(arguments, asked);
+    let ran = run(
+        &schedule,
+        shard,
+        store,
+        longest,
+        &mut |planned| contest.trial(planned),
+        &mut |row, progress| watch.ended(row, progress),
+    );
+    watch.finish();
+    let elapsed = started.elapsed();
+    contest.finish();
+    manifest
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .end(contest, now_unix_ms());
+    // What failed first is what matters, and a manifest that is not written then is not.
+    let written = store.with(|store| record(store).map(drop));
+    let ran = ran?;
+    written?;
+    Ok(Outcome { ran, elapsed })
+}
+
+/// What to do when the process is told to end.
+fn interrupted(
+    store: SharedStore,
+    record: impl Fn(&Store) -> std::result::Result<u64, InputError> + Send + 'static,
+    asked: u64,
+    resume: String,
+) {
+    let installed = on_interrupt(move |signal| {
+        store.close(|store| {
+            if let Some(store) = store {
+                match record(&store) {
+                    Ok(stored) => output::note(&format!(
+                        "interrupted; {stored} of {} are stored",
+                        trials(asked)
+                    )),
+                    Err(error) => output::warning(&error.to_string()),
+                }
+                drop(store);
+                output::hint(&format!("go on with `{resume}`"));
+            }
+            // As a shell says it of a process that a signal has ended.
+            std::process::exit(128 + signal);
+        });
+    });
+    if let Err(error) = installed {
+        output::warning(&format!("an interrupt will not be reported: {error}"));
+    }
+}
+
+/// The command that goes on with a run.
+fn resume_line(arguments: &Bench) -> String {
+    let mut words: Vec<String> = std::env::args().collect();
+    if let Some(program) = words.first_mut() {
+        "fleetyard".clone_into(program);
+    }
+    if !arguments.resume {
+        words.push("--resume".into());
+    }
+    let words: Vec<String> = words.iter().map(|word| quoted(word)).collect();
+    words.join(" ")
+}
+
+/// Tells people and programs how far a run is.
+struct Watch<'a> {
+    bar: ProgressBar,
+    file: Option<&'a Path>,
+    said: Instant,
+    told: Option<Instant>,
+    /// Planners whose first fault was shown; the others are in the store.
+    faulty: BTreeSet<String>,
+}
+
+/// How far a run is, for programs.
+#[derive(Serialize)]
+struct Told {
+    done: u64,
+    trials: u64,
+}
+
+impl<'a> Watch<'a> {
+    fn new(arguments: &'a Bench, total: u64) -> Self {
+        Self {
+            bar: output::bar(total, "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {msg}"),
+            file: arguments.progress_file.as_deref(),
+            said: Instant::now(),
+            told: None,
+            faulty: BTreeSet::new(),
+        }
+    }
+
+    fn ended(&mut self, row: &Row, progress: &Progress) {
+        let Progress {
+            done,
+            total,
+            failed,
+            left,
+        } = progress;
+        if let Some(fault) = &row.fault
+            && self.faulty.insert(row.planner.clone())
+        {
+            let text = format!("{} on {}: {fault}", row.planner, place_of(row));
+            self.bar.suspend(|| output::warning(&text));
+        }
+        self.bar.set_position(*done);
+        self.bar.set_message(format!("{failed} failed, {left}"));
+        if self.bar.is_hidden() && self.said.elapsed() >= EVERY {
+            self.said = Instant::now();
+            output::note(&format!("{done} of {total} trials, {failed} failed, {left}"));
+        }
+        let due = self.told.is_none_or(|told| told.elapsed() >= FILE_EVERY);
+        if due || done == total {
+            self.tell(*done, *total);
+        }
+    }
+
+    fn tell(&mut self, done: u64, trials: u64) {
+        let Some(file) = self.file else { return };
+        self.told = Some(Instant::now());
+        let written = serde_json::to_vec(&Told { done, trials })
+            .map_err(|error| error.to_string())
+            .and_then(|text| write_atomically(file, &text).map_err(|error| error.to_string()));
+        if let Err(error) = written {
+            // Said once: the trials themselves do not depend on it.
+            self.file = None;
+            output::warning(&error);
+        }
+    }
+
+    fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn place_of(row: &Row) -> String {
+    format!("{}, {}, {} agents", row.map, row.scenario, row.agents)
+}
+
+fn trials(count: u64) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} trial{plural}")
+}
+
+/// What a run came to, as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    format: &'static str,
+    suite: &'a str,
+    store: &'a Path,
+    manifest: PathBuf,
+    shard: Option<String>,
+    /// Trials of this part of the suite.
+    asked: u64,
+    /// In the store before, of this part.
+    before: u64,
+    made: u64,
+    /// Of those that were made.
+    failed: u64,
+    superseded: u64,
+    changes: &'a [String],
+    elapsed_ms: f64,
+    evaluation: &'a Evaluation,
+}
+
+fn report(
+    arguments: &Bench,
+    contest: &Contest<'_>,
+    place: &Path,
+    begun: &Begun,
+    Outcome { ran, elapsed }: Outcome,
+) -> Result<Exit> {
+    let rows = begun.store.with(|store| store.rows())?;
+    // From here on others may write.
+    begun.store.close(drop);
+    let trials_of = Trials::new(&rows);
+    let suite = contest.suite();
+    let order = match suite.protocol.ranking {
+        fleetyard_bench::Ranking::Text => Order::Text,
+        fleetyard_bench::Ranking::Appendix => Order::Appendix,
+    };
+    let evaluation = Evaluation::of(&trials_of, order);
+    let asked = contest.schedule().len_of(arguments.shard);
+    let shard = (arguments.shard != Shard::ALL).then(|| arguments.shard.to_string());
+    match arguments.format {
+        Format::Json => output::print_json(&Report {
+            format: "fleetyard.bench/1",
+            suite: &suite.name,
+            store: place,
+            manifest: Manifest::path(place),
+            shard,
+            asked,
+            before: ran.before,
+            made: ran.made,
+            failed: ran.failed,
+            superseded: begun.superseded,
+            changes: &begun.changes,
+            elapsed_ms: elapsed.as_secs_f64() * 1000.0,
+            evaluation: &evaluation,
+        })?,
+        Format::Text => {
+            let mut text = table(&evaluation);
+            text += &format!(
+                "\n\n{} made in {:.1} s",
+                trials(ran.made),
+                elapsed.as_secs_f64()
+            );
+            if ran.before > 0 {
+                text += &format!(", {} there before", ran.before);
+            }
+            if let Some(shard) = shard {
+                text += &format!("; shard {shard}");
+            }
+            let contended = evaluation.overview.contended;
+            if contended > 0 {
+                text += &format!(
+                    "\n{} disturbed by others: the times of these cannot be compared",
+                    trials(contended as u64)
+                );
+            }
+            text += &format!(
+                "\nstore     {}\nmanifest  {}",
+                place.display(),
+                Manifest::path(place).display()
+            );
+            output::print(&output::plain(&text))?;
+        }
+    }
+    Ok(Exit::Success)
+}
+
+/// The planners, best first.
+fn table(evaluation: &Evaluation) -> String {
+    let header = [
+        "planner", "cases", "solved", "median ms", "mean ms", "SoC", "failures",
+    ];
+    let value = |planner: &PlannerSummary, column: &str, median: bool| {
+        let metric = fleetyard_bench::evaluate::Metric::named(column);
+        let summary = metric.and_then(|metric| planner.metric(metric));
+        summary.map_or(String::new(), |found| {
+            let of = &found.summary;
+            fleetyard_bench::number(if median { of.median } else { of.mean })
+        })
+    };
+    let lines = evaluation.planners.iter().map(|planner| {
+        let reasons = planner.reasons.iter();
+        let reasons: Vec<String> = reasons
+            .map(|reason| format!("{} {}", reason.trials, reason.reason))
+            .collect();
+        vec![
+            planner.planner.clone(),
+            planner.cases.to_string(),
+            planner.successes.to_string(),
+            value(planner, SOLVE_TIME.column, true),
+            value(planner, SOLVE_TIME.column, false),
+            value(planner, "soc_steps", false),
+            reasons.join(", "),
+        ]
+    });
+    output::table(&header, lines.collect(), &[1, 2, 3, 4, 5])
+}
+
+/// What would be run, as JSON.
+#[derive(Serialize)]
+struct Plan<'a> {
+    format: &'static str,
+    suite: &'a str,
+    store: &'a Path,
+    shard: Option<String>,
+    planners: Vec<&'a str>,
+    instances: usize,
+    seeds: &'a [u64],
+    repeats: u32,
+    /// Trials of this part, warm-ups aside.
+    trials: u64,
+    warm_ups: u64,
+    /// In the store already, of this part.
+    there: u64,
+    /// If everybody used up all that budgets allow.
+    at_most_s: f64,
+    first: Vec<Next<'a>>,
+}
+
+/// A step that would be made.
+#[derive(Serialize)]
+struct Next<'a> {
+    warm_up: bool,
+    trial: u64,
+    planner: &'a str,
+    instance: String,
+    seed: u64,
+    repeat: u32,
+}
+
+fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exit> {
+    let (schedule, suite) = (contest.schedule(), contest.suite());
+    let keys = match place.symlink_metadata() {
+        Ok(_) => Store::open_read_only(place)?.keys()?,
+        Err(_) => BTreeSet::new(),
+    };
+    let missing = |planned: &Planned| keys.is_empty() || !keys.contains(&schedule.key(planned));
+    let mut warm_ups = 0;
+    let mut wanted = 0;
+    let mut first = Vec::new();
+    for step in schedule.order(arguments.shard) {
+        let (Step::WarmUp(planned) | Step::Trial(planned)) = step;
+        let warm_up = matches!(step, Step::WarmUp(_));
+        if warm_up {
+            warm_ups += 1;
+        } else if missing(&planned) {
+            wanted += 1;
+        } else {
+            continue;
+        }
+        if first.len() < SHOWN {
+            first.push(Next {
+                warm_up,
+                trial: planned.number,
+                planner: &contest.entrants()[planned.planner].label,
+                instance: contest.questions()[planned.instance].to_string(),
+                seed: planned.seed,
+                repeat: planned.repeat,
+            });
+        }
+    }
+    let trials_of = schedule.len_of(arguments.shard);
+    let at_most = contest
+        .longest()
+        .saturating_mul(u32::try_from(wanted + warm_ups).unwrap_or(u32::MAX));
+    let plan = Plan {
+        format: "fleetyard.bench-plan/1",
+        suite: &suite.name,
+        store: place,
+        shard: (arguments.shard != Shard::ALL).then(|| arguments.shard.to_string()),
+        planners: suite
+            .planners
+            .iter()
+            .map(|planner| planner.label.as_str())
+            .collect(),
+        instances: contest.questions().len(),
+        seeds: &suite.protocol.seeds,
+        repeats: suite.protocol.repeats,
+        trials: trials_of,
+        warm_ups,
+        there: trials_of - wanted,
+        at_most_s: at_most.as_secs_f64(),
+        first,
+    };
+    match arguments.format {
+        Format::Json => output::print_json(&plan)?,
+        Format::Text => {
+            let mut text = format!(
+                "suite      {}\nstore      {}\nplanners   {}\ninstances  {}\nseeds      {}\nrepeats    {}\ntrials     {}",
+                plan.suite,
+                plan.store.display(),
+                plan.planners.join(", "),
+                plan.instances,
+                plan.seeds.len(),
+                plan.repeats,
+                plan.trials,
+            );
+            if let Some(shard) = &plan.shard {
+                text += &format!(" in shard {shard}");
+            }
+            if plan.there > 0 {
+                text += &format!(", {} of them there already", plan.there);
+            }
+            if plan.warm_ups > 0 {
+                text += &format!("\nwarm-ups   {}", plan.warm_ups);
+            }
+            text += &format!("\ntime       at most {}", rough(at_most));
+            let lines = plan.first.iter().map(|next| {
+                vec![
+                    if next.warm_up {
+                        "warm-up".to_owned()
+                    } else {
+                        next.trial.to_string()
+                    },
+                    next.planner.to_owned(),
+                    next.instance.clone(),
+                    next.seed.to_string(),
+                    next.repeat.to_string(),
+                ]
+            });
+            let header = ["trial", "planner", "instance", "seed", "repeat"];
+            text += "\n\n";
+            text += &output::table(&header, lines.collect(), &[0, 3, 4]);
+            let rest = (wanted + warm_ups) - plan.first.len() as u64;
+            if rest > 0 {
+                text += &format!("\n… and {rest} more");
+            }
+            output::print(&output::plain(&text))?;
+        }
+    }
+    Ok(Exit::Success)
+}
+
+/// What came of making trials again, as JSON.
+#[derive(Serialize)]
+struct Verification<'a> {
+    format: &'static str,
+    suite: &'a str,
+    store: &'a Path,
+    /// Trials that belong to an earlier state of the suite or of a planner's code.
+    superseded: u64,
+    changes: &'a [String],
+    #[serde(flatten)]
+    verified: &'a Verified,
+}
+
+fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> {
+    let store = Store::open_read_only(place)?;
+    let mut contest = contest(arguments, suite)?;
+    let meta = meta(&contest, Some(&store))?;
+    let changed = changes(&contest, &store, &meta)?;
+    let rows = store.rows()?;
+    let schedule = contest.schedule().clone();
+    let keys: BTreeSet<String> = schedule
+        .trials()
+        .map(|planned| schedule.key(&planned))
+        .collect();
+    let other = rows.iter().filter(|row| !keys.contains(&row.key)).count() as u64;
+    let superseded = other + store.counts()?.1;
+    for line in &changed {
+        output::note(&format!("changed since the store was written: {line}"));
+    }
+    let bar = output::bar(0, "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left");
+    let verified = verify(
+        &schedule,
+        arguments.shard,
+        &rows,
+        arguments.verify_sample,
+        &mut |planned| contest.trial(planned),
+        &mut |done, of| {
+            bar.set_length(of);
+            bar.set_position(done);
+        },
+    );
+    bar.finish_and_clear();
+    contest.finish();
+    let verified = verified?;
+    if verified.equal + verified.not_comparable + verified.differ.len() as u64 == 0 {
+        let reason = "the store has no trial of this state of the suite";
+        return Err(Failure::from(
+            InputError::new(place.display().to_string(), reason)
+                .hint("`fleetyard bench SUITE --resume` makes them"),
+        ));
+    }
+    match arguments.format {
+        Format::Json => output::print_json(&Verification {
+            format: "fleetyard.verification/1",
+            suite: &suite.name,
+            store: place,
+            superseded,
+            changes: &changed,
+            verified: &verified,
+        })?,
+        Format::Text => {
+            let text = verification_text(&verified, superseded);
+            output::print(&output::plain(&text))?;
+        }
+    }
+    Ok(if verified.differ.is_empty() && verified.nondeterministic.is_empty() {
+        Exit::Success
+    } else {
+        Exit::NoPlan
+    })
+}
+
+fn verification_text(verified: &Verified, superseded: u64) -> String {
+    let mut text = format!(
+        "{} made again: {} equal, {} different",
+        trials(verified.equal + verified.differ.len() as u64),
+        verified.equal,
+        verified.differ.len()
+    );
+    for (count, what) in [
+        (
+            verified.not_comparable,
+            "not comparable: ended by their time or another limit",
+        ),
+        (verified.left_out, "not in the sample"),
+        (superseded, "of an earlier state of the suite or its planners"),
+    ] {
+        if count > 0 {
+            text += &format!("\n{} {what}", trials(count));
+        }
+    }
+    for planner in &verified.nondeterministic {
+        text += &format!("\n`{planner}` gives different results for the same seed");
+    }
+    if verified.differ.is_empty() {
+        return text;
+    }
+    let header = [
+        "planner", "map", "scenario", "agents", "seed", "repeat", "differs", "recorded", "now",
+    ];
+    let lines = verified.differ.iter().take(DIFFERENCES).map(|found| {
+        let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "none".into());
+        vec![
+            found.planner.clone(),
+            found.map.clone(),
+            found.scenario.clone(),
+            found.agents.to_string(),
+            found.seed.to_string(),
+            found.repeat.to_string(),
+            found.what.name().to_owned(),
+            text(&found.recorded),
+            text(&found.now),
+        ]
+    });
+    text += "\n\n";
+    text += &output::table(&header, lines.collect(), &[3, 4, 5]);
+    let rest = verified.differ.len().saturating_sub(DIFFERENCES);
+    if rest > 0 {
+        text += &format!("\n… and {rest} more; --format json has all");
+    }
+    text
+}
