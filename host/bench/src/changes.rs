@@ -9,7 +9,11 @@ use crate::contest::Contest;
 use crate::store::{Meta, Store};
 
 /// In words, a line each: values of the suite, and planners' code.
-pub fn changes(contest: &Contest<'_>, store: &Store, meta: &Meta) -> Result<Vec<String>, InputError> {
+pub fn changes(
+    contest: &Contest<'_>,
+    store: &Store,
+    meta: &Meta,
+) -> Result<Vec<String>, InputError> {
     let before = store.meta()?;
     let mut lines = suite_changes(&before.suite_values, &meta.suite_values);
     let planners = store.planners()?;
@@ -47,7 +51,11 @@ pub fn changes(contest: &Contest<'_>, store: &Store, meta: &Meta) -> Result<Vec<
 fn suite_changes(before: &str, now: &str) -> Vec<String> {
     let [before, now] = [before, now].map(|text| {
         let mut values = BTreeMap::new();
-        flatten("", &serde_json::from_str(text).unwrap_or_default(), &mut values);
+        flatten(
+            "",
+            &serde_json::from_str(text).unwrap_or_default(),
+            &mut values,
+        );
         values
     });
     let names: BTreeSet<&String> = before.keys().chain(now.keys()).collect();
@@ -96,12 +104,15 @@ mod tests {
         let before = r#"{"name": "a", "budget": {"wall": "10s"}, "planner": [{"plugin": "pibt"}]}"#;
         let now = r#"{"name": "b", "budget": {"wall": "5s", "nodes": 7},
             "planner": [{"plugin": "pibt", "options": {"horizon": 3}}, {"plugin": "lacam"}]}"#;
-        assert_eq!(suite_changes(before, now), [
-            "`budget.nodes` was not given and is 7",
-            r#"`budget.wall` was "10s" and is "5s""#,
-            "`planner[1].options.horizon` was not given and is 3",
-            r#"`planner[2].plugin` was not given and is "lacam""#,
-        ]);
+        assert_eq!(
+            suite_changes(before, now),
+            [
+                "`budget.nodes` was not given and is 7",
+                r#"`budget.wall` was "10s" and is "5s""#,
+                "`planner[1].options.horizon` was not given and is 3",
+                r#"`planner[2].plugin` was not given and is "lacam""#,
+            ]
+        );
         assert_eq!(
             suite_changes(r#"{"seeds": [0]}"#, "{}"),
             ["`seeds` was [0] and is not given"]

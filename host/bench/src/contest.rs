@@ -151,16 +151,26 @@ impl<'s> Contest<'s> {
         let budget = self.host.budget();
         let grace = budget.grace.unwrap_or(Duration::ZERO);
         let ending = self.host.runtime.limits().ending;
-        [budget.startup, budget.prepare_wall(), budget.wall, grace, ending]
-            .into_iter()
-            .fold(Duration::ZERO, Duration::saturating_add)
+        [
+            budget.startup,
+            budget.prepare_wall(),
+            budget.wall,
+            grace,
+            ending,
+        ]
+        .into_iter()
+        .fold(Duration::ZERO, Duration::saturating_add)
     }
 
     /// Makes a trial. What goes wrong with a planner is in the row; an error is something
     /// that makes going on useless.
     pub fn trial(&mut self, planned: &Planned) -> Result<Row, BenchError> {
         let started_unix_ms = now_unix_ms();
-        if self.latest.as_ref().is_none_or(|(index, _)| *index != planned.instance) {
+        if self
+            .latest
+            .as_ref()
+            .is_none_or(|(index, _)| *index != planned.instance)
+        {
             let instance = self.questions[planned.instance].instance()?;
             self.latest = Some((planned.instance, instance));
         }
@@ -201,6 +211,7 @@ impl<'s> Contest<'s> {
             instance,
             scenario: &origin.scenario,
             seed: planned.seed,
+            path_rule: self.suite.protocol.path_rule,
             config: &self.suite.config,
             robots: self.suite.robots.as_ref(),
         };
@@ -230,7 +241,11 @@ impl<'s> Contest<'s> {
                 };
                 row.termination = termination.to_string();
                 row.fault = Some(error.to_string());
-                let bound = metrics(instance, &GridPlan::default(), self.suite.config.cell_size_m);
+                let bound = metrics(
+                    instance,
+                    &GridPlan::default(),
+                    self.suite.config.cell_size_m,
+                );
                 row.lower_bound_steps = bound.lower_bound_steps;
             }
         }
@@ -360,7 +375,7 @@ impl Row {
         self.maze_seed = Some(seed);
         self.maze_width = Some(width);
         self.maze_height = Some(height);
-        self.maze_algorithm = Some(name(&algorithm));
+        self.maze_algorithm = Some(algorithm.name().to_owned());
     }
 
     /// What the record of the trial says.
@@ -390,7 +405,7 @@ impl Row {
         self.makespan_steps = metrics.makespan_steps;
         self.lower_bound_steps = metrics.lower_bound_steps;
         self.suboptimality = metrics.suboptimality;
-        self.path_length_cells = metrics.length_cells;
+        self.path_length_cells = metrics.length_cells.map(|cells| cells as f64);
         self.path_length_m = metrics.length_m;
         self.expansions = record.claimed_metrics.get("expansions").copied();
         if let Some(execution) = &record.execution {

@@ -3,21 +3,31 @@
 #![forbid(unsafe_code)]
 
 mod candidate;
+mod changes;
 pub mod claims;
+mod contest;
+mod error;
 pub mod evaluate;
 pub mod export;
+mod manifest;
 mod options;
 mod plan;
 mod record;
 mod row;
 pub mod slurm;
+mod run;
 pub mod statistics;
 mod store;
 pub mod suite;
 mod trial;
 mod trial_error;
+mod verify;
 
 pub use candidate::{Candidate, GivenOptions, Running};
+pub use changes::changes;
+pub use contest::{Contest, Entrant, Pin, now_unix_ms};
+pub use error::BenchError;
+pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
 pub use plan::{Planned, Schedule, Shard, Step};
 pub use record::{
@@ -25,6 +35,8 @@ pub use record::{
     PlannerInfo, Record, VerdictInfo, number,
 };
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
+pub use run::{Left, Progress, Ran, SharedStore, rough, run};
 pub use store::{Asked, Merged, Meta, Store, schema};
 pub use trial::{Host, Outcome, Trial, execute, milliseconds};
 pub use trial_error::TrialError;
+pub use verify::{Difference, Verified, What, verify};

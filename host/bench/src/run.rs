@@ -327,7 +327,10 @@ mod tests {
         let (low, high) = estimate.left().expected.unwrap();
         let error = 2.0 * (40.0_f64 / 3.0 + 100.0 / 3.0).sqrt();
         assert!((low.as_secs_f64() - (20.0 - error)).abs() < 1e-6, "{low:?}");
-        assert!((high.as_secs_f64() - (20.0 + error)).abs() < 1e-6, "{high:?}");
+        assert!(
+            (high.as_secs_f64() - (20.0 + error)).abs() < 1e-6,
+            "{high:?}"
+        );
         let mut short = Estimate::new(Duration::from_secs(3));
         (0..14).for_each(|_| short.expect(0));
         for seconds in [1, 3, 1, 3] {

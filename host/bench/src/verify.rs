@@ -150,7 +150,11 @@ fn difference(row: &Row, now: &Row) -> Option<(What, Option<String>, Option<Stri
     let ended = |row: &Row| Some(row.termination.clone());
     [
         (What::Plan, row.plan_digest.clone(), now.plan_digest.clone()),
-        (What::Trace, row.trace_digest.clone(), now.trace_digest.clone()),
+        (
+            What::Trace,
+            row.trace_digest.clone(),
+            now.trace_digest.clone(),
+        ),
         (What::Termination, ended(row), ended(now)),
     ]
     .into_iter()
@@ -192,7 +196,12 @@ mod tests {
             instance_digest: planned.instance.to_string(),
             seed: planned.seed,
             repeat: planned.repeat,
-            termination: if planned.planner == 3 { "timed-out" } else { "completed" }.into(),
+            termination: if planned.planner == 3 {
+                "timed-out"
+            } else {
+                "completed"
+            }
+            .into(),
             plan_digest: Some(plan),
             budget_ms: 10.0,
             planning_time_ms: 1.0,

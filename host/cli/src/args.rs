@@ -18,6 +18,8 @@ use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
 use fleetyard_sim::{Policy, Tier};
 
 use crate::commands::jobs::Jobs;
+use crate::commands::bench::Bench;
+use crate::commands::store::Stores;
 use crate::exit;
 
 /// Runs, executes and judges multi-robot planners.
@@ -34,6 +36,11 @@ pub(crate) enum Command {
     Run(Run),
     /// Run several planners on the same instances and show who did better
     Compare(Compare),
+    /// Run a suite: every planner on every instance
+    Bench(Bench),
+    /// Look at the stores of suites and join them
+    #[command(subcommand)]
+    Store(Stores),
     /// Say whether a plan is valid, and what it costs
     Validate(Validate),
     /// Execute a plan in the simulator

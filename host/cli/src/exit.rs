@@ -3,6 +3,7 @@
 use std::fmt;
 
 use fleetyard_bench::{Ending, TrialError, slurm};
+use fleetyard_bench::{BenchError, Ending, TrialError};
 use fleetyard_core::InputError;
 use fleetyard_runtime::{Fault, OptionError};
 use fleetyard_sim::SimError;
@@ -159,6 +160,20 @@ impl From<TrialError> for Failure {
             exit,
             message,
             hint,
+        }
+    }
+}
+
+impl From<BenchError> for Failure {
+    fn from(error: BenchError) -> Self {
+        let message = error.to_string();
+        match error {
+            BenchError::Input(error) => error.into(),
+            BenchError::Trial { error, .. } => Self {
+                message,
+                ..Self::from(error)
+            },
+            BenchError::Host(_) => internal(message),
         }
     }
 }

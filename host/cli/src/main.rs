@@ -35,6 +35,8 @@ fn dispatch(command: Command) -> Result<Exit> {
     match command {
         Command::Run(arguments) => commands::run::run(&arguments),
         Command::Compare(arguments) => commands::compare::compare(&arguments),
+        Command::Bench(arguments) => commands::bench::bench(&arguments),
+        Command::Store(what) => commands::store::stores(&what),
         Command::Convert(arguments) => commands::convert::convert(&arguments),
         Command::Validate(arguments) => commands::validate::validate(&arguments),
         Command::Simulate(arguments) => commands::simulate::simulate(&arguments),

@@ -83,14 +83,21 @@ pub(crate) fn table(header: &[&str], rows: Vec<Vec<String>>, numbers: &[usize]) 
     lines.join("\n")
 }
 
-/// A progress bar when standard error is a terminal.
+/// A progress bar of trials when standard error is a terminal.
 pub(crate) fn progress(total: u64) -> ProgressBar {
+    bar(
+        total,
+        "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left  {msg}",
+    )
+}
+
+/// A progress bar that looks like `template`, when standard error is a terminal.
+pub(crate) fn bar(total: u64, template: &str) -> ProgressBar {
     if !io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::new(total);
-    let style = "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left  {msg}";
-    if let Ok(style) = ProgressStyle::with_template(style) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     bar

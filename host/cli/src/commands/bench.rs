@@ -6,10 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use fleetyard_bench::evaluate::{Evaluation, Order, PlannerSummary, SOLVE_TIME, Trials};
+use fleetyard_bench::evaluate::{Evaluation, PlannerSummary, SOLVE_TIME, Trials};
+use fleetyard_bench::suite::Suite;
 use fleetyard_bench::{
     Asked, Contest, Counts, Manifest, Meta, Planned, Progress, Ran, Row, Shard, SharedStore, Step,
-    Store, Suite, Verified, changes, now_unix_ms, rough, run, verify,
+    Store, Verified, changes, now_unix_ms, rough, run, verify,
 };
 use fleetyard_core::document::Setting;
 use fleetyard_core::{InputError, shown, write_atomically};
@@ -163,12 +164,7 @@ struct Begun {
     superseded: u64,
 }
 
-fn begin(
-    contest: &Contest<'_>,
-    meta: &Meta,
-    there: Option<Store>,
-    place: &Path,
-) -> Result<Begun> {
+fn begin(contest: &Contest<'_>, meta: &Meta, there: Option<Store>, place: &Path) -> Result<Begun> {
     let mut changed = Vec::new();
     let mut store = match there {
         None => Store::create(place, meta)?,
@@ -345,7 +341,10 @@ struct Told {
 impl<'a> Watch<'a> {
     fn new(arguments: &'a Bench, total: u64) -> Self {
         Self {
-            bar: output::bar(total, "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {msg}"),
+            bar: output::bar(
+                total,
+                "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {msg}",
+            ),
             file: arguments.progress_file.as_deref(),
             said: Instant::now(),
             told: None,
@@ -370,7 +369,9 @@ impl<'a> Watch<'a> {
         self.bar.set_message(format!("{failed} failed, {left}"));
         if self.bar.is_hidden() && self.said.elapsed() >= EVERY {
             self.said = Instant::now();
-            output::note(&format!("{done} of {total} trials, {failed} failed, {left}"));
+            output::note(&format!(
+                "{done} of {total} trials, {failed} failed, {left}"
+            ));
         }
         let due = self.told.is_none_or(|told| told.elapsed() >= FILE_EVERY);
         if due || done == total {
@@ -438,10 +439,7 @@ fn report(
     begun.store.close(drop);
     let trials_of = Trials::new(&rows);
     let suite = contest.suite();
-    let order = match suite.protocol.ranking {
-        fleetyard_bench::Ranking::Text => Order::Text,
-        fleetyard_bench::Ranking::Appendix => Order::Appendix,
-    };
+    let order = suite.protocol.ranking;
     let evaluation = Evaluation::of(&trials_of, order);
     let asked = contest.schedule().len_of(arguments.shard);
     let shard = (arguments.shard != Shard::ALL).then(|| arguments.shard.to_string());
@@ -495,7 +493,13 @@ fn report(
 /// The planners, best first.
 fn table(evaluation: &Evaluation) -> String {
     let header = [
-        "planner", "cases", "solved", "median ms", "mean ms", "SoC", "failures",
+        "planner",
+        "cases",
+        "solved",
+        "median ms",
+        "mean ms",
+        "SoC",
+        "failures",
     ];
     let value = |planner: &PlannerSummary, column: &str, median: bool| {
         let metric = fleetyard_bench::evaluate::Metric::named(column);
@@ -687,7 +691,10 @@ fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> 
     for line in &changed {
         output::note(&format!("changed since the store was written: {line}"));
     }
-    let bar = output::bar(0, "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left");
+    let bar = output::bar(
+        0,
+        "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left",
+    );
     let verified = verify(
         &schedule,
         arguments.shard,
@@ -723,11 +730,13 @@ fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> 
             output::print(&output::plain(&text))?;
         }
     }
-    Ok(if verified.differ.is_empty() && verified.nondeterministic.is_empty() {
-        Exit::Success
-    } else {
-        Exit::NoPlan
-    })
+    Ok(
+        if verified.differ.is_empty() && verified.nondeterministic.is_empty() {
+            Exit::Success
+        } else {
+            Exit::NoPlan
+        },
+    )
 }
 
 fn verification_text(verified: &Verified, superseded: u64) -> String {
@@ -743,7 +752,10 @@ fn verification_text(verified: &Verified, superseded: u64) -> String {
             "not comparable: ended by their time or another limit",
         ),
         (verified.left_out, "not in the sample"),
-        (superseded, "of an earlier state of the suite or its planners"),
+        (
+            superseded,
+            "of an earlier state of the suite or its planners",
+        ),
     ] {
         if count > 0 {
             text += &format!("\n{} {what}", trials(count));

@@ -18,6 +18,7 @@ use crate::args::{Cli, InstanceArgs};
 use crate::exit::{Exit, Result};
 use crate::output;
 
+pub(crate) mod bench;
 pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod convert;
@@ -30,6 +31,7 @@ pub(crate) mod plugins;
 pub(crate) mod run;
 mod show;
 pub(crate) mod simulate;
+pub(crate) mod store;
 pub(crate) mod trace;
 pub(crate) mod validate;
 mod validate_plane;

@@ -1,0 +1,614 @@
+//! `fleetyard bench` and `fleetyard store`: suites that run, are interrupted, killed, split
+//! and made again.
+
+mod common;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::Instant;
+
+use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root, until};
+use fleetyard_bench::{Row, Store};
+
+/// A suite of two planners on a small map; `more` stands before its tables.
+fn suite(agents: &str, more: &str) -> String {
+    let maps = root().join("maps").display().to_string();
+    format!(
+        r#"name = "small"
+
+[protocol]
+reuse = "planner"
+{more}
+
+[budget]
+wall = "1m"
+
+[[planner]]
+plugin = "pibt"
+attach = "in-process"
+
+[[planner]]
+label = "LaCAM"
+plugin = "lacam"
+options = {{ anytime = false }}
+
+[[instances]]
+scen = ["{maps}/empty-8-8-random-1.scen"]
+agents = {agents}
+"#
+    )
+}
+
+fn rows(path: &Path) -> Vec<Row> {
+    Store::open_read_only(path).unwrap().rows().unwrap()
+}
+
+/// What of a row does not depend on the clock.
+fn lasting(rows: &[Row]) -> Vec<String> {
+    rows.iter()
+        .map(|row| {
+            format!(
+                "{} {} {} {} {} {} {:?} {:?} {:?}",
+                row.key,
+                row.trial,
+                row.planner,
+                row.agents,
+                row.termination,
+                row.success,
+                row.soc_steps,
+                row.plan_digest,
+                row.trace_digest
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn a_suite_runs_goes_on_and_says_what_changed() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("[1, 3, 5]", "seeds = [0, 1]"));
+    let ended = yard.line("bench s.toml --format json").expect(SUCCESS);
+    let report = ended.json();
+    assert_eq!(report["made"], 12, "{ended}");
+    assert_eq!(report["failed"], 0, "{ended}");
+    assert_eq!(
+        report["evaluation"]["planners"].as_array().unwrap().len(),
+        2
+    );
+    assert_eq!(
+        yard.files(),
+        ["s.toml", "small.manifest.json", "small.sqlite"]
+            .map(str::to_owned)
+            .into()
+    );
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&yard.read("small.manifest.json")).unwrap();
+    assert_eq!(manifest["trials"]["stored"], 12);
+    assert!(manifest["ended_unix_ms"].is_u64());
+    assert_eq!(manifest["planners"][1]["label"], "LaCAM");
+    assert!(manifest["planners"][1]["sandbox"]["layers"].is_array());
+    let first = rows(&yard.path("small.sqlite"));
+    assert_eq!(first.len(), 12);
+    let numbers: Vec<u64> = first.iter().map(|row| row.trial).collect();
+    assert_eq!(numbers, (0..12).collect::<Vec<_>>());
+    // Every planner is first in every other round.
+    let mut by_time: Vec<&Row> = first.iter().collect();
+    by_time.sort_by_key(|row| row.started_unix_ms);
+    let places: BTreeSet<&str> = by_time
+        .chunks(2)
+        .map(|round| round[0].planner.as_str())
+        .collect();
+    assert_eq!(places.len(), 2);
+    let row = &first[1];
+    assert_eq!(
+        (row.planner.as_str(), row.attach.as_str()),
+        ("LaCAM", "worker")
+    );
+    assert_eq!(row.options, r#"{"anytime":false}"#);
+    assert!(row.success && row.solve_time_ms > 0.0 && row.plan_digest.is_some());
+    assert!(!first[0].ranked, "in the host's process");
+    // Nothing is missing.
+    let refused = yard.line("bench s.toml").expect(INPUT);
+    assert!(refused.stderr.contains("12 trials already"), "{refused}");
+    assert!(
+        refused.stderr.contains("hint: go on with it by --resume"),
+        "{refused}"
+    );
+    let again = yard
+        .line("bench s.toml --resume --format json")
+        .expect(SUCCESS);
+    assert_eq!(again.json()["made"], 0);
+    assert_eq!(rows(&yard.path("small.sqlite")), first);
+    // Another budget is another trial: what there was is kept, apart.
+    let ended = yard
+        .line("bench s.toml --resume --set budget.wall=30s --format json")
+        .expect(SUCCESS);
+    assert!(
+        ended
+            .stderr
+            .contains(r#"`budget.wall` was "1m" and is "30s""#),
+        "{ended}"
+    );
+    assert_eq!(ended.json()["made"], 12);
+    assert_eq!(ended.json()["superseded"], 12);
+    let info = yard
+        .line("store info small.sqlite --format json")
+        .expect(SUCCESS);
+    assert_eq!(info.json()["trials"], 12);
+    assert_eq!(info.json()["superseded"], 12);
+    let ended = yard
+        .line("bench s.toml --resume --format json")
+        .expect(SUCCESS);
+    assert_eq!(
+        (&ended.json()["made"], &ended.json()["superseded"]),
+        (&0.into(), &12.into())
+    );
+    assert_eq!(rows(&yard.path("small.sqlite")), first);
+    let other = yard.line("bench s.toml --resume --store small.sqlite --set name=big");
+    let other = other.expect(INPUT);
+    assert!(
+        other.stderr.contains("belongs to the suite `small`"),
+        "{other}"
+    );
+}
+
+#[test]
+fn a_dry_run_shows_the_plan_and_writes_nothing() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("[1, 3, 5]", "repeats = 2\nwarm_ups = 1"));
+    let plan = yard
+        .line("bench s.toml --dry-run --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(
+        (&plan["trials"], &plan["warm_ups"]),
+        (&12.into(), &6.into())
+    );
+    assert_eq!(plan["first"][0]["warm_up"], true);
+    // Startup, learning the map, planning and ending: two budgets of a minute each, and a minute
+    // and two seconds.
+    assert_eq!(plan["at_most_s"], 18.0 * 182.0);
+    let text = yard
+        .line("bench s.toml --dry-run --shard 1/3")
+        .expect(SUCCESS)
+        .stdout;
+    assert!(text.contains("trials     4 in shard 1/3"), "{text}");
+    assert!(text.contains("warm-up  pibt"), "{text}");
+    assert_eq!(yard.files(), BTreeSet::from(["s.toml".into()]));
+}
+
+#[test]
+fn bad_input_is_said_before_anything_runs() {
+    let yard = Yard::new();
+    let good = suite("[1]", "");
+    let cases = [
+        (
+            "planner",
+            good.replace("\"pibt\"", "\"pibd\""),
+            "no planner",
+            12,
+        ),
+        ("option", good.replace("anytime", "anytim"), "anytim", 18),
+        ("key", good.replace("attach", "atach"), "`atach`", 13),
+        ("budget", good.replace("\"1m\"", "\"0s\""), "`wall`", 8),
+        (
+            "scenario",
+            good.replace("random-1", "random-9"),
+            "random-9",
+            21,
+        ),
+        ("empty", good.replace("[1]", "[]"), "nothing to run", 22),
+        ("agents", good.replace("[1]", "[9999]"), "9999 agents", 22),
+        (
+            "twice",
+            good.replace("lacam", "pibt")
+                .replace("{ anytime = false }", "{}")
+                .replace(
+                    "label = \"LaCAM\"",
+                    "label = \"B\"\nattach = \"in-process\"",
+                ),
+            "the same as",
+            18,
+        ),
+    ];
+    for (name, text, reason, line) in cases {
+        let file = format!("{name}.toml");
+        yard.write(&file, text);
+        let ended = yard.line(&format!("bench {file}")).expect(INPUT);
+        let place = format!("{file}:{line}:");
+        assert!(ended.stderr.contains(reason), "{name}: {ended}");
+        assert!(
+            ended.stderr.contains(&place),
+            "{name} is not at line {line}: {ended}"
+        );
+    }
+    let missing = yard.line("bench nowhere.toml").expect(INPUT);
+    assert!(missing.stderr.contains("no such file"), "{missing}");
+    yard.write("s.toml", good);
+    yard.write(
+        "text.sqlite",
+        "this is no store, whatever its name says".repeat(9),
+    );
+    for (line, code, reason) in [
+        (
+            "bench s.toml --store text.sqlite --resume",
+            INPUT,
+            "no SQLite database",
+        ),
+        ("bench s.toml --verify", INPUT, "there is no such store"),
+        (
+            "bench s.toml --store nowhere/s.sqlite",
+            INPUT,
+            "cannot be locked",
+        ),
+        ("store info text.sqlite", INPUT, "no SQLite database"),
+        (
+            "store merge out.sqlite text.sqlite",
+            INPUT,
+            "no SQLite database",
+        ),
+        ("bench s.toml --shard 3/2", USAGE, "write I/N"),
+        ("bench s.toml --set wall=1s", INPUT, "wall"),
+        ("bench s.toml --verify-sample 3", USAGE, "--verify"),
+    ] {
+        let ended = yard.line(line).expect(code);
+        assert!(ended.stderr.contains(reason), "{line}: {ended}");
+    }
+    let stores = yard
+        .files()
+        .into_iter()
+        .filter(|name| name.contains(".sqlite"));
+    assert_eq!(stores.collect::<Vec<_>>(), ["text.sqlite"]);
+}
+
+#[test]
+fn a_store_of_a_newer_version_is_refused() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("[1]", ""));
+    yard.line("bench s.toml").expect(SUCCESS);
+    let mut store = yard.read("small.sqlite");
+    store[63] += 1;
+    yard.write("small.sqlite", &store);
+    for line in ["bench s.toml --resume", "store info small.sqlite"] {
+        let ended = yard.line(line).expect(INPUT);
+        assert!(ended.stderr.contains("a store of version 2"), "{ended}");
+        assert!(ended.stderr.contains("hint: "), "{ended}");
+    }
+    assert!(yard.read("small.sqlite") == store);
+}
+
+#[test]
+fn whatever_kills_it_no_trial_is_lost_or_doubled() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("{ from = 1, to = 15 }", "repeats = 4"));
+    let started = Instant::now();
+    yard.line("bench s.toml --store whole.sqlite")
+        .expect(SUCCESS);
+    let took = started.elapsed();
+    let whole = rows(&yard.path("whole.sqlite"));
+    assert_eq!(whole.len(), 120);
+    // A linear congruential generator (Knuth's MMIX): the points look random, and are the
+    // same every time.
+    let mut state: u64 = 20_240_601;
+    let mut seen = 0;
+    let path = yard.path("killed.sqlite");
+    for _ in 0..50 {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        let point = took.mul_f64((state >> 33) as f64 / f64::from(1u32 << 31) * 0.7);
+        let mut run = yard.start(&["bench", "s.toml", "--store", "killed.sqlite", "--resume"]);
+        thread::sleep(point);
+        run.child.kill().unwrap();
+        let _ = run.child.wait();
+        if let Ok(store) = Store::open_read_only(&path) {
+            let keys = store.keys().unwrap();
+            assert!(
+                keys.len() >= seen,
+                "trials were lost: {} of {seen}",
+                keys.len()
+            );
+            seen = keys.len();
+        }
+    }
+    let last = yard
+        .line("bench s.toml --store killed.sqlite --resume --format json")
+        .expect(SUCCESS);
+    assert_eq!(last.json()["before"], seen);
+    assert_eq!(lasting(&rows(&path)), lasting(&whole));
+    let left: Vec<String> = yard
+        .files()
+        .into_iter()
+        .filter(|name| name.contains("killed"))
+        .collect();
+    assert_eq!(left, ["killed.manifest.json", "killed.sqlite"]);
+}
+
+#[test]
+fn an_interrupt_keeps_what_there_is_and_says_how_to_go_on() {
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let yard = Yard::new().in_own_group();
+        yard.write("s.toml", suite("{ from = 1, to = 15 }", "repeats = 500"));
+        let run = yard.start(&["bench", "s.toml"]);
+        let path = yard.path("small.sqlite");
+        let stored = || Store::open_read_only(&path).and_then(|store| store.counts());
+        assert!(until(|| stored().is_ok_and(|(count, _)| count > 3)));
+        let host = run
+            .processes()
+            .into_iter()
+            .find(|process| process.id == run.child.id());
+        host.unwrap().signal_group(signal);
+        let mut ended = run.wait();
+        // Planners end with their supervisors, which notice it a moment later.
+        ended.left.clear();
+        let ended = ended.expect(code);
+        let count = rows(&path).len();
+        let said = format!("interrupted; {count} of 15000 trials are stored");
+        assert!(ended.stderr.contains(&said), "{ended}");
+        assert!(
+            ended
+                .stderr
+                .contains("hint: go on with `fleetyard bench s.toml --resume`"),
+            "{ended}"
+        );
+        assert!(!yard.files().contains("small.sqlite.lock"));
+        let manifest: serde_json::Value =
+            serde_json::from_slice(&yard.read("small.manifest.json")).unwrap();
+        assert_eq!(manifest["trials"]["stored"], count);
+    }
+}
+
+#[test]
+fn a_store_has_one_writer() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("{ from = 1, to = 15 }", "repeats = 500"));
+    let mut first = yard.start(&["bench", "s.toml"]);
+    let path = yard.path("small.sqlite");
+    assert!(until(|| path.exists()));
+    let second = yard.line("bench s.toml --resume").expect(INPUT);
+    let said = format!("process {} is writing this store", first.child.id());
+    assert!(second.stderr.contains(&said), "{second}");
+    // Reading is for everybody.
+    yard.line("store info small.sqlite").expect(SUCCESS);
+    first.child.kill().unwrap();
+    first.child.wait().unwrap();
+    yard.line("bench s.toml --resume --set protocol.repeats=1")
+        .expect(SUCCESS);
+}
+
+#[test]
+fn shards_together_are_the_whole() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("[1, 2, 3, 4, 5]", "seeds = [3, 4]"));
+    yard.line("bench s.toml --store whole.sqlite")
+        .expect(SUCCESS);
+    for shard in 1..=3 {
+        let line = format!("bench s.toml --shard {shard}/3 --store {shard}.sqlite --format json");
+        let ended = yard.line(&line).expect(SUCCESS);
+        let expected = if shard == 3 { 4 } else { 8 };
+        assert_eq!(ended.json()["made"], expected);
+    }
+    let merged = yard
+        .line("store merge all.sqlite 1.sqlite 2.sqlite 3.sqlite")
+        .expect(SUCCESS);
+    assert_eq!(merged.stdout.trim(), "all.sqlite has 20 trials");
+    assert_eq!(
+        lasting(&rows(&yard.path("all.sqlite"))),
+        lasting(&rows(&yard.path("whole.sqlite")))
+    );
+    let ended = yard
+        .line("bench s.toml --store all.sqlite --resume --format json")
+        .expect(SUCCESS);
+    assert_eq!(ended.json()["made"], 0);
+    // The same trials, made twice, took different times.
+    let conflict = yard
+        .line("store merge x.sqlite whole.sqlite 1.sqlite")
+        .expect(INPUT);
+    assert!(
+        conflict.stderr.contains("8 trials have two results each"),
+        "{conflict}"
+    );
+    assert!(!yard.path("x.sqlite").exists());
+    yard.line("bench s.toml --set protocol.seeds=[9] --store other.sqlite")
+        .expect(SUCCESS);
+    let other = yard
+        .line("store merge x.sqlite 1.sqlite other.sqlite")
+        .expect(INPUT);
+    assert!(
+        other.stderr.contains("another state of the suite"),
+        "{other}"
+    );
+}
+
+/// A planner that takes every way it can, aborts when it is asked for two agents, and when it is
+/// told so waits for as long as it likes.
+const MOODY: &str = r#"#!/usr/bin/env python3
+import os
+import fleetyard
+
+class Moody(fleetyard.Planner):
+    id = "moody"
+    capabilities = ("grid", "pebble")
+    options_schema = {"type": "object", "properties": {"fickle": {"type": "boolean"}}}
+
+    def __init__(self, options):
+        self.fickle = options.get("fickle", False)
+
+    def plan(self, instance, budget, context):
+        if len(instance.starts) == 2:
+            os.abort()
+        waits = int.from_bytes(os.urandom(4), "little") % 1000 if self.fickle else 0
+        return [[start] * (waits + 1) for start in instance.starts]
+
+fleetyard.run(Moody)
+"#;
+
+fn moody(yard: &Yard, planners: &str, more: &str) -> String {
+    use std::os::unix::fs::PermissionsExt;
+    let path = yard.write("moody.py", MOODY);
+    fs::set_permissions(path, fs::Permissions::from_mode(0o755)).unwrap();
+    let text = suite("[1, 2, 3]", more);
+    let (before, rest) = text.split_once("[[planner]]").unwrap();
+    let (_, after) = rest.split_once("[[instances]]").unwrap();
+    format!("{before}{planners}\n[[instances]]{after}")
+}
+
+#[test]
+fn a_crash_does_not_reach_the_next_trial() {
+    let yard = Yard::new();
+    let planner = "[[planner]]\nlabel = \"moody\"\nplugin = \"./moody.py\"\n";
+    yard.write("s.toml", moody(&yard, planner, "repeats = 2"));
+    let ended = yard.line("bench s.toml").expect(SUCCESS);
+    let found: Vec<(u64, u32, String, bool)> = rows(&yard.path("small.sqlite"))
+        .iter()
+        .map(|row| {
+            let new = row.startup_time_ms.is_some();
+            (row.agents, row.repeat, row.termination.clone(), new)
+        })
+        .collect();
+    let row = |agents, repeat, termination: &str, new| (agents, repeat, termination.into(), new);
+    // A process is kept until it crashes, and then there is another one.
+    assert_eq!(
+        found,
+        [
+            row(1, 0, "completed", true),
+            row(1, 1, "completed", false),
+            row(2, 0, "crashed", false),
+            row(2, 1, "crashed", true),
+            row(3, 0, "completed", true),
+            row(3, 1, "completed", false),
+        ],
+        "{ended}"
+    );
+    assert!(
+        ended.stderr.contains("warning: moody on empty-8-8"),
+        "{ended}"
+    );
+}
+
+#[test]
+fn who_does_not_keep_to_a_seed_is_named() {
+    let yard = Yard::new();
+    let planners = "[[planner]]\nlabel = \"calm\"\nplugin = \"./moody.py\"\n\
+                    [[planner]]\nlabel = \"fickle\"\nplugin = \"./moody.py\"\n\
+                    options = { fickle = true }\n";
+    let text = moody(&yard, planners, "").replace("[1, 2, 3]", "[1, 3]");
+    yard.write("s.toml", text);
+    yard.line("bench s.toml").expect(SUCCESS);
+    let verified = yard
+        .line("bench s.toml --verify --format json")
+        .expect(NO_PLAN);
+    let json = verified.json();
+    assert_eq!(json["equal"], 2, "{verified}");
+    assert_eq!(json["nondeterministic"], serde_json::json!(["fickle"]));
+    assert_eq!(json["differ"].as_array().unwrap().len(), 2);
+    assert_eq!(json["differ"][0]["what"], "plan");
+    let text = yard
+        .line("bench s.toml --verify --verify-sample 2")
+        .expect(NO_PLAN)
+        .stdout;
+    assert!(
+        text.contains("`fickle` gives different results for the same seed"),
+        "{text}"
+    );
+    assert!(text.contains("2 trials not in the sample"), "{text}");
+    // The code is another one: nothing can be said of what it did before.
+    let mut code = yard.read("moody.py");
+    code.extend(b"# changed\n");
+    yard.write("moody.py", code);
+    let none = yard.line("bench s.toml --verify").expect(INPUT);
+    assert!(none.stderr.contains("moody.py is another one"), "{none}");
+    assert!(none.stderr.contains("no trial of this state"), "{none}");
+}
+
+/// Runs a script as root of a mount namespace of its own; what stands in the way, if it cannot be.
+fn with_mounts(yard: &Yard, script: &str) -> Result<(i32, String), String> {
+    let probe = Command::new("unshare")
+        .args([
+            "--mount",
+            "--map-root-user",
+            "mount",
+            "-t",
+            "tmpfs",
+            "none",
+            "/mnt",
+        ])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let mut probe = probe.map_err(|error| format!("unshare: {error}"))?;
+    if !probe.wait().unwrap().success() {
+        let mut why = String::new();
+        let _ = probe.stderr.take().unwrap().read_to_string(&mut why);
+        return Err(why.trim().to_owned());
+    }
+    let ended = Command::new("unshare")
+        .args(["--mount", "--map-root-user", "sh", "-c", script])
+        .current_dir(yard.path(""))
+        .env("FLEETYARD", env!("CARGO_BIN_EXE_fleetyard"))
+        .env("HOME", yard.path(""))
+        .env_remove("FLEETYARD_PLUGIN_PATH")
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&ended.stdout).into_owned()
+        + &String::from_utf8_lossy(&ended.stderr);
+    Ok((ended.status.code().unwrap_or(-1), text))
+}
+
+#[test]
+fn a_full_disk_costs_no_trial_that_was_stored() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("{ from = 1, to = 15 }", "repeats = 40"));
+    fs::create_dir(yard.path("small")).unwrap();
+    let script = r#"
+        mount -t tmpfs -o size=1m none small || exit 99
+        "$FLEETYARD" bench s.toml --store small/s.sqlite > out 2> err
+        echo "full: $?" >> out
+        mount -o remount,size=64m small || exit 99
+        "$FLEETYARD" store info small/s.sqlite --format json > info.json || exit 98
+        "$FLEETYARD" bench s.toml --store small/s.sqlite --resume --format json > more.json || exit 97
+        cp small/s.sqlite whole.sqlite
+    "#;
+    let (code, text) = match with_mounts(&yard, script) {
+        Ok(ended) => ended,
+        Err(why) => {
+            eprintln!("skipped: no mount namespace here: {why}");
+            return;
+        }
+    };
+    assert_eq!(code, 0, "{text}");
+    let read = |name: &str| String::from_utf8_lossy(&yard.read(name)).into_owned();
+    let err = read("err");
+    assert!(read("out").contains("full: 3"), "{} {err}", read("out"));
+    assert!(err.contains("no space is left on the disk"), "{err}");
+    assert!(
+        err.contains("hint: what was stored before is kept"),
+        "{err}"
+    );
+    let json = |name: &str| serde_json::from_str::<serde_json::Value>(&read(name)).unwrap();
+    let stored = json("info.json")["trials"].as_u64().unwrap();
+    assert!((1..1200).contains(&stored), "{stored} trials were stored");
+    assert_eq!(json("more.json")["before"], stored);
+    let rows = rows(&yard.path("whole.sqlite"));
+    assert_eq!(rows.len(), 1200);
+    assert!(rows.iter().all(|row| row.success));
+}
+
+#[test]
+fn without_a_terminal_progress_is_lines_and_a_file() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("[1, 2]", ""));
+    let ended = yard
+        .line("bench s.toml --progress-file p.json")
+        .expect(SUCCESS);
+    assert!(ended.stdout.starts_with("planner"), "{ended}");
+    assert!(ended.stdout.contains("4 trials made in "), "{ended}");
+    let told: serde_json::Value = serde_json::from_slice(&yard.read("p.json")).unwrap();
+    assert_eq!(told, serde_json::json!({"done": 4, "trials": 4}));
+    // Quick ones say nothing in between.
+    assert!(!ended.stderr.contains("left"), "{ended}");
+}
