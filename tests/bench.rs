@@ -428,6 +428,8 @@ fn shards_together_are_the_whole() {
 /// told so waits for as long as it likes.
 const MOODY: &str = r#"#!/usr/bin/env python3
 import os
+import sys
+sys.path.insert(0, "{sdk}")
 import fleetyard
 
 class Moody(fleetyard.Planner):
@@ -435,13 +437,10 @@ class Moody(fleetyard.Planner):
     capabilities = ("grid", "pebble")
     options_schema = {"type": "object", "properties": {"fickle": {"type": "boolean"}}}
 
-    def __init__(self, options):
-        self.fickle = options.get("fickle", False)
-
     def plan(self, instance, budget, context):
         if len(instance.starts) == 2:
             os.abort()
-        waits = int.from_bytes(os.urandom(4), "little") % 1000 if self.fickle else 0
+        waits = int.from_bytes(os.urandom(4), "little") % 1000 if self.options.get("fickle") else 0
         return [[start] * (waits + 1) for start in instance.starts]
 
 fleetyard.run(Moody)
@@ -449,12 +448,14 @@ fleetyard.run(Moody)
 
 fn moody(yard: &Yard, planners: &str, more: &str) -> String {
     use std::os::unix::fs::PermissionsExt;
-    let path = yard.write("moody.py", MOODY);
+    let sdk = root().join("abi/python").display().to_string();
+    let path = yard.write("moody.py", MOODY.replace("{sdk}", &sdk));
     fs::set_permissions(path, fs::Permissions::from_mode(0o755)).unwrap();
     let text = suite("[1, 2, 3]", more);
     let (before, rest) = text.split_once("[[planner]]").unwrap();
     let (_, after) = rest.split_once("[[instances]]").unwrap();
-    format!("{before}{planners}\n[[instances]]{after}")
+    let sandbox = format!("[sandbox]\nread = [\"{sdk}\"]\n");
+    format!("{before}{sandbox}\n{planners}\n[[instances]]{after}")
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fleetyard_bench::{Asked, COLUMNS, Incumbent, Meta, Row, Store};
+use fleetyard_bench::{Asked, COLUMNS, ColumnType, Incumbent, Meta, Row, Store};
 use fleetyard_core::{Digest, InputError};
 use fleetyard_runtime::CodeFile;
 
@@ -313,4 +313,27 @@ fn a_store_from_before_a_column_was_added_is_read_and_written() {
     alter("ALTER TABLE trials DROP COLUMN map");
     refused(Store::open(&path), "lacks the column `map`");
     refused(Store::open_read_only(&path), "lacks the column `map`");
+}
+
+#[test]
+fn the_guide_has_every_column() {
+    let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/benchmarking.md");
+    let guide = fs::read_to_string(guide).unwrap();
+    let mut table =
+        String::from("| column | type | may be absent | meaning |\n| --- | --- | --- | --- |\n");
+    for column in COLUMNS {
+        let kind = match column.kind {
+            ColumnType::Text => "text",
+            ColumnType::Integer => "integer",
+            ColumnType::Real => "real",
+            ColumnType::Boolean => "boolean",
+        };
+        let optional = if column.optional { "yes" } else { "" };
+        let meaning = column.doc.trim();
+        table += &format!("| `{}` | {kind} | {optional} | {meaning} |\n", column.name);
+    }
+    assert!(
+        guide.contains(&table),
+        "docs/benchmarking.md has to have:\n{table}"
+    );
 }
