@@ -95,14 +95,14 @@ fn a_suite_runs_goes_on_and_says_what_changed() {
     assert_eq!(first.len(), 12);
     let numbers: Vec<u64> = first.iter().map(|row| row.trial).collect();
     assert_eq!(numbers, (0..12).collect::<Vec<_>>());
-    // Every planner is first in every other round.
-    let mut by_time: Vec<&Row> = first.iter().collect();
-    by_time.sort_by_key(|row| row.started_unix_ms);
-    let places: BTreeSet<&str> = by_time
-        .chunks(2)
-        .map(|round| round[0].planner.as_str())
-        .collect();
-    assert_eq!(places.len(), 2);
+    // Neither planner is always first.
+    let rounds = || {
+        first
+            .chunks(2)
+            .map(|round| (round[0].started_unix_ms, round[1].started_unix_ms))
+    };
+    assert!(rounds().any(|(pibt, lacam)| pibt <= lacam));
+    assert!(rounds().any(|(pibt, lacam)| lacam < pibt));
     let row = &first[1];
     assert_eq!(
         (row.planner.as_str(), row.attach.as_str()),
@@ -190,19 +190,19 @@ fn bad_input_is_said_before_anything_runs() {
             "planner",
             good.replace("\"pibt\"", "\"pibd\""),
             "no planner",
-            12,
+            11,
         ),
-        ("option", good.replace("anytime", "anytim"), "anytim", 18),
-        ("key", good.replace("attach", "atach"), "`atach`", 13),
+        ("option", good.replace("anytime", "anytim"), "anytim", 17),
+        ("key", good.replace("attach", "atach"), "`atach`", 12),
         ("budget", good.replace("\"1m\"", "\"0s\""), "`wall`", 8),
         (
             "scenario",
             good.replace("random-1", "random-9"),
             "random-9",
-            21,
+            20,
         ),
-        ("empty", good.replace("[1]", "[]"), "nothing to run", 22),
-        ("agents", good.replace("[1]", "[9999]"), "9999 agents", 22),
+        ("empty", good.replace("[1]", "[]"), "nothing to run", 21),
+        ("agents", good.replace("[1]", "[9999]"), "9999 agents", 21),
         (
             "twice",
             good.replace("lacam", "pibt")
@@ -212,7 +212,7 @@ fn bad_input_is_said_before_anything_runs() {
                     "label = \"B\"\nattach = \"in-process\"",
                 ),
             "the same as",
-            18,
+            17,
         ),
     ];
     for (name, text, reason, line) in cases {
@@ -440,7 +440,7 @@ class Moody(fleetyard.Planner):
     def plan(self, instance, budget, context):
         if len(instance.starts) == 2:
             os.abort()
-        waits = int.from_bytes(os.urandom(4), "little") % 1000 if self.options.get("fickle") else 0
+        waits = int.from_bytes(os.urandom(4), "little") % 20000 if self.options.get("fickle") else 0
         return [[start] * (waits + 1) for start in instance.starts]
 
 fleetyard.run(Moody)

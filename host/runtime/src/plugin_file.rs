@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use fleetyard_core::{Digest, Hasher};
 use serde::{Deserialize, Serialize};
@@ -155,6 +156,15 @@ impl PluginFile {
     /// Stands for the content of the code; of the built-ins, for this program. It
     /// identifies, and is no defence: [`code`](Self::code) is.
     pub fn digest(&self) -> Option<Digest> {
+        // This program does not change while it runs, and is large.
+        static BUILT_IN: OnceLock<Option<Digest>> = OnceLock::new();
+        match self {
+            Self::BuiltIn => *BUILT_IN.get_or_init(|| self.read_digest()),
+            _ => self.read_digest(),
+        }
+    }
+
+    fn read_digest(&self) -> Option<Digest> {
         let mut hasher = Hasher::new("fleetyard plugin");
         for path in self.code_paths().ok()? {
             hasher.bytes(&fs::read(path).ok()?);
