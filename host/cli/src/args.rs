@@ -17,8 +17,8 @@ use fleetyard_runtime::{Attach, Level};
 use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
 use fleetyard_sim::{Policy, Tier};
 
-use crate::commands::jobs::Jobs;
 use crate::commands::bench::Bench;
+use crate::commands::jobs::Jobs;
 use crate::commands::store::Stores;
 use crate::exit;
 

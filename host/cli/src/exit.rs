@@ -2,8 +2,7 @@
 
 use std::fmt;
 
-use fleetyard_bench::{Ending, TrialError, slurm};
-use fleetyard_bench::{BenchError, Ending, TrialError};
+use fleetyard_bench::{BenchError, Ending, TrialError, slurm};
 use fleetyard_core::InputError;
 use fleetyard_runtime::{Fault, OptionError};
 use fleetyard_sim::SimError;

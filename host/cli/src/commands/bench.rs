@@ -13,12 +13,11 @@ use fleetyard_bench::{
     Store, Verified, changes, now_unix_ms, rough, run, verify,
 };
 use fleetyard_core::document::Setting;
-use fleetyard_core::{InputError, shown, write_atomically};
+use fleetyard_core::{InputError, quoted, shown, write_atomically};
 use fleetyard_runtime::on_interrupt;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use super::quoted;
 use crate::args::{Format, TrustArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::setup::trust;
