@@ -334,6 +334,12 @@ fn scen() {
 }
 
 #[test]
+fn suite() {
+    // A few words stand for a million seeds.
+    corpus_and_mutations("suite", 60_000, 32 << 20);
+}
+
+#[test]
 fn trace() {
     // A group of states may be of a few megabytes on either side.
     corpus_and_mutations("trace", 20_000, 32 << 20);

@@ -413,13 +413,17 @@ fn faults_of_a_suite_have_places_and_hints() {
             "s.toml:8:16: `seeds` has 1 twice | remove one of them",
         ),
         (
+            suite("[protocol]\nseeds = { from = 1, to = 2_000_000 }"),
+            "s.toml:8:26: `seeds` has more than 1000000 numbers",
+        ),
+        (
             suite("[protocol]\nseeds = { from = 1 }"),
             "s.toml:8:9: `seeds` has no end | add `to = …` or `count = …`",
         ),
         (
-            suite("[protocol]\nseeds = { from = 0, count = 10_000_000 }\nrepeats = 1_000_000"),
-            "s.toml:1:1: the suite has 1 planner × 1 instance × 10000000 seeds × 1000000 repeats = \
-             10000000000000 trials | a suite has at most 1000000 instances and 10000000 trials",
+            suite("[protocol]\nseeds = { from = 0, count = 1_000_000 }\nrepeats = 1_000_000"),
+            "s.toml:1:1: the suite has 1 planner × 1 instance × 1000000 seeds × 1000000 repeats = \
+             1000000000000 trials | a suite has at most 1000000 instances and 10000000 trials",
         ),
         (
             suite("[protocol]\npath_rule = \"bresenham\""),

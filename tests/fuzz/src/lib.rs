@@ -19,6 +19,7 @@ pub mod options;
 pub mod plan;
 pub mod plane;
 pub mod scen;
+pub mod suite;
 pub mod trace;
 pub mod wire;
 pub mod world;
@@ -39,6 +40,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("plan", plan::run),
     ("plane", plane::run),
     ("scen", scen::run),
+    ("suite", suite::run),
     ("trace", trace::run),
     ("wire", wire::run),
     ("world", world::run),

@@ -254,17 +254,28 @@ fn series(value: &Value<'_, '_>, low: u64, high: u64) -> Result<Numbers, InputEr
         None => 1,
     };
     let count = match (table.get("to"), table.get("count")) {
-        (Some(to), None) => (to.whole(first, high)? - first) / step + 1,
-        (None, Some(count)) => {
-            let count_given = count.whole(1, super::MOST_TRIALS)?;
+        (Some(to), None) => {
+            let count = (to.whole(first, high)? - first) / step;
+            if count >= super::MOST_QUESTIONS {
+                let reason = format!(
+                    "`{}` has more than {} numbers",
+                    shown(&key),
+                    super::MOST_QUESTIONS
+                );
+                return Err(to.error(reason));
+            }
+            count + 1
+        }
+        (None, Some(given)) => {
+            let count = given.whole(1, super::MOST_QUESTIONS)?;
             let last = step
-                .checked_mul(count_given - 1)
+                .checked_mul(count - 1)
                 .and_then(|far| first.checked_add(far));
             if last.is_none_or(|last| last > high) {
                 let reason = format!("`{}` goes on beyond {high}", shown(&key));
-                return Err(count.error(reason));
+                return Err(given.error(reason));
             }
-            count_given
+            count
         }
         (Some(_), Some(count)) => {
             return Err(count.error("`to` and `count` both say where the series ends"));
@@ -293,13 +304,7 @@ fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
         protocol.warm_ups = small(&warm_ups, 0, 1000)?;
     }
     if let Some(seeds) = table.get("seeds") {
-        let numbers = numbers(&seeds, 0, u64::MAX)?;
-        if numbers.len() > super::MOST_TRIALS {
-            let reason = format!("these are {} seeds", numbers.len());
-            let hint = format!("a suite has at most {} trials", super::MOST_TRIALS);
-            return Err(seeds.error(reason).hint(hint));
-        }
-        protocol.seeds = numbers.iter().collect();
+        protocol.seeds = numbers(&seeds, 0, u64::MAX)?.iter().collect();
     }
     if let Some(reuse) = table.get("reuse") {
         protocol.reuse = reuse.choice(Reuse::CHOICES)?;
