@@ -38,7 +38,7 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Run a suite: every planner on every instance
     Bench(Bench),
-    /// Look at the stores of suites and join them
+    /// Look at the stores of suites, join them, write them in other formats
     #[command(subcommand)]
     Store(Stores),
     /// Say whether a plan is valid, and what it costs

@@ -189,7 +189,7 @@ fn stem(path: &Path) -> String {
     stem.to_string_lossy().into_owned()
 }
 
-fn to_stdout(bytes: &[u8]) -> Result<Exit> {
+pub(super) fn to_stdout(bytes: &[u8]) -> Result<Exit> {
     let mut out = io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(internal(error)),

@@ -23,6 +23,7 @@ pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod doctor;
+mod export;
 pub(crate) mod jobs;
 pub(crate) mod maps;
 pub(crate) mod new;

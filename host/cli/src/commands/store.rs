@@ -1,4 +1,4 @@
-//! `fleetyard store`: looks at the stores of suites and joins them.
+//! `fleetyard store`: looks at the stores of suites, joins them, writes them in other formats.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,6 +10,7 @@ use fleetyard_runtime::CodeFile;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::export::{StoreExport, export_store};
 use crate::args::Format;
 use crate::exit::{Exit, Result};
 use crate::output;
@@ -33,12 +34,15 @@ pub(crate) enum Stores {
         #[arg(required = true)]
         parts: Vec<PathBuf>,
     },
+    /// Write the trials of a store in the formats of other tools
+    Export(StoreExport),
 }
 
 pub(crate) fn stores(what: &Stores) -> Result<Exit> {
     match what {
         Stores::Info { store, format } => info(store, *format),
         Stores::Merge { out, parts } => merge(out, parts),
+        Stores::Export(arguments) => export_store(arguments),
     }
 }
 
