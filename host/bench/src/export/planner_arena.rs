@@ -14,7 +14,7 @@ use rusqlite::{Connection, params};
 
 use super::ExportError;
 use crate::Row;
-use crate::evaluate::{METRICS, Metric, failure};
+use crate::evaluate::{METRICS, Metric, SOLVE_TIME, failure};
 
 /// What OMPL calls otherwise, or in other units.
 const RENAMED: [(&str, &str, f64); 3] = [
@@ -43,7 +43,13 @@ fn column(metric: &Metric) -> (&'static str, f64) {
 }
 
 fn fill(connection: &Connection, rows: &[&Row]) -> Result<(), ExportError> {
-    let names: Vec<&str> = METRICS.iter().map(|metric| column(metric).0).collect();
+    let has = |metric: &&Metric| rows.iter().any(|row| metric.of(row).is_some());
+    // Attributes without a value would only be in the way. There is a time, even of nothing.
+    let metrics: Vec<&Metric> = METRICS
+        .iter()
+        .filter(|metric| **metric == SOLVE_TIME || has(metric))
+        .collect();
+    let names: Vec<&str> = metrics.iter().map(|metric| column(metric).0).collect();
     let attributes = names.join(" REAL, ");
     connection.execute_batch(&format!(
         "CREATE TABLE experiments (
@@ -82,7 +88,7 @@ fn fill(connection: &Connection, rows: &[&Row]) -> Result<(), ExportError> {
             Sql::Integer(experiments[&experiment(row)]),
             Sql::Integer(planners[&config(row)]),
         ];
-        values.extend(METRICS.iter().map(|metric| {
+        values.extend(metrics.iter().map(|metric| {
             let value = metric.of(row).map(|value| value * column(metric).1);
             value.map_or(Sql::Null, Sql::Real)
         }));
@@ -163,7 +169,7 @@ fn experiments<'a>(
     let mut insert = connection.prepare(
         "INSERT INTO experiments (name, totaltime, timelimit, memorylimit, runcount, version,
              hostname, cpuinfo, date, seed, setup, agents, scenario, instance)
-         VALUES (?, ?, ?, NULL, ?, ?, ?, NULL, ?, ?, ?, ?, ?, ?)",
+         VALUES (?, ?, ?, 0, ?, ?, ?, NULL, ?, ?, ?, ?, ?, ?)",
     )?;
     let mut known = BTreeMap::new();
     for question in order {
