@@ -255,7 +255,7 @@ const WORLDS: &[Case] = &[
     (
         "mixed fleet by time",
         mixed_fleet,
-        "f618cd1d5f2d238f5b4b69f777f6e531",
+        "7566cce24d148d3ccec3af387d12cb3b",
     ),
     (
         "trajectories among polygons",
@@ -275,7 +275,7 @@ const WORLDS: &[Case] = &[
     (
         "contact tier, mixed fleet",
         || pushing(mixed_fleet()),
-        "c203943da6fa491fe67a0997204b3879",
+        "44c7df71ecac111a52d965bef9f1e37a",
     ),
     (
         "contact tier, by order",

@@ -23,7 +23,7 @@ mod world;
 pub use error::ViewError;
 pub use fleetyard_sim::trace::Outline;
 pub use html::{Page, PageOptions, Recording};
-pub use png::png;
+pub use png::{Difference, difference, png};
 pub use still::Still;
 pub use svg::{Body, Picture};
 pub use world::{Cells, World};

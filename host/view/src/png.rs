@@ -33,3 +33,57 @@ pub fn png(svg: &str, width: Option<u32>) -> Result<Vec<u8>, ViewError> {
         .encode_png()
         .map_err(|error| failed(format!("the picture cannot be encoded: {error}")))
 }
+
+/// Where two pictures are not the same.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// Pixels of another colour.
+    pub pixels: u64,
+    /// All pixels of either picture.
+    pub of: u64,
+    /// A PNG file: the second picture faded, with these pixels in a strong colour.
+    pub png: Vec<u8>,
+}
+
+/// Compares two PNG files pixel by pixel. It is an error if one is no PNG file, or if
+/// they are not of one size.
+pub fn difference(expected: &[u8], found: &[u8]) -> Result<Difference, ViewError> {
+    let hint = "compare two pictures that were drawn with one width";
+    let read = |which: &str, file: &[u8]| {
+        tiny_skia::Pixmap::decode_png(file)
+            .map_err(|error| ViewError::new(format!("the {which} picture: {error}"), hint))
+    };
+    let (expected, mut found) = (read("expected", expected)?, read("other", found)?);
+    if (expected.width(), expected.height()) != (found.width(), found.height()) {
+        let reason = format!(
+            "the expected picture has {} x {} pixels, the other {} x {}",
+            expected.width(),
+            expected.height(),
+            found.width(),
+            found.height()
+        );
+        return Err(ViewError::new(reason, hint));
+    }
+    let mut pixels = 0;
+    for (a, b) in expected
+        .data()
+        .chunks_exact(4)
+        .zip(found.data_mut().chunks_exact_mut(4))
+    {
+        if a == &*b {
+            // A quarter of the ink on white.
+            for channel in &mut b[..3] {
+                *channel = 255 - (255 - *channel) / 4;
+            }
+            b[3] = 255;
+        } else {
+            pixels += 1;
+            b.copy_from_slice(&[0xd5, 0x5e, 0x00, 0xff]);
+        }
+    }
+    let png = found
+        .encode_png()
+        .map_err(|error| ViewError::new(format!("it cannot be encoded: {error}"), hint))?;
+    let of = u64::from(expected.width()) * u64::from(expected.height());
+    Ok(Difference { pixels, of, png })
+}

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::{env, fs};
 
 use fleetyard_core::{Grid, GridPlan, Roadmap, TrajectoryPlan};
-use fleetyard_view::{Body, Outline, Picture, World, png};
+use fleetyard_view::{Body, Outline, Picture, World, difference, png};
 use fleetyard_world::{Bounds, Polygon, Workspace};
 use resvg::tiny_skia::Pixmap;
 use xxhash_rust::xxh3::xxh3_128;
@@ -125,6 +125,35 @@ fn png_has_the_pixels_that_it_had() {
     );
     let full = png(&svg, None).unwrap();
     assert_eq!(u32::from_be_bytes(full[16..20].try_into().unwrap()), 960);
+}
+
+#[test]
+fn pictures_are_compared_pixel_by_pixel() {
+    let grid = grid();
+    let world = World::of_grid(&grid, 1.0);
+    let picture = |plan: &GridPlan, width| {
+        let svg = Picture::new(&world).plan(&grid, plan).svg();
+        png(&svg, Some(width)).unwrap()
+    };
+    let (one, other) = (
+        picture(&plan(), 100),
+        picture(&GridPlan::from_paths([[0, 1, 2]]), 100),
+    );
+    let same = difference(&one, &one).unwrap();
+    assert_eq!((same.pixels, same.of), (0, 100 * 64));
+    let found = difference(&one, &other).unwrap();
+    assert!(
+        found.pixels > 100 && found.pixels < found.of,
+        "{}",
+        found.pixels
+    );
+    let marked = Pixmap::decode_png(&found.png).unwrap();
+    let mark = [0xd5, 0x5e, 0x00, 0xff];
+    let marks = marked.data().chunks_exact(4).filter(|pixel| *pixel == mark);
+    assert_eq!(marks.count() as u64, found.pixels);
+    let wider = difference(&one, &picture(&plan(), 120)).unwrap_err();
+    assert!(wider.reason.contains("100 x 64"), "{}", wider.reason);
+    assert!(difference(&one, b"no picture").is_err());
 }
 
 #[test]

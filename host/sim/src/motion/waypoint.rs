@@ -47,7 +47,6 @@ pub struct WaypointLaw {
     pub arrival_tolerance_m: f64,
     /// `ε` of the last waypoint, no less than that of the others, and by default the
     /// same. The body counts as arrived there, and goes on to `arrival_tolerance_m`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub final_tolerance_m: Option<f64>,
     /// As near to a heading that is asked for; by default 1°. The paper has no headings.
     pub heading_tolerance_rad: f64,

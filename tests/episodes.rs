@@ -1,0 +1,232 @@
+//! Mazes and path rules on the command line, and episodes of the grid-maze benchmark:
+//! its mazes, planned for by three planners and driven by its waypoint law, must come
+//! out as they always did: to the bit in traces, and to the pixel in pictures.
+//!
+//! When episodes change on purpose, run with `FLEETYARD_UPDATE_EXPECTED=1`, look at the
+//! pictures in `expected/episodes/`, and commit them.
+
+mod common;
+
+use std::path::PathBuf;
+use std::{env, fs};
+
+use common::{INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_view::difference;
+use serde_json::Value;
+
+/// The benchmark's runs: base seed 42, mazes of 11 × 11 cells. Seeds are s₀ + 2e − 1.
+const EPISODES: [(u32, u64); 3] = [(1, 43), (2, 45), (3, 47)];
+
+/// Trace digests by episode, in the kinematic tier and in the contact tier. A perfect
+/// maze has one simple way, so that they do not depend on the planner.
+const DIGESTS: [[&str; 2]; 3] = [
+    [
+        "3c7d20bae1000d5d41a5ba2bbe3fa18b",
+        "7970992c59cb80bd1cbe35da5c9eeb2a",
+    ],
+    [
+        "1ca436ea835e9a343d7798ffdc64e011",
+        "65329cab2efda37c20ec7aac777b76f6",
+    ],
+    [
+        "004a7175fdb4f152a040ad0ebcf691b6",
+        "6f3f0aa77f82d89a5cbad8b00921ed97",
+    ],
+];
+
+fn expected(name: &str) -> PathBuf {
+    root().join("tests/expected/episodes").join(name)
+}
+
+/// Compares a picture with the one that is expected, and leaves what is found, and
+/// where it differs, beside it.
+fn compare(name: &str, found: &[u8]) -> Result<(), String> {
+    let path = expected(&format!("{name}.png"));
+    if env::var_os("FLEETYARD_UPDATE_EXPECTED").is_some() {
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, found).unwrap();
+    }
+    let (actual, marked) = (
+        expected(&format!("{name}.actual.png")),
+        expected(&format!("{name}.difference.png")),
+    );
+    let wanted = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let reason = match difference(&wanted, found) {
+        Ok(difference) if difference.pixels == 0 => {
+            let _ = (fs::remove_file(actual), fs::remove_file(marked));
+            return Ok(());
+        }
+        Ok(difference) => {
+            fs::write(&marked, &difference.png).unwrap();
+            format!(
+                "{} of {} pixels differ, see {}",
+                difference.pixels,
+                difference.of,
+                marked.display()
+            )
+        }
+        Err(error) => error.reason,
+    };
+    fs::write(&actual, found).unwrap();
+    Err(format!("{name}: {reason} and {}", actual.display()))
+}
+
+/// All episodes of a planner; what is wrong with them.
+fn run(planner: &str) -> Vec<String> {
+    let yard = Yard::new();
+    let mut wrong = Vec::new();
+    for ((episode, seed), digests) in EPISODES.into_iter().zip(DIGESTS) {
+        let name = format!("maze-23-23-1-backtracker-{seed}");
+        let maze = "maps generate maze --width 11 --height 11 --random python --scenario";
+        yard.line(&format!("{maze} --seed {seed}")).expect(SUCCESS);
+        let plan = yard.line(&format!(
+            "run --map {name}.map --scen {name}.scen --agents 1 --planner {planner} --budget 30s \
+             --path-rule bresenham --plan-out plan.json --format json"
+        ));
+        let plan = plan.expect(SUCCESS).json();
+        assert_eq!(plan["verdict"]["valid"], Value::Bool(true), "{plan}");
+        for (tier, digest) in ["kinematic", "contact"].into_iter().zip(digests) {
+            let driven = yard.line(&format!(
+                "simulate --map {name}.map plan.json --path-rule bresenham --model waypoint-law \
+                 --policy adg --tier {tier} --trace {tier}.fyt --format json"
+            ));
+            let driven = driven.expect(SUCCESS).json();
+            let found = driven["trace_digest"].as_str().unwrap();
+            if (&driven["arrived"], &driven["contacts"]) != (&1.into(), &0.into()) {
+                wrong.push(format!("{planner}, episode {episode}, {tier}: {driven}"));
+            }
+            if found != digest {
+                wrong.push(format!(
+                    "{planner}, episode {episode}, {tier}: the digest is {found}"
+                ));
+            }
+            yard.line(&format!(
+                "trace export {tier}.fyt --png {tier}.png --width 352"
+            ))
+            .expect(SUCCESS);
+            let picture = yard.read(&format!("{tier}.png"));
+            wrong.extend(compare(&format!("episode-{episode}-{tier}"), &picture).err());
+        }
+    }
+    wrong
+}
+
+#[track_caller]
+fn come_out(planner: &str) {
+    let wrong = run(planner);
+    assert!(wrong.is_empty(), "other than before:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn episodes_of_astar() {
+    come_out("astar");
+}
+
+#[test]
+fn episodes_of_weighted_astar() {
+    come_out("weighted-astar");
+}
+
+#[test]
+fn episodes_of_fringe_search() {
+    come_out("fringe-search");
+}
+
+#[test]
+fn mazes_are_made_with_their_task() {
+    let yard = Yard::new();
+    let made = yard.line(
+        "maps generate maze --width 15 --height 15 --random python --algorithm prim --seed 7 \
+         --scenario --scenario-agents 3",
+    );
+    let name = "maze-31-31-1-prim-7";
+    assert_eq!(
+        made.expect(SUCCESS).stdout,
+        format!("./{name}.map\n./{name}.scen\n./{name}-random-1.scen\n")
+    );
+    let scenario = String::from_utf8(yard.read(&format!("{name}.scen"))).unwrap();
+    // Start and goal as x and y, in the lattice.
+    let fields: Vec<&str> = scenario.lines().nth(1).unwrap().split('\t').collect();
+    assert_eq!(
+        fields[1..8],
+        [&*format!("{name}.map"), "31", "31", "1", "1", "15", "15"]
+    );
+    let closed = yard.line("maps generate maze --width 4 --height 3 --corridor 2");
+    assert_eq!(closed.expect(SUCCESS).stdout, "./maze-10-13-2.map\n");
+    for (line, part) in [
+        ("", "--cols <N>"),
+        ("--rows 5", "--cols <N>"),
+        ("--width 5", "--height <N>"),
+        (
+            "--width 5 --height 5 --rows 11 --cols 11",
+            "cannot be used with",
+        ),
+        ("--width 0 --height 5", "'0'"),
+        ("--width 5 --height 5 --random perl", "python"),
+        ("--width 400000 --height 400000", "too large"),
+    ] {
+        let ended = yard
+            .line(&format!("maps generate maze {line}"))
+            .expect(USAGE);
+        assert!(ended.stderr.contains(part), "{line}: {ended}");
+    }
+}
+
+#[test]
+fn plans_are_judged_and_driven_by_path_rules() {
+    let yard = Yard::new();
+    yard.write(
+        "a.map",
+        "type octile\nheight 3\nwidth 4\nmap\n....\n.@..\n....\n",
+    );
+    yard.write(
+        "a.scen",
+        "version 1\n0\ta.map\t4\t3\t0\t1\t3\t2\t0\n0\ta.map\t4\t3\t0\t0\t3\t0\t0\n",
+    );
+    let plan = |name: &str, paths: &str| {
+        let head = r#"{"format": "fleetyard.plan/1", "rows": 3, "cols": 4, "paths":"#;
+        yard.write(name, format!("{head} {paths}}}"));
+    };
+    plan("one.json", "[[[1, 0], [2, 1], [2, 3]]]");
+    plan("two.json", "[[[1, 0]], [[0, 0]]]");
+    let judge =
+        |arguments: &str| yard.line(&format!("validate --map a.map --scen a.scen {arguments}"));
+    let steps = judge("--agents 1 one.json").expect(INVALID_PLAN);
+    assert!(steps.stdout.contains("not-adjacent"), "{steps}");
+    let lines = judge("--agents 1 --path-rule bresenham one.json").expect(SUCCESS);
+    assert_eq!(
+        lines.stdout,
+        "valid\npath length  3 cells\nin metres    3.41 m\n"
+    );
+    let strict = judge("--agents 1 --path-rule supercover one.json").expect(INVALID_PLAN);
+    assert!(
+        strict.stdout.contains(
+            "corner-cut: agent 0 touches the corner of an obstacle at (1, 1) on its way from (1, 0) to (2, 1)"
+        ),
+        "{strict}"
+    );
+    let disc = yard
+        .line("validate --map a.map --radius 0.2 --path-rule bresenham one.json")
+        .expect(INVALID_PLAN);
+    assert!(disc.stdout.contains("obstacle"), "{disc}");
+    for line in [
+        "validate --map a.map --scen a.scen --agents 2 --path-rule supercover two.json",
+        "validate --map a.map --radius 0.2 --path-rule supercover two.json",
+        "simulate --map a.map --path-rule supercover two.json",
+    ] {
+        let refused = yard.line(line).expect(USAGE);
+        assert!(
+            refused
+                .stderr
+                .contains("--path-rule supercover is for one agent, not for 2"),
+            "{line}: {refused}"
+        );
+        assert!(refused.stderr.contains("hint: "), "{line}: {refused}");
+    }
+    let driven =
+        yard.line("simulate --map a.map --path-rule bresenham --radius 0.2 one.json --format json");
+    let driven = driven.expect(SUCCESS).json();
+    let makespan = driven["makespan_s"].as_f64().unwrap();
+    assert!((makespan - (2f64.sqrt() + 2.0)).abs() < 1e-9, "{driven}");
+    assert_eq!(driven["contacts_agent_obstacle"], 1, "{driven}");
+}
