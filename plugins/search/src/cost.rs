@@ -35,6 +35,9 @@ pub(crate) trait Cost:
     fn less(self, other: Self) -> bool;
     /// In cells' sides.
     fn value(self) -> f64;
+    /// The cost between two cells that are `rows` and `cols` apart, with nothing in the
+    /// way.
+    fn estimate(apart: (u32, u32)) -> Self;
 }
 
 /// With four neighbours: the number of moves.
@@ -60,6 +63,11 @@ impl Cost for u32 {
     fn value(self) -> f64 {
         f64::from(self)
     }
+
+    #[inline]
+    fn estimate((rows, cols): (u32, u32)) -> Self {
+        rows + cols
+    }
 }
 
 /// With eight neighbours: straight moves in the low half, diagonal ones in the high
@@ -69,7 +77,6 @@ pub(crate) struct Octile(u64);
 
 impl Octile {
     /// So many straight and diagonal moves.
-    #[cfg(test)]
     fn new(straight: u32, diagonal: u32) -> Self {
         Self(u64::from(straight) | u64::from(diagonal) << 32)
     }
@@ -96,6 +103,11 @@ impl Cost for Octile {
     #[inline]
     fn value(self) -> f64 {
         (self.0 as u32) as f64 + ((self.0 >> 32) as u32) as f64 * SQRT_2
+    }
+
+    #[inline]
+    fn estimate((rows, cols): (u32, u32)) -> Self {
+        Self::new(rows.abs_diff(cols), rows.min(cols))
     }
 }
 

@@ -12,13 +12,16 @@
 //! is added to all later ones (k_m).
 //!
 //! Priorities are (min(g, rhs) + h + k_m, min(g, rhs)), then the order in which places
-//! were put in. *Expansions*: places taken from the open list at their right priority,
+//! were put in. The heuristic h is the one that is exact where nothing is in the way, so
+//! that all of it is counts of moves and priorities that are equal are so to the last
+//! bit: sums of rounded numbers would end a search before the cost of a cell that was
+//! blocked is forgotten. *Expansions*: places taken from the open list at their right priority,
 //! whether their cost falls (overconsistent) or becomes unknown (underconsistent); the
 //! target is expanded too if nothing else with its priority ends the search before.
 
 use std::cmp::Reverse;
 
-use crate::cost::{Cost, Exact, Heuristic, Octile, Open, Rank};
+use crate::cost::{Cost, Exact, Octile, Open, Rank};
 use crate::grid::{Grid, Neighbors, Place, directions, opposite};
 use crate::search::{Answer, Limit, Outcome, Search, Stop};
 use crate::slate::Slate;
@@ -58,9 +61,8 @@ struct Tree<C> {
     entries: u32,
     root: Place,
     target: Place,
-    heuristic: Heuristic,
     /// k_m.
-    moved: f64,
+    moved: C,
 }
 
 impl<C: Cost> Default for Tree<C> {
@@ -71,8 +73,7 @@ impl<C: Cost> Default for Tree<C> {
             entries: 0,
             root: 0,
             target: 0,
-            heuristic: Heuristic::Manhattan,
-            moved: 0.0,
+            moved: C::default(),
         }
     }
 }
@@ -88,11 +89,11 @@ fn further<C: Cost>(cost: C, direction: u8) -> C {
 }
 
 impl<C: Cost> Tree<C> {
-    fn begin(&mut self, grid: &Grid, root: Place, target: Place, heuristic: Heuristic) {
+    fn begin(&mut self, grid: &Grid, root: Place, target: Place) {
         self.nodes.begin(grid.places());
         self.open.clear();
-        (self.entries, self.moved) = (0, 0.0);
-        (self.root, self.target, self.heuristic) = (root, target, heuristic);
+        (self.entries, self.moved) = (0, C::default());
+        (self.root, self.target) = (root, target);
         self.nodes.entry(root).rhs = C::default();
         self.update(grid, root);
     }
@@ -107,9 +108,9 @@ impl<C: Cost> Tree<C> {
         if least == C::FAR {
             return (f64::INFINITY.to_bits(), f64::INFINITY.to_bits());
         }
-        let least = least.value();
-        let left = self.heuristic.value(grid.apart(place, self.target));
-        ((least + left + self.moved).to_bits(), least.to_bits())
+        let left = C::estimate(grid.apart(place, self.target));
+        let all = least.join(left).join(self.moved);
+        (all.value().to_bits(), least.value().to_bits())
     }
 
     /// Puts a place in the open list, or takes it out, as its costs say.
@@ -221,7 +222,8 @@ impl<C: Cost> Tree<C> {
 
     /// The target is elsewhere now.
     fn retarget(&mut self, grid: &Grid, target: Place) {
-        self.moved += self.heuristic.value(grid.apart(self.target, target));
+        let moved = C::estimate(grid.apart(self.target, target));
+        self.moved = self.moved.join(moved);
         self.target = target;
     }
 
@@ -278,17 +280,14 @@ struct Trees {
 #[derive(Debug)]
 pub struct Incremental {
     method: Method,
-    heuristic: Option<Heuristic>,
     trees: Trees,
 }
 
 impl Incremental {
-    /// With a heuristic that does not overestimate, or else the one that is exact where
-    /// nothing is in the way.
-    pub fn new(method: Method, heuristic: Option<Heuristic>) -> Self {
+    /// One of the two.
+    pub fn new(method: Method) -> Self {
         Self {
             method,
-            heuristic,
             trees: Trees::default(),
         }
     }
@@ -313,18 +312,17 @@ impl Search for Incremental {
         limit: &mut Limit<'_>,
         path: &mut Vec<u32>,
     ) -> Answer {
-        let heuristic = Heuristic::or_fitting(self.heuristic, grid);
         let (root, target) = self.method.ends(grid.place(start), grid.place(goal));
         let from_start = self.method == Method::LpaStar;
         match grid.neighbors() {
             Neighbors::Four => {
                 let tree = &mut self.trees.four;
-                tree.begin(grid, root, target, heuristic);
+                tree.begin(grid, root, target);
                 tree.solve(grid, from_start, limit, path)
             }
             Neighbors::Eight => {
                 let tree = &mut self.trees.eight;
-                tree.begin(grid, root, target, heuristic);
+                tree.begin(grid, root, target);
                 tree.solve(grid, from_start, limit, path)
             }
         }
@@ -337,7 +335,7 @@ impl Search for Incremental {
 /// use fleetyard_plugin_search::{Grid, Limit, Method, Neighbors, Outcome, Replanner};
 ///
 /// let grid = Grid::new(3, 3, &[true; 9], Neighbors::Four).expect("nine cells");
-/// let mut robot = Replanner::new(Method::DStarLite, grid, 0, 8, None).expect("two cells");
+/// let mut robot = Replanner::new(Method::DStarLite, grid, 0, 8).expect("two cells");
 /// let mut path = Vec::new();
 /// robot.plan(&mut Limit::none(), &mut path);
 /// assert_eq!(path.len(), 5);
@@ -349,7 +347,6 @@ impl Search for Incremental {
 #[derive(Debug)]
 pub struct Replanner {
     method: Method,
-    heuristic: Heuristic,
     grid: Grid,
     start: u32,
     goal: u32,
@@ -358,18 +355,11 @@ pub struct Replanner {
 
 impl Replanner {
     /// For a robot in the cell `start` that has to get to `goal`; `None` if one of them
-    /// is not on the map. The heuristic must not overestimate.
-    pub fn new(
-        method: Method,
-        grid: Grid,
-        start: u32,
-        goal: u32,
-        heuristic: Option<Heuristic>,
-    ) -> Option<Self> {
+    /// is not on the map.
+    pub fn new(method: Method, grid: Grid, start: u32, goal: u32) -> Option<Self> {
         let cells = grid.rows() * grid.cols();
         let mut made = Self {
             method,
-            heuristic: Heuristic::or_fitting(heuristic, &grid),
             grid,
             start,
             goal,
@@ -390,14 +380,8 @@ impl Replanner {
         let (start, goal) = (self.grid.place(self.start), self.grid.place(self.goal));
         let (root, target) = self.method.ends(start, goal);
         match self.grid.neighbors() {
-            Neighbors::Four => self
-                .trees
-                .four
-                .begin(&self.grid, root, target, self.heuristic),
-            Neighbors::Eight => self
-                .trees
-                .eight
-                .begin(&self.grid, root, target, self.heuristic),
+            Neighbors::Four => self.trees.four.begin(&self.grid, root, target),
+            Neighbors::Eight => self.trees.eight.begin(&self.grid, root, target),
         }
     }
 

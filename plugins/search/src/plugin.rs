@@ -475,12 +475,8 @@ impl Variety for JumpPointOptions {
 }
 
 options! {
-    /// Options of `lpa-star`.
-    LpaOptions {
-        /// The estimate of what is left; `null` for `manhattan` with four neighbours
-        /// and `octile` with eight. One that overestimates gives up shortest paths.
-        heuristic: Option<Heuristic> = None,
-    }
+    /// Options of `lpa-star`: none.
+    LpaOptions {}
 }
 
 impl Variety for LpaOptions {
@@ -491,17 +487,13 @@ impl Variety for LpaOptions {
     type Search = Incremental;
 
     fn search(self) -> Result<Incremental, String> {
-        Ok(Incremental::new(Method::LpaStar, self.heuristic))
+        Ok(Incremental::new(Method::LpaStar))
     }
 }
 
 options! {
-    /// Options of `d-star-lite`.
-    DStarLiteOptions {
-        /// The estimate of what is left; `null` for `manhattan` with four neighbours
-        /// and `octile` with eight. One that overestimates gives up shortest paths.
-        heuristic: Option<Heuristic> = None,
-    }
+    /// Options of `d-star-lite`: none.
+    DStarLiteOptions {}
 }
 
 impl Variety for DStarLiteOptions {
@@ -512,7 +504,7 @@ impl Variety for DStarLiteOptions {
     type Search = Incremental;
 
     fn search(self) -> Result<Incremental, String> {
-        Ok(Incremental::new(Method::DStarLite, self.heuristic))
+        Ok(Incremental::new(Method::DStarLite))
     }
 }
 

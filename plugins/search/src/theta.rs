@@ -10,9 +10,9 @@
 //! Theta* looks when it finds a neighbour; Lazy Theta* takes for granted that there is a
 //! line of sight and looks when the neighbour is expanded, which is far less often.
 //!
-//! Paths are short, not shortest. A place that was expanded is expanded again when a
-//! shorter way to it is found, so that a path is never longer than the shortest one
-//! along the grid. (Lazy Theta* may exceed that by what it took for granted.)
+//! Paths are short, not shortest. Theta* expands a place again when a shorter way to it
+//! is found, so that a path is never longer than the shortest one along the grid, if
+//! the heuristic does not overestimate. Lazy Theta* does not, and promises no bound.
 //! *Expansions*: places taken from the open list, the goal included.
 
 use std::cmp::Reverse;
@@ -193,7 +193,9 @@ impl Search for ThetaStar {
                 };
                 let reached = so_far + distance(grid, from, near);
                 let node = self.nodes.entry(near);
-                if reached + ROUNDING < node.cost {
+                // Lazy Theta* may have to fall back on who was expanded.
+                let settled = node.closed && self.looks == Looks::Late;
+                if reached + ROUNDING < node.cost && !settled {
                     *node = Node {
                         cost: reached,
                         parent: from,
