@@ -83,15 +83,18 @@ fn built_in_planners_pass() {
 
 #[test]
 fn built_in_planners_for_one_agent_pass() {
-    for planner in ["astar", "weighted-astar", "bidirectional-bfs"] {
-        passes(planner, 1, &["--attach in-process"]);
-    }
+    passes("astar", 1, &["--attach in-process"]);
+    passes("beam-search", 1, &["--attach in-process"]);
+    passes("theta-star", 1, &["--attach worker"]);
 }
 
 #[test]
 fn the_standard_plugins_as_a_library_pass() {
     let library = build("fleetyard-plugins").library.unwrap();
-    passes(&library.display().to_string(), 18, &["--attach worker"]);
+    // All cases are asked of some of them above.
+    let only = "--attach worker --only handshake --only descriptor --only default-options \
+                --only invalid-options --only random-instances --only any-angle --only unreachable-goal";
+    passes(&library.display().to_string(), 18, &[only]);
 }
 
 #[test]
@@ -152,6 +155,8 @@ fn the_examples_in_python_pass() {
         let script = folder.join(format!("{script}.py"));
         passes(&script.display().to_string(), 1, &[""]);
     }
+    let search = folder.join("grid_search.py").display().to_string();
+    passes(&format!("{search}:weighted-astar-python"), 1, &[""]);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! tolerance of delays, and instances as answers.
 
 use fleetyard_abi::{Heading, Instance, Motion};
-use fleetyard_check::{Rule, sum_of_costs, validate};
+use fleetyard_check::{PathRule, Rule, sum_of_costs, validate_paths};
 use fleetyard_core::GridPlan;
 
 use crate::scene::Scene;
@@ -66,7 +66,12 @@ pub(crate) fn paths(scene: &Scene, plan: &GridPlan) -> Result<(), String> {
 
 fn rules(scene: &Scene, plan: &GridPlan, counts: impl Fn(Rule) -> bool) -> Result<(), String> {
     let instance = scene.home()?;
-    let verdict = validate(&instance, plan, VIOLATIONS);
+    // The most that a planner of any-angle paths may allow itself is asked of it here.
+    let rule = match scene.motion {
+        Motion::AnyAngle => PathRule::Bresenham,
+        Motion::Pebble | Motion::Rotation => PathRule::Steps,
+    };
+    let verdict = validate_paths(&instance, plan, rule, VIOLATIONS);
     let in_window = |rule: Rule, time: u32| {
         let collision = matches!(
             rule,

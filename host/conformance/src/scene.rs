@@ -235,6 +235,14 @@ impl Scene {
         self
     }
 
+    /// The first agent alone, which goes in straight lines.
+    pub(crate) fn straight(&self) -> Self {
+        let mut alone = self.first_agent();
+        alone.motion = Motion::AnyAngle;
+        alone.best = None;
+        alone
+    }
+
     pub(crate) fn agents(&self) -> usize {
         self.starts.len()
     }

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use fleetyard_abi::{FleetStatus, Kind, Objective, Plan, Status};
+use fleetyard_abi::{Capability, FleetStatus, Kind, Objective, Plan, Status};
 use fleetyard_runtime::Closing;
 
 use crate::scene::{Demand, Scene};
@@ -219,8 +219,12 @@ pub(crate) fn fleet_statuses(trial: &mut Trial<'_>) -> Step<()> {
 pub(crate) fn small(trial: &Trial<'_>) -> Step<Scene> {
     let mut random = trial.random();
     let mut scene = Scene::open("open", 8, 6, &mut random)?;
-    if !trial.claims(fleetyard_abi::Capability::Pebble) {
-        scene = scene.turning();
+    if !trial.claims(Capability::Pebble) {
+        scene = if trial.claims(Capability::AnyAngle) {
+            scene.straight()
+        } else {
+            scene.turning()
+        };
     }
     Ok(scene)
 }

@@ -4,7 +4,7 @@ use fleetyard_abi::{Capability, Status};
 use fleetyard_core::Connectivity;
 use serde_json::{Map, json};
 
-use super::answers::{CROSSING, FOLLOWING, at_least, draw};
+use super::answers::{CORRIDOR, CROSSING, FOLLOWING, ONE_CELL, WALL, at_least, draw};
 use crate::judge::Arrival;
 use crate::scene::Scene;
 use crate::trial::{Call, Hope, Step, Stop, Trial, same};
@@ -41,6 +41,40 @@ pub(crate) fn rotation(trial: &mut Trial<'_>) -> Step<()> {
     for scene in scenes {
         trial.solve(&scene.turning())?;
     }
+    Ok(())
+}
+
+pub(crate) fn any_angle(trial: &mut Trial<'_>) -> Step<()> {
+    let mut random = trial.random();
+    let known = [
+        draw(ONE_CELL)?,
+        draw(CORRIDOR)?,
+        draw(WALL)?,
+        // The straight line is open, and so are lines past each of the corners.
+        Scene::drawn(
+            "open",
+            &["a....", ".....", "....."],
+            &[".....", ".....", "....a"],
+        )?,
+        Scene::drawn(
+            "corners",
+            &["a....", ".@.@.", "....."],
+            &[".....", ".@.@.", "....a"],
+        )?,
+        Scene::drawn(
+            "touching",
+            &["a.@.", ".@..", "...."],
+            &["..@a", ".@..", "...."],
+        )?,
+        Scene::random("random 1", &mut random, 1)?,
+        Scene::random("random 2", &mut random, 1)?,
+    ];
+    for scene in known {
+        trial.solve(&scene.straight())?;
+    }
+    let shut = Scene::drawn("unreachable-goal", &["a.@.", "..@."], &["..@a", "..@."])?;
+    let wall = trial.config().slice();
+    trial.solve_hoping(&shut.straight(), Hope::NoPlan, wall)?;
     Ok(())
 }
 

@@ -154,6 +154,9 @@ cases! {
     "rotation", MAPS, &[Capability::Grid, Capability::Rotation],
     "agents that have to turn before they move another way",
     claims::rotation;
+    "any-angle", PLANNER, &[Capability::Grid, Capability::AnyAngle],
+    "one agent that goes in straight lines between cells, judged by the cells on each line",
+    claims::any_angle;
     "windowed", MAPS, &[Capability::Grid, Capability::Pebble, Capability::Windowed],
     "several goals per agent, and collisions count within the window alone",
     claims::windowed;

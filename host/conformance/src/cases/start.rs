@@ -111,7 +111,7 @@ fn claims_fit(trial: &mut Trial<'_>) -> Step<()> {
     let claims = |capability: C| trial.claims(capability);
     let needs_one = [
         (C::EightConnected, &[C::Grid][..]),
-        (C::Grid, &[C::Pebble, C::Rotation]),
+        (C::Grid, &[C::Pebble, C::Rotation, C::AnyAngle]),
     ];
     let pairs = needs_one
         .into_iter()
