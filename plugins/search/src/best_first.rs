@@ -17,6 +17,7 @@
 
 use std::cmp::Reverse;
 
+use crate::bfs::Bfs;
 use crate::cost::{Cost, Exact, Guide, Heuristic, Octile, Open, Priority, Rank, TieBreaking};
 use crate::grid::{DELTAS, EAST, Grid, NORTH, NOWHERE, Neighbors, Place, SOUTH, WEST, directions};
 use crate::nodes::Nodes;
@@ -32,7 +33,7 @@ pub enum Order {
     RowsFirst,
 }
 
-/// A*, weighted A*, Dijkstra's algorithm or greedy best-first search.
+/// A*, weighted A* or greedy best-first search.
 ///
 /// Without a heuristic named, it is the one that is exact where nothing is in the way:
 /// Manhattan with four neighbours, octile with eight.
@@ -89,11 +90,6 @@ impl BestFirst {
         }
     }
 
-    /// Dijkstra's algorithm: the path is a shortest one.
-    pub fn dijkstra() -> Self {
-        Self::new(None, true, 0.0, TieBreaking::Fifo)
-    }
-
     /// Greedy best-first search: fast, and the path may be of any length.
     pub fn greedy(heuristic: Option<Heuristic>, ties: TieBreaking) -> Self {
         Self::new(heuristic, false, 1.0, ties)
@@ -135,6 +131,41 @@ impl Search for BestFirst {
                 let (nodes, open) = (&mut self.eight, &mut self.exact);
                 run(grid, ends, how, &exact, nodes, open, limit, path)
             }
+        }
+    }
+}
+
+/// Dijkstra's algorithm: the path is a shortest one.
+///
+/// With four neighbours every move costs the same, and places come to the open list in
+/// the order in which they leave it: it is a queue, and the search is breadth-first.
+#[derive(Debug)]
+pub struct Dijkstra {
+    four: Bfs,
+    eight: BestFirst,
+}
+
+impl Default for Dijkstra {
+    fn default() -> Self {
+        Self {
+            four: Bfs::default(),
+            eight: BestFirst::new(None, true, 0.0, TieBreaking::Fifo),
+        }
+    }
+}
+
+impl Search for Dijkstra {
+    fn search(
+        &mut self,
+        grid: &Grid,
+        start: u32,
+        goal: u32,
+        limit: &mut Limit<'_>,
+        path: &mut Vec<u32>,
+    ) -> Answer {
+        match grid.neighbors() {
+            Neighbors::Four => self.four.search(grid, start, goal, limit, path),
+            Neighbors::Eight => self.eight.search(grid, start, goal, limit, path),
         }
     }
 }

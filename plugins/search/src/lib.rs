@@ -1,4 +1,19 @@
-//! Single-agent search on grids.
+//! Single-agent search on grids: planners for one robot, as plugins and as a library.
+//!
+//! A [`Grid`] is made once; a [`Search`] is asked about it any number of times, and keeps
+//! the arrays that it works in. [`Replanner`] keeps what it found as well, for maps that
+//! change. [`plugin`] has the planners behind the plugin contract.
+//!
+//! | search | paths |
+//! | --- | --- |
+//! | [`BestFirst`] (A*, weighted A*, greedy), [`Dijkstra`] | shortest; bounded; any; shortest |
+//! | [`Bfs`], [`BidirectionalBfs`] | fewest moves |
+//! | [`BidirectionalAstar`], [`IdaStar`], [`Fringe`], [`JumpPoint`], [`Incremental`] | shortest |
+//! | [`Beam`] | any, and may miss one |
+//! | [`ThetaStar`] | any-angle |
+//!
+//! What each counts as an expansion, how it follows the paper and what it was measured
+//! to take is in `docs/search.md`.
 
 #![forbid(unsafe_code)]
 
@@ -20,7 +35,7 @@ mod slate;
 mod theta;
 
 pub use beam::Beam;
-pub use best_first::{BestFirst, Order};
+pub use best_first::{BestFirst, Dijkstra, Order};
 pub use bfs::{Bfs, BidirectionalBfs};
 pub use bidirectional::{BidirectionalAstar, Done};
 pub use cost::{Heuristic, TieBreaking};

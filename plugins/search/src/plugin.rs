@@ -226,10 +226,10 @@ impl Variety for DijkstraOptions {
     const NAME: &'static str = "Dijkstra";
     const ABOUT: &'static str = "Dijkstra's algorithm: expands the place nearest to the start; \
          shortest paths (Dijkstra, 1959).";
-    type Search = BestFirst;
+    type Search = crate::Dijkstra;
 
-    fn search(self) -> Result<BestFirst, String> {
-        Ok(BestFirst::dijkstra())
+    fn search(self) -> Result<crate::Dijkstra, String> {
+        Ok(crate::Dijkstra::default())
     }
 }
 

@@ -133,7 +133,7 @@ mod tests {
             asked == 3
         };
         let mut limit = Limit::new(None, &mut told);
-        let stopped = (0..).find(|n| limit.reached(*n).is_some());
+        let stopped = (0..=4 * BETWEEN_LOOKS).find(|n| limit.reached(*n).is_some());
         assert_eq!(stopped, Some(2 * BETWEEN_LOOKS));
     }
 }

@@ -1,9 +1,11 @@
 //! Every planner against a plain Dijkstra search on random maps.
 
+#![allow(clippy::single_match_else, reason = "two answers side by side")]
+
 use fleetyard_plugin_search::{
-    Answer, Beam, BestFirst, Bfs, BidirectionalAstar, BidirectionalBfs, Corners, Done, Fringe,
-    Grid, Heuristic, IdaStar, Incremental, JumpPoint, Limit, Looks, Memory, Method, Neighbors,
-    Order, Outcome, Replanner, Search, Stop, ThetaStar, TieBreaking,
+    Answer, Beam, BestFirst, Bfs, BidirectionalAstar, BidirectionalBfs, Corners, Dijkstra, Done,
+    Fringe, Grid, Heuristic, IdaStar, Incremental, JumpPoint, Limit, Looks, Memory, Method,
+    Neighbors, Order, Outcome, Replanner, Search, Stop, ThetaStar, TieBreaking,
 };
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
@@ -126,7 +128,7 @@ const ADMISSIBLE: [Option<Heuristic>; 4] = [
 /// Planners of shortest paths in every variety.
 fn optimal() -> Vec<(String, Box<dyn Search>)> {
     let mut all: Vec<(String, Box<dyn Search>)> =
-        vec![("dijkstra".into(), Box::new(BestFirst::dijkstra()))];
+        vec![("dijkstra".into(), Box::new(Dijkstra::default()))];
     for heuristic in ADMISSIBLE {
         for ties in TIES {
             let named = |name: &str| format!("{name} {heuristic:?} {ties:?}");
