@@ -13,6 +13,7 @@ mod manifest;
 mod options;
 mod plan;
 mod record;
+pub mod report;
 mod row;
 mod run;
 pub mod slurm;

@@ -25,5 +25,6 @@ pub use fleetyard_sim::trace::Outline;
 pub use html::{Page, PageOptions, Recording};
 pub use png::{Difference, difference, png};
 pub use still::Still;
-pub use svg::{Body, Picture};
+pub use svg::{Body, Picture, escape};
+pub use track::base64;
 pub use world::{Cells, World};

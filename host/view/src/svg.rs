@@ -468,7 +468,7 @@ fn round_length(most: f64) -> f64 {
 }
 
 /// Text for XML and HTML, in elements and in quoted attributes.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for character in text.chars() {
         match character {
