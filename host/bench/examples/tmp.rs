@@ -1,6 +1,7 @@
 #[path = "../tests/support/mod.rs"]
 mod support;
 fn main() {
+    let t = std::time::Instant::now();
     let big = std::env::args().nth(1).is_some();
     let shape = support::Shape::default();
     let names: Vec<String> = (0..12).map(|i| format!("Planner number {i}")).collect();
@@ -9,10 +10,14 @@ fn main() {
     let rows = support::rows(&shape, 1);
     let t = std::time::Instant::now();
     let n = rows.len();
-    let page = fleetyard_bench::report::render_html(&fleetyard_bench::report::Report {
-        title: "random-and-rooms".into(), story: vec!["4 planners on 60 instances: LaCAM* is first.".into()],
-        rows, planners: shape.planners.iter().map(|s| s.to_string()).collect(), ranking: "text".into(), ..Default::default()
-    });
+    let report = fleetyard_bench::report::Report::new(fleetyard_bench::report::Subject {
+        title: "random-and-rooms".into(), facts: vec![("store".into(), "x.sqlite".into())], ..Default::default()
+    }, &rows);
+    eprintln!("evaluated {:?}", t.elapsed());
+    let page = report.html();
+    std::fs::write("/tmp/report/report.md", report.markdown(Some("figures"), &[])).unwrap();
+    std::fs::create_dir_all("/tmp/report/figures").unwrap();
+    for figure in report.figures() { std::fs::write(format!("/tmp/report/figures/{}.svg", figure.id), fleetyard_bench::report::svg(&figure)).unwrap(); }
     eprintln!("{n} rows, {} bytes, {:?}", page.len(), t.elapsed());
     print!("{page}");
 }

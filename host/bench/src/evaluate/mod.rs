@@ -26,6 +26,7 @@ pub use curves::{
 pub use groups::{Dimension, Filter, Group, Level, groups};
 pub use metric::{EXPANSIONS, METRICS, Metric, PATH_LENGTH, SOLVE_TIME};
 pub use paired::{Comparison, Paired, compare_with};
+pub(crate) use quality::best_of;
 pub use quality::{Quality, QualityPoint, Reference, log_spaced, quality_over_time};
 pub use ranking::{Order, RankStability, Ranked, Ranking, rank, rank_stability};
 pub use runs::{

@@ -21,6 +21,10 @@ pub struct Paired {
     /// 95 % percentile bootstrap interval of that median, from 40,000 resamples of pairs; of
     /// two pairs or more.
     pub delta_interval: Option<Interval>,
+    /// Median of second / first, where all values are positive.
+    pub median_ratio: Option<f64>,
+    /// 95 % percentile bootstrap interval of that median, like the one above.
+    pub ratio_interval: Option<Interval>,
     /// Pairs whose second value is greater: where it is a time, slower.
     pub greater: usize,
     /// Pairs whose second value is smaller: where it is a time, faster.
@@ -40,6 +44,9 @@ impl Paired {
         let count = |what: fn(f64) -> bool| deltas.iter().filter(|delta| what(**delta)).count();
         let (greater, smaller) = (count(|delta| delta > 0.0), count(|delta| delta < 0.0));
         let p = sign_test(greater as u64, smaller as u64);
+        let positive = pairs.iter().all(|pair| pair.0 > 0.0 && pair.1 > 0.0);
+        let ratios = pairs.iter().filter(|_| positive);
+        let ratios = sorted(ratios.map(|(first, second)| second / first));
         Self {
             pairs: pairs.len(),
             left_out,
@@ -47,6 +54,8 @@ impl Paired {
             mean_second: mean(&sorted(pairs.iter().map(|pair| pair.1))),
             median_delta: median(&deltas),
             delta_interval: bootstrap_median(&deltas, RESAMPLES, BOOTSTRAP_SEED),
+            median_ratio: median(&ratios),
+            ratio_interval: bootstrap_median(&ratios, RESAMPLES, BOOTSTRAP_SEED),
             greater,
             smaller,
             tied: deltas.len() - greater - smaller,

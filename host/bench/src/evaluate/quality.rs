@@ -133,23 +133,8 @@ fn valid_plans(row: &Row) -> impl Iterator<Item = (f64, f64)> {
 /// By time, the median over repeats of the best sum of costs so far; infinite as long as a
 /// repeat has none.
 fn best_by(case: &Case<'_>, times_ms: &[f64]) -> Vec<f64> {
-    let repeats: Vec<Vec<f64>> = case
-        .repeats
-        .iter()
-        .map(|row| {
-            let mut plans: Vec<(f64, f64)> = valid_plans(row).collect();
-            plans.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let mut plans = plans.into_iter().peekable();
-            let mut best = f64::INFINITY;
-            let at = |time: &f64| {
-                while let Some((_, soc)) = plans.next_if(|plan| plan.0 <= *time) {
-                    best = best.min(soc);
-                }
-                best
-            };
-            times_ms.iter().map(at).collect()
-        })
-        .collect();
+    let repeats = case.repeats.iter();
+    let repeats: Vec<Vec<f64>> = repeats.map(|row| best_of(row, times_ms)).collect();
     (0..times_ms.len())
         .map(|at| {
             let values = sorted(repeats.iter().map(|best| best[at]));
@@ -157,4 +142,20 @@ fn best_by(case: &Case<'_>, times_ms: &[f64]) -> Vec<f64> {
             median(&values).filter(|_| all).unwrap_or(f64::INFINITY)
         })
         .collect()
+}
+
+/// By time, the best sum of costs of a trial's plans so far that are known to be valid;
+/// infinite as long as there is none.
+pub(crate) fn best_of(row: &Row, times_ms: &[f64]) -> Vec<f64> {
+    let mut plans: Vec<(f64, f64)> = valid_plans(row).collect();
+    plans.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut plans = plans.into_iter().peekable();
+    let mut best = f64::INFINITY;
+    let at = |time: &f64| {
+        while let Some((_, soc)) = plans.next_if(|plan| plan.0 <= *time) {
+            best = best.min(soc);
+        }
+        best
+    };
+    times_ms.iter().map(at).collect()
 }

@@ -73,7 +73,8 @@ impl Words {
     }
 }
 
-pub(super) fn pack(rows: &[Row]) -> Vec<Packed> {
+/// Every column of rows.
+pub(super) fn pack(rows: &[&Row]) -> Vec<Packed> {
     let mut columns: Vec<Option<Values>> = COLUMNS.iter().map(|_| None).collect();
     for row in rows {
         for (column, value) in columns.iter_mut().zip(row.values()) {
@@ -88,6 +89,33 @@ pub(super) fn pack(rows: &[Row]) -> Vec<Packed> {
             form: form(values),
         })
         .collect()
+}
+
+/// Words that are no column of rows.
+pub(super) fn pack_words(name: &'static str, values: impl Iterator<Item = String>) -> Packed {
+    let mut words = Words::default();
+    for value in values {
+        words.push(Some(value));
+    }
+    let form = if words.codes.is_empty() {
+        form(None)
+    } else {
+        words_form(words)
+    };
+    Packed {
+        name,
+        doc: "",
+        form,
+    }
+}
+
+/// Numbers that are no column of rows.
+pub(super) fn pack_numbers(name: &'static str, numbers: &[Option<f64>]) -> Packed {
+    Packed {
+        name,
+        doc: "",
+        form: numbers_form(numbers),
+    }
 }
 
 /// Absent values are kept with whatever comes first; a column of nothing else is
@@ -259,7 +287,7 @@ fn width(count: u64) -> usize {
     }
 }
 
-pub(super) fn pack_whole(codes: impl Iterator<Item = u64>, width: usize) -> String {
+fn pack_whole(codes: impl Iterator<Item = u64>, width: usize) -> String {
     let mut bytes = Vec::new();
     for code in codes {
         bytes.extend_from_slice(&code.to_le_bytes()[..width]);
@@ -286,7 +314,7 @@ mod tests {
         assert_eq!(packed([]), same(serde_json::Value::Null));
         assert_eq!(packed([Value::Null, Value::Null]), same(serde_json::Value::Null));
         assert_eq!(packed([text("a"), text("a")]), same("a".into()));
-        assert_eq!(packed([Value::Real(2.0); 2].map(|v| v)), same(2.into()));
+        assert_eq!(packed([Value::Real(2.0), Value::Real(2.0)]), same(2.into()));
         let words = packed([Value::Null, text("a"), text("b"), text("a"), text("a")]);
         assert_eq!(
             words,

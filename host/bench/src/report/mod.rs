@@ -1,31 +1,155 @@
-//! Reports.
+//! Reports: what the trials of a suite say, as a page, as Markdown, as figures for
+//! papers, and as tables for a terminal.
+//!
+//! All of them show what [`evaluate`](crate::evaluate) finds, and nothing else: numbers in
+//! text, tables and figures are the same. The page has all trials in it and makes tables
+//! and figures of those that pass its filters by the same definitions (`page/evaluate.js`);
+//! a test in a real browser holds both against each other.
 
 mod columns;
 mod figure;
 mod figures;
 mod format;
+mod markdown;
 mod page;
 mod palette;
+mod story;
 mod svg;
+mod table;
+
+use serde::Serialize;
+
+pub use figure::{Axis, Figure, Marks, Series};
+pub use svg::svg;
+pub use table::Table;
 
 use crate::Row;
+use crate::evaluate::{Evaluation, Order, Trials, compare_runs};
+use figures::Maker;
 
-/// What a report says.
-#[derive(Debug, Default)]
-pub struct Report {
+/// What a report is about.
+#[derive(Debug, Clone, Default)]
+pub struct Subject {
+    /// Name of the suite.
     pub title: String,
-    pub story: Vec<String>,
-    pub caveats: Vec<String>,
-    pub methods: Vec<String>,
+    /// What the suite is for.
+    pub description: Option<String>,
+    /// By what planners are ranked.
+    pub order: Order,
+    /// Where the trials come from: names and values.
     pub facts: Vec<(String, String)>,
+    /// Longer texts: names and what they say, such as the suite's file.
     pub texts: Vec<(String, String)>,
-    pub rows: Vec<Row>,
-    pub planners: Vec<String>,
-    pub ranking: String,
 }
 
-pub use svg::svg;
-/// 
-pub fn render_html(report: &Report) -> String {
-    page::html(report)
+/// A report of trials.
+#[derive(Debug)]
+pub struct Report<'a> {
+    subject: Subject,
+    trials: Trials<'a>,
+    evaluation: Evaluation,
+}
+
+/// All numbers of a report.
+#[derive(Serialize)]
+struct Numbers<'a> {
+    title: &'a str,
+    story: Vec<String>,
+    caveats: Vec<String>,
+    facts: &'a [(String, String)],
+    #[serde(flatten)]
+    evaluation: &'a Evaluation,
+    figures: Vec<Figure>,
+}
+
+impl<'a> Report<'a> {
+    /// Of rows in any order, of which each has a key of its own.
+    pub fn new(subject: Subject, rows: impl IntoIterator<Item = &'a Row>) -> Self {
+        let trials = Trials::new(rows);
+        let evaluation = Evaluation::of(&trials, subject.order);
+        Self {
+            subject,
+            trials,
+            evaluation,
+        }
+    }
+
+    /// What was run, and who is best.
+    pub fn story(&self) -> Vec<String> {
+        story::story(&self.subject, &self.evaluation)
+    }
+
+    /// What to be careful with.
+    pub fn caveats(&self) -> Vec<String> {
+        story::caveats(&self.trials, &self.evaluation)
+    }
+
+    /// Ranking, paired comparison, and failures if there are any.
+    pub fn tables(&self) -> Vec<Table> {
+        let mut tables = vec![table::ranking(&self.evaluation)];
+        tables.extend(self.evaluation.comparison.as_ref().map(table::paired));
+        tables.extend(table::failures(&self.evaluation));
+        tables
+    }
+
+    /// Two of its planners, metric by metric; `None` if there is no such label.
+    pub fn two_planners(&self, a: &str, b: &str) -> Option<Table> {
+        table::two_planners(&self.trials, a, b)
+    }
+
+    /// Labels of planners in the suite's order.
+    pub fn planners(&self) -> Vec<&str> {
+        let planners = self.trials.planners().iter();
+        planners.map(|planner| planner.label).collect()
+    }
+
+    /// All that have something to show.
+    pub fn figures(&self) -> Vec<Figure> {
+        Maker::new(&self.trials, &self.evaluation).all()
+    }
+
+    /// The page, of which nothing is outside.
+    pub fn html(&self) -> String {
+        page::html(self)
+    }
+
+    /// Markdown, with links to figures in a folder if it is given, and with further tables.
+    pub fn markdown(&self, folder: Option<&str>, more: &[Table]) -> String {
+        let mut out = String::new();
+        markdown::paragraphs(&mut out, &self.subject.title, &self.story(), &self.caveats());
+        for table in self.tables().iter().chain(more) {
+            markdown::table(&mut out, table);
+        }
+        if let Some(folder) = folder {
+            markdown::figures(&mut out, &self.figures(), folder);
+        }
+        markdown::section(&mut out, "Methods");
+        markdown::list(&mut out, &story::methods());
+        markdown::facts(&mut out, &self.subject.facts);
+        out.truncate(out.trim_end().len());
+        out.push('\n');
+        out
+    }
+
+    /// All numbers, those of the figures too.
+    pub fn json(&self) -> serde_json::Result<serde_json::Value> {
+        serde_json::to_value(Numbers {
+            title: &self.subject.title,
+            story: self.story(),
+            caveats: self.caveats(),
+            facts: &self.subject.facts,
+            evaluation: &self.evaluation,
+            figures: self.figures(),
+        })
+    }
+}
+
+/// Two runs of one suite beside each other, under these names.
+pub fn two_runs<'a>(
+    a: (&str, impl IntoIterator<Item = &'a Row>),
+    b: (&str, impl IntoIterator<Item = &'a Row>),
+) -> (crate::evaluate::RunComparison, Vec<Table>) {
+    let comparison = compare_runs(a.1, b.1);
+    let tables = table::two_runs(&comparison, a.0, b.0);
+    (comparison, tables)
 }

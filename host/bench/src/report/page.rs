@@ -10,10 +10,13 @@ use fleetyard_view::escape;
 use serde::Serialize;
 
 use super::Report;
-use super::columns::{Packed, pack};
-use super::figures::{METRICS, Metric};
+use super::columns::{Packed, pack, pack_numbers, pack_words};
+use super::figures::{Quantity, moments};
 use super::palette::COLORS;
-use crate::{COLUMNS, ColumnType};
+use super::story::methods;
+use crate::evaluate::{METRICS, Order, best_of, failure};
+use crate::statistics::Interval;
+use crate::{COLUMNS, ColumnType, Row};
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
@@ -37,31 +40,100 @@ struct Data<'a> {
     columns: Vec<Packed>,
     /// Names of columns whose numbers are yes and no.
     booleans: Vec<&'static str>,
-    planners: &'a [String],
-    ranking: &'a str,
-    metrics: &'static [Metric],
+    /// How each trial ended.
+    outcome: Packed,
+    planners: Vec<&'a str>,
+    order: Order,
+    metrics: Vec<Quantity>,
     colors: [&'static str; COLORS.len()],
+    paired: Option<Paired<'a>>,
+    /// Numbers of the planners that are held against each other at first.
+    scatter: [usize; 2],
+    quality: Quality,
+}
+
+/// The intervals of the paired comparison of all trials, which are drawn.
+#[derive(Serialize)]
+struct Paired<'a> {
+    baseline: &'a str,
+    intervals: Vec<(&'a str, Option<Interval>)>,
+}
+
+/// The best sums of costs at some moments: where they change.
+#[derive(Serialize)]
+struct Quality {
+    moments_ms: Vec<f64>,
+    /// Changes per trial.
+    changes: Packed,
+    /// Number of the moment, by change.
+    moment: Packed,
+    /// Sum of costs, by change.
+    soc: Packed,
+}
+
+impl Quality {
+    fn of(rows: &[&Row], moments_ms: Vec<f64>) -> Self {
+        let (mut changes, mut moment, mut socs) = (Vec::new(), Vec::new(), Vec::new());
+        for row in rows {
+            let before = socs.len();
+            let mut last = f64::INFINITY;
+            for (number, soc) in best_of(row, &moments_ms).into_iter().enumerate() {
+                if soc < last {
+                    moment.push(Some(number as f64));
+                    socs.push(Some(soc));
+                    last = soc;
+                }
+            }
+            changes.push(Some((socs.len() - before) as f64));
+        }
+        Self {
+            moments_ms,
+            changes: pack_numbers("changes", &changes),
+            moment: pack_numbers("moment", &moment),
+            soc: pack_numbers("soc", &socs),
+        }
+    }
 }
 
 /// The page.
-pub(super) fn html(report: &Report) -> String {
+pub(super) fn html(report: &Report<'_>) -> String {
     let booleans = COLUMNS.iter().filter(|c| c.kind == ColumnType::Boolean);
+    let mut rows: Vec<&Row> = report.trials.rows().collect();
+    rows.sort_by_key(|row| (row.trial, row.repeat, &row.planner, &row.key));
+    let outcomes = rows.iter().map(|row| failure(row));
+    let planners = report.planners();
+    let slot = |at: usize| {
+        let ranked = report.evaluation.ranking.planners.get(at)?;
+        planners.iter().position(|label| *label == ranked.planner)
+    };
     let data = Data {
-        rows: report.rows.len(),
-        columns: pack(&report.rows),
+        rows: rows.len(),
+        columns: pack(&rows),
         booleans: booleans.map(|column| column.name).collect(),
-        planners: &report.planners,
-        ranking: &report.ranking,
-        metrics: METRICS,
+        outcome: pack_words(
+            "outcome",
+            outcomes.map(|failure| failure.unwrap_or_else(|| "success".to_owned())),
+        ),
+        scatter: [slot(0).unwrap_or(0), slot(1).unwrap_or(0)],
+        order: report.subject.order,
+        metrics: METRICS.iter().map(Quantity::of).collect(),
         colors: COLORS,
+        paired: report.evaluation.comparison.as_ref().map(|comparison| Paired {
+            baseline: &comparison.baseline,
+            intervals: (comparison.planners.iter())
+                .map(|(label, paired)| (label.as_str(), paired.delta_interval))
+                .collect(),
+        }),
+        quality: Quality::of(&rows, moments(&report.trials)),
+        planners,
     };
     // Numbers are finite and keys are text: there is nothing that JSON cannot hold.
     let data = serde_json::to_string(&data).expect("the data can be written as JSON");
     // No `<` may end the element that holds it.
     let data = data.replace('<', "\\u003c");
-    let title = escape(&report.title);
+    let title = escape(&report.subject.title);
     let script = SCRIPT.concat();
-    let (story, methods, origin) = (story(report), list(&report.methods), origin(report));
+    let (story, methods, origin) = (story(report), list(&methods()), origin(report));
     let mut page = String::with_capacity(data.len() + PAGE.len() + STYLE.len() + script.len() + 4096);
     let mut rest = PAGE;
     while let Some((before, (name, after))) = rest
@@ -85,13 +157,13 @@ pub(super) fn html(report: &Report) -> String {
     page
 }
 
-fn story(report: &Report) -> String {
+fn story(report: &Report<'_>) -> String {
     let mut out = String::new();
-    for (index, paragraph) in report.story.iter().enumerate() {
+    for (index, paragraph) in report.story().iter().enumerate() {
         let class = if index == 0 { " class=\"lead\"" } else { "" };
         let _ = writeln!(out, "<p{class}>{}</p>", escape(paragraph));
     }
-    out + &list(&report.caveats)
+    out + &list(&report.caveats())
 }
 
 fn list(entries: &[String]) -> String {
@@ -102,13 +174,13 @@ fn list(entries: &[String]) -> String {
     format!("<ul>\n{}</ul>\n", entries.collect::<String>())
 }
 
-fn origin(report: &Report) -> String {
+fn origin(report: &Report<'_>) -> String {
     let mut out = "<dl>\n".to_owned();
-    for (name, value) in &report.facts {
+    for (name, value) in &report.subject.facts {
         let _ = writeln!(out, "<dt>{}</dt><dd>{}</dd>", escape(name), escape(value));
     }
     out.push_str("</dl>\n");
-    for (name, text) in &report.texts {
+    for (name, text) in &report.subject.texts {
         let (name, text) = (escape(name), escape(text));
         let _ = writeln!(
             out,

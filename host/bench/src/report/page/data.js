@@ -21,7 +21,8 @@ class Column {
   #numbers;
   #codes;
 
-  constructor(packed) {
+  constructor(packed, length = count) {
+    this.length = length;
     this.name = packed.name;
     this.doc = packed.doc;
     this.#packed = packed;
@@ -59,16 +60,16 @@ class Column {
   /** All values as numbers. */
   get numbers() {
     if (this.#numbers) return this.#numbers;
-    const numbers = new Float64Array(count);
+    const numbers = new Float64Array(this.length);
     const { form, value, words } = this.#packed;
     const number = (value) => value === null ? NaN : Number(value);
     if (form === 'same') {
       numbers.fill(number(value));
     } else if (form === 'words') {
       const known = words.map(number);
-      for (let i = 0; i < count; i++) numbers[i] = known[this.bytes[i]];
+      for (let i = 0; i < this.length; i++) numbers[i] = known[this.bytes[i]];
     } else {
-      for (let i = 0; i < count; i++) numbers[i] = number(this.at(i));
+      for (let i = 0; i < this.length; i++) numbers[i] = number(this.at(i));
     }
     return this.#numbers = numbers;
   }
@@ -77,10 +78,10 @@ class Column {
   get codes() {
     if (this.#codes) return this.#codes;
     const { form, value, words } = this.#packed;
-    if (form === 'same') return this.#codes = { values: [value], of: new Uint8Array(count) };
+    if (form === 'same') return this.#codes = { values: [value], of: new Uint8Array(this.length) };
     if (form === 'words') return this.#codes = { values: words, of: this.bytes };
-    const seen = new Map(), values = [], of = new Uint32Array(count);
-    for (let i = 0; i < count; i++) {
+    const seen = new Map(), values = [], of = new Uint32Array(this.length);
+    for (let i = 0; i < this.length; i++) {
       const value = this.at(i);
       let code = seen.get(value);
       if (code === undefined) {

@@ -1,5 +1,6 @@
 // ---- What the trials say ----------------------------------------------------------
-// The same as evaluate/ says of all trials; here of those that pass the filters.
+// The same as evaluate/ says of all trials, here of those that pass the filters: a case
+// is a planner on an instance with a seed and a budget, and its repeats are one.
 
 const slots = data.planners.length;
 
@@ -10,155 +11,215 @@ const slotOf = (() => {
   return Uint16Array.from(of, (code) => place[code]);
 })();
 
-/** Trials with the same instance and seed, which planners are compared on. */
-const tasks = grouped([columns.instance_digest, columns.seed]);
+const instances = grouped([columns.instance_digest, columns.seed, columns.budget_ms]);
+const cases = grouped([columns.instance_digest, columns.seed, columns.budget_ms, columns.planner]);
 
-/** A column's values of some trials that have one. */
-function valuesOf(rows, name) {
-  const { numbers } = columns[name], found = new Float64Array(rows.length);
-  let length = 0;
-  for (const i of rows) if (!Number.isNaN(numbers[i])) found[length++] = numbers[i];
-  return found.subarray(0, length);
+/** Of every case its planner and its instance. */
+const slotOfCase = new Uint16Array(cases.groups), instanceOfCase = new Uint32Array(cases.groups);
+for (let i = 0; i < count; i++) {
+  slotOfCase[cases.of[i]] = slotOf[i];
+  instanceOfCase[cases.of[i]] = instances.of[i];
 }
 
-function evaluate(rows) {
-  const success = columns.success.numbers, time = columns.solve_time_ms.numbers;
-  // Trials by planner: all, and those that succeeded.
-  const counts = new Uint32Array(slots), solved = new Uint32Array(slots);
-  for (const i of rows) {
-    counts[slotOf[i]]++;
-    if (success[i]) solved[slotOf[i]]++;
-  }
-  const all = Array.from(counts, (n) => new Uint32Array(n)), good = Array.from(solved, (n) => new Uint32Array(n));
-  const filled = new Uint32Array(slots), kept = new Uint32Array(slots);
-  for (const i of rows) {
-    const slot = slotOf[i];
-    all[slot][filled[slot]++] = i;
-    if (success[i]) good[slot][kept[slot]++] = i;
-  }
-  const present = [...counts.keys()].filter((slot) => counts[slot]);
+/** What trials differ by in size: team sizes, or else sizes of mazes, or nothing. */
+const size = (() => {
+  if (columns.agents.codes.values.length > 1) return { label: 'agents', numbers: columns.agents.numbers, of: columns.agents.codes.of };
+  const mazes = grouped([columns.maze_width, columns.maze_height]);
+  return mazes.groups > 1 ? { label: 'maze width in cells', numbers: columns.maze_width.numbers, of: mazes.of } : null;
+})();
 
-  // Per task and planner: trials, successes, and the sum of their times.
-  const size = tasks.groups * slots;
-  const trials = new Uint16Array(size), successes = new Uint16Array(size), times = new Float64Array(size);
-  for (const i of rows) {
-    const cell = tasks.of[i] * slots + slotOf[i];
-    trials[cell]++;
-    if (success[i]) {
-      successes[cell]++;
-      times[cell] += time[i];
+/** The cases of some trials, repeats brought together. */
+class Cases {
+  constructor(rows) {
+    this.rows = rows;
+    const success = columns.success.numbers;
+    // The trials of case c are members[first[c]] to members[first[c + 1] - 1].
+    this.first = new Uint32Array(cases.groups + 1);
+    this.success = new Uint8Array(cases.groups).fill(1);
+    for (const i of rows) {
+      this.first[cases.of[i] + 1]++;
+      if (!success[i]) this.success[cases.of[i]] = 0;
     }
-  }
-  const shared = [];
-  let asked = 0;
-  for (let task = 0; task < tasks.groups; task++) {
-    let any = false, every = true;
-    for (const slot of present) {
-      const cell = task * slots + slot;
-      if (trials[cell]) any = true;
-      if (!trials[cell] || successes[cell] < trials[cell]) every = false;
+    let repeated = false, present = 0;
+    for (let c = 0; c < cases.groups; c++) {
+      if (this.first[c + 1] > 1) repeated = true;
+      if (this.first[c + 1]) present++;
+      this.first[c + 1] += this.first[c];
     }
-    if (any) asked++;
-    if (any && every) shared.push(task);
+    this.members = new Uint32Array(rows.length);
+    const filled = this.first.slice(0, cases.groups);
+    for (const i of rows) this.members[filled[cases.of[i]]++] = i;
+    this.repeated = repeated;
+    /** Those that have a trial, by planner. */
+    const counts = new Uint32Array(slots);
+    this.all = new Uint32Array(present);
+    let at = 0;
+    for (let c = 0; c < cases.groups; c++) {
+      if (this.first[c] === this.first[c + 1]) continue;
+      this.all[at++] = c;
+      counts[slotOfCase[c]]++;
+    }
+    this.of = Array.from(counts, (n) => new Uint32Array(n));
+    counts.fill(0);
+    for (const c of this.all) this.of[slotOfCase[c]][counts[slotOfCase[c]]++] = c;
+    this.values = new Map();
   }
-  const timeAt = (task, slot) => times[task * slots + slot] / successes[task * slots + slot];
 
+  trials(c) {
+    return this.members.subarray(this.first[c], this.first[c + 1]);
+  }
+
+  /** Per case the median over repeats of a column, NaN where one has none. */
+  any(name) {
+    let found = this.values.get(name);
+    if (found) return found;
+    const { numbers } = columns[name];
+    found = new Float64Array(cases.groups).fill(NaN);
+    for (const c of this.all) {
+      const trials = this.trials(c);
+      if (trials.length === 1) {
+        found[c] = numbers[trials[0]];
+      } else {
+        const values = Array.from(trials, (i) => numbers[i]);
+        if (!values.some(Number.isNaN)) found[c] = median(values);
+      }
+    }
+    this.values.set(name, found);
+    return found;
+  }
+
+  /** Values of those cases among some that succeeded and have one. */
+  known(some, name) {
+    const found = this.any(name), values = new Float64Array(some.length);
+    let length = 0;
+    for (const c of some) if (this.success[c] && !Number.isNaN(found[c])) values[length++] = found[c];
+    return values.subarray(0, length);
+  }
+
+  succeeded(some) {
+    return some.filter((c) => this.success[c] === 1);
+  }
+}
+
+/** The mean of sorted values, so that it does not depend on their order. */
+const sortedMean = (values) => mean(sorted(values));
+
+function evaluate(rows, order) {
+  const found = new Cases(rows);
+  const present = data.planners.map((_, slot) => slot).filter((slot) => found.of[slot].length);
+  const solvedBy = new Uint16Array(instances.groups), asked = new Uint8Array(instances.groups);
+  for (const c of found.all) {
+    asked[instanceOfCase[c]] = 1;
+    if (found.success[c]) solvedBy[instanceOfCase[c]]++;
+  }
+  const isShared = solvedBy.map((planners) => present.length && planners === present.length ? 1 : 0);
+  const shared = sum(isShared);
   const planners = present.map((slot) => {
-    const comparable = shared.map((task) => timeAt(task, slot));
+    const of = found.of[slot], good = found.succeeded(of);
+    const times = found.any('solve_time_ms');
+    const overall = sortedMean(Float64Array.from(of, (c) => times[c]).filter((time) => !Number.isNaN(time)));
+    const common = good.filter((c) => isShared[instanceOfCase[c]]);
+    const over = (name) => sortedMean(found.known(common, name));
     return {
       slot,
       name: data.planners[slot],
-      trials: counts[slot],
-      successes: solved[slot],
-      success_rate: solved[slot] / counts[slot],
-      success_interval: wilson(solved[slot], counts[slot]),
-      time_ms: summary(valuesOf(good[slot], 'solve_time_ms')),
-      comparable_mean_time_ms: mean(comparable),
-      path_length_cells: mean(valuesOf(good[slot], 'path_length_cells')),
-      suboptimality: mean(valuesOf(good[slot], 'suboptimality')),
-      expansions: mean(valuesOf(good[slot], 'expansions')),
-      rows: all[slot],
-      good: good[slot],
+      cases: of.length,
+      successes: good.length,
+      success_rate: good.length / of.length,
+      success_interval: wilson(good.length, of.length),
+      comparable_time_ms: shared ? over('solve_time_ms') : overall,
+      comparable_length_cells: shared ? over('path_length_cells') : sortedMean(found.known(good, 'path_length_cells')),
+      expansions: sortedMean(found.known(good, 'expansions')),
+      mean_time_ms: overall,
+      time: summary(found.known(good, 'solve_time_ms')),
+      path_length_cells: sortedMean(found.known(good, 'path_length_cells')),
+      suboptimality: sortedMean(found.known(good, 'suboptimality')),
+      failures: of.length - good.length,
+      all: of,
+      good,
     };
   });
-  const last = (value) => value === null ? Infinity : value;
-  const by = [(p) => -p.success_rate, (p) => last(p.comparable_mean_time_ms)];
-  if ($('rank-by').value === 'appendix') by.push((p) => last(p.path_length_cells));
-  by.push((p) => last(p.expansions), (p) => last(p.time_ms?.mean ?? null));
+  const last = (value) => value ?? Infinity;
+  const keys = [(p) => -p.success_rate, (p) => last(p.comparable_time_ms), (p) => last(p.expansions), (p) => last(p.mean_time_ms)];
+  if (order === 'appendix') keys.splice(2, 0, (p) => last(p.comparable_length_cells));
   planners.sort((a, b) => {
-    for (const key of by) {
-      const [x, y] = [key(a), key(b)];
-      if (x !== y) return x - y;
-    }
+    for (const key of keys) if (key(a) !== key(b)) return key(a) - key(b);
     return a.name < b.name ? -1 : 1;
   });
   planners.forEach((planner, i) => { planner.rank = i + 1; });
-  return { rows, planners, shared, asked, timeAt };
+  return { rows, found, planners, order, shared, asked: sum(asked) };
 }
 
-/** Every planner against one, on the tasks that all solved. */
-function pair(found, baseline) {
-  const rows = found.planners.filter(({ slot }) => slot !== baseline).map(({ slot, name, rank }) => {
-    const differences = Float64Array.from(found.shared, (task) => found.timeAt(task, slot) - found.timeAt(task, baseline));
-    const slower = differences.filter((d) => d > 0).length, faster = differences.filter((d) => d < 0).length;
+/** Every planner's solve times against those of one, on the instances that both solved. */
+function pair({ found, planners }, baseline) {
+  const time = found.any('solve_time_ms'), of = new Float64Array(instances.groups).fill(NaN);
+  for (const c of found.of[baseline]) if (found.success[c]) of[instanceOfCase[c]] = time[c];
+  const rows = planners.filter(({ slot }) => slot !== baseline).map(({ slot, name, good }) => {
+    const differences = Float64Array.from(good, (c) => time[c] - of[instanceOfCase[c]]).filter((d) => !Number.isNaN(d)).sort();
+    let greater = 0, smaller = 0;
+    for (const d of differences) if (d > 0) greater++; else if (d < 0) smaller++;
     return {
-      slot, name, rank, slower, faster, count: differences.length,
-      median_ms: median(differences), interval: medianInterval(differences), p: signTest(slower, faster),
+      slot, name, greater, smaller, pairs: differences.length,
+      median_delta: quantile(differences, 0.5), interval: medianInterval(differences), p: signTest(greater, smaller), p_holm: null,
     };
   });
-  const adjusted = holm(rows.map(({ p }) => p));
-  rows.forEach((row, i) => { row.adjusted = adjusted[i]; });
-  return rows;
+  const compared = rows.filter(({ pairs }) => pairs);
+  holm(compared.map(({ p }) => p)).forEach((p, i) => { compared[i].p_holm = p; });
+  return rows.sort((a, b) => (a.median_delta ?? Infinity) - (b.median_delta ?? Infinity) || (a.name < b.name ? -1 : 1));
 }
 
 // ---- The two tables ---------------------------------------------------------------
 
+const column = (id, name, title, sort, show, more = {}) => ({ id, name, title, sort, show, ...more });
+const hidden = (row, show) => [show(row)].flat().map((part) => part.textContent ?? part).join('') === '–';
+
+/** Columns in which something has a value. */
+const useful = (columns, rows) => columns.filter(({ show }) => !rows.length || !rows.every((row) => hidden(row, show)));
+
 function showRanking() {
   const { planners, shared, asked } = story;
-  $('ranking-note').textContent = `${plural(shared.length, 'instance')} of ${grouping(asked)} solved by every planner: the comparable time is over them. `
-    + 'Other times, lengths and expansions are of successful trials; failures are left out of them and counted beside.';
-  const column = (id, name, title, sort, show, more = {}) => ({ id, name, title, sort, show, ...more });
-  showTable('ranking', [
+  const comparable = shared ? `Every planner solved ${plural(shared, 'instance')} of ${grouping(asked)}: comparable times are means over them.`
+    : 'No instance was solved by every planner: comparable times are means over all cases of each planner.';
+  $('ranking-note').textContent = `${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`;
+  showTable('ranking', useful([
     column('rank', 'Rank', 'Rank', (p) => p.rank, (p) => String(p.rank)),
     column('planner', 'Planner', 'Planner', (p) => p.name, (p) => named(p.slot), { text: true }),
-    column('success', 'Success', 'Trials that succeeded, with the 95 % Wilson interval of their share', (p) => p.success_rate,
-      (p) => [`${p.successes}/${p.trials} `, small(interval(p.success_interval, (x) => fixed(100 * x, 1)) + ' %')], { down: true }),
-    column('comparable', 'Comparable, ms', 'Mean time on the instances that every planner solved', (p) => p.comparable_mean_time_ms, (p) => digits(p.comparable_mean_time_ms)),
-    column('time', 'Time, ms', 'Mean and standard deviation over successful trials', (p) => p.time_ms?.mean ?? null,
-      (p) => p.time_ms ? [digits(p.time_ms.mean), small(` ± ${digits(p.time_ms.standard_deviation)}`)] : '–'),
-    column('median', 'Median [IQR], ms', 'Median and interquartile range', (p) => p.time_ms?.median ?? null,
-      (p) => p.time_ms ? [digits(p.time_ms.median), small(` [${digits(p.time_ms.q1)}, ${digits(p.time_ms.q3)}]`)] : '–'),
-    column('p95', 'p95, ms', '95th percentile', (p) => p.time_ms?.p95 ?? null, (p) => digits(p.time_ms?.p95)),
+    column('success', 'Success', 'Cases that succeeded, with the 95 % Wilson interval of their share', (p) => p.success_rate,
+      (p) => [`${p.successes}/${p.cases} `, small(`${interval(p.success_interval, (x) => fixed(100 * x, 1))} %`)], { down: true }),
+    column('comparable', 'Comparable, ms', 'Mean time on the instances that every planner solved', (p) => p.comparable_time_ms, (p) => digits(p.comparable_time_ms)),
+    column('time', 'Time, ms', 'Mean and standard deviation over cases that succeeded', (p) => p.time?.mean ?? null,
+      (p) => p.time ? [digits(p.time.mean), small(` ± ${digits(p.time.standard_deviation)}`)] : '–'),
+    column('median', 'Median [IQR], ms', 'Median and interquartile range', (p) => p.time?.median ?? null,
+      (p) => p.time ? [digits(p.time.median), small(` [${digits(p.time.q1)}, ${digits(p.time.q3)}]`)] : '–'),
+    column('p95', 'p95, ms', '95th percentile', (p) => p.time?.p95 ?? null, (p) => digits(p.time?.p95)),
     column('length', 'Length', 'Mean length of paths in cells', (p) => p.path_length_cells, (p) => fixed(p.path_length_cells, 2)),
     column('ratio', 'SoC/LB', 'Mean ratio of the sum of costs to its lower bound', (p) => p.suboptimality, (p) => fixed(p.suboptimality, 3)),
     column('expansions', 'Expansions', 'Mean number of expansions that planners claim', (p) => p.expansions, (p) => fixed(p.expansions, 2)),
-    column('failures', 'Failed', 'Trials left out of the numbers to the left', (p) => p.trials - p.successes, (p) => String(p.trials - p.successes), { down: true }),
-  ], planners);
-  const choose = $('baseline'), chosen = choose.value;
+    column('failures', 'Failed', 'Cases left out of times, lengths, costs and expansions', (p) => p.failures, (p) => String(p.failures), { down: true }),
+  ], planners), planners);
+  const choose = $('baseline'), chosen = choose.picked;
   choose.replaceChildren(...planners.map((p, i) => make('option', { value: p.slot }, i ? p.name : `${p.name} (best)`)));
-  if (choose.chosen && planners.some(({ slot }) => String(slot) === chosen)) choose.value = chosen;
-  else if (planners.length) choose.value = planners[0].slot;
+  if (planners.length) choose.value = planners.some(({ slot }) => slot === chosen) ? chosen : planners[0].slot;
 }
 
 function showPaired() {
   const baseline = Number($('baseline').value);
-  const rows = story.planners.length > 1 ? pair(story, baseline) : [];
   $('paired').hidden = story.planners.length < 2;
-  const name = data.planners[baseline];
-  $('paired-note').textContent = `Differences of times on the ${plural(story.shared.length, 'instance')} that every planner solved: positive where the planner is slower than ${name}. `
-    + 'Exact two-sided sign tests, corrected after Holm; 95 % percentile bootstrap intervals of the median.';
-  const column = (id, name, title, sort, show, more = {}) => ({ id, name, title, sort, show, ...more });
-  const intervalOf = (row) => {
-    const { paired } = data;
-    const whole = story.rows.length === count && paired && name === paired.baseline && $('rank-by').value === data.ranking;
-    return whole ? paired.intervals[row.name] ?? row.interval : row.interval;
-  };
+  if (story.planners.length < 2) return;
+  const rows = pair(story, baseline), name = data.planners[baseline];
+  $('paired-note').textContent = `Differences of solve times from ${name}, on the instances that both solved: positive where the planner is slower. `
+    + '95 % percentile bootstrap intervals of the median, exact two-sided sign tests with Holm’s correction.';
+  if (story.rows.length === count && data.paired?.baseline === name) {
+    const drawn = new Map(data.paired.intervals);
+    for (const row of rows) row.interval = drawn.get(row.name) ?? null;
+  }
+  rows.forEach((row, i) => { row.place = i; });
   showTable('paired', [
-    column('rank', 'Rank', 'Rank', (r) => r.rank, (r) => String(r.rank)),
     column('planner', 'Planner', 'Planner', (r) => r.name, (r) => named(r.slot), { text: true }),
-    column('median', 'Median Δ, ms', 'Median of the differences', (r) => r.median_ms, (r) => digits(r.median_ms)),
-    column('interval', '95 % interval', 'Percentile bootstrap', (r) => intervalOf(r)?.low ?? null, (r) => interval(intervalOf(r))),
-    column('slower', 'Slower/faster', 'Instances on which it is slower, and faster', (r) => r.slower, (r) => `${r.slower}/${r.faster}`),
-    column('p', 'p, Holm', 'Two-sided sign test, corrected after Holm', (r) => r.adjusted, (r) => probability(r.adjusted)),
+    column('pairs', 'Pairs', 'Instances that both solved', (r) => r.pairs, (r) => String(r.pairs), { down: true }),
+    column('median', 'Median Δ, ms', 'Median of the differences', (r) => r.median_delta, (r) => digits(r.median_delta)),
+    column('interval', '95 % interval', 'Percentile bootstrap', (r) => r.interval?.low ?? null, (r) => interval(r.interval)),
+    column('slower', 'Slower/faster', 'Instances on which it is slower, and faster', (r) => r.greater, (r) => `${r.greater}/${r.smaller}`),
+    column('p', 'p, Holm', 'Two-sided sign test, corrected after Holm', (r) => r.p_holm, (r) => probability(r.p_holm)),
   ], rows);
 }

@@ -14,158 +14,211 @@ function thinned(length, most) {
   return Array.from({ length: most }, (_, i) => Math.floor(i * (length - 1) / (most - 1)));
 }
 
-/** What trials differ by in size: team sizes, or those of mazes. */
-function sizes() {
-  const by = columns.agents.codes.values.length > 1 || columns.maze_width.codes.values.filter((w) => w !== null).length < 2
-    ? { column: columns.agents, label: 'agents' } : { column: columns.maze_width, label: 'maze width in cells' };
-  return by;
-}
-
-/** A planner's trials by size, ascending. */
-function bySize(rows) {
-  const { numbers } = sizes().column, groups = new Map();
-  for (const i of rows) {
-    const size = numbers[i];
-    if (Number.isNaN(size)) continue;
-    if (!groups.has(size)) groups.set(size, []);
-    groups.get(size).push(i);
+/** Cases by size, ascending: number of the size and cases. */
+function bySize(some) {
+  const groups = new Map();
+  for (const c of some) {
+    const i = story.found.trials(c)[0], number = size.numbers[i];
+    if (Number.isNaN(number)) continue;
+    if (!groups.has(size.of[i])) groups.set(size.of[i], [number, []]);
+    groups.get(size.of[i])[1].push(c);
   }
-  return [...groups].sort(([a], [b]) => a - b);
+  return [...groups.values()].sort(([a], [b]) => a - b);
 }
 
-const byRank = (figure) => [...story.planners].map(figure).filter((series) => series !== null);
-const bySlot = (figure) => [...story.planners].sort((a, b) => a.slot - b.slot).map(figure).filter((series) => series !== null);
-const rankedNames = () => story.planners.map(({ name }) => name);
+/** A series per planner, in the order of ranks or in that of the suite. */
+const byRank = (series) => story.planners.map(series).filter((series) => series !== null);
+const bySlot = (series) => [...story.planners].sort((a, b) => a.slot - b.slot).map(series).filter((series) => series !== null);
+const rankedNames = () => ({ label: '', names: story.planners.map(({ name }) => name) });
+const pairOf = (interval) => interval ? [interval.low, interval.high] : null;
+const shown = (found, log) => found?.mean_interval && (!log || found.mean_interval.low > 0) ? pairOf(found.mean_interval) : null;
+const trialsOf = (some) => some.length === 1 ? Array.from(story.found.trials(some[0])) : Array.from(some, (c) => Array.from(story.found.trials(c))).flat();
 
 const FIGURES = {
   success() {
-    const { label } = sizes();
-    const many = new Set(selectionSizes()).size > 1;
-    if (!many) {
+    const caption = 'Share of cases that succeeded, with 95 % Wilson intervals.';
+    const share = { label: 'success', percent: true, range: [0, 1] };
+    if (!size) {
       return {
-        title: 'Success', caption: 'Share of trials that succeeded, with 95 % Wilson intervals.',
-        x: { label: 'success', percent: true, range: [0, 1] }, y: { label: '', names: rankedNames() },
+        title: 'Success', caption, x: share, y: rankedNames(),
         series: byRank((p) => ({
-          kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: p.success_rate, interval: [p.success_interval.low, p.success_interval.high],
-          text: `${p.successes} of ${p.trials} trials`, rows: [p.rows],
+          kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: p.success_rate, interval: pairOf(p.success_interval),
+          text: `${p.successes} of ${p.cases} cases`, behind: () => p.all,
         })),
       };
     }
     return {
-      title: `Success by ${label}`, caption: 'Share of trials that succeeded, with 95 % Wilson intervals.',
-      x: { label }, y: { label: 'success', percent: true, range: [0, 1] },
+      title: `Success by ${size.label}`, caption, x: { label: size.label }, y: share,
       series: bySlot((p) => {
-        const groups = bySize(p.rows);
-        const good = groups.map(([, rows]) => rows.filter((i) => columns.success.numbers[i] === 1).length);
+        const groups = bySize(p.all).map(([number, some]) => [number, some, story.found.succeeded(some).length]);
         return {
           kind: 'curve', name: p.name, slot: p.slot,
-          points: groups.map(([size, rows], i) => [size, good[i] / rows.length]),
-          band: groups.map(([, rows], i) => { const w = wilson(good[i], rows.length); return [w.low, w.high]; }),
-          rows: groups.map(([, rows]) => rows),
+          points: groups.map(([number, some, good]) => [number, good / some.length]),
+          band: groups.map(([, some, good]) => pairOf(wilson(good, some.length))),
+          behind: (at) => groups[at][1],
         };
       }),
     };
   },
 
   cactus() {
+    const times = story.found.any('solve_time_ms');
     return {
-      title: 'Trials solved within a time', caption: 'Cactus plot: how many of its trials each planner has solved after how long. Higher and further left is better.',
-      x: { label: 'solve time, ms', log: true, unit: 'ms' }, y: { label: 'trials solved', zero: true },
+      title: 'Cases solved within a time', caption: 'Cactus plot: how many of its cases each planner solves within how long. Higher and further left is better.',
+      x: axisOf(metricOf('solve_time_ms')), y: { label: 'cases solved', zero: true },
       series: bySlot((p) => {
-        const { numbers } = columns.solve_time_ms;
-        const ordered = Array.from(p.good).sort((a, b) => numbers[a] - numbers[b]);
+        const ordered = p.good.filter((c) => !Number.isNaN(times[c])).sort((a, b) => times[a] - times[b]);
         const places = thinned(ordered.length, POINTS);
-        return { kind: 'steps', name: p.name, slot: p.slot, points: places.map((i) => [numbers[ordered[i]], i + 1]), rows: places.map((i) => [ordered[i]]) };
-      }).filter(({ points }) => points.length),
+        return places.length ? {
+          kind: 'steps', name: p.name, slot: p.slot, points: places.map((at) => [times[ordered[at]], at + 1]),
+          behind: (at) => [ordered[places[at]]],
+        } : null;
+      }),
     };
   },
 
   times() {
     return {
-      title: 'Solve times', caption: 'Box: quartiles, with the median; diamond: mean; whiskers: the farthest within 1.5 interquartile ranges. Of successful trials.',
-      x: { label: 'solve time, ms', log: true, unit: 'ms' }, y: { label: '', names: rankedNames() },
-      series: byRank((p) => boxOf(p)),
+      title: 'Solve times',
+      caption: 'Box: quartiles and median; diamond: mean; whiskers: the farthest values within one and a half boxes on the logarithmic axis. Of cases that succeeded.',
+      x: axisOf(metricOf('solve_time_ms')), y: rankedNames(), series: byRank(boxOf),
     };
   },
 
-  means(column) {
-    const metric = metricOf(column);
+  means(name) {
+    const metric = metricOf(name);
     return {
-      title: `Mean: ${metric.name}`, caption: 'Means over successful trials, with 95 % t intervals.',
-      x: axisOf(metric), y: { label: '', names: rankedNames() },
+      title: `Mean ${metric.name}`, caption: 'Means over cases that succeeded, with 95 % t intervals.',
+      x: axisOf(metric), y: rankedNames(),
       series: byRank((p) => {
-        const found = summary(valuesOf(p.good, column));
-        const { mean_interval: i } = found ?? {};
+        const found = summary(story.found.known(p.good, name));
         return {
-          kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: found?.mean ?? null,
-          interval: i && (!metric.log || i.low > 0) ? [i.low, i.high] : null, text: found ? `${digits(found.mean)} (${found.count} trials)` : '', rows: [p.good],
+          kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: found?.mean ?? null, interval: shown(found, metric.log),
+          text: found ? `${digits(found.mean)} (${plural(found.count, 'case')})` : '', behind: () => p.good,
         };
       }),
     };
   },
 
-  scatter(column, a, b) {
-    const metric = metricOf(column), { numbers } = columns[column];
-    const good = (slot) => story.planners.find((p) => p.slot === slot)?.good ?? [];
-    const seen = new Map();
-    const key = (i) => tasks.of[i] * 65536 + columns.repeat.numbers[i];
-    for (const i of good(a)) seen.set(key(i), i);
-    const points = [], rows = [];
-    for (const j of good(b)) {
-      const i = seen.get(key(j));
-      if (i === undefined || Number.isNaN(numbers[i]) || Number.isNaN(numbers[j])) continue;
-      points.push([numbers[i], numbers[j]]);
-      rows.push([i, j]);
+  scatter(name, a, b) {
+    const metric = metricOf(name), { found } = story, values = found.any(name);
+    const value = (c) => found.success[c] ? values[c] : NaN;
+    const of = new Int32Array(instances.groups).fill(-1);
+    for (const c of found.of[a]) of[instanceOfCase[c]] = c;
+    const points = [], behind = [], only = [0, 0, 0];
+    for (const c of found.of[b]) {
+      const other = of[instanceOfCase[c]];
+      if (other < 0) continue;
+      const x = value(other), y = value(c);
+      if (!Number.isNaN(x) && !Number.isNaN(y)) {
+        points.push([x, y]);
+        behind.push([other, c]);
+      } else {
+        only[Number.isNaN(x) ? Number.isNaN(y) ? 2 : 1 : 0]++;
+      }
     }
-    const [x, y] = [a, b].map((slot) => data.planners[slot] ?? '');
+    const [x, y] = [a, b].map((slot) => data.planners[slot]);
+    const axis = (planner) => ({ label: `${planner}: ${metric.label}`, log: metric.log });
     return {
-      title: 'One against another', caption: 'A point per instance, seed and repeat that both solved. Above the line the planner of the vertical axis has more.',
-      x: { label: `${short(x, 30)}: ${metric.label}`, log: metric.log }, y: { label: `${short(y, 30)}: ${metric.label}`, log: metric.log },
-      diagonal: true, square: true,
-      series: [{ kind: 'dots', name: y, slot: b, points, rows }],
+      title: `${metric.name}: one against another`,
+      caption: 'A point per case that both solved; above the line the vertical planner has more. '
+        + `Only the horizontal one solved ${only[0]}, only the vertical one ${only[1]}, neither ${only[2]}.`,
+      x: axis(x), y: axis(y), diagonal: true,
+      series: [{ kind: 'dots', name: y, slot: b, points, behind: (at) => behind[at] }],
       pointText: (series, at) => `${digits(points[at][1])} against ${digits(points[at][0])} of ${x}`,
     };
   },
 
-  size(column) {
-    const metric = metricOf(column), { label } = sizes();
+  quality() {
+    const { moments_ms } = data.quality, { found } = story;
     return {
-      title: `By ${label}: ${metric.name}`, caption: 'Means over successful trials, with 95 % t intervals. Failures are left out: read it beside the success rate.',
-      x: { label }, y: axisOf(metric),
+      title: 'Quality over time',
+      caption: 'Mean ratio of the best valid plan so far to the lower bound, with 95 % t intervals, over the cases that have a plan by then: '
+        + 'it may rise when a hard case gets its first plan.',
+      x: { label: 'time, ms', log: true }, y: { label: 'SoC / lower bound' },
       series: bySlot((p) => {
-        const groups = bySize(p.good).map(([size, rows]) => [size, rows, summary(valuesOf(rows, column))]).filter(([, , found]) => found);
-        return {
+        const ratios = moments_ms.map(() => []);
+        for (const c of p.all) {
+          const reference = references()[instanceOfCase[c]];
+          const best = Array.from(found.trials(c), bestBy);
+          for (let at = 0; at < moments_ms.length; at++) {
+            const soc = best.length === 1 ? best[0][at] : best.every((of) => of[at] < Infinity) ? median(best.map((of) => of[at])) : Infinity;
+            if (soc < Infinity) ratios[at].push(reference > 0 ? soc / reference : 1);
+          }
+        }
+        const known = ratios.map((ratios, at) => [moments_ms[at], summary(ratios)]).filter(([, found]) => found);
+        return known.length ? {
           kind: 'curve', name: p.name, slot: p.slot,
-          points: groups.map(([size, , found]) => [size, found.mean]),
-          band: groups.map(([, , { mean, mean_interval: i }]) => i && (!metric.log || i.low > 0) ? [i.low, i.high] : [mean, mean]),
-          rows: groups.map(([, rows]) => rows),
-        };
-      }).filter(({ points }) => points.length),
+          points: known.map(([time, found]) => [time, found.mean]),
+          band: known.map(([, found]) => pairOf(found.mean_interval) ?? [found.mean, found.mean]),
+          behind: () => p.all,
+        } : null;
+      }),
+    };
+  },
+
+  size(name) {
+    const metric = metricOf(name);
+    return {
+      title: `${metric.name} by ${size.label}`,
+      caption: 'Means over cases that succeeded, with 95 % t intervals. Failures are left out: read it beside the success rate.',
+      x: { label: size.label }, y: axisOf(metric),
+      series: bySlot((p) => {
+        const groups = bySize(p.good).map(([number, some]) => [number, some, summary(story.found.known(some, name))]).filter(([, , found]) => found);
+        return groups.length ? {
+          kind: 'curve', name: p.name, slot: p.slot,
+          points: groups.map(([number, , found]) => [number, found.mean]),
+          band: groups.map(([, , found]) => shown(found, metric.log) ?? [found.mean, found.mean]),
+          behind: (at) => groups[at][1],
+        } : null;
+      }),
     };
   },
 };
 
-function boxOf(p) {
-  const found = p.time_ms;
-  if (!found) return null;
-  const { numbers } = columns.solve_time_ms;
-  const ordered = Array.from(p.good).sort((a, b) => numbers[a] - numbers[b]);
-  const reach = 1.5 * (found.q3 - found.q1);
-  const inside = ordered.filter((i) => numbers[i] >= found.q1 - reach && numbers[i] <= found.q3 + reach);
-  const outside = ordered.filter((i) => numbers[i] < found.q1 - reach || numbers[i] > found.q3 + reach);
-  const kept = thinned(outside.length, OUTLIERS).map((i) => outside[i]);
-  return {
-    kind: 'box', name: p.name, slot: p.slot, at: p.rank - 1,
-    low: numbers[inside[0]], q1: found.q1, median: found.median, q3: found.q3, high: numbers[inside[inside.length - 1]], mean: found.mean,
-    outliers: kept.map((i) => numbers[i]), rows: kept.map((i) => [i]), all: p.good,
-    text: `median ${digits(found.median)} ms, quartiles ${digits(found.q1)} and ${digits(found.q3)}, mean ${digits(found.mean)}`,
-  };
+/** The lower bound of every instance, among the trials that pass. */
+function references() {
+  if (story.references) return story.references;
+  const of = story.references = new Float64Array(instances.groups).fill(Infinity), { numbers } = columns.lower_bound_steps;
+  for (const i of story.rows) of[instances.of[i]] = Math.min(of[instances.of[i]], numbers[i]);
+  return of;
 }
 
-function selectionSizes() {
-  const { numbers } = sizes().column, seen = new Set();
-  for (const i of story.rows) if (!Number.isNaN(numbers[i])) seen.add(numbers[i]);
-  return seen;
+/** The best sum of costs of a trial by each moment. */
+function bestBy(i) {
+  const best = new Float64Array(data.quality.moments_ms.length).fill(Infinity);
+  let from = 0, soc = Infinity;
+  for (let at = changes.first[i]; at < changes.first[i + 1]; at++) {
+    best.fill(soc, from, from = changes.moment.numbers[at]);
+    soc = changes.soc.numbers[at];
+  }
+  return best.fill(soc, from);
+}
+
+const changes = (() => {
+  const { changes, moment, soc } = data.quality;
+  const counts = new Column(changes).numbers, first = new Uint32Array(count + 1);
+  for (let i = 0; i < count; i++) first[i + 1] = first[i] + counts[i];
+  return { first, moment: new Column(moment, first[count]), soc: new Column(soc, first[count]) };
+})();
+
+function boxOf(p) {
+  const found = p.time;
+  if (!found) return null;
+  const times = story.found.any('solve_time_ms');
+  const ordered = p.good.filter((c) => !Number.isNaN(times[c])).sort((a, b) => times[a] - times[b]);
+  const { q1, q3 } = found;
+  const [low, high] = q1 > 0 ? [q1 * (q1 / q3) ** 1.5, q3 * (q3 / q1) ** 1.5] : [q1 - 1.5 * (q3 - q1), q3 + 1.5 * (q3 - q1)];
+  const inner = ordered.filter((c) => times[c] >= low && times[c] <= high);
+  const outer = ordered.filter((c) => times[c] < low || times[c] > high);
+  const kept = thinned(outer.length, OUTLIERS).map((at) => outer[at]);
+  return {
+    kind: 'box', name: p.name, slot: p.slot, at: p.rank - 1,
+    low: Math.min(q1, inner.length ? times[inner[0]] : q1), q1, median: found.median, q3,
+    high: Math.max(q3, inner.length ? times[inner[inner.length - 1]] : q3), mean: found.mean,
+    outliers: kept.map((c) => times[c]), behind: (at) => at < 0 ? p.good : [kept[at]],
+    text: `median ${digits(found.median)} ms, quartiles ${digits(q1)} and ${digits(q3)}, mean ${digits(found.mean)}`,
+  };
 }
 
 // ---- Their cards ------------------------------------------------------------------
@@ -180,11 +233,12 @@ function makeFigures() {
     if (value !== undefined) control.value = value;
     return control;
   };
-  const metrics = (value) => select('Quantity', available.map(({ column, name }) => [column, name]), available.some(({ column }) => column === value) ? value : available[0]?.column);
-  const planners = (label, value) => select(label, data.planners.map((name, slot) => [slot, name]), value);
-  addCard('success', [], () => FIGURES.success());
-  addCard('cactus', [], () => FIGURES.cactus());
-  addCard('times', [], () => FIGURES.times());
+  const metrics = (value) => select('Quantity', available.map(({ column, label }) => [column, label]),
+    available.some(({ column }) => column === value) ? value : available[0].column);
+  const planners = (label, value) => select(label, data.planners.map((name, slot) => [slot, short(name, 30)]), value);
+  addCard('success', [], FIGURES.success);
+  addCard('cactus', [], FIGURES.cactus);
+  addCard('times', [], FIGURES.times);
   if (available.length) {
     const mean = metrics('expansions');
     addCard('means', [mean], () => FIGURES.means(mean.value));
@@ -192,9 +246,10 @@ function makeFigures() {
       const [quantity, x, y] = [metrics('solve_time_ms'), planners('Horizontal', data.scatter[0]), planners('Vertical', data.scatter[1])];
       addCard('scatter', [x, y, quantity], () => FIGURES.scatter(quantity.value, Number(x.value), Number(y.value)));
     }
-    if (selectionSizes.call(null, story = { rows: Uint32Array.from({ length: count }, (_, i) => i) }).size > 1) {
-      const size = metrics('solve_time_ms');
-      addCard('size', [size], () => FIGURES.size(size.value));
+    if (data.quality.moments_ms.length) addCard('quality', [], FIGURES.quality);
+    if (size) {
+      const quantity = metrics('solve_time_ms');
+      addCard('size', [quantity], () => FIGURES.size(quantity.value));
     }
   }
   $('legend').replaceChildren(...data.planners.map((name, slot) => make('li', {}, make('button', {
@@ -249,10 +304,10 @@ function showFigure(card) {
 /** What is behind a point: a trial is opened, several are listed. */
 function opened(figure, index, at) {
   const series = figure.series[index];
-  const rows = at < 0 ? series.all : series.rows[at];
+  const rows = trialsOf(series.behind(at));
   $('tip').hidden = true;
   if (rows.length === 1) go(rows[0]);
-  else narrow(rows, `${figure.title}, ${series.name}`);
+  else narrow(Uint32Array.from(rows), `${figure.title}, ${series.name}`);
 }
 
 /** The figure as a table, for who does not see it and who wants its numbers. */

@@ -136,7 +136,7 @@ function changed() {
   const began = performance.now();
   for (const filter of filters) filter.chosen = filter.allowed.reduce((sum, on) => sum + on, 0);
   select();
-  story = evaluate(selection);
+  story = evaluate(selection, $('rank-by').value);
   showTables();
   showFigures();
   narrow(null);
@@ -150,7 +150,7 @@ const plural = (n, word) => `${grouping(n)} ${word}${n === 1 ? '' : 's'}`;
 // ---- Tables -----------------------------------------------------------------------
 
 let story; // what evaluate() found
-const order = { ranking: { by: 'rank', up: true }, paired: { by: 'rank', up: true } };
+const order = { ranking: { by: 'rank', up: true }, paired: { by: 'median', up: true } };
 
 /** A planner's name after the mark that it has in figures. */
 function named(slot) {
@@ -374,8 +374,7 @@ function showTrial(i) {
   } }, 'Copy');
   const code = make('code', {}, command);
   const same = [];
-  const task = tasks.of[i];
-  for (let j = 0; j < count; j++) if (tasks.of[j] === task) same.push(j);
+  for (let j = 0; j < count; j++) if (instances.of[j] === instances.of[i]) same.push(j);
   const others = make('table', {}, make('thead', {}, make('tr', {}, make('th', { class: 'text' }, 'Planner'), make('th', {}, 'Repeat'),
     make('th', { class: 'text' }, 'Outcome'), make('th', {}, 'Time, ms'), make('th', {}, 'Length'), make('th', {}, 'SoC'), make('th', {}, 'Expansions'))),
   make('tbody', {}, ...same.slice(0, 100).map((j) => make('tr', { 'aria-current': j === i ? 'true' : null },
@@ -415,14 +414,19 @@ function commandOf(i) {
 
 function begin() {
   const rank = $('rank-by');
-  for (const [value, name] of [['text', 'the order of the text'], ['appendix', 'the appendix, eq. 23']]) rank.append(make('option', { value }, name));
-  rank.value = data.ranking;
+  for (const [value, name] of [['text', 'the paper’s text'], ['appendix', 'its appendix, eq. 23']]) rank.append(make('option', { value }, name));
+  rank.value = data.order;
   rank.addEventListener('change', () => {
-    story = evaluate(selection);
+    story = evaluate(selection, $('rank-by').value);
     showTables();
+    showFigures();
   });
-  $('baseline').addEventListener('change', showPaired);
+  $('baseline').addEventListener('change', () => {
+    $('baseline').picked = Number($('baseline').value);
+    showPaired();
+  });
   makeFilters();
+  story = evaluate(Uint32Array.from({ length: count }, (_, i) => i), data.order);
   makeFigures();
   listenList();
   $('skip').href = '#ranking';

@@ -83,9 +83,15 @@ function axis(spec, values, length) {
   return { place: (value) => (value - low) / (high - low) * length, ticks, from: low, to: high };
 }
 
-const tickText = (spec, tick) => spec.percent ? `${digits(100 * tick)} %`
-  : Math.abs(tick) >= 1e4 ? tick >= 1e6 ? scientific(tick).replace(/^1\.00×/, '').replace('.00', '') : `${digits(tick / 1000)}k`
-  : minus(String(Number(tick.toPrecision(3))));
+const rounded = (value) => minus(String(Number(value.toPrecision(3))));
+
+/** As in format.rs. */
+function tickText(spec, tick) {
+  if (spec.percent) return `${digits(100 * tick)} %`;
+  const size = Math.abs(tick);
+  if (size >= 1e6 || size < 1e-4 && size > 0) return scientific(tick).replace('.00', '').replace(/^1×/, '');
+  return size >= 1e4 ? `${rounded(tick / 1000)}k` : rounded(tick);
+}
 
 /** Every x and every y of a figure. */
 function extents(figure) {
@@ -107,7 +113,7 @@ function extents(figure) {
 function draw(place, figure, open) {
   const width = Math.max(260, Math.round(place.clientWidth) || 560);
   const names = figure.y.names;
-  const height = names ? Math.max(150, 54 + names.length * 26) : figure.square ? Math.min(width, 460) : Math.round(Math.min(360, Math.max(250, width * 0.6)));
+  const height = names ? Math.max(150, 54 + names.length * 26) : figure.diagonal ? Math.min(width, 460) : Math.round(Math.min(360, Math.max(250, width * 0.6)));
   place.style.height = `${height}px`;
   const labels = names ? Math.min(Math.max(...names.map((name) => [...name].length), 1) * CHARACTER + 14, width * 0.36) : 54;
   const frame = { left: Math.round(labels), right: width - 14, top: 12, bottom: height - 42 };

@@ -1,0 +1,204 @@
+//! What a report says in sentences: what was run, who is best, and what to be careful with.
+
+use super::Subject;
+use super::format::{digits, grouped};
+use super::table::{plural, share};
+use crate::evaluate::{Evaluation, Order, Overview, Ranked, Trials, rank};
+
+/// The first sentences of a report.
+pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
+    let overview = &evaluation.overview;
+    let mut story = Vec::new();
+    if overview.trials == 0 {
+        story.push("There are no trials.".to_owned());
+        return story;
+    }
+    let repeats = match (overview.repeats_min, overview.repeats_max) {
+        (1, 1) => "once each".to_owned(),
+        (least, most) if least == most => format!("{most} times each"),
+        (least, most) => format!("{least} to {most} times each"),
+    };
+    let ran = format!(
+        "{} on {}, {repeats}: {}.",
+        plural(overview.planners, "planner"),
+        plural(overview.instances, "instance"),
+        plural(overview.trials, "trial"),
+    );
+    story.push(format!("{ran} {}", best(evaluation)));
+    if let Some(description) = subject.description.as_deref() {
+        if !description.trim().is_empty() {
+            story.push(description.trim().to_owned());
+        }
+    }
+    if overview.planners > 1 {
+        story.push(format!(
+            "Ranked in {}: {}.",
+            order_name(evaluation.ranking.order),
+            evaluation.ranking.order.description()
+        ));
+    }
+    story
+}
+
+/// How an order is called.
+pub(super) fn order_name(order: Order) -> &'static str {
+    match order {
+        Order::Text => "the order of the maze paper's text",
+        Order::Appendix => "the order of the maze paper's appendix (equation 23)",
+    }
+}
+
+fn best(evaluation: &Evaluation) -> String {
+    let ranking = &evaluation.ranking;
+    let overview = &evaluation.overview;
+    let solved = |ranked: &Ranked| {
+        format!(
+            "{} of {} cases ({})",
+            grouped(ranked.successes as u64),
+            grouped(ranked.cases as u64),
+            share(ranked.successes, ranked.cases)
+        )
+    };
+    let [first, rest @ ..] = &ranking.planners[..] else {
+        return String::new();
+    };
+    if overview.failures == overview.trials {
+        return "All of them failed.".to_owned();
+    }
+    let Some(second) = rest.first() else {
+        return format!("{} solved {}.", first.planner, solved(first));
+    };
+    let time = |ranked: &Ranked| format!("{} ms", digits(ranked.comparable_time_ms));
+    let means = if ranking.over_shared {
+        format!(
+            "on the {} that all planners solved it takes {} in the mean, {} takes {}.",
+            plural(ranking.shared, "instance"),
+            time(first),
+            second.planner,
+            time(second)
+        )
+    } else {
+        "no instance was solved by all planners.".to_owned()
+    };
+    format!(
+        "{} ranks first: it solved {}; {} is next with {}; {means}",
+        first.planner,
+        solved(first),
+        second.planner,
+        solved(second),
+    )
+}
+
+/// What to be careful with.
+pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<String> {
+    let Overview {
+        trials: all,
+        failures,
+        planners,
+        descriptive,
+        contended,
+        unranked,
+        ref machines,
+        ..
+    } = evaluation.overview;
+    let mut caveats = Vec::new();
+    if all == 0 {
+        return caveats;
+    }
+    if descriptive {
+        caveats.push(
+            "Timings are descriptive: some cases ran once, so that nothing tells a planner's time \
+             from the machine's noise, and p-values are exploratory."
+                .to_owned(),
+        );
+    }
+    if failures > 0 {
+        caveats.push(format!(
+            "{} failed. Times, lengths and costs are of cases that succeeded; a planner that gives \
+             up on hard instances looks faster than it is, hence the comparable times.",
+            plural(failures, "trial")
+        ));
+    }
+    if contended > 0 {
+        caveats.push(format!(
+            "{} ran while others used the machine; their times are among the numbers, and a filter \
+             leaves them out.",
+            plural(contended, "trial")
+        ));
+    }
+    if unranked > 0 {
+        caveats.push(format!(
+            "{} ran in the host's process or without a sandbox and may not be compared.",
+            plural(unranked, "trial")
+        ));
+    }
+    if machines.len() > 1 {
+        caveats.push(format!(
+            "Trials ran on {} different machines: times differ by more than planners.",
+            machines.len()
+        ));
+    }
+    for summary in &evaluation.planners {
+        if summary.different_plans > 0 {
+            caveats.push(format!(
+                "{} gave different plans for the same seed in {}: it is not deterministic.",
+                summary.planner,
+                plural(summary.different_plans, "case")
+            ));
+        }
+        if summary.unsteady > 0 {
+            caveats.push(format!(
+                "{} succeeded in some repeats and failed in others of {}, which count as failed.",
+                summary.planner,
+                plural(summary.unsteady, "case")
+            ));
+        }
+    }
+    if planners > 1 {
+        let other = match evaluation.ranking.order {
+            Order::Text => Order::Appendix,
+            Order::Appendix => Order::Text,
+        };
+        let names = |planners: &[Ranked]| -> Vec<String> {
+            planners.iter().map(|ranked| ranked.planner.clone()).collect()
+        };
+        let (here, there) = (
+            names(&evaluation.ranking.planners),
+            names(&rank(trials, other).planners),
+        );
+        let moved = here.iter().zip(&there).filter(|(a, b)| a != b).count();
+        let name = order_name(other);
+        caveats.push(if moved == 0 {
+            format!("By {name} the ranking is the same.")
+        } else {
+            format!(
+                "By {name} {moved} of {planners} places are others: {}.",
+                there.join(", ")
+            )
+        });
+    }
+    caveats
+}
+
+/// How numbers came about.
+pub(super) fn methods() -> Vec<String> {
+    [
+        "A case is a planner on an instance with a seed and a budget. Its repeats are one: it \
+         succeeds when all of them do, and its values are their medians.",
+        "A trial succeeds when the planner ended as it should and the host's validator accepts its \
+         plan, whatever the planner claims.",
+        "Comparable means are over the instances that every planner solved.",
+        "Times are wall times of the call; which clock took them is in the suite. Expansions are \
+         the planner's claim.",
+        "Intervals of success rates are Wilson's score intervals, those of means Student's t \
+         intervals, those of paired medians percentile bootstrap intervals of 40,000 resamples with \
+         a fixed seed; all of 95 %. Quantiles are interpolated linearly (type 7).",
+        "Paired comparisons are exact two-sided sign tests with Holm's correction; pairs without a \
+         difference are left out of the test.",
+        "Where trials are filtered on the page, intervals of paired medians come from the exact \
+         distribution that resamples have, so that they may differ from drawn ones in the last \
+         digit.",
+    ]
+    .map(str::to_owned)
+    .to_vec()
+}

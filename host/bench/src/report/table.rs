@@ -1,0 +1,324 @@
+//! The tables of a report, as text cells that terminals, Markdown and the page share.
+
+use super::format::{NONE, digits, fixed, grouped, percent, probability};
+use crate::evaluate::{
+    Comparison, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, Paired, PlannerSummary,
+    Ranked, RunComparison, SOLVE_TIME, Trials, compare_with,
+};
+use crate::statistics::Interval;
+
+/// A table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Table {
+    /// What it shows.
+    pub title: String,
+    /// What has to be known to read it.
+    pub note: String,
+    /// Names of columns.
+    pub head: Vec<String>,
+    /// Whether each column is of words, and not of numbers.
+    pub words: Vec<bool>,
+    /// Cells, by row.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn new(title: &str, note: String, head: &[(&str, bool)]) -> Self {
+        Self {
+            title: title.to_owned(),
+            note,
+            head: head.iter().map(|(name, _)| (*name).to_owned()).collect(),
+            words: head.iter().map(|(_, words)| *words).collect(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// Without the columns that have no value at all.
+    fn without_empty(mut self) -> Self {
+        for column in (0..self.head.len()).rev() {
+            if !self.rows.is_empty() && self.rows.iter().all(|row| row[column] == NONE) {
+                self.head.remove(column);
+                self.words.remove(column);
+                for row in &mut self.rows {
+                    row.remove(column);
+                }
+            }
+        }
+        self
+    }
+}
+
+fn interval(interval: Option<&Interval>, text: impl Fn(f64) -> String) -> String {
+    match interval {
+        Some(Interval { low, high }) => format!("[{}, {}]", text(*low), text(*high)),
+        None => NONE.to_owned(),
+    }
+}
+
+fn three(value: f64) -> String {
+    digits(Some(value))
+}
+
+/// A count and what is counted.
+pub(super) fn plural(count: usize, word: &str) -> String {
+    let end = if count == 1 { "" } else { "s" };
+    format!("{} {word}{end}", grouped(count as u64))
+}
+
+/// Table III of paper 003.
+pub(super) fn ranking(evaluation: &Evaluation) -> Table {
+    let ranking = &evaluation.ranking;
+    let shared = plural(ranking.shared, "instance");
+    let instances = grouped(ranking.instances as u64);
+    let comparable = if ranking.over_shared {
+        format!(
+            "Every planner solved {shared} of {instances}: comparable times are means over them."
+        )
+    } else {
+        "No instance was solved by every planner: comparable times are means over all cases of \
+         each planner."
+            .to_owned()
+    };
+    let note = format!(
+        "{comparable} Other times, lengths, costs and expansions are of the cases that succeeded; \
+         those that failed stand beside them."
+    );
+    let head = [
+        ("Rank", false),
+        ("Planner", true),
+        ("Success", false),
+        ("Comparable, ms", false),
+        ("Time, ms", false),
+        ("Median [IQR], ms", false),
+        ("p95, ms", false),
+        ("Length", false),
+        ("SoC/LB", false),
+        ("Expansions", false),
+        ("Failed", false),
+    ];
+    let mut table = Table::new("Ranking", note, &head);
+    for (ranked, summary) in ranking.planners.iter().zip(&evaluation.planners) {
+        table.rows.push(ranking_row(ranked, summary));
+    }
+    table.without_empty()
+}
+
+fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
+    let of = |metric: &Metric| summary.metric(metric).map(|found| found.summary);
+    let mean = |metric: &Metric| of(metric).map(|found| found.mean);
+    let ratio = Metric::named("suboptimality").and_then(mean);
+    let time = of(&SOLVE_TIME);
+    let per_cent = |share: f64| fixed(Some(100.0 * share), 1);
+    vec![
+        ranked.rank.to_string(),
+        ranked.planner.clone(),
+        format!(
+            "{}/{} {} %",
+            ranked.successes,
+            ranked.cases,
+            interval(summary.success_interval.as_ref(), per_cent)
+        ),
+        digits(ranked.comparable_time_ms),
+        time.map_or(NONE.to_owned(), |time| {
+            format!("{} ± {}", three(time.mean), digits(time.standard_deviation))
+        }),
+        time.map_or(NONE.to_owned(), |time| {
+            let [median, q1, q3] = [time.median, time.q1, time.q3].map(three);
+            format!("{median} [{q1}, {q3}]")
+        }),
+        digits(time.map(|time| time.p95)),
+        fixed(mean(&PATH_LENGTH), 2),
+        fixed(ratio, 3),
+        fixed(mean(&EXPANSIONS), 2),
+        summary.failures.to_string(),
+    ]
+}
+
+/// Table IV of paper 003.
+pub(super) fn paired(comparison: &Comparison) -> Table {
+    let note = format!(
+        "Differences of solve times from {}, on the instances that both solved: positive where \
+         the planner is slower. 95 % percentile bootstrap intervals of the median, exact \
+         two-sided sign tests with Holm's correction.",
+        comparison.baseline
+    );
+    let head = [
+        ("Planner", true),
+        ("Pairs", false),
+        ("Median Δ, ms", false),
+        ("95 % interval", false),
+        ("Slower/faster", false),
+        ("p, Holm", false),
+    ];
+    let mut table = Table::new("Paired comparison", note, &head);
+    for (planner, paired) in &comparison.planners {
+        table.rows.push(vec![
+            planner.clone(),
+            paired.pairs.to_string(),
+            digits(paired.median_delta),
+            interval(paired.delta_interval.as_ref(), three),
+            format!("{}/{}", paired.greater, paired.smaller),
+            p_value(paired),
+        ]);
+    }
+    table
+}
+
+fn p_value(paired: &Paired) -> String {
+    if paired.pairs == 0 {
+        return NONE.to_owned();
+    }
+    probability(paired.p_holm)
+}
+
+/// Why trials failed; nothing if none did.
+pub(super) fn failures(evaluation: &Evaluation) -> Option<Table> {
+    let head = [("Planner", true), ("Reason", true), ("Trials", false)];
+    let mut table = Table::new("Failures", String::new(), &head);
+    for summary in &evaluation.planners {
+        for reason in &summary.reasons {
+            table.rows.push(vec![
+                summary.planner.clone(),
+                reason.reason.clone(),
+                reason.trials.to_string(),
+            ]);
+        }
+    }
+    (!table.rows.is_empty()).then_some(table)
+}
+
+/// Two planners, metric by metric.
+pub(super) fn two_planners(trials: &Trials<'_>, a: &str, b: &str) -> Option<Table> {
+    let (first, second) = (trials.planner(a)?, trials.planner(b)?);
+    let note = format!(
+        "Differences are {b} − {a}, on the instances that both solved. 95 % percentile bootstrap \
+         intervals of the median, exact two-sided sign tests without correction. {a} solved {} of \
+         {} cases, {b} {} of {}.",
+        first.successes().count(),
+        first.cases.len(),
+        second.successes().count(),
+        second.cases.len(),
+    );
+    let [mean_a, mean_b] = [a, b].map(|label| format!("Mean of {label}"));
+    let head = [
+        ("Metric", true),
+        (mean_a.as_str(), false),
+        (mean_b.as_str(), false),
+        ("Median Δ", false),
+        ("95 % interval", false),
+        ("More/less", false),
+        ("p", false),
+        ("Pairs", false),
+    ];
+    let mut table = Table::new(&format!("{a} and {b}"), note, &head);
+    for metric in METRICS {
+        let comparison = compare_with(trials, a, metric)?;
+        let mut planners = comparison.planners.iter();
+        let Some((_, paired)) = planners.find(|(label, paired)| label == b && paired.pairs > 0) else {
+            continue;
+        };
+        table.rows.push(vec![
+            named(metric),
+            digits(paired.mean_first),
+            digits(paired.mean_second),
+            digits(paired.median_delta),
+            interval(paired.delta_interval.as_ref(), three),
+            format!("{}/{}", paired.greater, paired.smaller),
+            probability(paired.p),
+            paired.pairs.to_string(),
+        ]);
+    }
+    Some(table)
+}
+
+fn named(metric: &Metric) -> String {
+    match metric.unit {
+        "" => metric.title.to_owned(),
+        unit => format!("{}, {unit}", metric.title),
+    }
+}
+
+/// Two runs of one suite: what became of every planner, and of its numbers.
+pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Table> {
+    let machines = if comparison.same_machines {
+        "Both ran on machines of the same description."
+    } else {
+        "They ran on different machines: times can be compared only with care."
+    };
+    let note = format!(
+        "A is {a}, B is {b}. {} in both, {} only in A, {} only in B. {machines}",
+        plural(comparison.pairs, "trial"),
+        grouped(comparison.only_in_a as u64),
+        grouped(comparison.only_in_b as u64),
+    );
+    let head = [
+        ("Planner", true),
+        ("Trials", false),
+        ("Code", true),
+        ("Success A", false),
+        ("Success B", false),
+        ("Lost", false),
+        ("Won", false),
+        ("Plans differ", false),
+        ("Traces differ", false),
+    ];
+    let mut runs = Table::new("Two runs", note, &head);
+    let note = "Cases that both runs solved. Differences are B − A, ratios B / A: below 1 is \
+                faster. 95 % percentile bootstrap intervals of medians; exact two-sided sign \
+                tests with Holm's correction over planners.";
+    let head = [
+        ("Planner", true),
+        ("Pairs", false),
+        ("Mean A, ms", false),
+        ("Mean B, ms", false),
+        ("Median Δ, ms", false),
+        ("95 % interval", false),
+        ("Median ratio", false),
+        ("95 % interval", false),
+        ("p, Holm", false),
+    ];
+    let mut times = Table::new("Solve times of both runs", note.to_owned(), &head);
+    for planner in &comparison.planners {
+        let code = match planner.same_code {
+            Some(true) => "same",
+            Some(false) => "other",
+            None => NONE,
+        };
+        let differ = |digests: &crate::evaluate::Digests| {
+            let known = digests.same + digests.different.len();
+            format!("{}/{known}", digests.different.len())
+        };
+        runs.rows.push(vec![
+            planner.planner.clone(),
+            planner.pairs.to_string(),
+            code.to_owned(),
+            planner.successes_a.to_string(),
+            planner.successes_b.to_string(),
+            planner.lost.len().to_string(),
+            planner.won.len().to_string(),
+            differ(&planner.plans),
+            differ(&planner.traces),
+        ]);
+        let mut metrics = planner.metrics.iter();
+        if let Some(time) = metrics.find(|found| found.metric == SOLVE_TIME) {
+            let paired = &time.paired;
+            times.rows.push(vec![
+                planner.planner.clone(),
+                paired.pairs.to_string(),
+                digits(paired.mean_first),
+                digits(paired.mean_second),
+                digits(paired.median_delta),
+                interval(paired.delta_interval.as_ref(), three),
+                fixed(paired.median_ratio, 3),
+                interval(paired.ratio_interval.as_ref(), |x| fixed(Some(x), 3)),
+                p_value(paired),
+            ]);
+        }
+    }
+    vec![runs, times]
+}
+
+/// `percent` of a part of a whole.
+pub(super) fn share(part: usize, whole: usize) -> String {
+    percent((whole > 0).then(|| part as f64 / whole as f64))
+}
