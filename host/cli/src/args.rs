@@ -20,6 +20,7 @@ use fleetyard_sim::{Policy, Tier};
 use crate::commands::bench::Bench;
 use crate::commands::jobs::Jobs;
 use crate::commands::store::Stores;
+use crate::commands::report::ReportArgs;
 use crate::exit;
 
 /// Runs, executes and judges multi-robot planners.
@@ -41,6 +42,8 @@ pub(crate) enum Command {
     /// Look at the stores of suites, join them, write them in other formats
     #[command(subcommand)]
     Store(Stores),
+    /// Show what the trials of a suite say: who is best, by how much, and how sure that is
+    Report(ReportArgs),
     /// Say whether a plan is valid, and what it costs
     Validate(Validate),
     /// Execute a plan in the simulator

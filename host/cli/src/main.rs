@@ -37,6 +37,7 @@ fn dispatch(command: Command) -> Result<Exit> {
         Command::Compare(arguments) => commands::compare::compare(&arguments),
         Command::Bench(arguments) => commands::bench::bench(&arguments),
         Command::Store(what) => commands::store::stores(&what),
+        Command::Report(arguments) => commands::report::report(&arguments),
         Command::Convert(arguments) => commands::convert::convert(&arguments),
         Command::Validate(arguments) => commands::validate::validate(&arguments),
         Command::Simulate(arguments) => commands::simulate::simulate(&arguments),

@@ -1,13 +1,12 @@
 //! The replay page: that it is one file that needs no other, and, in a real browser,
 //! that everything on it works.
 
-use std::f64::consts::PI;
-use std::fs::{self, File};
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+mod browser;
 
+use std::f64::consts::PI;
+use std::fs;
+
+use browser::{chromium, selftest, with_user};
 use fleetyard_core::Grid;
 use fleetyard_sim::trace::States;
 use fleetyard_sim::{Event, EventKind, Other, TraceSink as _};
@@ -151,62 +150,6 @@ fn what_cannot_be_shown_is_refused() {
     assert!(text.contains("The recording is not complete: it was cut off."));
 }
 
-/// A browser, or why there is none.
-fn chromium() -> Option<&'static str> {
-    ["chromium", "chromium-browser", "google-chrome"]
-        .into_iter()
-        .find(|name| {
-            let version = Command::new(name).arg("--version").output();
-            version.is_ok_and(|output| output.status.success())
-        })
-}
-
-/// Ends a browser, whatever happens.
-struct Browser(Child);
-
-impl Drop for Browser {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// Opens a page and waits for what the self-test says on the console.
-fn selftest(browser: &str, folder: &Path, page: &Path, size: &str) -> String {
-    let log = folder.join("browser.log");
-    let child = Command::new(browser)
-        .args(["--headless", "--no-sandbox", "--disable-gpu"])
-        .args(["--disable-dev-shm-usage", "--no-first-run"])
-        .args(["--enable-logging=stderr", "--v=0"])
-        .arg(format!("--window-size={size}"))
-        .arg(format!(
-            "--user-data-dir={}",
-            folder.join("profile").display()
-        ))
-        .arg(format!("file://{}", page.display()))
-        .stdout(Stdio::null())
-        .stderr(File::create(&log).unwrap())
-        .spawn()
-        .unwrap();
-    let mut browser = Browser(child);
-    let patience = Instant::now() + Duration::from_mins(2);
-    loop {
-        let said = fs::read(&log).unwrap();
-        let said = String::from_utf8_lossy(&said);
-        if let Some((_, report)) = said.split_once("selftest ")
-            && let Some((report, _)) = report.split_once(" selftest-end")
-        {
-            return report.to_owned();
-        }
-        let ended = browser.0.try_wait().unwrap();
-        assert!(
-            ended.is_none() && Instant::now() < patience,
-            "the test did not end: {ended:?}\n{said}"
-        );
-        sleep(Duration::from_millis(50));
-    }
-}
-
 #[test]
 fn everything_on_the_page_works_in_a_browser() {
     let Some(browser) = chromium() else {
@@ -216,18 +159,7 @@ fn everything_on_the_page_works_in_a_browser() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("replay.html");
     let text = page(&PageOptions::default());
-    // Errors are collected from the beginning, and the user comes last.
-    let collect = "<script>globalThis.pageErrors = [];\
-        addEventListener('error', (event) => pageErrors.push(event.message));\
-        addEventListener('unhandledrejection', (event) => pageErrors.push(String(event.reason)));\
-        console.error = (...all) => pageErrors.push(all.join(' '));</script>";
-    let user = format!(
-        "<script>\n{}</script>\n</body>",
-        include_str!("selftest.js")
-    );
-    let text = text.replacen("<style>", &format!("{collect}<style>"), 1);
-    let (before, after) = text.rsplit_once("</body>").unwrap();
-    fs::write(&file, format!("{before}{user}{after}")).unwrap();
+    fs::write(&file, with_user(&text, include_str!("selftest.js"))).unwrap();
     for size in ["1280,800", "390,844"] {
         let report = selftest(browser, folder.path(), &file, size);
         assert!(!report.contains("FAILED"), "{size}: {report}");

@@ -125,7 +125,9 @@ fn push(column: &mut Option<Values>, value: Value, rows: usize) {
         Value::Null => None,
         Value::Real(value) => Some(value).filter(|value| value.is_finite()),
         Value::Integer(value) if value.cast_unsigned() <= WHOLE => Some(value as f64),
-        Value::Integer(value) => return words(column).push(Some(value.cast_unsigned().to_string())),
+        Value::Integer(value) => {
+            return words(column).push(Some(value.cast_unsigned().to_string()));
+        }
         Value::Text(word) => return words(column).push(Some(word)),
         Value::Boolean(value) => Some(f64::from(u8::from(value))),
     };
@@ -312,7 +314,10 @@ mod tests {
         let text = |text: &str| Value::Text(text.into());
         let same = |value: serde_json::Value| Form::Same { value };
         assert_eq!(packed([]), same(serde_json::Value::Null));
-        assert_eq!(packed([Value::Null, Value::Null]), same(serde_json::Value::Null));
+        assert_eq!(
+            packed([Value::Null, Value::Null]),
+            same(serde_json::Value::Null)
+        );
         assert_eq!(packed([text("a"), text("a")]), same("a".into()));
         assert_eq!(packed([Value::Real(2.0), Value::Real(2.0)]), same(2.into()));
         let words = packed([Value::Null, text("a"), text("b"), text("a"), text("a")]);

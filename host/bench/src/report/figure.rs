@@ -104,7 +104,7 @@ pub enum Marks {
 
 /// Steps of a logarithmic axis within a decade, by how many decades it has at least.
 const STEPS: [(f64, &[f64]); 3] = [
-    (1.6, &[1.0]),
+    (2.2, &[1.0]),
     (0.7, &[1.0, 2.0, 5.0]),
     (0.0, &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0]),
 ];
@@ -163,7 +163,11 @@ impl Scale {
         if axis.range.is_none() {
             let margin = (high - low) * 0.04;
             low -= if axis.zero && low == 0.0 { 0.0 } else { margin };
-            high += if axis.zero && high == 0.0 { 0.0 } else { margin };
+            high += if axis.zero && high == 0.0 {
+                0.0
+            } else {
+                margin
+            };
         }
         let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
         let ticks = (0..=(last - first).max(0.0) as usize).map(|i| (first + i as f64) * step);
@@ -210,16 +214,40 @@ impl Scale {
     }
 }
 
+/// Intervals of few values may be so wide that nothing else could be seen: they widen an
+/// axis by a third of what its points need, at either end, and are cut off beyond.
+fn bounded(points: &[f64], bands: &[f64], log: bool) -> Vec<f64> {
+    let on_axis = |value: f64| if log { value.log10() } else { value };
+    let values = points
+        .iter()
+        .map(|value| on_axis(*value))
+        .filter(|value| value.is_finite());
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |ends, value| {
+        (ends.0.min(value), ends.1.max(value))
+    });
+    let bound = |value: f64| {
+        if low < high && value.is_finite() {
+            value.clamp(low - (high - low) / 3.0, high + (high - low) / 3.0)
+        } else {
+            value
+        }
+    };
+    let bands = bands.iter().map(|value| bound(on_axis(*value)));
+    bands
+        .map(|value| if log { 10f64.powf(value) } else { value })
+        .collect()
+}
+
 impl Figure {
     /// All values along x, and all along y.
     pub(super) fn values(&self) -> [Vec<f64>; 2] {
-        let (mut xs, mut ys) = (Vec::new(), Vec::new());
+        let (mut xs, mut ys, mut bands) = (Vec::new(), Vec::new(), Vec::new());
         for series in &self.series {
             match &series.marks {
                 Marks::Curve { points, band } => {
                     xs.extend(points.iter().map(|[x, _]| x));
                     ys.extend(points.iter().map(|[_, y]| y));
-                    ys.extend(band.iter().flatten().flatten());
+                    bands.extend(band.iter().flatten().flatten());
                 }
                 Marks::Steps { points } | Marks::Dots { points } => {
                     xs.extend(points.iter().map(|[x, _]| x));
@@ -243,6 +271,7 @@ impl Figure {
                 }
             }
         }
+        ys.extend(bounded(&ys, &bands, self.y.log));
         [xs, ys]
     }
 
@@ -265,7 +294,10 @@ mod tests {
     fn axes_are_marked_at_round_values() {
         let linear = Axis::default();
         assert_eq!(ticks(&linear, &[10.0, 200.0]), [50.0, 100.0, 150.0, 200.0]);
-        assert_eq!(ticks(&linear, &[3.0]), [2.8, 2.9, 3.0, 3.1, 3.2].map(|x: f64| x));
+        assert_eq!(
+            ticks(&linear, &[3.0]),
+            [2.8, 2.9, 3.0, 3.1, 3.2].map(|x: f64| x)
+        );
         let share = Axis {
             range: Some([0.0, 1.0]),
             ..Axis::default()

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::figure::{Axis, Figure, Marks, Series};
+use super::format::capital;
 use crate::evaluate::{
     Dimension, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, PlannerSummary, Ranking,
     Reference, SOLVE_TIME, Trials, box_plots, cactus, curves, log_spaced, quality_over_time,
@@ -203,7 +204,9 @@ impl<'a> Maker<'a> {
             let at = |point: &crate::evaluate::CurvePoint| point.level.number.unwrap_or_default();
             let marks = Marks::Curve {
                 points: points.clone().map(|p| [at(p), p.success_rate]).collect(),
-                band: points.map(|p| p.success_interval.as_ref().map(ends)).collect(),
+                band: points
+                    .map(|p| p.success_interval.as_ref().map(ends))
+                    .collect(),
             };
             self.series(&curve.planner, marks)
         };
@@ -321,7 +324,7 @@ impl<'a> Maker<'a> {
         };
         Some(Figure {
             id: format!("scatter-{}", metric.column),
-            title: format!("{}: one against another", metric.title),
+            title: capital(&format!("{}: one against another", metric.title)),
             caption: format!(
                 "A point per case that both solved; above the line the vertical planner has \
                  more. {}",
@@ -335,11 +338,7 @@ impl<'a> Maker<'a> {
     }
 
     fn quality(&self) -> Figure {
-        let quality = quality_over_time(
-            self.trials,
-            Reference::LowerBound,
-            &moments(self.trials),
-        );
+        let quality = quality_over_time(self.trials, Reference::LowerBound, &moments(self.trials));
         let curve = |quality: crate::evaluate::Quality| {
             let points = quality.points.iter();
             let known = points.filter_map(|point| Some((point, point.mean_ratio?)));
@@ -381,7 +380,10 @@ impl<'a> Maker<'a> {
             let points = curve.points.iter();
             let known = points.filter_map(|point| Some((point.level.number?, point.values?)));
             let marks = Marks::Curve {
-                points: known.clone().map(|(size, found)| [size, found.mean]).collect(),
+                points: known
+                    .clone()
+                    .map(|(size, found)| [size, found.mean])
+                    .collect(),
                 band: known
                     .map(|(_, found)| Some(shown(&found, log).unwrap_or([found.mean; 2])))
                     .collect(),
@@ -391,10 +393,11 @@ impl<'a> Maker<'a> {
         let mut series: Vec<Series> = (curves(self.trials, size, metric).into_iter())
             .map(curve)
             .collect();
-        series.retain(|one| !matches!(&one.marks, Marks::Curve { points, .. } if points.is_empty()));
+        series
+            .retain(|one| !matches!(&one.marks, Marks::Curve { points, .. } if points.is_empty()));
         Figure {
             id: format!("size-{}", metric.column),
-            title: format!("{} by {}", metric.title, size_name(size)),
+            title: capital(&format!("{} by {}", metric.title, size_name(size))),
             caption: "Means over cases that succeeded, with 95 % t intervals. Failures are left \
                       out: read it beside the success rate."
                 .into(),

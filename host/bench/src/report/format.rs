@@ -63,6 +63,9 @@ pub(super) fn scientific(value: f64) -> String {
 
 /// A p-value.
 pub(super) fn probability(p: f64) -> String {
+    if p < 1e-300 {
+        return "<10⁻³⁰⁰".to_owned();
+    }
     if p < 1e-3 {
         scientific(p)
     } else {
@@ -73,7 +76,7 @@ pub(super) fn probability(p: f64) -> String {
 /// A mark of an axis.
 pub(super) fn tick(percent: bool, value: f64) -> String {
     if percent {
-        return format!("{} %", digits(Some(100.0 * value)));
+        return format!("{} %", plain(100.0 * value));
     }
     match value.abs() {
         size if size >= 1e6 || (size < 1e-4 && size > 0.0) => {
@@ -89,6 +92,15 @@ pub(super) fn tick(percent: bool, value: f64) -> String {
 fn plain(value: f64) -> String {
     let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
     minus(&rounded.to_string())
+}
+
+/// With a capital at the beginning.
+pub(super) fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    match letters.next() {
+        Some(first) => first.to_uppercase().chain(letters).collect(),
+        None => String::new(),
+    }
 }
 
 /// A number with its digits in groups of three.

@@ -24,7 +24,7 @@ pub use svg::svg;
 pub use table::Table;
 
 use crate::Row;
-use crate::evaluate::{Evaluation, Order, Trials, compare_runs};
+use crate::evaluate::{Evaluation, METRICS, Order, Trials, compare_runs, compare_with};
 use figures::Maker;
 
 /// What a report is about.
@@ -116,7 +116,12 @@ impl<'a> Report<'a> {
     /// Markdown, with links to figures in a folder if it is given, and with further tables.
     pub fn markdown(&self, folder: Option<&str>, more: &[Table]) -> String {
         let mut out = String::new();
-        markdown::paragraphs(&mut out, &self.subject.title, &self.story(), &self.caveats());
+        markdown::paragraphs(
+            &mut out,
+            &self.subject.title,
+            &self.story(),
+            &self.caveats(),
+        );
         for table in self.tables().iter().chain(more) {
             markdown::table(&mut out, table);
         }
@@ -129,6 +134,21 @@ impl<'a> Report<'a> {
         out.truncate(out.trim_end().len());
         out.push('\n');
         out
+    }
+
+    /// Two of its planners in numbers, metric by metric: values of the second less those of
+    /// the first.
+    pub fn pair_json(&self, a: &str, b: &str) -> serde_json::Result<serde_json::Value> {
+        let mut pair = serde_json::Map::new();
+        for metric in METRICS {
+            let comparison = compare_with(&self.trials, a, metric);
+            let planners = comparison.into_iter().flat_map(|found| found.planners);
+            let mut found = planners.filter(|(label, paired)| label == b && paired.pairs > 0);
+            if let Some((_, paired)) = found.next() {
+                pair.insert(metric.column.to_owned(), serde_json::to_value(paired)?);
+            }
+        }
+        Ok(pair.into())
     }
 
     /// All numbers, those of the figures too.

@@ -118,12 +118,16 @@ pub(super) fn html(report: &Report<'_>) -> String {
         order: report.subject.order,
         metrics: METRICS.iter().map(Quantity::of).collect(),
         colors: COLORS,
-        paired: report.evaluation.comparison.as_ref().map(|comparison| Paired {
-            baseline: &comparison.baseline,
-            intervals: (comparison.planners.iter())
-                .map(|(label, paired)| (label.as_str(), paired.delta_interval))
-                .collect(),
-        }),
+        paired: report
+            .evaluation
+            .comparison
+            .as_ref()
+            .map(|comparison| Paired {
+                baseline: &comparison.baseline,
+                intervals: (comparison.planners.iter())
+                    .map(|(label, paired)| (label.as_str(), paired.delta_interval))
+                    .collect(),
+            }),
         quality: Quality::of(&rows, moments(&report.trials)),
         planners,
     };
@@ -134,7 +138,8 @@ pub(super) fn html(report: &Report<'_>) -> String {
     let title = escape(&report.subject.title);
     let script = SCRIPT.concat();
     let (story, methods, origin) = (story(report), list(&methods()), origin(report));
-    let mut page = String::with_capacity(data.len() + PAGE.len() + STYLE.len() + script.len() + 4096);
+    let mut page =
+        String::with_capacity(data.len() + PAGE.len() + STYLE.len() + script.len() + 4096);
     let mut rest = PAGE;
     while let Some((before, (name, after))) = rest
         .split_once("{{")
@@ -170,7 +175,9 @@ fn list(entries: &[String]) -> String {
     if entries.is_empty() {
         return String::new();
     }
-    let entries = entries.iter().map(|entry| format!("<li>{}</li>\n", escape(entry)));
+    let entries = entries
+        .iter()
+        .map(|entry| format!("<li>{}</li>\n", escape(entry)));
     format!("<ul>\n{}</ul>\n", entries.collect::<String>())
 }
 

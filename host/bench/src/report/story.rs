@@ -71,7 +71,7 @@ fn best(evaluation: &Evaluation) -> String {
     let time = |ranked: &Ranked| format!("{} ms", digits(ranked.comparable_time_ms));
     let means = if ranking.over_shared {
         format!(
-            "on the {} that all planners solved it takes {} in the mean, {} takes {}.",
+            "on the {} that all planners solved it takes {} on average, {} takes {}.",
             plural(ranking.shared, "instance"),
             time(first),
             second.planner,
@@ -160,7 +160,10 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
             Order::Appendix => Order::Text,
         };
         let names = |planners: &[Ranked]| -> Vec<String> {
-            planners.iter().map(|ranked| ranked.planner.clone()).collect()
+            planners
+                .iter()
+                .map(|ranked| ranked.planner.clone())
+                .collect()
         };
         let (here, there) = (
             names(&evaluation.ranking.planners),

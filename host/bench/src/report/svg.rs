@@ -140,7 +140,11 @@ fn shortened(words: &str, length: usize) -> String {
 impl Frame {
     fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let y = self.y.place(y);
-        let y = if self.down { self.top + y } else { self.bottom - y };
+        let y = if self.down {
+            self.top + y
+        } else {
+            self.bottom - y
+        };
         [self.left + self.x.place(x), y]
     }
 
@@ -160,12 +164,26 @@ impl Frame {
         for value in &self.x.ticks {
             let at = self.x(*value);
             line(out, [at, top], [at, bottom], GRID, thin);
-            text(out, [at, bottom + 10.0], "middle", SOFT, "", &tick(x.percent, *value));
+            text(
+                out,
+                [at, bottom + 10.0],
+                "middle",
+                SOFT,
+                "",
+                &tick(x.percent, *value),
+            );
         }
         for value in &self.y.ticks {
             let at = bottom - self.y.place(*value);
             line(out, [left, at], [right, at], GRID, thin);
-            text(out, [left - 4.0, at + 2.6], "end", SOFT, "", &tick(y.percent, *value));
+            text(
+                out,
+                [left - 4.0, at + 2.6],
+                "end",
+                SOFT,
+                "",
+                &tick(y.percent, *value),
+            );
         }
         for (index, name) in y.names.iter().flatten().enumerate() {
             let at = self.at([1.0, index as f64])[1];
@@ -186,7 +204,13 @@ impl Frame {
             let (low, high) = (x0.max(y0), x1.min(y1));
             if low < high {
                 let dashed = " stroke-width=\"0.7\" stroke-dasharray=\"3 3\"";
-                line(out, self.at([low, low]), self.at([high, high]), SOFT, dashed);
+                line(
+                    out,
+                    self.at([low, low]),
+                    self.at([high, high]),
+                    SOFT,
+                    dashed,
+                );
             }
         }
     }
@@ -204,7 +228,7 @@ impl Frame {
                 }
                 let placed = place(points);
                 stroke(out, &path(&placed), color, dash);
-                if placed.len() <= 40 {
+                if placed.len() <= 15 {
                     marks(out, series.slot, &placed, 2.0, color, "");
                 }
             }
@@ -239,7 +263,13 @@ impl Frame {
                     Short(length),
                 );
                 if let Some([low, high]) = interval {
-                    line(out, [self.x(*low), y], [self.x(*high), y], INK, " stroke-width=\"0.9\"");
+                    line(
+                        out,
+                        [self.x(*low), y],
+                        [self.x(*high), y],
+                        INK,
+                        " stroke-width=\"0.9\"",
+                    );
                 }
             }
             Marks::Box {
@@ -254,7 +284,13 @@ impl Frame {
             } => {
                 let y = self.at([1.0, *at as f64])[1];
                 for (from, to) in [(low, q1), (q3, high)] {
-                    line(out, [self.x(*from), y], [self.x(*to), y], color, " stroke-width=\"0.9\"");
+                    line(
+                        out,
+                        [self.x(*from), y],
+                        [self.x(*to), y],
+                        color,
+                        " stroke-width=\"0.9\"",
+                    );
                 }
                 let _ = writeln!(
                     out,
@@ -278,21 +314,36 @@ impl Frame {
     }
 
     fn band(&self, out: &mut String, points: &[[f64; 2]], band: &[[f64; 2]], color: &str) {
-        let edge = |end: usize| points.iter().zip(band).map(move |(p, b)| self.at([p[0], b[end]]));
+        let edge = |end: usize| {
+            let ends = points.iter().zip(band);
+            ends.map(move |(point, band)| {
+                let [x, y] = self.at([point[0], band[end]]);
+                [x, y.clamp(self.top, self.bottom)]
+            })
+        };
         let (low, high): (Vec<_>, Vec<_>) = (edge(0).collect(), edge(1).collect());
         if let ([low], [high]) = (&low[..], &high[..]) {
             return line(out, *low, *high, color, " stroke-width=\"0.9\"");
         }
         let around: Vec<_> = high.into_iter().chain(low.into_iter().rev()).collect();
         let d = path(&around);
-        let _ = writeln!(out, "<path d=\"{d}z\" fill=\"{color}\" fill-opacity=\"0.14\"/>");
+        let _ = writeln!(
+            out,
+            "<path d=\"{d}z\" fill=\"{color}\" fill-opacity=\"0.14\"/>"
+        );
     }
 }
 
 fn path(points: &[[f64; 2]]) -> String {
     let mut d = String::new();
     for (index, [x, y]) in points.iter().enumerate() {
-        let _ = write!(d, "{}{} {}", if index == 0 { 'M' } else { 'L' }, Short(*x), Short(*y));
+        let _ = write!(
+            d,
+            "{}{} {}",
+            if index == 0 { 'M' } else { 'L' },
+            Short(*x),
+            Short(*y)
+        );
     }
     d
 }
@@ -301,7 +352,10 @@ fn stroke(out: &mut String, d: &str, color: &str, dash: &str) {
     if d.is_empty() {
         return;
     }
-    let _ = write!(out, "<path d=\"{d}\" stroke=\"{color}\" stroke-width=\"1.3\"");
+    let _ = write!(
+        out,
+        "<path d=\"{d}\" stroke=\"{color}\" stroke-width=\"1.3\""
+    );
     if !dash.is_empty() {
         let _ = write!(out, " stroke-dasharray=\"{dash}\"");
     }
@@ -376,7 +430,12 @@ fn legend(series: &[Series], left: f64, right: f64, top: f64) -> (String, f64) {
         let dash = DASHES[one.slot / COLORS.len() % DASHES.len()];
         let mark = [x + 8.0, y - 2.5];
         if !matches!(one.marks, Marks::Dots { .. }) {
-            stroke(&mut out, &path(&[[x, y - 2.5], [x + 16.0, y - 2.5]]), color, dash);
+            stroke(
+                &mut out,
+                &path(&[[x, y - 2.5], [x + 16.0, y - 2.5]]),
+                color,
+                dash,
+            );
         }
         if !matches!(one.marks, Marks::Steps { .. }) {
             marks(&mut out, one.slot, &[mark], 2.0, color, "");

@@ -214,7 +214,8 @@ pub(super) fn two_planners(trials: &Trials<'_>, a: &str, b: &str) -> Option<Tabl
     for metric in METRICS {
         let comparison = compare_with(trials, a, metric)?;
         let mut planners = comparison.planners.iter();
-        let Some((_, paired)) = planners.find(|(label, paired)| label == b && paired.pairs > 0) else {
+        let Some((_, paired)) = planners.find(|(label, paired)| label == b && paired.pairs > 0)
+        else {
             continue;
         };
         table.rows.push(vec![

@@ -3,10 +3,10 @@
 use fleetyard_bench::{Incumbent, Row};
 
 /// A stream of numbers of a seed: SplitMix64 (Steele, Lea and Flood, 2014).
-pub struct Stream(pub u64);
+pub(crate) struct Stream(pub(crate) u64);
 
 impl Stream {
-    pub fn next(&mut self) -> u64 {
+    pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -15,32 +15,32 @@ impl Stream {
     }
 
     /// In [0, 1).
-    pub fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// About normal, with mean 0 and deviation 1.
-    pub fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }
 
-    pub fn hex(&mut self) -> String {
+    pub(crate) fn hex(&mut self) -> String {
         format!("{:016x}{:016x}", self.next(), self.next())
     }
 }
 
 /// What trials to make.
 #[derive(Debug, Clone)]
-pub struct Shape<'a> {
-    pub planners: &'a [&'a str],
-    pub maps: &'a [&'a str],
-    pub agents: &'a [u64],
-    pub scenarios: u32,
-    pub repeats: u32,
+pub(crate) struct Shape<'a> {
+    pub(crate) planners: &'a [&'a str],
+    pub(crate) maps: &'a [&'a str],
+    pub(crate) agents: &'a [u64],
+    pub(crate) scenarios: u32,
+    pub(crate) repeats: u32,
     /// Chance of failure of the last planner with most agents.
-    pub failures: f64,
+    pub(crate) failures: f64,
     /// Whether planners send better plans as time goes.
-    pub anytime: bool,
+    pub(crate) anytime: bool,
 }
 
 impl Default for Shape<'_> {
@@ -58,7 +58,7 @@ impl Default for Shape<'_> {
 }
 
 /// Trials that look like those of a suite, always the same for a seed.
-pub fn rows(shape: &Shape<'_>, seed: u64) -> Vec<Row> {
+pub(crate) fn rows(shape: &Shape<'_>, seed: u64) -> Vec<Row> {
     let mut random = Stream(seed);
     let planners = shape.planners.len();
     let digests: Vec<String> = shape.planners.iter().map(|_| random.hex()).collect();
@@ -133,7 +133,12 @@ pub fn rows(shape: &Shape<'_>, seed: u64) -> Vec<Row> {
                             plan_digest: success.then(|| random.hex()),
                             trace_digest: success.then(|| random.hex()),
                             started_unix_ms: 1_760_000_000_000 + rows.len() as u64 * 1000,
-                            contended: if random.unit() < 0.01 { "other load" } else { "" }.to_owned(),
+                            contended: if random.unit() < 0.01 {
+                                "other load"
+                            } else {
+                                ""
+                            }
+                            .to_owned(),
                             incumbents: incumbents.collect(),
                             ..Row::default()
                         });

@@ -29,6 +29,7 @@ pub(crate) mod maps;
 pub(crate) mod new;
 pub(crate) mod pin;
 pub(crate) mod plugins;
+pub(crate) mod report;
 pub(crate) mod run;
 mod show;
 pub(crate) mod simulate;

@@ -1,7 +1,8 @@
 
 /** For tests of the page. */
 const page = globalThis.report = {
-  data, columns, filters, changed, cards,
+  data, filters,
+  figure: (kind, ...rest) => FIGURES[kind](...rest),
   get story() { return story; },
   get selection() { return selection; },
 };

@@ -5,6 +5,7 @@
 const POINTS = 400;
 const OUTLIERS = 40;
 
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 const metricOf = (column) => data.metrics.find((metric) => metric.column === column);
 const axisOf = (metric) => ({ label: metric.label, log: metric.log, zero: !metric.log });
 
@@ -120,7 +121,7 @@ const FIGURES = {
     const [x, y] = [a, b].map((slot) => data.planners[slot]);
     const axis = (planner) => ({ label: `${planner}: ${metric.label}`, log: metric.log });
     return {
-      title: `${metric.name}: one against another`,
+      title: capital(`${metric.name}: one against another`),
       caption: 'A point per case that both solved; above the line the vertical planner has more. '
         + `Only the horizontal one solved ${only[0]}, only the vertical one ${only[1]}, neither ${only[2]}.`,
       x: axis(x), y: axis(y), diagonal: true,
@@ -160,7 +161,7 @@ const FIGURES = {
   size(name) {
     const metric = metricOf(name);
     return {
-      title: `${metric.name} by ${size.label}`,
+      title: capital(`${metric.name} by ${size.label}`),
       caption: 'Means over cases that succeeded, with 95 % t intervals. Failures are left out: read it beside the success rate.',
       x: { label: size.label }, y: axisOf(metric),
       series: bySlot((p) => {

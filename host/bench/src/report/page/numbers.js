@@ -207,6 +207,8 @@ function digits(value, significant = 3) {
 }
 
 const fixed = (value, decimals) => value === null || value === undefined || Number.isNaN(value) ? '–' : minus(value.toFixed(decimals));
+/** A number as it is, with two decimals at most. */
+const plain = (value) => value === null ? '–' : minus(String(Number(value.toFixed(2))));
 const minus = (text) => text.replace('-', '−');
 const percent = (share) => share === null || share === undefined ? '–' : `${fixed(100 * share, 1)} %`;
 
@@ -217,4 +219,4 @@ function scientific(value) {
   return `${minus(mantissa)}×10${raised}`;
 }
 
-const probability = (p) => p === null || p === undefined ? '–' : p < 1e-3 ? scientific(p) : fixed(p, 3);
+const probability = (p) => p === null || p === undefined ? '–' : p < 1e-300 ? '<10⁻³⁰⁰' : p < 1e-3 ? scientific(p) : fixed(p, 3);

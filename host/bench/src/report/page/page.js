@@ -212,9 +212,9 @@ const LIST = [
   { name: 'Repeat', show: (i) => text(columns.repeat.at(i)), key: () => columns.repeat.numbers },
   { name: 'Outcome', text: true, show: (i) => outcomes.values[outcomes.of[i]], key: () => outcomes.of },
   { name: 'Time, ms', show: (i) => digits(columns.solve_time_ms.at(i)), key: () => columns.solve_time_ms.numbers },
-  { name: 'Length', show: (i) => digits(columns.path_length_cells.at(i), 5), key: () => columns.path_length_cells.numbers },
+  { name: 'Length', show: (i) => plain(columns.path_length_cells.at(i)), key: () => columns.path_length_cells.numbers },
   { name: 'SoC', show: (i) => text(columns.soc_steps.at(i) ?? '–'), key: () => columns.soc_steps.numbers },
-  { name: 'Expansions', show: (i) => digits(columns.expansions.at(i), 6), key: () => columns.expansions.numbers },
+  { name: 'Expansions', show: (i) => plain(columns.expansions.at(i)), key: () => columns.expansions.numbers },
 ];
 let listed = selection, sorting = { at: 0, up: true }, active = 0;
 
@@ -380,8 +380,8 @@ function showTrial(i) {
   make('tbody', {}, ...same.slice(0, 100).map((j) => make('tr', { 'aria-current': j === i ? 'true' : null },
     make('td', { class: 'text wrap' }, j === i ? make('b', {}, columns.planner.at(j)) : make('a', { href: `#trial=${columns.trial.at(j)}.${j}` }, columns.planner.at(j))),
     make('td', {}, text(columns.repeat.at(j))), make('td', { class: 'text' }, outcomes.values[outcomes.of[j]]),
-    make('td', {}, digits(columns.solve_time_ms.at(j))), make('td', {}, digits(columns.path_length_cells.at(j), 5)),
-    make('td', {}, text(columns.soc_steps.at(j) ?? '–')), make('td', {}, digits(columns.expansions.at(j), 6))))));
+    make('td', {}, digits(columns.solve_time_ms.at(j))), make('td', {}, plain(columns.path_length_cells.at(j))),
+    make('td', {}, text(columns.soc_steps.at(j) ?? '–')), make('td', {}, plain(columns.expansions.at(j)))))));
   const facts = make('dl');
   for (const column of data.columns.map(({ name }) => columns[name])) {
     facts.append(make('dt', { class: 'mono' }, column.name),

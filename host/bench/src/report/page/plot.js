@@ -56,7 +56,7 @@ function axis(spec, values, length) {
     const margin = Math.max(0.03 * (to - from), 0.05);
     from -= margin;
     to += margin;
-    const steps = to - from > 1.6 ? [1] : to - from > 0.7 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 7];
+    const steps = to - from > 2.2 ? [1] : to - from > 0.7 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 7];
     const every = Math.max(1, Math.ceil((to - from) / room));
     const ticks = [];
     for (let power = Math.floor(from); power <= to; power++) {
@@ -87,7 +87,7 @@ const rounded = (value) => minus(String(Number(value.toPrecision(3))));
 
 /** As in format.rs. */
 function tickText(spec, tick) {
-  if (spec.percent) return `${digits(100 * tick)} %`;
+  if (spec.percent) return `${rounded(100 * tick)} %`;
   const size = Math.abs(tick);
   if (size >= 1e6 || size < 1e-4 && size > 0) return scientific(tick).replace('.00', '').replace(/^1×/, '');
   return size >= 1e4 ? `${rounded(tick / 1000)}k` : rounded(tick);
@@ -95,7 +95,7 @@ function tickText(spec, tick) {
 
 /** Every x and every y of a figure. */
 function extents(figure) {
-  const xs = [], ys = [];
+  const xs = [], ys = [], bands = [];
   for (const series of figure.series) {
     if (series.kind === 'bar') {
       xs.push(series.value, ...(series.interval ?? []));
@@ -103,24 +103,40 @@ function extents(figure) {
       xs.push(series.low, series.high, series.mean, ...series.outliers);
     } else {
       for (const [x, y] of series.points) { xs.push(x); ys.push(y); }
-      for (const [low, high] of series.band ?? []) ys.push(low, high);
+      for (const [low, high] of series.band ?? []) bands.push(low, high);
     }
   }
-  return { xs, ys };
+  return { xs, ys: ys.concat(bounded(ys, bands, figure.y.log)) };
+}
+
+/** Intervals of few values may be so wide that nothing else could be seen: they widen
+ *  an axis by a third of what its points need, at either end, and are cut off beyond. */
+function bounded(points, bands, log) {
+  const onAxis = (value) => log ? Math.log10(value) : value;
+  let low = Infinity, high = -Infinity;
+  for (const value of points.map(onAxis)) {
+    if (!Number.isFinite(value)) continue;
+    low = Math.min(low, value);
+    high = Math.max(high, value);
+  }
+  const third = (high - low) / 3;
+  const bound = (value) => low < high && Number.isFinite(value) ? Math.max(low - third, Math.min(high + third, value)) : value;
+  return bands.map((value) => log ? 10 ** bound(onAxis(value)) : bound(value));
 }
 
 /** Draws a figure into its place; `open(series, index)` is called for a chosen point. */
 function draw(place, figure, open) {
   const width = Math.max(260, Math.round(place.clientWidth) || 560);
   const names = figure.y.names;
-  const height = names ? Math.max(150, 54 + names.length * 26) : figure.diagonal ? Math.min(width, 460) : Math.round(Math.min(360, Math.max(250, width * 0.6)));
+  const height = names ? Math.max(150, 54 + names.length * 26) : Math.round(Math.min(360, Math.max(250, width * 0.6)));
   place.style.height = `${height}px`;
-  const labels = names ? Math.min(Math.max(...names.map((name) => [...name].length), 1) * CHARACTER + 14, width * 0.36) : 54;
+  const labels = names ? Math.min(Math.max(...names.map((name) => [...name].length), 1) * CHARACTER + 14, width * 0.36) : 62;
   const frame = { left: Math.round(labels), right: width - 14, top: 12, bottom: height - 42 };
   const { xs, ys } = extents(figure);
   const across = axis(figure.x, xs, frame.right - frame.left), down = axis(figure.y, ys, frame.bottom - frame.top);
   const X = (value) => frame.left + across.place(value);
   const Y = names ? (i) => frame.top + down.place(i) : (value) => frame.bottom - down.place(value);
+  const inside = (y) => Math.max(frame.top, Math.min(frame.bottom, y));
   const svg = make('svg', { viewBox: `0 0 ${width} ${height}`, width, height, 'aria-hidden': 'true' });
 
   const grid = make('g', { class: 'grid' });
@@ -181,8 +197,8 @@ function draw(place, figure, open) {
       const points = series.points.map(([x, y]) => [X(x), Y(y)]);
       const d = (points) => points.map(([x, y], i) => `${i ? 'L' : 'M'}${x.toFixed(1)} ${y.toFixed(1)}`).join('');
       if (series.band) {
-        const upper = series.band.map(([, high], i) => [points[i][0], Y(high)]);
-        const lower = series.band.map(([low], i) => [points[i][0], Y(low)]).reverse();
+        const upper = series.band.map(([, high], i) => [points[i][0], inside(Y(high))]);
+        const lower = series.band.map(([low], i) => [points[i][0], inside(Y(low))]).reverse();
         if (points.length > 1) group.append(make('path', { d: `${d([...upper, ...lower])}z`, class: 'band' }));
         else if (points.length) group.append(make('path', { d: `M${points[0][0]} ${upper[0][1]}V${lower[0][1]}`, class: 'whisker' }));
       }
@@ -190,7 +206,7 @@ function draw(place, figure, open) {
         group.append(make('path', { d: points.map(([x, y], i) => i ? `H${x.toFixed(1)}V${y.toFixed(1)}` : `M${x.toFixed(1)} ${frame.bottom}V${y.toFixed(1)}`).join(''), class: 'line', 'stroke-dasharray': dashOf(slot) }));
       } else if (series.kind === 'curve') {
         group.append(make('path', { d: d(points), class: 'line', 'stroke-dasharray': dashOf(slot) }));
-        if (points.length <= 40) group.append(make('path', { d: points.map(([x, y]) => shape(slot, x, y, 3.2)).join(''), class: 'fill' }));
+        if (points.length <= 15) group.append(make('path', { d: points.map(([x, y]) => shape(slot, x, y, 3.2)).join(''), class: 'fill' }));
       } else if (points.length <= 400) {
         group.append(make('path', { d: points.map(([x, y]) => shape(slot, x, y, 3)).join(''), class: 'dots' }));
       } else {
@@ -211,7 +227,7 @@ function draw(place, figure, open) {
 }
 
 const pointText = (figure, [x, y]) =>
-  `${figure.y.percent ? percent(y) : digits(y)} at ${digits(x)}${figure.x.unit ? ` ${figure.x.unit}` : ''}`;
+  `${figure.y.percent ? percent(y) : digits(y)} at ${digits(x)}`;
 
 function paint(canvas, width, height) {
   const ratio = Math.max(1, Math.min(2, devicePixelRatio || 1));

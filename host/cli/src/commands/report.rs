@@ -1,0 +1,411 @@
+//! `fleetyard report`: what the trials of stores say, in the terminal, as a page, as
+//! Markdown, as figures and as CSV.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use clap::{Args, ValueEnum};
+use fleetyard_bench::evaluate::{Order, RunComparison, TrialPair};
+use fleetyard_bench::export::{Format as Export, export};
+use fleetyard_bench::report::{Report, Subject, Table, svg, two_runs};
+use fleetyard_bench::{Row, Store};
+use fleetyard_core::{InputError, nearest, write_all_atomically};
+use serde_json::json;
+
+use crate::args::Format;
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::output;
+
+/// Trials that are named where two runs differ.
+const NAMED: usize = 10;
+
+/// Show what the trials of a suite say: who is best, by how much, and how sure that is.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Stores of `fleetyard bench`, whose trials are taken together
+    #[arg(value_name = "STORE", required_unless_present = "compare")]
+    stores: Vec<PathBuf>,
+    /// Hold two runs of one suite against each other, given as two stores; or two planners
+    /// of the STOREs, given as their labels
+    #[arg(long, value_names = ["A", "B"], num_args = 2)]
+    compare: Vec<String>,
+    /// By what planners are ranked [default: as the suite says]
+    #[arg(long, value_enum)]
+    rank: Option<Rank>,
+    /// Write a page with filters, tables and figures, which needs no other file
+    #[arg(long, value_name = "FILE", requires = "stores")]
+    html: Option<PathBuf>,
+    /// Write Markdown with the same numbers
+    #[arg(long, value_name = "FILE", requires = "stores")]
+    markdown: Option<PathBuf>,
+    /// Write the figures for papers, a file each, into this folder
+    #[arg(long, value_name = "DIR", requires = "stores")]
+    svg: Option<PathBuf>,
+    /// Write all trials, the columns of the maze paper first
+    #[arg(long, value_name = "FILE", requires = "stores")]
+    csv: Option<PathBuf>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// The maze paper says twice by what planners are ranked, and not the same.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Rank {
+    /// Success rate, comparable time, expansions, overall time: the paper's text
+    Text,
+    /// With comparable length after the time: the paper's equation 23
+    Appendix,
+}
+
+impl From<Rank> for Order {
+    fn from(rank: Rank) -> Self {
+        match rank {
+            Rank::Text => Self::Text,
+            Rank::Appendix => Self::Appendix,
+        }
+    }
+}
+
+pub(crate) fn report(arguments: &ReportArgs) -> Result<Exit> {
+    let runs = match &arguments.compare[..] {
+        [a, b] if is_store(a) && is_store(b) => Some(compare_stores(a, b)?),
+        [a, b] if arguments.stores.is_empty() => {
+            let missing = if is_store(a) { b } else { a };
+            let error = InputError::new(missing.as_str(), "there is no such store");
+            return Err(error
+                .hint("name two stores, or the stores in which these are labels of planners")
+                .into());
+        }
+        _ => None,
+    };
+    let Some(loaded) = load(arguments)? else {
+        if let Some((comparison, tables)) = runs {
+            match arguments.format {
+                Format::Json => output::print_json(&json!({ "runs": comparison }))?,
+                Format::Text => output::print(&text_of_runs(&comparison, &tables))?,
+            }
+        }
+        return Ok(Exit::Success);
+    };
+    let report = Report::new(loaded.subject, &loaded.rows);
+    let mut more = Vec::new();
+    if let Some((_, tables)) = &runs {
+        more.extend(tables.iter().cloned());
+    } else if let [a, b] = &arguments.compare[..] {
+        more.push(compare_planners(&report, a, b)?);
+    }
+    write(arguments, &report, &loaded.rows, &more)?;
+    match arguments.format {
+        Format::Json => {
+            let mut numbers = report.json().map_err(internal)?;
+            if let Some((comparison, _)) = &runs {
+                numbers["runs"] = serde_json::to_value(comparison).map_err(internal)?;
+            } else if let [a, b] = &arguments.compare[..] {
+                numbers["pair"] = report.pair_json(a, b).map_err(internal)?;
+            }
+            output::print_json(&numbers)?;
+        }
+        Format::Text => {
+            let mut text = text_of(&report);
+            match &runs {
+                Some((comparison, tables)) => {
+                    text += &format!("\n\n{}", text_of_runs(comparison, tables));
+                }
+                None => {
+                    for table in &more {
+                        text += &format!("\n\n{}", text_of_table(table));
+                    }
+                }
+            }
+            output::print(&text)?;
+        }
+    }
+    Ok(Exit::Success)
+}
+
+/// Whether this names a file. Labels of planners seldom do; a store that is not there is
+/// told from a label by how it looks.
+fn is_store(name: &str) -> bool {
+    Path::new(name).is_file()
+}
+
+struct Loaded {
+    subject: Subject,
+    rows: Vec<Row>,
+}
+
+/// All trials of the stores; nothing if none are named.
+fn load(arguments: &ReportArgs) -> Result<Option<Loaded>> {
+    if arguments.stores.is_empty() {
+        return Ok(None);
+    }
+    let mut rows: BTreeMap<String, Row> = BTreeMap::new();
+    let mut subject = Subject::default();
+    let mut order = None;
+    let mut doubled = 0usize;
+    let mut machines = BTreeMap::new();
+    let mut titles: Vec<String> = Vec::new();
+    for path in &arguments.stores {
+        let store = Store::open_read_only(path)?;
+        let meta = store.meta()?;
+        let values: serde_json::Value =
+            serde_json::from_str(&meta.suite_values).unwrap_or_default();
+        let found = store.rows()?;
+        subject.facts.push((
+            "store".to_owned(),
+            format!("{}, {} trials", file_name(path), found.len()),
+        ));
+        for row in found {
+            if rows.insert(row.key.clone(), row).is_some() {
+                doubled += 1;
+            }
+        }
+        if !titles.contains(&meta.suite) {
+            titles.push(meta.suite.clone());
+            let created = SystemTime::UNIX_EPOCH + Duration::from_millis(meta.created_unix_ms);
+            let created = humantime::format_rfc3339_seconds(created).to_string();
+            subject.facts.extend([
+                ("suite".to_owned(), meta.suite.clone()),
+                ("suite digest".to_owned(), meta.suite_digest.clone()),
+                ("fleetyard".to_owned(), meta.fleetyard.clone()),
+                ("begun".to_owned(), created),
+            ]);
+            let name = format!("Suite {}", meta.suite);
+            subject.texts.push((name, meta.suite_text.clone()));
+            if subject.description.is_none() {
+                let text = values["description"].as_str();
+                subject.description = text.map(str::to_owned);
+            }
+            let ranking = values["protocol"]["ranking"].as_str();
+            order = order.or_else(|| match ranking {
+                Some("appendix") => Some(Order::Appendix),
+                Some("text") => Some(Order::Text),
+                _ => None,
+            });
+        }
+        machines.extend(store.machines()?);
+        let manifest = path.with_extension("manifest.json");
+        if let Ok(text) = fs::read_to_string(&manifest) {
+            let name = format!("Manifest {}", file_name(&manifest));
+            subject.texts.push((name, text));
+        }
+    }
+    if doubled > 0 {
+        output::note(&format!(
+            "{doubled} trials are in several stores; those of the last one are taken"
+        ));
+    }
+    let rows: Vec<Row> = rows.into_values().collect();
+    if rows.is_empty() {
+        output::warning("there are no trials in what was given");
+    }
+    subject.title = titles.join(", ");
+    if subject.title.is_empty() {
+        "Trials".clone_into(&mut subject.title);
+    }
+    subject.order = arguments
+        .rank
+        .map(Order::from)
+        .or(order)
+        .unwrap_or_default();
+    subject.facts.extend(planners(&rows));
+    for (digest, description) in machines {
+        let name = format!("Machine {}", digest.get(..12).unwrap_or(&digest));
+        subject.texts.push((name, description));
+    }
+    Ok(Some(Loaded { subject, rows }))
+}
+
+/// Which code planners were.
+fn planners(rows: &[Row]) -> Vec<(String, String)> {
+    let mut found: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for row in rows {
+        let digest = row.planner_digest.as_deref().unwrap_or("no digest");
+        let options = match row.options.as_str() {
+            "" | "{}" => String::new(),
+            options => format!(", {options}"),
+        };
+        let what = format!(
+            "{} {}, {}{options}, {digest}",
+            row.planner_id, row.planner_version, row.attach
+        );
+        let known = found.entry(&row.planner).or_default();
+        if !known.contains(&what) {
+            known.push(what);
+        }
+    }
+    let fact = |(label, what): (&str, Vec<String>)| (label.to_owned(), what.join("; "));
+    found.into_iter().map(fact).collect()
+}
+
+fn file_name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    name.to_string_lossy().into_owned()
+}
+
+fn compare_stores(a: &str, b: &str) -> Result<(RunComparison, Vec<Table>)> {
+    let rows = |path: &str| Store::open_read_only(Path::new(path))?.rows();
+    let (in_a, in_b) = (rows(a)?, rows(b)?);
+    let found = two_runs((a, &in_a), (b, &in_b));
+    if found.0.pairs == 0 {
+        output::warning("the stores have no trial in common");
+    }
+    Ok(found)
+}
+
+fn compare_planners(report: &Report<'_>, a: &str, b: &str) -> Result<Table> {
+    let labels = report.planners();
+    for name in [a, b] {
+        if !labels.contains(&name) {
+            let message = format!("`{name}` is neither a store nor the label of a planner");
+            let hint = match nearest(name, labels.iter().copied(), 3) {
+                Some(label) => format!("there is `{label}`"),
+                None => format!("labels are: {}", labels.join(", ")),
+            };
+            return Err(Failure::new(Exit::Input, message).hint(hint));
+        }
+    }
+    if a == b {
+        let failure = Failure::new(Exit::Usage, format!("`{a}` is compared with itself"));
+        return Err(failure.hint("name two planners"));
+    }
+    let table = report.two_planners(a, b);
+    table.ok_or_else(|| internal("a planner is in the report and is not"))
+}
+
+/// Writes all files that were asked for: each whole, none before all are made.
+fn write(arguments: &ReportArgs, report: &Report<'_>, rows: &[Row], more: &[Table]) -> Result<()> {
+    let mut files: Vec<(PathBuf, Vec<u8>)> = Vec::new();
+    if let Some(folder) = &arguments.svg {
+        fs::create_dir_all(folder).map_err(|error| {
+            let reason = format!("cannot be made: {error}");
+            InputError::new(folder.display().to_string(), reason)
+        })?;
+        for figure in report.figures() {
+            let path = folder.join(format!("{}.svg", figure.id));
+            files.push((path, svg(&figure).into_bytes()));
+        }
+    }
+    if let Some(path) = &arguments.markdown {
+        let folder = arguments.svg.as_deref().map(|to| way(path, to));
+        let text = report.markdown(folder.as_deref(), more);
+        files.push((path.clone(), text.into_bytes()));
+    }
+    if let Some(path) = &arguments.csv {
+        let csv = export(Export::MazeCsv, rows).map_err(internal)?;
+        files.push((path.clone(), csv));
+    }
+    if let Some(path) = &arguments.html {
+        files.push((path.clone(), report.html().into_bytes()));
+    }
+    let files: Vec<(&Path, &[u8])> = (files.iter())
+        .map(|(path, bytes)| (path.as_path(), bytes.as_slice()))
+        .collect();
+    write_all_atomically(&files)?;
+    Ok(())
+}
+
+/// How a file names a folder: from its own folder on where that is possible.
+fn way(file: &Path, folder: &Path) -> String {
+    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let (file, folder) = (whole(file), whole(folder));
+    let from = file.parent().unwrap_or(&file);
+    let common = (from.components())
+        .zip(folder.components())
+        .take_while(|(a, b)| a == b)
+        .count();
+    let up = from.components().skip(common).map(|_| "..".to_owned());
+    let down = folder.components().skip(common);
+    let down = down.map(|part| part.as_os_str().to_string_lossy().into_owned());
+    let parts: Vec<String> = up.chain(down).collect();
+    if parts.is_empty() {
+        ".".to_owned()
+    } else {
+        parts.join("/")
+    }
+}
+
+fn text_of(report: &Report<'_>) -> String {
+    let mut parts = vec![report.story().join("\n")];
+    let caveats = report.caveats();
+    if !caveats.is_empty() {
+        let lines: Vec<String> = caveats.iter().map(|line| format!("- {line}")).collect();
+        parts.push(lines.join("\n"));
+    }
+    parts.extend(report.tables().iter().map(text_of_table));
+    output::plain(&parts.join("\n\n"))
+}
+
+fn text_of_table(table: &Table) -> String {
+    let head: Vec<&str> = table.head.iter().map(String::as_str).collect();
+    let numbers = table.words.iter().enumerate();
+    let numbers: Vec<usize> = numbers.filter(|(_, words)| !**words).map(|n| n.0).collect();
+    let one_line = |cell: &String| output::plain(&cell.replace(['\n', '\t'], " "));
+    let rows = table
+        .rows
+        .iter()
+        .map(|row| row.iter().map(one_line).collect());
+    let mut text = format!("{}\n", output::plain(&table.title));
+    text += &output::table(&head, rows.collect(), &numbers);
+    if !table.note.is_empty() {
+        text += &format!("\n{}", output::plain(&table.note));
+    }
+    text
+}
+
+/// Both runs, and which trials differ.
+fn text_of_runs(comparison: &RunComparison, tables: &[Table]) -> String {
+    let mut parts: Vec<String> = tables.iter().map(text_of_table).collect();
+    let mut lines = Vec::new();
+    let mut name = |planner: &str, what: &str, trials: &[TrialPair]| {
+        if trials.is_empty() {
+            return;
+        }
+        let numbers = trials.iter().take(NAMED).map(|pair| pair.a.to_string());
+        let numbers: Vec<String> = numbers.collect();
+        let rest = match trials.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            rest => format!(" and {rest} more"),
+        };
+        lines.push(format!(
+            "{planner}: {what} in trials {}{rest}",
+            numbers.join(", ")
+        ));
+    };
+    for planner in &comparison.planners {
+        name(&planner.planner, "succeeded in A alone", &planner.lost);
+        name(&planner.planner, "succeeded in B alone", &planner.won);
+        name(&planner.planner, "plans differ", &planner.plans.different);
+        name(&planner.planner, "traces differ", &planner.traces.different);
+    }
+    if !lines.is_empty() {
+        parts.push(output::plain(&lines.join("\n")));
+    }
+    parts.join("\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::way;
+    use std::path::Path;
+
+    #[test]
+    fn a_folder_is_named_from_where_the_file_is() {
+        let cases = [
+            ("out/report.md", "out/figures", "figures"),
+            ("report.md", "figures", "figures"),
+            ("out/report.md", "figures", "../figures"),
+            ("out/report.md", "out", "."),
+        ];
+        for (file, folder, expected) in cases {
+            assert_eq!(
+                way(Path::new(file), Path::new(folder)),
+                expected,
+                "{file} {folder}"
+            );
+        }
+    }
+}
