@@ -36,6 +36,8 @@ pub struct Subject {
     pub description: Option<String>,
     /// By what planners are ranked.
     pub order: Order,
+    /// The rule that paths were judged by, if it is not the usual one.
+    pub path_rule: Option<String>,
     /// Where the trials come from: names and values.
     pub facts: Vec<(String, String)>,
     /// Longer texts: names and what they say, such as the suite's file.

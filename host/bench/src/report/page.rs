@@ -44,6 +44,7 @@ struct Data<'a> {
     outcome: Packed,
     planners: Vec<&'a str>,
     order: Order,
+    path_rule: Option<&'a str>,
     metrics: Vec<Quantity>,
     colors: [&'static str; COLORS.len()],
     paired: Option<Paired<'a>>,
@@ -116,6 +117,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
         ),
         scatter: [slot(0).unwrap_or(0), slot(1).unwrap_or(0)],
         order: report.subject.order,
+        path_rule: report.subject.path_rule.as_deref(),
         metrics: METRICS.iter().map(Quantity::of).collect(),
         colors: COLORS,
         paired: report

@@ -179,6 +179,8 @@ fn load(arguments: &ReportArgs) -> Result<Option<Loaded>> {
                 let text = values["description"].as_str();
                 subject.description = text.map(str::to_owned);
             }
+            let rule = values["protocol"]["path_rule"].as_str();
+            subject.path_rule = rule.filter(|rule| *rule != "steps").map(str::to_owned);
             let ranking = values["protocol"]["ranking"].as_str();
             order = order.or_else(|| match ranking {
                 Some("appendix") => Some(Order::Appendix),

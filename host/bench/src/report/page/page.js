@@ -393,21 +393,31 @@ function showTrial(i) {
     make('h3', {}, 'All columns'), facts);
 }
 
-/** How to run this trial by itself. What the suite says beyond that is in the suite. */
+/** How to run this trial by itself. Limits and sandbox are in the suite. */
 function commandOf(i) {
   const at = (name) => columns[name].at(i);
-  const words = ['fleetyard', 'run'];
-  if (at('maze_seed') !== null) words.push('--maze', mazeOf(i));
-  else words.push('--map', `${at('map')}${/\.map$/.test(at('map')) ? '' : '.map'}`, '--scen', at('scenario'), '--agents', at('agents'));
+  const line = (words) => words.map((word) => quoted(String(word))).join(' ');
+  let map = at('map'), scenario = at('scenario'), first = '';
+  if (at('maze_seed') !== null) {
+    const random = /^python\b/.test(scenario) ? 'python' : 'chacha', [rows, cols] = [at('map_rows'), at('map_cols')];
+    first = `${line(['fleetyard', 'maps', 'generate', 'maze', '--width', at('maze_width'), '--height', at('maze_height'),
+      '--algorithm', at('maze_algorithm'), '--random', random, '--seed', at('maze_seed'), '--scenario'])}\n`;
+    map = `maze-${rows}-${cols}-1${random === 'python' ? `-${at('maze_algorithm')}-${at('maze_seed')}` : ''}`;
+    scenario = `${map}.scen`;
+  } else if (!/\.scen$/.test(scenario)) {
+    return 'fleetyard bench SUITE.toml --verify   # the suite makes this instance itself';
+  }
+  const words = ['fleetyard', 'run', '--map', `${map}.map`, '--scen', scenario, '--agents', at('agents')];
   if (at('connectivity') !== 4) words.push('--connectivity', at('connectivity'));
+  if (data.path_rule) words.push('--path-rule', data.path_rule);
   words.push('--planner', at('planner_id'));
   let options = {};
   try {
     options = JSON.parse(at('options') || '{}');
-  } catch { /* It is shown as it is among the columns. */ }
+  } catch { /* They are shown as they are among the columns. */ }
   for (const [name, value] of Object.entries(options)) words.push('--option', `${name}=${typeof value === 'string' ? value : JSON.stringify(value)}`);
   words.push('--seed', at('seed'), '--budget', `${at('budget_ms')}ms`);
-  return words.map((word) => quoted(String(word))).join(' ');
+  return first + line(words);
 }
 
 // ---- Beginning --------------------------------------------------------------------
