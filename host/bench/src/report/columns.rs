@@ -251,9 +251,9 @@ fn decimal_form(numbers: &[Option<f64>], decimals: u32) -> Option<Form> {
     let scale = 10f64.powi(decimals as i32);
     let whole = |number: f64| {
         let whole = (number * scale).round();
-        let exact = whole.abs() <= WHOLE as f64 && whole / scale == number;
-        // There is no negative zero among whole numbers.
-        (exact && (whole != 0.0 || number.is_sign_positive())).then_some(whole as i64)
+        let exact =
+            whole.abs() <= WHOLE as f64 && (whole / scale).to_bits() == (number + 0.0).to_bits();
+        exact.then_some(whole as i64)
     };
     let (mut least, mut most) = (i64::MAX, i64::MIN);
     for number in numbers.iter().flatten() {
@@ -283,8 +283,8 @@ fn decimal_form(numbers: &[Option<f64>], decimals: u32) -> Option<Form> {
 fn width(count: u64) -> usize {
     match count {
         0..=0x100 => 1,
-        0..=0x1_0000 => 2,
-        0..=0x1_0000_0000 => 4,
+        0x101..=0x1_0000 => 2,
+        0x1_0001..=0x1_0000_0000 => 4,
         _ => 8,
     }
 }

@@ -149,10 +149,11 @@ impl Scale {
         if axis.zero {
             (low, high) = (low.min(0.0), high.max(0.0));
         }
-        if low == high {
-            (low, high) = match low {
-                0.0 => (0.0, 1.0),
-                _ => (low - low.abs() * 0.1, high + high.abs() * 0.1),
+        if low >= high {
+            let around = low.abs() * 0.1;
+            (low, high) = match around > 0.0 {
+                true => (low - around, high + around),
+                false => (0.0, 1.0),
             };
         }
         let least = (high - low) / most.min(6.0);

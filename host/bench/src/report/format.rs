@@ -24,11 +24,12 @@ pub(super) fn fixed(value: Option<f64>, decimals: usize) -> String {
     let Some(value) = value.filter(|value| value.is_finite()) else {
         return NONE.to_owned();
     };
-    // Only numbers with few binary digits lie in the middle, and then this is exact.
-    let scale = 10f64.powi(decimals as i32);
-    let middle = (value * scale).abs().fract() == 0.5 && value.abs() < 1e9;
-    let value = if middle && (value * scale / scale).to_bits() == value.to_bits() {
-        (value * scale).round() / scale
+    // What lies exactly in the middle is a multiple of a power of two.
+    let scaled = value * 10f64.powi(decimals as i32);
+    let exact = (value * 2f64.powi(decimals as i32 + 1)).fract().abs() <= 0.0;
+    let middle = exact && (scaled.fract().abs() - 0.5).abs() <= 0.0;
+    let value = if middle {
+        scaled.round() / 10f64.powi(decimals as i32)
     } else {
         value
     };
@@ -139,6 +140,7 @@ mod tests {
         assert_eq!(digits(None), NONE);
         assert_eq!(digits(Some(f64::NAN)), NONE);
         assert_eq!(fixed(Some(0.125), 2), "0.13");
+        assert_eq!(fixed(Some(0.045), 2), "0.04");
         assert_eq!(percent(Some(0.9)), "90.0 %");
         assert_eq!(probability(0.0215), "0.022");
         assert_eq!(grouped(1_234_567), "1\u{202f}234\u{202f}567");

@@ -25,11 +25,12 @@ pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
         plural(overview.trials, "trial"),
     );
     story.push(format!("{ran} {}", best(evaluation)));
-    if let Some(description) = subject.description.as_deref() {
-        if !description.trim().is_empty() {
-            story.push(description.trim().to_owned());
-        }
-    }
+    let description = subject.description.as_deref().map(str::trim);
+    story.extend(
+        description
+            .filter(|text| !text.is_empty())
+            .map(str::to_owned),
+    );
     if overview.planners > 1 {
         story.push(format!(
             "Ranked in {}: {}.",
