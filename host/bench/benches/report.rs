@@ -18,7 +18,12 @@ fn main() {
     let mut rows = rows(
         &Shape {
             planners: &planners,
-            maps: &["random-32-32-20", "room-32-32-4", "maze-32-32-2", "empty-32-32"],
+            maps: &[
+                "random-32-32-20",
+                "room-32-32-4",
+                "maze-32-32-2",
+                "empty-32-32",
+            ],
             scenarios: 625,
             ..Shape::default()
         },
@@ -43,7 +48,11 @@ fn main() {
     let page = report.html();
     let html = clock.elapsed();
     let clock = Instant::now();
-    let figures: usize = report.figures().iter().map(|figure| svg(figure).len()).sum();
+    let figures: usize = report
+        .figures()
+        .iter()
+        .map(|figure| svg(figure).len())
+        .sum();
     let drawn = clock.elapsed();
     println!("{} trials read from the store in {read:.2?}", rows.len());
     println!("evaluated in {evaluated:.2?}");

@@ -23,6 +23,7 @@
     }
     return null;
   };
+  const drawn = async () => { while (report.drawn !== report.drawing) await new Promise((done) => setTimeout(done, 5)); };
   try {
     await frames(2);
     const fits = (name) => {
@@ -150,6 +151,7 @@
       $('baseline').selectedIndex = 1;
       $('baseline').dispatchEvent(new Event('change'));
       check('compares with another', $('paired-note').textContent.includes(report.story.planners[1].name), $('paired-note').textContent);
+      await drawn();
       document.querySelector('#legend button').click();
       check('emphasises', document.querySelectorAll('.plot .series.chosen').length > 0);
       document.querySelector('#legend button').click();
@@ -159,6 +161,7 @@
           select.dispatchEvent(new Event('change'));
         }
       }
+      await drawn();
       check('shows every quantity', [...document.querySelectorAll('.plot')].every((plot) => plot.childElementCount));
     }
   } catch (error) {

@@ -19,8 +19,8 @@ use fleetyard_sim::{Policy, Tier};
 
 use crate::commands::bench::Bench;
 use crate::commands::jobs::Jobs;
-use crate::commands::store::Stores;
 use crate::commands::report::ReportArgs;
+use crate::commands::store::Stores;
 use crate::exit;
 
 /// Runs, executes and judges multi-robot planners.

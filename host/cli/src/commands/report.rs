@@ -109,18 +109,12 @@ pub(crate) fn report(arguments: &ReportArgs) -> Result<Exit> {
             output::print_json(&numbers)?;
         }
         Format::Text => {
-            let mut text = text_of(&report);
+            let mut parts = vec![text_of(&report)];
             match &runs {
-                Some((comparison, tables)) => {
-                    text += &format!("\n\n{}", text_of_runs(comparison, tables));
-                }
-                None => {
-                    for table in &more {
-                        text += &format!("\n\n{}", text_of_table(table));
-                    }
-                }
+                Some((comparison, tables)) => parts.push(text_of_runs(comparison, tables)),
+                None => parts.extend(more.iter().map(text_of_table)),
             }
-            output::print(&text)?;
+            output::print(&parts.join("\n\n"))?;
         }
     }
     Ok(Exit::Success)
@@ -181,12 +175,8 @@ fn load(arguments: &ReportArgs) -> Result<Option<Loaded>> {
             }
             let rule = values["protocol"]["path_rule"].as_str();
             subject.path_rule = rule.filter(|rule| *rule != "steps").map(str::to_owned);
-            let ranking = values["protocol"]["ranking"].as_str();
-            order = order.or_else(|| match ranking {
-                Some("appendix") => Some(Order::Appendix),
-                Some("text") => Some(Order::Text),
-                _ => None,
-            });
+            let ranking = &values["protocol"]["ranking"];
+            order = order.or_else(|| serde_json::from_value(ranking.clone()).ok());
         }
         machines.extend(store.machines()?);
         let manifest = path.with_extension("manifest.json");
@@ -350,12 +340,12 @@ fn text_of_table(table: &Table) -> String {
         .rows
         .iter()
         .map(|row| row.iter().map(one_line).collect());
-    let mut text = format!("{}\n", output::plain(&table.title));
-    text += &output::table(&head, rows.collect(), &numbers);
+    let cells = output::table(&head, rows.collect(), &numbers);
+    let mut parts = vec![output::plain(&table.title), cells];
     if !table.note.is_empty() {
-        text += &format!("\n{}", output::plain(&table.note));
+        parts.push(output::plain(&table.note));
     }
-    text
+    parts.join("\n")
 }
 
 /// Both runs, and which trials differ.

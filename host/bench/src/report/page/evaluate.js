@@ -46,6 +46,7 @@ class Cases {
       if (this.first[c + 1]) present++;
       this.first[c + 1] += this.first[c];
     }
+    /** The trials of all cases, case by case. */
     this.members = new Uint32Array(rows.length);
     const filled = this.first.slice(0, cases.groups);
     for (const i of rows) this.members[filled[cases.of[i]]++] = i;
@@ -76,11 +77,11 @@ class Cases {
     const { numbers } = columns[name];
     found = new Float64Array(cases.groups).fill(NaN);
     for (const c of this.all) {
-      const trials = this.trials(c);
-      if (trials.length === 1) {
-        found[c] = numbers[trials[0]];
+      const first = this.first[c];
+      if (this.first[c + 1] - first === 1) {
+        found[c] = numbers[this.members[first]];
       } else {
-        const values = Array.from(trials, (i) => numbers[i]);
+        const values = Array.from(this.trials(c), (i) => numbers[i]);
         if (!values.some(Number.isNaN)) found[c] = median(values);
       }
     }
@@ -96,13 +97,49 @@ class Cases {
     return values.subarray(0, length);
   }
 
+  /** Those that succeeded by planner, by ascending solve time. */
+  get byTime() {
+    if (this.ordered) return this.ordered;
+    const times = this.any('solve_time_ms'), ordered = this.ordered = this.of.map(() => []);
+    const timed = (c) => this.success[c] && !Number.isNaN(times[c]);
+    if (this.repeated) {
+      this.of.forEach((some, slot) => { ordered[slot] = Array.from(some.filter(timed)).sort((a, b) => times[a] - times[b]); });
+    } else {
+      // Cases are trials, which have been put in order once.
+      for (const i of trialsByTime()) {
+        const c = cases.of[i];
+        if (this.first[c] < this.first[c + 1] && this.members[this.first[c]] === i && timed(c)) ordered[slotOfCase[c]].push(c);
+      }
+    }
+    return ordered;
+  }
+
   succeeded(some) {
     return some.filter((c) => this.success[c] === 1);
   }
 }
 
-/** The mean of sorted values, so that it does not depend on their order. */
-const sortedMean = (values) => mean(sorted(values));
+let ordered = null;
+
+/** All trials by ascending solve time. */
+function trialsByTime() {
+  if (ordered) return ordered;
+  const { numbers } = columns.solve_time_ms;
+  return ordered = Uint32Array.from({ length: count }, (_, i) => i).sort((a, b) => numbers[a] - numbers[b] || a - b);
+}
+
+/** The mean with the rounding of every addition added in the end (Neumaier 1974), so that
+ *  it does not depend on the order of values: planners may be equal. */
+function steadyMean(values) {
+  if (!values.length) return null;
+  let total = 0, lost = 0;
+  for (const value of values) {
+    const next = total + value;
+    lost += Math.abs(total) >= Math.abs(value) ? total - next + value : value - next + total;
+    total = next;
+  }
+  return (total + lost) / values.length;
+}
 
 function evaluate(rows, order) {
   const found = new Cases(rows);
@@ -114,12 +151,13 @@ function evaluate(rows, order) {
   }
   const isShared = solvedBy.map((planners) => present.length && planners === present.length ? 1 : 0);
   const shared = sum(isShared);
+  const times = found.any('solve_time_ms');
   const planners = present.map((slot) => {
     const of = found.of[slot], good = found.succeeded(of);
-    const times = found.any('solve_time_ms');
-    const overall = sortedMean(Float64Array.from(of, (c) => times[c]).filter((time) => !Number.isNaN(time)));
+    const expansions = steadyMean(found.known(good, 'expansions')), length = steadyMean(found.known(good, 'path_length_cells'));
+    const overall = steadyMean(Float64Array.from(of, (c) => times[c]).filter((time) => !Number.isNaN(time)));
     const common = good.filter((c) => isShared[instanceOfCase[c]]);
-    const over = (name) => sortedMean(found.known(common, name));
+    const over = (name) => steadyMean(found.known(common, name));
     return {
       slot,
       name: data.planners[slot],
@@ -128,12 +166,12 @@ function evaluate(rows, order) {
       success_rate: good.length / of.length,
       success_interval: wilson(good.length, of.length),
       comparable_time_ms: shared ? over('solve_time_ms') : overall,
-      comparable_length_cells: shared ? over('path_length_cells') : sortedMean(found.known(good, 'path_length_cells')),
-      expansions: sortedMean(found.known(good, 'expansions')),
+      comparable_length_cells: shared ? over('path_length_cells') : length,
+      expansions,
       mean_time_ms: overall,
-      time: summary(found.known(good, 'solve_time_ms')),
-      path_length_cells: sortedMean(found.known(good, 'path_length_cells')),
-      suboptimality: sortedMean(found.known(good, 'suboptimality')),
+      time: summaryOf(Float64Array.from(found.byTime[slot], (c) => times[c])),
+      path_length_cells: length,
+      suboptimality: steadyMean(found.known(good, 'suboptimality')),
       failures: of.length - good.length,
       all: of,
       good,

@@ -17,14 +17,12 @@ function thinned(length, most) {
 
 /** Cases by size, ascending: number of the size and cases. */
 function bySize(some) {
-  const groups = new Map();
+  const groups = [], { first, members } = story.found;
   for (const c of some) {
-    const i = story.found.trials(c)[0], number = size.numbers[i];
-    if (Number.isNaN(number)) continue;
-    if (!groups.has(size.of[i])) groups.set(size.of[i], [number, []]);
-    groups.get(size.of[i])[1].push(c);
+    const i = members[first[c]];
+    if (!Number.isNaN(size.numbers[i])) (groups[size.of[i]] ??= [size.numbers[i], []])[1].push(c);
   }
-  return [...groups.values()].sort(([a], [b]) => a - b);
+  return groups.filter(Boolean).sort(([a], [b]) => a - b);
 }
 
 /** A series per planner, in the order of ranks or in that of the suite. */
@@ -63,12 +61,12 @@ const FIGURES = {
   },
 
   cactus() {
-    const times = story.found.any('solve_time_ms');
+    const times = story.found.any('solve_time_ms'), { byTime } = story.found;
     return {
       title: 'Cases solved within a time', caption: 'Cactus plot: how many of its cases each planner solves within how long. Higher and further left is better.',
       x: axisOf(metricOf('solve_time_ms')), y: { label: 'cases solved', zero: true },
       series: bySlot((p) => {
-        const ordered = p.good.filter((c) => !Number.isNaN(times[c])).sort((a, b) => times[a] - times[b]);
+        const ordered = byTime[p.slot];
         const places = thinned(ordered.length, POINTS);
         return places.length ? {
           kind: 'steps', name: p.name, slot: p.slot, points: places.map((at) => [times[ordered[at]], at + 1]),
@@ -92,7 +90,7 @@ const FIGURES = {
       title: `Mean ${metric.name}`, caption: 'Means over cases that succeeded, with 95 % t intervals.',
       x: axisOf(metric), y: rankedNames(),
       series: byRank((p) => {
-        const found = summary(story.found.known(p.good, name));
+        const found = spread(story.found.known(p.good, name));
         return {
           kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: found?.mean ?? null, interval: shown(found, metric.log),
           text: found ? `${digits(found.mean)} (${plural(found.count, 'case')})` : '', behind: () => p.good,
@@ -138,20 +136,36 @@ const FIGURES = {
         + 'it may rise when a hard case gets its first plan.',
       x: { label: 'time, ms', log: true }, y: { label: 'SoC / lower bound' },
       series: bySlot((p) => {
-        const ratios = moments_ms.map(() => []);
+        // Sums of what is above 1, so that they lose nothing.
+        const counts = new Uint32Array(moments_ms.length), sums = new Float64Array(moments_ms.length), squares = new Float64Array(moments_ms.length);
+        const best = new Float64Array(moments_ms.length);
         for (const c of p.all) {
           const reference = references()[instanceOfCase[c]];
-          const best = Array.from(found.trials(c), bestBy);
-          for (let at = 0; at < moments_ms.length; at++) {
-            const soc = best.length === 1 ? best[0][at] : best.every((of) => of[at] < Infinity) ? median(best.map((of) => of[at])) : Infinity;
-            if (soc < Infinity) ratios[at].push(reference > 0 ? soc / reference : 1);
+          if (found.first[c + 1] - found.first[c] === 1) {
+            bestBy(found.members[found.first[c]], best);
+          } else {
+            const all = Array.from(found.trials(c), (i) => bestBy(i, new Float64Array(best.length)));
+            for (let at = 0; at < best.length; at++) best[at] = all.every((of) => of[at] < Infinity) ? median(all.map((of) => of[at])) : Infinity;
+          }
+          for (let at = 0; at < best.length; at++) {
+            if (best[at] === Infinity) continue;
+            const above = reference > 0 ? best[at] / reference - 1 : 0;
+            counts[at]++;
+            sums[at] += above;
+            squares[at] += above * above;
           }
         }
-        const known = ratios.map((ratios, at) => [moments_ms[at], summary(ratios)]).filter(([, found]) => found);
+        const known = [];
+        moments_ms.forEach((time, at) => {
+          const n = counts[at], above = sums[at] / n;
+          if (!n) return;
+          const half = n > 1 ? studentQuantile(n - 1) * Math.sqrt(Math.max(0, squares[at] - sums[at] * above) / (n - 1) / n) : 0;
+          known.push([time, { mean: 1 + above, mean_interval: { low: 1 + above - half, high: 1 + above + half } }]);
+        });
         return known.length ? {
           kind: 'curve', name: p.name, slot: p.slot,
           points: known.map(([time, found]) => [time, found.mean]),
-          band: known.map(([, found]) => pairOf(found.mean_interval) ?? [found.mean, found.mean]),
+          band: known.map(([, found]) => pairOf(found.mean_interval)),
           behind: () => p.all,
         } : null;
       }),
@@ -165,7 +179,7 @@ const FIGURES = {
       caption: 'Means over cases that succeeded, with 95 % t intervals. Failures are left out: read it beside the success rate.',
       x: { label: size.label }, y: axisOf(metric),
       series: bySlot((p) => {
-        const groups = bySize(p.good).map(([number, some]) => [number, some, summary(story.found.known(some, name))]).filter(([, , found]) => found);
+        const groups = bySize(p.good).map(([number, some]) => [number, some, spread(story.found.known(some, name))]).filter(([, , found]) => found);
         return groups.length ? {
           kind: 'curve', name: p.name, slot: p.slot,
           points: groups.map(([number, , found]) => [number, found.mean]),
@@ -186,14 +200,14 @@ function references() {
 }
 
 /** The best sum of costs of a trial by each moment. */
-function bestBy(i) {
-  const best = new Float64Array(data.quality.moments_ms.length).fill(Infinity);
-  let from = 0, soc = Infinity;
-  for (let at = changes.first[i]; at < changes.first[i + 1]; at++) {
-    best.fill(soc, from, from = changes.moment.numbers[at]);
-    soc = changes.soc.numbers[at];
+function bestBy(i, best) {
+  const { first, moment, soc } = changes;
+  let from = 0, last = Infinity;
+  for (let at = first[i]; at < first[i + 1]; at++) {
+    best.fill(last, from, from = moment.numbers[at]);
+    last = soc.numbers[at];
   }
-  return best.fill(soc, from);
+  return best.fill(last, from);
 }
 
 const changes = (() => {
@@ -207,7 +221,7 @@ function boxOf(p) {
   const found = p.time;
   if (!found) return null;
   const times = story.found.any('solve_time_ms');
-  const ordered = p.good.filter((c) => !Number.isNaN(times[c])).sort((a, b) => times[a] - times[b]);
+  const ordered = story.found.byTime[p.slot];
   const { q1, q3 } = found;
   const [low, high] = q1 > 0 ? [q1 * (q1 / q3) ** 1.5, q3 * (q3 / q1) ** 1.5] : [q1 - 1.5 * (q3 - q1), q3 + 1.5 * (q3 - q1)];
   const inner = ordered.filter((c) => times[c] >= low && times[c] <= high);
@@ -282,8 +296,23 @@ function addCard(id, controls, model) {
   cards.push(card);
 }
 
+let drawing = 0;
+
+/** Draws all figures, those that are seen first and each in a turn of its own, so that
+ *  filters answer at once. */
 function showFigures() {
-  for (const card of cards) showFigure(card);
+  const turn = ++drawing, seen = ({ place }) => {
+    const { top, bottom } = place.getBoundingClientRect();
+    return bottom > 0 && top < innerHeight;
+  };
+  const left = [...cards].sort((a, b) => seen(b) - seen(a));
+  const next = () => {
+    if (turn !== drawing) return;
+    showFigure(left.shift());
+    if (left.length) setTimeout(next);
+    else page.drawn = turn;
+  };
+  setTimeout(next);
 }
 
 function showFigure(card) {

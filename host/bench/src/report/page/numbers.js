@@ -29,10 +29,11 @@ function quantile(ascending, level) {
 
 const median = (values) => quantile(sorted(values), 0.5);
 
-/** Everything a table or a box shows of values. */
-function summary(values) {
-  if (!values.length) return null;
-  const ascending = sorted(values);
+/** Everything a table or a box shows of values; the second of ascending ones. */
+const summary = (values) => summaryOf(sorted(values));
+
+function summaryOf(ascending) {
+  if (!ascending.length) return null;
   return {
     count: ascending.length,
     mean: mean(ascending),
@@ -46,6 +47,9 @@ function summary(values) {
     max: ascending[ascending.length - 1],
   };
 }
+
+/** Mean and its interval, of values in any order. */
+const spread = (values) => values.length ? { mean: mean(values), mean_interval: meanInterval(values), count: values.length } : null;
 
 function wilson(successes, trials) {
   if (!trials) return null;
@@ -156,19 +160,23 @@ function medianInterval(values) {
     };
     return { low: at(0.025), high: at(0.975) };
   }
-  // Beyond eight standard deviations nothing is lost.
-  const reach = Math.ceil(4 * Math.sqrt(n)) + 2;
+  // Beyond six standard deviations nothing is lost.
+  const reach = Math.ceil(3 * Math.sqrt(n)) + 2;
   const from = Math.max(1, k - reach), to = Math.min(n, k + 1 + reach);
   const choose = (logGamma(n + 1) - logGamma(k + 1) - logGamma(n - k + 1)) / n;
   // Halves of the factor, so that neither part is out of range.
   const part = (share, power) => share <= 0 ? 0 : Math.exp(power * (Math.log(share) + choose));
   const a = [], above = [], single = [];
+  let before = within(from - 1);
   for (let i = from; i <= to; i++) {
     a.push(part(i / n, k) - part((i - 1) / n, k));
     above.push(part((n - i) / n, n - k));
-    single.push(within(i) - within(i - 1));
+    const now = within(i);
+    single.push(now - before);
+    before = now;
   }
   const size = a.length;
+  const least = within(from - 1);
   /** The chance that the median of a resample is at most t. */
   const atMost = (t) => {
     let total = 0, j = size - 1;
@@ -179,7 +187,7 @@ function medianInterval(values) {
       // All of i, less what goes with a greater j.
       total += single[i] - a[i] * above[j];
     }
-    return total + within(from - 1);
+    return total + least;
   };
   const at = (level) => {
     let low = x[from - 1], high = x[to - 1];

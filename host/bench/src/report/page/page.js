@@ -442,7 +442,14 @@ function begin() {
   $('skip').href = '#ranking';
   if (matchMedia('(max-width: 700px)').matches) $('filters').open = false;
   changed();
+  // At first all at once, so that nothing moves.
+  drawing++;
+  for (const card of cards) showFigure(card);
+  page.drawn = drawing;
   addEventListener('hashchange', follow);
+  addEventListener('beforeprint', () => {
+    for (const card of cards) showFigure(card);
+  });
   const dialog = $('trial');
   $('trial-close').addEventListener('click', () => dialog.close());
   dialog.addEventListener('click', (event) => { if (event.target === dialog) dialog.close(); });

@@ -174,13 +174,13 @@ function draw(place, figure, open) {
   figure.series.forEach((series, index) => {
     const { slot } = series, color = colorOf(slot);
     const group = make('g', { class: 'series', 'data-slot': slot, style: `--c:${color}` });
-    const hit = (x, y, at, text) => hits.push({ x, y, series: index, at, text: `${series.name}: ${text}` });
+    const hit = (x, y, at, text) => hits.push({ x, y, series: index, at, text });
     if (series.kind === 'bar') {
       const y = Y(series.at), half = Math.min(9, down.step * 0.32), from = figure.x.log ? frame.left : X(0);
       if (series.value !== null) {
         group.append(make('rect', { x: from, y: y - half, width: Math.max(1, X(series.value) - from), height: 2 * half, class: 'fill' }));
         if (series.interval) group.append(make('path', { d: `M${X(series.interval[0])} ${y}H${X(series.interval[1])}`, class: 'whisker' }));
-        hit(X(series.value), y, 0, series.text);
+        hit(X(series.value), y, 0, () => series.text);
       }
     } else if (series.kind === 'box') {
       const y = Y(series.at), half = Math.min(9, down.step * 0.32);
@@ -191,8 +191,8 @@ function draw(place, figure, open) {
         make('path', { d: bar(series.median), class: 'line thick' }),
         make('path', { d: series.outliers.map((value) => shape(0, X(value), y, 1.6)).join(''), class: 'outliers' }),
         make('path', { d: shape(3, X(series.mean), y, 4), class: 'mean' }));
-      hit(X(series.median), y, -1, series.text);
-      series.outliers.forEach((value, i) => hit(X(value), y, i, `${digits(value)}, outside the whiskers`));
+      hit(X(series.median), y, -1, () => series.text);
+      series.outliers.forEach((value, i) => hit(X(value), y, i, () => `${digits(value)}, outside the whiskers`));
     } else {
       const points = series.points.map(([x, y]) => [X(x), Y(y)]);
       const d = (points) => points.map(([x, y], i) => `${i ? 'L' : 'M'}${x.toFixed(1)} ${y.toFixed(1)}`).join('');
@@ -214,7 +214,7 @@ function draw(place, figure, open) {
         canvas ??= make('canvas', { 'aria-hidden': 'true' });
         (canvas.painted ??= []).push([series, points]);
       }
-      points.forEach(([x, y], at) => hit(x, y, at, `${figure.pointText ? figure.pointText(series, at) : pointText(figure, series.points[at])}`));
+      points.forEach(([x, y], at) => hit(x, y, at, () => figure.pointText ? figure.pointText(series, at) : pointText(figure, series.points[at])));
     }
     svg.append(group);
   });
@@ -222,7 +222,7 @@ function draw(place, figure, open) {
   svg.append(ring);
   place.replaceChildren(...(canvas ? [canvas, svg] : [svg]));
   if (canvas) paint(canvas, width, height);
-  place.plotted = { hits, ring, open, width };
+  place.plotted = { hits, ring, open, width, says: (hit) => `${figure.series[hit.series].name}: ${hit.text()}` };
   point(place, -1);
 }
 
@@ -254,7 +254,7 @@ function point(place, at) {
   ring.setAttribute('cx', hit.x);
   ring.setAttribute('cy', hit.y);
   tip.plot = place;
-  tip.textContent = hit.text;
+  tip.textContent = place.plotted.says(hit);
   tip.hidden = false;
   const box = place.getBoundingClientRect(), scale = box.width / place.plotted.width;
   const x = box.left + hit.x * scale, y = box.top + hit.y * scale;
@@ -320,6 +320,6 @@ function listen(place) {
     }
     event.preventDefault();
     point(place, to);
-    if (hits[to]) $('status').textContent = hits[to].text;
+    if (hits[to]) $('status').textContent = place.plotted.says(hits[to]);
   });
 }
