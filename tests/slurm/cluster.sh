@@ -73,7 +73,8 @@ SlurmctldLogFile=$folder/log/slurmctld
 SlurmdLogFile=$folder/log/slurmd
 # The sizes below hold, whatever the machine has.
 SlurmdParameters=config_overrides
-ProctrackType=proctrack/linuxproc
+# What a task started ends with it.
+ProctrackType=proctrack/pgid
 TaskPlugin=task/${TASK_PLUGIN:-none}
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory

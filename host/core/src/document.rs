@@ -156,6 +156,11 @@ pub struct Setting {
 }
 
 impl Setting {
+    /// The same as text that [`Setting::new`] reads.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// Reads `NAME=VALUE`, where the name is that of a key with dots between the tables
     /// that it is in. The value is TOML, and text where it is not. `option` says in errors
     /// how it was given.

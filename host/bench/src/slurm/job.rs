@@ -14,7 +14,7 @@ use super::parse::Submitted;
 const LIMIT: u64 = 1 << 28;
 
 /// Most shards of a run; sites allow fewer (`MaxArraySize`).
-pub const MAX_SHARDS: u32 = 1 << 20;
+pub const MAX_SHARDS: u32 = 1_000_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Format {

@@ -67,8 +67,8 @@ cmp -s -- "$run/{SUITE}" "$suite" ||
 
 # Slurm asks a task to stop before it ends it: bench gets that signal too.
 signal=
-trap 'signal=TERM; kill -s TERM "$bench"' TERM
-trap 'signal=INT; kill -s INT "$bench"' INT
+trap 'signal=TERM; kill -s TERM "$bench" 2>/dev/null' TERM
+trap 'signal=INT; kill -s INT "$bench" 2>/dev/null' INT
 "$fleetyard" bench "$suite" --shard "$shard/$shards" --store "$run/{SHARDS}/$shard.sqlite" --resume \
     --progress-file "$run/{SHARDS}/$shard.progress"{arguments} &
 bench=$!

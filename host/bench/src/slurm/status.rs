@@ -247,9 +247,7 @@ fn take_ended(shard: &mut Shard, run: &Path, submission: &Submission) -> bool {
     shard.signal = Some(ended.signal).filter(|signal| !signal.is_empty());
     shard.node = Some(ended.node).filter(|node| !node.is_empty());
     shard.state = if ended.code == 0 {
-        if let Some(progress) = read::<Progress>(run, shard.shard, "progress") {
-            shard.done = progress.done.min(shard.trials);
-        }
+        shard.done = shard.trials;
         ShardState::Completed
     } else {
         ShardState::Failed

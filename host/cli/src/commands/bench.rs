@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use fleetyard_bench::evaluate::{Evaluation, PlannerSummary, SOLVE_TIME, Trials};
 use fleetyard_bench::suite::Suite;
 use fleetyard_bench::{
@@ -18,10 +18,14 @@ use fleetyard_runtime::on_interrupt;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
+use super::jobs::{self, Ask, ClusterArgs};
 use crate::args::{Format, TrustArgs};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::setup::trust;
 use crate::{BUILT_IN, output};
+
+/// Parts of a suite on a cluster, unless somebody says how many.
+const PARTS: u32 = 32;
 
 /// How often a line says how far a run is, where there is no terminal.
 const EVERY: Duration = Duration::from_secs(10);
@@ -65,11 +69,24 @@ pub(crate) struct Bench {
     /// A file for programs that watch the run: how many trials are done, as JSON
     #[arg(long, value_name = "FILE", hide = true)]
     progress_file: Option<PathBuf>,
+    /// Who runs it
+    #[arg(long, value_enum, default_value = "local")]
+    executor: Executor,
+    #[command(flatten)]
+    cluster: ClusterArgs,
     #[command(flatten)]
     trust: TrustArgs,
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Executor {
+    /// This machine, one trial after the other
+    Local,
+    /// A Slurm cluster, all parts of the suite at once
+    Slurm,
 }
 
 fn setting(text: &str) -> std::result::Result<Setting, String> {
@@ -85,6 +102,14 @@ pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
         .store
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{}.sqlite", suite.name)));
+    match arguments.executor {
+        Executor::Slurm if !arguments.dry_run => return on_cluster(arguments, &suite, &place),
+        Executor::Local if arguments.cluster != ClusterArgs::default() => {
+            let reason = "there are options for a cluster, and no cluster";
+            return Err(Failure::new(Exit::Usage, reason).hint("add --executor slurm"));
+        }
+        _ => {}
+    }
     if arguments.verify {
         return verification(arguments, &suite, &place);
     }
@@ -102,6 +127,63 @@ pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
     let begun = begin(&contest, &meta, there, &place)?;
     let outcome = go(arguments, &mut contest, &meta, &begun.store, &place)?;
     report(arguments, &contest, &place, &begun, outcome)
+}
+
+/// Submits the suite in parts, each of which is this command again with its part.
+fn on_cluster(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> {
+    if arguments.resume || arguments.verify || arguments.shard != Shard::ALL {
+        let reason = "--resume, --verify and --shard are for a run on this machine";
+        return Err(Failure::new(Exit::Usage, reason)
+            .hint("`fleetyard jobs requeue RUN` goes on with a run on a cluster"));
+    }
+    let mut contest = contest(arguments, suite)?;
+    let schedule = contest.schedule().clone();
+    let longest = contest.longest();
+    contest.finish();
+    let instances = contest.questions().len() as u32;
+    let shards = arguments.cluster.shards.unwrap_or(instances.min(PARTS));
+    if shards > instances {
+        return Err(Failure::new(
+            Exit::Usage,
+            format!("a suite of {instances} instances has no {shards} parts"),
+        )
+        .hint("a part has all trials of its instances; use as many --shards or fewer"));
+    }
+    let trials = |shard| -> std::result::Result<u64, String> {
+        Ok(schedule.len_of(format!("{shard}/{shards}").parse()?))
+    };
+    let mut passed_on = Vec::new();
+    for setting in &arguments.settings {
+        passed_on.extend(["--set".to_owned(), setting.text().to_owned()]);
+    }
+    if let Some(lock) = &arguments.trust.lock {
+        let lock = std::path::absolute(lock).map_err(internal)?;
+        passed_on.extend(["--lock".to_owned(), lock.display().to_string()]);
+    }
+    if arguments.trust.locked {
+        passed_on.push("--locked".to_owned());
+    }
+    let own = suite.budget.memory_bytes.map(|plan| {
+        let prepare = suite.budget.prepare_memory_bytes.unwrap_or(plan);
+        plan.max(prepare)
+            .saturating_add(suite.sandbox.policy.disk_bytes)
+    });
+    jobs::submit(
+        &arguments.cluster,
+        Ask {
+            name: &suite.name,
+            suite: &arguments.suite,
+            store: place,
+            arguments: passed_on,
+            trials: (1..=shards)
+                .map(trials)
+                .collect::<std::result::Result<_, _>>()
+                .map_err(internal)?,
+            longest,
+            threads: suite.budget.threads,
+            memory: own,
+        },
+    )
 }
 
 fn contest<'s>(arguments: &Bench, suite: &'s Suite) -> Result<Contest<'s>> {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
+use fleetyard_bench::rough;
 use fleetyard_bench::slurm::{Request, Resources, Run, Shard, ShardState, Slurm, Status};
 use fleetyard_core::quoted;
 use serde::Serialize;
@@ -62,7 +63,7 @@ pub(crate) enum Jobs {
 }
 
 /// Where the tasks of a run go and what each gets.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, PartialEq, Args)]
 pub(crate) struct ResourceArgs {
     /// The partition, or several with commas [default: the site's]
     #[arg(long, help_heading = CLUSTER, value_name = "NAME")]
@@ -116,9 +117,8 @@ impl ResourceArgs {
     }
 }
 
-#[allow(dead_code)]
 /// How a suite is spread over a cluster.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, PartialEq, Args)]
 pub(crate) struct ClusterArgs {
     /// Parts that the suite is split into, a task each [default: one for each instance, at most 32]
     #[arg(long, help_heading = CLUSTER, value_name = "N",
@@ -135,7 +135,6 @@ pub(crate) struct ClusterArgs {
     resources: ResourceArgs,
 }
 
-#[allow(dead_code)]
 /// A suite that is to run on a cluster.
 pub(crate) struct Ask<'a> {
     pub(crate) name: &'a str,
@@ -145,17 +144,17 @@ pub(crate) struct Ask<'a> {
     pub(crate) arguments: Vec<String>,
     /// Trials of each shard.
     pub(crate) trials: Vec<u64>,
+    /// The longest that a trial may take.
+    pub(crate) longest: Duration,
     /// Threads of the suite's budget.
     pub(crate) threads: u32,
     /// What its planners may fill, if the suite says so.
     pub(crate) memory: Option<u64>,
 }
 
-#[allow(dead_code)]
 /// What the host itself may need beside the planner.
 const HOST_MEMORY: u64 = 1 << 30;
 
-#[allow(dead_code)]
 /// Submits a suite, and unless it is to be left alone waits for it and merges its stores.
 pub(crate) fn submit(cluster: &ClusterArgs, ask: Ask<'_>) -> Result<Exit> {
     let slurm = Slurm::from_environment();
@@ -188,11 +187,16 @@ pub(crate) fn submit(cluster: &ClusterArgs, ask: Ask<'_>) -> Result<Exit> {
     let run = Run::submit(&request, &slurm)?;
     let shown = word(&request.run);
     let trials: u64 = request.trials.iter().sum();
+    let most = request.trials.iter().max().copied().unwrap_or(0);
     output::note(&format!(
-        "job {} has {} and {} in {shown}",
+        "job {} has {} with {} in {shown}; a shard takes {} at most",
         run.jobs()[0],
         counted(request.trials.len() as u64, "shard"),
         counted(trials, "trial"),
+        rough(
+            ask.longest
+                .saturating_mul(most.try_into().unwrap_or(u32::MAX))
+        ),
     ));
     if cluster.detach {
         output::print(&format!(
