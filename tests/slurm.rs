@@ -88,7 +88,8 @@ impl Drop for Cluster {
 
 /// A planner that waits for as long as there is a file `hold` beside it.
 const WAITING: &str = r#"#!/usr/bin/env python3
-import os, time
+import os, sys, time
+sys.path.insert(0, "PYTHON")
 import fleetyard
 
 class Waiting(fleetyard.Planner):
@@ -103,6 +104,11 @@ class Waiting(fleetyard.Planner):
 fleetyard.run(Waiting)
 "#;
 
+/// Where the Python package is, which nobody has to install for the tests.
+fn python() -> String {
+    root().join("abi/python").display().to_string()
+}
+
 fn suite(yard: &Yard, name: &str, planners: &[&str], agents: &str) {
     let scen = root().join("maps/empty-16-16-random-1.scen");
     let planners: Vec<String> = planners
@@ -110,8 +116,9 @@ fn suite(yard: &Yard, name: &str, planners: &[&str], agents: &str) {
         .map(|plugin| format!("[[planner]]\nplugin = \"{plugin}\"\n"))
         .collect();
     let text = format!(
-        "name = \"{name}\"\n[budget]\nwall = \"100s\"\nmemory = \"256MiB\"\n{}\
+        "name = \"{name}\"\n[budget]\nwall = \"100s\"\nmemory = \"256MiB\"\n[sandbox]\nread = [\"{}\"]\n{}\
          [[instances]]\nscen = [\"{}\"]\nagents = {agents}\n",
+        python(),
         planners.join(""),
         scen.display(),
     );
@@ -213,7 +220,7 @@ fn a_suite_comes_to_its_end(yard: &Yard) {
 
 fn shards_that_were_killed_go_on(yard: &Yard) {
     fs::create_dir(yard.path("plugin")).unwrap();
-    let plugin = yard.write("plugin/waiting.py", WAITING);
+    let plugin = yard.write("plugin/waiting.py", WAITING.replace("PYTHON", &python()));
     fs::set_permissions(&plugin, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
     let hold = yard.write("plugin/hold", "");
     suite(yard, "killed", &["pibt", "./plugin/waiting.py"], "[2, 3]");

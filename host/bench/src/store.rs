@@ -574,27 +574,24 @@ impl Store {
     /// Trials that several stores have must be equal: two results for one key are an error,
     /// for nobody could say which one counts. Then nothing is written.
     pub fn merge(path: &Path, parts: &[PathBuf]) -> Result<Merged> {
-        let stores: Vec<Self> = parts
-            .iter()
-            .map(|part| Self::open_read_only(part))
-            .collect::<Result<_>>()?;
-        let Some(first) = stores.first() else {
+        let Some((first, others)) = parts.split_first() else {
             return Err(InputError::new(shown(path), "there is nothing to merge"));
         };
-        let meta = first.meta()?;
-        for store in &stores[1..] {
-            let other = store.meta()?;
+        // One after the other: a process may open fewer files than a cluster has shards.
+        let meta = Self::open_read_only(first)?.meta()?;
+        for part in others {
+            let other = Self::open_read_only(part)?.meta()?;
             if other.suite_digest != meta.suite_digest {
                 let reason = format!(
                     "belongs to another state of the suite than {}: `{}` with digest {}, and `{}` \
                      with {}",
-                    first.path.display(),
+                    first.display(),
                     other.suite,
                     other.suite_digest,
                     meta.suite,
                     meta.suite_digest
                 );
-                return Err(InputError::new(shown(&store.path), reason)
+                return Err(InputError::new(shown(part), reason)
                     .hint("`fleetyard bench SUITE --resume` on each brings them to one state"));
             }
         }
@@ -608,7 +605,7 @@ impl Store {
         let merged = Self::write_draft(&draft, &meta, path)
             .and_then(|()| Self::connect(&draft, None))
             .map(drop)
-            .and_then(|()| Self::fill(&draft, path, &stores))
+            .and_then(|()| Self::fill(&draft, path, parts))
             .and_then(|merged| {
                 fs::rename(&draft, path)
                     .map(|()| merged)
@@ -622,14 +619,15 @@ impl Store {
     }
 
     /// Writes the trials of all parts into the draft, in one transaction.
-    fn fill(draft: &Path, path: &Path, stores: &[Self]) -> Result<Merged> {
+    fn fill(draft: &Path, path: &Path, parts: &[PathBuf]) -> Result<Merged> {
         let failed = |error: rusqlite::Error| failed(path, &error);
         let mut connection = Connection::open(draft).map_err(failed)?;
         let transaction = connection.transaction().map_err(failed)?;
         let mut merged = Merged::default();
         let mut conflicts = 0;
         let mut named = String::new();
-        for store in stores {
+        for part in parts {
+            let store = Self::open_read_only(part)?;
             for (digest, description) in store.machines()? {
                 transaction
                     .execute(
