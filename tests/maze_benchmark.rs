@@ -169,6 +169,15 @@ fn expansions_on_mazes_by_prim() {
     }
 }
 
+#[test]
+fn nothing_is_cut_short_where_both_cells_beside_a_corner_have_to_be_free() {
+    let questions = mazes(MazeAlgorithm::Backtracker, 15, MAZES);
+    let (ties, corners) = (TieBreaking::Fifo, Corners::BothFree);
+    let mut theta = ThetaStar::new(Looks::Early, Heuristic::Euclidean, ties, corners);
+    let (_, length) = totals(&mut theta, &questions);
+    assert_eq!(mean(length, questions.len()), "142.72");
+}
+
 /// The benchmark's program keeps the tree of its LPA* from one maze to the next, since
 /// they are of one size and have the same ends: what it counts are repairs. Emptied for
 /// every maze, it expands 190.56 places, as ours does. A tree that is carried along
