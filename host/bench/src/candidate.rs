@@ -194,6 +194,7 @@ impl Running {
                 planner: self.descriptor.id.clone(),
                 name: name.to_owned(),
                 missing,
+                lines: capabilities.has(Capability::AnyAngle),
             })
         })
     }

@@ -59,6 +59,8 @@ pub enum TrialError {
         name: String,
         /// What is needed.
         missing: Capability,
+        /// Whether it claims to plan in straight lines between any cells.
+        lines: bool,
     },
 }
 
@@ -75,6 +77,15 @@ impl TrialError {
             Self::NoPlanner { ids, .. } if ids.is_empty() => None,
             Self::NoPlanner { ids, .. } => Some(format!("it has {}", ids.join(", "))),
             Self::CodeChanged { .. } => Some("run the command again".to_owned()),
+            Self::Incapable {
+                missing: Capability::Pebble,
+                lines: true,
+                ..
+            } => Some(
+                "it plans in straight lines, which the path rules `bresenham` and \
+                 `supercover` judge"
+                    .to_owned(),
+            ),
             Self::Incapable { name, .. } => Some(format!(
                 "`fleetyard plugins info {name}` lists what it can do"
             )),
