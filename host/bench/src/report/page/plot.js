@@ -131,7 +131,7 @@ function draw(place, figure, open) {
   const height = names ? Math.max(150, 54 + names.length * 26) : Math.round(Math.min(360, Math.max(250, width * 0.6)));
   place.style.height = `${height}px`;
   const labels = names ? Math.min(Math.max(...names.map((name) => [...name].length), 1) * CHARACTER + 14, width * 0.36) : 62;
-  const frame = { left: Math.round(labels), right: width - 14, top: 12, bottom: height - 42 };
+  const frame = { left: Math.round(labels), right: width - 20, top: 12, bottom: height - 42 };
   const { xs, ys } = extents(figure);
   const across = axis(figure.x, xs, frame.right - frame.left), down = axis(figure.y, ys, frame.bottom - frame.top);
   const X = (value) => frame.left + across.place(value);
