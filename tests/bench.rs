@@ -320,17 +320,31 @@ fn whatever_kills_it_no_trial_is_lost_or_doubled() {
         .expect(SUCCESS);
     assert_eq!(last.json()["before"], seen);
     assert_eq!(lasting(&rows(&path)), lasting(&whole));
+    // A file that did not have its name yet may be left of a process that was killed.
     let left: Vec<String> = yard
         .files()
         .into_iter()
-        .filter(|name| name.contains("killed"))
+        .filter(|name| name.starts_with("killed"))
         .collect();
     assert_eq!(left, ["killed.manifest.json", "killed.sqlite"]);
 }
 
+/// Whether this process ignores a signal, as a shell has it for background jobs; what it starts
+/// inherits that.
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = u64::from_str_radix(mask.unwrap().trim(), 16).unwrap();
+    mask >> (signal - 1) & 1 == 1
+}
+
 #[test]
 fn an_interrupt_keeps_what_there_is_and_says_how_to_go_on() {
-    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+    for (signal, number) in [("INT", 2), ("TERM", 15)] {
+        if is_ignored(number) {
+            eprintln!("skipped: SIG{signal} is ignored here, and so by the command");
+            continue;
+        }
         let yard = Yard::new().in_own_group();
         yard.write("s.toml", suite("{ from = 1, to = 15 }", "repeats = 500"));
         let run = yard.start(&["bench", "s.toml"]);
@@ -345,7 +359,7 @@ fn an_interrupt_keeps_what_there_is_and_says_how_to_go_on() {
         let mut ended = run.wait();
         // Planners end with their supervisors, which notice it a moment later.
         ended.left.clear();
-        let ended = ended.expect(code);
+        let ended = ended.expect(128 + number);
         let count = rows(&path).len();
         let said = format!("interrupted; {count} of 15000 trials are stored");
         assert!(ended.stderr.contains(&said), "{ended}");
@@ -424,8 +438,8 @@ fn shards_together_are_the_whole() {
     );
 }
 
-/// A planner that takes every way it can, aborts when it is asked for two agents, and when it is
-/// told so waits for as long as it likes.
+/// A planner that goes nowhere, or when it is told so wherever it likes, and aborts when it is
+/// asked for two agents.
 const MOODY: &str = r#"#!/usr/bin/env python3
 import os
 import sys
@@ -440,8 +454,12 @@ class Moody(fleetyard.Planner):
     def plan(self, instance, budget, context):
         if len(instance.starts) == 2:
             os.abort()
-        waits = int.from_bytes(os.urandom(4), "little") % 20000 if self.options.get("fickle") else 0
-        return [[start] * (waits + 1) for start in instance.starts]
+        paths = [[start] for start in instance.starts]
+        for step in os.urandom(30) if self.options.get("fickle") else b"":
+            for path in paths:
+                ways = list(self.grid.neighbors(path[-1]))
+                path.append(ways[step % len(ways)])
+        return paths
 
 fleetyard.run(Moody)
 "#;

@@ -62,8 +62,8 @@ pub struct Store {
     /// What is read for each column of [`COLUMNS`].
     select: String,
     synced: Option<Instant>,
-    /// Released after the connection is closed.
-    _lock: Option<Lock>,
+    /// The right to write it, released after the connection is closed.
+    lock: Option<Lock>,
 }
 
 /// What the trials of a store belong to.
@@ -101,6 +101,18 @@ pub struct Merged {
     pub trials: u64,
     /// Trials that several stores had, equal in every column.
     pub repeated: u64,
+}
+
+impl Drop for Store {
+    fn drop(&mut self) {
+        if self.lock.is_some() {
+            // One file without a log beside it is what can be copied, and read where
+            // nobody may write. If somebody is reading just now it stays as it is.
+            let _ = self
+                .connection
+                .pragma_update_and_check(None, "journal_mode", "delete", |_| Ok(()));
+        }
+    }
 }
 
 impl ToSql for Value {
@@ -200,7 +212,6 @@ impl Store {
             transaction.execute_batch(&schema())?;
             put_meta(&transaction, meta)?;
             transaction.commit()?;
-            connection.pragma_update_and_check(None, "journal_mode", "wal", |_| Ok(()))?;
             connection.close().map_err(|(_, error)| error)
         };
         write().map_err(|error| failed(path, &error))
@@ -230,27 +241,21 @@ impl Store {
         };
         let open = || -> rusqlite::Result<Connection> {
             let connection = Connection::open_with_flags(path, access | no_mutex)?;
+            if lock.is_some() {
+                // Who reads meanwhile is not in the way, nor the other way round.
+                connection.pragma_update_and_check(None, "journal_mode", "wal", |_| Ok(()))?;
+            }
             // Nothing is read before the first statement.
             connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
             Ok(connection)
         };
-        let connection = match open() {
-            // In a folder where nobody may write, SQLite cannot share a log. There is none
-            // if the writer ended well, and then nothing can change either.
-            Err(error) if lock.is_none() && cannot_share(&error) && !has_log(path) => {
-                let uri = format!("file:{}?immutable=1", percent_encoded(path));
-                let flags = access | no_mutex | OpenFlags::SQLITE_OPEN_URI;
-                Connection::open_with_flags(uri, flags)
-            }
-            other => other,
-        }
-        .map_err(|error| failed(path, &error))?;
+        let connection = open().map_err(|error| failed(path, &error))?;
         let mut store = Self {
             connection,
             path: path.to_owned(),
             select: String::new(),
             synced: None,
-            _lock: lock,
+            lock,
         };
         store.select = store.selection()?;
         Ok(store)
@@ -862,32 +867,6 @@ fn no_space(path: &Path) -> bool {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     rustix::fs::statvfs(folder.unwrap_or(Path::new(".")))
         .is_ok_and(|found| found.f_bavail * found.f_frsize < 1 << 16)
-}
-
-/// Whether SQLite fails because it would have to write beside the file.
-fn cannot_share(error: &rusqlite::Error) -> bool {
-    matches!(
-        error.sqlite_error_code(),
-        Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly)
-    )
-}
-
-/// Whether a writer left, or has, something that is not in the file itself yet.
-fn has_log(path: &Path) -> bool {
-    fs::metadata(beside(path, "-wal")).is_ok_and(|log| log.len() > 0)
-}
-
-/// A path for a URI.
-fn percent_encoded(path: &Path) -> String {
-    let mut text = String::new();
-    for byte in path.as_os_str().as_encoded_bytes() {
-        if byte.is_ascii_alphanumeric() || b"-_./".contains(byte) {
-            text.push(char::from(*byte));
-        } else {
-            let _ = write!(text, "%{byte:02x}");
-        }
-    }
-    text
 }
 
 /// The right to write a store: a lock on a file beside it, with the number of the process.
