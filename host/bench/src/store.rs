@@ -62,8 +62,10 @@ pub struct Store {
     /// What is read for each column of [`COLUMNS`].
     select: String,
     synced: Option<Instant>,
+    /// Whether this process has begun to write it, with a log beside it.
+    has_log: bool,
     /// The right to write it, released after the connection is closed.
-    lock: Option<Lock>,
+    _lock: Option<Lock>,
 }
 
 /// What the trials of a store belong to.
@@ -105,7 +107,7 @@ pub struct Merged {
 
 impl Drop for Store {
     fn drop(&mut self) {
-        if self.lock.is_some() {
+        if self.has_log {
             // One file without a log beside it is what can be copied, and read where
             // nobody may write. If somebody is reading just now it stays as it is.
             let _ = self
@@ -199,7 +201,9 @@ impl Store {
             let _ = remove(&draft);
             return Err(error);
         }
-        Self::connect(path, Some(lock))
+        let mut store = Self::connect(path, Some(lock))?;
+        store.begin_log()?;
+        Ok(store)
     }
 
     /// Tables and header are in the file itself, not in a log beside it, before it has its name.
@@ -221,8 +225,9 @@ impl Store {
     pub fn open(path: &Path) -> Result<Self> {
         identify(path)?;
         let lock = Lock::take(path)?;
-        let store = Self::connect(path, Some(lock))?;
+        let mut store = Self::connect(path, Some(lock))?;
         store.check_whole()?;
+        store.begin_log()?;
         store.add_columns()?;
         Ok(store)
     }
@@ -241,10 +246,6 @@ impl Store {
         };
         let open = || -> rusqlite::Result<Connection> {
             let connection = Connection::open_with_flags(path, access | no_mutex)?;
-            if lock.is_some() {
-                // Who reads meanwhile is not in the way, nor the other way round.
-                connection.pragma_update_and_check(None, "journal_mode", "wal", |_| Ok(()))?;
-            }
             // Nothing is read before the first statement.
             connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
             Ok(connection)
@@ -255,7 +256,8 @@ impl Store {
             path: path.to_owned(),
             select: String::new(),
             synced: None,
-            lock,
+            has_log: false,
+            _lock: lock,
         };
         store.select = store.selection()?;
         Ok(store)
@@ -300,6 +302,15 @@ impl Store {
             let statement = format!("ALTER TABLE trials ADD COLUMN {}", definition(column));
             self.run(|connection| connection.execute_batch(&statement))?;
         }
+        Ok(())
+    }
+
+    /// From here on who reads is not in the way of who writes, nor the other way round.
+    fn begin_log(&mut self) -> Result<()> {
+        self.run(|connection| {
+            connection.pragma_update_and_check(None, "journal_mode", "wal", |_| Ok(()))
+        })?;
+        self.has_log = true;
         Ok(())
     }
 
