@@ -236,7 +236,10 @@ impl<'s> Contest<'s> {
                     TrialError::Incapable { .. } => Termination::Unsupported,
                     _ => {
                         let planner = entrant.label.clone();
-                        return Err(BenchError::Trial { planner, error });
+                        return Err(BenchError::Trial {
+                            planner,
+                            error: Box::new(error),
+                        });
                     }
                 };
                 row.termination = termination.to_string();

@@ -16,7 +16,7 @@ pub enum BenchError {
         /// The planner's label.
         planner: String,
         /// Why.
-        error: TrialError,
+        error: Box<TrialError>,
     },
     /// The host cannot run plugins here.
     #[error("cannot run plugins: {0}")]

@@ -15,8 +15,8 @@ use crate::store::Meta;
 /// What a store was made from.
 #[derive(Debug, Clone, Serialize)]
 pub struct Manifest {
-    /// Version of this format.
-    manifest: u32,
+    /// Name and version of this format.
+    format: &'static str,
     /// Version of this program.
     fleetyard: &'static str,
     /// The commit that it was built from, where the build said so.
@@ -81,7 +81,7 @@ impl Manifest {
         started_unix_ms: u64,
     ) -> Self {
         Self {
-            manifest: 1,
+            format: "fleetyard.manifest/1",
             fleetyard: env!("CARGO_PKG_VERSION"),
             commit: option_env!("FLEETYARD_COMMIT"),
             store: store

@@ -47,7 +47,7 @@ type Result<T> = std::result::Result<T, InputError>;
 
 /// The names of all columns, for a statement.
 static NAMES: LazyLock<String> = LazyLock::new(|| {
-    let names: Vec<String> = COLUMNS.iter().map(|column| quoted(column)).collect();
+    let names: Vec<String> = COLUMNS.iter().map(quoted).collect();
     names.join(", ")
 });
 
@@ -852,7 +852,9 @@ fn failed(path: &Path, error: &rusqlite::Error) -> InputError {
         return damaged(path, &error.to_string());
     };
     match code {
-        ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase => damaged(path, &error.to_string()),
+        ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase | ErrorCode::ConstraintViolation => {
+            damaged(path, &error.to_string())
+        }
         ErrorCode::DiskFull => full(path),
         ErrorCode::SystemIoFailure if no_space(path) => full(path),
         ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked => {
@@ -863,7 +865,6 @@ fn failed(path: &Path, error: &rusqlite::Error) -> InputError {
         }
         ErrorCode::CannotOpen => text("the store cannot be opened")
             .hint("does its folder exist, and may you write to it?"),
-        ErrorCode::ConstraintViolation => damaged(path, &error.to_string()),
         _ => text(&format!("the store fails: {error}")),
     }
 }

@@ -170,7 +170,7 @@ impl From<BenchError> for Failure {
             BenchError::Input(error) => error.into(),
             BenchError::Trial { error, .. } => Self {
                 message,
-                ..Self::from(error)
+                ..Self::from(*error)
             },
             BenchError::Host(_) => internal(message),
         }

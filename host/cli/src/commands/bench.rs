@@ -1,6 +1,7 @@
 //! `fleetyard bench`: every planner of a suite on every instance, into a store.
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -542,25 +543,28 @@ fn report(
         })?,
         Format::Text => {
             let mut text = table(&evaluation);
-            text += &format!(
+            let _ = write!(
+                text,
                 "\n\n{} made in {:.1} s",
                 trials(ran.made),
                 elapsed.as_secs_f64()
             );
             if ran.before > 0 {
-                text += &format!(", {} there before", ran.before);
+                let _ = write!(text, ", {} there before", ran.before);
             }
             if let Some(shard) = shard {
-                text += &format!("; shard {shard}");
+                let _ = write!(text, "; shard {shard}");
             }
             let contended = evaluation.overview.contended;
             if contended > 0 {
-                text += &format!(
+                let _ = write!(
+                    text,
                     "\n{} disturbed by others: the times of these cannot be compared",
                     trials(contended as u64)
                 );
             }
-            text += &format!(
+            let _ = write!(
+                text,
                 "\nstore     {}\nmanifest  {}",
                 place.display(),
                 Manifest::path(place).display()
@@ -708,15 +712,15 @@ fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exi
                 plan.trials,
             );
             if let Some(shard) = &plan.shard {
-                text += &format!(" in shard {shard}");
+                let _ = write!(text, " in shard {shard}");
             }
             if plan.there > 0 {
-                text += &format!(", {} of them there already", plan.there);
+                let _ = write!(text, ", {} of them there already", plan.there);
             }
             if plan.warm_ups > 0 {
-                text += &format!("\nwarm-ups   {}", plan.warm_ups);
+                let _ = write!(text, "\nwarm-ups   {}", plan.warm_ups);
             }
-            text += &format!("\ntime       at most {}", rough(at_most));
+            let _ = write!(text, "\ntime       at most {}", rough(at_most));
             let lines = plan.first.iter().map(|next| {
                 vec![
                     if next.warm_up {
@@ -735,7 +739,7 @@ fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exi
             text += &output::table(&header, lines.collect(), &[0, 3, 4]);
             let rest = (wanted + warm_ups) - plan.first.len() as u64;
             if rest > 0 {
-                text += &format!("\n… and {rest} more");
+                let _ = write!(text, "\n… and {rest} more");
             }
             output::print(&output::plain(&text))?;
         }
@@ -839,11 +843,14 @@ fn verification_text(verified: &Verified, superseded: u64) -> String {
         ),
     ] {
         if count > 0 {
-            text += &format!("\n{} {what}", trials(count));
+            let _ = write!(text, "\n{} {what}", trials(count));
         }
     }
     for planner in &verified.nondeterministic {
-        text += &format!("\n`{planner}` gives different results for the same seed");
+        let _ = write!(
+            text,
+            "\n`{planner}` gives different results for the same seed"
+        );
     }
     if verified.differ.is_empty() {
         return text;
@@ -869,7 +876,7 @@ fn verification_text(verified: &Verified, superseded: u64) -> String {
     text += &output::table(&header, lines.collect(), &[3, 4, 5]);
     let rest = verified.differ.len().saturating_sub(DIFFERENCES);
     if rest > 0 {
-        text += &format!("\n… and {rest} more; --format json has all");
+        let _ = write!(text, "\n… and {rest} more; --format json has all");
     }
     text
 }

@@ -1,6 +1,7 @@
 //! `fleetyard store`: looks at the stores of suites, joins them, writes them in other formats.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
@@ -50,7 +51,7 @@ fn merge(out: &Path, parts: &[PathBuf]) -> Result<Exit> {
     let merged = Store::merge(out, parts)?;
     let mut text = format!("{} has {} trials", out.display(), merged.trials);
     if merged.repeated > 0 {
-        text += &format!("; {} were in several stores", merged.repeated);
+        let _ = write!(text, "; {} were in several stores", merged.repeated);
     }
     output::print(&output::plain(&text))?;
     Ok(Exit::Success)
@@ -111,11 +112,11 @@ fn text(info: &Info<'_>) -> String {
         info.suite, info.suite_digest, info.fleetyard, info.trials
     );
     if info.superseded > 0 {
-        text += &format!("\napart     {} of an earlier state", info.superseded);
+        let _ = write!(text, "\napart     {} of an earlier state", info.superseded);
     }
     for (digest, machine) in &info.machines {
         let model = machine["cpu_model"].as_str().unwrap_or("unknown processor");
-        text += &format!("\nmachine   {digest} {model}");
+        let _ = write!(text, "\nmachine   {digest} {model}");
     }
     let lines = info.planners.iter().map(|planner| {
         vec![
