@@ -99,13 +99,9 @@ fn fill(connection: &Connection, rows: &[&Row]) -> Result<(), ExportError> {
         values.push(yes_or_no(!row.contended.is_empty()));
         insert.execute(rusqlite::params_from_iter(values))?;
         let run = connection.last_insert_rowid();
-        for plan in row
-            .incumbents
-            .iter()
-            .filter(|plan| plan.valid == Some(true))
-        {
-            let cost = plan.soc_steps.map(|soc| soc as f64);
-            insert_plan.execute(params![run, plan.time_ms / 1e3, cost])?;
+        let judged = row.incumbents.iter().filter(|plan| plan.valid == Some(true));
+        for (plan, soc) in judged.filter_map(|plan| Some((plan, plan.soc_steps?))) {
+            insert_plan.execute(params![run, plan.time_ms / 1e3, soc as f64])?;
         }
     }
     Ok(())
