@@ -1,18 +1,15 @@
-//! Rows and what they say in the formats of other tools. Every export is bytes that
+//! Rows in the formats of other tools. Every export is bytes that
 //! depend on the rows alone: the same rows in any order give the same file.
 
 mod columns;
 mod csv;
 mod json_lines;
-mod markdown;
 mod parquet;
 mod planner_arena;
 
 pub use csv::read_csv;
-pub use markdown::markdown;
 
 use crate::Row;
-use crate::evaluate::Order;
 
 /// What rows can be exported to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,8 +22,6 @@ pub enum Format {
     JsonLines,
     /// Apache Parquet, compressed with Zstandard.
     Parquet,
-    /// Tables for people, planners ranked in the order given.
-    Markdown(Order),
     /// A SQLite database as OMPL's Planner Arena reads it.
     PlannerArena,
 }
@@ -60,7 +55,6 @@ pub fn export(format: Format, rows: &[Row]) -> Result<Vec<u8>, ExportError> {
         Format::MazeCsv => csv::maze_csv(&rows),
         Format::JsonLines => json_lines::json_lines(&rows),
         Format::Parquet => parquet::parquet(&rows),
-        Format::Markdown(order) => Ok(markdown(rows.iter().copied(), order).into_bytes()),
         Format::PlannerArena => planner_arena::planner_arena(&rows),
     }
 }

@@ -99,7 +99,10 @@ fn fill(connection: &Connection, rows: &[&Row]) -> Result<(), ExportError> {
         values.push(yes_or_no(!row.contended.is_empty()));
         insert.execute(rusqlite::params_from_iter(values))?;
         let run = connection.last_insert_rowid();
-        let judged = row.incumbents.iter().filter(|plan| plan.valid == Some(true));
+        let judged = row
+            .incumbents
+            .iter()
+            .filter(|plan| plan.valid == Some(true));
         for (plan, soc) in judged.filter_map(|plan| Some((plan, plan.soc_steps?))) {
             insert_plan.execute(params![run, plan.time_ms / 1e3, soc as f64])?;
         }

@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use fleetyard_bench::Store;
-use fleetyard_bench::evaluate::Order;
 use fleetyard_bench::export::{Format, export};
+use fleetyard_bench::report::Report;
 use fleetyard_core::write_all_atomically;
-use serde_json::Value;
 
 use super::convert::{refuse_input, to_stdout};
+use super::report::{Rank, load};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 
@@ -21,9 +20,9 @@ pub(crate) struct StoreExport {
     store: PathBuf,
     #[command(flatten)]
     files: ExportFiles,
-    /// The order of the ranking in Markdown; the suite's by default
-    #[arg(long, value_parser = order, value_name = "ORDER")]
-    ranking: Option<Order>,
+    /// By what planners are ranked in Markdown [default: as the suite says]
+    #[arg(long, value_enum)]
+    rank: Option<Rank>,
 }
 
 /// What to write; `-` is standard output.
@@ -42,7 +41,7 @@ struct ExportFiles {
     /// Apache Parquet
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
-    /// Tables: ranking, failures, paired comparison
+    /// What `fleetyard report` writes as Markdown
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
     /// A database for OMPL's Planner Arena
@@ -50,38 +49,37 @@ struct ExportFiles {
     planner_arena: Option<PathBuf>,
 }
 
-fn order(text: &str) -> std::result::Result<Order, String> {
-    let orders = [Order::Text, Order::Appendix];
-    let found = orders.into_iter().find(|order| order.name() == text);
-    found.ok_or_else(|| "it is `text` or `appendix`".into())
-}
-
 pub(super) fn export_store(arguments: &StoreExport) -> Result<Exit> {
-    let store = Store::open_read_only(&arguments.store)?;
-    let order = match arguments.ranking {
-        Some(order) => order,
-        None => order_of_suite(&store.meta()?.suite_values),
-    };
     let files = &arguments.files;
-    let wanted: Vec<(Format, &Path)> = [
-        (Format::Csv, &files.csv),
-        (Format::MazeCsv, &files.maze_csv),
-        (Format::JsonLines, &files.jsonl),
-        (Format::Parquet, &files.parquet),
-        (Format::Markdown(order), &files.markdown),
-        (Format::PlannerArena, &files.planner_arena),
+    let wanted: Vec<(Option<Format>, &Path)> = [
+        (Some(Format::Csv), &files.csv),
+        (Some(Format::MazeCsv), &files.maze_csv),
+        (Some(Format::JsonLines), &files.jsonl),
+        (Some(Format::Parquet), &files.parquet),
+        (Some(Format::PlannerArena), &files.planner_arena),
+        (None, &files.markdown),
     ]
     .into_iter()
     .filter_map(|(format, path)| Some((format, path.as_deref()?)))
     .collect();
-    refuse_same(&wanted)?;
-    for (_, path) in &wanted {
+    for (at, (_, path)) in wanted.iter().enumerate() {
         refuse_input(path, &[&arguments.store])?;
+        // Two formats in one file would leave the second.
+        if wanted[..at].iter().any(|(_, other)| other == path) {
+            let reason = format!("two formats would be written to {}", path.display());
+            return Err(Failure::new(Exit::Usage, reason).hint("give each a file of its own"));
+        }
     }
-    let rows = store.rows()?;
+    let loaded = load(std::slice::from_ref(&arguments.store), arguments.rank)?;
     let mut written: Vec<(&Path, Vec<u8>)> = Vec::new();
     for (format, path) in wanted {
-        written.push((path, export(format, &rows).map_err(internal)?));
+        let bytes = if let Some(format) = format {
+            export(format, &loaded.rows).map_err(internal)?
+        } else {
+            let report = Report::new(loaded.subject.clone(), &loaded.rows);
+            report.markdown(None, &[]).into_bytes()
+        };
+        written.push((path, bytes));
     }
     let (printed, files): (Vec<_>, Vec<_>) =
         written.into_iter().partition(|(path, _)| is_stdout(path));
@@ -101,22 +99,4 @@ pub(super) fn export_store(arguments: &StoreExport) -> Result<Exit> {
 
 fn is_stdout(path: &Path) -> bool {
     path == Path::new("-")
-}
-
-/// Two formats in one file would leave the second.
-fn refuse_same(wanted: &[(Format, &Path)]) -> Result<()> {
-    for (at, (_, path)) in wanted.iter().enumerate() {
-        if wanted[..at].iter().any(|(_, other)| other == path) {
-            let reason = format!("two formats would be written to {}", path.display());
-            return Err(Failure::new(Exit::Usage, reason).hint("give each a file of its own"));
-        }
-    }
-    Ok(())
-}
-
-/// The order that the suite names.
-fn order_of_suite(suite_values: &str) -> Order {
-    let values: Value = serde_json::from_str(suite_values).unwrap_or_default();
-    let named = values.pointer("/protocol/ranking").and_then(Value::as_str);
-    named.and_then(|name| order(name).ok()).unwrap_or_default()
 }

@@ -53,7 +53,7 @@ pub(crate) struct ReportArgs {
 
 /// The maze paper says twice by what planners are ranked, and not the same.
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Rank {
+pub(super) enum Rank {
     /// Success rate, comparable time, expansions, overall time: the paper's text
     Text,
     /// With comparable length after the time: the paper's equation 23
@@ -81,7 +81,7 @@ pub(crate) fn report(arguments: &ReportArgs) -> Result<Exit> {
         }
         _ => None,
     };
-    let Some(loaded) = load(arguments)? else {
+    if arguments.stores.is_empty() {
         if let Some((comparison, tables)) = runs {
             match arguments.format {
                 Format::Json => output::print_json(&json!({ "runs": comparison }))?,
@@ -89,7 +89,8 @@ pub(crate) fn report(arguments: &ReportArgs) -> Result<Exit> {
             }
         }
         return Ok(Exit::Success);
-    };
+    }
+    let loaded = load(&arguments.stores, arguments.rank)?;
     let report = Report::new(loaded.subject, &loaded.rows);
     let mut more = Vec::new();
     if let Some((_, tables)) = &runs {
@@ -126,23 +127,20 @@ fn is_store(name: &str) -> bool {
     Path::new(name).is_file()
 }
 
-struct Loaded {
-    subject: Subject,
-    rows: Vec<Row>,
+pub(super) struct Loaded {
+    pub(super) subject: Subject,
+    pub(super) rows: Vec<Row>,
 }
 
-/// All trials of the stores; nothing if none are named.
-fn load(arguments: &ReportArgs) -> Result<Option<Loaded>> {
-    if arguments.stores.is_empty() {
-        return Ok(None);
-    }
+/// All trials of the stores, and what they are about.
+pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
     let mut subject = Subject::default();
     let mut order = None;
     let mut doubled = 0usize;
     let mut machines = BTreeMap::new();
     let mut titles: Vec<String> = Vec::new();
-    for path in &arguments.stores {
+    for path in stores {
         let store = Store::open_read_only(path)?;
         let meta = store.meta()?;
         let values: serde_json::Value =
@@ -198,17 +196,13 @@ fn load(arguments: &ReportArgs) -> Result<Option<Loaded>> {
     if subject.title.is_empty() {
         "Trials".clone_into(&mut subject.title);
     }
-    subject.order = arguments
-        .rank
-        .map(Order::from)
-        .or(order)
-        .unwrap_or_default();
+    subject.order = rank.map(Order::from).or(order).unwrap_or_default();
     subject.facts.extend(planners(&rows));
     for (digest, description) in machines {
         let name = format!("Machine {}", digest.get(..12).unwrap_or(&digest));
         subject.texts.push((name, description));
     }
-    Ok(Some(Loaded { subject, rows }))
+    Ok(Loaded { subject, rows })
 }
 
 /// Which code planners were.
