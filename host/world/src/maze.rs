@@ -302,19 +302,18 @@ impl Maze {
     fn prim(&mut self, draws: &mut Draws) {
         let mut visited = vec![false; self.open.len()];
         // Edges, with a target as often as it has visited neighbours.
-        let mut frontier: Vec<(u32, u32)> = self.adjacent(0).map(|to| (0, to)).collect();
+        let mut frontier = draws.frontier();
+        self.adjacent(0).for_each(|to| frontier.push((0, to)));
         visited[0] = true;
-        while !frontier.is_empty() {
-            let (from, to) = draws.take(&mut frontier);
+        while frontier.len() > 0 {
+            let (from, to) = frontier.take(draws.below(frontier.len()));
             if std::mem::replace(&mut visited[to as usize], true) {
                 continue;
             }
             self.open_wall(from, to);
-            let edges = self
-                .adjacent(to)
+            self.adjacent(to)
                 .filter(|next| !visited[*next as usize])
-                .map(|next| (to, next));
-            frontier.extend(edges);
+                .for_each(|next| frontier.push((to, next)));
         }
     }
 }
@@ -338,13 +337,61 @@ impl Draws {
         }
     }
 
-    /// Takes one of the items, any equally likely. The order in which the others
-    /// stay decides what later draws mean: Python's `list.pop` keeps it.
-    fn take<T>(&mut self, items: &mut Vec<T>) -> T {
-        let at = self.below(items.len());
+    /// The list from which edges are drawn.
+    fn frontier(&self) -> Frontier {
         match self {
-            Self::ChaCha(_) => items.swap_remove(at),
-            Self::Python(_) => items.remove(at),
+            Self::ChaCha(_) => Frontier::Swapping(Vec::new()),
+            Self::Python(_) => Frontier::Keeping(Vec::new()),
+        }
+    }
+}
+
+/// Edges to cells that may not have been visited. The order in which the others stay
+/// when one is taken decides what later draws mean.
+enum Frontier {
+    /// The last one comes to the place of the one that is taken.
+    Swapping(Vec<(u32, u32)>),
+    /// The others keep their order, as with Python's `list.pop`. In blocks, none of them
+    /// empty, so that taking one moves few.
+    Keeping(Vec<Vec<(u32, u32)>>),
+}
+
+impl Frontier {
+    const BLOCK: usize = 512;
+
+    fn len(&self) -> usize {
+        match self {
+            Self::Swapping(edges) => edges.len(),
+            Self::Keeping(blocks) => blocks.iter().map(Vec::len).sum(),
+        }
+    }
+
+    fn push(&mut self, edge: (u32, u32)) {
+        match self {
+            Self::Swapping(edges) => edges.push(edge),
+            Self::Keeping(blocks) => match blocks.last_mut() {
+                Some(last) if last.len() < Self::BLOCK => last.push(edge),
+                _ => blocks.push(vec![edge]),
+            },
+        }
+    }
+
+    /// Takes the edge at a place below [`Frontier::len`].
+    fn take(&mut self, mut at: usize) -> (u32, u32) {
+        match self {
+            Self::Swapping(edges) => edges.swap_remove(at),
+            Self::Keeping(blocks) => {
+                let mut block = 0;
+                while at >= blocks[block].len() {
+                    at -= blocks[block].len();
+                    block += 1;
+                }
+                let edge = blocks[block].remove(at);
+                if blocks[block].is_empty() {
+                    blocks.remove(block);
+                }
+                edge
+            }
         }
     }
 }
