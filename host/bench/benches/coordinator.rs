@@ -146,12 +146,11 @@ fn statement(trials: u64) {
 
 fn main() {
     let mut arguments = std::env::args().skip_while(|argument| argument != "--trials");
-    match arguments.nth(1).and_then(|count| count.parse().ok()) {
-        Some(trials) => statement(trials),
-        None => {
-            let mut criterion = Criterion::default().configure_from_args();
-            cost_of_a_trial(&mut criterion);
-            criterion.final_summary();
-        }
+    if let Some(trials) = arguments.nth(1).and_then(|count| count.parse().ok()) {
+        statement(trials);
+    } else {
+        let mut criterion = Criterion::default().configure_from_args();
+        cost_of_a_trial(&mut criterion);
+        criterion.final_summary();
     }
 }

@@ -296,7 +296,7 @@ pub fn rough(duration: Duration) -> String {
 mod tests {
     use super::*;
 
-    const LONGEST: Duration = Duration::from_secs(60);
+    const LONGEST: Duration = Duration::from_mins(1);
 
     #[test]
     fn until_there_is_data_budgets_alone_say_how_long_it_may_take() {
