@@ -81,9 +81,12 @@ impl<'s> Contest<'s> {
         sandbox.trust = trust;
         let host = Host::new(built_in, suite.budget.clone(), sandbox, apart)?;
         let keep = suite.protocol.reuse == Reuse::Planner;
+        let names = suite.planners.iter().map(|planner| planner.plugin.as_str());
+        let discovery = Discovery::from_environment();
+        let found = discovery.find_all(&host.runtime, Some(Kind::Planner), names);
         let mut entrants = Vec::new();
-        for contestant in &suite.planners {
-            entrants.push(Entrant::new(contestant, &host.runtime, keep)?);
+        for (contestant, found) in suite.planners.iter().zip(found) {
+            entrants.push(Entrant::new(contestant, found, &host.runtime, keep)?);
         }
         let context = context(suite);
         let planners: Vec<Digest> = entrants
@@ -273,7 +276,12 @@ impl<'s> Contest<'s> {
 }
 
 impl Entrant {
-    fn new(contestant: &Contestant, runtime: &Runtime, keep: bool) -> Result<Self, BenchError> {
+    fn new(
+        contestant: &Contestant,
+        found: Result<Found, Fault>,
+        runtime: &Runtime,
+        keep: bool,
+    ) -> Result<Self, BenchError> {
         let place = &contestant.plugin_place;
         let blamed = |error: TrialError| {
             let place = match error {
@@ -286,9 +294,7 @@ impl Entrant {
                 None => fault,
             }
         };
-        let found: Found = Discovery::from_environment()
-            .find(runtime, Some(Kind::Planner), &contestant.plugin)
-            .map_err(|fault| blamed(fault.into()))?;
+        let found = found.map_err(|fault| blamed(fault.into()))?;
         let candidate = Candidate::new(runtime, found, &contestant.plugin)
             .map_err(|fault: Fault| blamed(fault.into()))?;
         let attach = candidate.attach(contestant.attach);

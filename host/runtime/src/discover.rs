@@ -212,21 +212,43 @@ impl Discovery {
 
     /// Finds a plugin by path, `PATH:ID` or identifier, of one kind or of any.
     pub fn find(&self, runtime: &Runtime, kind: Option<Kind>, name: &str) -> Result<Found, Fault> {
-        // `path:id` picks one of several plugins of a file.
-        let (path, id) = match name.rsplit_once(':') {
-            Some((path, id)) if !id.contains('/') => (path, Some(id.to_owned())),
-            _ => (name, None),
-        };
-        if name.contains('/') || Path::new(path).is_file() {
-            return PluginFile::at(Path::new(path)).map(|file| Found {
-                file,
-                origin: Origin::Path,
-                id,
-                shadowed: Vec::new(),
-            });
-        }
-        by_name(runtime, &self.scan(runtime), kind, name)
+        by_path(name).unwrap_or_else(|| by_name(runtime, &self.scan(runtime), kind, name))
     }
+
+    /// The same for several names, for which the folders are searched once.
+    pub fn find_all<'n>(
+        &self,
+        runtime: &Runtime,
+        kind: Option<Kind>,
+        names: impl IntoIterator<Item = &'n str>,
+    ) -> Vec<Result<Found, Fault>> {
+        let mut scanned: Option<Vec<Discovered>> = None;
+        let find = |name| {
+            by_path(name).unwrap_or_else(|| {
+                let all = scanned.get_or_insert_with(|| self.scan(runtime));
+                by_name(runtime, all, kind, name)
+            })
+        };
+        names.into_iter().map(find).collect()
+    }
+}
+
+/// The plugin at a path; nothing if the name is an identifier.
+fn by_path(name: &str) -> Option<Result<Found, Fault>> {
+    // `path:id` picks one of several plugins of a file.
+    let (path, id) = match name.rsplit_once(':') {
+        Some((path, id)) if !id.contains('/') => (path, Some(id.to_owned())),
+        _ => (name, None),
+    };
+    let is_path = name.contains('/') || Path::new(path).is_file();
+    is_path.then(|| {
+        PluginFile::at(Path::new(path)).map(|file| Found {
+            file,
+            origin: Origin::Path,
+            id,
+            shadowed: Vec::new(),
+        })
+    })
 }
 
 /// Picks a plugin by its identifier from what a scan found.
