@@ -41,6 +41,8 @@ Exit codes:
 Environment:
   FLEETYARD_PLUGIN_PATH  folders with plugins, separated by colons
   FLEETYARD_LOCK         the lock file with the digests of pinned plugins
+  FLEETYARD_SBATCH, FLEETYARD_SQUEUE, FLEETYARD_SCONTROL, FLEETYARD_SACCT,
+  FLEETYARD_SCANCEL      programs to use in place of those of Slurm
   NO_COLOR               no colours and no progress bars";
 
 /// Something the user must know before anything else.
