@@ -31,8 +31,15 @@ use crate::trace::{
 };
 use crate::workers::Workers;
 
-/// An execution ends if nobody has moved for so long, in seconds.
+/// An execution ends if nobody has got anywhere for so long, in seconds.
 const STALL_S: f64 = 600.0;
+
+/// How often that is looked at, in seconds.
+const LOOK_S: f64 = 10.0;
+
+/// Nearer to where it was, in cells, a body has got nowhere: one that pushes against a
+/// wall trembles for ever.
+const NOWHERE_CELLS: f64 = 0.25;
 
 /// What does not change while a plan is executed.
 pub(crate) struct Setup<'a> {
@@ -81,8 +88,11 @@ pub(crate) struct Run<'a> {
     settled: Vec<Event>,
     /// A state of everybody, put together for the trace.
     state: [Vec<f64>; 3],
-    /// When anybody moved last.
+    /// When it was seen last that somebody had got anywhere, and where all were then.
     moved: f64,
+    were: Vec<[f64; 2]>,
+    /// When that was looked at last.
+    looked: f64,
 }
 
 impl<'a> Run<'a> {
@@ -113,6 +123,8 @@ impl<'a> Run<'a> {
             settled: Vec::new(),
             state: Default::default(),
             moved: 0.0,
+            were: Vec::new(),
+            looked: f64::NEG_INFINITY,
             shapes,
             gates,
             solved,
@@ -370,6 +382,21 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// Notes whether anybody is elsewhere than when that was so last.
+    fn look_for_progress(&mut self, now: f64) {
+        let far = NOWHERE_CELLS * self.setup.config.cell_size_m;
+        let is = |place: &[f64; 3]| [place[0], place[1]];
+        let elsewhere = |(place, were): (&[f64; 3], &[f64; 2])| {
+            let (dx, dy) = (place[0] - were[0], place[1] - were[1]);
+            dx * dx + dy * dy > far * far
+        };
+        let first = self.were.len() != self.places.len();
+        if first || self.places.iter().zip(&self.were).any(elsewhere) {
+            self.were = self.places.iter().map(is).collect();
+            self.moved = now;
+        }
+    }
+
     /// Finds what came near and into contact in the block.
     fn search(&mut self, block: Span, first: bool) -> Result<(), SimError> {
         let Setup { config, clock, .. } = self.setup;
@@ -382,8 +409,9 @@ impl<'a> Run<'a> {
                 travel = travel.max(*reach);
             }
         }
-        if travel > 0.0 {
-            self.moved = block.end;
+        if block.end - self.looked >= LOOK_S * clock.substeps_per_s {
+            self.looked = block.end;
+            self.look_for_progress(block.end);
         }
         // A list lasts while bodies move by a part of a cell, or for the block if
         // they move more.
