@@ -50,7 +50,8 @@ pub fn svg(figure: &Figure) -> String {
         }
         None => 40.0,
     };
-    let (right, top) = (width - 8.0, 8.0);
+    // Half of the last label stands beyond the last tick.
+    let (right, top) = (width - 14.0, 8.0);
     let height = match names {
         Some(names) => (names.len() as f64 * 14.0).max(40.0),
         None if figure.diagonal => right - left,
