@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Instant;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root, until};
+use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, is_ignored, root, until};
 use fleetyard_bench::{Row, Store};
 
 /// A suite of two planners on a small map; `more` stands before its tables.
@@ -329,20 +329,10 @@ fn whatever_kills_it_no_trial_is_lost_or_doubled() {
     assert_eq!(left, ["killed.manifest.json", "killed.sqlite"]);
 }
 
-/// Whether this process ignores a signal, as a shell has it for background jobs; what it starts
-/// inherits that.
-fn is_ignored(signal: i32) -> bool {
-    let status = fs::read_to_string("/proc/self/status").unwrap();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let mask = u64::from_str_radix(mask.unwrap().trim(), 16).unwrap();
-    mask >> (signal - 1) & 1 == 1
-}
-
 #[test]
 fn an_interrupt_keeps_what_there_is_and_says_how_to_go_on() {
     for (signal, number) in [("INT", 2), ("TERM", 15)] {
-        if is_ignored(number) {
-            eprintln!("skipped: SIG{signal} is ignored here, and so by the command");
+        if is_ignored(signal) {
             continue;
         }
         let yard = Yard::new().in_own_group();

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 
 use common::{
     INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, Started, USAGE, Yard, c_library, faulty_library,
-    faulty_program, have, instance, root, until, words,
+    faulty_program, have, instance, is_ignored, root, until, words,
 };
 use serde_json::Value;
 
@@ -651,6 +651,9 @@ fn nothing_outlives_a_host_that_is_killed() {
     }
     for planner in &planners {
         for signal in ["KILL", "TERM", "INT"] {
+            if is_ignored(signal) {
+                continue;
+            }
             for fault in ["never", "ignore-sigterm", "spin"] {
                 let yard = Yard::new();
                 let mut started = hanging(&yard, planner, fault);
@@ -673,6 +676,9 @@ fn nothing_outlives_a_process_group_that_is_told_to_end() {
         return;
     }
     for signal in ["INT", "TERM", "HUP", "QUIT", "KILL"] {
+        if is_ignored(signal) {
+            continue;
+        }
         // A daemon of the plugin that is in no group of ours; then the plugin hangs.
         let yard = Yard::new()
             .set("FLEETYARD_FAULT", "grandchild")

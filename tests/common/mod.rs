@@ -510,3 +510,22 @@ pub(crate) fn have(program: &str) -> bool {
     }
     found
 }
+
+/// Whether this process ignores a signal, as a shell has it for jobs in the background and
+/// `nohup` for what it starts; what is started from here inherits that. Says so.
+pub fn is_ignored(signal: &str) -> bool {
+    let number = match signal {
+        "HUP" => 1,
+        "INT" => 2,
+        "QUIT" => 3,
+        _ => return false,
+    };
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = u64::from_str_radix(mask.unwrap().trim(), 16).unwrap();
+    let ignored = (mask >> (number - 1)) & 1 == 1;
+    if ignored {
+        eprintln!("skipped: SIG{signal} is ignored here, and so by the command");
+    }
+    ignored
+}
