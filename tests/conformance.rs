@@ -250,7 +250,7 @@ const PROMISES: &[Promise] = &[
     (
         "promising",
         "one-agent-jumps",
-        "one-agent eight-connected rotation",
+        "one-agent eight-connected any-angle rotation",
     ),
     ("promising", "nothing-to-do-fails", "arrived one-cell"),
     (
@@ -258,10 +258,11 @@ const PROMISES: &[Promise] = &[
         "follows-nobody",
         "following cycle random-instances repeated-calls other-map cancelled",
     ),
-    ("promising", "through-walls", "unreachable-goal"),
+    ("promising", "through-walls", "unreachable-goal any-angle"),
     ("promising", "no-makespan", "makespan"),
     ("promising", "limited-by-nodes-lies", "node-limit"),
     ("promising", "cuts-corners", "eight-connected"),
+    ("promising", "sees-through-walls", "any-angle"),
     ("promising", "turns-in-no-time", "rotation"),
     ("promising", "window-blind", "windowed duplicate-goals"),
     ("promising", "parks-together", "duplicate-goals"),

@@ -4,7 +4,7 @@ use fleetyard_abi::{Capability, Status};
 use fleetyard_core::Connectivity;
 use serde_json::{Map, json};
 
-use super::answers::{CORRIDOR, CROSSING, FOLLOWING, ONE_CELL, WALL, at_least, draw};
+use super::answers::{CORRIDOR, CROSSING, FOLLOWING, WALL, at_least, draw};
 use crate::judge::Arrival;
 use crate::scene::Scene;
 use crate::trial::{Call, Hope, Step, Stop, Trial, same};
@@ -47,7 +47,6 @@ pub(crate) fn rotation(trial: &mut Trial<'_>) -> Step<()> {
 pub(crate) fn any_angle(trial: &mut Trial<'_>) -> Step<()> {
     let mut random = trial.random();
     let known = [
-        draw(ONE_CELL)?,
         draw(CORRIDOR)?,
         draw(WALL)?,
         // The straight line is open, and so are lines past each of the corners.

@@ -51,6 +51,7 @@ enum Mistake {
     LimitedByNodesLies,
     // What it claims.
     CutsCorners,
+    SeesThroughWalls,
     TurnsInNoTime,
     WindowBlind,
     ParksTogether,
