@@ -513,7 +513,7 @@ pub(crate) fn have(program: &str) -> bool {
 
 /// Whether this process ignores a signal, as a shell has it for jobs in the background and
 /// `nohup` for what it starts; what is started from here inherits that. Says so.
-pub fn is_ignored(signal: &str) -> bool {
+pub(crate) fn is_ignored(signal: &str) -> bool {
     let number = match signal {
         "HUP" => 1,
         "INT" => 2,

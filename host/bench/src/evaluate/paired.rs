@@ -74,7 +74,7 @@ impl Paired {
     }
 }
 
-/// Every planner against one of them (paper 003, Table IV).
+/// Every planner against one of them (Table IV of the maze paper).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// The planner that the others are compared with: the first side of every pair.

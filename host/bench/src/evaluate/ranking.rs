@@ -82,7 +82,7 @@ pub struct Ranking {
     pub planners: Vec<Ranked>,
 }
 
-/// Ranks planners by the equations 18 to 23 of paper 003. Whoever lacks a value comes after
+/// Ranks planners by the equations 18 to 23 of the maze paper. Whoever lacks a value comes after
 /// those that have one.
 pub fn rank(trials: &Trials<'_>, order: Order) -> Ranking {
     let shared = trials.shared();

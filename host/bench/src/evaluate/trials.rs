@@ -86,7 +86,7 @@ impl<'a> Trials<'a> {
     }
 
     /// The shared-success subset: numbers of the instances that every planner solved
-    /// (paper 003, equation 19).
+    /// (equation 19 of the maze paper).
     pub fn shared(&self) -> Vec<usize> {
         let mut successes = vec![0; self.instances.len()];
         for planner in &self.planners {

@@ -24,7 +24,10 @@ pub use svg::svg;
 pub use table::Table;
 
 use crate::Row;
-use crate::evaluate::{Evaluation, METRICS, Order, Trials, compare_runs, compare_with};
+use crate::evaluate::{
+    Dimension, Evaluation, METRICS, Order, RankStability, Trials, compare_runs, compare_with,
+    groups, rank_stability,
+};
 use figures::Maker;
 
 /// What a report is about.
@@ -50,6 +53,7 @@ pub struct Report<'a> {
     subject: Subject,
     trials: Trials<'a>,
     evaluation: Evaluation,
+    stability: Option<RankStability>,
 }
 
 /// All numbers of a report.
@@ -61,6 +65,7 @@ struct Numbers<'a> {
     facts: &'a [(String, String)],
     #[serde(flatten)]
     evaluation: &'a Evaluation,
+    stability: Option<&'a RankStability>,
     figures: Vec<Figure>,
 }
 
@@ -69,10 +74,12 @@ impl<'a> Report<'a> {
     pub fn new(subject: Subject, rows: impl IntoIterator<Item = &'a Row>) -> Self {
         let trials = Trials::new(rows);
         let evaluation = Evaluation::of(&trials, subject.order);
+        let stability = stability(&trials, subject.order);
         Self {
             subject,
             trials,
             evaluation,
+            stability,
         }
     }
 
@@ -86,10 +93,12 @@ impl<'a> Report<'a> {
         story::caveats(&self.trials, &self.evaluation)
     }
 
-    /// Ranking, paired comparison, and failures if there are any.
+    /// Ranking, paired comparison, how rankings agree where instances differ, and failures
+    /// if there are any.
     pub fn tables(&self) -> Vec<Table> {
         let mut tables = vec![table::ranking(&self.evaluation)];
         tables.extend(self.evaluation.comparison.as_ref().map(table::paired));
+        tables.extend(self.stability.as_ref().map(table::stability));
         tables.extend(table::failures(&self.evaluation));
         tables
     }
@@ -161,9 +170,27 @@ impl<'a> Report<'a> {
             caveats: self.caveats(),
             facts: &self.subject.facts,
             evaluation: &self.evaluation,
+            stability: self.stability.as_ref(),
             figures: self.figures(),
         })
     }
+}
+
+/// How rankings agree: of mazes by algorithm and size, of others by map and team size, as far
+/// as these differ.
+fn stability(trials: &Trials<'_>, order: Order) -> Option<RankStability> {
+    let mazes = trials.rows().all(|row| row.maze_width.is_some());
+    let mut by = if mazes {
+        vec![Dimension::MazeAlgorithm, Dimension::MazeSize]
+    } else {
+        vec![Dimension::Map, Dimension::Agents]
+    };
+    by.retain(|dimension| groups(trials.rows(), &[*dimension]).len() > 1);
+    if by.is_empty() {
+        return None;
+    }
+    let found = rank_stability(trials.rows(), &by, order);
+    (found.planners.len() > 1).then_some(found)
 }
 
 /// Two runs of one suite beside each other, under these names.

@@ -14,6 +14,7 @@ use super::columns::{Packed, pack, pack_numbers, pack_words};
 use super::figures::{Quantity, moments};
 use super::palette::COLORS;
 use super::story::methods;
+use super::table;
 use crate::evaluate::{METRICS, Order, best_of, failure};
 use crate::statistics::Interval;
 use crate::{COLUMNS, ColumnType, Row};
@@ -140,6 +141,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
     let title = escape(&report.subject.title);
     let script = SCRIPT.concat();
     let (story, methods, origin) = (story(report), list(&methods()), origin(report));
+    let stability = stability(report);
     let mut page =
         String::with_capacity(data.len() + PAGE.len() + STYLE.len() + script.len() + 4096);
     let mut rest = PAGE;
@@ -155,6 +157,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
             "data" => &data,
             "story" => &story,
             "methods" => &methods,
+            "stability" => &stability,
             "origin" => &origin,
             other => unreachable!("page.html has no {other}"),
         });
@@ -181,6 +184,30 @@ fn list(entries: &[String]) -> String {
         .iter()
         .map(|entry| format!("<li>{}</li>\n", escape(entry)));
     format!("<ul>\n{}</ul>\n", entries.collect::<String>())
+}
+
+/// How the rankings of all trials agree, if there is more than one.
+fn stability(report: &Report<'_>) -> String {
+    let Some(found) = &report.stability else {
+        return String::new();
+    };
+    let table = table::stability(found);
+    let cell = |tag: &str, text: &String| format!("<{tag}>{}</{tag}>", escape(text));
+    let line = |tag: &str, cells: &[String]| {
+        let cells = cells.iter().map(|text| cell(tag, text));
+        format!("<tr>{}</tr>\n", cells.collect::<String>())
+    };
+    let rows = table.rows.iter().map(|row| line("td", row));
+    format!(
+        "<section id=\"stability\" aria-labelledby=\"stability-title\">\n\
+         <h2 id=\"stability-title\">{}</h2>\n<p class=\"note\">{} Of all trials, whatever is \
+         filtered.</p>\n<div class=\"scroll\" tabindex=\"0\"><table>\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n\
+         </table></div>\n</section>\n",
+        escape(&table.title),
+        escape(&table.note),
+        line("th", &table.head),
+        rows.collect::<String>()
+    )
 }
 
 fn origin(report: &Report<'_>) -> String {

@@ -3,7 +3,7 @@
 use super::format::{NONE, digits, fixed, grouped, percent, probability};
 use crate::evaluate::{
     Comparison, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, Paired, PlannerSummary,
-    Ranked, RunComparison, SOLVE_TIME, Trials, compare_with,
+    RankStability, Ranked, RunComparison, SOLVE_TIME, Trials, compare_with,
 };
 use crate::statistics::Interval;
 
@@ -65,7 +65,7 @@ pub(super) fn plural(count: usize, word: &str) -> String {
     format!("{} {word}{end}", grouped(count as u64))
 }
 
-/// Table III of paper 003.
+/// Table III of the maze paper.
 pub(super) fn ranking(evaluation: &Evaluation) -> Table {
     let ranking = &evaluation.ranking;
     let shared = plural(ranking.shared, "instance");
@@ -134,7 +134,38 @@ fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
     ]
 }
 
-/// Table IV of paper 003.
+/// Ranks by regime.
+pub(super) fn stability(found: &RankStability) -> Table {
+    let names = found.regimes.iter().map(|levels| {
+        let texts = levels.iter().flatten().map(|level| level.text.as_str());
+        texts.collect::<Vec<_>>().join(", ")
+    });
+    let names: Vec<String> = names.collect();
+    let note = format!(
+        "The rank of each planner where instances are alike. Between the rankings of two such \
+         groups Kendall's τ-b is {} on average and {} at the least: 1 is the same order, −1 the \
+         opposite one.",
+        fixed(found.mean_tau, 2),
+        fixed(found.min_tau, 2)
+    );
+    let mut head = vec![("Instances", true)];
+    head.extend(
+        found
+            .planners
+            .iter()
+            .map(|planner| (planner.as_str(), false)),
+    );
+    let mut table = Table::new("Stability of the ranking", note, &head);
+    for (name, ranks) in names.into_iter().zip(&found.ranks) {
+        let ranks = ranks.iter().map(ToString::to_string);
+        table
+            .rows
+            .push(std::iter::once(name).chain(ranks).collect());
+    }
+    table
+}
+
+/// Table IV of the maze paper.
 pub(super) fn paired(comparison: &Comparison) -> Table {
     let note = format!(
         "Differences of solve times from {}, on the instances that both solved: positive where \
