@@ -81,14 +81,7 @@ impl Slurm {
             format!("--jobs={}", job.job),
             format!("--format={}", parse::SQUEUE_FORMAT),
         ]);
-        let output = run(&self.squeue, &arguments)?;
-        if output.status.success() {
-            parse::squeue(&output.stdout)
-        } else if output.unknown_job() {
-            Ok(Vec::new())
-        } else {
-            Err(output.failed())
-        }
+        run(&self.squeue, &arguments)?.about_job(parse::squeue)
     }
 
     /// What the controller remembers of a job, ended tasks included; it forgets them after
@@ -101,14 +94,7 @@ impl Slurm {
             "job".into(),
             job.job.to_string(),
         ]);
-        let output = run(&self.scontrol, &arguments)?;
-        if output.status.success() {
-            parse::scontrol(&output.stdout)
-        } else if output.unknown_job() {
-            Ok(Vec::new())
-        } else {
-            Err(output.failed())
-        }
+        run(&self.scontrol, &arguments)?.about_job(parse::scontrol)
     }
 
     /// What the accounting says of a job. Not every site has one: then nothing.
@@ -156,6 +142,17 @@ struct Output {
 }
 
 impl Output {
+    /// What was said of a job; nothing when Slurm does not know it, or not any more.
+    fn about_job(self, read: fn(&str) -> Result<Vec<Line>, Error>) -> Result<Vec<Line>, Error> {
+        if self.status.success() {
+            read(&self.stdout)
+        } else if self.unknown_job() {
+            Ok(Vec::new())
+        } else {
+            Err(self.failed())
+        }
+    }
+
     fn unknown_job(&self) -> bool {
         let said = self.stderr.to_lowercase();
         ["invalid job id", "invalid job_id"]

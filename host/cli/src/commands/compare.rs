@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fleetyard_bench::claims::{self, Claim, signed};
+use fleetyard_bench::statistics::{mean, median, sorted};
 use fleetyard_bench::{Candidate, GivenOptions, Host, Record, Robots, Trial, number};
 use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
 use fleetyard_runtime::Termination;
@@ -293,6 +294,7 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
     let values = |value: &dyn Fn(&Record) -> Option<f64>| -> Vec<f64> {
         solved.iter().filter_map(|record| value(record)).collect()
     };
+    let median_of = |value: &dyn Fn(&Record) -> Option<f64>| median(&sorted(values(value)));
     let failed = records.iter().filter(|record| !record.succeeded());
     let mut failures: Vec<String> = failed
         .map(|record| match (record.plan_digest, record.claim) {
@@ -315,11 +317,9 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
         soc_steps_mean: mean(&values(&|r| r.metrics.soc_steps.map(|soc| soc as f64))),
         suboptimality_mean: mean(&values(&|r| r.metrics.suboptimality)),
         makespan_steps_mean: mean(&values(&|r| r.metrics.makespan_steps.map(|m| m as f64))),
-        first_solution_ms_median: median(values(&|r| r.metrics.first_solution_ms)),
-        planning_time_ms_median: median(values(&|r| Some(r.metrics.planning_time_ms))),
-        rtf_median: median(values(&|r| {
-            r.execution.as_ref().map(|execution| execution.rtf)
-        })),
+        first_solution_ms_median: median_of(&|r| r.metrics.first_solution_ms),
+        planning_time_ms_median: median_of(&|r| Some(r.metrics.planning_time_ms)),
+        rtf_median: median_of(&|r| r.execution.as_ref().map(|execution| execution.rtf)),
         contacts: solved
             .iter()
             .filter_map(|record| record.execution.as_ref())
@@ -330,20 +330,6 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
             .filter(|record| !record.measurement.contended.is_empty())
             .count(),
         failures,
-    }
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() {
-        0 => None,
-        length if length % 2 == 1 => Some(values[middle]),
-        _ => Some(f64::midpoint(values[middle - 1], values[middle])),
     }
 }
 
