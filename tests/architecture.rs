@@ -32,11 +32,23 @@ const MAY_USE: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "fleetyard-fleet",
+        &[
+            "fleetyard-abi",
+            "fleetyard-check",
+            "fleetyard-core",
+            "fleetyard-runtime",
+            "fleetyard-sim",
+            "fleetyard-world",
+        ],
+    ),
+    (
         "fleetyard-bench",
         &[
             "fleetyard-abi",
             "fleetyard-check",
             "fleetyard-core",
+            "fleetyard-fleet",
             "fleetyard-runtime",
             "fleetyard-sim",
             "fleetyard-view",
@@ -51,6 +63,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "fleetyard-check",
             "fleetyard-conformance",
             "fleetyard-core",
+            "fleetyard-fleet",
             "fleetyard-plugins",
             "fleetyard-runtime",
             "fleetyard-sim",

@@ -1,0 +1,2 @@
+//! Conflict-based search, optimal and bounded-suboptimal.
+#![forbid(unsafe_code)]

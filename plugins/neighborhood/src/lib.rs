@@ -1,0 +1,2 @@
+//! Large neighbourhood search: repair and improvement of plans.
+#![forbid(unsafe_code)]

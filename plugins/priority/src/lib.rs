@@ -1,0 +1,2 @@
+//! Prioritized planning and priority-based search.
+#![forbid(unsafe_code)]
