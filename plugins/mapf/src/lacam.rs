@@ -17,11 +17,11 @@ use std::collections::HashMap;
 use std::collections::VecDeque;
 use std::hash::{BuildHasherDefault, Hasher};
 
-use crate::distance::Distances;
-use crate::graph::{Graph, Vertex};
 use crate::pibt::Pibt;
-use crate::random::Random;
 use crate::scatter::Guide;
+use fleetyard_plugin_spacetime::distance::Distances;
+use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::random::Random;
 
 /// No node.
 const NONE: u32 = u32::MAX;

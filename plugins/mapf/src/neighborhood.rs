@@ -5,10 +5,10 @@
 //! our own variants: around a delayed agent, around a place, at random; and one more
 //! for agents that arrive late because others still cross their goals.
 
-use crate::distance::Distances;
-use crate::graph::{Graph, Vertex};
-use crate::plan::Paths;
-use crate::random::Random;
+use fleetyard_plugin_spacetime::distance::Distances;
+use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::plan::Paths;
+use fleetyard_plugin_spacetime::random::Random;
 
 /// How a neighbourhood is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

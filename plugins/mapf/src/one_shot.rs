@@ -7,11 +7,11 @@
 //! Not complete: on graphs that are not biconnected, and on grids with parked agents
 //! in the way, it may go on for ever, so the number of steps is limited.
 
-use crate::distance::Distances;
-use crate::graph::Vertex;
 use crate::pibt::Pibt;
-use crate::random::Random;
 use crate::scatter::Guide;
+use fleetyard_plugin_spacetime::distance::Distances;
+use fleetyard_plugin_spacetime::graph::Vertex;
+use fleetyard_plugin_spacetime::random::Random;
 
 /// Runs PIBT; `None` when the limit or `stop` comes first.
 pub(crate) fn pibt(

@@ -14,10 +14,10 @@
 //! and a random permutation of the directions, looked up together in a table, give
 //! "closer ones in random order, staying, the others in random order".
 
-use crate::distance::Distances;
-use crate::graph::{DIRECTIONS, Graph, Vertex};
-use crate::random::Random;
 use crate::scatter::Guide;
+use fleetyard_plugin_spacetime::distance::Distances;
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::random::Random;
 
 /// No agent.
 const NOBODY: u32 = u32::MAX;

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 
 /// A one-shot multi-agent path finding problem on a 4-connected grid.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -14,13 +14,13 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use crate::distance::Distances;
-use crate::graph::{Graph, Vertex};
 use crate::neighborhood::{Chooser, KINDS, Kind};
-use crate::plan::Paths;
-use crate::random::Random;
-use crate::reservation::Reservations;
-use crate::sipp::Sipp;
+use fleetyard_plugin_spacetime::distance::Distances;
+use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::plan::Paths;
+use fleetyard_plugin_spacetime::random::Random;
+use fleetyard_plugin_spacetime::reservation::Reservations;
+use fleetyard_plugin_spacetime::sipp::Sipp;
 
 /// Most neighbourhoods in a round.
 const SLOTS: usize = 16;

@@ -8,9 +8,9 @@
 //!
 //! The paths may still collide: they are advice, not a plan.
 
-use crate::distance::Distances;
-use crate::graph::{DIRECTIONS, Graph, Vertex};
-use crate::random::Random;
+use fleetyard_plugin_spacetime::distance::Distances;
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::random::Random;
 
 /// Longest detour: more takes memory and gains nothing.
 const MAX_MARGIN: u32 = 100;

@@ -1,14 +1,16 @@
 //! The way from a problem to an outcome: checks, guidance, search, refinement.
 
-use crate::distance::{Distances, MAX_DISTANCE};
-use crate::graph::{Graph, Vertex};
 use crate::lacam::{Lacam, Step};
 use crate::one_shot;
-use crate::plan::{Paths, Plan, configurations_of, paths_of, plan_of, sum_of_costs};
 use crate::problem::{Checked, Problem, ProblemError};
-use crate::random::Random;
 use crate::refine::Refiner;
 use crate::scatter::{Guide, scatter};
+use fleetyard_plugin_spacetime::distance::{Distances, MAX_DISTANCE};
+use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::plan::{
+    Paths, Plan, configurations_of, paths_of, plan_of, sum_of_costs,
+};
+use fleetyard_plugin_spacetime::random::Random;
 
 /// Which planner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,2 +1,19 @@
-//! Search in space and time on grids: what planners of many agents share.
+//! Search in space and time on 4-connected grids: what planners of many agents share.
+//!
+//! Time goes in steps; in each an agent moves to a neighbouring cell or stays. All is
+//! integer arithmetic over dense numbers of cells, so that everything here is
+//! deterministic; the only source of chance is [`random::Random`].
+//!
+//! - [`graph::Graph`]: the passable cells, numbered;
+//! - [`distance::Distances`]: exact distances to each agent's goal, as far as asked for;
+//! - [`reservation::Reservations`]: who is where when;
+//! - [`sipp::Sipp`]: the earliest arrival of one agent among the paths of others;
+//! - [`plan`]: paths, configurations, plans.
 #![forbid(unsafe_code)]
+
+pub mod distance;
+pub mod graph;
+pub mod plan;
+pub mod random;
+pub mod reservation;
+pub mod sipp;

@@ -8,14 +8,14 @@
 use crate::graph::{Graph, Vertex};
 
 /// The largest distance a row can hold. Longer ones make the problem unsupported.
-pub(crate) const MAX_DISTANCE: u32 = u16::MAX as u32 - 2;
+pub const MAX_DISTANCE: u32 = u16::MAX as u32 - 2;
 
 /// Entry of the sentinel: further than any vertex, never expanded.
 const WALL: u16 = u16::MAX;
 
 /// Per agent, the distance from any vertex to its goal.
 #[derive(Debug, Clone)]
-pub(crate) struct Distances<'g> {
+pub struct Distances<'g> {
     graph: &'g Graph,
     /// Distance plus one, zero where unknown; `stride` entries per agent.
     table: Vec<u16>,
@@ -33,7 +33,8 @@ struct Search {
 }
 
 impl<'g> Distances<'g> {
-    pub(crate) fn new(graph: &'g Graph, goals: &[Vertex]) -> Self {
+    /// Searches from the goals, one per agent, none of them begun.
+    pub fn new(graph: &'g Graph, goals: &[Vertex]) -> Self {
         let stride = graph.len() + 1;
         let mut table = vec![0; stride * goals.len()];
         let mut searches = Vec::with_capacity(goals.len());
@@ -55,19 +56,19 @@ impl<'g> Distances<'g> {
     }
 
     /// Bytes that the tables of a team may take.
-    pub(crate) fn bytes(graph: &Graph, agents: usize) -> u64 {
+    pub fn bytes(graph: &Graph, agents: usize) -> u64 {
         (graph.len() as u64 + 1) * agents as u64 * size_of::<u16>() as u64
     }
 
     /// The graph the distances are measured on.
-    pub(crate) fn graph(&self) -> &'g Graph {
+    pub fn graph(&self) -> &'g Graph {
         self.graph
     }
 
     /// The distance from `v` to the goal of `agent`; larger than [`MAX_DISTANCE`]
     /// when the goal cannot be reached (or only over a longer way).
     #[inline]
-    pub(crate) fn get(&mut self, agent: usize, v: Vertex) -> u32 {
+    pub fn get(&mut self, agent: usize, v: Vertex) -> u32 {
         let entry = self.table[agent * self.stride + v as usize];
         if entry != 0 {
             return u32::from(entry) - 1;
@@ -77,13 +78,13 @@ impl<'g> Distances<'g> {
 
     /// The distance to the goal if [`Distances::complete`] has run.
     #[inline]
-    pub(crate) fn known(&self, agent: usize, v: Vertex) -> u32 {
+    pub fn known(&self, agent: usize, v: Vertex) -> u32 {
         u32::from(self.table[agent * self.stride + v as usize]).wrapping_sub(1)
     }
 
     /// Finishes every search, so that [`Distances::known`] may be used; false when
     /// `stop`, which is asked between agents, has prevented it.
-    pub(crate) fn complete(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
+    pub fn complete(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
         (0..self.searches.len()).all(|agent| {
             while self.advance(agent) {}
             !stop()

@@ -48,10 +48,10 @@ impl Plan {
 }
 
 /// Paths over vertices while they are worked on. Same convention as [`Plan`].
-pub(crate) type Paths = Vec<Vec<Vertex>>;
+pub type Paths = Vec<Vec<Vertex>>;
 
 /// Turns a sequence of configurations, from all starts to all goals, into paths.
-pub(crate) fn paths_of(configurations: &[&[Vertex]]) -> Paths {
+pub fn paths_of(configurations: &[&[Vertex]]) -> Paths {
     let Some(last) = configurations.last() else {
         return Paths::new();
     };
@@ -71,7 +71,7 @@ pub(crate) fn paths_of(configurations: &[&[Vertex]]) -> Paths {
 }
 
 /// Turns paths into a sequence of configurations, first all starts, last all goals.
-pub(crate) fn configurations_of(paths: &Paths) -> Vec<Box<[Vertex]>> {
+pub fn configurations_of(paths: &Paths) -> Vec<Box<[Vertex]>> {
     let makespan = paths.iter().map(Vec::len).max().unwrap_or(1);
     (0..makespan)
         .map(|t| {
@@ -85,12 +85,12 @@ pub(crate) fn configurations_of(paths: &Paths) -> Vec<Box<[Vertex]>> {
 }
 
 /// Sum over the agents of the time of last arrival.
-pub(crate) fn sum_of_costs(paths: &Paths) -> u64 {
+pub fn sum_of_costs(paths: &Paths) -> u64 {
     paths.iter().map(|path| path.len() as u64 - 1).sum()
 }
 
 /// Translates paths to grid cells.
-pub(crate) fn plan_of(paths: &Paths, graph: &Graph) -> Plan {
+pub fn plan_of(paths: &Paths, graph: &Graph) -> Plan {
     let mut offsets = Vec::with_capacity(paths.len() + 1);
     let mut cells = Vec::with_capacity(paths.iter().map(Vec::len).sum());
     offsets.push(0);

@@ -5,7 +5,7 @@ use rand_core::{Rng as _, SeedableRng as _};
 
 /// A seeded stream. Streams with different numbers are independent.
 #[derive(Debug, Clone)]
-pub(crate) struct Random {
+pub struct Random {
     rng: ChaCha8Rng,
     /// Bits drawn and not yet handed out, for [`Random::byte`].
     pool: u64,
@@ -13,7 +13,8 @@ pub(crate) struct Random {
 }
 
 impl Random {
-    pub(crate) fn new(seed: u64, stream: u64) -> Self {
+    /// A stream at its beginning.
+    pub fn new(seed: u64, stream: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
         Self {
@@ -25,7 +26,7 @@ impl Random {
 
     /// Eight random bits.
     #[inline]
-    pub(crate) fn byte(&mut self) -> usize {
+    pub fn byte(&mut self) -> usize {
         if self.bytes_left == 0 {
             self.pool = self.rng.next_u64();
             self.bytes_left = 8;
@@ -39,16 +40,17 @@ impl Random {
     /// A number below `bound` (zero for a bound of zero). The bias is below
     /// `bound / 2³²`, of no account for heuristics.
     #[inline]
-    pub(crate) fn below(&mut self, bound: usize) -> usize {
+    pub fn below(&mut self, bound: usize) -> usize {
         ((u64::from(self.rng.next_u32()) * bound as u64) >> 32) as usize
     }
 
     /// True once in `n` draws.
-    pub(crate) fn one_in(&mut self, n: usize) -> bool {
+    pub fn one_in(&mut self, n: usize) -> bool {
         self.below(n) == 0
     }
 
-    pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
+    /// Any order, all equally likely.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             items.swap(last, self.below(last + 1));
         }

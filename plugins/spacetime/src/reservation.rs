@@ -12,14 +12,14 @@ const WORD: usize = u64::BITS as usize;
 
 /// The occupancy of a set of paths up to a horizon.
 #[derive(Debug, Clone)]
-pub(crate) struct Reservations {
+pub struct Reservations {
     words: usize,
     bits: Vec<u64>,
 }
 
 impl Reservations {
     /// An empty table for times below some multiple of the word size above `horizon`.
-    pub(crate) fn new(graph: &Graph, horizon: usize) -> Self {
+    pub fn new(graph: &Graph, horizon: usize) -> Self {
         let words = horizon / WORD + 1;
         Self {
             words,
@@ -28,7 +28,7 @@ impl Reservations {
     }
 
     /// Times at and beyond this one are not represented; paths must have ended by then.
-    pub(crate) fn horizon(&self) -> usize {
+    pub fn horizon(&self) -> usize {
         self.words * WORD
     }
 
@@ -40,25 +40,25 @@ impl Reservations {
 
     /// Whether `v` is occupied at `t`.
     #[inline]
-    pub(crate) fn busy(&self, v: Vertex, t: usize) -> bool {
+    pub fn busy(&self, v: Vertex, t: usize) -> bool {
         self.row(v, 0)[t / WORD] >> (t % WORD) & 1 == 1
     }
 
     /// Whether somebody leaves `v` in direction `d` at `t`, to arrive at `t + 1`.
     #[inline]
-    pub(crate) fn leaves(&self, v: Vertex, d: usize, t: usize) -> bool {
+    pub fn leaves(&self, v: Vertex, d: usize, t: usize) -> bool {
         self.row(v, 1 + d)[t / WORD] >> (t % WORD) & 1 == 1
     }
 
     /// The first time from `t` on when `v` is free; the horizon if there is none.
     #[inline]
-    pub(crate) fn next_free(&self, v: Vertex, t: usize) -> usize {
+    pub fn next_free(&self, v: Vertex, t: usize) -> usize {
         self.scan(v, t, u64::MAX)
     }
 
     /// The first time from `t` on when `v` is occupied; the horizon if there is none.
     #[inline]
-    pub(crate) fn next_busy(&self, v: Vertex, t: usize) -> usize {
+    pub fn next_busy(&self, v: Vertex, t: usize) -> usize {
         self.scan(v, t, 0)
     }
 
@@ -82,14 +82,14 @@ impl Reservations {
     }
 
     /// The first time from which `v` is free for ever; the horizon if there is none.
-    pub(crate) fn free_for_ever(&self, v: Vertex) -> usize {
+    pub fn free_for_ever(&self, v: Vertex) -> usize {
         let row = self.row(v, 0);
         let last = row.iter().rposition(|&bits| bits != 0);
         last.map_or(0, |w| (w + 1) * WORD - row[w].leading_zeros() as usize)
     }
 
     /// Adds a path, its agent staying at the end, or removes it: the bits flip.
-    pub(crate) fn flip(&mut self, graph: &Graph, path: &[Vertex]) {
+    pub fn flip(&mut self, graph: &Graph, path: &[Vertex]) {
         let words = self.words;
         for (t, step) in path.windows(2).enumerate() {
             let begin = step[0] as usize * ROWS * words + t / WORD;
@@ -114,7 +114,7 @@ impl Reservations {
     }
 
     /// Whether a path, its agent staying at the end, collides with nothing.
-    pub(crate) fn admits(&self, graph: &Graph, path: &[Vertex]) -> bool {
+    pub fn admits(&self, graph: &Graph, path: &[Vertex]) -> bool {
         let Some(&last) = path.last() else {
             return true;
         };

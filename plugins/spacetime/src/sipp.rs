@@ -26,19 +26,19 @@ struct State {
 
 /// The search, with its scratch memory.
 #[derive(Debug, Default)]
-pub(crate) struct Sipp {
+pub struct Sipp {
     states: Vec<State>,
     buckets: Vec<Vec<u32>>,
     /// One bit per vertex and end of interval; what to clear is in `touched`.
     closed: Vec<u64>,
     touched: Vec<u32>,
     /// States expanded since the beginning.
-    pub(crate) expansions: u64,
+    pub expansions: u64,
 }
 
 impl Sipp {
     /// The path of earliest arrival among those that arrive by `bound`.
-    pub(crate) fn plan(
+    pub fn plan(
         &mut self,
         reservations: &Reservations,
         distances: &Distances<'_>,

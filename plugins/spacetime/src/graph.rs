@@ -7,17 +7,17 @@
 //! neighbours.
 
 /// Dense number of a passable cell.
-pub(crate) type Vertex = u32;
+pub type Vertex = u32;
 
 /// Number of directions; `d` and `(d + 2) % 4` are opposite.
-pub(crate) const DIRECTIONS: usize = 4;
+pub const DIRECTIONS: usize = 4;
 
 /// Passable cells and their neighbours.
 ///
 /// A missing neighbour is the sentinel [`Graph::wall`], one past the last vertex,
 /// so that tables with one spare entry can be read without a branch.
 #[derive(Debug, Clone)]
-pub(crate) struct Graph {
+pub struct Graph {
     neighbors: Vec<[Vertex; DIRECTIONS]>,
     degrees: Vec<u8>,
     cells: Vec<u32>,
@@ -26,7 +26,7 @@ pub(crate) struct Graph {
 
 impl Graph {
     /// Numbers the passable cells row by row. `passable` has `rows · cols` entries.
-    pub(crate) fn new(rows: usize, cols: usize, passable: &[bool]) -> Self {
+    pub fn new(rows: usize, cols: usize, passable: &[bool]) -> Self {
         let count = passable.iter().filter(|&&p| p).count();
         let wall = count as Vertex;
         let mut vertices = vec![wall; rows * cols];
@@ -61,38 +61,50 @@ impl Graph {
     }
 
     /// Number of vertices.
-    pub(crate) fn len(&self) -> usize {
+    #[inline]
+    pub fn len(&self) -> usize {
         self.cells.len()
     }
 
+    /// Whether there is no passable cell.
+    pub fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+
     /// The sentinel that stands for "no such neighbour".
-    pub(crate) fn wall(&self) -> Vertex {
+    #[inline]
+    pub fn wall(&self) -> Vertex {
         self.cells.len() as Vertex
     }
 
     /// The four neighbours, [`Graph::wall`] where there is none.
-    pub(crate) fn around(&self, v: Vertex) -> &[Vertex; DIRECTIONS] {
+    #[inline]
+    pub fn around(&self, v: Vertex) -> &[Vertex; DIRECTIONS] {
         &self.neighbors[v as usize]
     }
 
     /// The neighbours that exist.
-    pub(crate) fn neighbors(&self, v: Vertex) -> impl Iterator<Item = Vertex> + '_ {
+    #[inline]
+    pub fn neighbors(&self, v: Vertex) -> impl Iterator<Item = Vertex> + '_ {
         let wall = self.wall();
         self.around(v).iter().copied().filter(move |&u| u != wall)
     }
 
     /// Number of neighbours.
-    pub(crate) fn degree(&self, v: Vertex) -> u32 {
+    #[inline]
+    pub fn degree(&self, v: Vertex) -> u32 {
         u32::from(self.degrees[v as usize])
     }
 
     /// The grid cell of a vertex.
-    pub(crate) fn cell(&self, v: Vertex) -> u32 {
+    #[inline]
+    pub fn cell(&self, v: Vertex) -> u32 {
         self.cells[v as usize]
     }
 
     /// The vertex of a grid cell, or `None` for an obstacle or a cell off the map.
-    pub(crate) fn vertex(&self, cell: u32) -> Option<Vertex> {
+    #[inline]
+    pub fn vertex(&self, cell: u32) -> Option<Vertex> {
         self.vertices
             .get(cell as usize)
             .copied()
