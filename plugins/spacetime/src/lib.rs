@@ -8,9 +8,11 @@
 //! - [`distance::Distances`]: exact distances to each agent's goal, as far as asked for;
 //! - [`reservation::Reservations`]: who is where when;
 //! - [`sipp::Sipp`]: the earliest arrival of one agent among the paths of others;
+//! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
 //! - [`plan`]: paths, configurations, plans.
 #![forbid(unsafe_code)]
 
+pub mod conflict;
 pub mod distance;
 pub mod graph;
 pub mod plan;
