@@ -20,7 +20,7 @@ use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::plan::Paths;
 use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_plugin_spacetime::reservation::Reservations;
-use fleetyard_plugin_spacetime::sipp::Sipp;
+use fleetyard_plugin_spacetime::sipp::{Query, Sipp};
 
 /// Most neighbourhoods in a round.
 const SLOTS: usize = 16;
@@ -337,19 +337,31 @@ impl Worker {
         }
         let least = |table: &Reservations, agent: usize| {
             let distance = distances.known(agent, paths[agent][0]) as usize;
-            distance.max(table.free_for_ever(goals[agent]))
+            distance.max(table.free_for_ever(goals[agent]) as usize)
         };
         let mut complete = true;
         for (k, &slot) in order.iter().enumerate() {
             let agent = members[slot] as usize;
-            let query = (agent, paths[agent][0], goals[agent]);
             let table = &self.reservations;
+            // The last step is kept free of arrivals, so that staying for ever shows.
+            let horizon = table.horizon() - 2;
             let others = order[k + 1..]
                 .iter()
                 .map(|&s| least(table, members[s] as usize));
             let found = budget.checked_sub(others.sum()).and_then(|bound| {
-                self.sipp
-                    .plan(table, distances, query, bound, &mut random, stop)
+                let query = Query {
+                    graph,
+                    hard: table,
+                    soft: None,
+                    route: &distances.route(agent, goals[agent]),
+                    start: paths[agent][0],
+                    heading: 0,
+                    turning: false,
+                    window: 0,
+                    cycles: true,
+                    bound: horizon.min(bound as u32),
+                };
+                self.sipp.plan(&query, &mut random, stop).ok()
             });
             let Some(path) = found else {
                 complete = false;

@@ -1,11 +1,18 @@
-//! Exact distances to each agent's goal, by breadth-first search from the goal
-//! that is carried on only as far as somebody asks.
+//! Exact distances to goals, by breadth-first search from the goal.
 //!
-//! One row of 16-bit entries per agent. Rows are allocated zeroed and zero means
-//! "not reached yet", so that the operating system gives memory only for the part
-//! of a row that the search has touched.
+//! - [`Distances`]: per agent of a one-shot problem, carried on only as far as somebody
+//!   asks. One row of 16-bit entries per agent. Rows are allocated zeroed and zero means
+//!   "not reached yet", so that the operating system gives memory only for the part of a
+//!   row that the search has touched.
+//! - [`Table`]: from everywhere to one cell, complete, to be shared; also for robots that
+//!   take a step to turn by 90°.
+//! - [`Tables`]: those of a map, kept between calls.
 
-use crate::graph::{Graph, Vertex};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::graph::{DIRECTIONS, Graph, Vertex};
+use crate::sipp::Guidance;
 
 /// The largest distance a row can hold. Longer ones make the problem unsupported.
 pub const MAX_DISTANCE: u32 = u16::MAX as u32 - 2;
@@ -82,6 +89,15 @@ impl<'g> Distances<'g> {
         u32::from(self.table[agent * self.stride + v as usize]).wrapping_sub(1)
     }
 
+    /// The way of one agent to its goal, to stay there. For [`Distances::complete`] tables.
+    pub fn route(&self, agent: usize, goal: Vertex) -> Towards<'_, 'g> {
+        Towards {
+            distances: self,
+            agent,
+            goal: [goal],
+        }
+    }
+
     /// Finishes every search, so that [`Distances::known`] may be used; false when
     /// `stop`, which is asked between agents, has prevented it.
     pub fn complete(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
@@ -124,5 +140,187 @@ impl<'g> Distances<'g> {
         }
         std::mem::swap(&mut search.frontier, next);
         true
+    }
+}
+
+/// The way of one agent to one goal, by complete [`Distances`].
+#[derive(Debug, Clone, Copy)]
+pub struct Towards<'d, 'g> {
+    distances: &'d Distances<'g>,
+    agent: usize,
+    goal: [Vertex; 1],
+}
+
+impl Guidance for Towards<'_, '_> {
+    fn goals(&self) -> &[Vertex] {
+        &self.goal
+    }
+
+    fn stays(&self) -> bool {
+        true
+    }
+
+    #[inline]
+    fn rest(&self, _: u32, v: Vertex, _: u8) -> u32 {
+        self.distances.known(self.agent, v)
+    }
+}
+
+/// Entry of a [`Table`] from where the goal cannot be reached.
+const UNREACHABLE: u16 = u16::MAX;
+
+/// Distances in steps from everywhere to one goal.
+///
+/// 2 bytes per vertex; 8 for robots that turn, whose way depends on where they look.
+#[derive(Debug)]
+pub struct Table {
+    steps: Box<[u16]>,
+    /// Headings told apart: `1 << shift`.
+    shift: u32,
+}
+
+impl Table {
+    /// The table of a goal, for robots that `turn` or for pebbles.
+    pub fn new(graph: &Graph, goal: Vertex, turning: bool) -> Self {
+        let shift = if turning { 2 } else { 0 };
+        let mut steps = vec![UNREACHABLE; (graph.len() + 1) << shift].into_boxed_slice();
+        let headings = 1 << shift;
+        let mut level: Vec<u32> = (0..headings).map(|h| (goal << shift) + h).collect();
+        for &state in &level {
+            steps[state as usize] = 0;
+        }
+        let mut next = Vec::new();
+        let mut distance = 0;
+        // A level further than the largest distance is left unreachable.
+        while !level.is_empty() && u32::from(distance) < MAX_DISTANCE {
+            distance += 1;
+            let mut reach = |state: u32| {
+                let entry = &mut steps[state as usize];
+                if *entry == UNREACHABLE {
+                    *entry = distance;
+                    next.push(state);
+                }
+            };
+            for &state in &level {
+                let (v, heading) = (state >> shift, state & (headings - 1));
+                if turning {
+                    // Whoever looks this way here has come from behind, or has turned.
+                    let behind = graph.around(v)[(heading as usize + 2) % DIRECTIONS];
+                    if behind != graph.wall() {
+                        reach((behind << shift) + heading);
+                    }
+                    reach((v << shift) + (heading + 1) % 4);
+                    reach((v << shift) + (heading + 3) % 4);
+                } else {
+                    for &u in graph.around(v) {
+                        if u != graph.wall() {
+                            reach(u);
+                        }
+                    }
+                }
+            }
+            level.clear();
+            std::mem::swap(&mut level, &mut next);
+        }
+        Self { steps, shift }
+    }
+
+    /// Bytes of a table.
+    pub fn bytes(graph: &Graph, turning: bool) -> u64 {
+        let headings = if turning { DIRECTIONS as u64 } else { 1 };
+        (graph.len() as u64 + 1) * headings * size_of::<u16>() as u64
+    }
+
+    /// The distance from `v`, looking in direction `heading` (of no account for pebbles);
+    /// larger than [`MAX_DISTANCE`] where there is no way, and from [`Graph::wall`].
+    #[inline]
+    pub fn get(&self, v: Vertex, heading: u8) -> u32 {
+        let mask = (1 << self.shift) - 1;
+        u32::from(self.steps[((v << self.shift) | (u32::from(heading) & mask)) as usize])
+    }
+
+    /// The distance from `v` for a robot that may choose where it looks at first.
+    pub fn least(&self, v: Vertex) -> u32 {
+        let headings = 0..1_u8 << self.shift;
+        headings.map(|h| self.get(v, h)).min().unwrap_or(u32::MAX)
+    }
+}
+
+/// The tables of a map, by goal and way of moving, kept while they fit into a limit.
+///
+/// In a fleet that works without end most goals stay from one call to the next, and the
+/// same places come again.
+#[derive(Debug)]
+pub struct Tables {
+    limit: u64,
+    bytes: u64,
+    call: u64,
+    kept: BTreeMap<(Vertex, bool), (Arc<Table>, u64)>,
+}
+
+impl Tables {
+    /// None yet; those kept between calls may take `limit` bytes.
+    pub fn new(limit: u64) -> Self {
+        Self {
+            limit,
+            bytes: 0,
+            call: 0,
+            kept: BTreeMap::new(),
+        }
+    }
+
+    /// Bytes that they may take.
+    pub fn limit(&self) -> u64 {
+        self.limit
+    }
+
+    /// Bytes that the kept tables take.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// A call begins: tables that it does not ask for may go.
+    pub fn begin(&mut self) {
+        self.call += 1;
+    }
+
+    /// The table of a goal. What was not asked for since [`Tables::begin`] makes room;
+    /// `None` when what was asked for exceeds the limit.
+    pub fn get(&mut self, graph: &Graph, goal: Vertex, turning: bool) -> Option<Arc<Table>> {
+        if let Some((table, call)) = self.kept.get_mut(&(goal, turning)) {
+            *call = self.call;
+            return Some(Arc::clone(table));
+        }
+        let needed = Table::bytes(graph, turning);
+        if self.bytes + needed > self.limit {
+            self.make_room(graph, needed);
+            if self.bytes + needed > self.limit {
+                return None;
+            }
+        }
+        self.bytes += needed;
+        let table = Arc::new(Table::new(graph, goal, turning));
+        let entry = (Arc::clone(&table), self.call);
+        self.kept.insert((goal, turning), entry);
+        Some(table)
+    }
+
+    /// Drops the tables that were not asked for longest until there is room for `needed`
+    /// bytes and for as much again as a quarter of the limit, so that this is rare.
+    fn make_room(&mut self, graph: &Graph, needed: u64) {
+        let mut old: Vec<_> = self
+            .kept
+            .iter()
+            .map(|(key, (_, call))| (*call, *key))
+            .collect();
+        old.retain(|(call, _)| *call < self.call);
+        old.sort_unstable();
+        for (_, key) in old {
+            if self.bytes + needed <= self.limit - self.limit / 4 {
+                return;
+            }
+            self.kept.remove(&key);
+            self.bytes -= Table::bytes(graph, key.1);
+        }
     }
 }

@@ -6,11 +6,24 @@
 //! bipartite, so that the distance to any target differs by exactly one between
 //! neighbours.
 
+use fleetyard_abi::Heading;
+
 /// Dense number of a passable cell.
 pub type Vertex = u32;
 
-/// Number of directions; `d` and `(d + 2) % 4` are opposite.
+/// Number of directions: north, east, south, west. `d` and `(d + 2) % 4` are opposite, and
+/// turning by 90° leads from one to the next or the last.
 pub const DIRECTIONS: usize = 4;
+
+/// The direction of a heading.
+pub fn direction(heading: Heading) -> u8 {
+    match heading {
+        Heading::North => 0,
+        Heading::East => 1,
+        Heading::South => 2,
+        Heading::West => 3,
+    }
+}
 
 /// Passable cells and their neighbours.
 ///

@@ -5,9 +5,12 @@
 //! deterministic; the only source of chance is [`random::Random`].
 //!
 //! - [`graph::Graph`]: the passable cells, numbered;
-//! - [`distance::Distances`]: exact distances to each agent's goal, as far as asked for;
+//! - [`distance`]: exact distances to goals, as far as asked for or in tables that are kept
+//!   between calls;
+//! - [`problem::Problem`]: what an instance of the contract asks, with all that is lifelong:
+//!   goals in sequence, windows, headings;
 //! - [`reservation::Reservations`]: who is where when;
-//! - [`sipp::Sipp`]: the earliest arrival of one agent among the paths of others;
+//! - [`sipp::Sipp`]: the best path of one agent among the paths of others;
 //! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
 //! - [`plan`]: paths, configurations, plans.
 #![forbid(unsafe_code)]
@@ -16,6 +19,7 @@ pub mod conflict;
 pub mod distance;
 pub mod graph;
 pub mod plan;
+pub mod problem;
 pub mod random;
 pub mod reservation;
 pub mod sipp;

@@ -1,35 +1,78 @@
-//! Who is where when: the paths of all agents as bit sets over time.
+//! Who is where when: paths as bit sets over time.
 //!
 //! Per vertex one bit per time step for "occupied", and one for each direction for
 //! "left in this direction". Safe intervals of SIPP are runs of zeros, found a word
 //! at a time; adding or removing a path touches one bit per step.
+//!
+//! 40 bytes per vertex and 64 steps.
 
 use crate::graph::{DIRECTIONS, Graph, Vertex};
+
+/// Later than any time: of what never happens.
+pub const NEVER: u32 = u32::MAX;
 
 /// Rows per vertex: occupied, and left in each direction.
 const ROWS: usize = 1 + DIRECTIONS;
 const WORD: usize = u64::BITS as usize;
 
-/// The occupancy of a set of paths up to a horizon.
+/// The occupancy of a set of paths.
 #[derive(Debug, Clone)]
 pub struct Reservations {
     words: usize,
+    /// Times from here on are not represented: then everything is free, or as it was in
+    /// the step before.
+    end: u32,
+    windowed: bool,
     bits: Vec<u64>,
+    /// Vertices with a bit that [`Reservations::add`] has set.
+    touched: Vec<Vertex>,
 }
 
 impl Reservations {
-    /// An empty table for times below some multiple of the word size above `horizon`.
+    /// An empty table. Agents stay at the end of their paths for good, and paths must have
+    /// ended by the time `horizon`.
     pub fn new(graph: &Graph, horizon: usize) -> Self {
         let words = horizon / WORD + 1;
         Self {
             words,
+            end: (words * WORD) as u32,
+            windowed: false,
             bits: vec![0; graph.len() * ROWS * words],
+            touched: Vec::new(),
         }
     }
 
-    /// Times at and beyond this one are not represented; paths must have ended by then.
-    pub fn horizon(&self) -> usize {
-        self.words * WORD
+    /// An empty table of what happens until the time `window`; later everything is free.
+    pub fn windowed(graph: &Graph, window: u32) -> Self {
+        Self {
+            end: window.saturating_add(1),
+            windowed: true,
+            ..Self::new(graph, window as usize)
+        }
+    }
+
+    /// Bytes of a table for times up to `horizon`.
+    pub fn size(graph: &Graph, horizon: usize) -> u64 {
+        (graph.len() * ROWS * size_of::<u64>()) as u64 * (horizon as u64 / WORD as u64 + 1)
+    }
+
+    /// Times at and beyond this one are not represented.
+    pub fn horizon(&self) -> u32 {
+        self.end
+    }
+
+    /// Makes the table empty, and large enough for paths that end before `horizon`.
+    pub fn reset(&mut self, graph: &Graph, horizon: usize) {
+        let words = horizon / WORD + 1;
+        if !self.windowed && words > self.words {
+            *self = Self::new(graph, horizon + horizon / 2);
+            return;
+        }
+        let group = ROWS * self.words;
+        for v in self.touched.drain(..) {
+            let begin = v as usize * group;
+            self.bits[begin..begin + group].fill(0);
+        }
     }
 
     #[inline]
@@ -38,57 +81,106 @@ impl Reservations {
         &self.bits[begin..begin + self.words]
     }
 
+    #[inline]
+    fn bit(&self, v: Vertex, row: usize, t: u32) -> bool {
+        if t >= self.end {
+            if self.windowed {
+                return false;
+            }
+            return row == 0 && self.bit(v, row, self.end - 1);
+        }
+        let t = t as usize;
+        self.bits[(v as usize * ROWS + row) * self.words + t / WORD] >> (t % WORD) & 1 == 1
+    }
+
     /// Whether `v` is occupied at `t`.
     #[inline]
-    pub fn busy(&self, v: Vertex, t: usize) -> bool {
-        self.row(v, 0)[t / WORD] >> (t % WORD) & 1 == 1
+    pub fn busy(&self, v: Vertex, t: u32) -> bool {
+        self.bit(v, 0, t)
     }
 
     /// Whether somebody leaves `v` in direction `d` at `t`, to arrive at `t + 1`.
     #[inline]
-    pub fn leaves(&self, v: Vertex, d: usize, t: usize) -> bool {
-        self.row(v, 1 + d)[t / WORD] >> (t % WORD) & 1 == 1
+    pub fn leaves(&self, v: Vertex, d: usize, t: u32) -> bool {
+        self.bit(v, 1 + d, t)
     }
 
-    /// The first time from `t` on when `v` is free; the horizon if there is none.
+    /// The first time from `t` on when `v` is free, or [`NEVER`].
     #[inline]
-    pub fn next_free(&self, v: Vertex, t: usize) -> usize {
+    pub fn next_free(&self, v: Vertex, t: u32) -> u32 {
         self.scan(v, t, u64::MAX)
     }
 
-    /// The first time from `t` on when `v` is occupied; the horizon if there is none.
+    /// The first time from `t` on when `v` is occupied, or [`NEVER`].
     #[inline]
-    pub fn next_busy(&self, v: Vertex, t: usize) -> usize {
+    pub fn next_busy(&self, v: Vertex, t: u32) -> u32 {
         self.scan(v, t, 0)
+    }
+
+    /// The first time after `t` when `v` is not as it is at `t`, occupied or free, or
+    /// [`NEVER`].
+    #[inline]
+    pub fn next_change(&self, v: Vertex, t: u32) -> u32 {
+        if self.busy(v, t) {
+            self.next_free(v, t)
+        } else {
+            self.next_busy(v, t)
+        }
+    }
+
+    /// How often `v` becomes occupied from `t` on, or is so then; at most `most`.
+    pub fn visits(&self, v: Vertex, mut t: u32, most: u32) -> u32 {
+        for count in 0..most {
+            t = match self.next_busy(v, t) {
+                NEVER => return count,
+                busy => self.next_free(v, busy),
+            };
+            if t == NEVER {
+                return count + 1;
+            }
+        }
+        most
     }
 
     /// The first time from `t` on whose bit, after flipping with `flip`, is set.
     #[inline]
-    fn scan(&self, v: Vertex, t: usize, flip: u64) -> usize {
-        let row = self.row(v, 0);
-        let mut word = t / WORD;
-        if word >= row.len() {
-            return self.horizon();
+    fn scan(&self, v: Vertex, t: u32, flip: u64) -> u32 {
+        if t >= self.end {
+            // Nothing changes any more.
+            return if self.busy(v, t) == (flip == 0) {
+                t
+            } else {
+                NEVER
+            };
         }
-        let mut bits = (row[word] ^ flip) & u64::MAX << (t % WORD);
+        let row = self.row(v, 0);
+        let mut word = t as usize / WORD;
+        let mut bits = (row[word] ^ flip) & u64::MAX << (t as usize % WORD);
         while bits == 0 {
             word += 1;
             if word == row.len() {
-                return self.horizon();
+                let free = self.windowed && flip != 0;
+                return if free { self.end } else { NEVER };
             }
             bits = row[word] ^ flip;
         }
-        word * WORD + bits.trailing_zeros() as usize
+        (word * WORD) as u32 + bits.trailing_zeros()
     }
 
-    /// The first time from which `v` is free for ever; the horizon if there is none.
-    pub fn free_for_ever(&self, v: Vertex) -> usize {
+    /// The first time from which `v` is free for ever, or [`NEVER`].
+    pub fn free_for_ever(&self, v: Vertex) -> u32 {
         let row = self.row(v, 0);
         let last = row.iter().rposition(|&bits| bits != 0);
-        last.map_or(0, |w| (w + 1) * WORD - row[w].leading_zeros() as usize)
+        let free = last.map_or(0, |w| ((w + 1) * WORD) as u32 - row[w].leading_zeros());
+        if free == self.end && !self.windowed {
+            NEVER
+        } else {
+            free
+        }
     }
 
-    /// Adds a path, its agent staying at the end, or removes it: the bits flip.
+    /// Adds a path, its agent staying at the end, or removes it: the bits flip. For tables
+    /// without a window whose paths do not collide.
     pub fn flip(&mut self, graph: &Graph, path: &[Vertex]) {
         let words = self.words;
         for (t, step) in path.windows(2).enumerate() {
@@ -113,25 +205,94 @@ impl Reservations {
         }
     }
 
+    /// Adds a path, its agent staying at the end, to others that it may collide with. With
+    /// `delay` above zero a vertex counts as occupied so many steps before and after a
+    /// visit as well: who keeps out is not met even if either is so late (k-robust plans:
+    /// Atzmon, Stern, Felner, Wagner, Barták, Zhou, JAIR 2020). What is added goes by
+    /// [`Reservations::reset`].
+    pub fn add(&mut self, graph: &Graph, path: &[Vertex], delay: u32) {
+        let mut at = 0;
+        while at < path.len() && (at as u32) < self.end {
+            let v = path[at];
+            let mut next = at + 1;
+            while next < path.len() && path[next] == v {
+                next += 1;
+            }
+            if self.row(v, 0).iter().all(|&word| word == 0) {
+                self.touched.push(v);
+            }
+            let first = (at as u32).saturating_sub(delay);
+            if next == path.len() {
+                self.occupy(v, first, self.end);
+                return;
+            }
+            self.occupy(v, first, (next as u32).saturating_add(delay).min(self.end));
+            let leaving = next - 1;
+            if (leaving as u32) < self.end {
+                let around = graph.around(v);
+                if let Some(d) = around.iter().position(|&u| u == path[next]) {
+                    let row = (v as usize * ROWS + 1 + d) * self.words;
+                    self.bits[row + leaving / WORD] |= 1 << (leaving % WORD);
+                }
+            }
+            at = next;
+        }
+    }
+
+    /// Sets the bits of `v` for times from `first` to before `end`.
+    fn occupy(&mut self, v: Vertex, first: u32, end: u32) {
+        let begin = v as usize * ROWS * self.words;
+        let row = &mut self.bits[begin..begin + self.words];
+        let (first, end) = (first as usize, end as usize);
+        for (word, bits) in row
+            .iter_mut()
+            .enumerate()
+            .take(end.div_ceil(WORD))
+            .skip(first / WORD)
+        {
+            let low = first.saturating_sub(word * WORD);
+            let high = (end - word * WORD).min(WORD);
+            *bits |= u64::MAX >> (WORD - high) & u64::MAX << low;
+        }
+    }
+
     /// Whether a path, its agent staying at the end, collides with nothing.
     pub fn admits(&self, graph: &Graph, path: &[Vertex]) -> bool {
         let Some(&last) = path.last() else {
             return true;
         };
-        let free = |t: usize, v: Vertex| !self.busy(v, t);
+        let free = |t: usize, v: Vertex| !self.busy(v, t as u32);
         let no_swap = |t: usize, from: Vertex, to: Vertex| {
             from == to
                 || graph
                     .around(to)
                     .iter()
                     .position(|&u| u == from)
-                    .is_none_or(|d| !self.leaves(to, d, t))
+                    .is_none_or(|d| !self.leaves(to, d, t as u32))
         };
         path.iter().enumerate().all(|(t, &v)| free(t, v))
             && path
                 .windows(2)
                 .enumerate()
                 .all(|(t, s)| no_swap(t, s[0], s[1]))
-            && self.free_for_ever(last) < path.len()
+            && self.next_busy(last, path.len() as u32) == NEVER
+    }
+
+    /// Whether moving at `t` from one vertex into the next closes a ring of moves of the
+    /// same step, an exchange of places among them: `to` is left towards a vertex that is
+    /// left … towards `from`.
+    pub fn closes_ring(&self, graph: &Graph, from: Vertex, to: Vertex, t: u32) -> bool {
+        let mut at = to;
+        // Paths that collide may hold a ring of their own, which the chain never leaves.
+        for _ in 0..graph.len() {
+            let Some(d) = (0..DIRECTIONS).find(|&d| self.leaves(at, d, t)) else {
+                return false;
+            };
+            at = graph.around(at)[d];
+            if at == from {
+                return true;
+            }
+        }
+        false
     }
 }

@@ -1,19 +1,89 @@
-//! SIPP: the earliest arrival of one agent among the paths of the others.
+//! SIPP: the best path of one agent among the paths of others.
 //!
 //! M. Phillips, M. Likhachev, "SIPP: safe interval path planning for dynamic
-//! environments", ICRA 2011. A state is a vertex and one of its safe intervals; only
-//! the earliest arrival in it matters. On the grid a state's intervals are read off
-//! the bits of [`Reservations`], and the open list is an array of buckets, because
-//! lengths are small integers.
+//! environments", ICRA 2011. A state is a vertex and one of its safe intervals; of the
+//! ways into it only the earliest matters. Here a state also has the number of goals
+//! visited before, so that a sequence of goals is planned at once, and for robots that turn
+//! where they look.
+//!
+//! Paths of others that are better not met, but may be (*soft* ones), split safe intervals
+//! further, and among paths of the same length one that meets few is preferred, as in
+//! SIPPS (Li, Chen, Harabor, Stuckey, Koenig, "MAPF-LNS2: fast repairing for multi-agent
+//! path finding via large neighborhood search", AAAI 2022).
+//!
+//! Intervals are read off the bits of [`Reservations`], and the open list is an array of
+//! buckets, because lengths are small integers.
 
-use crate::distance::Distances;
-use crate::graph::{DIRECTIONS, Vertex};
+use crate::graph::{DIRECTIONS, Graph, Vertex};
 use crate::random::Random;
-use crate::reservation::Reservations;
+use crate::reservation::{NEVER, Reservations};
 
 const NONE: u32 = u32::MAX;
 /// Expansions between two questions whether to stop.
 const PATIENCE: u64 = 512;
+/// How many degrees of preference there are among equally long paths.
+const DEGREES: u32 = 32;
+
+/// What an agent has to visit, and how far that is.
+pub trait Guidance {
+    /// The goals, in the order in which they are to be visited.
+    fn goals(&self) -> &[Vertex];
+
+    /// Whether the agent has to stay at the last goal for good. Otherwise it may go
+    /// anywhere when it has been there.
+    fn stays(&self) -> bool;
+
+    /// A lower bound of the steps from `v`, looking in direction `heading`, through goal
+    /// number `label` and all later ones; 0 when there is none. It must not fall by more
+    /// than one in a step.
+    fn rest(&self, label: u32, v: Vertex, heading: u8) -> u32;
+
+    /// How many goals are visited at `v` if `label` were before. A last goal to stay at is
+    /// never counted.
+    #[inline]
+    fn reached(&self, mut label: u32, v: Vertex) -> u32 {
+        let goals = self.goals();
+        let all = goals.len() - usize::from(self.stays());
+        while (label as usize) < all && goals[label as usize] == v {
+            label += 1;
+        }
+        label
+    }
+}
+
+/// A question to the search.
+#[derive(Debug)]
+pub struct Query<'a, G> {
+    /// The map.
+    pub graph: &'a Graph,
+    /// Whom not to meet.
+    pub hard: &'a Reservations,
+    /// Whom better not to meet.
+    pub soft: Option<&'a Reservations>,
+    /// What to visit.
+    pub route: &'a G,
+    /// Where to begin.
+    pub start: Vertex,
+    /// Where the agent looks at the beginning.
+    pub heading: u8,
+    /// Whether turning by 90° takes a step.
+    pub turning: bool,
+    /// Paths may end at this time, wherever they have come; 0: at the last goal only.
+    pub window: u32,
+    /// Whether to move in rings with others.
+    pub cycles: bool,
+    /// The last goal is to be reached by this time; [`NEVER`] for no limit.
+    pub bound: u32,
+}
+
+/// Why there is no path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Miss {
+    /// None exists.
+    NoPath,
+    /// The search was stopped.
+    Stopped,
+}
 
 /// A vertex reached at `time`, where the agent may stay until `until`.
 #[derive(Debug, Clone, Copy)]
@@ -22,141 +92,185 @@ struct State {
     time: u32,
     until: u32,
     parent: u32,
+    /// Next closed state at the same vertex.
+    next: u32,
+    /// When the last goal was visited, if it was.
+    visited: u32,
+    label: u32,
+    /// Soft collisions on the way.
+    met: u32,
+    heading: u8,
+    /// The path may end here.
+    ends: bool,
 }
 
-/// The search, with its scratch memory.
+/// The search, with its scratch memory: 8 bytes per vertex and 40 per state.
 #[derive(Debug, Default)]
 pub struct Sipp {
     states: Vec<State>,
     buckets: Vec<Vec<u32>>,
-    /// One bit per vertex and end of interval; what to clear is in `touched`.
-    closed: Vec<u64>,
-    touched: Vec<u32>,
+    /// First bucket that may not be empty, and how many are in use.
+    current: usize,
+    used: usize,
+    /// Per vertex the query of the last visit, and the last closed state.
+    closed: Vec<(u32, u32)>,
+    query: u32,
     /// States expanded since the beginning.
     pub expansions: u64,
 }
 
 impl Sipp {
-    /// The path of earliest arrival among those that arrive by `bound`.
-    pub fn plan(
+    /// The best path: earliest arrival at the last goal, or, in a window, the least
+    /// estimate of it at the end of the window; among these one with few soft collisions.
+    /// It begins at time 0 with the start and ends where the agent may stay for ever, or
+    /// with the window. An agent that need not stay at its last goal goes on from there to
+    /// where it is in nobody's way.
+    ///
+    /// A stay at the start is taken for granted: whether somebody else is there at time 0
+    /// is asked only of `hard`.
+    pub fn plan<G: Guidance>(
         &mut self,
-        reservations: &Reservations,
-        distances: &Distances<'_>,
-        (agent, start, goal): (usize, Vertex, Vertex),
-        bound: usize,
+        query: &Query<'_, G>,
         random: &mut Random,
         stop: &mut dyn FnMut() -> bool,
-    ) -> Option<Vec<Vertex>> {
-        let graph = distances.graph();
-        let horizon = reservations.horizon();
-        // The last time step is kept free of arrivals so that "stays for ever" shows.
-        let bound = bound.min(horizon - 2) as u32;
-        let earliest = reservations.free_for_ever(goal) as u32;
-        let least = distances.known(agent, start).max(earliest);
-        if least > bound || reservations.busy(start, 0) {
-            return None;
+    ) -> Result<Vec<Vertex>, Miss> {
+        let Query {
+            graph,
+            hard,
+            soft,
+            route,
+            start,
+            heading,
+            ..
+        } = *query;
+        let label = route.reached(0, start);
+        let earliest = match (query.window, route.stays(), route.goals().last()) {
+            (0, true, Some(&goal)) => hard.free_for_ever(goal),
+            _ => 0,
+        };
+        let least = route.rest(label, start, heading).max(earliest);
+        if least > query.bound || least == NEVER || hard.busy(start, 0) {
+            return Err(Miss::NoPath);
         }
-        let words = graph.len() * horizon / 64;
-        if self.closed.len() < words {
-            self.closed.resize(words, 0);
-        }
-        self.states.clear();
-        for bucket in &mut self.buckets {
-            bucket.clear();
-        }
-        let needed = (bound - least + 1) as usize;
-        if self.buckets.len() < needed {
-            self.buckets.resize_with(needed, Vec::new);
-        }
-        let until = reservations.next_busy(start, 0) as u32 - 1;
-        self.states.push(State {
+        self.begin(graph);
+        let degrees = if soft.is_none() && (route.stays() || query.window > 0) {
+            1
+        } else {
+            DEGREES
+        };
+        let mut search = Search {
+            query,
+            goals: route.goals().len() as u32,
+            least,
+            degrees,
+            memory: self,
+        };
+        let step = Step {
+            parent: NONE,
             v: start,
             time: 0,
-            until,
-            parent: NONE,
-        });
-        self.buckets[0].push(0);
+            label,
+            heading,
+            rest: route.rest(label, start, heading),
+            visited: NEVER,
+            met: 0,
+        };
+        let change = soft.map_or(NEVER, |soft| soft.next_change(start, 0));
+        search.enter(step, hard.next_busy(start, 0), change);
         // Which direction comes first decides between equals.
         let turn = random.below(2 * DIRECTIONS);
-
-        let mut found = None;
-        let mut current = 0;
         let mut patience = PATIENCE;
-        while current < needed {
-            let Some(id) = self.buckets[current].pop() else {
-                current += 1;
-                continue;
-            };
-            let state = self.states[id as usize];
-            let key = state.v as usize * horizon + state.until as usize;
-            let mask = 1 << (key % 64);
-            if self.closed[key / 64] & mask != 0 {
+        while let Some(id) = search.memory.pop() {
+            let state = search.memory.states[id as usize];
+            if state.ends {
+                return Ok(self.trace(id, query.window));
+            }
+            if search.memory.is_closed(&state) {
                 continue;
             }
-            self.closed[key / 64] |= mask;
-            self.touched.push((key / 64) as u32);
-            self.expansions += 1;
-            let for_ever = state.until as usize == horizon - 1;
-            if state.v == goal && for_ever {
-                found = Some(id);
-                break;
-            }
+            search.memory.close(id);
             patience -= 1;
             if patience == 0 {
                 patience = PATIENCE;
                 if stop() {
-                    break;
+                    return Err(Miss::Stopped);
                 }
             }
-            let around = graph.around(state.v);
-            for k in 0..DIRECTIONS {
-                let d = (if turn < DIRECTIONS {
-                    k + turn
-                } else {
-                    turn - k
-                }) % DIRECTIONS;
-                let u = around[d];
-                if u == graph.wall() {
-                    continue;
-                }
-                let rest = distances.known(agent, u);
-                let latest = state
-                    .until
-                    .saturating_add(1)
-                    .min(bound.saturating_sub(rest)) as usize;
-                let back = (d + 2) % DIRECTIONS;
-                let mut time = reservations.next_free(u, state.time as usize + 1);
-                while time <= latest {
-                    let busy = reservations.next_busy(u, time);
-                    let arrival = time + usize::from(reservations.leaves(u, back, time - 1));
-                    let key = u as usize * horizon + busy - 1;
-                    if arrival < busy
-                        && arrival <= latest
-                        && self.closed[key / 64] >> (key % 64) & 1 == 0
-                    {
-                        let f = (arrival as u32 + rest).max(least);
-                        let child = self.states.len() as u32;
-                        let (time, until) = (arrival as u32, busy as u32 - 1);
-                        self.states.push(State {
-                            v: u,
-                            time,
-                            until,
-                            parent: id,
-                        });
-                        self.buckets[(f - least) as usize].push(child);
-                    }
-                    time = reservations.next_free(u, busy);
-                }
+            search.expand(id, &state, turn);
+        }
+        Err(Miss::NoPath)
+    }
+
+    fn begin(&mut self, graph: &Graph) {
+        if self.closed.len() != graph.len() || self.query == u32::MAX {
+            self.closed.clear();
+            self.closed.resize(graph.len(), (0, NONE));
+            self.query = 0;
+        }
+        self.query += 1;
+        self.states.clear();
+        for bucket in &mut self.buckets[..self.used] {
+            bucket.clear();
+        }
+        self.current = 0;
+        self.used = 0;
+    }
+
+    #[inline]
+    fn pop(&mut self) -> Option<u32> {
+        while self.current < self.used {
+            let last = self.buckets[self.current].pop();
+            if last.is_some() {
+                return last;
             }
+            self.current += 1;
         }
-        for word in self.touched.drain(..) {
-            self.closed[word as usize] = 0;
+        None
+    }
+
+    #[inline]
+    fn push(&mut self, bucket: usize, state: State) {
+        if bucket >= self.used {
+            if bucket >= self.buckets.len() {
+                self.buckets.resize_with(bucket + 1, Vec::new);
+            }
+            self.used = bucket + 1;
         }
-        found.map(|id| self.trace(id))
+        self.buckets[bucket].push(self.states.len() as u32);
+        self.states.push(state);
+    }
+
+    /// Whether the same place and interval was expanded, and no later.
+    #[inline]
+    fn is_closed(&self, state: &State) -> bool {
+        let (query, mut at) = self.closed[state.v as usize];
+        if query != self.query {
+            return false;
+        }
+        while at != NONE {
+            let other = &self.states[at as usize];
+            if other.until == state.until
+                && other.label == state.label
+                && other.heading == state.heading
+                && other.time <= state.time
+            {
+                return true;
+            }
+            at = other.next;
+        }
+        false
+    }
+
+    fn close(&mut self, id: u32) {
+        let state = &mut self.states[id as usize];
+        let head = &mut self.closed[state.v as usize];
+        state.next = if head.0 == self.query { head.1 } else { NONE };
+        *head = (self.query, id);
+        self.expansions += 1;
     }
 
     /// The path to a state: waiting happens before each move.
-    fn trace(&self, last: u32) -> Vec<Vertex> {
+    fn trace(&self, last: u32, window: u32) -> Vec<Vertex> {
         let mut state = self.states[last as usize];
         let mut path = vec![state.v; state.time as usize + 1];
         while state.parent != NONE {
@@ -164,6 +278,207 @@ impl Sipp {
             path[before.time as usize..state.time as usize].fill(before.v);
             state = before;
         }
+        if window > 0 {
+            path.truncate(window as usize + 1);
+        }
         path
+    }
+}
+
+/// Where an expansion leads.
+#[derive(Clone, Copy)]
+struct Step {
+    parent: u32,
+    v: Vertex,
+    time: u32,
+    label: u32,
+    heading: u8,
+    /// [`Guidance::rest`] from here.
+    rest: u32,
+    /// When the last goal was visited, or [`NEVER`].
+    visited: u32,
+    met: u32,
+}
+
+/// A query that is being answered.
+struct Search<'s, 'a, G> {
+    query: &'s Query<'a, G>,
+    goals: u32,
+    least: u32,
+    degrees: u32,
+    memory: &'s mut Sipp,
+}
+
+impl<G: Guidance> Search<'_, '_, G> {
+    #[inline]
+    fn expand(&mut self, id: u32, state: &State, turn: usize) {
+        let Query {
+            graph,
+            hard,
+            route,
+            turning,
+            bound,
+            ..
+        } = *self.query;
+        let &State { v, time, until, .. } = state;
+        let here = Step {
+            parent: id,
+            v,
+            time,
+            label: state.label,
+            heading: state.heading,
+            rest: 0,
+            visited: state.visited,
+            met: state.met,
+        };
+        if turning {
+            for heading in [(here.heading + 1) % 4, (here.heading + 3) % 4] {
+                self.stay(here, until, time + 1, heading);
+            }
+        }
+        if until != NEVER && self.query.soft.is_some() {
+            self.stay(here, until, until + 1, here.heading);
+        }
+        let around = graph.around(v);
+        for k in 0..DIRECTIONS {
+            let d = (if turn < DIRECTIONS {
+                k + turn
+            } else {
+                turn - k
+            }) % DIRECTIONS;
+            let u = around[d];
+            if u == graph.wall() || turning && d != usize::from(here.heading) {
+                continue;
+            }
+            let label = route.reached(here.label, u);
+            let rest = route.rest(label, u, here.heading);
+            let latest = until.saturating_add(1).min(bound.saturating_sub(rest));
+            let back = (d + 2) % DIRECTIONS;
+            let step = Step {
+                v: u,
+                label,
+                rest,
+                ..here
+            };
+            let mut first = hard.next_free(u, time + 1);
+            while first <= latest {
+                let busy = hard.next_busy(u, first);
+                // Whoever leaves as we come must not come to where we leave from.
+                let blocked = if self.query.cycles {
+                    hard.leaves(u, back, first - 1)
+                } else {
+                    hard.closes_ring(graph, v, u, first - 1)
+                };
+                if !blocked {
+                    let step = Step {
+                        time: first,
+                        ..step
+                    };
+                    self.arrive(step, busy, latest, back);
+                }
+                if busy == NEVER {
+                    break;
+                }
+                first = hard.next_free(u, busy);
+            }
+        }
+    }
+
+    /// Arrivals at a vertex in the safe interval that begins at the time of `step` and ends
+    /// before `busy`.
+    #[inline]
+    fn arrive(&mut self, step: Step, busy: u32, latest: u32, back: usize) {
+        let Some(soft) = self.query.soft else {
+            self.enter(step, busy, NEVER);
+            return;
+        };
+        let mut time = step.time;
+        while time < busy && time <= latest {
+            let met = soft.busy(step.v, time) || soft.leaves(step.v, back, time - 1);
+            let change = soft.next_change(step.v, time);
+            let step = Step {
+                time,
+                met: step.met + u32::from(met),
+                ..step
+            };
+            self.enter(step, busy, change);
+            time = change;
+        }
+    }
+
+    /// What can be done without a move: to turn, and to stay although somebody comes that
+    /// is better not met, or has gone.
+    fn stay(&mut self, here: Step, until: u32, time: u32, heading: u8) {
+        let Query {
+            hard, soft, route, ..
+        } = *self.query;
+        let rest = route.rest(here.label, here.v, heading);
+        if hard.busy(here.v, time) || time > self.query.bound.saturating_sub(rest) {
+            return;
+        }
+        // Whoever is here all the time has been counted.
+        let met = time > until && soft.is_some_and(|soft| soft.busy(here.v, time));
+        let step = Step {
+            time,
+            heading,
+            rest,
+            met: here.met + u32::from(met),
+            ..here
+        };
+        let change = soft.map_or(NEVER, |soft| soft.next_change(here.v, time));
+        self.enter(step, hard.next_busy(here.v, time), change);
+    }
+
+    /// Puts a state on the open list. Nobody is in the way until before `busy`, and nothing
+    /// changes about soft collisions until before `change`.
+    #[inline]
+    fn enter(&mut self, step: Step, busy: u32, change: u32) {
+        let Query {
+            soft,
+            route,
+            window,
+            ..
+        } = *self.query;
+        let (v, time) = (step.v, step.time);
+        let done = step.label == self.goals;
+        let visited = if done { step.visited.min(time) } else { NEVER };
+        let settled = busy == NEVER
+            && (done
+                || step.label + 1 == self.goals
+                    && route.stays()
+                    && route.goals().last() == Some(&v));
+        let ends = settled || window > 0 && time >= window;
+        let until = match busy.min(change) {
+            NEVER => NEVER,
+            end => end - 1,
+        };
+        let state = State {
+            v,
+            time,
+            until,
+            parent: step.parent,
+            next: NONE,
+            visited,
+            label: step.label,
+            met: step.met,
+            heading: step.heading,
+            ends,
+        };
+        if self.memory.is_closed(&state) {
+            return;
+        }
+        let mut degree = step.met;
+        if ends && let Some(soft) = soft {
+            degree += soft.visits(v, change, self.degrees);
+        }
+        let length = if done {
+            degree += time - visited;
+            visited
+        } else {
+            time.saturating_add(step.rest)
+        };
+        let bucket =
+            (length.max(self.least) - self.least) * self.degrees + degree.min(self.degrees - 1);
+        self.memory.push(bucket as usize, state);
     }
 }

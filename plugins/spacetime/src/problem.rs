@@ -1,0 +1,383 @@
+//! What a planner is asked, over vertices and with the tables that searches need; and
+//! what is wrong with it if something is.
+
+use std::sync::Arc;
+
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Environment, Instance, Motion, Status};
+use thiserror::Error;
+
+use crate::distance::{MAX_DISTANCE, Table, Tables};
+use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
+use crate::sipp::Guidance;
+
+/// Why there is nothing to plan for.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum ProblemError {
+    /// A kind of map, motion or instance that the planners here do not know.
+    #[error("{what} not supported")]
+    Unsupported {
+        /// "eight-connected grids are", …
+        what: &'static str,
+    },
+    /// Lists of different lengths, an agent without goal, a cell that is off the map.
+    #[error("{reason}")]
+    Malformed {
+        /// What does not fit.
+        reason: String,
+    },
+    /// A start or goal on an obstacle.
+    #[error("agent {agent}: {what} cell {cell} is not a passable cell of the map")]
+    Blocked {
+        /// Agent index.
+        agent: usize,
+        /// "start" or "goal".
+        what: &'static str,
+        /// The cell.
+        cell: u32,
+    },
+    /// Two agents share a start.
+    #[error("agents {first} and {second} have the same start cell {cell}")]
+    Duplicate {
+        /// The agent with the lower index.
+        first: usize,
+        /// The other one.
+        second: usize,
+        /// The cell.
+        cell: u32,
+    },
+    /// No path leads from a start or goal to the next goal, or only one longer than
+    /// supported.
+    #[error("agent {agent}: no path of at most {limit} steps from cell {from} to cell {goal}")]
+    Unreachable {
+        /// Agent index.
+        agent: usize,
+        /// Where it begins.
+        from: u32,
+        /// Goal cell.
+        goal: u32,
+        /// Longest supported path.
+        limit: u32,
+    },
+    /// The tables of all goals exceed what they may take.
+    #[error("the distance tables of {goals} goals exceed the limit of {limit} bytes")]
+    Memory {
+        /// Goals whose table was wanted so far.
+        goals: usize,
+        /// The limit.
+        limit: u64,
+    },
+    /// Time was up before all tables were made.
+    #[error("the budget ended before the distances to all goals were known")]
+    Stopped,
+}
+
+impl ProblemError {
+    /// What the user can do about it.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::Unsupported { .. } => "take a planner that claims this capability",
+            Self::Malformed { .. } => "give one start and at least one goal per agent",
+            Self::Blocked { .. } => {
+                "check that coordinates are not swapped: cell = row · cols + col"
+            }
+            Self::Duplicate { .. } => "give every agent a start of its own",
+            Self::Unreachable { .. } => {
+                "start and goals must lie in the same connected part of the map"
+            }
+            Self::Memory { .. } => "give a larger limit of memory, or fewer goals at a time",
+            Self::Stopped => "give more time",
+        }
+    }
+
+    /// The claim that goes with it.
+    pub fn status(&self) -> Status {
+        match self {
+            Self::Unsupported { .. } => Status::Unsupported,
+            Self::Memory { .. } => Status::GaveUp,
+            Self::Stopped => Status::TimedOut,
+            _ => Status::InvalidInput,
+        }
+    }
+}
+
+impl From<ProblemError> for Failure {
+    fn from(error: ProblemError) -> Self {
+        Failure::new(error.status(), format!("{error}; hint: {}", error.hint()))
+    }
+}
+
+/// What an agent has to do when it has visited its last goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum GoalRule {
+    /// It stays there for good (standard MAPF: Stern et al., SoCS 2019). Where several
+    /// agents share their last goal only one could: for these a visit is enough.
+    #[default]
+    Stay,
+    /// It may go anywhere, as long as it is in nobody's way (MAPF4L: Morag, Felner, Stern,
+    /// Atzmon, Boyarski 2025).
+    Transient,
+}
+
+/// What stays between calls: the map as a graph, and tables of distances.
+#[derive(Debug)]
+pub struct Ground {
+    graph: Arc<Graph>,
+    cells: usize,
+    tables: Tables,
+}
+
+impl Ground {
+    /// A map, and how many bytes the tables that are kept between calls may take.
+    pub fn new(environment: &Environment, limit: u64) -> Result<Self, ProblemError> {
+        let Some(grid) = environment.grid() else {
+            let what = "other maps than grids are";
+            return Err(ProblemError::Unsupported { what });
+        };
+        if grid.connectivity != 4 {
+            let what = "eight-connected grids are";
+            return Err(ProblemError::Unsupported { what });
+        }
+        let (rows, cols) = (grid.rows as usize, grid.cols as usize);
+        if rows.checked_mul(cols) != Some(grid.passable.len())
+            || grid.passable.len() >= u32::MAX as usize / DIRECTIONS
+        {
+            let reason = format!("a map of {rows} × {cols} cells cannot be searched");
+            return Err(ProblemError::Malformed { reason });
+        }
+        let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
+        Ok(Self {
+            graph: Arc::new(Graph::new(rows, cols, &passable)),
+            cells: passable.len(),
+            tables: Tables::new(limit),
+        })
+    }
+
+    /// The graph.
+    pub fn graph(&self) -> &Arc<Graph> {
+        &self.graph
+    }
+
+    /// The tables that are kept.
+    pub fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    /// What an instance asks. `stop`, asked between tables, ends the work early.
+    pub fn problem(
+        &mut self,
+        instance: &Instance,
+        rule: GoalRule,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Result<Problem, ProblemError> {
+        let turning = match instance.motion {
+            Motion::Pebble => false,
+            Motion::Rotation => true,
+            Motion::AnyAngle => {
+                let what = "any-angle motion is";
+                return Err(ProblemError::Unsupported { what });
+            }
+        };
+        let malformed = |reason| ProblemError::Malformed { reason };
+        instance.check(self.cells).map_err(malformed)?;
+        let graph = Arc::clone(&self.graph);
+        let vertex = |agent: usize, what: &'static str, cell: u32| {
+            let blocked = ProblemError::Blocked { agent, what, cell };
+            graph.vertex(cell).ok_or(blocked)
+        };
+        let mut owner = vec![None; graph.len()];
+        let mut last_goals = vec![0_u32; graph.len()];
+        let mut starts = Vec::with_capacity(instance.agents());
+        for (first, (&cell, goals)) in instance
+            .starts
+            .iter()
+            .zip(instance.goals.iter())
+            .enumerate()
+        {
+            let start = vertex(first, "start", cell)?;
+            if let Some(before) = owner[start as usize].replace(first) {
+                let (first, second) = (before, first);
+                return Err(ProblemError::Duplicate {
+                    first,
+                    second,
+                    cell,
+                });
+            }
+            starts.push(start);
+            if let Some(&last) = goals.last() {
+                last_goals[vertex(first, "goal", last)? as usize] += 1;
+            }
+        }
+        self.tables.begin();
+        let mut routes = Vec::with_capacity(starts.len());
+        let mut wanted = 0;
+        for (agent, &start) in starts.iter().enumerate() {
+            let heading = instance
+                .headings
+                .as_ref()
+                .map_or(1, |all| direction(all[agent]));
+            let mut route = Route {
+                start,
+                heading,
+                goals: Vec::new(),
+                stays: false,
+                tables: Vec::new(),
+                after: Vec::new(),
+            };
+            for &cell in instance.goals.get(agent) {
+                let goal = vertex(agent, "goal", cell)?;
+                wanted += 1;
+                let memory = ProblemError::Memory {
+                    goals: wanted,
+                    limit: self.tables.limit(),
+                };
+                let table = self.tables.get(&graph, goal, turning).ok_or(memory)?;
+                route.goals.push(goal);
+                route.tables.push(table);
+                if stop() {
+                    return Err(ProblemError::Stopped);
+                }
+            }
+            route
+                .connect()
+                .map_err(|(from, goal)| ProblemError::Unreachable {
+                    agent,
+                    from: graph.cell(from),
+                    goal: graph.cell(goal),
+                    limit: MAX_DISTANCE,
+                })?;
+            let shared = route
+                .goals
+                .last()
+                .is_some_and(|&v| last_goals[v as usize] > 1);
+            route.stays = rule == GoalRule::Stay && instance.window_steps == 0 && !shared;
+            routes.push(route);
+        }
+        Ok(Problem {
+            graph,
+            routes,
+            turning,
+            window: instance.window_steps,
+            cycles: true,
+        })
+    }
+}
+
+/// A team with its goals, ready to be searched for.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// The map.
+    pub graph: Arc<Graph>,
+    /// One per agent.
+    pub routes: Vec<Route>,
+    /// Whether turning by 90° takes a step.
+    pub turning: bool,
+    /// Collisions after this many steps do not matter; 0: all do. In a window an agent that
+    /// has visited all its goals goes out of the way of others.
+    pub window: u32,
+    /// Whether agents may move round in a ring in one step.
+    pub cycles: bool,
+}
+
+impl Problem {
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.routes.len()
+    }
+
+    /// The sum of the shortest ways through all goals, which no plan can beat.
+    pub fn lower_bound(&self) -> u64 {
+        self.routes
+            .iter()
+            .map(|route| u64::from(route.length()))
+            .sum()
+    }
+
+    /// The paths as cells of the grid, one per agent.
+    pub fn plan<P: AsRef<[Vertex]>>(
+        &self,
+        paths: impl IntoIterator<Item = P>,
+    ) -> fleetyard_abi::Plan {
+        let mut plan = fleetyard_abi::Plan::default();
+        let mut cells = Vec::new();
+        for path in paths {
+            cells.clear();
+            cells.extend(path.as_ref().iter().map(|&v| self.graph.cell(v)));
+            plan.push_path(&cells);
+        }
+        plan
+    }
+}
+
+/// Where an agent begins and what it has to visit, in order.
+#[derive(Debug, Clone)]
+pub struct Route {
+    /// Where it is.
+    pub start: Vertex,
+    /// Where it looks: a direction of [`Graph::around`].
+    pub heading: u8,
+    /// What it visits, in order; at least one.
+    pub goals: Vec<Vertex>,
+    /// Whether it has to stay at the last goal.
+    pub stays: bool,
+    tables: Vec<Arc<Table>>,
+    /// Per goal, least steps from there through all later ones.
+    after: Vec<u32>,
+}
+
+impl Route {
+    /// Adds up the way through the goals, or says which part does not exist.
+    fn connect(&mut self) -> Result<(), (Vertex, Vertex)> {
+        let first = self
+            .tables
+            .first()
+            .map(|table| table.get(self.start, self.heading));
+        if first.is_none_or(|steps| steps > MAX_DISTANCE) {
+            return Err((
+                self.start,
+                self.goals.first().copied().unwrap_or(self.start),
+            ));
+        }
+        self.after = vec![0; self.goals.len()];
+        for next in (1..self.goals.len()).rev() {
+            let (from, goal) = (self.goals[next - 1], self.goals[next]);
+            let steps = self.tables[next].least(from);
+            if steps > MAX_DISTANCE {
+                return Err((from, goal));
+            }
+            self.after[next - 1] = self.after[next].saturating_add(steps);
+        }
+        Ok(())
+    }
+
+    /// Least steps from the start through all goals.
+    pub fn length(&self) -> u32 {
+        self.rest(self.reached(0, self.start), self.start, self.heading)
+    }
+
+    /// The table of goal number `label`.
+    pub fn table(&self, label: usize) -> &Arc<Table> {
+        &self.tables[label]
+    }
+}
+
+impl Guidance for Route {
+    fn goals(&self) -> &[Vertex] {
+        &self.goals
+    }
+
+    fn stays(&self) -> bool {
+        self.stays
+    }
+
+    #[inline]
+    fn rest(&self, label: u32, v: Vertex, heading: u8) -> u32 {
+        match self.tables.get(label as usize) {
+            Some(table) => table
+                .get(v, heading)
+                .saturating_add(self.after[label as usize]),
+            None => 0,
+        }
+    }
+}
