@@ -1,10 +1,11 @@
-//! Planners before and while they are asked.
+//! Plugins before and while they are asked.
 
 use std::path::PathBuf;
 
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, Motion, SharedEnvironment};
 use fleetyard_check::PathRule;
 use fleetyard_core::{Digest, GridInstance};
+use fleetyard_fleet::{Module, ModuleInfo};
 use fleetyard_runtime::{
     Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
     Standing, check_options, parse_option,
@@ -13,11 +14,12 @@ use serde_json::{Map, Value};
 
 use crate::trial_error::TrialError;
 
-/// A planner that was found, not yet started.
+/// A plugin that was found, not yet started.
 #[derive(Debug, Clone)]
 pub struct Candidate {
     /// What it is called in messages and tables.
     pub name: String,
+    kind: Kind,
     file: PluginFile,
     id: Option<String>,
     digest: Option<Digest>,
@@ -25,10 +27,10 @@ pub struct Candidate {
     standing: Standing,
 }
 
-/// Options of a planner, as they were given.
+/// Options of a plugin, as they were given.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GivenOptions {
-    /// `NAME=VALUE` each, to be read by the planner's schema.
+    /// `NAME=VALUE` each, to be read by the plugin's schema.
     Texts(Vec<String>),
     /// Values with their types.
     Values(Map<String, Value>),
@@ -58,8 +60,8 @@ impl GivenOptions {
 }
 
 impl Candidate {
-    /// What a search for `name` found.
-    pub fn new(runtime: &Runtime, found: Found, name: &str) -> Result<Self, Fault> {
+    /// What a search for a plugin of this kind by `name` found.
+    pub fn new(runtime: &Runtime, found: Found, kind: Kind, name: &str) -> Result<Self, Fault> {
         let Found {
             file, origin, id, ..
         } = found;
@@ -72,6 +74,7 @@ impl Candidate {
         let standing = runtime.limits().trust.standing(&file);
         Ok(Self {
             name,
+            kind,
             file,
             id,
             digest,
@@ -105,7 +108,7 @@ impl Candidate {
         wanted.unwrap_or(self.file.default_attach())
     }
 
-    /// Starts the planner, which takes its options.
+    /// Starts the plugin and reads its options; it is not made yet.
     pub fn start(
         &self,
         runtime: &Runtime,
@@ -117,7 +120,7 @@ impl Candidate {
         if self.file.code()? != self.code {
             session.close();
             return Err(TrialError::CodeChanged {
-                planner: self.name.clone(),
+                name: self.name.clone(),
             });
         }
         let descriptor = self.choose(session.descriptors())?;
@@ -132,25 +135,67 @@ impl Candidate {
         })
     }
 
+    /// Starts and makes the plugin for a run of a fleet.
+    pub fn module(
+        &self,
+        runtime: &Runtime,
+        attach: Option<Attach>,
+        options: &GivenOptions,
+    ) -> Result<Module, TrialError> {
+        let attach = self.attach(attach);
+        let Running {
+            mut session,
+            descriptor,
+            options,
+            ..
+        } = self.start(runtime, attach, options)?;
+        let (kind, id) = (self.kind, descriptor.id);
+        session.create(kind, &id, Value::Object(options.clone()))?;
+        let info = ModuleInfo {
+            kind,
+            name: self.name.clone(),
+            id: id.clone(),
+            version: descriptor.version,
+            attach: attach.name().to_owned(),
+            digest: self.digest,
+            options: options.clone(),
+        };
+        let (runtime, file) = (runtime.clone(), self.file.clone());
+        let start = move || {
+            let mut session = runtime.open(&file, attach)?;
+            session.create(kind, &id, Value::Object(options.clone()))?;
+            Ok(session)
+        };
+        Ok(Module::new(
+            info,
+            descriptor.capabilities,
+            session,
+            Box::new(start),
+        ))
+    }
+
     fn choose(&self, descriptors: &[Descriptor]) -> Result<Descriptor, TrialError> {
-        let planners: Vec<_> = descriptors
+        let kind = self.kind;
+        let plugins: Vec<_> = descriptors
             .iter()
-            .filter(|descriptor| descriptor.kind == Kind::Planner)
+            .filter(|descriptor| descriptor.kind == kind)
             .collect();
-        let ids = || planners.iter().map(|planner| planner.id.clone()).collect();
-        let chosen = match (&self.id, planners.as_slice()) {
-            (Some(id), planners) => planners.iter().find(|planner| planner.id == *id).copied(),
+        let ids = || plugins.iter().map(|plugin| plugin.id.clone()).collect();
+        let chosen = match (&self.id, plugins.as_slice()) {
+            (Some(id), plugins) => plugins.iter().find(|plugin| plugin.id == *id).copied(),
             (None, [only]) => Some(*only),
             (None, []) => None,
             (None, _) => {
-                return Err(TrialError::SeveralPlanners {
+                return Err(TrialError::SeveralPlugins {
                     file: self.name.clone(),
+                    kind,
                     ids: ids(),
                 });
             }
         };
-        chosen.cloned().ok_or_else(|| TrialError::NoPlanner {
+        chosen.cloned().ok_or_else(|| TrialError::NoPlugin {
             file: self.name.clone(),
+            kind,
             wanted: self.id.clone(),
             ids: ids(),
         })

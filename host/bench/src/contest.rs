@@ -295,7 +295,7 @@ impl Entrant {
             }
         };
         let found = found.map_err(|fault| blamed(fault.into()))?;
-        let candidate = Candidate::new(runtime, found, &contestant.plugin)
+        let candidate = Candidate::new(runtime, found, Kind::Planner, &contestant.plugin)
             .map_err(|fault: Fault| blamed(fault.into()))?;
         let attach = candidate.attach(contestant.attach);
         let given = GivenOptions::Values(contestant.options.clone());

@@ -1,6 +1,6 @@
 //! Why a trial could not be made, as opposed to how it went.
 
-use fleetyard_abi::Capability;
+use fleetyard_abi::{Capability, Kind};
 use fleetyard_core::InputError;
 use fleetyard_runtime::{Fault, OptionError};
 use fleetyard_sim::SimError;
@@ -26,29 +26,37 @@ pub enum TrialError {
     /// There are no such robots.
     #[error(transparent)]
     Robots(#[from] RobotsError),
-    /// A file has several planners, and none was named.
-    #[error("{file} has several planners: {}", ids.join(", "))]
-    SeveralPlanners {
-        /// The plugin's name.
+    /// A file has several plugins of the kind, and none was named.
+    #[error("{file} has several {}: {}", plural(*kind), ids.join(", "))]
+    SeveralPlugins {
+        /// The file's name.
         file: String,
-        /// Its planners.
+        /// The kind that is wanted.
+        kind: Kind,
+        /// Its plugins of the kind.
         ids: Vec<String>,
     },
-    /// A file has no planner, or not the one that is wanted.
-    #[error("{file} has no planner{}", wanted.as_ref().map_or(String::new(), |id| format!(" `{id}`")))]
-    NoPlanner {
-        /// The plugin's name.
+    /// A file has no plugin of the kind, or not the one that is wanted.
+    #[error(
+        "{file} has no {}{}",
+        kind.as_str().replace('-', " "),
+        wanted.as_ref().map_or(String::new(), |id| format!(" `{id}`"))
+    )]
+    NoPlugin {
+        /// The file's name.
         file: String,
-        /// The planner that is wanted.
+        /// The kind that is wanted.
+        kind: Kind,
+        /// The plugin that is wanted.
         wanted: Option<String>,
         /// Those that it has.
         ids: Vec<String>,
     },
     /// A plugin is no longer what it was when the command began.
-    #[error("{planner}: its code was changed meanwhile")]
+    #[error("{name}: its code was changed meanwhile")]
     CodeChanged {
         /// The plugin's name.
-        planner: String,
+        name: String,
     },
     /// A planner does not claim what the instance needs.
     #[error("planner `{planner}` does not support `{}`", missing.as_str())]
@@ -64,6 +72,15 @@ pub enum TrialError {
     },
 }
 
+fn plural(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Planner => "planners",
+        Kind::FailPolicy => "fail policies",
+        Kind::InstanceGenerator => "instance generators",
+        Kind::InvocationPolicy => "invocation policies",
+    }
+}
+
 impl TrialError {
     /// What to do about it.
     pub fn hint(&self) -> Option<String> {
@@ -73,9 +90,9 @@ impl TrialError {
             Self::Fault(fault) => fault.hint().map(str::to_owned),
             Self::Simulation(error) => error.hint().map(str::to_owned),
             Self::Robots(error) => error.hint().map(str::to_owned),
-            Self::SeveralPlanners { .. } => Some("write PATH:ID to choose one of them".to_owned()),
-            Self::NoPlanner { ids, .. } if ids.is_empty() => None,
-            Self::NoPlanner { ids, .. } => Some(format!("it has {}", ids.join(", "))),
+            Self::SeveralPlugins { .. } => Some("write PATH:ID to choose one of them".to_owned()),
+            Self::NoPlugin { ids, .. } if ids.is_empty() => None,
+            Self::NoPlugin { ids, .. } => Some(format!("it has {}", ids.join(", "))),
             Self::CodeChanged { .. } => Some("run the command again".to_owned()),
             Self::Incapable {
                 missing: Capability::Pebble,

@@ -153,8 +153,8 @@ impl From<TrialError> for Failure {
             TrialError::Options(error) => return error.into(),
             TrialError::Fault(fault) => return fault.into(),
             TrialError::Simulation(error) => return error.into(),
-            TrialError::Robots(_) | TrialError::SeveralPlanners { .. } => Exit::Usage,
-            TrialError::NoPlanner { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
+            TrialError::Robots(_) | TrialError::SeveralPlugins { .. } => Exit::Usage,
+            TrialError::NoPlugin { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
             TrialError::Incapable { .. } => Exit::NoPlan,
         };
         Self {

@@ -97,8 +97,13 @@ pub(crate) fn policy(grants: &GrantArgs) -> Result<Policy> {
 
 /// A planner by path, `PATH:ID` or identifier.
 pub(crate) fn candidate(runtime: &Runtime, name: &str) -> Result<Candidate> {
-    let found = find(runtime, Some(Kind::Planner), name)?;
-    Ok(Candidate::new(runtime, found, name)?)
+    candidate_of(runtime, Kind::Planner, name)
+}
+
+/// The same of any kind.
+pub(crate) fn candidate_of(runtime: &Runtime, kind: Kind, name: &str) -> Result<Candidate> {
+    let found = find(runtime, Some(kind), name)?;
+    Ok(Candidate::new(runtime, found, kind, name)?)
 }
 
 /// Finds a plugin by path, `PATH:ID` or identifier, and says what the user should know

@@ -41,6 +41,18 @@ pub enum Attach {
     Command,
 }
 
+impl Attach {
+    /// Its name in records and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::InProcess => "in-process",
+            Self::Worker => "worker",
+            Self::Stdio => "stdio",
+            Self::Command => "command",
+        }
+    }
+}
+
 /// A file of a plugin's code.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -102,12 +102,7 @@ fn table(files: &[Listed]) -> String {
     let mut rows = Vec::new();
     for file in files {
         let place = file.path.clone().unwrap_or_else(|| file.origin.clone());
-        let attach = match file.attach {
-            Attach::InProcess => "in-process",
-            Attach::Worker => "worker",
-            Attach::Stdio => "stdio",
-            Attach::Command => "command",
-        };
+        let attach = file.attach.name();
         let contract = file
             .contract
             .as_ref()

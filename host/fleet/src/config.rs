@@ -1,0 +1,277 @@
+//! What the caller decides about a run: the numbers that the command and suites give.
+
+use fleetyard_abi::{Kind, Motion};
+use fleetyard_core::Hasher;
+use fleetyard_sim::SimConfig;
+use serde::{Deserialize, Serialize};
+
+use crate::FleetError;
+
+/// When an answer takes effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clock {
+    /// Just [`FleetConfig::limit_s`] of simulated time after the call, whatever the wall
+    /// clock did: a run is the same everywhere.
+    #[default]
+    Lockstep,
+    /// When it is there, while simulated time follows the wall clock.
+    Realtime,
+}
+
+/// Where goals come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Assign {
+    /// Tasks if there are some, roles if the map has them, and random cells else.
+    #[default]
+    Auto,
+    /// Free cells at random.
+    Random,
+    /// Workstations and endpoints of the map in turn.
+    Roles,
+    /// A list of tasks that are revealed as others are done.
+    Tasks,
+}
+
+/// What every call of a plugin may use beside its wall-clock time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Allowance {
+    /// Wall-clock time for learning the map, in seconds.
+    pub prepare_s: f64,
+    /// Wall-clock time of a call of the generator, the fail policy or the invocation
+    /// policy, in seconds. The planner has [`FleetConfig::limit_s`].
+    pub call_s: f64,
+    /// Most threads at a time.
+    pub threads: u32,
+    /// Memory in bytes; 0 for no limit.
+    pub memory_bytes: u64,
+    /// Most search nodes of the planner; 0 for no limit.
+    pub nodes: u64,
+}
+
+impl Default for Allowance {
+    fn default() -> Self {
+        Self {
+            prepare_s: 60.0,
+            call_s: 10.0,
+            threads: 1,
+            memory_bytes: 0,
+            nodes: 0,
+        }
+    }
+}
+
+/// Everything that decides about a run but the map, the robots and the plugins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FleetConfig {
+    /// Number of robots.
+    pub agents: u32,
+    /// Length of the run in simulated seconds; rounded up to whole blocks.
+    pub duration_s: f64,
+    /// Planning window W in seconds; 0 for none.
+    pub window_s: f64,
+    /// Limit T of a planner's call in seconds, rounded up to whole blocks.
+    pub limit_s: f64,
+    /// When an answer takes effect.
+    pub clock: Clock,
+    /// Seed of everything random: starts, goals, and the seeds of calls.
+    pub seed: u64,
+    /// How planners see the robots move.
+    pub motion: Motion,
+    /// Most unfinished actions that a robot has been sent.
+    pub queue: u32,
+    /// How long a robot stays where it reached a goal, in seconds.
+    pub dwell_s: f64,
+    /// Where goals come from.
+    pub assign: Assign,
+    /// How many tasks are revealed at a time, as a multiple of the robots.
+    pub reveal: f64,
+    /// The host calls the planner by itself when for so many seconds no robot had
+    /// anything left to do and the invocation policy did not call.
+    pub watchdog_s: f64,
+    /// Simulated seconds between two points of the series.
+    pub series_s: f64,
+    /// What calls may use.
+    pub allowance: Allowance,
+    /// Cells, steps, blocks, disturbances. A step is also ε, the least time of an action.
+    pub sim: SimConfig,
+}
+
+impl Default for FleetConfig {
+    fn default() -> Self {
+        Self {
+            agents: 1,
+            duration_s: 600.0,
+            window_s: 10.0,
+            limit_s: 1.0,
+            clock: Clock::Lockstep,
+            seed: 0,
+            motion: Motion::Pebble,
+            queue: 5,
+            dwell_s: 0.0,
+            assign: Assign::Auto,
+            reveal: 1.5,
+            watchdog_s: 10.0,
+            series_s: 1.0,
+            allowance: Allowance::default(),
+            sim: SimConfig::default(),
+        }
+    }
+}
+
+impl FleetConfig {
+    /// Whether a run is possible with these numbers.
+    pub fn validate(&self) -> Result<(), FleetError> {
+        let range = |field, value: f64, low: f64, high: f64, hint| {
+            // Written so that NaN is out of range.
+            if value >= low && value <= high {
+                Ok(())
+            } else {
+                Err(FleetError::Config { field, value, hint })
+            }
+        };
+        let day = 86_400.0;
+        range(
+            "agents",
+            f64::from(self.agents),
+            1.0,
+            1e6,
+            "give 1 to 1000000 robots",
+        )?;
+        range(
+            "duration_s",
+            self.duration_s,
+            1e-3,
+            366.0 * day,
+            "give more than nothing and less than a year",
+        )?;
+        range(
+            "window_s",
+            self.window_s,
+            0.0,
+            day,
+            "give seconds up to a day; 0 for no window",
+        )?;
+        range(
+            "limit_s",
+            self.limit_s,
+            1e-3,
+            day,
+            "give seconds between 0.001 and a day",
+        )?;
+        range(
+            "queue",
+            f64::from(self.queue),
+            1.0,
+            1e4,
+            "give 1 to 10000 actions; five are usual",
+        )?;
+        range("dwell_s", self.dwell_s, 0.0, day, "give seconds, 0 or more")?;
+        range(
+            "reveal",
+            self.reveal,
+            1.0,
+            1e6,
+            "give at least one task per robot",
+        )?;
+        range(
+            "watchdog_s",
+            self.watchdog_s,
+            1e-3,
+            day,
+            "give seconds between 0.001 and a day",
+        )?;
+        range(
+            "series_s",
+            self.series_s,
+            1e-3,
+            day,
+            "give seconds between 0.001 and a day",
+        )?;
+        let Allowance {
+            prepare_s, call_s, ..
+        } = self.allowance;
+        for (field, value) in [
+            ("allowance.prepare_s", prepare_s),
+            ("allowance.call_s", call_s),
+        ] {
+            range(
+                field,
+                value,
+                1e-3,
+                day,
+                "give seconds between 0.001 and a day",
+            )?;
+        }
+        Ok(self.sim.validate()?)
+    }
+
+    /// The window in steps of planners; 0 for none.
+    pub fn window_steps(&self) -> u32 {
+        (self.window_s / self.sim.step_s).ceil() as u32
+    }
+
+    /// How many actions a robot may do while a planner is called: K = ⌈T / ε⌉.
+    pub fn lookahead(&self) -> u32 {
+        (self.limit_s / self.sim.step_s).ceil() as u32
+    }
+
+    /// The seed of call number `call` of a module. A plugin needs no memory of earlier
+    /// calls, so that a run which is replayed or resumed asks for the same.
+    pub fn call_seed(&self, kind: Kind, call: u64) -> u64 {
+        let mut hasher = Hasher::new("fleetyard.fleet-call/1");
+        hasher.u64(self.seed);
+        hasher.bytes(kind.as_str().as_bytes());
+        hasher.u64(call);
+        hasher.finish().0 as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_depend_on_run_module_and_call() {
+        let config = FleetConfig::default();
+        let other = FleetConfig {
+            seed: 1,
+            ..FleetConfig::default()
+        };
+        let mut seeds = vec![
+            config.call_seed(Kind::Planner, 0),
+            config.call_seed(Kind::Planner, 1),
+            config.call_seed(Kind::FailPolicy, 0),
+            other.call_seed(Kind::Planner, 0),
+        ];
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 4);
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_named() {
+        let config = FleetConfig {
+            limit_s: f64::NAN,
+            ..FleetConfig::default()
+        };
+        let error = config.validate().unwrap_err();
+        assert!(error.to_string().contains("limit_s"), "{error}");
+        assert!(error.hint().is_some());
+    }
+
+    #[test]
+    fn windows_and_looks_ahead_are_rounded_up() {
+        let mut config = FleetConfig {
+            window_s: 10.0,
+            limit_s: 1.2,
+            ..FleetConfig::default()
+        };
+        config.sim.step_s = 0.5;
+        assert_eq!(config.window_steps(), 20);
+        assert_eq!(config.lookahead(), 3);
+    }
+}

@@ -1,0 +1,64 @@
+//! Why a run could not be made, as opposed to how it went.
+
+use fleetyard_abi::Capability;
+use fleetyard_core::InputError;
+use fleetyard_runtime::Fault;
+use fleetyard_sim::SimError;
+
+/// Why a run could not be made or had to be broken off. What goes wrong with a plugin
+/// once the robots drive is no such error: it is among the run's events.
+#[derive(Debug, thiserror::Error)]
+pub enum FleetError {
+    /// A number is out of range.
+    #[error("{field} is out of range: {value}")]
+    Config {
+        /// Its name.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        hint: &'static str,
+    },
+    /// Something that was read is wrong.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The robots cannot drive so, or the trace cannot be written.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// A plugin did not start.
+    #[error("{kind} `{name}` {fault}")]
+    Start {
+        /// Its kind.
+        kind: fleetyard_abi::Kind,
+        /// What the user calls it.
+        name: String,
+        /// Why.
+        fault: Fault,
+    },
+    /// A plugin does not claim what the run needs.
+    #[error("planner `{name}` does not support `{}`", missing.as_str())]
+    Incapable {
+        /// What the user calls it.
+        name: String,
+        /// What is needed.
+        missing: Capability,
+        /// What to do about it.
+        hint: &'static str,
+    },
+    /// The host broke a rule of its own.
+    #[error("{0}")]
+    Broken(String),
+}
+
+impl FleetError {
+    /// What to do about it.
+    pub fn hint(&self) -> Option<&str> {
+        match self {
+            Self::Config { hint, .. } | Self::Incapable { hint, .. } => Some(hint),
+            Self::Input(error) => error.hint.as_deref(),
+            Self::Sim(error) => error.hint(),
+            Self::Start { fault, .. } => fault.hint(),
+            Self::Broken(_) => None,
+        }
+    }
+}

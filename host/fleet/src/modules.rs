@@ -1,0 +1,173 @@
+//! The four plugins of a run, and how each is started again when it has died.
+
+// What runs them is still to come.
+#![allow(dead_code)]
+
+use std::time::Duration;
+
+use fleetyard_abi::{Budget, Capabilities, Kind, SharedEnvironment};
+use fleetyard_core::Digest;
+use fleetyard_runtime::{Closing, Fault, Session};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+/// What is recorded of a plugin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModuleInfo {
+    /// What it does in the run.
+    pub kind: Kind,
+    /// What the user calls it: an identifier or a path.
+    pub name: String,
+    /// Its identifier.
+    pub id: String,
+    /// Its version.
+    pub version: String,
+    /// How it is attached: `in-process`, `worker`, `stdio` or `command`.
+    pub attach: String,
+    /// Digest of its code; absent where its code cannot be read.
+    pub digest: Option<Digest>,
+    /// Its options.
+    pub options: Map<String, Value>,
+}
+
+/// Starts a plugin: opens a session and makes the plugin in it.
+pub type Start = dyn Fn() -> Result<Session, Fault> + Send;
+
+/// A plugin that was made, and the means to make it again.
+pub struct Module {
+    info: ModuleInfo,
+    capabilities: Capabilities,
+    start: Box<Start>,
+    session: Option<Session>,
+    /// Whether the plugin of this session knows the map.
+    prepared: bool,
+}
+
+impl std::fmt::Debug for Module {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Module").field(&self.info).finish()
+    }
+}
+
+impl Module {
+    /// A plugin that was made in a session, and what makes it in another one.
+    pub fn new(
+        info: ModuleInfo,
+        capabilities: Capabilities,
+        session: Session,
+        start: Box<Start>,
+    ) -> Self {
+        Self {
+            info,
+            capabilities,
+            start,
+            session: Some(session),
+            prepared: false,
+        }
+    }
+
+    /// What is recorded of it.
+    pub fn info(&self) -> &ModuleInfo {
+        &self.info
+    }
+
+    /// What it says it can do.
+    pub fn capabilities(&self) -> Capabilities {
+        self.capabilities
+    }
+
+    /// Whether it has to be started before it can be asked.
+    pub(crate) fn is_down(&self) -> bool {
+        self.session.is_none()
+    }
+
+    /// The plugin, started and told the map where that is needed. Invocation policies
+    /// learn no map.
+    pub(crate) fn ready(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+    ) -> Result<&mut Session, Fault> {
+        if self.session.is_none() {
+            self.session = Some((self.start)()?);
+        }
+        if !self.prepared && self.info.kind != Kind::InvocationPolicy {
+            let session = self.session.as_mut();
+            let taught = session.map(|session| session.prepare(environment, budget));
+            if let Some(Err(fault)) = taught {
+                self.drop_session();
+                return Err(fault);
+            }
+        }
+        self.prepared = true;
+        self.session.as_mut().ok_or_else(|| Fault::Refused {
+            reason: "it is not running".into(),
+            hint: None,
+        })
+    }
+
+    /// What a call left: a plugin that only reported a failure goes on, any other that
+    /// failed is dead or may not be trusted, and starts again at its next call. Its last
+    /// words, if it had some.
+    pub(crate) fn after(&mut self, fault: &Fault) -> Option<String> {
+        if matches!(fault, Fault::Reported { .. }) {
+            return None;
+        }
+        self.drop_session()
+    }
+
+    fn drop_session(&mut self) -> Option<String> {
+        self.prepared = false;
+        let stderr = self.session.take()?.close().stderr;
+        let mut lines = stderr.lines().rev();
+        let last = lines.find(|line| !line.trim().is_empty())?;
+        Some(last.chars().take(200).collect())
+    }
+
+    /// Ends it; absent if it was not running.
+    pub fn close(&mut self) -> Option<Closing> {
+        self.prepared = false;
+        Some(self.session.take()?.close())
+    }
+}
+
+/// The plugins of a run.
+#[derive(Debug)]
+pub struct Modules {
+    /// Plans.
+    pub planner: Module,
+    /// Says what the planner is asked.
+    pub generator: Module,
+    /// Says when it is asked.
+    pub invocation: Module,
+    /// Gets the fleet moving where the planner failed.
+    pub fail_policy: Module,
+}
+
+impl Modules {
+    /// All of them, in the order in which they are told of.
+    pub fn infos(&self) -> Vec<ModuleInfo> {
+        let Self {
+            planner,
+            generator,
+            invocation,
+            fail_policy,
+        } = self;
+        [planner, generator, invocation, fail_policy]
+            .map(|module| module.info.clone())
+            .to_vec()
+    }
+}
+
+/// The budget of a call that may take so long.
+pub(crate) fn budget(wall_s: f64, allowance: &crate::Allowance, nodes: u64, seed: u64) -> Budget {
+    Budget {
+        deadline_monotonic_ns: 0,
+        wall_ns: Duration::from_secs_f64(wall_s).as_nanos() as u64,
+        nodes,
+        memory_bytes: allowance.memory_bytes,
+        threads: allowance.threads,
+        seed,
+    }
+}

@@ -1,0 +1,251 @@
+//! What a run came to.
+
+use std::collections::BTreeMap;
+
+use fleetyard_core::Digest;
+use serde::{Deserialize, Serialize};
+
+use crate::{FleetConfig, ModuleInfo};
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ended {
+    /// Its time was over.
+    Duration,
+    /// It was told to end.
+    Interrupted,
+}
+
+/// What can be told of a moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EventKind {
+    /// The planner overran, crashed, broke the protocol or reported an error.
+    PlannerFault,
+    /// The planner ended without a plan that can be used, and said so.
+    PlannerGaveUp,
+    /// The planner claimed success with a plan that breaks a rule.
+    InvalidBatch,
+    /// The instance generator failed.
+    GeneratorFault,
+    /// The instance generator asked for what may not be asked for.
+    InvalidInstance,
+    /// The fail policy failed.
+    FailPolicyFault,
+    /// The fail policy's plan breaks a rule.
+    InvalidRecovery,
+    /// Nobody had a plan: everybody waits at the end of what was committed.
+    AllWait,
+    /// The invocation policy failed; the host called.
+    InvocationFault,
+    /// Nobody had anything left to do and the invocation policy did not call: the host did.
+    Watchdog,
+    /// A plugin that had died was started again.
+    Restarted,
+    /// A plugin that had died did not start again.
+    NotRestarted,
+    /// Robots that would have moved round in a ring were held before it.
+    RingsCut,
+}
+
+impl EventKind {
+    /// Its name.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::PlannerFault => "planner-fault",
+            Self::PlannerGaveUp => "planner-gave-up",
+            Self::InvalidBatch => "invalid-batch",
+            Self::GeneratorFault => "generator-fault",
+            Self::InvalidInstance => "invalid-instance",
+            Self::FailPolicyFault => "fail-policy-fault",
+            Self::InvalidRecovery => "invalid-recovery",
+            Self::AllWait => "all-wait",
+            Self::InvocationFault => "invocation-fault",
+            Self::Watchdog => "watchdog",
+            Self::Restarted => "restarted",
+            Self::NotRestarted => "not-restarted",
+            Self::RingsCut => "rings-cut",
+        }
+    }
+}
+
+/// Something that went otherwise than it should.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FleetEvent {
+    /// Simulated time: when the answer took effect, or the host decided.
+    pub time_s: f64,
+    /// What it is.
+    pub kind: EventKind,
+    /// Who is to blame: the identifier of a plugin, or `host`.
+    pub module: String,
+    /// For people.
+    pub message: String,
+}
+
+/// A point of the series. Goals and calls are counted from the start of the run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Point {
+    /// Simulated time.
+    pub time_s: f64,
+    /// Goals that were reached.
+    pub goals_reached: u64,
+    /// Robots that stand still.
+    pub waiting: u32,
+    /// Actions in the graph that are not done.
+    pub adg_nodes: usize,
+    /// Calls that were answered.
+    pub planner_calls: u64,
+    /// Those of them that the fail policy was asked about.
+    pub fail_calls: u64,
+}
+
+/// Times of calls in milliseconds of the wall clock.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct CallTimes {
+    /// Mean.
+    pub mean: f64,
+    /// Median.
+    pub p50: f64,
+    /// Of 95 % at most so much.
+    pub p95: f64,
+    /// Longest.
+    pub max: f64,
+}
+
+impl CallTimes {
+    /// Of times in any order; zeros if there are none. Percentiles are of the nearest rank.
+    pub fn of(mut times_ms: Vec<f64>) -> Self {
+        let count = times_ms.len();
+        if count == 0 {
+            return Self::default();
+        }
+        times_ms.sort_unstable_by(f64::total_cmp);
+        let rank = |share: f64| times_ms[((share * count as f64).ceil() as usize).max(1) - 1];
+        Self {
+            mean: times_ms.iter().sum::<f64>() / count as f64,
+            p50: rank(0.5),
+            p95: rank(0.95),
+            max: rank(1.0),
+        }
+    }
+}
+
+/// The figures that runs are compared by.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FleetMetrics {
+    /// Goals reached per simulated second.
+    pub throughput_per_s: f64,
+    /// Goals that robots reached.
+    pub goals_reached: u64,
+    /// Goals on the ways to which robots are committed, reached or not: what LSMART counts.
+    pub goals_committed: u64,
+    /// Calls in which the fail policy was asked, as a share of all calls.
+    pub fail_policy_ratio: f64,
+    /// Calls that were answered.
+    pub planner_calls: u64,
+    /// Calls in which the fail policy was asked.
+    pub fail_calls: u64,
+    /// Calls after which everybody waited.
+    pub all_waits: u64,
+    /// Wall-clock times of the planner's calls.
+    pub planner_time_ms: CallTimes,
+    /// Wall-clock times of the fail policy's calls.
+    pub fail_policy_time_ms: CallTimes,
+    /// Share of robots and time spent standing still, be it to wait or at a goal.
+    pub waiting_share: f64,
+    /// Most actions that were in the graph at a time.
+    pub adg_nodes_max: usize,
+    /// Plans that were claimed to be right and refused.
+    pub invalid_batches: u64,
+    /// Rings that were cut out of plans.
+    pub rings_cut: u64,
+    /// How often a plugin was started again.
+    pub restarts: u64,
+    /// Tasks of which every goal was reached, where there are tasks.
+    pub tasks_done: Option<u64>,
+    /// How many events there were of each kind, also of those that are not listed.
+    pub event_counts: BTreeMap<EventKind, u64>,
+}
+
+/// What the simulator says.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FleetExecution {
+    /// Simulated time per wall-clock time.
+    pub rtf: f64,
+    /// Simulated seconds.
+    pub simulated_s: f64,
+    /// Wall-clock seconds from the first block to the last one, without the start of
+    /// plugins.
+    pub wall_s: f64,
+    /// Ticks of the simulator.
+    pub ticks: u64,
+    /// Contacts.
+    pub contacts: u64,
+    /// Those between robots.
+    pub contacts_agent_agent: u64,
+    /// Those with obstacles.
+    pub contacts_agent_obstacle: u64,
+    /// Least distance between the centres of any two robots in metres; absent if no two
+    /// came near each other.
+    pub nearest_approach_m: Option<f64>,
+    /// Radius of the largest robot.
+    pub radius_m: f64,
+    /// Digest of everything that happened.
+    pub trace_digest: Digest,
+}
+
+/// All there is to say of a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FleetOutcome {
+    /// Version of this program.
+    pub fleetyard: &'static str,
+    /// Name of the map.
+    pub map: String,
+    /// Digest of the map.
+    pub map_digest: Digest,
+    /// The plugins.
+    pub modules: Vec<ModuleInfo>,
+    /// What was asked for.
+    pub config: FleetConfig,
+    /// How it ended.
+    pub ended: Ended,
+    /// The figures that runs are compared by.
+    pub metrics: FleetMetrics,
+    /// What the simulator says.
+    pub execution: FleetExecution,
+    /// The run over time, its end included.
+    pub series: Vec<Point>,
+    /// What went otherwise than it should, in order; at most [`FleetOutcome::EVENTS`].
+    pub events: Vec<FleetEvent>,
+    /// Per cell, row by row, for how many seconds robots stood still there.
+    pub waiting_s_per_cell: Vec<f64>,
+}
+
+impl FleetOutcome {
+    /// How many events are listed; all are counted.
+    pub const EVENTS: usize = 1000;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::CallTimes;
+
+    #[test]
+    fn percentiles_are_of_the_nearest_rank() {
+        let times = CallTimes::of((1..=100).rev().map(f64::from).collect());
+        let expected = CallTimes {
+            mean: 50.5,
+            p50: 50.0,
+            p95: 95.0,
+            max: 100.0,
+        };
+        assert_eq!(times, expected);
+        assert_eq!(CallTimes::of(vec![]), CallTimes::default());
+        let one = CallTimes::of(vec![3.0]);
+        assert_eq!(
+            [one.p50, one.p95].map(f64::to_bits),
+            [3.0; 2].map(f64::to_bits)
+        );
+    }
+}
