@@ -362,6 +362,24 @@ typedef struct FleetyardEnvironment {
 } FleetyardEnvironment;
 
 /*
+ A task that an instance generator gives to an agent.
+ */
+typedef struct FleetyardAssignment {
+  /*
+   Identifier of the task, one of `FleetyardFleetState::task_ids`.
+   */
+  uint64_t task;
+  /*
+   Number of the agent.
+   */
+  uint32_t agent;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+} FleetyardAssignment;
+
+/*
  What a planner is asked to solve.
  */
 typedef struct FleetyardInstance {
@@ -405,17 +423,34 @@ typedef struct FleetyardInstance {
    */
   int32_t objective;
   /*
-   Collisions after this many steps do not matter; 0 for a complete plan.
+   Collisions after this many steps do not matter, and paths may end before
+   their goals; 0 for a complete plan.
    */
   uint32_t window_steps;
+  /*
+   Non-zero where three or more agents may move round in a ring in one step,
+   each into the cell that the next one leaves. Plans for a fleet must not:
+   there nobody enters a cell before it is empty.
+   */
+  int32_t allows_cycles;
+  /*
+   Radius of the largest robot's enclosing circle.
+   */
+  double radius_m;
+  /*
+   Number of assignments; 0 in calls of planners and fail policies.
+   */
+  uint32_t assignments_count;
   /*
    Zero.
    */
   uint32_t reserved;
   /*
-   Radius of the largest robot's enclosing circle.
+   `assignments_count` tasks that the generator gives to agents: the host
+   appends the cells of a task to the goals of its agent. May be null when
+   there are none.
    */
-  double radius_m;
+  const struct FleetyardAssignment *assignments;
 } FleetyardInstance;
 
 /*
@@ -476,7 +511,9 @@ typedef struct FleetyardFleetState {
    */
   const uint64_t *goal_offsets;
   /*
-   Goals that agents have been given and have not reached, in order.
+   Goals that agents have been given and have not reached, in order: the first
+   is current. Where goals never end, as many as it takes to keep the agent
+   busy for longer than the window, and at least two.
    */
   const uint32_t *goals;
   /*
@@ -484,7 +521,8 @@ typedef struct FleetyardFleetState {
    */
   uint32_t tasks;
   /*
-   Planning window asked for in steps; 0 for none.
+   Planning window asked for in steps; 0 for none. The next instance may have a
+   shorter one.
    */
   uint32_t window_steps;
   /*
@@ -508,9 +546,18 @@ typedef struct FleetyardFleetState {
    */
   int32_t objective;
   /*
-   Radius of the largest robot's enclosing circle.
+   Radius of the largest robot's enclosing circle: what the next instance must
+   say.
    */
   double radius_m;
+  /*
+   As `FleetyardInstance::allows_cycles`: what the next instance must say.
+   */
+  int32_t allows_cycles;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
 } FleetyardFleetState;
 
 /*
@@ -534,9 +581,14 @@ typedef struct FleetyardFleetStatus {
    */
   double since_last_call_s;
   /*
-   What the host expects the next call to take, from the calls so far.
+   How long the planner may take: its answer to a call now takes effect so much
+   later.
    */
-  double expected_planning_s;
+  double planning_limit_s;
+  /*
+   The least time that an action of a robot takes.
+   */
+  double action_s;
   /*
    `agents` counts of committed actions that are not yet executed.
    */

@@ -419,10 +419,14 @@ public:
   }
   Motion motion() const noexcept { return static_cast<Motion>(raw_.motion); }
   Objective objective() const noexcept { return static_cast<Objective>(raw_.objective); }
-  /* Collisions after so many steps do not matter; 0 for a complete plan. */
+  /* Collisions after so many steps do not matter, and paths may end before their goals; 0
+   * for a complete plan. */
   std::uint32_t window_steps() const noexcept { return raw_.window_steps; }
   /* Radius of the largest robot's enclosing circle. */
   double radius_m() const noexcept { return raw_.radius_m; }
+  /* Whether three or more agents may move round in a ring in one step, each into the cell
+   * that the next one leaves. Plans for a fleet must not. */
+  bool allows_cycles() const noexcept { return raw_.allows_cycles != 0; }
 
 private:
   FleetyardInstance raw_;
@@ -475,16 +479,21 @@ public:
   Heading heading(std::size_t agent) const noexcept {
     return static_cast<Heading>(raw_.headings[agent]);
   }
-  /* Goals that an agent has been given and has not reached; may be none. */
+  /* Goals that an agent has been given and has not reached, the current one first; may be
+   * none. Where goals never end, as many as it takes to keep the agent busy for longer than
+   * the window, and at least two. */
   Span<Cell> goals(std::size_t agent) const noexcept { return goals_[agent]; }
   /* Number of open tasks. */
   std::uint32_t tasks() const noexcept { return raw_.tasks; }
   Task task(std::size_t at) const noexcept { return {raw_.task_ids[at], tasks_[at]}; }
-  /* Planning window asked for in steps; 0 for none. */
+  /* Planning window asked for in steps; 0 for none. The next instance may have a shorter
+   * one. */
   std::uint32_t window_steps() const noexcept { return raw_.window_steps; }
   Motion motion() const noexcept { return static_cast<Motion>(raw_.motion); }
   Objective objective() const noexcept { return static_cast<Objective>(raw_.objective); }
   double radius_m() const noexcept { return raw_.radius_m; }
+  /* Whether agents may move round in a ring in one step. */
+  bool allows_cycles() const noexcept { return raw_.allows_cycles != 0; }
 
 private:
   FleetyardFleetState raw_;
@@ -505,8 +514,10 @@ public:
   double time_s() const noexcept { return raw_.time_s; }
   /* Simulated time since the planner was last called. */
   double since_last_call_s() const noexcept { return raw_.since_last_call_s; }
-  /* What the host expects the next call to take. */
-  double expected_planning_s() const noexcept { return raw_.expected_planning_s; }
+  /* How long the planner may take: its answer to a call now takes effect so much later. */
+  double planning_limit_s() const noexcept { return raw_.planning_limit_s; }
+  /* The least time that an action of a robot takes. */
+  double action_s() const noexcept { return raw_.action_s; }
   /* Per agent the number of committed actions that are not yet executed. */
   Span<std::uint32_t> actions_left() const noexcept { return actions_left_; }
 
@@ -543,6 +554,12 @@ private:
   std::vector<Cell> cells_;
 };
 
+/* A task that an instance generator gives to an agent. */
+struct Assignment {
+  std::uint32_t agent;
+  std::uint64_t task; /* identifier of one of the open tasks */
+};
+
 /* What an instance generator submits. */
 struct NextInstance {
   std::vector<Cell> starts;
@@ -552,13 +569,17 @@ struct NextInstance {
   Objective objective = Objective::sum_of_costs;
   std::uint32_t window_steps = 0;
   double radius_m = 0.0;
+  bool allows_cycles = true;
+  /* The host appends the cells of these tasks to the goals of their agents. */
+  std::vector<Assignment> assignments;
 
   NextInstance() = default;
-  /* What the state asks for, with the goals that agents have already. */
+  /* What the state asks for, with the goals that agents have already. Agents that have none
+   * need one yet. */
   explicit NextInstance(const FleetState &state)
       : starts(state.cells().begin(), state.cells().end()), motion(state.motion()),
         objective(state.objective()), window_steps(state.window_steps()),
-        radius_m(state.radius_m()) {
+        radius_m(state.radius_m()), allows_cycles(state.allows_cycles()) {
     for (std::size_t agent = 0; agent < starts.size(); agent++) {
       goals.emplace_back(state.goals(agent).begin(), state.goals(agent).end());
       if (state.has_headings())
@@ -603,6 +624,12 @@ public:
     raw.objective = static_cast<std::int32_t>(next.objective);
     raw.window_steps = next.window_steps;
     raw.radius_m = next.radius_m;
+    raw.allows_cycles = next.allows_cycles ? 1 : 0;
+    std::vector<FleetyardAssignment> assignments;
+    for (const Assignment &given : next.assignments)
+      assignments.push_back({given.task, given.agent, 0});
+    raw.assignments_count = static_cast<std::uint32_t>(assignments.size());
+    raw.assignments = assignments.data();
     return raw_->submit_instance(raw_->context, &raw) == FLEETYARD_OK;
   }
 

@@ -199,6 +199,18 @@ pub struct Environment {
     pub view: *const c_void,
 }
 
+/// A task that an instance generator gives to an agent.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, StableAbi)]
+pub struct Assignment {
+    /// Identifier of the task, one of `FleetyardFleetState::task_ids`.
+    pub task: u64,
+    /// Number of the agent.
+    pub agent: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
 /// What a planner is asked to solve.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, StableAbi)]
@@ -224,12 +236,23 @@ pub struct Instance {
     pub motion: i32,
     /// One of `FLEETYARD_OBJECTIVE_*`.
     pub objective: i32,
-    /// Collisions after this many steps do not matter; 0 for a complete plan.
+    /// Collisions after this many steps do not matter, and paths may end before
+    /// their goals; 0 for a complete plan.
     pub window_steps: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Non-zero where three or more agents may move round in a ring in one step,
+    /// each into the cell that the next one leaves. Plans for a fleet must not:
+    /// there nobody enters a cell before it is empty.
+    pub allows_cycles: i32,
     /// Radius of the largest robot's enclosing circle.
     pub radius_m: f64,
+    /// Number of assignments; 0 in calls of planners and fail policies.
+    pub assignments_count: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// `assignments_count` tasks that the generator gives to agents: the host
+    /// appends the cells of a task to the goals of its agent. May be null when
+    /// there are none.
+    pub assignments: *const Assignment,
 }
 
 /// Paths on a grid: the cells of agent `i` at times 0, 1, 2, … are those from
@@ -267,11 +290,14 @@ pub struct FleetState {
     pub headings: *const i32,
     /// `agents + 1` offsets into `goals`.
     pub goal_offsets: *const u64,
-    /// Goals that agents have been given and have not reached, in order.
+    /// Goals that agents have been given and have not reached, in order: the first
+    /// is current. Where goals never end, as many as it takes to keep the agent
+    /// busy for longer than the window, and at least two.
     pub goals: *const u32,
     /// Number of open tasks: released and given to nobody.
     pub tasks: u32,
-    /// Planning window asked for in steps; 0 for none.
+    /// Planning window asked for in steps; 0 for none. The next instance may have a
+    /// shorter one.
     pub window_steps: u32,
     /// `tasks` identifiers.
     pub task_ids: *const u64,
@@ -283,8 +309,13 @@ pub struct FleetState {
     pub motion: i32,
     /// One of `FLEETYARD_OBJECTIVE_*`: what the next instance must say.
     pub objective: i32,
-    /// Radius of the largest robot's enclosing circle.
+    /// Radius of the largest robot's enclosing circle: what the next instance must
+    /// say.
     pub radius_m: f64,
+    /// As `FleetyardInstance::allows_cycles`: what the next instance must say.
+    pub allows_cycles: i32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 /// How the fleet is doing: the input of an invocation policy.
@@ -299,8 +330,11 @@ pub struct FleetStatus {
     pub time_s: f64,
     /// Simulated time since the planner was last called.
     pub since_last_call_s: f64,
-    /// What the host expects the next call to take, from the calls so far.
-    pub expected_planning_s: f64,
+    /// How long the planner may take: its answer to a call now takes effect so much
+    /// later.
+    pub planning_limit_s: f64,
+    /// The least time that an action of a robot takes.
+    pub action_s: f64,
     /// `agents` counts of committed actions that are not yet executed.
     pub actions_left: *const u32,
 }

@@ -9,8 +9,8 @@ use std::ptr;
 
 use crate::c;
 use crate::model::{
-    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading, Instance,
-    LogLevel, Motion, Objective, Plan, PlanRef, SharedEnvironment, Task,
+    Assignment, Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading,
+    Instance, LogLevel, Motion, Objective, Plan, PlanRef, SharedEnvironment, Task,
 };
 use crate::sdk::{Rejected, Sink};
 
@@ -260,6 +260,7 @@ pub struct CInstance {
     raw: c::Instance,
     // Kept for `raw` to point to.
     _headings: Option<Vec<i32>>,
+    _assignments: Vec<c::Assignment>,
 }
 
 impl CInstance {
@@ -267,6 +268,14 @@ impl CInstance {
     /// environment are.
     pub fn new(instance: &Instance, environment: *const c::Environment) -> Self {
         let headings = headings_to_c(instance.headings.as_ref());
+        let given = instance.assignments.iter();
+        let assignments: Vec<c::Assignment> = given
+            .map(|assignment| c::Assignment {
+                task: assignment.task,
+                agent: assignment.agent,
+                reserved: 0,
+            })
+            .collect();
         let raw = c::Instance {
             struct_size: size_of::<c::Instance>(),
             agents: instance.agents() as u32,
@@ -278,12 +287,16 @@ impl CInstance {
             motion: instance.motion.code(),
             objective: instance.objective.code(),
             window_steps: instance.window_steps,
-            reserved: 0,
+            allows_cycles: instance.allows_cycles.into(),
             radius_m: instance.radius_m,
+            assignments_count: assignments.len() as u32,
+            reserved: 0,
+            assignments: assignments.as_ptr(),
         };
         Self {
             raw,
             _headings: headings,
+            _assignments: assignments,
         }
     }
 
@@ -302,6 +315,14 @@ impl Instance {
         // SAFETY: by the caller's promise, here and below.
         let instance = unsafe { checked("instance", pointer)? };
         let agents = instance.agents as usize;
+        // SAFETY: as promised.
+        let assignments = unsafe {
+            slice(
+                "instance.assignments",
+                instance.assignments,
+                instance.assignments_count as usize,
+            )?
+        };
         Ok(Self {
             // SAFETY: as promised.
             starts: unsafe { slice("instance.starts", instance.starts, agents)? }.to_vec(),
@@ -320,6 +341,14 @@ impl Instance {
             objective: objective_from_c(instance.objective)?,
             window_steps: instance.window_steps,
             radius_m: instance.radius_m,
+            allows_cycles: instance.allows_cycles != 0,
+            assignments: assignments
+                .iter()
+                .map(|assignment| Assignment {
+                    agent: assignment.agent,
+                    task: assignment.task,
+                })
+                .collect(),
         })
     }
 }
@@ -423,6 +452,8 @@ impl CFleetState {
             motion: state.motion.code(),
             objective: state.objective.code(),
             radius_m: state.radius_m,
+            allows_cycles: state.allows_cycles.into(),
+            reserved: 0,
         };
         Self {
             raw,
@@ -478,6 +509,7 @@ impl FleetState {
             motion: motion_from_c(state.motion)?,
             objective: objective_from_c(state.objective)?,
             radius_m: state.radius_m,
+            allows_cycles: state.allows_cycles != 0,
         })
     }
 }
@@ -490,7 +522,8 @@ impl FleetStatus {
             agents: self.actions_left.len() as u32,
             time_s: self.time_s,
             since_last_call_s: self.since_last_call_s,
-            expected_planning_s: self.expected_planning_s,
+            planning_limit_s: self.planning_limit_s,
+            action_s: self.action_s,
             actions_left: self.actions_left.as_ptr(),
         }
     }
@@ -513,7 +546,8 @@ impl FleetStatus {
         Ok(Self {
             time_s: status.time_s,
             since_last_call_s: status.since_last_call_s,
-            expected_planning_s: status.expected_planning_s,
+            planning_limit_s: status.planning_limit_s,
+            action_s: status.action_s,
             actions_left: actions.to_vec(),
         })
     }

@@ -563,12 +563,36 @@ pub struct Instance {
     /// What to minimise.
     #[serde(default = "sum_of_costs")]
     pub objective: Objective,
-    /// Collisions after this many steps do not matter; 0 for a complete plan.
+    /// Collisions after this many steps do not matter, and paths may end before
+    /// their goals; 0 for a complete plan.
     #[serde(default)]
     pub window_steps: u32,
     /// Radius of the largest robot's enclosing circle.
     #[serde(default)]
     pub radius_m: f64,
+    /// Whether three or more agents may move round in a ring in one step, each into
+    /// the cell that the next one leaves. Plans for a fleet must not: there nobody
+    /// enters a cell before it is empty.
+    #[serde(default = "yes")]
+    pub allows_cycles: bool,
+    /// Tasks that an instance generator gives to agents: the host appends the cells
+    /// of a task to the goals of its agent. Empty in calls of planners and fail
+    /// policies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub assignments: Vec<Assignment>,
+}
+
+/// A task that an instance generator gives to an agent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Assignment {
+    /// Number of the agent.
+    pub agent: u32,
+    /// Identifier of one of the open tasks.
+    pub task: u64,
+}
+
+fn yes() -> bool {
+    true
 }
 
 fn pebble() -> Motion {
@@ -678,6 +702,8 @@ impl Instance {
             objective: Objective::SumOfCosts,
             window_steps: 0,
             radius_m: 0.0,
+            allows_cycles: true,
+            assignments: Vec::new(),
         }
     }
 
@@ -707,8 +733,14 @@ impl Instance {
             return Err(format!("agent {agent} has no goal"));
         }
         let mut all = self.starts.iter().chain(self.goals.cells());
-        match all.find(|cell| **cell as usize >= cells) {
-            Some(cell) => Err(format!("cell {cell} is not on a map of {cells} cells")),
+        if let Some(cell) = all.find(|cell| **cell as usize >= cells) {
+            return Err(format!("cell {cell} is not on a map of {cells} cells"));
+        }
+        let mut given = self.assignments.iter();
+        match given.find(|assignment| assignment.agent as usize >= agents) {
+            Some(Assignment { agent, task }) => Err(format!(
+                "task {task} is given to agent {agent}, but there are {agents} agents"
+            )),
             None => Ok(()),
         }
     }
@@ -725,11 +757,14 @@ pub struct FleetState {
     /// Every agent's heading there, when headings matter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub headings: Option<Vec<Heading>>,
-    /// Goals that agents have been given and have not reached, in order.
+    /// Goals that agents have been given and have not reached, in order: the first is
+    /// current. Where goals never end, as many as it takes to keep the agent busy for
+    /// longer than the window, and at least two.
     pub goals: Goals,
     /// Tasks that were released and given to nobody.
     pub tasks: Vec<Task>,
-    /// Planning window asked for in steps; 0 for none.
+    /// Planning window asked for in steps; 0 for none. The next instance may have a
+    /// shorter one.
     #[serde(default)]
     pub window_steps: u32,
     /// How robots move: what the next instance must say.
@@ -738,9 +773,32 @@ pub struct FleetState {
     /// What to minimise: what the next instance must say.
     #[serde(default = "sum_of_costs")]
     pub objective: Objective,
-    /// Radius of the largest robot's enclosing circle.
+    /// Radius of the largest robot's enclosing circle: what the next instance must
+    /// say.
     #[serde(default)]
     pub radius_m: f64,
+    /// Whether agents may move round in a ring in one step: what the next instance
+    /// must say.
+    #[serde(default = "yes")]
+    pub allows_cycles: bool,
+}
+
+impl FleetState {
+    /// The next instance with these goals: it repeats what it has to, takes the window
+    /// as asked, and gives no task to anybody.
+    pub fn instance(&self, goals: Goals) -> Instance {
+        Instance {
+            starts: self.cells.clone(),
+            headings: self.headings.clone(),
+            goals,
+            motion: self.motion,
+            objective: self.objective,
+            window_steps: self.window_steps,
+            radius_m: self.radius_m,
+            allows_cycles: self.allows_cycles,
+            assignments: Vec::new(),
+        }
+    }
 }
 
 /// An open task.
@@ -759,8 +817,11 @@ pub struct FleetStatus {
     pub time_s: f64,
     /// Simulated time since the planner was last called.
     pub since_last_call_s: f64,
-    /// What the host expects the next call to take.
-    pub expected_planning_s: f64,
+    /// How long the planner may take: its answer to a call now takes effect so much
+    /// later.
+    pub planning_limit_s: f64,
+    /// The least time that an action of a robot takes.
+    pub action_s: f64,
     /// Per agent, committed actions that are not yet executed.
     pub actions_left: Vec<u32>,
 }

@@ -19,6 +19,7 @@ output; :func:`run` is the plugin's side of that. Standard library only.
 
 from ._model import (
     OFF_MAP,
+    Assignment,
     Budget,
     Cancelled,
     Failure,
@@ -50,6 +51,7 @@ __version__ = "0.1.0"
 __all__ = [
     "OFF_MAP",
     "PROTOCOL_VERSION",
+    "Assignment",
     "Budget",
     "Cancelled",
     "Context",

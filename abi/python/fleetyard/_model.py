@@ -232,6 +232,16 @@ class Grid:
 
 
 @dataclass
+class Assignment:
+    """A task that an instance generator gives to an agent."""
+
+    agent: int
+    """Number of the agent."""
+    task: int
+    """Identifier of one of the open tasks."""
+
+
+@dataclass
 class Instance:
     """What a planner is asked to solve, on the map it was prepared for."""
 
@@ -246,9 +256,16 @@ class Instance:
     objective: str = "sum-of-costs"
     """``sum-of-costs`` or ``makespan``."""
     window_steps: int = 0
-    """Collisions after this many steps do not matter; 0 for a complete plan."""
+    """Collisions after this many steps do not matter, and paths may end before their goals;
+    0 for a complete plan."""
     radius_m: float = 0.0
     """Radius of the largest robot's enclosing circle."""
+    allows_cycles: bool = True
+    """Whether three or more agents may move round in a ring in one step, each into the cell
+    that the next one leaves. Plans for a fleet must not."""
+    assignments: List[Assignment] = field(default_factory=list)
+    """Tasks that an instance generator gives to agents: the host appends the cells of a task
+    to the goals of its agent."""
 
     @property
     def agents(self) -> int:
@@ -270,6 +287,11 @@ class Instance:
             objective=str(wire.get("objective", "sum-of-costs")),
             window_steps=int(wire.get("window_steps", 0)),
             radius_m=float(wire.get("radius_m", 0.0)),
+            allows_cycles=bool(wire.get("allows_cycles", True)),
+            assignments=[
+                Assignment(agent=int(given["agent"]), task=int(given["task"]))
+                for given in wire.get("assignments", ())
+            ],
         )
         instance._check(grid)
         return instance
@@ -284,6 +306,11 @@ class Instance:
             starts=_cells(self.starts, "`starts`"),
             goals=[_cells(each, f"`goals` of agent {agent}") for agent, each in enumerate(goals)],
             headings=None if self.headings is None else list(self.headings),
+            allows_cycles=bool(self.allows_cycles),
+            assignments=[
+                Assignment(agent=whole(given.agent), task=whole(given.task))
+                for given in self.assignments
+            ],
         )
 
     def _check(self, grid: Grid) -> None:
@@ -300,6 +327,12 @@ class Instance:
                     raise ValueError(
                         f"agent {agent}: cell {cell} is not on a map of {cells} cells"
                     )
+        for given in self.assignments:
+            if not 0 <= given.agent < len(self.starts):
+                raise ValueError(
+                    f"task {given.task} is given to agent {given.agent}, but there are "
+                    f"{len(self.starts)} agents"
+                )
 
     def _to_wire(self) -> Dict[str, Any]:
         wire: Dict[str, Any] = {
@@ -309,9 +342,14 @@ class Instance:
             "objective": self.objective,
             "window_steps": self.window_steps,
             "radius_m": self.radius_m,
+            "allows_cycles": self.allows_cycles,
         }
         if self.headings is not None:
             wire["headings"] = self.headings
+        if self.assignments:
+            wire["assignments"] = [
+                {"agent": given.agent, "task": given.task} for given in self.assignments
+            ]
         return wire
 
 
@@ -333,23 +371,42 @@ class FleetState:
     cells: List[int]
     """Every agent's cell at the end of what is committed."""
     goals: List[List[int]]
-    """Goals that agents have been given and have not reached, in order."""
+    """Goals that agents have been given and have not reached, in order: the first is current.
+    Where goals never end, as many as it takes to keep the agent busy for longer than the
+    window, and at least two."""
     tasks: List[Task] = field(default_factory=list)
     """Tasks that were released and given to nobody."""
     headings: Optional[List[str]] = None
     window_steps: int = 0
-    """Planning window asked for; 0 for none."""
+    """Planning window asked for in steps; 0 for none. The next instance may have a shorter
+    one."""
     motion: str = "pebble"
     """How robots move: what the next instance must say."""
     objective: str = "sum-of-costs"
     """What to minimise: what the next instance must say."""
     radius_m: float = 0.0
-    """Radius of the largest robot's enclosing circle."""
+    """Radius of the largest robot's enclosing circle: what the next instance must say."""
+    allows_cycles: bool = True
+    """Whether agents may move round in a ring in one step: what the next instance must say."""
 
     @property
     def agents(self) -> int:
         """Number of agents."""
         return len(self.cells)
+
+    def instance(self, goals: List[List[int]]) -> Instance:
+        """The next instance with these goals: it repeats what it has to, takes the window as
+        asked, and gives no task to anybody."""
+        return Instance(
+            starts=list(self.cells),
+            goals=goals,
+            headings=None if self.headings is None else list(self.headings),
+            motion=self.motion,
+            objective=self.objective,
+            window_steps=self.window_steps,
+            radius_m=self.radius_m,
+            allows_cycles=self.allows_cycles,
+        )
 
     @classmethod
     def _from_wire(cls, wire: Mapping[str, Any]) -> FleetState:
@@ -364,6 +421,7 @@ class FleetState:
             motion=str(wire.get("motion", "pebble")),
             objective=str(wire.get("objective", "sum-of-costs")),
             radius_m=float(wire.get("radius_m", 0.0)),
+            allows_cycles=bool(wire.get("allows_cycles", True)),
         )
 
 
@@ -375,8 +433,10 @@ class FleetStatus:
     """Simulated time since the run began."""
     since_last_call_s: float
     """Simulated time since the planner was last called."""
-    expected_planning_s: float
-    """What the host expects the next call to take."""
+    planning_limit_s: float
+    """How long the planner may take: its answer to a call now takes effect so much later."""
+    action_s: float
+    """The least time that an action of a robot takes."""
     actions_left: List[int]
     """Per agent, committed actions that are not yet executed."""
 
@@ -385,7 +445,8 @@ class FleetStatus:
         return cls(
             time_s=float(wire["time_s"]),
             since_last_call_s=float(wire["since_last_call_s"]),
-            expected_planning_s=float(wire["expected_planning_s"]),
+            planning_limit_s=float(wire["planning_limit_s"]),
+            action_s=float(wire["action_s"]),
             actions_left=_cells(wire["actions_left"]),
         )
 

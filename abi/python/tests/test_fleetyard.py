@@ -515,7 +515,8 @@ class OtherKinds(unittest.TestCase):
                 return status.since_last_call_s >= 1 / len(status.actions_left)
 
         def call(actions):
-            status = {"time_s": 2, "since_last_call_s": 0.5, "expected_planning_s": 1}
+            status = {"time_s": 2, "since_last_call_s": 0.5}
+            status.update(planning_limit_s=1, action_s=0.5)
             return request(3, "should_invoke", status=dict(status, actions_left=actions))
 
         answers, _ = converse(

@@ -2,7 +2,9 @@
 //! is what a one-shot instance does not have: lists of goals, windows, headings,
 //! tolerance of delays, and instances as answers.
 
-use fleetyard_abi::{Heading, Instance, Motion};
+use std::collections::BTreeSet;
+
+use fleetyard_abi::{Assignment, FleetState, Heading, Instance, Motion};
 use fleetyard_check::{PathRule, Rule, sum_of_costs, validate_paths};
 use fleetyard_core::GridPlan;
 
@@ -44,7 +46,7 @@ pub(crate) fn plan(
                 .map_err(|reason| format!("agent {agent} {reason}"))?;
         }
     }
-    tolerates(plan, delay)?;
+    tolerates(plan, delay, scene.window_steps)?;
     Ok(sum_of_costs(plan))
 }
 
@@ -152,7 +154,7 @@ fn turns(path: &[u32], heading: Heading, cols: u32) -> Result<(), String> {
 
 /// Whether nobody is in a cell within `delay` steps after somebody else (Atzmon et
 /// al., "Robust Multi-Agent Path Finding", SoCS 2018).
-fn tolerates(plan: &GridPlan, delay: u32) -> Result<(), String> {
+fn tolerates(plan: &GridPlan, delay: u32, window_steps: u32) -> Result<(), String> {
     let (delay, agents, horizon) = (delay as usize, plan.agents(), plan.horizon());
     if delay == 0 {
         return Ok(());
@@ -162,6 +164,9 @@ fn tolerates(plan: &GridPlan, delay: u32) -> Result<(), String> {
             (0..agents).flat_map(|a| (0..agents).filter(move |b| a != *b).map(move |b| (a, b)))
         {
             for later in time..=time + delay {
+                if window_steps > 0 && later > window_steps as usize {
+                    break;
+                }
                 if plan.at(first, time) == plan.at(second, later) {
                     return Err(format!(
                         "agent {second} enters cell {} at step {later}, {} steps after agent \
@@ -198,6 +203,16 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
     if asked.headings.is_some() && answer.headings != asked.headings {
         return wrong("headings", &answer.headings, &asked.headings);
     }
+    if answer.radius_m.to_bits() != asked.radius_m.to_bits() {
+        return wrong("radius_m", &answer.radius_m, &asked.radius_m);
+    }
+    if answer.allows_cycles != asked.allows_cycles {
+        return wrong("allows_cycles", &answer.allows_cycles, &asked.allows_cycles);
+    }
+    if asked.window_steps > 0 && answer.window_steps > asked.window_steps {
+        return wrong("window_steps", &answer.window_steps, &asked.window_steps);
+    }
+    assignments(&asked, answer)?;
     let component = scene.grid.components();
     for (agent, goals) in answer.goals.iter().enumerate() {
         let home = component[scene.starts[agent] as usize];
@@ -213,6 +228,35 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
                      the map"
                 ));
             }
+        }
+    }
+    Ok(())
+}
+
+/// Whether tasks that a generator gives away were offered, each to one agent, which then
+/// has its cells among its goals.
+fn assignments(asked: &FleetState, answer: &Instance) -> Result<(), String> {
+    let mut given = BTreeSet::new();
+    for Assignment { agent, task } in &answer.assignments {
+        let Some(offered) = asked.tasks.iter().find(|offered| offered.id == *task) else {
+            return Err(format!(
+                "agent {agent} is given task {task}, which is not among the open ones"
+            ));
+        };
+        if !given.insert(*task) {
+            return Err(format!("task {task} is given away twice"));
+        }
+        let goals = answer.goals.get(*agent as usize);
+        let mut left = goals.iter();
+        if !offered
+            .cells
+            .iter()
+            .all(|cell| left.any(|goal| goal == cell))
+        {
+            return Err(format!(
+                "agent {agent} is given task {task} with the cells {:?}, but its goals are {goals:?}",
+                offered.cells
+            ));
         }
     }
     Ok(())
@@ -264,10 +308,11 @@ mod tests {
     fn delays_are_tolerated_or_not() {
         let close = GridPlan::from_paths([vec![1, 2, 3], vec![0, 1, 2]]);
         let far = GridPlan::from_paths([vec![1, 2, 3], vec![0, 0, 1]]);
-        assert!(tolerates(&close, 0).is_ok());
-        assert!(tolerates(&close, 1).is_err());
-        assert!(tolerates(&far, 1).is_ok());
-        assert!(tolerates(&far, 2).is_err());
+        assert!(tolerates(&close, 0, 0).is_ok());
+        assert!(tolerates(&close, 1, 0).is_err());
+        assert!(tolerates(&far, 1, 0).is_ok());
+        assert!(tolerates(&far, 2, 0).is_err());
+        assert!(tolerates(&far, 2, 1).is_ok());
     }
 
     #[test]

@@ -33,6 +33,8 @@ pub(crate) struct Scene {
     pub(crate) motion: Motion,
     pub(crate) objective: Objective,
     pub(crate) window_steps: u32,
+    /// Whether agents may move round in a ring.
+    pub(crate) allows_cycles: bool,
     /// The least sum of costs, where it is known.
     pub(crate) best: Option<u64>,
     pub(crate) demand: Demand,
@@ -97,6 +99,7 @@ impl Scene {
             motion: Motion::Pebble,
             objective: Objective::SumOfCosts,
             window_steps: 0,
+            allows_cycles: true,
             best: None,
             demand: Demand::Some,
             crowded: false,
@@ -279,6 +282,8 @@ impl Scene {
             objective: self.objective,
             window_steps: self.window_steps,
             radius_m: RADIUS_M,
+            allows_cycles: self.allows_cycles,
+            assignments: Vec::new(),
         }
     }
 
@@ -321,6 +326,7 @@ impl Scene {
             motion: self.motion,
             objective: self.objective,
             radius_m: RADIUS_M,
+            allows_cycles: self.allows_cycles,
         }
     }
 
@@ -329,7 +335,8 @@ impl Scene {
         FleetStatus {
             time_s: 12.5,
             since_last_call_s: 1.5,
-            expected_planning_s: 0.25,
+            planning_limit_s: 1.0,
+            action_s: 0.5,
             actions_left: self.starts.iter().map(|start| start % 5).collect(),
         }
     }

@@ -10,9 +10,9 @@ use fleetyard_abi::sdk::{
     FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
 };
 use fleetyard_abi::{
-    Budget, Descriptor, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading,
-    Instance, Kind, LogLevel, Motion, Objective, PathEncoding, Plan, PlanRef, SharedEnvironment,
-    Status, Task, c, serve,
+    Assignment, Budget, Descriptor, Environment, FleetState, FleetStatus, Goals, GridEnvironment,
+    Heading, Instance, Kind, LogLevel, Motion, Objective, PathEncoding, Plan, PlanRef,
+    SharedEnvironment, Status, Task, c, serve,
 };
 use fleetyard_core::{GridPlan, OFF_MAP};
 use fleetyard_runtime::{
@@ -173,6 +173,10 @@ impl InstanceGenerator for EchoGenerator {
             cells.extend_from_slice(&task.cells);
             offsets.push(cells.len() as u64);
         }
+        let given = state.tasks.iter().map(|task| Assignment {
+            agent: task.cells.len() as u32,
+            task: u64::MAX - task.id,
+        });
         sink.submit_instance(&Instance {
             starts: state.cells.clone(),
             headings: state.headings.clone(),
@@ -181,6 +185,8 @@ impl InstanceGenerator for EchoGenerator {
             objective: state.objective,
             window_steps: state.window_steps + state.time_s as u32,
             radius_m: state.radius_m,
+            allows_cycles: state.allows_cycles,
+            assignments: given.collect(),
         })?;
         Ok(())
     }
@@ -200,7 +206,8 @@ impl Plugin for EchoInvocation {
 
 impl InvocationPolicy for EchoInvocation {
     fn should_invoke(&mut self, status: &FleetStatus, _: &dyn Sink) -> Result<bool, Failure> {
-        let all = status.time_s + status.since_last_call_s + status.expected_planning_s;
+        let all =
+            status.time_s + status.since_last_call_s + status.planning_limit_s - status.action_s;
         if all < 0.0 {
             return Err(Failure::new(Status::InvalidInput, "time runs backwards"));
         }
@@ -251,6 +258,8 @@ fn instance() -> Instance {
         objective: Objective::Makespan,
         window_steps: 7,
         radius_m: 0.25,
+        allows_cycles: false,
+        assignments: Vec::new(),
     }
 }
 
@@ -370,6 +379,7 @@ fn instance_generator(attach: Attach) {
         motion: Motion::Rotation,
         objective: Objective::Makespan,
         radius_m: 0.125,
+        allows_cycles: false,
     };
     let next = session.generate(&state, &budget(0)).expect("an instance");
     let expected = Instance {
@@ -380,6 +390,17 @@ fn instance_generator(attach: Attach) {
         objective: Objective::Makespan,
         window_steps: 7,
         radius_m: 0.125,
+        allows_cycles: false,
+        assignments: vec![
+            Assignment {
+                agent: 1,
+                task: u64::MAX - 1,
+            },
+            Assignment {
+                agent: 0,
+                task: u64::MAX - 4,
+            },
+        ],
     };
     assert_eq!(next, expected);
     state.tasks.clear();
@@ -403,7 +424,8 @@ fn invocation_policy(attach: Attach) {
     let mut status = FleetStatus {
         time_s: 1.0,
         since_last_call_s: 2.0,
-        expected_planning_s: 3.5,
+        planning_limit_s: 4.0,
+        action_s: 0.5,
         actions_left: vec![2, 4],
     };
     assert_eq!(session.should_invoke(&status, limit), Ok(true));

@@ -103,7 +103,9 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
   uint64_t *offsets = malloc(((size_t)agents + 1) * sizeof *offsets);
   uint32_t *goals = malloc(most * sizeof *goals);
   uint8_t *given = calloc((size_t)state->tasks + 1, 1);
-  if (!offsets || !goals || !given) {
+  FleetyardAssignment *assignments = calloc((size_t)state->tasks + 1, sizeof *assignments);
+  uint32_t assigned = 0;
+  if (!offsets || !goals || !given || !assignments) {
     status = fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
     goto end;
   }
@@ -115,6 +117,8 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
     for (uint32_t task = 0; task < state->tasks && used == offsets[agent]; task++)
       if (!given[task] && can_reach(generator, state, agent, task)) {
         given[task] = 1;
+        assignments[assigned++] =
+            (FleetyardAssignment){.task = state->task_ids[task], .agent = agent};
         for (uint64_t i = state->task_offsets[task]; i < state->task_offsets[task + 1]; i++)
           goals[used++] = state->task_cells[i];
       }
@@ -136,7 +140,10 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
       .motion = state->motion,
       .objective = state->objective,
       .window_steps = state->window_steps,
+      .allows_cycles = state->allows_cycles,
       .radius_m = state->radius_m,
+      .assignments_count = assigned,
+      .assignments = assignments,
   };
   sink->submit_instance(sink->context, &instance);
 
@@ -144,6 +151,7 @@ end:
   free(offsets);
   free(goals);
   free(given);
+  free(assignments);
   return status;
 }
 

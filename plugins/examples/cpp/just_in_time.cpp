@@ -13,18 +13,14 @@ public:
   static constexpr auto version = "0.1.0";
   static constexpr auto license = "MIT OR Apache-2.0";
   static constexpr auto description =
-      "Calls the planner when what is committed lasts no longer than planning is expected to "
-      "take, and after a period.";
+      "Calls the planner when what is committed lasts no longer than planning may take, and "
+      "after a period.";
   static constexpr auto options_schema = R"({
     "type": "object", "additionalProperties": false,
     "properties": {
-      "action_s": {
-        "type": "number", "exclusiveMinimum": 0, "default": 1,
-        "description": "Seconds that an action takes at least."
-      },
       "margin": {
-        "type": "number", "minimum": 0, "default": 2,
-        "description": "Times the expected planning time that has to be left."
+        "type": "number", "minimum": 0, "default": 1,
+        "description": "Times the planner's limit that has to be left."
       },
       "period_s": {
         "type": "number", "minimum": 0, "default": 30,
@@ -34,11 +30,9 @@ public:
   })";
 
   explicit JustInTime(const fleetyard::Options &options)
-      : action_s_(options.number("action_s")), margin_(options.number("margin")),
-        period_s_(options.number("period_s")) {
-    if (!(action_s_ > 0 && margin_ >= 0 && period_s_ >= 0))
-      throw fleetyard::Failure(fleetyard::Status::invalid_input,
-                               "options: a number is negative, or `action_s` zero");
+      : margin_(options.number("margin")), period_s_(options.number("period_s")) {
+    if (!(margin_ >= 0 && period_s_ >= 0))
+      throw fleetyard::Failure(fleetyard::Status::invalid_input, "options: a number is negative");
   }
 
   bool should_invoke(const fleetyard::FleetStatus &status, const fleetyard::Sink &) override {
@@ -46,11 +40,12 @@ public:
       return true;
     const auto left = status.actions_left();
     const auto least = std::min_element(left.begin(), left.end());
-    return least != left.end() && *least * action_s_ <= margin_ * status.expected_planning_s();
+    return least != left.end() &&
+           *least * status.action_s() <= margin_ * status.planning_limit_s();
   }
 
 private:
-  double action_s_, margin_, period_s_;
+  double margin_, period_s_;
 };
 
 } // namespace

@@ -62,6 +62,7 @@ public:
           if (state.window_steps() > 0)
             go(cell);
         }
+        next.assignments.push_back({static_cast<std::uint32_t>(agent), best->id});
         tasks.erase(best);
       }
       if (goals.empty())

@@ -18,24 +18,18 @@ class JustInTime(fleetyard.InvocationPolicy):
     version = "0.1.0"
     license = "MIT OR Apache-2.0"
     description = (
-        "Calls the planner when what is committed lasts no longer than planning is expected "
-        "to take, and after a period."
+        "Calls the planner when what is committed lasts no longer than planning may take, "
+        "and after a period."
     )
     options_schema = {
         "type": "object",
         "additionalProperties": False,
         "properties": {
-            "action_s": {
-                "type": "number",
-                "exclusiveMinimum": 0,
-                "default": 1,
-                "description": "Seconds that an action takes at least.",
-            },
             "margin": {
                 "type": "number",
                 "minimum": 0,
-                "default": 2,
-                "description": "Times the expected planning time that has to be left.",
+                "default": 1,
+                "description": "Times the planner's limit that has to be left.",
             },
             "period_s": {
                 "type": "number",
@@ -49,8 +43,8 @@ class JustInTime(fleetyard.InvocationPolicy):
     def should_invoke(self, status, context):
         if status.since_last_call_s >= self.options["period_s"]:
             return True
-        left_s = min(status.actions_left) * self.options["action_s"]
-        return left_s <= self.options["margin"] * status.expected_planning_s
+        left_s = min(status.actions_left) * status.action_s
+        return left_s <= self.options["margin"] * status.planning_limit_s
 
 
 if __name__ == "__main__":

@@ -31,7 +31,8 @@ class NearestTask(fleetyard.InstanceGenerator):
     def generate(self, state, budget, context):
         tasks = [task for task in state.tasks if task.cells]
         goals = []
-        for here, open_goals in zip(state.cells, state.goals):
+        given = []
+        for agent, (here, open_goals) in enumerate(zip(state.cells, state.goals)):
             if not open_goals and tasks:
                 context.check()
                 distance = self.grid.distances(here)
@@ -40,16 +41,11 @@ class NearestTask(fleetyard.InstanceGenerator):
                     nearest = min(reachable, key=lambda task: distance[task.cells[0]])
                     tasks.remove(nearest)
                     open_goals = nearest.cells
+                    given.append(fleetyard.Assignment(agent, nearest.id))
             goals.append(open_goals or [here])
-        return fleetyard.Instance(
-            starts=state.cells,
-            goals=goals,
-            headings=state.headings,
-            motion=state.motion,
-            objective=state.objective,
-            window_steps=state.window_steps,
-            radius_m=state.radius_m,
-        )
+        instance = state.instance(goals)
+        instance.assignments = given
+        return instance
 
 
 if __name__ == "__main__":

@@ -275,8 +275,8 @@ mod server {
     };
     use fleetyard_abi::wire::{CancelParams, Envelope};
     use fleetyard_abi::{
-        Budget, Descriptor, FleetState, FleetStatus, Goals, Instance, Kind, LogLevel, Plan,
-        PlanRef, SharedEnvironment, serve,
+        Assignment, Budget, Descriptor, FleetState, FleetStatus, Goals, Instance, Kind, LogLevel,
+        Plan, PlanRef, SharedEnvironment, serve,
     };
 
     struct Calm;
@@ -348,15 +348,13 @@ mod server {
             _: &Budget,
             sink: &dyn Sink,
         ) -> Result<(), Failure> {
-            let instance = Instance {
-                headings: state.headings.clone(),
-                goals: Goals::single(state.cells.clone()),
-                motion: state.motion,
-                objective: state.objective,
-                window_steps: state.window_steps,
-                radius_m: state.radius_m,
-                ..Instance::one_shot(state.cells.clone(), Vec::new())
-            };
+            let mut instance = state.instance(Goals::single(state.cells.clone()));
+            instance
+                .assignments
+                .extend(state.tasks.first().map(|task| Assignment {
+                    agent: 0,
+                    task: task.id,
+                }));
             sink.submit_instance(&instance)?;
             Ok(())
         }

@@ -87,6 +87,9 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
   bool *taken = array(cells, sizeof *taken); /* two agents cannot end in the same cell */
   Goals *goals = array(agents, sizeof *goals);
   uint64_t *offsets = array((size_t)agents + 1, sizeof *offsets);
+  /* What the host is told of tasks: it appends their cells to the goals of the agents. */
+  FleetyardAssignment *assignments = array((size_t)tasks + 1, sizeof *assignments);
+  uint32_t assigned = 0;
   uint32_t *flat = NULL;
   int32_t status = FLEETYARD_STATUS_SOLVED;
   (void)budget; /* `cancelled` says when the time is up */
@@ -115,6 +118,8 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
     if (nearest != NONE) {
       goals[nearest] = (Goals){visits, length, 0};
       taken[visits[length - 1]] = true;
+      assignments[assigned++] =
+          (FleetyardAssignment){.task = state->task_ids[task], .agent = nearest};
     }
   }
   /* Who has nothing to do waits in the nearest cell where nobody ends. */
@@ -146,7 +151,10 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
       .motion = state->motion,
       .objective = state->objective,
       .window_steps = state->window_steps,
+      .allows_cycles = state->allows_cycles,
       .radius_m = state->radius_m,
+      .assignments_count = assigned,
+      .assignments = assignments,
   };
   if (sink->submit_instance(sink->context, &instance) != FLEETYARD_OK)
     status = fail(sink, FLEETYARD_STATUS_TIMED_OUT, "the instance came too late");
@@ -156,6 +164,7 @@ end:
   free(taken);
   free(goals);
   free(offsets);
+  free(assignments);
   free(flat);
   return status;
 }

@@ -68,6 +68,8 @@ public:
       const std::size_t nearest = *std::min_element(able.begin(), able.end(), is_nearer);
       next.goals[nearest].assign(visits.begin(), visits.end());
       ends.insert(visits.back());
+      // The host appends the cells of the task to the goals of the agent.
+      next.assignments.push_back({static_cast<std::uint32_t>(nearest), state.task(i).id});
     }
     for (std::size_t agent = 0; agent < state.agents(); agent++)
       if (next.goals[agent].empty()) {

@@ -34,6 +34,8 @@ class NearestIdle(fleetyard.InstanceGenerator):
         idle = [agent for agent, open_goals in enumerate(goals) if not open_goals]
         # Two agents cannot end in the same cell.
         ends = {open_goals[-1] for open_goals in goals if open_goals}
+        # The host appends the cells of these tasks to the goals of their agents.
+        given = []
         for task in state.tasks[: self.options["most_tasks"]]:
             context.check()  # ends the call when its time is up
             distance = self.grid.distances(task.cells[0])
@@ -42,20 +44,15 @@ class NearestIdle(fleetyard.InstanceGenerator):
             if able and reachable and task.cells[-1] not in ends:
                 nearest = min(able, key=lambda agent: distance[state.cells[agent]])
                 goals[nearest] = list(task.cells)
+                given.append(fleetyard.Assignment(nearest, task.id))
                 ends.add(task.cells[-1])
                 idle.remove(nearest)
         for agent in idle:
             goals[agent] = [self.place_to_wait(state.cells[agent], ends)]
             ends.add(goals[agent][-1])
-        return fleetyard.Instance(
-            starts=state.cells,
-            goals=goals,
-            headings=state.headings,
-            motion=state.motion,
-            objective=state.objective,
-            window_steps=state.window_steps,
-            radius_m=state.radius_m,
-        )
+        instance = state.instance(goals)
+        instance.assignments = given
+        return instance
 
     def place_to_wait(self, cell, ends):
         """The nearest cell where nobody ends: most often where the agent is."""

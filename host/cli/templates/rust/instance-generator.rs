@@ -7,8 +7,8 @@ use std::collections::{BTreeSet, VecDeque};
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, FleetState, Goals, GridEnvironment, Instance,
-    Kind, SharedEnvironment, Status,
+    Assignment, Budget, Capabilities, Capability, Descriptor, FleetState, Goals, GridEnvironment,
+    Instance, Kind, SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -90,6 +90,8 @@ impl InstanceGenerator for NearestIdle {
             .iter()
             .filter_map(|list| list.last().copied())
             .collect();
+        // The host appends the cells of these tasks to the goals of their agents.
+        let mut assignments = Vec::new();
         for task in state.tasks.iter().take(self.options.most_tasks) {
             if sink.cancelled() {
                 return Err(Failure::new(Status::TimedOut, "the time is up"));
@@ -110,6 +112,10 @@ impl InstanceGenerator for NearestIdle {
             if let Some((_, agent)) = nearest {
                 goals[agent].clone_from(&task.cells);
                 ends.insert(*last);
+                assignments.push(Assignment {
+                    agent: agent as u32,
+                    task: task.id,
+                });
             }
         }
         for (agent, list) in goals.iter_mut().enumerate() {
@@ -119,13 +125,8 @@ impl InstanceGenerator for NearestIdle {
             }
         }
         sink.submit_instance(&Instance {
-            starts: state.cells.clone(),
-            headings: state.headings.clone(),
-            goals: flat(&goals)?,
-            motion: state.motion,
-            objective: state.objective,
-            window_steps: state.window_steps,
-            radius_m: state.radius_m,
+            assignments,
+            ..state.instance(flat(&goals)?)
         })?;
         Ok(())
     }

@@ -160,6 +160,7 @@ pub(crate) fn fleet_states(trial: &mut Trial<'_>) -> Step<()> {
     for demand in [Demand::Nothing, Demand::Everything, Demand::Some] {
         let mut scene = Scene::open(&format!("fleet {demand:?}"), 8, 9, &mut random)?;
         scene.demand = demand;
+        scene.allows_cycles = false;
         trial.solve(&scene)?;
     }
     Ok(())
@@ -167,10 +168,11 @@ pub(crate) fn fleet_states(trial: &mut Trial<'_>) -> Step<()> {
 
 pub(crate) fn fleet_statuses(trial: &mut Trial<'_>) -> Step<()> {
     const LONG_S: f64 = 1e6;
-    let status = |since_s: f64, expected_s: f64, actions_left: Vec<u32>| FleetStatus {
+    let status = |since_s: f64, limit_s: f64, actions_left: Vec<u32>| FleetStatus {
         time_s: since_s,
         since_last_call_s: since_s,
-        expected_planning_s: expected_s,
+        planning_limit_s: limit_s,
+        action_s: 0.5,
         actions_left,
     };
     let statuses = [

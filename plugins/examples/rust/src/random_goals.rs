@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, FleetState, Goals, Instance, Kind,
-    SharedEnvironment, Status,
+    Budget, Capabilities, Capability, Descriptor, FleetState, Goals, Kind, SharedEnvironment,
+    Status,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng as _, SeedableRng};
@@ -120,16 +120,7 @@ impl InstanceGenerator for RandomGoals {
         }
         let goals = Goals::from_flat(offsets, goals)
             .ok_or_else(|| Failure::new(Status::InternalError, "the lists of goals are broken"))?;
-        let instance = Instance {
-            goals,
-            headings: state.headings.clone(),
-            motion: state.motion,
-            objective: state.objective,
-            radius_m: state.radius_m,
-            window_steps: state.window_steps,
-            ..Instance::one_shot(state.cells.clone(), Vec::new())
-        };
-        sink.submit_instance(&instance)?;
+        sink.submit_instance(&state.instance(goals))?;
         Ok(())
     }
 }

@@ -227,6 +227,7 @@ fn random_goals_are_free_reachable_and_distinct() {
         motion: Motion::Pebble,
         objective: Objective::SumOfCosts,
         radius_m: 0.35,
+        allows_cycles: false,
     };
     let sink = Collected::default();
     generator.prepare(&map, &BUDGET, &sink).unwrap();
@@ -277,7 +278,8 @@ fn periodic_calls_when_it_is_time_or_somebody_is_idle() {
         let status = FleetStatus {
             time_s: 10.0,
             since_last_call_s: since,
-            expected_planning_s: 0.1,
+            planning_limit_s: 1.0,
+            action_s: 0.5,
             actions_left: actions_left.to_vec(),
         };
         let answer = policy.should_invoke(&status, &Collected::default());

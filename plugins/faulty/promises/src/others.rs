@@ -125,15 +125,7 @@ impl InstanceGenerator for Generator {
         }
         let goals = Goals::from_flat(offsets, goals)
             .ok_or_else(|| Failure::new(Status::InternalError, "broken lists"))?;
-        let mut instance = Instance {
-            goals,
-            headings: state.headings.clone(),
-            motion: state.motion,
-            objective: state.objective,
-            radius_m: state.radius_m,
-            window_steps: state.window_steps,
-            ..Instance::one_shot(state.cells.clone(), Vec::new())
-        };
+        let mut instance = state.instance(goals);
         match self.mistake {
             Mistake::MovesFleet => instance.starts.reverse(),
             Mistake::ForgetsHeadings => instance.headings = None,

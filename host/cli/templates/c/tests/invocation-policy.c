@@ -8,7 +8,8 @@ static int32_t should_invoke(const char *options, double since_s, uint32_t left)
                                  .agents = 2,
                                  .time_s = 100.0,
                                  .since_last_call_s = since_s,
-                                 .expected_planning_s = 0.1,
+                                 .planning_limit_s = 1.0,
+                                 .action_s = 0.5,
                                  .actions_left = (const uint32_t[]){left, 3}};
   FleetyardInvocationPolicy policy;
   const FleetyardInvocationPolicyFactory *factory =

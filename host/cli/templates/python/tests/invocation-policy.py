@@ -16,7 +16,8 @@ def should_invoke(since_s, actions_left, **options):
     status = fleetyard.FleetStatus(
         time_s=100.0,
         since_last_call_s=since_s,
-        expected_planning_s=0.1,
+        planning_limit_s=1.0,
+        action_s=0.5,
         actions_left=actions_left,
     )
     return Periodic(Periodic.complete(options)).should_invoke(status, Mock())

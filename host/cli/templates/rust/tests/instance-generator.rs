@@ -27,6 +27,7 @@ fn generate(row: &str, cells: [u32; 2], goal: u32, task: &[u32]) -> Result<Vec<V
         motion: Motion::Pebble,
         objective: Objective::SumOfCosts,
         radius_m: 0.35,
+        allows_cycles: false,
     };
     generator.generate(&state, &BUDGET, &host)?;
     Ok(host.goals.into_inner().unwrap())

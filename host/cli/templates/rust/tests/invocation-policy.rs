@@ -13,7 +13,8 @@ fn should_invoke(options: &str, since_s: f64, left: u32) -> bool {
     let status = FleetStatus {
         time_s: 100.0,
         since_last_call_s: since_s,
-        expected_planning_s: 0.1,
+        planning_limit_s: 1.0,
+        action_s: 0.5,
         actions_left: vec![left, 3],
     };
     let mut policy = Periodic::create(Options::new(options)).unwrap();
