@@ -244,6 +244,16 @@ impl Chunk {
         }
     }
 
+    /// Whether a body is not where it was at the start of the block, or got there by a
+    /// way round.
+    pub(crate) fn has_moved(&self, lane: usize) -> bool {
+        let turned = || {
+            let track = (lane < self.tracks.starts.len()).then(|| self.tracks.get(lane));
+            track.is_some_and(|track| track.heading.first() != track.heading.last())
+        };
+        self.travel[lane] > 0.0 || turned()
+    }
+
     /// Samples the states of the bodies at the given moments, all within the
     /// block, and hashes them. They stay in `samples` if they are to be kept, and
     /// otherwise a few at a time go through it.

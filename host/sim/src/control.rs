@@ -65,8 +65,8 @@ impl Pilot {
 pub(crate) enum Releases<'a> {
     /// The times of the plan.
     Time,
-    /// A dependency graph: per agent the last knot.
-    Gates(&'a [u32]),
+    /// The order of passing: per agent the last knot.
+    Order(&'a [u32]),
 }
 
 /// Drives bodies through a block.
@@ -182,7 +182,7 @@ impl Driver<'_> {
                 self.look_at_the_clock(agent, pilot, self.block.start);
                 (pilot.due + 1).min(self.last(agent)).max(pilot.done)
             }
-            Releases::Gates(released) => released[agent],
+            Releases::Order(released) => released[agent],
         }
     }
 
@@ -348,7 +348,7 @@ impl Driver<'_> {
                 self.look_at_the_clock(agent, pilot, self.block.end);
                 self.planned(agent, pilot, self.block.end)
             }
-            Releases::Gates(_) => {
+            Releases::Order(_) => {
                 let end = self.place(agent, pilot.leg.max(pilot.done));
                 let (wx, wy) = (end.x - pilot.from.0, end.y - pilot.from.1);
                 let length = wx * wx + wy * wy;
@@ -388,13 +388,14 @@ impl Driver<'_> {
                     break;
                 }
                 pilot.done += 1;
+                self.stay(agent, pilot, now);
                 here = next;
             }
             pilot.from = (here.x, here.y);
             pilot.leg = pilot.done + 1;
         }
         let mut end = self.place(agent, pilot.leg);
-        while pilot.leg < released {
+        while pilot.leg < released && self.routes.stay_s(agent, pilot.leg as usize) <= 0.0 {
             let next = self.place(agent, pilot.leg + 1);
             let (ax, ay) = (end.x - pilot.from.0, end.y - pilot.from.1);
             let (bx, by) = (next.x - end.x, next.y - end.y);
@@ -444,9 +445,9 @@ impl Driver<'_> {
         }
     }
 
-    /// Whether the delay before an action is over.
+    /// Whether the stay at the knot before an action and the delay of the action are over.
     fn is_ready(&self, agent: usize, pilot: &mut Pilot, action: u32, now: f64) -> bool {
-        if pilot.drawn < action {
+        if pilot.drawn < action && now >= pilot.hold {
             pilot.drawn = action;
             pilot.hold = now + self.delay(agent, action);
         }
@@ -456,7 +457,16 @@ impl Driver<'_> {
     /// The body is at the end of its leg.
     fn reach(&self, agent: usize, pilot: &mut Pilot, now: f64) {
         pilot.done = pilot.leg;
+        self.stay(agent, pilot, now);
         self.note_arrival(agent, pilot, now);
+    }
+
+    /// The body stays at the knot that it is at, if it has to.
+    fn stay(&self, agent: usize, pilot: &mut Pilot, now: f64) {
+        let stay_s = self.routes.stay_s(agent, pilot.done as usize);
+        if stay_s > 0.0 {
+            pilot.hold = now + stay_s * self.substeps_per_s;
+        }
     }
 
     fn note_arrival(&self, agent: usize, pilot: &mut Pilot, now: f64) {
@@ -537,6 +547,7 @@ impl Driver<'_> {
                 }
                 pilot.done += 1;
                 pilot.spent = 0.0;
+                self.stay(agent, pilot, now);
             } else {
                 pilot.spent += (end - now) * factor;
                 let place = between(here, next, pilot.spent / whole);

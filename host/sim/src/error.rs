@@ -48,6 +48,15 @@ pub enum SimError {
         most: f64,
         model: &'static str,
     },
+    #[error("there is no agent {agent}: there are {agents}")]
+    NoSuchAgent { agent: usize, agents: usize },
+    #[error("order {number} of agent {agent} {reason}")]
+    Order {
+        agent: usize,
+        number: usize,
+        reason: String,
+        hint: &'static str,
+    },
     #[error("{agents} agents need about {} MiB, more than the {} MiB that may be used", needed >> 20, limit >> 20)]
     TooLarge {
         agents: usize,
@@ -68,7 +77,8 @@ impl SimError {
     /// What the user can do.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
-            Self::Config { hint, .. } => Some(hint),
+            Self::Config { hint, .. } | Self::Order { hint, .. } => Some(hint),
+            Self::NoSuchAgent { .. } => Some("agents are counted from 0"),
             Self::NoAgents => Some("an instance has at least one agent"),
             Self::TooManyAgents { .. } => Some("split the plan"),
             Self::EmptyPath { .. } => {

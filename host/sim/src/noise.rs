@@ -312,37 +312,29 @@ impl Noise {
     }
 }
 
-/// How long messages are under way.
+/// How long messages of one direction are under way.
 #[derive(Debug, Clone)]
 pub(crate) struct MessageNoise {
     messages: Messages,
     period_s: f64,
-    reports: SeededRandom,
-    releases: SeededRandom,
+    random: SeededRandom,
 }
 
 impl MessageNoise {
-    pub(crate) fn new(messages: &Messages, seed: u64, period_s: f64) -> Self {
+    /// `direction` keeps the values of the two directions apart.
+    pub(crate) fn new(direction: &str, messages: &Messages, seed: u64, period_s: f64) -> Self {
         Self {
             messages: *messages,
             period_s,
-            reports: SeededRandom::new("report", seed),
-            releases: SeededRandom::new("release", seed),
+            random: SeededRandom::new(direction, seed),
         }
     }
 
-    /// After how many blocks the server has what an agent reports in a block;
-    /// `None` if the message is lost.
-    pub(crate) fn report(&mut self, block: u64, agent: u32) -> Option<u64> {
-        self.reports.go_to(block, u64::from(agent));
-        let bits = self.reports.next_u64();
-        self.blocks(bits)
-    }
-
-    /// The same for what the server releases.
-    pub(crate) fn release(&mut self, block: u64, agent: u32) -> Option<u64> {
-        self.releases.go_to(block, u64::from(agent));
-        let bits = self.releases.next_u64();
+    /// After how many blocks a message from or to an agent arrives that is sent in a
+    /// block; `None` if it is lost.
+    pub(crate) fn travel(&mut self, block: u64, agent: u32) -> Option<u64> {
+        self.random.go_to(block, u64::from(agent));
+        let bits = self.random.next_u64();
         self.blocks(bits)
     }
 
@@ -723,9 +715,11 @@ mod tests {
         assert_ne!(of(1).start_delay_s(3, 4), of(2).start_delay_s(3, 4));
         assert_ne!(of(1).start_delay_s(3, 4), of(1).start_delay_s(4, 3));
         let messages: Messages = "0s,1s,0.5".parse().expect("messages");
-        let mut noise = MessageNoise::new(&messages, 1, 0.1);
-        let reports: Vec<_> = (0..100).map(|agent| noise.report(5, agent)).collect();
-        let releases: Vec<_> = (0..100).map(|agent| noise.release(5, agent)).collect();
+        let sent = |direction: &str| -> Vec<Option<u64>> {
+            let mut noise = MessageNoise::new(direction, &messages, 1, 0.1);
+            (0..100).map(|agent| noise.travel(5, agent)).collect()
+        };
+        let (reports, releases) = (sent("report"), sent("release"));
         assert_ne!(reports, releases);
         assert!(reports.iter().flatten().all(|blocks| *blocks <= 10));
         let lost = reports.iter().filter(|report| report.is_none()).count();

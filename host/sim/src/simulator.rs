@@ -2,21 +2,23 @@
 
 use std::borrow::Cow;
 
-use fleetyard_core::{Grid, GridPlan};
+use fleetyard_core::{Digest, Grid, GridPlan};
 use fleetyard_world::{Pose, Shape, Workspace};
 
 use crate::chunk::{CHUNK, Chunk};
 use crate::clock::Clock;
 use crate::config::{Policy, SimConfig, Tier};
 use crate::control::Pilot;
+use crate::engine::Engine;
 use crate::error::SimError;
-use crate::execution::{Run, Setup};
+use crate::execution::Run;
 use crate::gate::{DependencyGraph, GateOptions, Gates};
 use crate::kinematic::Shapes;
 use crate::motion::{Fleet, Model};
 use crate::obstacles::Obstacles;
 use crate::outcome::Outcome;
-use crate::route::{Plan, Reference};
+use crate::route::{Place, Plan, Reference};
+use crate::setup::Setup;
 use crate::solved::Solved;
 use crate::trace::TraceSink;
 use crate::workers::Workers;
@@ -81,7 +83,6 @@ impl<'a> Simulator<'a> {
         plan: impl Into<Plan<'p>>,
         sink: &mut dyn TraceSink,
     ) -> Result<Outcome, SimError> {
-        self.config.validate()?;
         let plan = plan.into();
         self.check(plan)?;
         let workers = Workers::new(self.config.threads);
@@ -103,9 +104,29 @@ impl<'a> Simulator<'a> {
 
     /// Refuses what cannot be executed at all.
     fn check(&self, plan: Plan<'_>) -> Result<(), SimError> {
+        self.check_agents(plan.agents())?;
+        let Plan::Grid(plan) = plan else {
+            return Ok(());
+        };
+        let Some(grid) = self.grid else {
+            return Err(SimError::NoMap);
+        };
+        for (agent, path) in plan.paths().enumerate() {
+            if path.is_empty() {
+                return Err(SimError::EmptyPath { agent });
+            }
+            if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
+                return Err(SimError::OffMap { agent, time });
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses parameters out of their ranges, and numbers of agents that cannot be.
+    pub(crate) fn check_agents(&self, agents: usize) -> Result<(), SimError> {
+        self.config.validate()?;
         // Traces number agents with 32 bits and states with twice as many.
         let most = 1 << 27;
-        let agents = plan.agents();
         if agents == 0 {
             return Err(SimError::NoAgents);
         }
@@ -128,20 +149,6 @@ impl<'a> Simulator<'a> {
             .filter(|fleet| *fleet != agents)
         {
             return Err(SimError::OtherFleet { agents, fleet });
-        }
-        let Plan::Grid(plan) = plan else {
-            return Ok(());
-        };
-        let Some(grid) = self.grid else {
-            return Err(SimError::NoMap);
-        };
-        for (agent, path) in plan.paths().enumerate() {
-            if path.is_empty() {
-                return Err(SimError::EmptyPath { agent });
-            }
-            if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
-                return Err(SimError::OffMap { agent, time });
-            }
         }
         Ok(())
     }
@@ -215,27 +222,26 @@ impl<'a> Simulator<'a> {
                 substeps_per_s,
             },
         };
-        let models: Vec<Option<&Model>> = match self.fleet {
-            Some(fleet) => fleet
-                .profiles()
-                .iter()
-                .map(|profile| Some(&profile.model))
-                .collect(),
-            None => vec![None],
-        };
-        let shapes = self.shapes(agents)?;
-        let ideal = models.iter().all(|model| model.is_none_or(is_pebble));
         let by_time = config.policy == Policy::Time;
-        // Pebbles that nothing disturbs go with the plan's clock.
-        let kinematic = config.tier == Tier::Kinematic;
-        let exact = kinematic && ideal && by_time && !config.disturbance.moves_agents();
         if by_time && let Plan::Trajectories(plan) = plan {
             self.check_speeds(plan)?;
         }
-        let plan_headings = matches!(plan, Plan::Trajectories(plan) if plan.has_headings());
+        // Pebbles that nothing disturbs go with the plan's clock.
+        let ideal = self.models().into_iter().flatten().all(is_pebble);
+        let kinematic = config.tier == Tier::Kinematic;
+        let crowd = Crowd {
+            agents,
+            policy: config.policy,
+            exact: kinematic && ideal && by_time && !config.disturbance.moves_agents(),
+            headings: matches!(plan, Plan::Trajectories(plan) if plan.has_headings()),
+            plan: plan.digest(),
+            start: &|agent| reference.place(agent, 0),
+        };
+        let engine = self.engine(workers, &crowd)?;
         let gates = if by_time {
             None
         } else {
+            let (shapes, models) = (&engine.shapes, &engine.setup.models);
             let tolerance = models
                 .iter()
                 .flatten()
@@ -247,7 +253,7 @@ impl<'a> Simulator<'a> {
                 cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
                 ..GateOptions::default()
             };
-            let discs = turning_discs(&shapes, &models);
+            let discs = turning_discs(shapes, models);
             let shape_of = |agent: usize| {
                 let kind = shapes.kind_of(agent as u32);
                 discs[kind].as_ref().unwrap_or(&shapes.kinds[kind])
@@ -261,8 +267,32 @@ impl<'a> Simulator<'a> {
                 clock.period_s(),
             ))
         };
+        Run::new(engine, plan, reference, gates).execute(sink)
+    }
+
+    /// How each kind of robot moves; none follows its reference exactly.
+    fn models(&self) -> Vec<Option<&'a Model>> {
+        match self.fleet {
+            Some(fleet) => {
+                let profiles = fleet.profiles().iter();
+                profiles.map(|profile| Some(&profile.model)).collect()
+            }
+            None => vec![None],
+        }
+    }
+
+    /// The engine with everybody at the start.
+    pub(crate) fn engine(
+        &self,
+        workers: Workers,
+        crowd: &Crowd<'_>,
+    ) -> Result<Engine<'a>, SimError> {
+        let (config, agents) = (self.config, crowd.agents);
+        let models = self.models();
+        let shapes = self.shapes(agents)?;
+        let ideal = models.iter().flatten().copied().all(is_pebble);
         let with_heading =
-            plan_headings || !ideal || shapes.kinds.iter().any(|shape| !shape.is_disc());
+            crowd.headings || !ideal || shapes.kinds.iter().any(|shape| !shape.is_disc());
         let movers = self
             .workspace
             .map_or(&[][..], |workspace| &workspace.movers);
@@ -270,7 +300,7 @@ impl<'a> Simulator<'a> {
             if body >= agents {
                 return movers[body - agents].pose_at(0.0);
             }
-            let place = reference.place(body, 0);
+            let place = (crowd.start)(body);
             // What has no model has no heading of its own: plans say how it lies.
             let model = self.model(body);
             let heading = if model.is_none_or(is_pebble) {
@@ -288,14 +318,14 @@ impl<'a> Simulator<'a> {
                 chunk.x.push(pose.x);
                 chunk.y.push(pose.y);
                 chunk.heading.push(pose.heading);
-                if !exact && body < agents {
+                if !crowd.exact && body < agents {
                     chunk.pilots.push(Pilot::new(pose));
                 }
             }
             chunk
         });
         let chunks: Vec<Chunk> = chunks.collect();
-        let solved = if kinematic {
+        let solved = if config.tier == Tier::Kinematic {
             None
         } else {
             let model = |agent: u32| models[shapes.kind_of(agent)];
@@ -306,21 +336,21 @@ impl<'a> Simulator<'a> {
         };
         let setup = Setup {
             config,
-            clock,
+            clock: Clock::new(config),
             workers,
             agents,
             movers,
-            plan,
+            policy: crowd.policy,
+            plan: crowd.plan,
             models,
             obstacles: Obstacles::new(self.grid, config.cell_size_m, self.workspace),
-            headings: plan_headings,
             with_heading,
-            exact,
+            exact: crowd.exact,
             grid: self.grid,
             workspace: self.workspace,
             fleet: self.fleet,
         };
-        Run::new(&setup, reference, shapes, gates, solved, chunks).execute(sink)
+        Ok(Engine::new(setup, shapes, solved, chunks))
     }
 
     /// Refuses poses that a model cannot follow at the times of the plan.
@@ -357,6 +387,21 @@ impl<'a> Simulator<'a> {
         }
         Ok(())
     }
+}
+
+/// The agents of an execution.
+pub(crate) struct Crowd<'c> {
+    pub(crate) agents: usize,
+    /// What decides when an agent may go on.
+    pub(crate) policy: Policy,
+    /// Everybody follows the plan exactly, by time.
+    pub(crate) exact: bool,
+    /// Whether what they are to do has headings.
+    pub(crate) headings: bool,
+    /// Digest of what they are to do.
+    pub(crate) plan: Digest,
+    /// Where they begin.
+    pub(crate) start: &'c dyn Fn(usize) -> Place,
 }
 
 /// Per profile, the disc around its footprint if robots of the profile turn. Plans

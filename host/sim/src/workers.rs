@@ -4,6 +4,7 @@
 //! into pieces that do not depend on it, and results are joined in the order of
 //! the pieces.
 
+use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::error::SimError;
@@ -30,18 +31,25 @@ impl Workers {
         self,
         job: impl FnOnce() -> Result<R, SimError> + Send,
     ) -> Result<R, SimError> {
-        if !self.are_many() {
-            return job();
+        match self.pool()? {
+            Some(pool) => pool.install(job),
+            None => job(),
         }
-        rayon::ThreadPoolBuilder::new()
+    }
+
+    /// A pool of these threads, if there is more than one.
+    pub(crate) fn pool(self) -> Result<Option<ThreadPool>, SimError> {
+        if !self.are_many() {
+            return Ok(None);
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.0)
             .thread_name(|index| format!("simulate-{index}"))
-            .build()
-            .map_err(|error| SimError::Threads {
-                threads: self.0,
-                reason: error.to_string(),
-            })?
-            .install(job)
+            .build();
+        pool.map(Some).map_err(|error| SimError::Threads {
+            threads: self.0,
+            reason: error.to_string(),
+        })
     }
 
     /// Does `work` for each item, on its own.

@@ -52,13 +52,14 @@ impl Frontier {
         self.met[agent] as usize
     }
 
-    /// The agent has reached a knot. Tells of every agent that may go farther now.
+    /// The agent has reached a knot. Tells of every agent that may go farther now,
+    /// and to which knot.
     pub(super) fn reach(
         &mut self,
         graph: &DependencyGraph,
         agent: usize,
         knot: u32,
-        mut tell: impl FnMut(u32),
+        mut tell: impl FnMut(u32, u32),
     ) {
         if knot <= self.reached[agent] {
             return;
@@ -68,7 +69,7 @@ impl Frontier {
         while waiting != NONE {
             let next = self.next[waiting as usize];
             if self.settle(graph, waiting as usize) {
-                tell(waiting);
+                tell(waiting, self.released[waiting as usize]);
             }
             waiting = next;
         }
@@ -105,7 +106,7 @@ impl Frontier {
         let mut ready: Vec<u32> = (0..agents as u32).rev().collect();
         while let Some(agent) = ready.pop() {
             let knot = self.released[agent as usize];
-            self.reach(graph, agent as usize, knot, |other| ready.push(other));
+            self.reach(graph, agent as usize, knot, |other, _| ready.push(other));
         }
         (0..agents).all(|agent| self.reached(agent) as usize == graph.actions(agent))
     }

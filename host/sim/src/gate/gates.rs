@@ -1,11 +1,10 @@
 //! The state of a gated execution: what robots have done and may do, and the
 //! messages between them and the server that knows the graph.
 
-use std::collections::BTreeMap;
-
+use super::channel::Channel;
 use super::frontier::Frontier;
 use super::graph::DependencyGraph;
-use crate::noise::{MessageNoise, Messages};
+use crate::noise::Messages;
 
 /// Who may go how far, while a plan is executed by order.
 ///
@@ -23,58 +22,10 @@ pub struct Gates {
     graph: DependencyGraph,
     /// What the server knows and grants.
     server: Frontier,
-    /// What robots have done, and know that they may do.
-    reached: Vec<u32>,
-    released: Vec<u32>,
-    /// Agents with something that the other side does not have yet, and marks of
-    /// who is among them.
-    reports: Outbox,
-    releases: Outbox,
-    network: Option<Network>,
+    /// The knots that robots have reached, and those that they may go to.
+    reports: Channel,
+    releases: Channel,
     finished: usize,
-}
-
-/// Agents whose state has still to get to the other side.
-#[derive(Debug, Clone, Default)]
-struct Outbox {
-    agents: Vec<u32>,
-    waits: Vec<bool>,
-}
-
-impl Outbox {
-    fn new(agents: usize) -> Self {
-        Self {
-            agents: Vec::new(),
-            waits: vec![false; agents],
-        }
-    }
-
-    fn add(&mut self, agent: u32) {
-        if !std::mem::replace(&mut self.waits[agent as usize], true) {
-            self.agents.push(agent);
-        }
-    }
-
-    /// Keeps the agents that still wait, in ascending order.
-    fn retain(&mut self, mut still: impl FnMut(u32) -> bool) {
-        self.agents.sort_unstable();
-        let waits = &mut self.waits;
-        self.agents.retain(|agent| {
-            let keep = still(*agent);
-            waits[*agent as usize] = keep;
-            keep
-        });
-    }
-}
-
-/// Messages under way.
-#[derive(Debug, Clone)]
-struct Network {
-    noise: MessageNoise,
-    /// By block of arrival: agents and the knots that they report, or that they
-    /// are released to.
-    reports: BTreeMap<u64, Vec<(u32, u32)>>,
-    releases: BTreeMap<u64, Vec<(u32, u32)>>,
 }
 
 impl Gates {
@@ -87,11 +38,8 @@ impl Gates {
         let finished = (0..agents).filter(|agent| graph.actions(*agent) == 0);
         Self {
             finished: finished.count(),
-            reached: vec![0; agents],
-            released,
-            reports: Outbox::new(agents),
-            releases: Outbox::new(agents),
-            network: None,
+            reports: Channel::new(vec![0; agents]),
+            releases: Channel::new(released),
             server,
             graph,
         }
@@ -106,13 +54,8 @@ impl Gates {
         period_s: f64,
     ) -> Self {
         let mut gates = Self::new(graph);
-        if !messages.is_none() {
-            gates.network = Some(Network {
-                noise: MessageNoise::new(messages, seed, period_s),
-                reports: BTreeMap::new(),
-                releases: BTreeMap::new(),
-            });
-        }
+        gates.reports = gates.reports.over("report", messages, seed, period_s);
+        gates.releases = gates.releases.over("release", messages, seed, period_s);
         gates
     }
 
@@ -126,10 +69,8 @@ impl Gates {
     pub fn done(&mut self, agent: usize, knot: usize) {
         let last = self.graph.actions(agent) as u32;
         let knot = u32::try_from(knot).map_or(last, |knot| knot.min(last));
-        if knot > self.reached[agent] {
-            self.reached[agent] = knot;
+        if self.reports.say(agent as u32, knot) {
             self.finished += usize::from(knot == last);
-            self.reports.add(agent as u32);
         }
     }
 
@@ -139,74 +80,30 @@ impl Gates {
         let Self {
             graph,
             server,
-            reached,
-            released,
             reports,
             releases,
-            network,
             ..
         } = self;
-        let Some(network) = network else {
-            for agent in reports.agents.drain(..) {
-                reports.waits[agent as usize] = false;
-                server.reach(graph, agent as usize, reached[agent as usize], |other| {
-                    releases.add(other);
-                });
-            }
-            for agent in releases.agents.drain(..) {
-                releases.waits[agent as usize] = false;
-                released[agent as usize] = server.released(agent as usize);
-            }
-            return;
-        };
-        let Network {
-            noise,
-            reports: reports_due,
-            releases: releases_due,
-        } = network;
-        reports.retain(|agent| {
-            let knot = reached[agent as usize];
-            if knot <= server.reached(agent as usize) {
-                return false;
-            }
-            if let Some(blocks) = noise.report(block, agent) {
-                let due = reports_due.entry(block + blocks).or_default();
-                due.push((agent, knot));
-            }
-            true
+        reports.exchange(block, |agent, knot| {
+            server.reach(graph, agent as usize, knot, |other, knot| {
+                releases.say(other, knot);
+            });
         });
-        for (agent, knot) in reports_due.remove(&block).into_iter().flatten() {
-            server.reach(graph, agent as usize, knot, |other| releases.add(other));
-        }
-        releases.retain(|agent| {
-            let knot = server.released(agent as usize);
-            if knot <= released[agent as usize] {
-                return false;
-            }
-            if let Some(blocks) = noise.release(block, agent) {
-                let due = releases_due.entry(block + blocks).or_default();
-                due.push((agent, knot));
-            }
-            true
-        });
-        for (agent, knot) in releases_due.remove(&block).into_iter().flatten() {
-            let released = &mut released[agent as usize];
-            *released = knot.max(*released);
-        }
+        releases.exchange(block, |_, _| {});
     }
 
     /// Per agent, the last knot that it may go to.
     pub fn released(&self) -> &[u32] {
-        &self.released
+        self.releases.known()
     }
 
     /// Per agent, the last knot that it has reached.
     pub fn reached(&self) -> &[u32] {
-        &self.reached
+        self.reports.latest()
     }
 
     /// Whether all agents have reached the ends of their routes.
     pub fn is_finished(&self) -> bool {
-        self.finished == self.reached.len()
+        self.finished == self.graph.agents()
     }
 }

@@ -28,6 +28,7 @@
 //! margin: see [`DependencyGraph::routes`].
 
 mod cells;
+mod channel;
 mod error;
 mod frontier;
 mod gates;
@@ -37,6 +38,7 @@ mod near;
 mod rings;
 mod routes;
 
+pub(crate) use channel::Channel;
 pub use error::GateError;
 pub use gates::Gates;
 pub use graph::{DependencyGraph, GateOptions, Wait};

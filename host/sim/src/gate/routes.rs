@@ -18,6 +18,12 @@ pub trait Routes: Sync {
     fn pose(&self, agent: usize, knot: usize) -> Pose;
     /// When the plan has the agent there, in seconds.
     fn time_s(&self, agent: usize, knot: usize) -> f64;
+    /// How long the agent stays there at least, once it has got there, in seconds. In
+    /// plans, waits say that.
+    fn stay_s(&self, agent: usize, knot: usize) -> f64 {
+        let _ = (agent, knot);
+        0.0
+    }
 }
 
 impl Routes for TrajectoryPlan {

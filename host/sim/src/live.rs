@@ -1,0 +1,434 @@
+//! An execution without an end, in which robots drive what they are sent meanwhile.
+
+use std::collections::VecDeque;
+
+use fleetyard_core::{Grid, Hasher, cell_center_m};
+use fleetyard_world::Pose;
+use rayon::ThreadPool;
+
+use crate::chunk::{CHUNK, Chunk, Span};
+use crate::config::{Policy, SimConfig};
+use crate::control::Releases;
+use crate::engine::{Engine, Guide};
+use crate::error::SimError;
+use crate::event::Contacts;
+use crate::gate::{Channel, Routes};
+use crate::motion::Fleet;
+use crate::outcome::{Approach, Outcome};
+use crate::route::Place;
+use crate::simulator::{Crowd, Simulator};
+use crate::trace::{Header, TraceSink};
+use crate::workers::Workers;
+
+/// What a robot is to do next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Order {
+    /// The cell to go to: next to that of the order before, or the same.
+    pub cell: u32,
+    /// How long the robot stays there before it goes on, in seconds.
+    pub dwell_s: f64,
+}
+
+/// An execution that goes on as long as it is asked to: robots drive what they are sent.
+///
+/// Orders of a robot are numbered 1, 2, 3 …; order 0 is to be where it begins. Those that
+/// a robot has, that lie in one straight line, and between which it does not stay, are
+/// driven as one leg with one stop at its end. A robot that gets more of them while it
+/// drives goes on without stopping. An order is done when the robot has passed the middle
+/// of its cell, or has arrived there within the tolerances of its model.
+///
+/// Whoever sends the orders decides who goes first: a robot goes wherever it is sent.
+/// Nobody touches anybody, whatever the delays, if an order into a cell is sent when the
+/// orders of all who are to be there before to leave it are [`done`](Live::done), and if
+/// discs have a radius below half a cell less [their tolerances](crate::motion::Model).
+///
+/// Time goes in blocks of [`SimConfig::message_period_s`]. What is sent between two of
+/// them is on its way from the beginning of the next one, what is done in a block is known
+/// after it, or both later, if messages take time or are lost
+/// ([`Messages`](crate::noise::Messages)).
+///
+/// Finished orders are forgotten: memory is that of the robots, of what they still have
+/// to do and of the crowding, however long the execution goes on.
+///
+/// ```
+/// use fleetyard_core::Grid;
+/// use fleetyard_sim::{Live, NoTrace, Order, SimConfig};
+///
+/// let grid = Grid::new("tiny", 1, 4, b"....".to_vec())?;
+/// let config = SimConfig::default();
+/// let mut live = Live::new(&config, &grid, None, &[(0, 0.0)])?;
+/// live.begin(&mut NoTrace)?;
+/// for cell in [1, 2, 3] {
+///     live.send(0, Order { cell, dwell_s: 0.0 });
+/// }
+/// while live.done(0) < 3 {
+///     live.advance(&mut NoTrace)?;
+/// }
+/// assert!((live.now_s() - 3.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Live<'a> {
+    engine: Engine<'a>,
+    orders: Orders<'a>,
+    /// The last order that robots have, as sent and as received.
+    sent: Channel,
+    /// The last order that is done, as robots know and as the server does.
+    reports: Channel,
+    news: Vec<u32>,
+    /// How many blocks are over.
+    blocks: u64,
+    header: Option<Header>,
+    /// The first order that could not be accepted.
+    fault: Option<SimError>,
+    /// Threads to work on, if there is more than one.
+    pool: Option<ThreadPool>,
+}
+
+impl<'a> Live<'a> {
+    /// Robots at rest in the middles of cells: for each its cell and its heading in
+    /// radians. Without a fleet they are discs that move by one cell per step.
+    ///
+    /// `config.policy`, `config.until_done` and `config.time_limit_s` are not looked at.
+    pub fn new(
+        config: &'a SimConfig,
+        grid: &'a Grid,
+        fleet: Option<&'a Fleet>,
+        starts: &[(u32, f64)],
+    ) -> Result<Self, SimError> {
+        let mut world = Simulator::new(config).on_grid(grid);
+        if let Some(fleet) = fleet {
+            world = world.with_fleet(fleet);
+        }
+        world.check_agents(starts.len())?;
+        let mut hasher = Hasher::new("fleetyard.starts/1");
+        for (agent, (cell, heading_rad)) in starts.iter().enumerate() {
+            if *cell >= grid.cell_count() {
+                return Err(SimError::OffMap { agent, time: 0 });
+            }
+            if !heading_rad.is_finite() {
+                return Err(SimError::Config {
+                    field: "heading_rad",
+                    value: format!("{heading_rad} of agent {agent}"),
+                    reason: "is no angle",
+                    hint: "give finite radians",
+                });
+            }
+            hasher.u64(u64::from(*cell));
+            hasher.f64(*heading_rad);
+        }
+        let workers = Workers::new(config.threads);
+        let start = |agent: usize| {
+            let (cell, heading_rad) = starts[agent];
+            let (x, y) = cell_center_m(grid, config.cell_size_m, cell);
+            Place {
+                x,
+                y,
+                heading: Some(heading_rad),
+            }
+        };
+        let crowd = Crowd {
+            agents: starts.len(),
+            policy: Policy::Adg,
+            exact: false,
+            headings: false,
+            plan: hasher.finish(),
+            start: &start,
+        };
+        let engine = world.engine(workers, &crowd)?;
+        let clock = engine.setup.clock;
+        let channel = |direction| {
+            let disturbance = &config.disturbance;
+            Channel::new(vec![0; starts.len()]).over(
+                direction,
+                &disturbance.messages,
+                disturbance.seed,
+                clock.period_s(),
+            )
+        };
+        Ok(Self {
+            orders: Orders {
+                grid,
+                cell_size_m: config.cell_size_m,
+                step_s: clock.substeps_per_step / clock.substeps_per_s,
+                ways: starts.iter().map(|(cell, _)| Way::new(*cell)).collect(),
+            },
+            sent: channel("release"),
+            reports: channel("report"),
+            news: Vec::new(),
+            blocks: 0,
+            header: None,
+            fault: None,
+            pool: workers.pool()?,
+            engine,
+        })
+    }
+
+    /// Tells `sink` what the execution is about, and refuses robots that begin in
+    /// obstacles or in each other. It comes before everything else, and happens by
+    /// itself if it is left out.
+    pub fn begin(&mut self, sink: &mut dyn TraceSink) -> Result<(), SimError> {
+        if self.header.is_some() {
+            return Ok(());
+        }
+        let engine = &self.engine;
+        let header = engine
+            .setup
+            .header(&engine.shapes, None, sink.wants_scene());
+        sink.begin(&header)?;
+        self.header = Some(header);
+        self.with_engine(|engine, guide| engine.start(guide, sink))?;
+        self.engine.check_starts(false)
+    }
+
+    /// How long a block takes, in seconds.
+    pub fn period_s(&self) -> f64 {
+        self.engine.setup.clock.period_s()
+    }
+
+    /// Simulated time in seconds.
+    pub fn now_s(&self) -> f64 {
+        self.moment(self.blocks) / self.engine.setup.clock.substeps_per_s
+    }
+
+    /// Number of robots.
+    pub fn agents(&self) -> usize {
+        self.engine.setup.agents
+    }
+
+    /// Appends an order to those of a robot.
+    ///
+    /// One that cannot be driven breaks the execution off: [`Live::advance`] says which.
+    /// It is not driven, and neither is anything that is sent after it. A robot can
+    /// have 2³² − 2 orders in all.
+    pub fn send(&mut self, agent: usize, order: Order) {
+        if self.fault.is_some() {
+            return;
+        }
+        match self.orders.append(agent, order) {
+            Ok(number) => {
+                self.sent.say(agent as u32, number);
+            }
+            Err(fault) => self.fault = Some(fault),
+        }
+    }
+
+    /// How many orders were sent to a robot.
+    pub fn sent(&self, agent: usize) -> u32 {
+        self.sent.latest()[agent]
+    }
+
+    /// The last order of a robot that is done, as far as the server knows.
+    pub fn done(&self, agent: usize) -> u32 {
+        self.reports.known()[agent]
+    }
+
+    /// The robots of which [`Live::done`] has changed in the last block, ascending.
+    pub fn news(&self) -> &[u32] {
+        &self.news
+    }
+
+    /// Executes one block.
+    pub fn advance(&mut self, sink: &mut dyn TraceSink) -> Result<(), SimError> {
+        if let Some(fault) = self.fault.take() {
+            return Err(fault);
+        }
+        self.begin(sink)?;
+        let number = self.blocks;
+        let block = Span {
+            start: self.moment(number),
+            end: self.moment(number + 1),
+        };
+        self.engine.setup.clock.ticks_until(block.end)?;
+        self.sent.exchange(number, |_, _| {});
+        self.with_engine(|engine, guide| engine.advance(block, number, guide, sink))?;
+        self.blocks += 1;
+        for chunk in &self.engine.chunks {
+            for (lane, pilot) in chunk.pilots.iter().enumerate() {
+                let agent = chunk.first + lane as u32;
+                if self.reports.say(agent, pilot.done) {
+                    self.orders.forget(agent as usize, pilot.done);
+                }
+            }
+        }
+        let news = &mut self.news;
+        news.clear();
+        self.reports
+            .exchange(self.blocks, |agent, _| news.push(agent));
+        news.sort_unstable();
+        Ok(())
+    }
+
+    /// Whether a robot moved or turned in the last block.
+    pub fn is_moving(&self, agent: usize) -> bool {
+        let (chunk, lane) = self.lane(agent);
+        chunk.has_moved(lane)
+    }
+
+    /// Where a robot is.
+    pub fn pose(&self, agent: usize) -> Pose {
+        let (chunk, lane) = self.lane(agent);
+        Pose::new(chunk.x[lane], chunk.y[lane], chunk.heading[lane])
+    }
+
+    /// The contacts so far.
+    pub fn contacts(&self) -> &Contacts {
+        &self.engine.log.contacts
+    }
+
+    /// How near any two robots came so far, between centres. Looks at every robot.
+    pub fn nearest_approach(&self) -> Option<Approach> {
+        self.engine.nearest()
+    }
+
+    /// Ends the execution. There are no ends of routes, so that nobody has arrived.
+    pub fn finish(mut self, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
+        self.begin(sink)?;
+        let (now, number) = (self.moment(self.blocks), self.blocks);
+        self.with_engine(|engine, guide| engine.end(now, number, guide, sink))?;
+        let Some(header) = self.header else {
+            return Err(SimError::NoAgents);
+        };
+        let arrivals = std::iter::repeat_n(f64::INFINITY, self.engine.setup.agents);
+        self.engine.outcome(&header, arrivals, sink)
+    }
+
+    /// When a block begins, in substeps.
+    fn moment(&self, block: u64) -> f64 {
+        let clock = self.engine.setup.clock;
+        clock.tick_start(block * clock.ticks_per_period)
+    }
+
+    fn lane(&self, agent: usize) -> (&Chunk, usize) {
+        (&self.engine.chunks[agent / CHUNK], agent % CHUNK)
+    }
+
+    /// Does something with the engine and what robots do, on the threads for it.
+    fn with_engine<R: Send>(
+        &mut self,
+        job: impl FnOnce(&mut Engine<'a>, &Guide<'_>) -> R + Send,
+    ) -> R {
+        let guide = Guide::Drive {
+            routes: &self.orders,
+            headings: false,
+            chase: false,
+            releases: Releases::Order(self.sent.known()),
+        };
+        let engine = &mut self.engine;
+        match &self.pool {
+            Some(pool) => pool.install(|| job(engine, &guide)),
+            None => job(engine, &guide),
+        }
+    }
+}
+
+/// The orders of robots that are not done: the routes that they drive.
+struct Orders<'a> {
+    grid: &'a Grid,
+    cell_size_m: f64,
+    /// What a move takes of a robot without a controller.
+    step_s: f64,
+    ways: Vec<Way>,
+}
+
+/// What a robot has to do.
+struct Way {
+    /// The number of the first order that is known: the last one that is done.
+    first: u32,
+    orders: VecDeque<Order>,
+}
+
+impl Way {
+    fn new(cell: u32) -> Self {
+        let start = Order { cell, dwell_s: 0.0 };
+        Self {
+            first: 0,
+            orders: VecDeque::from([start]),
+        }
+    }
+
+    /// The order of a number; the nearest one that is known, if it is not.
+    fn order(&self, number: usize) -> Order {
+        let at = number.saturating_sub(self.first as usize);
+        self.orders[at.min(self.orders.len() - 1)]
+    }
+}
+
+impl Orders<'_> {
+    /// Appends an order that can be driven, and says its number.
+    fn append(&mut self, agent: usize, order: Order) -> Result<u32, SimError> {
+        let agents = self.ways.len();
+        let Some(way) = self.ways.get_mut(agent) else {
+            return Err(SimError::NoSuchAgent { agent, agents });
+        };
+        let before = way.order(usize::MAX).cell;
+        let number = way.first as usize + way.orders.len();
+        let refused = |reason: String, hint| {
+            Err(SimError::Order {
+                agent,
+                number,
+                reason,
+                hint,
+            })
+        };
+        let cells = self.grid.cell_count();
+        if order.cell >= cells {
+            let reason = format!("goes to cell {}, of {cells}", order.cell);
+            return refused(reason, "cells are row * width + column");
+        }
+        let [from, to] = [before, order.cell].map(|cell| {
+            let cols = self.grid.cols();
+            (cell / cols, cell % cols)
+        });
+        if from.0.abs_diff(to.0) + from.1.abs_diff(to.1) > 1 {
+            let reason = format!("goes from cell {before} to cell {}", order.cell);
+            return refused(reason, "send robots from cell to adjacent cell");
+        }
+        if !(0.0..=MOST_DWELL_S).contains(&order.dwell_s) {
+            let reason = format!("stays for {} s", order.dwell_s);
+            return refused(reason, "give seconds from 0 to 1e9");
+        }
+        if number >= u32::MAX as usize {
+            let reason = "is beyond the last number that an order can have".to_owned();
+            return refused(reason, "begin a new execution");
+        }
+        way.orders.push_back(order);
+        Ok(number as u32)
+    }
+
+    /// Forgets the orders before one that is done.
+    fn forget(&mut self, agent: usize, done: u32) {
+        let way = &mut self.ways[agent];
+        while way.first < done && way.orders.len() > 1 {
+            way.orders.pop_front();
+            way.first += 1;
+        }
+    }
+}
+
+/// The longest that a robot can be told to stay, in seconds.
+const MOST_DWELL_S: f64 = 1e9;
+
+impl Routes for Orders<'_> {
+    fn agents(&self) -> usize {
+        self.ways.len()
+    }
+
+    /// Nobody is ever at the end of everything.
+    fn actions(&self, _agent: usize) -> usize {
+        u32::MAX as usize
+    }
+
+    fn pose(&self, agent: usize, knot: usize) -> Pose {
+        let cell = self.ways[agent].order(knot).cell;
+        let (x, y) = cell_center_m(self.grid, self.cell_size_m, cell);
+        Pose::at(x, y)
+    }
+
+    fn time_s(&self, _agent: usize, knot: usize) -> f64 {
+        knot as f64 * self.step_s
+    }
+
+    fn stay_s(&self, agent: usize, knot: usize) -> f64 {
+        self.ways[agent].order(knot).dwell_s
+    }
+}

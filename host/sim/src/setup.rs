@@ -1,0 +1,223 @@
+//! What an execution is about, and what its trace says of that.
+
+use fleetyard_core::{Digest, Grid, Hasher};
+use fleetyard_world::{Mover, Shape, Workspace, write_workspace};
+
+use crate::chunk::Chunk;
+use crate::clock::Clock;
+use crate::config::{Policy, SimConfig};
+use crate::control::Driver;
+use crate::kinematic::Shapes;
+use crate::motion::{Fleet, Model};
+use crate::obstacles::Obstacles;
+use crate::route::Reference;
+use crate::trace::{Bounds, Cells, Digests, Header, Outline, Profile, Scene};
+use crate::workers::Workers;
+
+/// What does not change in an execution.
+pub(crate) struct Setup<'a> {
+    pub(crate) config: &'a SimConfig,
+    pub(crate) clock: Clock,
+    pub(crate) workers: Workers,
+    pub(crate) agents: usize,
+    pub(crate) movers: &'a [Mover],
+    /// What decides when an agent may go on.
+    pub(crate) policy: Policy,
+    /// Digest of what is executed.
+    pub(crate) plan: Digest,
+    /// By kind of shape; none follows its reference exactly.
+    pub(crate) models: Vec<Option<&'a Model>>,
+    pub(crate) obstacles: Obstacles,
+    /// Whether states have headings.
+    pub(crate) with_heading: bool,
+    /// Everybody follows the plan exactly, by time.
+    pub(crate) exact: bool,
+    pub(crate) grid: Option<&'a Grid>,
+    pub(crate) workspace: Option<&'a Workspace>,
+    pub(crate) fleet: Option<&'a Fleet>,
+}
+
+impl Setup<'_> {
+    /// Moves an agent through a block.
+    pub(crate) fn drive(
+        &self,
+        driver: &Driver<'_>,
+        shapes: &Shapes,
+        chunk: &mut Chunk,
+        lane: usize,
+    ) {
+        match self.models[shapes.kind_of(chunk.first + lane as u32)] {
+            None | Some(Model::Pebble(_)) => driver.follow(None, chunk, lane),
+            Some(Model::Rotation(model)) => {
+                let quarter_turn = model.turn_s * self.clock.substeps_per_s;
+                driver.follow(Some(quarter_turn), chunk, lane);
+            }
+            Some(model) => driver.drive(model, chunk, lane),
+        }
+    }
+
+    /// What a trace says of the execution, of a plan if there is one. The scene is
+    /// made for those who look at it only.
+    pub(crate) fn header(
+        &self,
+        shapes: &Shapes,
+        reference: Option<&Reference<'_>>,
+        scene: bool,
+    ) -> Header {
+        let outline = |shape: &Shape| {
+            if shape.is_disc() {
+                Outline::Disc {
+                    radius_m: shape.effective_radius_m(),
+                }
+            } else {
+                Outline::Polygon {
+                    vertices_m: shape.vertices().to_vec(),
+                }
+            }
+        };
+        let profiles = shapes.kinds.iter().enumerate().map(|(kind, shape)| {
+            let model = self.models.get(kind).copied();
+            Profile {
+                name: match model {
+                    Some(_) => format!("robot {kind}"),
+                    None => format!("mover {}", kind - self.models.len()),
+                },
+                model: match model {
+                    Some(model) => model.map_or("pebble", Model::name).to_owned(),
+                    None => String::new(),
+                },
+                outline: outline(shape),
+            }
+        });
+        let scene = if scene {
+            self.scene(shapes, reference)
+        } else {
+            Scene::default()
+        };
+        Header {
+            program: concat!("fleetyard ", env!("CARGO_PKG_VERSION")).to_owned(),
+            agents: self.agents as u32,
+            movers: self.movers.len() as u32,
+            ticks_hz: self.config.ticks_hz,
+            substeps: self.config.substeps,
+            tier: self.config.tier.name().to_owned(),
+            policy: self.policy.name().to_owned(),
+            seed: self.config.disturbance.seed,
+            headings: self.with_heading,
+            progress: false,
+            state_every: 0,
+            bounds_m: self.bounds(reference),
+            profiles: profiles.collect(),
+            digests: self.digests(),
+            scene,
+        }
+    }
+
+    fn scene(&self, shapes: &Shapes, reference: Option<&Reference<'_>>) -> Scene {
+        let bodies = 0..(self.agents + self.movers.len()) as u32;
+        let polygons = self
+            .workspace
+            .map_or(&[][..], |workspace| &workspace.obstacles);
+        let goals = reference.into_iter().flat_map(|reference| {
+            (0..self.agents).map(|agent| {
+                let goal = reference.place(agent, reference.last(agent));
+                [goal.x, goal.y]
+            })
+        });
+        Scene {
+            cells: self
+                .grid
+                .map(|grid| Cells::new(grid, self.config.cell_size_m)),
+            polygons_m: polygons
+                .iter()
+                .map(|polygon| polygon.vertices().to_vec())
+                .collect(),
+            profile_of_body: bodies.map(|body| shapes.kind_of(body) as u32).collect(),
+            goals_m: goals.collect(),
+        }
+    }
+
+    /// What is to be seen in a picture: the map and the workspace, or else where
+    /// the plan goes.
+    fn bounds(&self, reference: Option<&Reference<'_>>) -> Bounds {
+        let mut bounds: Option<Bounds> = None;
+        let mut add = |min_x: f64, min_y: f64, max_x: f64, max_y: f64| {
+            let known = bounds.unwrap_or(Bounds {
+                min_x,
+                min_y,
+                max_x,
+                max_y,
+            });
+            bounds = Some(Bounds {
+                min_x: known.min_x.min(min_x),
+                min_y: known.min_y.min(min_y),
+                max_x: known.max_x.max(max_x),
+                max_y: known.max_y.max(max_y),
+            });
+        };
+        if let Some(grid) = self.grid {
+            let side = self.config.cell_size_m;
+            add(
+                0.0,
+                0.0,
+                f64::from(grid.cols()) * side,
+                f64::from(grid.rows()) * side,
+            );
+        }
+        if let Some(workspace) = self.workspace {
+            let of = workspace.bounds;
+            add(of.min[0], of.min[1], of.max[0], of.max[1]);
+        }
+        if let Some(reference) = reference
+            && self.grid.is_none()
+            && self.workspace.is_none()
+        {
+            for agent in 0..self.agents {
+                for knot in 0..=reference.last(agent) {
+                    let place = reference.place(agent, knot);
+                    add(place.x - 1.0, place.y - 1.0, place.x + 1.0, place.y + 1.0);
+                }
+            }
+        }
+        bounds.unwrap_or(Bounds {
+            min_x: 0.0,
+            min_y: 0.0,
+            max_x: 0.0,
+            max_y: 0.0,
+        })
+    }
+
+    fn digests(&self) -> Digests {
+        let workspace = self.workspace.map(|workspace| {
+            let mut hasher = Hasher::new("fleetyard.workspace/1");
+            hasher.bytes(&write_workspace(workspace));
+            hasher.finish()
+        });
+        let world = match (self.grid.map(Grid::digest), workspace) {
+            (Some(grid), Some(workspace)) => {
+                let mut both = Hasher::new("fleetyard.map-and-workspace/1");
+                both.bytes(&grid.0.to_le_bytes());
+                both.bytes(&workspace.0.to_le_bytes());
+                both.finish()
+            }
+            (one, other) => one.or(other).unwrap_or(Digest(0)),
+        };
+        Digests {
+            world,
+            plan: self.plan,
+            fleet: self.fleet.map_or(Digest(0), fleet_digest),
+            config: self.config.digest(),
+        }
+    }
+}
+
+/// Digest of who is who and moves how.
+fn fleet_digest(fleet: &Fleet) -> Digest {
+    let mut hasher = Hasher::new("fleetyard.fleet/1");
+    for profile in fleet.profiles() {
+        // Its derived form says everything, numbers to the last bit.
+        hasher.bytes(format!("{profile:?}").as_bytes());
+    }
+    hasher.u32s(fleet.profile_of());
+    hasher.finish()
+}
