@@ -183,7 +183,7 @@ fn what_is_missing_or_wrong_is_said_with_a_way_out() {
         (
             "convert a.scen x.foo",
             USAGE,
-            &["one of map, scen, pibt2, lorr, libmrp"],
+            &["one of map, lsmart, scen, pibt2, lorr, libmrp"],
         ),
         (
             "convert plan.json x --to svg",
@@ -339,7 +339,7 @@ fn every_format_is_listed_and_described() {
     let guide = fs::read_to_string(root().join("docs/formats.md")).unwrap();
     let names = list.stdout.lines().skip(1);
     let names: Vec<&str> = names.filter_map(|line| line.split(' ').next()).collect();
-    assert_eq!(names.len(), 17);
+    assert_eq!(names.len(), 18);
     for name in names {
         assert!(guide.contains(&format!("| `{name}`")), "{name}");
     }
@@ -600,4 +600,89 @@ print(json.dumps({"paths": paths, "goals": goals, "finished": finished}))
             "finished": 2,
         })
     );
+}
+
+const HALL: &str = r#"{
+    "name": "hall",
+    "weight": false,
+    "n_row": 2,
+    "n_col": 4,
+    "n_endpoint": 1,
+    "n_agent_loc": 0,
+    "maxtime": 2000,
+    "layout": [
+        "w.e.",
+        "..@T"
+    ]
+}
+"#;
+
+#[test]
+fn maps_with_roles_go_from_json_to_text_and_back() {
+    let yard = yard();
+    yard.write("hall.json", HALL);
+    yard.line("convert hall.json hall.map").expect(SUCCESS);
+    let text = yard.read("hall.map");
+    assert_eq!(text, b"type octile\nheight 2\nwidth 4\nmap\nw.e.\n..@T\n");
+    yard.line("convert hall.map again.json").expect(SUCCESS);
+    let again = String::from_utf8(yard.read("again.json")).unwrap();
+    assert_eq!(again.replace("again", "hall"), HALL);
+    // Every command that takes a map takes either.
+    let info = |map: &str| {
+        yard.line(&format!("maps info {map} --format json"))
+            .expect(SUCCESS)
+    };
+    assert_eq!(info("hall.json").json(), info("hall.map").json());
+    assert_eq!(info("hall.json").json()["terrain"]["w"], 1);
+    yard.write("hall.scen", "version 1\n0\thall.map\t4\t2\t0\t0\t3\t0\t3\n");
+    for map in ["hall.json", "hall.map"] {
+        let line = format!("run --map {map} --scen hall.scen --agents 1 --planner pibt");
+        yard.line(&line).expect(SUCCESS);
+    }
+    yard.write(
+        "weighty.json",
+        HALL.replace(
+            "\"weight\"",
+            &format!("\"weights_matrix\": {:?}, \"weight\"", [1; 40]),
+        ),
+    );
+    let ended = yard.line("convert weighty.json w.map").expect(SUCCESS);
+    assert!(ended.stderr.contains("weights_matrix"), "{}", ended.stderr);
+    yard.write("bad.json", HALL.replace("w.e.", "w.q."));
+    let ended = yard.line("maps info bad.json").expect(INPUT);
+    assert!(
+        ended
+            .stderr
+            .contains("bad.json:10:12: unknown terrain letter 'q'"),
+        "{}",
+        ended.stderr
+    );
+    assert!(ended.stderr.contains("hint:"), "{}", ended.stderr);
+}
+
+#[test]
+fn warehouses_are_made_under_the_name_that_is_asked_for() {
+    let yard = yard();
+    let line = "maps generate warehouse --blocks-across 3 --blocks-down 8 --block-cols 10 --block-rows 1 \
+                --aisle 1 --margin 2 --aisle-rows 3 --edge-rows 2 --open --endpoints --workstations 3 \
+                --name warehouse-33-36";
+    yard.line(line).expect(SUCCESS);
+    let info = yard
+        .line("maps info warehouse-33-36.map --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(info["name"], "warehouse-33-36");
+    assert_eq!((&info["rows"], &info["cols"]), (&33.into(), &36.into()));
+    assert_eq!(
+        (&info["terrain"]["e"], &info["terrain"]["w"]),
+        (&480.into(), &22.into())
+    );
+    let ended = yard
+        .line(&line.replace("--name warehouse-33-36", "--name a/b"))
+        .expect(USAGE);
+    assert!(ended.stderr.contains("--name"), "{}", ended.stderr);
+    let ended = yard
+        .line(&line.replace("--edge-rows 2", "--edge-rows 0"))
+        .expect(USAGE);
+    assert!(ended.stderr.contains("--edge-rows"), "{}", ended.stderr);
 }

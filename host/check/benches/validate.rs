@@ -62,7 +62,7 @@ fn bench(criterion: &mut Criterion) {
         block_cols: 10,
         block_rows: 2,
         aisle: 2,
-        margin: None,
+        ..WarehouseSpec::default()
     };
     let grid = Arc::new(spec.generate().expect("the warehouse is fine"));
     let agents = 1000;

@@ -26,7 +26,7 @@ fn world() -> (SharedEnvironment, Instance) {
         block_cols: 10,
         block_rows: 2,
         aisle: 1,
-        margin: None,
+        ..WarehouseSpec::default()
     };
     let grid = warehouse
         .generate()

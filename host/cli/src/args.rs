@@ -1074,6 +1074,9 @@ pub(crate) struct OutArgs {
     /// Folder to write to
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub(crate) out: PathBuf,
+    /// Name of the map, and of its file without `.map` [default: after its parameters]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) name: Option<String>,
     /// Also write a scenario for so many agents
     #[arg(long, value_name = "N")]
     pub(crate) scenario_agents: Option<u32>,
@@ -1209,6 +1212,21 @@ pub(crate) enum Generate {
         /// Free columns at the left and right [default: A * C / 4]
         #[arg(long, value_name = "N")]
         margin: Option<u32>,
+        /// Height of the aisles between blocks above each other [default: E]
+        #[arg(long, value_name = "N")]
+        aisle_rows: Option<u32>,
+        /// Free rows at the top and bottom [default: as between blocks]
+        #[arg(long, value_name = "N")]
+        edge_rows: Option<u32>,
+        /// Without the wall all around
+        #[arg(long)]
+        open: bool,
+        /// Make the free cells above and below shelves endpoints (letter e)
+        #[arg(long)]
+        endpoints: bool,
+        /// Make every Nth cell of the outermost free columns a workstation (letter w)
+        #[arg(long, value_name = "N")]
+        workstations: Option<u32>,
         #[command(flatten)]
         out: OutArgs,
     },

@@ -24,6 +24,31 @@ impl Connectivity {
     }
 }
 
+/// What a cell of a warehouse is for. Robots pass either like any other free cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Role {
+    /// Beside a shelf: where goods are fetched and put back. Its letter is `e`.
+    Endpoint,
+    /// Where people handle the goods. Its letter is `w`.
+    Workstation,
+}
+
+impl Role {
+    /// Its letter in map files, those of LSMART and ours alike.
+    pub fn letter(self) -> u8 {
+        match self {
+            Self::Endpoint => b'e',
+            Self::Workstation => b'w',
+        }
+    }
+
+    fn of(letter: u8) -> Option<Self> {
+        [Self::Endpoint, Self::Workstation]
+            .into_iter()
+            .find(|role| role.letter() == letter)
+    }
+}
+
 /// A grid map.
 ///
 /// Invariants: at least one cell, at most [`Grid::MAX_CELLS`], and every
@@ -45,8 +70,8 @@ impl Grid {
 
     /// Whether a robot may stand on terrain `letter`.
     ///
-    /// `.` and `G` are ground and `S` is swamp (or a station); `E`, `e` and `w`
-    /// are the endpoints and workstations of warehouse maps. `@` and `O` are out
+    /// `.` and `G` are ground and `S` is swamp; in maps of the League of Robot Runners
+    /// `S` and `E` mark stations and endpoints. `e` and `w` are [`Role`]s. `@` and `O` are out
     /// of bounds, `T` is trees, and `W` is water, which the MovingAI format
     /// forbids to enter from ground.
     pub fn letter_is_passable(letter: u8) -> bool {
@@ -133,6 +158,19 @@ impl Grid {
             .is_some_and(|letter| Self::letter_is_passable(*letter))
     }
 
+    /// What a cell is for, if the map says so.
+    pub fn role(&self, cell: u32) -> Option<Role> {
+        self.terrain
+            .get(cell as usize)
+            .and_then(|letter| Role::of(*letter))
+    }
+
+    /// The cells with a role, ascending.
+    pub fn cells_with(&self, role: Role) -> impl Iterator<Item = u32> {
+        let cells = (0..).zip(&self.terrain);
+        cells.filter_map(move |(cell, letter)| (*letter == role.letter()).then_some(cell))
+    }
+
     /// The cell at a position, if it is on the map.
     pub fn cell(&self, row: u32, col: u32) -> Option<u32> {
         (row < self.rows && col < self.cols).then(|| row * self.cols + col)
@@ -194,7 +232,7 @@ impl Grid {
         label
     }
 
-    /// Digest of size and passability. Names and letters of equal meaning do
+    /// Digest of size and passability. Names, roles and letters of equal meaning do
     /// not change it: two files with the same free cells are the same map.
     pub fn digest(&self) -> Digest {
         let mut hasher = Hasher::new("fleetyard.grid/1");

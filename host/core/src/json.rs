@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-use serde::de::{DeserializeOwned, Deserializer, Error as _};
+use serde::de::{Deserializer, Error as _};
 use serde::{Deserialize, de};
 
 use crate::{Digest, InputError};
@@ -15,9 +15,9 @@ const HINT: &str = "\nhint: ";
 
 /// Parses a file that is one JSON object. `source` is named in errors, and `hint` says
 /// what such a file is.
-pub fn read_object<T: DeserializeOwned>(
+pub fn read_object<'de, T: Deserialize<'de>>(
     source: &str,
-    bytes: &[u8],
+    bytes: &'de [u8],
     hint: &str,
 ) -> Result<T, InputError> {
     match bytes.iter().position(|byte| !byte.is_ascii_whitespace()) {

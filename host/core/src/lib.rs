@@ -33,7 +33,7 @@ pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
 pub use files::{read_file, shown, write_all_atomically, write_atomically};
 pub use frame::{cell_center_m, cell_of_point};
-pub use grid::{Connectivity, Grid};
+pub use grid::{Connectivity, Grid, Role};
 pub use instance::{GridInstance, InstanceError};
 pub use map_file::{MAP_FILE_LIMIT, load_map, read_map, save_map, write_map};
 pub use plan::GridPlan;

@@ -4,25 +4,34 @@
 //! (2012): a header of `type octile`, `height H` and `width W`, the line `map`,
 //! and `H` lines of `W` letters. `\r\n` line ends and blank lines at the end
 //! are accepted; anything else that differs is an error that says where.
+//!
+//! Beside the letters of the benchmarks there are those of [`Role`](crate::Role)s,
+//! `e` and `w`. A map of LSMART, which is JSON, is read in place of a `.map` file
+//! wherever one is.
 
 use std::path::Path;
 
 use crate::files::{Lines, column, quote, read_file, stem, write_atomically};
+use crate::formats::{is_json, read_lsmart};
 use crate::{Grid, InputError};
 
 /// Largest `.map` file that is read, in bytes.
 pub const MAP_FILE_LIMIT: u64 = 2 * Grid::MAX_CELLS + 4096;
 
-/// Reads and parses a `.map` file; the map's name is the file's stem.
+/// Reads and parses a map file, by its content a `.map` file or one of LSMART; the map's
+/// name is the file's stem.
 pub fn load_map(path: impl AsRef<Path>) -> Result<Grid, InputError> {
     let path = path.as_ref();
     let bytes = read_file(path, MAP_FILE_LIMIT)?;
     read_map(&path.display().to_string(), &bytes)
 }
 
-/// Parses the content of a `.map` file. `source` is named in errors, and its
+/// Parses the content of a map file. `source` is named in errors, and its
 /// stem becomes the map's name.
 pub fn read_map(source: &str, bytes: &[u8]) -> Result<Grid, InputError> {
+    if is_json(bytes) {
+        return read_lsmart(source, bytes);
+    }
     let mut lines = Lines::new(bytes);
     let header = read_header(source, &mut lines)?;
     let (rows, cols) = (header.rows, header.cols);

@@ -6,9 +6,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fleetyard_core::formats::load_lorr;
+use fleetyard_core::formats::{load_lorr, write_lsmart};
 use fleetyard_core::{
-    Connectivity, Grid, GridInstance, GridPlan, GridSearch, OFF_MAP, PathEncoding, PlanFile,
+    Connectivity, Grid, GridInstance, GridPlan, GridSearch, OFF_MAP, PathEncoding, PlanFile, Role,
     Scenario, ScenarioEntry, load_map, load_scen, moves, read_map, read_plan, read_scen, save_plan,
     write_map, write_plan, write_scen,
 };
@@ -274,6 +274,10 @@ fn public_benchmark_files() {
             "{}",
             path.display()
         );
+        if path.starts_with(data.join("movingai")) {
+            let roles = (0..grid.cell_count()).filter_map(|cell| grid.role(cell));
+            assert_eq!(roles.count(), 0, "{}", path.display());
+        }
     }
     let mut lengths = 0;
     for path in files(&data, "scen") {
@@ -334,4 +338,29 @@ fn league_instances_are_read() {
             .unwrap();
         assert_eq!(instance.agents(), agents);
     }
+}
+
+/// The map that LSMART's experiments use most, if `FLEETYARD_DATA` says where it is.
+#[test]
+fn a_map_of_lsmart_is_read_and_written() {
+    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
+        return;
+    };
+    let path = Path::new(&data).join("lsmart/kiva_large_w_mode.json");
+    let grid = load_map(&path).unwrap();
+    assert_eq!(
+        (grid.name(), grid.rows(), grid.cols()),
+        ("kiva_large_w_mode", 33, 36)
+    );
+    assert_eq!(grid.cells_with(Role::Endpoint).count(), 480);
+    assert_eq!(grid.cells_with(Role::Workstation).count(), 22);
+    let written = write_lsmart(&grid);
+    assert_eq!(
+        read_map("kiva_large_w_mode.json", &written).as_ref(),
+        Ok(&grid)
+    );
+    let published: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let ours: serde_json::Value = serde_json::from_slice(&written).unwrap();
+    assert_eq!(ours, published);
 }

@@ -603,6 +603,11 @@ fn every_kind_of_file_is_recognised() {
     assert_eq!(guess(&own("roadmap")), Some(Format::Roadmap));
     assert_eq!(guess(&own("roadmap-plan")), Some(Format::RoadmapPlan));
     assert_eq!(guess(&own("plan")), Some(Format::Plan));
+    assert_eq!(
+        guess("{\"name\": \"a\", \"n_row\": 1"),
+        Some(Format::Lsmart)
+    );
+    assert_eq!(guess("{\"layout\": [\"..\"]}"), Some(Format::Lsmart));
     assert_eq!(guess(GRAPH), Some(Format::CcbsRoadmap));
     assert_eq!(guess(LOG), Some(Format::CcbsLog));
     assert_eq!(guess(RESULT), Some(Format::Dynobench));

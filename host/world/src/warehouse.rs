@@ -6,13 +6,16 @@
 //! wall of one cell all around, and at the left and right a free margin of a
 //! quarter of all shelf cells of a row, A·C/4. The same numbers give the same
 //! bytes.
+//!
+//! Cells may have roles, as in the maps of LSMART: the free cells above and below
+//! shelves are endpoints, and workstations stand at the left and right borders.
 
-use fleetyard_core::{Grid, InputError};
+use fleetyard_core::{Grid, InputError, Role};
 
 use crate::canvas::{Canvas, at_least};
 
 /// The parameters of a warehouse. There is nothing random in it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WarehouseSpec {
     /// Blocks of shelves beside each other (A).
     pub blocks_across: u32,
@@ -26,18 +29,54 @@ pub struct WarehouseSpec {
     pub aisle: u32,
     /// Free columns at the left and right; A·C/4 if not given.
     pub margin: Option<u32>,
+    /// Height of the aisles between blocks above each other; E if not given.
+    pub aisle_rows: Option<u32>,
+    /// Free rows at the top and bottom; as between blocks if not given.
+    pub edge_rows: Option<u32>,
+    /// Without the wall all around.
+    pub open: bool,
+    /// Whether the free cells above and below shelves are endpoints.
+    pub endpoints: bool,
+    /// Rows from a workstation to the next, in the middle of the outermost free columns;
+    /// without workstations if not given.
+    pub workstations: Option<u32>,
 }
 
 impl WarehouseSpec {
-    /// `warehouse-A-B-C-D-E`, and `-mMARGIN` if the margin is given.
+    /// `warehouse-A-B-C-D-E`, and after it what else is given: `-m` and the margin, `-a` and
+    /// the rows of aisles, `-b` and those at the borders, `-open`, `-e` for endpoints, `-w` and
+    /// the rows between workstations.
     pub fn name(&self) -> String {
-        let margin = self
-            .margin
-            .map_or(String::new(), |margin| format!("-m{margin}"));
+        let given = |letter: char, number: Option<u32>| {
+            number.map_or(String::new(), |number| format!("-{letter}{number}"))
+        };
+        let said = |text: &str, is: bool| if is { text } else { "" }.to_owned();
+        let more = [
+            given('m', self.margin),
+            given('a', self.aisle_rows),
+            given('b', self.edge_rows),
+            said("-open", self.open),
+            said("-e", self.endpoints),
+            given('w', self.workstations),
+        ];
         format!(
-            "warehouse-{}-{}-{}-{}-{}{margin}",
-            self.blocks_across, self.blocks_down, self.block_cols, self.block_rows, self.aisle
+            "warehouse-{}-{}-{}-{}-{}{}",
+            self.blocks_across,
+            self.blocks_down,
+            self.block_cols,
+            self.block_rows,
+            self.aisle,
+            more.concat()
         )
+    }
+
+    /// Shelves of maps with roles are `@`, as LSMART writes them, else `T`, as the benchmarks.
+    fn shelf(&self) -> u8 {
+        if self.endpoints || self.workstations.is_some() {
+            b'@'
+        } else {
+            b'T'
+        }
     }
 
     /// The map.
@@ -48,9 +87,15 @@ impl WarehouseSpec {
             ("block-cols", self.block_cols),
             ("block-rows", self.block_rows),
             ("aisle", self.aisle),
+            ("aisle-rows", self.aisle_rows.unwrap_or(1)),
+            ("edge-rows", self.edge_rows.unwrap_or(1)),
+            ("workstations", self.workstations.unwrap_or(1)),
         ] {
             at_least(what, value, 1)?;
         }
+        let aisle_rows = self.aisle_rows.unwrap_or(self.aisle);
+        let edge_rows = self.edge_rows.unwrap_or(aisle_rows);
+        let wall = u32::from(!self.open);
         let [across, down, width, height, aisle] = [
             self.blocks_across,
             self.blocks_down,
@@ -66,8 +111,13 @@ impl WarehouseSpec {
                     .hint("give a margin of 1 or more, or more shelves"),
             );
         }
-        let cols = 2 + 2 * margin + across * width + (across - 1) * aisle;
-        let rows = 2 + down * height + (down + 1) * aisle;
+        let (between, edge, walls) = (
+            u128::from(aisle_rows),
+            u128::from(edge_rows),
+            u128::from(2 * wall),
+        );
+        let cols = walls + 2 * margin + across * width + (across - 1) * aisle;
+        let rows = walls + 2 * edge + down * height + (down - 1) * between;
         let (Ok(rows), Ok(cols)) = (u32::try_from(rows), u32::try_from(cols)) else {
             return Err(InputError::new(
                 "blocks-across",
@@ -75,14 +125,29 @@ impl WarehouseSpec {
             )
             .hint(format!("a map has at most {} cells", Grid::MAX_CELLS)));
         };
-        let mut canvas = Canvas::new(rows, cols, b'T')?;
-        canvas.fill(1, 1, rows - 2, cols - 2, b'.');
+        let shelf = self.shelf();
+        let mut canvas = Canvas::new(rows, cols, shelf)?;
+        canvas.fill(wall, wall, rows - 2 * wall, cols - 2 * wall, b'.');
         let margin = margin as u32;
         for down in 0..self.blocks_down {
-            let row = 1 + self.aisle + down * (self.block_rows + self.aisle);
+            let row = wall + edge_rows + down * (self.block_rows + aisle_rows);
             for across in 0..self.blocks_across {
-                let col = 1 + margin + across * (self.block_cols + self.aisle);
-                canvas.fill(row, col, self.block_rows, self.block_cols, b'T');
+                let col = wall + margin + across * (self.block_cols + self.aisle);
+                if self.endpoints {
+                    // There is a free row at either side of a block, whatever the aisles.
+                    let endpoint = Role::Endpoint.letter();
+                    canvas.fill(row - 1, col, self.block_rows + 2, self.block_cols, endpoint);
+                }
+                canvas.fill(row, col, self.block_rows, self.block_cols, shelf);
+            }
+        }
+        if let Some(every) = self.workstations {
+            let inside = rows - 2 * wall;
+            let first = wall + (inside - 1) % every / 2;
+            for row in (first..rows - wall).step_by(every as usize) {
+                for col in [wall, cols - 1 - wall] {
+                    canvas.set(row, col, Role::Workstation.letter());
+                }
             }
         }
         canvas.grid(self.name())

@@ -6,7 +6,9 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fleetyard_core::{Connectivity, Grid, InputError, read_map, read_scen, write_map, write_scen};
+use fleetyard_core::{
+    Connectivity, Grid, InputError, Role, load_map, read_map, read_scen, write_map, write_scen,
+};
 use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec,
     WarehouseSpec,
@@ -138,6 +140,7 @@ fn warehouse(numbers: [u32; 5], margin: Option<u32>) -> WarehouseSpec {
         block_rows,
         aisle,
         margin,
+        ..WarehouseSpec::default()
     }
 }
 
@@ -153,6 +156,70 @@ fn warehouses_are_those_of_the_benchmark() {
         let published = std::fs::read(path).unwrap();
         assert!(write_map(&spec.generate().unwrap()) == published, "{name}");
     }
+}
+
+/// What LSMART calls warehouse-33-36.
+fn warehouse_33_36() -> WarehouseSpec {
+    WarehouseSpec {
+        aisle_rows: Some(3),
+        edge_rows: Some(2),
+        open: true,
+        endpoints: true,
+        workstations: Some(3),
+        ..warehouse([3, 8, 10, 1, 1], Some(2))
+    }
+}
+
+#[test]
+fn warehouse_with_roles_is_that_of_lsmart() {
+    let grid = warehouse_33_36().generate().unwrap();
+    assert_eq!(grid.name(), "warehouse-3-8-10-1-1-m2-a3-b2-open-e-w3");
+    assert_eq!((grid.rows(), grid.cols()), (33, 36));
+    assert_eq!(grid.cells_with(Role::Endpoint).count(), 480);
+    assert_eq!(grid.cells_with(Role::Workstation).count(), 22);
+    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
+        return;
+    };
+    let published = load_map(PathBuf::from(data).join("lsmart/kiva_large_w_mode.json")).unwrap();
+    assert!(grid.terrain() == published.terrain());
+}
+
+#[test]
+fn roles_change_no_wall_and_no_shelf() {
+    for (numbers, every) in [([10, 20, 10, 2, 1], 3), ([20, 40, 10, 2, 2], 5)] {
+        let plain = warehouse(numbers, None);
+        let with_roles = WarehouseSpec {
+            endpoints: true,
+            workstations: Some(every),
+            ..plain.clone()
+        };
+        let (plain, with_roles) = (plain.generate().unwrap(), with_roles.generate().unwrap());
+        assert_eq!(plain.digest(), with_roles.digest());
+        let endpoints: Vec<u32> = with_roles.cells_with(Role::Endpoint).collect();
+        assert!(!endpoints.is_empty());
+        for cell in endpoints {
+            let beside = [cell - plain.cols(), cell + plain.cols()];
+            assert!(beside.iter().any(|cell| !plain.is_passable(*cell)));
+        }
+        let stations: Vec<u32> = with_roles.cells_with(Role::Workstation).collect();
+        let columns = stations.iter().map(|cell| with_roles.row_col(*cell).1);
+        let columns: BTreeSet<u32> = columns.collect();
+        assert_eq!(columns, BTreeSet::from([1, plain.cols() - 2]));
+        // As far from the upper wall as from the lower one, to a cell.
+        let rows = stations.iter().map(|cell| with_roles.row_col(*cell).0);
+        let (first, last) = (rows.clone().min().unwrap(), rows.max().unwrap());
+        assert!(
+            (plain.rows() - 1 - last).abs_diff(first) <= 1,
+            "{first} {last}"
+        );
+    }
+    let open = WarehouseSpec {
+        open: true,
+        endpoints: true,
+        workstations: Some(2),
+        ..warehouse([1, 2, 2, 1, 1], Some(1))
+    };
+    assert_eq!(open.generate().unwrap().terrain(), b"weew.@@.weew.@@.weew");
 }
 
 #[test]
@@ -225,8 +292,21 @@ fn specs() -> impl Strategy<Value = MapSpec> {
                 })
             }
         ),
-        ([1u32..5, 1u32..5, 1u32..5, 1u32..5, 1u32..4], 1u32..4)
-            .prop_map(|(numbers, margin)| MapSpec::Warehouse(warehouse(numbers, Some(margin)))),
+        (
+            [1u32..5, 1u32..5, 1u32..5, 1u32..5, 1u32..4],
+            1u32..4,
+            (any::<Option<bool>>(), any::<[bool; 2]>(), 1u32..5)
+        )
+            .prop_map(|(numbers, margin, (aisles, [open, endpoints], every))| {
+                MapSpec::Warehouse(WarehouseSpec {
+                    aisle_rows: aisles.map(|wide| if wide { 3 } else { 1 }),
+                    edge_rows: (aisles == Some(true)).then_some(every),
+                    open,
+                    endpoints,
+                    workstations: open.then_some(every),
+                    ..warehouse(numbers, Some(margin))
+                })
+            }),
     ]
 }
 
@@ -352,6 +432,19 @@ fn shipped() -> Vec<(MapSpec, ScenarioSpec)> {
             )),
             ScenarioSpec {
                 agents: 10,
+                seed: 1,
+            },
+        ),
+        (
+            MapSpec::Warehouse(WarehouseSpec {
+                open: true,
+                endpoints: true,
+                workstations: Some(3),
+                aisle_rows: Some(2),
+                ..warehouse([3, 4, 5, 1, 1], Some(2))
+            }),
+            ScenarioSpec {
+                agents: 60,
                 seed: 1,
             },
         ),

@@ -90,6 +90,11 @@ const GENERATE: &[&str] = &[
     "block_rows",
     "aisle",
     "margin",
+    "aisle_rows",
+    "edge_rows",
+    "open",
+    "endpoints",
+    "workstations",
     "seeds",
     "scenario_seeds",
 ];
@@ -606,6 +611,11 @@ const KINDS: &[(&str, &[&str])] = &[
             "block_rows",
             "aisle",
             "margin",
+            "aisle_rows",
+            "edge_rows",
+            "open",
+            "endpoints",
+            "workstations",
         ],
     ),
 ];
@@ -626,6 +636,11 @@ fn generated(value: &Value<'_, '_>) -> Result<Generated, InputError> {
         Some(value) => small(&value, 1, u32::MAX),
         None => Ok(default),
     };
+    let given = |key: &'static str| {
+        let value = table.get(key);
+        value.map(|value| small(&value, 0, u32::MAX)).transpose()
+    };
+    let flag = |key: &'static str| table.get(key).map_or(Ok(false), |value| value.flag());
     let seed = 0;
     let map = match name {
         "empty" => MapSpec::Empty(EmptySpec {
@@ -665,10 +680,12 @@ fn generated(value: &Value<'_, '_>) -> Result<Generated, InputError> {
             block_cols: size("block_cols")?,
             block_rows: size("block_rows")?,
             aisle: size("aisle")?,
-            margin: match table.get("margin") {
-                Some(value) => Some(small(&value, 0, u32::MAX)?),
-                None => None,
-            },
+            margin: given("margin")?,
+            aisle_rows: given("aisle_rows")?,
+            edge_rows: given("edge_rows")?,
+            open: flag("open")?,
+            endpoints: flag("endpoints")?,
+            workstations: given("workstations")?,
         }),
     };
     let seeds = |key: &'static str| match table.get(key) {

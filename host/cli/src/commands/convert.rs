@@ -75,7 +75,8 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
 
 /// The format to write: the one that was asked for, or that the name says.
 fn target(arguments: &Convert, to: &Path, contents: &Contents) -> Result<Format> {
-    let meant = arguments.to.or_else(|| contents.format_for(to));
+    let agents = arguments.scen.is_some();
+    let meant = arguments.to.or_else(|| contents.format_for(to, agents));
     meant.ok_or_else(|| {
         let names: Vec<&str> = contents.formats().map(Format::name).collect();
         let reason = format!("{} does not say which format to write", to.display());

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use fleetyard_core::{Connectivity, Grid, InputError, Scenario, load_map, save_map, save_scen};
+use fleetyard_core::{
+    Connectivity, Grid, InputError, Scenario, load_map, save_map, save_scen, shown,
+};
 use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec,
     WarehouseSpec,
@@ -27,7 +29,7 @@ fn wrong_flag(error: InputError) -> Failure {
 
 pub(crate) fn generate(what: &Generate) -> Result<Exit> {
     let (spec, out) = spec(what);
-    let grid = spec.generate().map_err(wrong_flag)?;
+    let grid = named(spec.generate().map_err(wrong_flag)?, out)?;
     let mut scenarios = Vec::new();
     if let (MapSpec::Maze(spec), Generate::Maze { scenario: true, .. }) = (&spec, what) {
         let task = spec.instance(Connectivity::Four).map_err(wrong_flag)?;
@@ -47,6 +49,29 @@ pub(crate) fn generate(what: &Generate) -> Result<Exit> {
         save(&scenario, &out.out.join(name))?;
     }
     Ok(Exit::Success)
+}
+
+/// The map under the name that it is to have.
+fn named(grid: Grid, out: &OutArgs) -> Result<Grid> {
+    let Some(name) = &out.name else {
+        return Ok(grid);
+    };
+    if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0']) {
+        return Err(wrong_flag(
+            InputError::new(
+                "name",
+                format!("{:?} cannot be the name of a map", shown(name)),
+            )
+            .hint("files are named after it: write one without folders"),
+        ));
+    }
+    let (rows, cols) = (grid.rows(), grid.cols());
+    Ok(Grid::new(
+        name.as_str(),
+        rows,
+        cols,
+        grid.terrain().to_vec(),
+    )?)
 }
 
 pub(crate) fn scenario(map: &Path, agents: u32, seed: u64, out: &Path) -> Result<Exit> {
@@ -164,6 +189,11 @@ fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
             block_rows,
             aisle,
             margin,
+            aisle_rows,
+            edge_rows,
+            open,
+            endpoints,
+            workstations,
             out,
         } => {
             let spec = WarehouseSpec {
@@ -173,6 +203,11 @@ fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
                 block_rows: *block_rows,
                 aisle: *aisle,
                 margin: *margin,
+                aisle_rows: *aisle_rows,
+                edge_rows: *edge_rows,
+                open: *open,
+                endpoints: *endpoints,
+                workstations: *workstations,
             };
             (MapSpec::Warehouse(spec), out)
         }

@@ -9,8 +9,8 @@ use std::sync::{Arc, LazyLock};
 use regex::bytes::Regex;
 
 use super::{
-    AgentList, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, libmrp, lorr, pibt2,
-    planviz, write_lacam, write_mapf_visualizer, write_paths_txt,
+    AgentList, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, libmrp, lorr, lsmart,
+    pibt2, planviz, write_lacam, write_mapf_visualizer, write_paths_txt,
 };
 use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
 use crate::{
@@ -59,7 +59,8 @@ macro_rules! formats {
 // m: a map, a: starts and goals, p: a plan on a grid, r: a roadmap, t: a plan in the plane.
 formats! {
     Plan, "plan", "p", "plan file of this project, fleetyard.plan/1";
-    Map, "map", "m", "MovingAI map";
+    Map, "map", "m", "MovingAI map, whose cells may have roles";
+    Lsmart, "lsmart", "m", "map of LSMART with endpoints and workstations (JSON)";
     Scen, "scen", "a", "MovingAI scenario";
     Lacam, "lacam", "p", "result of lacam, lacam2, lacam3 and pibt2, (x,y) by time step";
     PathsTxt, "paths-txt", "p", "paths of CBSH2-RTC, EECBS, PBS and MAPF-LNS2, (row,col) by agent";
@@ -131,7 +132,8 @@ impl Format {
     /// What a file is, from its content and then its name.
     pub fn guess(path: &Path, bytes: &[u8]) -> Option<Self> {
         static JSON_KEY: LazyLock<Option<Regex>> = LazyLock::new(|| {
-            Regex::new(r#""(actionModel|actualPaths|agentFile|taskFile)"\s*:"#).ok()
+            Regex::new(r#""(actionModel|actualPaths|agentFile|taskFile|layout|n_row|n_col)"\s*:"#)
+                .ok()
         });
         static OWN: LazyLock<Option<Regex>> =
             LazyLock::new(|| Regex::new(r#""format"\s*:\s*"fleetyard\.([a-z-]+)/"#).ok());
@@ -154,6 +156,7 @@ impl Format {
                 (Some(b"roadmap"), _) => Self::Roadmap,
                 (Some(b"roadmap-plan"), _) => Self::RoadmapPlan,
                 (None, Some(b"agentFile" | b"taskFile")) => Self::Lorr,
+                (None, Some(b"layout" | b"n_row" | b"n_col")) => Self::Lsmart,
                 (None, Some(_)) => Self::PlanViz,
                 _ => Self::Plan,
             });
@@ -316,6 +319,13 @@ impl Contents {
                 contents.plan = Some(file);
             }
             Format::Map => contents.grid = Some(Arc::new(read_map(source, bytes)?)),
+            Format::Lsmart => {
+                let map = lsmart::read(source, bytes)?;
+                if map.weights {
+                    contents.notes = vec!["costs of moves (weights_matrix) are not kept".into()];
+                }
+                contents.grid = Some(Arc::new(map.grid));
+            }
             Format::Scen => contents.agents = Some(AgentList::from(&read_scen(source, bytes)?)),
             Format::Pibt2 => contents.agents = Some(pibt2::read_pibt2(source, bytes)?),
             Format::Libmrp => {
@@ -389,10 +399,12 @@ impl Contents {
         Ok(contents)
     }
 
-    /// The format that a file of this name is meant to be in, for who writes what this one says.
-    pub fn format_for(&self, path: &Path) -> Option<Format> {
+    /// The format that a file of this name is meant to be in, for who writes what this one says;
+    /// `agents` is whether it is written with starts and goals of another file.
+    pub fn format_for(&self, path: &Path, agents: bool) -> Option<Format> {
         let grid = self.plan.is_some();
         let plane = self.trajectories.is_some();
+        let map_alone = self.grid.is_some() && self.agents.is_none() && !agents;
         match path.extension()?.to_str()? {
             "map" => Some(Format::Map),
             "scen" => Some(Format::Scen),
@@ -400,6 +412,7 @@ impl Contents {
             "json" if self.roadmap_plan.is_some() => Some(Format::RoadmapPlan),
             "json" if plane => Some(Format::Trajectories),
             "json" if self.roadmap.is_some() => Some(Format::Roadmap),
+            "json" if map_alone => Some(Format::Lsmart),
             "json" => Some(Format::Lorr),
             "yaml" | "yml" if grid => Some(Format::LibmrpSchedule),
             "yaml" | "yml" if !plane && self.roadmap.is_none() => Some(Format::Libmrp),
@@ -591,6 +604,10 @@ impl Parts {
             let plan = self.plan.as_ref();
             plan.ok_or_else(|| lacks("a plan", "convert a file with paths"))
         };
+        let grid = || {
+            let grid = self.grid.as_deref();
+            grid.ok_or_else(|| lacks("a map", "name it with --map FILE"))
+        };
         let roadmap = || {
             let roadmap = self.roadmap.as_deref();
             roadmap.ok_or_else(|| lacks("a roadmap", "convert a file with vertices and edges"))
@@ -602,10 +619,8 @@ impl Parts {
         };
         let mut others = Vec::new();
         let bytes = match format {
-            Format::Map => {
-                let grid = self.grid.as_ref();
-                write_map(grid.ok_or_else(|| lacks("a map", "name it with --map FILE"))?)
-            }
+            Format::Map => write_map(grid()?),
+            Format::Lsmart => lsmart::write_lsmart(grid()?),
             Format::Scen => {
                 let instance = instance()?;
                 let agents = pairs(instance);

@@ -12,6 +12,7 @@ mod format;
 mod layout;
 mod libmrp;
 mod lorr;
+mod lsmart;
 mod pibt2;
 mod pieces;
 mod planviz;
@@ -28,6 +29,8 @@ pub use layout::{
 };
 pub use libmrp::{read_libmrp, read_libmrp_schedule, write_libmrp, write_libmrp_schedule};
 pub use lorr::{LorrInstance, load_lorr, write_lorr};
+pub(crate) use lsmart::is_json;
+pub use lsmart::{read_lsmart, write_lsmart};
 pub use pibt2::{Pibt2Settings, read_pibt2, write_pibt2};
 pub use pieces::{Piece, PieceError, pieces};
 pub use planviz::{read_planviz, write_planviz};
