@@ -533,6 +533,38 @@ code_enum! {
     }
 }
 
+impl Heading {
+    /// Where a robot looks that goes to an adjacent cell of a grid of so many columns.
+    pub fn of_move(from: u32, to: u32, cols: u32) -> Self {
+        if from.checked_add(cols) == Some(to) {
+            Self::South
+        } else if to.checked_add(cols) == Some(from) {
+            Self::North
+        } else if to > from {
+            Self::East
+        } else {
+            Self::West
+        }
+    }
+
+    /// `east`, `south`, `west` or `north`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::East => "east",
+            Self::South => "south",
+            Self::West => "west",
+            Self::North => "north",
+        }
+    }
+
+    /// Turns by 90 degrees from one heading to another, the short way: at most 2.
+    pub fn quarters_to(self, other: Self) -> u32 {
+        // Headings are numbered round the compass.
+        let apart = (other.code() - self.code()).rem_euclid(4) as u32;
+        apart.min(4 - apart)
+    }
+}
+
 code_enum! {
     /// How much a log line matters.
     LogLevel {

@@ -3,7 +3,8 @@
 //! A plan is judged here and nowhere else. This crate takes an instance and the
 //! paths that someone claims to solve it, and knows no planner, no plugin, no
 //! simulator and no clock: what a planner says of its own plan has no way in.
-//! [`validate`] judges plans on grids, [`validate_paths`] those whose cells need not
+//! [`validate`] judges plans on grids, [`validate_terms`] those of
+//! which more or less is asked than an instance does, [`validate_paths`] those whose cells need not
 //! be neighbours, [`validate_trajectories`] plans in continuous space and time.
 
 #![forbid(unsafe_code)]
@@ -20,5 +21,5 @@ pub use continuous::{
 };
 pub use metrics::{PlanMetrics, metrics, sum_of_costs};
 pub use path::{PathRule, validate_paths};
-pub use validate::validate;
+pub use validate::{Terms, validate, validate_terms};
 pub use verdict::{CellPosition, Rule, Verdict, Violation};

@@ -45,6 +45,14 @@
 //! A diagonal move also needs both cells at its side free, as in the MovingAI
 //! benchmarks.
 //!
+//! # Windows and turning
+//!
+//! [`Terms`] may ask for less than an instance: that agents arrive nowhere, and that
+//! they do not collide during a number of steps only. They may ask for more, that
+//! robots have the time to turn: whoever goes another way than it looks has to stay
+//! for a step per 90 degrees before, and looks that way then. Steps in which it stays
+//! count from its last move on, whatever they were meant for.
+//!
 //! # What is counted
 //!
 //! Outside and obstacle violations count once when entering, conflicts once per
@@ -55,17 +63,53 @@
 //! conflicts has every violating pair reported. Moves that are not unit moves
 //! take no part in swaps, crossings and corner-meets.
 
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading};
 
 use crate::{CellPosition, Rule, Verdict, Violation};
 
 const NONE: u32 = u32::MAX;
 
+/// What is asked of a plan.
+#[derive(Debug, Clone, Copy)]
+pub struct Terms<'a> {
+    /// The map.
+    pub grid: &'a Grid,
+    /// Which moves are allowed.
+    pub connectivity: Connectivity,
+    /// The cell in which each agent begins.
+    pub starts: &'a [u32],
+    /// The cell in which each agent has to end, if that matters.
+    pub goals: Option<&'a [u32]>,
+    /// Where each agent looks at first, if turning takes steps.
+    pub headings: Option<&'a [Heading]>,
+    /// How many steps are to be free of collisions; 0 for all.
+    pub window_steps: u32,
+}
+
+impl<'a> From<&'a GridInstance> for Terms<'a> {
+    fn from(instance: &'a GridInstance) -> Self {
+        Self {
+            grid: instance.grid(),
+            connectivity: instance.connectivity(),
+            starts: instance.starts(),
+            goals: Some(instance.goals()),
+            headings: None,
+            window_steps: 0,
+        }
+    }
+}
+
 /// Judges a plan; at most `limit` violations are described, all are counted.
 ///
 /// Paths may have waits at their end: they mean the same plan without them.
 pub fn validate(instance: &GridInstance, plan: &GridPlan, limit: usize) -> Verdict {
-    let mut sweep = Sweep::new(instance, plan, limit);
+    validate_terms(&instance.into(), plan, limit)
+}
+
+/// Judges a plan as [`validate`] does, by terms of which some may be looser or tighter
+/// than those of an instance.
+pub fn validate_terms(terms: &Terms<'_>, plan: &GridPlan, limit: usize) -> Verdict {
+    let mut sweep = Sweep::new(*terms, plan, limit);
     sweep.run();
     let valid = sweep.count == 0;
     let violations = sweep.kept.iter().map(|found| sweep.describe(found));
@@ -113,6 +157,9 @@ struct Active {
     direction: u8,
     from: u32,
     to: u32,
+    /// Where it looks, if that matters, and when it moved last.
+    heading: Option<Heading>,
+    moved: u32,
 }
 
 /// Moves are numbered by row and column step, so that the opposite of `d` is
@@ -135,7 +182,7 @@ fn is_diagonal(direction: u8) -> bool {
 }
 
 struct Sweep<'a> {
-    instance: &'a GridInstance,
+    terms: Terms<'a>,
     grid: &'a Grid,
     plan: &'a GridPlan,
     cells: Vec<CellState>,
@@ -152,15 +199,15 @@ struct Sweep<'a> {
 }
 
 impl<'a> Sweep<'a> {
-    fn new(instance: &'a GridInstance, plan: &'a GridPlan, limit: usize) -> Self {
-        let grid: &Grid = instance.grid();
+    fn new(terms: Terms<'a>, plan: &'a GridPlan, limit: usize) -> Self {
+        let grid = terms.grid;
         let nobody = CellState {
             leaving: NONE,
             arrived: NONE,
             parked: NONE,
         };
         Self {
-            instance,
+            terms,
             grid,
             plan,
             cells: vec![nobody; grid.cell_count() as usize],
@@ -175,7 +222,7 @@ impl<'a> Sweep<'a> {
     }
 
     fn run(&mut self) {
-        if self.plan.agents() != self.instance.agents() {
+        if self.plan.agents() != self.terms.starts.len() {
             self.report(Rule::AgentCount, NONE, NONE);
             // Before all others, which it may well explain.
             self.flush();
@@ -189,11 +236,18 @@ impl<'a> Sweep<'a> {
         while !self.active.is_empty() {
             self.time += 1;
             self.advance();
-            self.check_pairs();
-            self.occupy();
+            if self.is_in_window() {
+                self.check_pairs();
+                self.occupy();
+            }
             self.retire();
             self.flush();
         }
+    }
+
+    /// Whether collisions matter now.
+    fn is_in_window(&self) -> bool {
+        self.terms.window_steps == 0 || self.time <= self.terms.window_steps
     }
 
     fn report(&mut self, rule: Rule, a: u32, b: u32) {
@@ -238,12 +292,8 @@ impl<'a> Sweep<'a> {
             .iter()
             .rposition(|cell| *cell != last)
             .map_or(0, |at| at + 1);
-        if self
-            .instance
-            .starts()
-            .get(agent)
-            .is_some_and(|start| *start != first)
-        {
+        let start = self.terms.starts.get(agent);
+        if start.is_some_and(|start| *start != first) {
             self.report(Rule::WrongStart, name, NONE);
         }
         self.check_cell(name, first);
@@ -257,6 +307,11 @@ impl<'a> Sweep<'a> {
             direction: STAY,
             from: first,
             to: first,
+            heading: self
+                .terms
+                .headings
+                .and_then(|headings| headings.get(agent).copied()),
+            moved: 0,
         });
     }
 
@@ -294,7 +349,7 @@ impl<'a> Sweep<'a> {
         }
         let row_step = i64::from(after.0) - i64::from(before.0);
         let col_step = i64::from(after.1) - i64::from(before.1);
-        let eight = self.instance.connectivity() == Connectivity::Eight;
+        let eight = self.terms.connectivity == Connectivity::Eight;
         let Some(direction) =
             direction(row_step, col_step).filter(|direction| eight || !is_diagonal(*direction))
         else {
@@ -308,6 +363,16 @@ impl<'a> Sweep<'a> {
                 self.report(Rule::CornerCut, mover.agent, NONE);
             }
         }
+        if let Some(heading) = &mut mover.heading {
+            let before = std::mem::replace(heading, self.towards(mover.from, mover.to));
+            let stayed = self.time - 1 - std::mem::replace(&mut mover.moved, self.time);
+            if stayed < before.quarters_to(*heading) {
+                self.report(Rule::Turn, mover.agent, NONE);
+            }
+        }
+        if !self.is_in_window() {
+            return;
+        }
         let cell = &mut self.cells[mover.from as usize];
         if cell.leaving == NONE {
             cell.leaving = self.moves_from.len() as u32;
@@ -318,6 +383,10 @@ impl<'a> Sweep<'a> {
         if *owner == NONE {
             *owner = mover.agent;
         }
+    }
+
+    fn towards(&self, from: u32, to: u32) -> Heading {
+        Heading::of_move(from, to, self.grid.cols())
     }
 
     /// The cells at the sides of a diagonal move: in its target's row, and in
@@ -427,7 +496,7 @@ impl<'a> Sweep<'a> {
             if end > time {
                 continue;
             }
-            let goal = self.instance.goals().get(agent as usize);
+            let goal = self.terms.goals.and_then(|goals| goals.get(agent as usize));
             if goal.is_some_and(|goal| *goal != to) {
                 self.report(Rule::WrongGoal, agent, NONE);
             }
@@ -471,23 +540,20 @@ impl<'a> Sweep<'a> {
         };
         let (places, sentence) = match rule {
             Rule::AgentCount => {
-                let (paths, agents) = (self.plan.agents(), self.instance.agents());
+                let (paths, agents) = (self.plan.agents(), self.terms.starts.len());
                 let sentence = format!("the plan has {paths} paths, the instance {agents} agents");
                 (vec![], sentence)
             }
             Rule::EmptyPath => (vec![], format!("agent {first} has an empty path")),
             Rule::WrongStart => {
-                let start = Place(Some(
-                    self.grid.row_col(self.instance.starts()[first as usize]),
-                ));
+                let start = self.place(self.terms.starts[first as usize]);
                 let found = at(first, 0);
                 let sentence = format!("agent {first} begins at {found}, its start is {start}");
                 (vec![found, start], sentence)
             }
             Rule::WrongGoal => {
-                let goal = Place(Some(
-                    self.grid.row_col(self.instance.goals()[first as usize]),
-                ));
+                let goals = self.terms.goals.unwrap_or_default();
+                let goal = self.place(goals[first as usize]);
                 let found = at(first, time);
                 let sentence =
                     format!("agent {first} ends at {found} at time {time}, its goal is {goal}");
@@ -514,6 +580,17 @@ impl<'a> Sweep<'a> {
                 let sentence = format!(
                     "agent {first} cuts an obstacle's corner from {from} to {to} \
                      between times {before} and {time}"
+                );
+                (moves(first), sentence)
+            }
+            Rule::Turn => {
+                let (from, to) = (at(first, before), at(first, time));
+                let (heading, needed, stayed) = self.turn(first, time);
+                let looks = heading.map_or("", Heading::name);
+                let steps = if needed == 1 { "step" } else { "steps" };
+                let sentence = format!(
+                    "agent {first} looks {looks} and moves from {from} to {to} between times \
+                     {before} and {time}: it needs {needed} {steps} to turn and had {stayed}"
                 );
                 (moves(first), sentence)
             }
@@ -569,8 +646,28 @@ impl<'a> Sweep<'a> {
     }
 
     fn at(&self, agent: u32, time: u32) -> Place {
-        let cell = self.plan.at(agent as usize, time as usize);
+        self.place(self.plan.at(agent as usize, time as usize))
+    }
+
+    fn place(&self, cell: u32) -> Place {
         Place((cell < self.grid.cell_count()).then(|| self.grid.row_col(cell)))
+    }
+
+    /// Where an agent looks before its move at a time, how many quarter turns it needs
+    /// for that move, and in how many steps it has stayed.
+    fn turn(&self, agent: u32, time: u32) -> (Option<Heading>, u32, u32) {
+        let path = self.plan.path(agent as usize);
+        let time = time as usize;
+        let on_map = |at: usize| path[at] < self.grid.cell_count();
+        let is_move = |at: usize| path[at] != path[at - 1] && on_map(at) && on_map(at - 1);
+        let moved = (1..time).rev().find(|at| is_move(*at));
+        let heading = match moved {
+            Some(at) => Some(self.towards(path[at - 1], path[at])),
+            None => self.terms.headings.map(|headings| headings[agent as usize]),
+        };
+        let towards = self.towards(path[time - 1], path[time]);
+        let needed = heading.map_or(0, |heading| heading.quarters_to(towards));
+        (heading, needed, (time - 1 - moved.unwrap_or(0)) as u32)
     }
 
     /// Last time of an agent's trimmed path.

@@ -27,6 +27,8 @@ pub enum Rule {
     NotAdjacent,
     /// A diagonal move passes a blocked cell at its side.
     CornerCut,
+    /// An agent moves another way before it has stayed for the steps that turning takes.
+    Turn,
     /// Two agents are in one cell, both on their way.
     VertexConflict,
     /// An agent is in a cell where another one stays for good.
@@ -42,7 +44,7 @@ pub enum Rule {
 
 impl Rule {
     /// Every rule, in order.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::AgentCount,
         Self::EmptyPath,
         Self::WrongStart,
@@ -51,6 +53,7 @@ impl Rule {
         Self::Obstacle,
         Self::NotAdjacent,
         Self::CornerCut,
+        Self::Turn,
         Self::VertexConflict,
         Self::ParkedConflict,
         Self::SwapConflict,
@@ -69,6 +72,7 @@ impl Rule {
             Self::Obstacle => "obstacle",
             Self::NotAdjacent => "not-adjacent",
             Self::CornerCut => "corner-cut",
+            Self::Turn => "turn",
             Self::VertexConflict => "vertex-conflict",
             Self::ParkedConflict => "parked-conflict",
             Self::SwapConflict => "swap-conflict",

@@ -4,8 +4,8 @@
 
 use std::sync::Arc;
 
-use fleetyard_check::{Rule, Verdict, metrics, validate};
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, OFF_MAP};
+use fleetyard_check::{Rule, Terms, Verdict, metrics, validate, validate_terms};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP};
 
 /// A map, starts and goals drawn with letters: `a` starts where it stands and
 /// has its goal at `A`.
@@ -385,4 +385,77 @@ fn metrics_of_a_small_plan() {
     let root = std::f64::consts::SQRT_2;
     assert!((found.length_m - 0.5 * (3.0 + 2.0 * root)).abs() < 1e-12);
     assert!((found.lower_bound_m - 0.5 * (3.0 + root)).abs() < 1e-12);
+}
+
+/// What is found of one agent on a map of ten columns that looks to the east first.
+fn turning(path: &[u32]) -> Vec<String> {
+    let grid = Grid::new("open", 2, 10, vec![b'.'; 20]).unwrap();
+    let terms = Terms {
+        grid: &grid,
+        connectivity: Four,
+        starts: &path[..1],
+        goals: None,
+        headings: Some(&[Heading::East]),
+        window_steps: 1,
+    };
+    let verdict = validate_terms(&terms, &GridPlan::from_paths([path]), 10);
+    verdict.violations.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn turning_takes_steps() {
+    for path in [
+        &[0, 1, 1, 11][..],
+        &[1, 1, 1, 0],
+        &[10, 10, 0],
+        &[0, 0, 10, 10, 11],
+    ] {
+        assert_eq!(turning(path), [""; 0], "{path:?}");
+    }
+    assert_eq!(
+        turning(&[1, 1, 0]),
+        [
+            "agent 0 looks east and moves from (0, 1) to (0, 0) between times 1 and 2: \
+          it needs 2 steps to turn and had 1"
+        ]
+    );
+    // From east to north is a quarter, not three; and who has turned looks there.
+    assert_eq!(
+        turning(&[10, 0, 10]),
+        [
+            "agent 0 looks east and moves from (1, 0) to (0, 0) between times 0 and 1: \
+             it needs 1 step to turn and had 0",
+            "agent 0 looks north and moves from (0, 0) to (1, 0) between times 1 and 2: \
+             it needs 2 steps to turn and had 0"
+        ]
+    );
+}
+
+#[test]
+fn behind_the_window_agents_collide_but_keep_to_the_map() {
+    let grid = Grid::new("corridor", 1, 5, b"....@".to_vec()).unwrap();
+    let found = |window_steps, paths: [&[u32]; 2]| -> Vec<Rule> {
+        let terms = Terms {
+            grid: &grid,
+            connectivity: Four,
+            starts: &[0, 3],
+            goals: None,
+            headings: None,
+            window_steps,
+        };
+        let verdict = validate_terms(&terms, &GridPlan::from_paths(paths), 10);
+        verdict.violations.iter().map(|found| found.rule).collect()
+    };
+    let into_each_other: [&[u32]; 2] = [&[0, 1, 2, 1], &[3, 3, 1, 2]];
+    assert_eq!(found(1, into_each_other), [Rule::NotAdjacent]);
+    assert_eq!(found(2, into_each_other), [Rule::NotAdjacent]);
+    assert_eq!(
+        found(3, into_each_other),
+        [Rule::NotAdjacent, Rule::SwapConflict]
+    );
+    assert_eq!(found(2, [&[0, 1, 2, 3], &[3]]), []);
+    assert_eq!(found(3, [&[0, 1, 2, 3], &[3]]), [Rule::ParkedConflict]);
+    assert_eq!(found(1, [&[0], &[3, 3, 4]]), [Rule::Obstacle]);
+    // Nobody has to arrive anywhere, but everybody begins at its start.
+    assert_eq!(found(0, [&[0, 1], &[2]]), [Rule::WrongStart]);
 }

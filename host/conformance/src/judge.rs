@@ -1,17 +1,16 @@
 //! What an answer has to be. Collisions and moves are for `fleetyard-check`; here
-//! is what a one-shot instance does not have: lists of goals, windows, headings,
-//! tolerance of delays, and instances as answers.
+//! is what a one-shot instance does not have: lists of goals, tolerance of delays, and
+//! instances as answers.
 
 use std::collections::BTreeSet;
 
-use fleetyard_abi::{Assignment, FleetState, Heading, Instance, Motion};
-use fleetyard_check::{PathRule, Rule, sum_of_costs, validate_paths};
+use fleetyard_abi::{Assignment, FleetState, Instance, Motion};
+use fleetyard_check::{PathRule, Rule, Terms, sum_of_costs, validate_paths, validate_terms};
 use fleetyard_core::GridPlan;
 
 use crate::scene::Scene;
 
-/// How many violations are looked at. Those of goals are not wanted, and there is at
-/// most one per agent.
+/// How many violations are looked at. Not all of them are wanted.
 const VIOLATIONS: usize = 10_000;
 
 /// What a plan has to do about goals.
@@ -40,12 +39,6 @@ pub(crate) fn plan(
                 .map_err(|reason| format!("agent {agent} {reason}"))?;
         }
     }
-    if let (Motion::Rotation, Some(headings)) = (scene.motion, &scene.headings) {
-        for (agent, (path, heading)) in plan.paths().zip(headings).enumerate() {
-            turns(path, *heading, scene.grid.cols())
-                .map_err(|reason| format!("agent {agent} {reason}"))?;
-        }
-    }
     tolerates(plan, delay, scene.window_steps)?;
     Ok(sum_of_costs(plan))
 }
@@ -68,27 +61,21 @@ pub(crate) fn paths(scene: &Scene, plan: &GridPlan) -> Result<(), String> {
 
 fn rules(scene: &Scene, plan: &GridPlan, counts: impl Fn(Rule) -> bool) -> Result<(), String> {
     let instance = scene.home()?;
-    // The most that a planner of any-angle paths may allow itself is asked of it here.
-    let rule = match scene.motion {
-        Motion::AnyAngle => PathRule::Bresenham,
-        Motion::Pebble | Motion::Rotation => PathRule::Steps,
+    let verdict = match scene.motion {
+        // The most that a planner of any-angle paths may allow itself is asked of it here.
+        Motion::AnyAngle => validate_paths(&instance, plan, PathRule::Bresenham, VIOLATIONS),
+        Motion::Pebble | Motion::Rotation => {
+            let turning = scene.motion == Motion::Rotation;
+            let terms = Terms {
+                goals: None,
+                headings: scene.headings.as_deref().filter(|_| turning),
+                window_steps: scene.window_steps,
+                ..(&instance).into()
+            };
+            validate_terms(&terms, plan, VIOLATIONS)
+        }
     };
-    let verdict = validate_paths(&instance, plan, rule, VIOLATIONS);
-    let in_window = |rule: Rule, time: u32| {
-        let collision = matches!(
-            rule,
-            Rule::VertexConflict
-                | Rule::ParkedConflict
-                | Rule::SwapConflict
-                | Rule::DiagonalCrossing
-                | Rule::CornerMeet
-        );
-        !collision || scene.window_steps == 0 || time <= scene.window_steps
-    };
-    let found = verdict
-        .violations
-        .iter()
-        .find(|found| counts(found.rule) && in_window(found.rule, found.time));
+    let found = verdict.violations.iter().find(|found| counts(found.rule));
     match found {
         Some(found) => Err(format!("{} ({})", found.sentence, found.rule)),
         None => Ok(()),
@@ -116,40 +103,6 @@ fn arrives(goals: &[u32], path: &[u32], arrival: Arrival) -> Result<(), String> 
         )),
         _ => Ok(()),
     }
-}
-
-/// Whether an agent that goes forward alone, and takes a step to turn by 90 degrees,
-/// can follow a path.
-fn turns(path: &[u32], heading: Heading, cols: u32) -> Result<(), String> {
-    let mut heading = heading.code();
-    let mut waited = 0;
-    for (time, step) in (1..).zip(path.windows(2)) {
-        let (from, to) = (step[0], step[1]);
-        let towards = if to == from {
-            waited += 1;
-            continue;
-        } else if to == from + cols {
-            Heading::South
-        } else if from == to + cols {
-            Heading::North
-        } else if to > from {
-            Heading::East
-        } else {
-            Heading::West
-        };
-        // Headings are numbered round the compass.
-        let apart = (heading - towards.code()).rem_euclid(4);
-        let quarters = apart.min(4 - apart);
-        if waited < quarters {
-            return Err(format!(
-                "moves {towards:?} at step {time}, but needs {quarters} steps to turn there and \
-                 had {waited}"
-            ));
-        }
-        heading = towards.code();
-        waited = 0;
-    }
-    Ok(())
 }
 
 /// Whether nobody is in a cell within `delay` steps after somebody else (Atzmon et
@@ -291,17 +244,6 @@ mod tests {
         assert!(visits(&[0, 0], &[0]));
         assert!(!visits(&[2, 0], &[0]));
         assert!(!visits(&[0, 2, 1, 2], &[0, 1, 2]));
-    }
-
-    #[test]
-    fn turning_takes_steps() {
-        let follows = |path: &[u32]| turns(path, Heading::East, 10).is_ok();
-        assert!(follows(&[0, 1, 1, 11]));
-        assert!(!follows(&[0, 1, 11]));
-        assert!(follows(&[1, 1, 1, 0]));
-        assert!(!follows(&[1, 1, 0]));
-        // From east to north is a quarter, not three.
-        assert!(follows(&[10, 10, 0]));
     }
 
     #[test]

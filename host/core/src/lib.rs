@@ -26,8 +26,8 @@ mod shell;
 mod trajectory;
 pub mod trajectory_file;
 
-pub use fleetyard_abi::PathEncoding;
 pub use fleetyard_abi::moves::{self, OFF_MAP};
+pub use fleetyard_abi::{Heading, PathEncoding};
 
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};

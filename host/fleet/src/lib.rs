@@ -3,6 +3,9 @@
 //! It follows LSMART (Yan et al., Lifelong Scalable Multi-Agent Realistic Testbed, 2026).
 #![forbid(unsafe_code)]
 
+pub mod adg;
+pub mod assign;
+pub mod batch;
 mod config;
 mod error;
 mod modules;

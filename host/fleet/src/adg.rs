@@ -1,0 +1,756 @@
+//! The action dependency graph: who may drive where, in which order.
+//!
+//! A plan says which robot is in which cell at which step. Robots are late, so what is
+//! kept of it is an order: through every cell robots pass in the plan's order (Hönig et
+//! al., "Persistent and robust execution of MAPF schedules in warehouses", RA-L 2019).
+//! A *node* is a robot's move to an adjacent cell, with the turns before it and the
+//! dwelling after it; waits are dropped. It depends on the robot's node before it, and
+//! on every earlier visitor of its cell having done the node that leaves the cell.
+//!
+//! The second kind of edge is not stored. Every cell has a queue of visits in passing
+//! order, from which a visit goes when it is over, so that a node's edges are satisfied
+//! exactly when its visit is at the front. Every robot has a list of nodes that begins
+//! with the one that took it to where it stands. What is done is forgotten.
+//!
+//! Proofs of what is promised here are in `docs/adg.md`.
+
+use std::mem;
+
+use fleetyard_abi::Heading;
+use fleetyard_core::{Grid, OFF_MAP};
+
+use crate::batch::Batch;
+
+/// No node, no robot.
+const NONE: u32 = u32::MAX;
+
+/// Most goals that are reached without leaving a cell: a stream of goals that stays in
+/// one would have no end.
+const MOST_STAYS: u32 = 1000;
+
+/// What a robot is told to do: to go to the next cell of its way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Node {
+    /// Where it goes: a cell beside the one before, or the same for a goal that it
+    /// reaches without leaving its cell.
+    pub cell: u32,
+    /// Actions that this takes: the move, quarter turns before it, dwelling after it.
+    pub actions: u32,
+    /// The index of the robot's goal that is reached by it.
+    pub goal: Option<u32>,
+}
+
+/// What counts as how many actions besides a move, which is one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Costs {
+    /// A turn by 90°; 0 for robots that need not turn.
+    pub quarter_turn: u32,
+    /// Dwelling at a goal; 0 where nobody does.
+    pub dwell: u32,
+}
+
+impl Default for Costs {
+    fn default() -> Self {
+        Self {
+            quarter_turn: 1,
+            dwell: 0,
+        }
+    }
+}
+
+/// Why something cannot be begun, or appended. Agents are counted from 0.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages document the fields")]
+#[non_exhaustive]
+pub enum AdgError {
+    #[error("{starts} starts but {headings} headings")]
+    LengthMismatch { starts: usize, headings: usize },
+    #[error("agent {agent} starts in cell {cell}, where the map has no free cell")]
+    Blocked { agent: usize, cell: u32 },
+    #[error("agents {first} and {agent} start in the same cell, {cell}")]
+    Occupied {
+        first: usize,
+        agent: usize,
+        cell: u32,
+    },
+    #[error("the batch has {found} paths, the fleet {agents} agents")]
+    WrongAgents { found: usize, agents: usize },
+    #[error("the path of agent {agent} begins in cell {found}, what it has ends in cell {end}")]
+    WrongStart { agent: usize, found: u32, end: u32 },
+}
+
+/// What became of a batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Appended {
+    /// Nodes that were appended.
+    pub nodes: usize,
+    /// Rings of robots, each going to where the next one is at the same step, before
+    /// which the batch was cut.
+    pub rings_cut: usize,
+    /// Agents whose paths were not appended to their ends, in or behind such rings.
+    pub stopped: usize,
+}
+
+/// Where everybody is when what is committed has been done.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cut {
+    /// Cells, no two the same.
+    pub cells: Vec<u32>,
+    /// Headings there: that of the last move.
+    pub headings: Vec<Heading>,
+    /// The first goal of each agent that no committed node reaches.
+    pub next_goal: Vec<u32>,
+    /// Nodes that were dropped.
+    pub dropped: usize,
+}
+
+/// A robot's visit to a cell, with the node that begins it. Links are indices into the
+/// graph's visits.
+#[derive(Debug, Clone, Copy)]
+struct Visit {
+    node: Node,
+    agent: u32,
+    /// Which node of the agent it is, counted from 1 at the start of everything; 0 is
+    /// standing at the start.
+    number: u32,
+    /// The agent's visits before and after.
+    before: u32,
+    after: u32,
+    /// Visits of the same cell ahead of this and behind it. A visit that stays in the
+    /// cell of the one before it is no visit of its own: it is in no queue until the one
+    /// before it is forgotten, whose place it takes then.
+    ahead: u32,
+    behind: u32,
+    heading: Heading,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Robot {
+    /// The visit that it is at, the last one that is done; and its last one.
+    head: u32,
+    tail: u32,
+    /// The first visit that is not enqueued.
+    next: u32,
+    /// Numbers of the last visits that are done, and enqueued.
+    done: u32,
+    enqueued: u32,
+    /// Actions of all nodes that are not done.
+    actions: u32,
+    /// The first goal that no node reaches, and its cell as of the last append.
+    next_goal: u32,
+    goal_cell: u32,
+}
+
+/// Who is first and last in the passing order of a cell, as far as it is not over, and
+/// whose way ends there.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    front: u32,
+    back: u32,
+    end_of: u32,
+}
+
+/// How far an agent's part of a step is decided.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    /// It does not move, or not any more.
+    Stays,
+    /// It would move.
+    Open,
+    /// It waits for the answer of the one in whose place it would come.
+    Asked,
+    Goes,
+    Stops,
+}
+
+/// The graph of what is pending. Its memory is that of what was ever pending at once.
+#[derive(Debug, Clone)]
+pub struct Adg {
+    cols: u32,
+    costs: Costs,
+    robots: Vec<Robot>,
+    visits: Vec<Visit>,
+    /// Indices of visits that are not in use.
+    free: Vec<u32>,
+    places: Vec<Place>,
+    pending: usize,
+    /// A bit per robot whose next node may have become free to be enqueued.
+    ready: Vec<u64>,
+    // Memory that calls would else ask for each time.
+    fates: Vec<Fate>,
+    active: Vec<u32>,
+    movers: Vec<(u32, u32)>,
+    stack: Vec<u32>,
+}
+
+impl Adg {
+    /// Robots at rest in distinct free cells.
+    pub fn new(
+        grid: &Grid,
+        starts: &[u32],
+        headings: &[Heading],
+        costs: Costs,
+    ) -> Result<Self, AdgError> {
+        if starts.len() != headings.len() {
+            let (starts, headings) = (starts.len(), headings.len());
+            return Err(AdgError::LengthMismatch { starts, headings });
+        }
+        let nobody = Place {
+            front: NONE,
+            back: NONE,
+            end_of: NONE,
+        };
+        let mut places = vec![nobody; grid.cell_count() as usize];
+        let mut robots = Vec::with_capacity(starts.len());
+        let mut visits = Vec::with_capacity(starts.len());
+        for (agent, (&cell, &heading)) in starts.iter().zip(headings).enumerate() {
+            if !grid.is_passable(cell) {
+                return Err(AdgError::Blocked { agent, cell });
+            }
+            let place = &mut places[cell as usize];
+            if place.end_of != NONE {
+                let first = place.end_of as usize;
+                return Err(AdgError::Occupied { first, agent, cell });
+            }
+            let at = agent as u32;
+            *place = Place {
+                front: at,
+                back: at,
+                end_of: at,
+            };
+            visits.push(Visit {
+                node: Node {
+                    cell,
+                    actions: 0,
+                    goal: None,
+                },
+                agent: at,
+                number: 0,
+                before: NONE,
+                after: NONE,
+                ahead: NONE,
+                behind: NONE,
+                heading,
+            });
+            robots.push(Robot {
+                head: at,
+                tail: at,
+                next: NONE,
+                done: 0,
+                enqueued: 0,
+                actions: 0,
+                next_goal: 0,
+                goal_cell: OFF_MAP,
+            });
+        }
+        Ok(Self {
+            cols: grid.cols(),
+            costs,
+            ready: vec![0; starts.len().div_ceil(64)],
+            fates: vec![Fate::Stays; starts.len()],
+            robots,
+            visits,
+            free: Vec::new(),
+            places,
+            pending: 0,
+            active: Vec::new(),
+            movers: Vec::new(),
+            stack: Vec::new(),
+        })
+    }
+
+    /// Appends a batch whose paths begin where agents end.
+    ///
+    /// `goals(agent, index)` is the cell of a goal, or [`OFF_MAP`] where there is none;
+    /// an agent's goals are matched in order, each where the path enters its cell, or
+    /// where it begins.
+    ///
+    /// Where robots go round in a ring at one step, nobody could begin. They stop before
+    /// that step, and so does everybody who would enter a cell that is not left any more.
+    ///
+    /// On an error nothing has been appended.
+    pub fn append(
+        &mut self,
+        batch: &Batch,
+        goals: &mut dyn FnMut(usize, u32) -> u32,
+    ) -> Result<Appended, AdgError> {
+        self.check(batch)?;
+        let before = self.pending;
+        let mut appended = Appended::default();
+        let mut active = mem::take(&mut self.active);
+        active.clear();
+        for agent in 0..self.robots.len() {
+            let robot = &mut self.robots[agent];
+            robot.goal_cell = goals(agent, robot.next_goal);
+            self.match_stays(agent, goals);
+            if batch.path(agent).len() > 1 {
+                active.push(agent as u32);
+            }
+        }
+        let mut time = 1;
+        while !active.is_empty() {
+            self.movers.clear();
+            for &agent in &active {
+                let path = batch.path(agent as usize);
+                if path[time] != path[time - 1] {
+                    self.movers.push((agent, path[time]));
+                    self.fates[agent as usize] = Fate::Open;
+                }
+            }
+            appended.rings_cut += self.decide(batch, time);
+            let movers = mem::take(&mut self.movers);
+            for &(agent, to) in &movers {
+                let fate = &mut self.fates[agent as usize];
+                if *fate == Fate::Goes {
+                    *fate = Fate::Stays;
+                    self.push_move(agent as usize, to, goals);
+                } else {
+                    appended.stopped += 1;
+                }
+            }
+            self.movers = movers;
+            time += 1;
+            let fates = &mut self.fates;
+            active.retain(|agent| {
+                let fate = mem::replace(&mut fates[*agent as usize], Fate::Stays);
+                fate != Fate::Stops && batch.path(*agent as usize).len() > time
+            });
+        }
+        self.active = active;
+        appended.nodes = self.pending - before;
+        debug_assert!(self.is_acyclic());
+        Ok(appended)
+    }
+
+    fn check(&self, batch: &Batch) -> Result<(), AdgError> {
+        let agents = self.robots.len();
+        if batch.agents() != agents {
+            let found = batch.agents();
+            return Err(AdgError::WrongAgents { found, agents });
+        }
+        for agent in 0..agents {
+            let found = batch.path(agent).first().copied().unwrap_or(OFF_MAP);
+            let end = self.end(agent);
+            if found != end {
+                return Err(AdgError::WrongStart { agent, found, end });
+            }
+        }
+        Ok(())
+    }
+
+    /// Decides who of the movers of a step goes, and counts the rings. Everybody goes to
+    /// one cell, where at most one other is: so the movers are chains and rings.
+    fn decide(&mut self, batch: &Batch, time: usize) -> usize {
+        let mut rings = 0;
+        for at in 0..self.movers.len() {
+            let (mut agent, mut to) = self.movers[at];
+            if self.fates[agent as usize] != Fate::Open {
+                continue;
+            }
+            self.stack.clear();
+            let fate = loop {
+                self.fates[agent as usize] = Fate::Asked;
+                self.stack.push(agent);
+                let there = self.places[to as usize].end_of;
+                if there == NONE {
+                    break Fate::Goes;
+                }
+                match self.fates[there as usize] {
+                    Fate::Goes => break Fate::Goes,
+                    Fate::Stays | Fate::Stops => break Fate::Stops,
+                    Fate::Asked => {
+                        rings += 1;
+                        break Fate::Stops;
+                    }
+                    Fate::Open => {
+                        agent = there;
+                        to = batch.path(agent as usize)[time];
+                    }
+                }
+            };
+            for agent in &self.stack {
+                self.fates[*agent as usize] = fate;
+            }
+        }
+        rings
+    }
+
+    /// Appends a move, and what is reached with it.
+    fn push_move(&mut self, agent: usize, to: u32, goals: &mut dyn FnMut(usize, u32) -> u32) {
+        let robot = self.robots[agent];
+        let from = &self.visits[robot.tail as usize];
+        let (left, heading) = (from.node.cell, from.heading);
+        let towards = Heading::of_move(left, to, self.cols);
+        let turns = heading.quarters_to(towards);
+        let place = &mut self.places[left as usize];
+        // Whoever follows at the same step may be there already.
+        if place.end_of == agent as u32 {
+            place.end_of = NONE;
+        }
+        let ahead = self.places[to as usize].back;
+        let goal = (robot.goal_cell == to).then_some(robot.next_goal);
+        let node = Node {
+            cell: to,
+            actions: 1 + turns * self.costs.quarter_turn,
+            goal,
+        };
+        let at = self.push(agent, node, towards, ahead);
+        let place = &mut self.places[to as usize];
+        place.back = at;
+        place.end_of = agent as u32;
+        match ahead {
+            NONE => place.front = at,
+            ahead => self.visits[ahead as usize].behind = at,
+        }
+        if goal.is_some() {
+            self.next_goal(agent, goals);
+            self.match_stays(agent, goals);
+        }
+    }
+
+    /// Appends the goals that are reached where the agent ends already.
+    fn match_stays(&mut self, agent: usize, goals: &mut dyn FnMut(usize, u32) -> u32) {
+        for _ in 0..MOST_STAYS {
+            let robot = self.robots[agent];
+            let cell = self.end(agent);
+            if robot.goal_cell != cell {
+                break;
+            }
+            let heading = self.visits[robot.tail as usize].heading;
+            let node = Node {
+                cell,
+                actions: 0,
+                goal: Some(robot.next_goal),
+            };
+            self.push(agent, node, heading, NONE);
+            self.next_goal(agent, goals);
+        }
+    }
+
+    fn next_goal(&mut self, agent: usize, goals: &mut dyn FnMut(usize, u32) -> u32) {
+        let robot = &mut self.robots[agent];
+        robot.next_goal += 1;
+        robot.goal_cell = goals(agent, robot.next_goal);
+    }
+
+    /// Appends a visit to the agent's list.
+    fn push(&mut self, agent: usize, mut node: Node, heading: Heading, ahead: u32) -> u32 {
+        if node.goal.is_some() {
+            node.actions += self.costs.dwell;
+        }
+        let robot = &mut self.robots[agent];
+        let visit = Visit {
+            node,
+            agent: agent as u32,
+            number: self.visits[robot.tail as usize].number + 1,
+            before: robot.tail,
+            after: NONE,
+            ahead,
+            behind: NONE,
+            heading,
+        };
+        let at = if let Some(at) = self.free.pop() {
+            self.visits[at as usize] = visit;
+            at
+        } else {
+            self.visits.push(visit);
+            self.visits.len() as u32 - 1
+        };
+        self.visits[robot.tail as usize].after = at;
+        robot.tail = at;
+        robot.actions += node.actions;
+        if robot.next == NONE {
+            robot.next = at;
+            self.ready[agent / 64] |= 1 << (agent % 64);
+        }
+        self.pending += 1;
+        at
+    }
+
+    /// Takes a visit out of its cell's queue.
+    fn unlink(&mut self, at: u32) {
+        let Visit {
+            node,
+            ahead,
+            behind,
+            ..
+        } = self.visits[at as usize];
+        let place = &mut self.places[node.cell as usize];
+        match ahead {
+            NONE => place.front = behind,
+            ahead => self.visits[ahead as usize].behind = behind,
+        }
+        match behind {
+            NONE => place.back = ahead,
+            behind => self.visits[behind as usize].ahead = ahead,
+        }
+    }
+
+    /// Whether a visit stays in the cell of the one before it.
+    fn is_stay(&self, visit: &Visit) -> bool {
+        visit.before != NONE && self.visits[visit.before as usize].node.cell == visit.node.cell
+    }
+
+    /// Drops what nobody is committed to, and says where agents are then.
+    ///
+    /// Committed is what is enqueued, what an agent will do with its next
+    /// `lookahead_actions` actions, and everything that has to be done before that.
+    pub fn cut(&mut self, lookahead_actions: u32) -> Cut {
+        // Per agent the last visit that is kept; kept visits that may need others to be.
+        let mut last = Vec::with_capacity(self.robots.len());
+        let mut stack = mem::take(&mut self.stack);
+        stack.clear();
+        for robot in &self.robots {
+            let (mut at, mut actions) = (robot.head, 0);
+            loop {
+                let after = self.visits[at as usize].after;
+                if after == NONE {
+                    break;
+                }
+                let visit = &self.visits[after as usize];
+                if visit.number > robot.enqueued {
+                    if actions >= lookahead_actions {
+                        break;
+                    }
+                    stack.push(after);
+                }
+                actions = u32::saturating_add(actions, visit.node.actions);
+                at = after;
+            }
+            last.push(at);
+        }
+        while let Some(at) = stack.pop() {
+            // Who was in the cell before has to leave it. That is enough: who was there
+            // before that has to leave for this one to come, and so on.
+            let ahead = self.visits[at as usize].ahead;
+            if ahead == NONE {
+                continue;
+            }
+            let leave = self.leave_of(ahead);
+            let agent = self.visits[ahead as usize].agent as usize;
+            let until = leave.map_or(0, |leave| self.visits[leave as usize].number);
+            while self.visits[last[agent] as usize].number < until {
+                last[agent] = self.visits[last[agent] as usize].after;
+                stack.push(last[agent]);
+            }
+        }
+        self.stack = stack;
+        let before = self.pending;
+        for (agent, last) in last.iter().copied().enumerate() {
+            self.drop_behind(agent, last);
+        }
+        let ends = self
+            .robots
+            .iter()
+            .map(|robot| &self.visits[robot.tail as usize]);
+        Cut {
+            cells: ends.clone().map(|end| end.node.cell).collect(),
+            headings: ends.map(|end| end.heading).collect(),
+            next_goal: self.robots.iter().map(|robot| robot.next_goal).collect(),
+            dropped: before - self.pending,
+        }
+    }
+
+    /// The node of the same agent by which the cell of a visit is left.
+    fn leave_of(&self, at: u32) -> Option<u32> {
+        let cell = self.visits[at as usize].node.cell;
+        let mut after = self.visits[at as usize].after;
+        while after != NONE && self.visits[after as usize].node.cell == cell {
+            after = self.visits[after as usize].after;
+        }
+        (after != NONE).then_some(after)
+    }
+
+    /// Drops an agent's visits after one that is kept.
+    fn drop_behind(&mut self, agent: usize, last: u32) {
+        let mut robot = self.robots[agent];
+        if robot.tail == last {
+            return;
+        }
+        let place = &mut self.places[self.visits[robot.tail as usize].node.cell as usize];
+        if place.end_of == agent as u32 {
+            place.end_of = NONE;
+        }
+        while robot.tail != last {
+            let visit = self.visits[robot.tail as usize];
+            if !self.is_stay(&visit) {
+                self.unlink(robot.tail);
+            }
+            if robot.next == robot.tail {
+                robot.next = NONE;
+            }
+            if let Some(goal) = visit.node.goal {
+                robot.next_goal = goal;
+            }
+            robot.actions -= visit.node.actions;
+            self.free.push(robot.tail);
+            self.pending -= 1;
+            robot.tail = visit.before;
+        }
+        let end = &mut self.visits[last as usize];
+        end.after = NONE;
+        self.places[end.node.cell as usize].end_of = agent as u32;
+        self.robots[agent] = robot;
+    }
+
+    /// Enqueues every node that may be, as long as a robot has fewer than `queue` that
+    /// are enqueued and not done, and tells of them: agents ascend, the nodes of an agent
+    /// are in order.
+    ///
+    /// Only agents are looked at for which something has changed, so that `queue` should
+    /// be the same in every call.
+    pub fn enqueue(&mut self, queue: u32, tell: &mut dyn FnMut(usize, &Node)) {
+        for word in 0..self.ready.len() {
+            let mut bits = mem::take(&mut self.ready[word]);
+            while bits != 0 {
+                let agent = word * 64 + bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                let robot = &mut self.robots[agent];
+                while robot.next != NONE && robot.enqueued - robot.done < queue {
+                    let visit = &self.visits[robot.next as usize];
+                    if visit.ahead != NONE {
+                        break;
+                    }
+                    robot.enqueued = visit.number;
+                    robot.next = visit.after;
+                    tell(agent, &visit.node);
+                }
+            }
+        }
+    }
+
+    /// The robot has done its first `done` nodes since the start; tells of those that are
+    /// news. Fewer than were known to be done are no news. More than were enqueued cannot
+    /// be: it has done what was enqueued then.
+    pub fn complete(&mut self, agent: usize, done: u32, tell: &mut dyn FnMut(&Node)) {
+        let done = done.min(self.robots[agent].enqueued);
+        while self.robots[agent].done < done {
+            let robot = &mut self.robots[agent];
+            let over = robot.head;
+            robot.head = self.visits[over as usize].after;
+            robot.done += 1;
+            let head = robot.head;
+            let was = self.visits[over as usize];
+            let node = self.visits[head as usize].node;
+            robot.actions -= node.actions;
+            self.pending -= 1;
+            if node.cell == was.node.cell {
+                // It stays, and keeps its place.
+                let place = &mut self.places[node.cell as usize];
+                place.front = head;
+                self.visits[head as usize].behind = was.behind;
+                match was.behind {
+                    NONE => place.back = head,
+                    behind => self.visits[behind as usize].ahead = head,
+                }
+            } else {
+                self.unlink(over);
+                if let Some(next) = self.visits.get(was.behind as usize) {
+                    let agent = next.agent as usize;
+                    self.ready[agent / 64] |= 1 << (agent % 64);
+                }
+            }
+            self.visits[head as usize].before = NONE;
+            self.free.push(over);
+            self.ready[agent / 64] |= 1 << (agent % 64);
+            tell(&node);
+        }
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.robots.len()
+    }
+
+    /// Actions of an agent that are committed or planned, and not done.
+    pub fn actions_left(&self, agent: usize) -> u32 {
+        self.robots[agent].actions
+    }
+
+    /// Nodes that are not done.
+    pub fn pending(&self) -> usize {
+        self.pending
+    }
+
+    /// The cell where an agent is when everything has been done.
+    pub fn end(&self, agent: usize) -> u32 {
+        self.visits[self.robots[agent].tail as usize].node.cell
+    }
+
+    /// How many nodes an agent has done, and how many it was told of.
+    pub fn progress(&self, agent: usize) -> (u32, u32) {
+        let robot = &self.robots[agent];
+        (robot.done, robot.enqueued)
+    }
+
+    /// The nodes of an agent that are not done, in order.
+    pub fn nodes(&self, agent: usize) -> impl Iterator<Item = &Node> {
+        let visit = |at: u32| self.visits.get(at as usize);
+        let first = visit(self.robots[agent].head).and_then(|head| visit(head.after));
+        std::iter::successors(first, move |at| visit(at.after)).map(|visit| &visit.node)
+    }
+
+    /// The agents that are in a cell or will come there, in passing order.
+    pub fn visitors(&self, cell: u32) -> impl Iterator<Item = u32> {
+        let visit = |at: u32| self.visits.get(at as usize);
+        let first = self
+            .places
+            .get(cell as usize)
+            .and_then(|place| visit(place.front));
+        std::iter::successors(first, move |at| visit(at.behind)).map(|visit| visit.agent)
+    }
+
+    /// Bytes of memory in use.
+    pub fn memory_bytes(&self) -> usize {
+        self.robots.capacity() * size_of::<Robot>()
+            + self.visits.capacity() * size_of::<Visit>()
+            + self.places.capacity() * size_of::<Place>()
+            + (self.free.capacity() + self.active.capacity() + self.stack.capacity()) * 4
+            + (self.ready.capacity() + self.movers.capacity()) * 8
+            + self.fates.capacity()
+    }
+
+    /// Whether what is pending has an order in which it can be done (Kahn 1962).
+    pub fn is_acyclic(&self) -> bool {
+        // Edges that are not yet removed, per visit: at most one of either kind.
+        let mut edges = vec![0u8; self.visits.len()];
+        let mut free = Vec::new();
+        for robot in &self.robots {
+            let mut at = self.visits[robot.head as usize].after;
+            let mut follows = 0;
+            while at != NONE {
+                let visit = &self.visits[at as usize];
+                edges[at as usize] = follows + u8::from(visit.ahead != NONE);
+                if edges[at as usize] == 0 {
+                    free.push(at);
+                }
+                follows = 1;
+                at = visit.after;
+            }
+        }
+        let mut done = 0;
+        while let Some(at) = free.pop() {
+            done += 1;
+            let visit = &self.visits[at as usize];
+            // Whoever comes next to the cell that this leaves.
+            let behind = if self.is_stay(visit) {
+                NONE
+            } else {
+                let mut left = visit.before;
+                while self.is_stay(&self.visits[left as usize]) {
+                    left = self.visits[left as usize].before;
+                }
+                self.visits[left as usize].behind
+            };
+            for next in [visit.after, behind] {
+                if let Some(edges) = edges.get_mut(next as usize) {
+                    *edges -= 1;
+                    if *edges == 0 {
+                        free.push(next);
+                    }
+                }
+            }
+        }
+        done == self.pending
+    }
+}

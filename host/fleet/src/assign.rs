@@ -1,0 +1,1 @@
+//! Who goes where next: starts, and streams of goals.
