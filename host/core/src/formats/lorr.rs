@@ -73,6 +73,24 @@ pub struct LorrInstance {
     pub passed_over: usize,
 }
 
+/// A file of tasks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TaskList {
+    /// What errors call the file.
+    pub source: String,
+    /// The errands of every task in order: free cells, at least one.
+    pub tasks: Vec<Vec<u32>>,
+    /// The line of every task, counted from 1.
+    pub lines: Vec<u64>,
+}
+
+/// Reads a file of tasks on a map. It has at least one task.
+pub fn load_lorr_tasks(path: impl AsRef<Path>, grid: &Grid) -> Result<TaskList, InputError> {
+    let path = path.as_ref();
+    let bytes = read_file(path, LIST_LIMIT)?;
+    read_lorr_tasks(&path.display().to_string(), &bytes, grid)
+}
+
 /// Reads a League instance and the files that it names, which are found from its
 /// own folder.
 pub fn load_lorr(path: impl AsRef<Path>) -> Result<LorrInstance, InputError> {
@@ -107,7 +125,7 @@ pub(super) fn read_lorr(
     }
     let tasks_path = named(&problem.task_file);
     let tasks_source = tasks_path.display().to_string();
-    let tasks = read_tasks(&tasks_source, &read_file(&tasks_path, LIST_LIMIT)?, &grid)?;
+    let tasks = read_lorr_tasks(&tasks_source, &read_file(&tasks_path, LIST_LIMIT)?, &grid)?.tasks;
     let (goals, passed_over) = deal(&tasks, team);
     if goals.len() < team {
         let reason = format!(
@@ -177,9 +195,9 @@ fn read_agents(source: &str, bytes: &[u8], grid: &Grid) -> Result<Vec<(u64, u32)
     Ok(starts)
 }
 
-/// The errands of every task.
-fn read_tasks(source: &str, bytes: &[u8], grid: &Grid) -> Result<Vec<Vec<u32>>, InputError> {
-    let mut tasks = Vec::new();
+/// Parses a file of tasks, named `source` in errors.
+pub fn read_lorr_tasks(source: &str, bytes: &[u8], grid: &Grid) -> Result<TaskList, InputError> {
+    let (mut tasks, mut lines) = (Vec::new(), Vec::new());
     let mut errands = 0;
     list(source, bytes, "tasks", |number, line| {
         let mut task = Vec::new();
@@ -199,9 +217,14 @@ fn read_tasks(source: &str, bytes: &[u8], grid: &Grid) -> Result<Vec<Vec<u32>>, 
             return Err(InputError::new(source, reason).at_line(number));
         }
         tasks.push(task);
+        lines.push(number);
         Ok(())
     })?;
-    Ok(tasks)
+    Ok(TaskList {
+        source: source.to_owned(),
+        tasks,
+        lines,
+    })
 }
 
 /// Calls `each` with the lines after the one that says how many there are.
@@ -378,8 +401,13 @@ mod tests {
     fn lists_are_read() {
         let starts = read_agents("a.agents", b"# 2026\n2\r\n0\n# two\n11\n\n", &grid());
         assert_eq!(starts, Ok(vec![(3, 0), (5, 11)]));
-        let tasks = read_tasks("a.tasks", b"2\n0,1,2\n10,\n", &grid());
-        assert_eq!(tasks, Ok(vec![vec![0, 1, 2], vec![10]]));
+        let tasks = read_lorr_tasks("a.tasks", b"2\n0,1,2\n# far\n10,\n", &grid());
+        let expected = TaskList {
+            source: "a.tasks".into(),
+            tasks: vec![vec![0, 1, 2], vec![10]],
+            lines: vec![2, 4],
+        };
+        assert_eq!(tasks, Ok(expected));
     }
 
     #[test]
@@ -403,7 +431,7 @@ mod tests {
             ("2\n0\n\n1\n", "t:3:1: expected a cell, found ''"),
             ("1\n0;1\n", "t:2:1: expected a cell, found '0;1'"),
         ] {
-            let error = read_tasks("t", text.as_bytes(), &grid()).expect_err(text);
+            let error = read_lorr_tasks("t", text.as_bytes(), &grid()).expect_err(text);
             assert!(error.to_string().starts_with(expected), "{text}: {error}");
         }
     }
@@ -482,7 +510,7 @@ mod tests {
         #[test]
         fn any_text_is_read_or_refused(text in "([0-9,#\n{}\":a-z]|\\PC){0,60}") {
             let _ = read_agents("a", text.as_bytes(), &grid());
-            let _ = read_tasks("t", text.as_bytes(), &grid());
+            let _ = read_lorr_tasks("t", text.as_bytes(), &grid());
             let _ = read_problem("p", text.as_bytes());
         }
     }
