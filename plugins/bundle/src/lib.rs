@@ -2,6 +2,7 @@
 //! into the `fleetyard` command.
 
 use fleetyard_plugin_mapf::plugin::{Lacam, Pibt};
+use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
 use fleetyard_plugin_search::plugin as search;
 
 mod empty;
@@ -10,6 +11,8 @@ fleetyard_abi::export! {
     planners: [
         Lacam,
         Pibt,
+        Prioritized,
+        PriorityBasedSearch,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

@@ -361,7 +361,8 @@ impl Worker {
                     cycles: true,
                     bound: horizon.min(bound as u32),
                 };
-                self.sipp.plan(&query, &mut random, stop).ok()
+                let found = self.sipp.plan(&query, &mut random, stop);
+                found.ok().map(|found| found.path)
             });
             let Some(path) = found else {
                 complete = false;

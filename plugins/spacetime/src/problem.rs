@@ -294,6 +294,42 @@ impl Problem {
             .sum()
     }
 
+    /// A shortest path of an agent through all its goals, or to the end of the window,
+    /// whoever is in the way.
+    pub fn shortest(&self, agent: usize) -> Vec<Vertex> {
+        let route = &self.routes[agent];
+        let (mut v, mut heading) = (route.start, route.heading);
+        let mut path = vec![v];
+        for (&goal, table) in route.goals.iter().zip(&route.tables) {
+            while v != goal {
+                if self.window > 0 && path.len() > self.window as usize {
+                    return path;
+                }
+                let rest = table.get(v, heading);
+                let ahead = |d: u8| self.graph.around(v)[usize::from(d)];
+                let nearer = |u: Vertex, d: u8| table.get(u, d) < rest;
+                if self.turning {
+                    if nearer(ahead(heading), heading) {
+                        v = ahead(heading);
+                    } else {
+                        let turns = [(heading + 1) % 4, (heading + 3) % 4];
+                        let Some(&turn) = turns.iter().find(|&&d| nearer(v, d)) else {
+                            return path;
+                        };
+                        heading = turn;
+                    }
+                } else {
+                    let Some(d) = (0..DIRECTIONS as u8).find(|&d| nearer(ahead(d), d)) else {
+                        return path;
+                    };
+                    v = ahead(d);
+                }
+                path.push(v);
+            }
+        }
+        path
+    }
+
     /// The paths as cells of the grid, one per agent.
     pub fn plan<P: AsRef<[Vertex]>>(
         &self,

@@ -76,6 +76,16 @@ pub struct Query<'a, G> {
     pub bound: u32,
 }
 
+/// A path that was found.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Found {
+    /// A vertex per step.
+    pub path: Vec<Vertex>,
+    /// When it visits the last goal for the last time; where it ends with a window before
+    /// that, the estimate.
+    pub length: u32,
+}
+
 /// Why there is no path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Miss {
@@ -94,8 +104,10 @@ struct State {
     parent: u32,
     /// Next closed state at the same vertex.
     next: u32,
-    /// When the last goal was visited, if it was.
+    /// When the last goal was visited, or [`NEVER`].
     visited: u32,
+    /// [`Found::length`] at best.
+    length: u32,
     label: u32,
     /// Soft collisions on the way.
     met: u32,
@@ -117,9 +129,19 @@ pub struct Sipp {
     query: u32,
     /// States expanded since the beginning.
     pub expansions: u64,
+    limit: u64,
 }
 
 impl Sipp {
+    /// A search that is stopped when it has expanded so many states, in all queries
+    /// together; 0 for no limit.
+    pub fn limited(expansions: u64) -> Self {
+        Self {
+            limit: expansions,
+            ..Self::default()
+        }
+    }
+
     /// The best path: earliest arrival at the last goal, or, in a window, the least
     /// estimate of it at the end of the window; among these one with few soft collisions.
     /// It begins at time 0 with the start and ends where the agent may stay for ever, or
@@ -133,7 +155,7 @@ impl Sipp {
         query: &Query<'_, G>,
         random: &mut Random,
         stop: &mut dyn FnMut() -> bool,
-    ) -> Result<Vec<Vertex>, Miss> {
+    ) -> Result<Found, Miss> {
         let Query {
             graph,
             hard,
@@ -183,7 +205,10 @@ impl Sipp {
         while let Some(id) = search.memory.pop() {
             let state = search.memory.states[id as usize];
             if state.ends {
-                return Ok(self.trace(id, query.window));
+                return Ok(Found {
+                    path: self.trace(id, query.window),
+                    length: state.length,
+                });
             }
             if search.memory.is_closed(&state) {
                 continue;
@@ -195,6 +220,10 @@ impl Sipp {
                 if stop() {
                     return Err(Miss::Stopped);
                 }
+            }
+            let memory = &search.memory;
+            if memory.limit > 0 && memory.expansions >= memory.limit {
+                return Err(Miss::Stopped);
             }
             search.expand(id, &state, turn);
         }
@@ -452,6 +481,11 @@ impl<G: Guidance> Search<'_, '_, G> {
             NEVER => NEVER,
             end => end - 1,
         };
+        let length = if done {
+            visited
+        } else {
+            time.saturating_add(step.rest)
+        };
         let state = State {
             v,
             time,
@@ -459,6 +493,7 @@ impl<G: Guidance> Search<'_, '_, G> {
             parent: step.parent,
             next: NONE,
             visited,
+            length,
             label: step.label,
             met: step.met,
             heading: step.heading,
@@ -471,12 +506,9 @@ impl<G: Guidance> Search<'_, '_, G> {
         if ends && let Some(soft) = soft {
             degree += soft.visits(v, change, self.degrees);
         }
-        let length = if done {
+        if done {
             degree += time - visited;
-            visited
-        } else {
-            time.saturating_add(step.rest)
-        };
+        }
         let bucket =
             (length.max(self.least) - self.least) * self.degrees + degree.min(self.degrees - 1);
         self.memory.push(bucket as usize, state);

@@ -1,0 +1,258 @@
+//! The planners behind the plugin contract: ids `pp` and `pbs`.
+
+use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
+use fleetyard_abi::{
+    Budget, Capabilities, Capability, Descriptor, Instance, Kind, SharedEnvironment, Status,
+    monotonic_ns,
+};
+use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::planner::{Control, Outcome};
+use crate::prioritized;
+use crate::search::{self, Prefer};
+
+/// Bytes for tables of distances, and again for the search, where the budget says nothing.
+const MEMORY: u64 = 1 << 30;
+
+/// What an agent does after its last goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+enum Goals {
+    /// It stays there; where several agents share it a visit is enough.
+    #[default]
+    Stay,
+    /// A visit is enough: it may go on to where it is in nobody's way (MAPF4L).
+    Transient,
+}
+
+impl From<Goals> for GoalRule {
+    fn from(goals: Goals) -> Self {
+        match goals {
+            Goals::Stay => Self::Stay,
+            Goals::Transient => Self::Transient,
+        }
+    }
+}
+
+/// What both planners keep between calls: the map, and distances.
+#[derive(Default)]
+struct Prepared(Option<Ground>);
+
+impl Prepared {
+    fn learn(&mut self, environment: &SharedEnvironment, budget: &Budget) -> Result<(), Failure> {
+        self.0 = Some(Ground::new(environment, memory(budget))?);
+        Ok(())
+    }
+
+    /// Plans with `run` and hands over what comes of it, at the end of the budget too.
+    fn plan(
+        &mut self,
+        rule: GoalRule,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+        run: impl FnOnce(&Problem, &mut Control<'_>) -> Outcome,
+    ) -> Result<(), Failure> {
+        let ground = self.0.as_mut().ok_or_else(|| {
+            Failure::new(Status::InvalidInput, "there was no map before the instance")
+        })?;
+        let answer_by = budget.answer_by_ns();
+        let mut stop = || monotonic_ns() >= answer_by || sink.cancelled();
+        let problem = ground.problem(instance, rule, &mut stop)?;
+        sink.metric("lower_bound", problem.lower_bound() as f64);
+        let mut control = Control {
+            stop: &mut stop,
+            nodes: budget.nodes,
+            memory: memory(budget),
+        };
+        let outcome = run(&problem, &mut control);
+        // A plan that comes too late is no fault.
+        let _ = sink.submit_plan(problem.plan(outcome.paths()).as_ref());
+        match outcome {
+            Outcome::Solved(_) => Ok(()),
+            Outcome::Stopped(_) => Err(Failure::new(
+                Status::TimedOut,
+                "the budget ended before a plan was found; these paths collide",
+            )),
+            Outcome::Exhausted(_) => Err(Failure::new(
+                Status::GaveUp,
+                "no order of priorities leads to a plan; these paths collide",
+            )),
+            Outcome::Memory(_) => Err(Failure::new(
+                Status::GaveUp,
+                "the search reached its memory limit before a plan was found; these paths collide",
+            )),
+        }
+    }
+}
+
+/// Half of what the budget allows.
+fn memory(budget: &Budget) -> u64 {
+    match budget.memory_bytes {
+        0 => MEMORY,
+        bytes => bytes / 2,
+    }
+}
+
+fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> Descriptor {
+    let common = [
+        Capability::Grid,
+        Capability::Pebble,
+        Capability::Rotation,
+        Capability::Windowed,
+        Capability::DuplicateGoals,
+        Capability::CollidingPlans,
+        Capability::Deterministic,
+    ];
+    let all: Vec<_> = common.iter().chain(extra).copied().collect();
+    Descriptor {
+        name: name.into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        license: env!("CARGO_PKG_LICENSE").into(),
+        capabilities: Capabilities::of(&all),
+        ..Descriptor::new(Kind::Planner, id, description)
+    }
+}
+
+/// Options of `pp`.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+struct PrioritizedOptions {
+    /// What an agent does after its last goal. In a window a visit is always enough.
+    goals: Goals,
+    /// Nobody enters a cell within so many steps after somebody else was there.
+    #[schemars(range(max = 1000))]
+    k: u16,
+}
+
+/// Prioritized planning.
+pub struct Prioritized {
+    options: PrioritizedOptions,
+    prepared: Prepared,
+}
+
+impl Plugin for Prioritized {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            options_schema: options_schema::<PrioritizedOptions>(),
+            ..descriptor(
+                "pp",
+                "Prioritized planning",
+                "One agent after the other, each out of the way of those before it (Erdmann, \
+                 Lozano-Pérez, Algorithmica 1987), by SIPP; other orders when somebody finds no \
+                 path, until the budget ends. Not complete, not optimal.",
+                &[Capability::KRobust],
+            )
+        }
+    }
+
+    fn create(given: Given<'_>) -> Result<Self, Failure> {
+        Ok(Self {
+            options: given.parse()?,
+            prepared: Prepared::default(),
+        })
+    }
+}
+
+impl Planner for Prioritized {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.prepared.learn(environment, budget)
+    }
+
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let PrioritizedOptions { goals, k } = self.options;
+        let options = prioritized::Options {
+            delay: u32::from(k),
+        };
+        let run = |problem: &Problem, control: &mut Control<'_>| {
+            let (outcome, effort) = prioritized::plan(problem, options, budget.seed, control);
+            sink.metric("orders", effort.orders as f64);
+            sink.metric("expansions", effort.expansions as f64);
+            outcome
+        };
+        self.prepared
+            .plan(goals.into(), instance, budget, sink, run)
+    }
+}
+
+/// Options of `pbs`.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+struct SearchOptions {
+    /// What an agent does after its last goal. In a window a visit is always enough.
+    goals: Goals,
+    /// Which of two decisions is followed first: `collisions` ends sooner, `cost` gives
+    /// shorter plans.
+    prefer: Prefer,
+}
+
+/// Priority-based search.
+pub struct PriorityBasedSearch {
+    options: SearchOptions,
+    prepared: Prepared,
+}
+
+impl Plugin for PriorityBasedSearch {
+    fn descriptor() -> Descriptor {
+        Descriptor {
+            options_schema: options_schema::<SearchOptions>(),
+            ..descriptor(
+                "pbs",
+                "PBS",
+                "Priority-based search (Ma, Harabor, Stuckey, Li, Koenig, AAAI 2019): decides \
+                 who goes first only where two agents collide, depth first; windowed as in \
+                 rolling-horizon collision resolution (Li et al., AAAI 2021). Not complete, not \
+                 optimal.",
+                &[],
+            )
+        }
+    }
+
+    fn create(given: Given<'_>) -> Result<Self, Failure> {
+        Ok(Self {
+            options: given.parse()?,
+            prepared: Prepared::default(),
+        })
+    }
+}
+
+impl Planner for PriorityBasedSearch {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.prepared.learn(environment, budget)
+    }
+
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let SearchOptions { goals, prefer } = self.options;
+        let run = |problem: &Problem, control: &mut Control<'_>| {
+            let (outcome, effort) = search::plan(problem, prefer, budget.seed, control);
+            sink.metric("nodes", effort.nodes as f64);
+            sink.metric("paths", effort.paths as f64);
+            sink.metric("expansions", effort.expansions as f64);
+            outcome
+        };
+        self.prepared
+            .plan(goals.into(), instance, budget, sink, run)
+    }
+}

@@ -1,0 +1,498 @@
+//! Priority-based search: priorities only between agents that collide.
+//!
+//! H. Ma, D. Harabor, P. J. Stuckey, J. Li, S. Koenig, "Searching with consistent
+//! prioritization for multi-agent path finding", AAAI 2019. A node of the search is a
+//! partial order of the agents, and paths of which each keeps out of the way of all that
+//! come before it in the order. Where two collide the order is decided both ways; agents
+//! whose path no longer fits are planned anew. The search goes depth first.
+//!
+//! With a window it is the solver of rolling-horizon collision resolution (Li, Tinka,
+//! Kiesel, Durham, Kumar, Koenig, "Lifelong multi-agent path finding in large-scale
+//! warehouses", AAAI 2021).
+//!
+//! Which of two children comes first is [`Prefer`]: the one of less cost, as in the paper,
+//! or the one with fewer collisions (Chan, Stern, Felner, Koenig, "Greedy priority-based
+//! search for suboptimal multi-agent path finding", SoCS 2023), which ends sooner.
+//!
+//! Among equally long paths of an agent the one is taken that meets fewest of those that
+//! it need not keep out of the way of.
+
+use fleetyard_plugin_spacetime::conflict::{Conflict, Conflicts, FOREVER, Kind, Rules};
+use fleetyard_plugin_spacetime::graph::Vertex;
+use fleetyard_plugin_spacetime::plan::Paths;
+use fleetyard_plugin_spacetime::problem::Problem;
+use fleetyard_plugin_spacetime::random::Random;
+use fleetyard_plugin_spacetime::sipp::{Found, Miss};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::planner::{Control, Outcome, Single};
+
+/// Random stream of ties between paths.
+const PATH_STREAM: u64 = 0;
+
+/// Which child of a node is looked at first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Prefer {
+    /// The one with fewer collisions, of equal ones that of less cost.
+    #[default]
+    Collisions,
+    /// The one of less cost, of equal ones that with fewer collisions.
+    Cost,
+}
+
+/// What a run did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Effort {
+    /// Nodes of the search that were made.
+    pub nodes: u64,
+    /// Paths that were planned.
+    pub paths: u64,
+    /// States expanded for them.
+    pub expansions: u64,
+}
+
+/// Plans. Ends with the first plan without collisions, when it is stopped, or when all
+/// orders that the search looks at have failed; then the paths are those of the node with
+/// fewest collisions of all that led no further.
+pub fn plan(
+    problem: &Problem,
+    prefer: Prefer,
+    seed: u64,
+    control: &mut Control<'_>,
+) -> (Outcome, Effort) {
+    let agents = problem.agents();
+    let rules = Rules {
+        until: if problem.window > 0 {
+            problem.window
+        } else {
+            FOREVER
+        },
+        delay: 0,
+        rings: !problem.cycles,
+    };
+    let mut run = Run {
+        single: Single::new(problem, control.nodes, Random::new(seed, PATH_STREAM)),
+        team: Conflicts::new(problem.graph.len(), agents, rules),
+        order: Order::new(agents),
+        prefer,
+        lengths: vec![0; agents],
+        cost: 0,
+        best: None,
+        effort: Effort::default(),
+        stop: control.stop,
+    };
+    let end = run.search(control.memory);
+    run.effort.expansions = run.single.sipp.expansions;
+    let outcome = match end {
+        End::Solved => Outcome::Solved(run.paths()),
+        End::Stopped => Outcome::Stopped(run.fallback()),
+        End::Exhausted => Outcome::Exhausted(run.fallback()),
+        End::Memory => Outcome::Memory(run.fallback()),
+    };
+    (outcome, run.effort)
+}
+
+/// How the search ended.
+enum End {
+    Solved,
+    Stopped,
+    Exhausted,
+    Memory,
+}
+
+/// A partial order: per agent those directly before and after it.
+struct Order {
+    before: Vec<Vec<u32>>,
+    after: Vec<Vec<u32>>,
+    /// Stamps of the last walk over the agents.
+    seen: Vec<u32>,
+    walk: u32,
+    stack: Vec<u32>,
+}
+
+impl Order {
+    fn new(agents: usize) -> Self {
+        Self {
+            before: vec![Vec::new(); agents],
+            after: vec![Vec::new(); agents],
+            seen: vec![0; agents],
+            walk: 0,
+            stack: Vec::new(),
+        }
+    }
+
+    fn decide(&mut self, (first, then): (u32, u32)) {
+        self.before[then as usize].push(first);
+        self.after[first as usize].push(then);
+    }
+
+    /// Takes the last decision back.
+    fn forget(&mut self, (first, then): (u32, u32)) {
+        self.before[then as usize].pop();
+        self.after[first as usize].pop();
+    }
+
+    /// Marks all that come before an agent; asked for by [`Order::is_before`].
+    fn mark_before(&mut self, agent: u32) {
+        self.walk += 1;
+        self.stack.clear();
+        self.stack.push(agent);
+        while let Some(at) = self.stack.pop() {
+            for &up in &self.before[at as usize] {
+                if self.seen[up as usize] != self.walk {
+                    self.seen[up as usize] = self.walk;
+                    self.stack.push(up);
+                }
+            }
+        }
+    }
+
+    /// Whether an agent was marked by the last [`Order::mark_before`].
+    fn is_before(&self, agent: u32) -> bool {
+        self.seen[agent as usize] == self.walk
+    }
+
+    /// An agent and all that come after it, each after those before it.
+    fn from(&mut self, agent: u32) -> Vec<u32> {
+        let met = self.walk + 1;
+        self.walk += 2;
+        let mut sorted = Vec::new();
+        self.stack.clear();
+        self.stack.push(agent);
+        while let Some(&at) = self.stack.last() {
+            let seen = &mut self.seen[at as usize];
+            if *seen < met {
+                *seen = met;
+                for &down in &self.after[at as usize] {
+                    if self.seen[down as usize] < met {
+                        self.stack.push(down);
+                    }
+                }
+                continue;
+            }
+            // All after it are done.
+            if *seen == met {
+                *seen = self.walk;
+                sorted.push(at);
+            }
+            self.stack.pop();
+        }
+        sorted.reverse();
+        sorted
+    }
+}
+
+/// The path of an agent.
+type Planned = (u32, Found);
+
+/// Bytes of paths.
+fn size(paths: &[Planned]) -> u64 {
+    let each = |(_, found): &Planned| size_of::<Planned>() + found.path.len() * size_of::<Vertex>();
+    paths.iter().map(each).sum::<usize>() as u64
+}
+
+/// A node that has yet to be looked at: a decision, and the paths that it changes.
+struct Child {
+    decision: (u32, u32),
+    paths: Vec<Planned>,
+    cost: u64,
+    collisions: usize,
+}
+
+impl Child {
+    fn bytes(&self) -> u64 {
+        size_of::<Self>() as u64 + size(&self.paths)
+    }
+}
+
+/// A node on the way from the root to where the search is.
+struct Frame {
+    /// The decision that led here; none at the root.
+    decision: Option<(u32, u32)>,
+    /// What its paths were before.
+    old: Vec<Planned>,
+    /// Children not yet looked at, the next one last.
+    children: Vec<Child>,
+}
+
+struct Run<'p, 's> {
+    single: Single<'p>,
+    team: Conflicts,
+    order: Order,
+    prefer: Prefer,
+    /// Length of each path, and the sum.
+    lengths: Vec<u32>,
+    cost: u64,
+    /// Collisions and paths of the best node that led no further.
+    best: Option<(usize, Paths)>,
+    effort: Effort,
+    stop: &'s mut dyn FnMut() -> bool,
+}
+
+impl Run<'_, '_> {
+    fn search(&mut self, memory: u64) -> End {
+        if self.root().is_err() {
+            return End::Stopped;
+        }
+        let mut frames = vec![Frame {
+            decision: None,
+            old: Vec::new(),
+            children: Vec::new(),
+        }];
+        let mut bytes = 0;
+        let mut fresh = true;
+        loop {
+            if (self.stop)() {
+                self.remember();
+                return End::Stopped;
+            }
+            let Some(frame) = frames.last_mut() else {
+                return End::Exhausted;
+            };
+            if fresh {
+                self.effort.nodes += 1;
+                let Some(pair) = self.next_pair() else {
+                    return End::Solved;
+                };
+                let Ok(children) = self.children(pair) else {
+                    self.remember();
+                    return End::Stopped;
+                };
+                frame.children = children;
+                bytes += frame.children.iter().map(Child::bytes).sum::<u64>();
+                if frame.children.is_empty() {
+                    self.remember();
+                }
+                if bytes > memory {
+                    self.remember();
+                    return End::Memory;
+                }
+            }
+            if let Some(mut child) = frame.children.pop() {
+                // What the child's paths replace takes its place, and about as much room.
+                let decision = child.decision;
+                self.order.decide(decision);
+                self.exchange(&mut child.paths);
+                frames.push(Frame {
+                    decision: Some(decision),
+                    old: child.paths,
+                    children: Vec::new(),
+                });
+                fresh = true;
+            } else {
+                fresh = false;
+                let Some(mut frame) = frames.pop() else {
+                    return End::Exhausted;
+                };
+                bytes = bytes.saturating_sub(size_of::<Child>() as u64 + size(&frame.old));
+                self.exchange(&mut frame.old);
+                if let Some(decision) = frame.decision {
+                    self.order.forget(decision);
+                }
+            }
+        }
+    }
+
+    /// Everybody on a best path, one after the other, with no priorities.
+    fn root(&mut self) -> Result<(), Stopped> {
+        self.single.soft.reset(&self.single.problem.graph, 0);
+        for agent in 0..self.single.problem.agents() {
+            self.make_room();
+            self.single.hard.reset(&self.single.problem.graph, 0);
+            // Alone in the world everybody finds a path.
+            let Ok(found) = self.single.path(agent, true, self.stop) else {
+                return Err(Stopped);
+            };
+            self.effort.paths += 1;
+            let graph = &self.single.problem.graph;
+            self.single.soft.add(graph, &found.path, 0);
+            self.set(agent, &found);
+            if (self.stop)() {
+                return Err(Stopped);
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives an agent a path, and takes the one that it had.
+    fn set(&mut self, agent: usize, found: &Found) -> Found {
+        let path = self.team.path(agent).to_vec();
+        let length = std::mem::replace(&mut self.lengths[agent], found.length);
+        self.cost = self.cost + u64::from(found.length) - u64::from(length);
+        self.team.set(agent, &found.path);
+        Found { path, length }
+    }
+
+    /// Exchanges paths of the team with others.
+    fn exchange(&mut self, paths: &mut [Planned]) {
+        for (agent, found) in paths {
+            *found = self.set(*agent as usize, found);
+        }
+    }
+
+    /// The two agents to decide about: of the earliest collision, two that are not ordered.
+    fn next_pair(&mut self) -> Option<(u32, u32)> {
+        let first = self.team.all().iter().min()?.clone();
+        let Kind::Ring(members) = &first.kind else {
+            return Some((first.agents[0], first.agents[1]));
+        };
+        // In a ring some may be ordered already. If all were, the last would have kept out.
+        for (at, (a, _)) in members.iter().enumerate() {
+            for (b, _) in &members[at + 1..] {
+                if !self.ordered(*a, *b) {
+                    return Some((*a, *b));
+                }
+            }
+        }
+        Some((first.agents[0], first.agents[1]))
+    }
+
+    fn ordered(&mut self, a: u32, b: u32) -> bool {
+        self.order.mark_before(a);
+        if self.order.is_before(b) {
+            return true;
+        }
+        self.order.mark_before(b);
+        self.order.is_before(a)
+    }
+
+    /// Both decisions about a pair, as far as there are paths; the better one last.
+    fn children(&mut self, (a, b): (u32, u32)) -> Result<Vec<Child>, Stopped> {
+        let mut children = Vec::with_capacity(2);
+        for decision in [(a, b), (b, a)] {
+            children.extend(self.child(decision)?);
+        }
+        let prefer = self.prefer;
+        children.sort_by_key(|child| {
+            let (cost, collisions) = (child.cost, child.collisions as u64);
+            std::cmp::Reverse(match prefer {
+                Prefer::Cost => (cost, collisions),
+                Prefer::Collisions => (collisions, cost),
+            })
+        });
+        Ok(children)
+    }
+
+    fn child(&mut self, decision: (u32, u32)) -> Result<Option<Child>, Stopped> {
+        self.order.decide(decision);
+        let mut old: Vec<Planned> = Vec::new();
+        let planned = self.settle(decision.1, &mut old);
+        let (cost, collisions) = (self.cost, self.team.all().len());
+        self.exchange(&mut old);
+        self.order.forget(decision);
+        Ok(planned?.then_some(Child {
+            decision,
+            paths: old,
+            cost,
+            collisions,
+        }))
+    }
+
+    /// Plans anew whoever, from an agent on, does not keep out of the way of those before
+    /// it; false if somebody cannot. What paths were goes into `old`.
+    fn settle(&mut self, agent: u32, old: &mut Vec<Planned>) -> Result<bool, Stopped> {
+        for agent in self.order.from(agent) {
+            self.order.mark_before(agent);
+            let order = &self.order;
+            let to_blame = |other: &u32| *other == agent || order.is_before(*other);
+            let in_the_way = |conflict: &Conflict| {
+                conflict.involves(agent)
+                    && match &conflict.kind {
+                        Kind::Ring(members) => members.iter().all(|(member, _)| to_blame(member)),
+                        _ => conflict.agents.iter().all(to_blame),
+                    }
+            };
+            if !self.team.all().iter().any(in_the_way) {
+                continue;
+            }
+            match self.replan(agent as usize) {
+                Ok(found) => old.push((agent, self.set(agent as usize, &found))),
+                Err(Miss::NoPath) => return Ok(false),
+                Err(Miss::Stopped) => return Err(Stopped),
+            }
+        }
+        Ok(true)
+    }
+
+    /// The path of an agent that keeps out of the way of those marked to be before it.
+    fn replan(&mut self, agent: usize) -> Result<Found, Miss> {
+        self.make_room();
+        self.effort.paths += 1;
+        let Single {
+            problem,
+            hard,
+            soft,
+            ..
+        } = &mut self.single;
+        let graph = &problem.graph;
+        hard.reset(graph, 0);
+        soft.reset(graph, 0);
+        for other in (0..problem.agents()).filter(|&other| other != agent) {
+            let table = if self.order.is_before(other as u32) {
+                &mut *hard
+            } else {
+                &mut *soft
+            };
+            table.add(graph, self.team.path(other), 0);
+        }
+        self.single.path(agent, true, self.stop)
+    }
+
+    /// Sees to it that all paths fit into the tables.
+    fn make_room(&mut self) {
+        let Single {
+            problem,
+            hard,
+            soft,
+            ..
+        } = &mut self.single;
+        if problem.window > 0 {
+            return;
+        }
+        let longest = (0..problem.agents()).map(|agent| self.team.path(agent).len());
+        let needed = longest.max().unwrap_or(0) + 1;
+        if needed > hard.horizon() as usize {
+            hard.reset(&problem.graph, needed);
+            soft.reset(&problem.graph, needed);
+            for agent in 0..problem.agents() {
+                soft.add(&problem.graph, self.team.path(agent), 0);
+            }
+        }
+    }
+
+    fn paths(&self) -> Paths {
+        let agents = 0..self.single.problem.agents();
+        agents.map(|agent| self.team.path(agent).to_vec()).collect()
+    }
+
+    /// Keeps the paths of this node if they are the best so far.
+    fn remember(&mut self) {
+        let collisions = self.team.all().len();
+        if self
+            .best
+            .as_ref()
+            .is_none_or(|(least, _)| collisions < *least)
+        {
+            self.best = Some((collisions, self.paths()));
+        }
+    }
+
+    /// What there is without a plan. Stopped at the root, some have no path yet.
+    fn fallback(&mut self) -> Paths {
+        let mut paths = match self.best.take() {
+            Some((_, paths)) => paths,
+            None => self.paths(),
+        };
+        for (agent, path) in paths.iter_mut().enumerate() {
+            if path.is_empty() {
+                *path = self.single.problem.shortest(agent);
+            }
+        }
+        paths
+    }
+}
+
+/// The run was stopped.
+struct Stopped;
