@@ -259,7 +259,7 @@ impl Ground {
             routes,
             turning,
             window: instance.window_steps,
-            cycles: true,
+            cycles: instance.allows_cycles,
         })
     }
 }

@@ -382,6 +382,7 @@ impl<G: Guidance> Search<'_, '_, G> {
             let label = route.reached(here.label, u);
             let rest = route.rest(label, u, here.heading);
             let latest = until.saturating_add(1).min(bound.saturating_sub(rest));
+            let latest = latest.min(NEVER - 1);
             let back = (d + 2) % DIRECTIONS;
             let step = Step {
                 v: u,
