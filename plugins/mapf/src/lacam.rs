@@ -17,7 +17,7 @@ use std::collections::HashMap;
 use std::collections::VecDeque;
 use std::hash::{BuildHasherDefault, Hasher};
 
-use crate::pibt::Pibt;
+use crate::pibt::{OneGoal, Pibt};
 use crate::scatter::Guide;
 use fleetyard_plugin_spacetime::distance::Distances;
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
@@ -115,7 +115,7 @@ impl<'g> Lacam<'g> {
         goals: &[Vertex],
         distances: &mut Distances<'g>,
         guide: Guide,
-        swap: bool,
+        (swap, rings): (bool, bool),
         samples: usize,
         random: Random,
     ) -> Self {
@@ -129,7 +129,7 @@ impl<'g> Lacam<'g> {
             graph,
             goals: goals.to_vec(),
             guide,
-            pibt: Pibt::new(graph, goals, swap),
+            pibt: Pibt::new(graph, goals.len(), swap, rings),
             samples: samples.max(1),
             random: random.clone(),
             initial_order,
@@ -331,15 +331,20 @@ impl<'g> Lacam<'g> {
     /// constraints in `fixed`, left in `best`. False when all fail.
     fn successor(&mut self, at: u32, distances: &mut Distances<'g>) -> bool {
         let node = &self.nodes[at as usize];
+        let mut wishes = OneGoal {
+            goals: &self.goals,
+            distances,
+            guide: &self.guide,
+        };
         if self.loaded != at {
-            self.pibt.load(&node.configuration, distances, &self.guide);
+            self.pibt.load(&node.configuration, &mut wishes);
             self.loaded = at;
         }
         let mut best_cost = u64::MAX;
         for _ in 0..self.samples {
             if !self
                 .pibt
-                .sample(&node.order, &self.fixed, distances, &mut self.random)
+                .sample(&node.order, &self.fixed, &mut wishes, &mut self.random)
             {
                 continue;
             }
@@ -350,7 +355,7 @@ impl<'g> Lacam<'g> {
                 .zip(self.pibt.step())
                 .zip(&self.goals);
             for (agent, ((&from, &to), &goal)) in steps.enumerate() {
-                cost += u64::from(distances.get(agent, to));
+                cost += u64::from(wishes.distances.get(agent, to));
                 cost += u64::from(from != goal || to != goal);
             }
             if cost < best_cost {

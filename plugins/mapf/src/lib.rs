@@ -42,6 +42,7 @@
 #![forbid(unsafe_code)]
 
 mod lacam;
+pub mod lifelong;
 mod neighborhood;
 mod one_shot;
 mod pibt;

@@ -7,7 +7,7 @@
 //! Not complete: on graphs that are not biconnected, and on grids with parked agents
 //! in the way, it may go on for ever, so the number of steps is limited.
 
-use crate::pibt::Pibt;
+use crate::pibt::{OneGoal, Pibt};
 use crate::scatter::Guide;
 use fleetyard_plugin_spacetime::distance::Distances;
 use fleetyard_plugin_spacetime::graph::Vertex;
@@ -18,15 +18,20 @@ pub(crate) fn pibt(
     starts: &[Vertex],
     goals: &[Vertex],
     distances: &mut Distances<'_>,
-    swap: bool,
+    (swap, rings): (bool, bool),
     step_limit: u64,
     mut random: Random,
     stop: &mut dyn FnMut() -> bool,
 ) -> Option<Vec<Box<[Vertex]>>> {
     let guide = Guide::default();
-    let mut pibt = Pibt::new(distances.graph(), goals, swap);
+    let mut pibt = Pibt::new(distances.graph(), starts.len(), swap, rings);
     let mut by_distance: Vec<u32> = (0..starts.len() as u32).collect();
     by_distance.sort_by_key(|&a| std::cmp::Reverse(distances.get(a as usize, starts[a as usize])));
+    let mut wishes = OneGoal {
+        goals,
+        distances,
+        guide: &guide,
+    };
     let mut order = by_distance.clone();
     let mut configurations: Vec<Box<[Vertex]>> = vec![starts.into()];
     let mut now: Box<[Vertex]> = starts.into();
@@ -34,9 +39,9 @@ pub(crate) fn pibt(
         if configurations.len() as u64 > step_limit || stop() {
             return None;
         }
-        pibt.load(&now, distances, &guide);
+        pibt.load(&now, &mut wishes);
         // Without constraints every agent can at least stay or be moved away.
-        if !pibt.sample(&order, &[], distances, &mut random) {
+        if !pibt.sample(&order, &[], &mut wishes, &mut random) {
             return None;
         }
         now.copy_from_slice(pibt.step());

@@ -28,12 +28,60 @@ const PERMUTATIONS: usize = 24;
 /// Bits of a preference code that hold the closer directions.
 const CLOSER: u8 = 0b1111;
 
+/// What the agents want, as far as a step has to know.
+pub(crate) trait Wishes {
+    /// The directions that lead `agent` from `v` nearer to where it wants to be, a bit
+    /// each, and in the upper half the direction to prefer to them all plus one, if there
+    /// is one.
+    fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8;
+    /// Whether `a` is nearer to where `agent` wants to be than its neighbour `b`.
+    fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool;
+    /// Whether `v` is where `agent` wants to stay.
+    fn rests(&self, agent: usize, v: Vertex) -> bool;
+    /// The last word about the order in which `agent` tries the vertices where it can be
+    /// next, best first.
+    #[inline]
+    fn rank(&mut self, _graph: &Graph, _agent: usize, _candidates: &mut [Vertex]) {}
+}
+
+/// One goal per agent, distances to it, and paths that avoid one another as advice.
+pub(crate) struct OneGoal<'a, 'g> {
+    pub(crate) goals: &'a [Vertex],
+    pub(crate) distances: &'a mut Distances<'g>,
+    pub(crate) guide: &'a Guide,
+}
+
+impl Wishes for OneGoal<'_, '_> {
+    fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8 {
+        let here = self.distances.get(agent, v);
+        let mut code = self.guide.direction(agent, v) << DIRECTIONS;
+        for (d, &u) in graph.around(v).iter().enumerate() {
+            if u != graph.wall() && self.distances.get(agent, u) < here {
+                code |= 1 << d;
+            }
+        }
+        code
+    }
+
+    #[inline]
+    fn nearer(&mut self, _: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
+        self.distances.get(agent, a) < self.distances.get(agent, b)
+    }
+
+    #[inline]
+    fn rests(&self, agent: usize, v: Vertex) -> bool {
+        self.goals[agent] == v
+    }
+}
+
 /// Step generator with its scratch memory.
 #[derive(Debug)]
 pub(crate) struct Pibt<'g> {
     graph: &'g Graph,
-    goals: Vec<Vertex>,
     swap: bool,
+    /// Whether agents may move round in a ring, each into the cell that the next one
+    /// leaves.
+    rings: bool,
     /// The loaded configuration, and who stands where in it.
     from: Vec<Vertex>,
     occupant: Vec<u32>,
@@ -60,12 +108,12 @@ struct Frame {
 }
 
 impl<'g> Pibt<'g> {
-    pub(crate) fn new(graph: &'g Graph, goals: &[Vertex], swap: bool) -> Self {
-        let (agents, vertices) = (goals.len(), graph.len() + 1);
+    pub(crate) fn new(graph: &'g Graph, agents: usize, swap: bool, rings: bool) -> Self {
+        let vertices = graph.len() + 1;
         Self {
             graph,
-            goals: goals.to_vec(),
             swap,
+            rings,
             from: vec![UNDECIDED; agents],
             occupant: vec![NOBODY; vertices],
             loaded: false,
@@ -77,8 +125,9 @@ impl<'g> Pibt<'g> {
         }
     }
 
-    /// Sets the configuration that the next steps start from.
-    pub(crate) fn load(&mut self, from: &[Vertex], distances: &mut Distances<'_>, guide: &Guide) {
+    /// Sets the configuration that the next steps start from. What an agent wants may
+    /// change only when it has moved.
+    pub(crate) fn load(&mut self, from: &[Vertex], wishes: &mut impl Wishes) {
         if self.loaded {
             for &v in &self.from {
                 self.occupant[v as usize] = NOBODY;
@@ -89,14 +138,7 @@ impl<'g> Pibt<'g> {
             self.occupant[v as usize] = agent as u32;
             if self.from[agent] != v {
                 self.from[agent] = v;
-                let here = distances.get(agent, v);
-                let mut code = guide.direction(agent, v) << DIRECTIONS;
-                for (d, &u) in self.graph.around(v).iter().enumerate() {
-                    if u != self.graph.wall() && distances.get(agent, u) < here {
-                        code |= 1 << d;
-                    }
-                }
-                self.preferences[agent] = code;
+                self.preferences[agent] = wishes.preference(self.graph, agent, v);
             }
         }
     }
@@ -113,7 +155,7 @@ impl<'g> Pibt<'g> {
         &mut self,
         order: &[u32],
         fixed: &[(u32, Vertex)],
-        distances: &mut Distances<'_>,
+        wishes: &mut impl Wishes,
         random: &mut Random,
     ) -> bool {
         self.to.fill(UNDECIDED);
@@ -123,7 +165,9 @@ impl<'g> Pibt<'g> {
             let swaps = occupant != NOBODY
                 && occupant != agent
                 && self.to[occupant as usize] == self.from[agent as usize];
-            if self.claimant[v as usize] != NOBODY || swaps {
+            let here = self.from[agent as usize];
+            let ring = !self.rings && closes_ring(&self.occupant, &self.to, here, v);
+            if self.claimant[v as usize] != NOBODY || swaps || ring {
                 possible = false;
                 break;
             }
@@ -132,7 +176,7 @@ impl<'g> Pibt<'g> {
         }
         if possible {
             possible = order.iter().all(|&agent| {
-                self.to[agent as usize] != UNDECIDED || self.decide(agent, distances, random)
+                self.to[agent as usize] != UNDECIDED || self.decide(agent, wishes, random)
             });
         }
         for &v in &self.to {
@@ -145,9 +189,9 @@ impl<'g> Pibt<'g> {
 
     /// The recursion of the paper, on a stack of its own: thousands of agents may
     /// push one another in a chain.
-    fn decide(&mut self, agent: u32, distances: &mut Distances<'_>, random: &mut Random) -> bool {
+    fn decide(&mut self, agent: u32, wishes: &mut impl Wishes, random: &mut Random) -> bool {
         self.stack.clear();
-        let frame = self.frame(agent, distances, random);
+        let frame = self.frame(agent, wishes, random);
         self.stack.push(frame);
         // What the frame above has just answered, if one has.
         let mut answer: Option<bool> = None;
@@ -165,6 +209,9 @@ impl<'g> Pibt<'g> {
                 if occupant != NOBODY && self.to[occupant as usize] == here {
                     continue;
                 }
+                if !self.rings && closes_ring(&self.occupant, &self.to, here, v) {
+                    continue;
+                }
                 self.claimant[v as usize] = top.agent;
                 self.to[top.agent as usize] = v;
                 if occupant != NOBODY
@@ -178,10 +225,12 @@ impl<'g> Pibt<'g> {
             }
             if won {
                 let pulled = top.pulled;
+                let from = self.from.get(pulled as usize).copied().unwrap_or(here);
                 if top.next == 1
                     && pulled != NOBODY
                     && self.to[pulled as usize] == UNDECIDED
                     && self.claimant[here as usize] == NOBODY
+                    && (self.rings || !closes_ring(&self.occupant, &self.to, from, here))
                 {
                     self.claimant[here as usize] = pulled;
                     self.to[pulled as usize] = here;
@@ -189,7 +238,7 @@ impl<'g> Pibt<'g> {
                 self.stack.pop();
                 answer = Some(true);
             } else if pushed != NOBODY {
-                let frame = self.frame(pushed, distances, random);
+                let frame = self.frame(pushed, wishes, random);
                 self.stack.push(frame);
             } else {
                 self.claimant[here as usize] = top.agent;
@@ -203,7 +252,7 @@ impl<'g> Pibt<'g> {
 
     /// The candidates of an agent in its order of preference.
     #[inline]
-    fn frame(&mut self, agent: u32, distances: &mut Distances<'_>, random: &mut Random) -> Frame {
+    fn frame(&mut self, agent: u32, wishes: &mut impl Wishes, random: &mut Random) -> Frame {
         let here = self.from[agent as usize];
         let around = self.graph.around(here);
         let wall = self.graph.wall();
@@ -235,9 +284,10 @@ impl<'g> Pibt<'g> {
                 count += 1;
             }
         }
+        wishes.rank(self.graph, agent as usize, &mut candidates[..count]);
         let mut pulled = NOBODY;
         if self.swap {
-            pulled = self.swap_partner(agent, here, candidates[0], distances);
+            pulled = self.swap_partner(agent, here, candidates[0], wishes);
             if pulled != NOBODY {
                 candidates[..count].reverse();
             }
@@ -257,7 +307,7 @@ impl<'g> Pibt<'g> {
         agent: u32,
         here: Vertex,
         first: Vertex,
-        distances: &mut Distances<'_>,
+        wishes: &mut impl Wishes,
     ) -> u32 {
         if first == here {
             return NOBODY;
@@ -265,8 +315,8 @@ impl<'g> Pibt<'g> {
         let occupant = self.occupant[first as usize];
         if occupant != NOBODY
             && self.to[occupant as usize] == UNDECIDED
-            && self.swap_required(agent, occupant, here, first, distances)
-            && self.swap_possible(first, here)
+            && self.swap_required(agent, occupant, here, first, wishes)
+            && self.swap_possible(first, here, wishes)
         {
             return occupant;
         }
@@ -275,8 +325,8 @@ impl<'g> Pibt<'g> {
             let other = self.occupant[behind as usize];
             if other != NOBODY
                 && behind != first
-                && self.swap_required(other, agent, here, first, distances)
-                && self.swap_possible(first, here)
+                && self.swap_required(other, agent, here, first, wishes)
+                && self.swap_possible(first, here, wishes)
             {
                 return other;
             }
@@ -292,38 +342,40 @@ impl<'g> Pibt<'g> {
         puller: u32,
         pusher_at: Vertex,
         puller_at: Vertex,
-        distances: &mut Distances<'_>,
+        wishes: &mut impl Wishes,
     ) -> bool {
+        let graph = self.graph;
         let (pusher, puller) = (pusher as usize, puller as usize);
         let (mut behind, mut ahead) = (pusher_at, puller_at);
-        let mut left = distances.get(pusher, behind);
         loop {
-            let next = distances.get(pusher, ahead);
-            if next >= left {
-                return left == 0 && distances.get(puller, behind) < distances.get(puller, ahead);
+            if !wishes.nearer(graph, pusher, ahead, behind) {
+                return wishes.rests(pusher, behind)
+                    && wishes.nearer(graph, puller, behind, ahead);
             }
-            match self.exits(ahead, behind) {
+            match self.exits(ahead, behind, wishes) {
                 Exits::Several => return false,
-                Exits::None => {
-                    return distances.get(puller, behind) < distances.get(puller, ahead);
-                }
+                Exits::None => return wishes.nearer(graph, puller, behind, ahead),
                 Exits::One(exit) => {
                     behind = ahead;
                     ahead = exit;
-                    left = next;
                 }
             }
         }
     }
 
     /// Whether pulling leads from `ahead` to a place wide enough to change places.
-    fn swap_possible(&self, pusher_at: Vertex, puller_at: Vertex) -> bool {
+    fn swap_possible(
+        &self,
+        pusher_at: Vertex,
+        puller_at: Vertex,
+        wishes: &mut impl Wishes,
+    ) -> bool {
         let (mut behind, mut ahead) = (pusher_at, puller_at);
         for _ in 0..self.graph.len() {
             if ahead == pusher_at {
                 return false;
             }
-            match self.exits(ahead, behind) {
+            match self.exits(ahead, behind, wishes) {
                 Exits::Several => return true,
                 Exits::None => return false,
                 Exits::One(exit) => {
@@ -338,7 +390,7 @@ impl<'g> Pibt<'g> {
     /// Ways on from `v` when coming from `back`. A dead end whose occupant is at its
     /// goal is no way.
     #[inline]
-    fn exits(&self, v: Vertex, back: Vertex) -> Exits {
+    fn exits(&self, v: Vertex, back: Vertex, wishes: &impl Wishes) -> Exits {
         let mut found = Exits::None;
         for u in self.graph.neighbors(v) {
             if u == back {
@@ -346,7 +398,7 @@ impl<'g> Pibt<'g> {
             }
             if self.graph.degree(u) == 1 {
                 let occupant = self.occupant[u as usize];
-                if occupant != NOBODY && self.goals[occupant as usize] == u {
+                if occupant != NOBODY && wishes.rests(occupant as usize, u) {
                     continue;
                 }
             }
@@ -357,6 +409,26 @@ impl<'g> Pibt<'g> {
         }
         found
     }
+}
+
+/// Whether a move from `here` to `v` would be the last of a ring of moves that are
+/// decided. Whoever moves into an occupied cell waits for its occupant to decide, so a
+/// ring comes about with the last of its moves.
+#[inline]
+fn closes_ring(occupants: &[u32], to: &[Vertex], here: Vertex, v: Vertex) -> bool {
+    let mut at = v;
+    while at != here {
+        let occupant = occupants[at as usize];
+        if occupant == NOBODY {
+            return false;
+        }
+        let next = to[occupant as usize];
+        if next == UNDECIDED || next == at {
+            return false;
+        }
+        at = next;
+    }
+    v != here
 }
 
 /// How a corridor goes on.

@@ -29,6 +29,9 @@ pub struct Options {
     pub algorithm: Algorithm,
     /// Whether PIBT may let two agents change places at the end of a corridor.
     pub swap: bool,
+    /// Whether agents may move round in a ring at the same step, each into the cell that the
+    /// next one leaves. Real robots cannot, unless they keep step.
+    pub rings: bool,
     /// PIBT runs per successor; the best is taken.
     pub samples: u32,
     /// How much longer than its shortest path a guide path may be, at most 100; `None`: no
@@ -55,6 +58,7 @@ impl Default for Options {
         Self {
             algorithm: Algorithm::default(),
             swap: true,
+            rings: true,
             samples: 10,
             scatter_margin: Some(10),
             anytime: true,
@@ -208,13 +212,13 @@ impl<'g> Run<'_, 'g> {
 
     fn one_shot(&mut self, distances: &mut Distances<'g>, step_limit: u64) -> Option<Paths> {
         let random = Random::new(self.seed, PIBT_STREAM);
-        let swap = self.options.swap;
+        let moves = (self.options.swap, self.options.rings);
         let stop = &mut || self.observer.stop();
         let configurations = one_shot::pibt(
             self.starts,
             self.goals,
             distances,
-            swap,
+            moves,
             step_limit,
             random,
             stop,
@@ -258,7 +262,7 @@ impl<'g> Run<'_, 'g> {
             self.goals,
             &mut distances,
             guide,
-            self.options.swap,
+            (self.options.swap, self.options.rings),
             self.options.samples as usize,
             Random::new(self.seed, SEARCH_STREAM),
         );

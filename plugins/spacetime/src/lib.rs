@@ -9,6 +9,7 @@
 //!   between calls;
 //! - [`problem::Problem`]: what an instance of the contract asks, with all that is lifelong:
 //!   goals in sequence, windows, headings;
+//! - [`gradient::Gradients`]: the ways to many goals, for fleets of thousands;
 //! - [`reservation::Reservations`]: who is where when;
 //! - [`sipp::Sipp`]: the best path of one agent among the paths of others;
 //! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
@@ -17,6 +18,7 @@
 
 pub mod conflict;
 pub mod distance;
+pub mod gradient;
 pub mod graph;
 pub mod plan;
 pub mod problem;

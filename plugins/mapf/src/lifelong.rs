@@ -1,0 +1,354 @@
+//! PIBT without end: agents have goals one after the other, which others may share, and
+//! plans are made a few steps at a time.
+//!
+//! K. Okumura, M. Machida, X. Défago, Y. Tamura, "Priority inheritance with backtracking
+//! for iterative multi-agent path finding", Artificial Intelligence 310 (2022).
+//!
+//! There the priority of an agent grows while it is under way. Here a call knows nothing
+//! of those before it, so that a recorded run can be resumed anywhere, and priorities have
+//! to follow from the places alone. Under a window *whoever is nearest to its goal goes
+//! first*: the first of all comes one step nearer with every step, stays the first, and
+//! arrives, however short the windows are; then it has another goal and others are first.
+//! With the furthest one first, as PIBT begins by habit, the one that was first may be
+//! pushed back by the next, and short windows can go to and fro for ever.
+
+use fleetyard_abi::Goals;
+use fleetyard_plugin_spacetime::gradient::Gradients;
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::plan::{Plan, paths_of, plan_of};
+use fleetyard_plugin_spacetime::random::Random;
+
+use crate::pibt::{Pibt, Wishes};
+use crate::problem::{ProblemError, vertices};
+
+/// No row of [`Gradients`]: an agent that wants nothing.
+const NOTHING: u32 = u32::MAX;
+/// Steps between two questions whether to stop, in agents moved.
+const PATIENCE: usize = 2000;
+
+/// What [`Lifelong::run`] is asked.
+#[derive(Debug, Clone, Copy)]
+pub struct Query<'a> {
+    /// Start cell of each agent, all different.
+    pub starts: &'a [u32],
+    /// Goal cells of each agent, to be visited in order. Agents may share goals, and have
+    /// none.
+    pub goals: &'a Goals,
+    /// How many steps to plan; `None`: until everybody has visited all goals, and is at the
+    /// last one unless another agent has the same.
+    pub window: Option<u32>,
+    /// At most so many steps without a window.
+    pub step_limit: u64,
+    /// Whether two agents may change places at the end of a corridor.
+    pub swap: bool,
+    /// Whether agents may move round in a ring at the same step, each into the cell that
+    /// the next one leaves.
+    pub rings: bool,
+    /// Most bytes of tables that may be in use; 0: no limit.
+    pub memory_limit: u64,
+    /// Decides between equals.
+    pub seed: u64,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// The window is full; or, without one, all goals are visited.
+    Done,
+    /// It was asked to stop. The plan goes as far as it had come.
+    Stopped,
+    /// [`Query::step_limit`]. The plan goes as far as that.
+    Steps,
+    /// [`Query::memory_limit`]. In the plan everybody stays.
+    Memory,
+}
+
+/// Has a say in where agents go.
+pub trait Ranking {
+    /// Puts into order, best first, the cells where `agent` may be after step `step`,
+    /// counted from 0: those around it and its own, which are given as PIBT would try them.
+    /// Asked once or more per agent and step; the answer must not depend on how often.
+    fn rank(&mut self, step: u32, agent: usize, cells: &mut [u32]);
+}
+
+/// PIBT's own order.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ByDistance;
+
+impl Ranking for ByDistance {
+    #[inline]
+    fn rank(&mut self, _: u32, _: usize, _: &mut [u32]) {}
+}
+
+/// Plans for a fleet on one map. Tables of the ways to goals are kept from call to call;
+/// what a call answers does not depend on the calls before it.
+#[derive(Debug)]
+pub struct Lifelong {
+    graph: Graph,
+    gradients: Gradients,
+}
+
+impl Lifelong {
+    /// For a 4-connected grid with one entry of `passable` per cell, row by row. Tables of
+    /// goals that nobody has any longer are kept as long as all together take no more than
+    /// `table_bytes`; one is three bits per passable cell.
+    pub fn new(
+        rows: u32,
+        cols: u32,
+        passable: &[bool],
+        table_bytes: u64,
+    ) -> Result<Self, ProblemError> {
+        let size = u64::from(rows) * u64::from(cols);
+        if size != passable.len() as u64 || size >= u64::from(u32::MAX) {
+            let cells = passable.len();
+            return Err(ProblemError::MapSize { rows, cols, cells });
+        }
+        let graph = Graph::new(rows as usize, cols as usize, passable);
+        let gradients = Gradients::new(&graph, table_bytes);
+        Ok(Self { graph, gradients })
+    }
+
+    /// Makes steps. In the plan no path goes on after its last move; agents that have
+    /// visited all their goals make room for the others.
+    ///
+    /// # Errors
+    ///
+    /// Starts or goals that are none, and goals that cannot be reached.
+    pub fn run<R: Ranking>(
+        &mut self,
+        query: &Query<'_>,
+        ranking: &mut R,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Result<(Plan, End), ProblemError> {
+        let graph = &self.graph;
+        if query.starts.len() != query.goals.len() {
+            let (starts, goals) = (query.starts.len(), query.goals.len());
+            return Err(ProblemError::TeamSize { starts, goals });
+        }
+        let starts = vertices(graph, query.starts, "start")?;
+        let mut goals = Vec::with_capacity(query.goals.cells().len());
+        for (agent, cells) in query.goals.iter().enumerate() {
+            for &cell in cells {
+                let what = "goal";
+                let blocked = ProblemError::Blocked { agent, what, cell };
+                goals.push(graph.vertex(cell).ok_or(blocked)?);
+            }
+        }
+        let mut fleet = Fleet {
+            graph,
+            gradients: &mut self.gradients,
+            goals: &goals,
+            offsets: query.goals.offsets(),
+            stays: vec![false; starts.len()],
+            next: vec![0; starts.len()],
+            row: vec![NOTHING; starts.len()],
+            distance: vec![0; starts.len()],
+            arrived: vec![false; starts.len()],
+            step: 0,
+            ranking,
+        };
+        let run = fleet.run(query, &starts, stop);
+        for row in fleet.row {
+            if row != NOTHING {
+                self.gradients.release(row);
+            }
+        }
+        run
+    }
+}
+
+/// A call under way.
+struct Fleet<'a, R> {
+    graph: &'a Graph,
+    gradients: &'a mut Gradients,
+    goals: &'a [Vertex],
+    /// Goals of agent `i`: `offsets[i]..offsets[i + 1]`.
+    offsets: &'a [u64],
+    /// Agents that have to be at their last goal in the end.
+    stays: Vec<bool>,
+    /// How many of its goals an agent has visited.
+    next: Vec<usize>,
+    /// The table of the goal that an agent wants to reach, and how far that is.
+    row: Vec<u32>,
+    distance: Vec<u32>,
+    /// Agents that have come to a goal in the last step.
+    arrived: Vec<bool>,
+    step: u32,
+    ranking: &'a mut R,
+}
+
+impl<R: Ranking> Wishes for Fleet<'_, R> {
+    fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8 {
+        match self.row[agent] {
+            NOTHING => 0,
+            row => self.gradients.directions(graph, row, v),
+        }
+    }
+
+    #[inline]
+    fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
+        let row = self.row[agent];
+        row != NOTHING && self.gradients.nearer(graph, row, a, b)
+    }
+
+    fn rests(&self, agent: usize, v: Vertex) -> bool {
+        let row = self.row[agent];
+        row != NOTHING && self.next[agent] == self.of(agent).len() && self.gradients.goal(row) == v
+    }
+
+    #[inline]
+    fn rank(&mut self, graph: &Graph, agent: usize, candidates: &mut [Vertex]) {
+        let mut cells = [0; DIRECTIONS + 1];
+        let cells = &mut cells[..candidates.len()];
+        for (cell, &v) in cells.iter_mut().zip(&*candidates) {
+            *cell = graph.cell(v);
+        }
+        self.ranking.rank(self.step, agent, cells);
+        for (v, &cell) in candidates.iter_mut().zip(&*cells) {
+            *v = graph.vertex(cell).unwrap_or(*v);
+        }
+    }
+}
+
+impl<'a, R: Ranking> Fleet<'a, R> {
+    fn of(&self, agent: usize) -> &'a [Vertex] {
+        &self.goals[self.offsets[agent] as usize..self.offsets[agent + 1] as usize]
+    }
+
+    /// Tells an agent where to go from `v`, when it begins or has moved.
+    fn arrive(&mut self, agent: usize, v: Vertex) -> Result<(), ProblemError> {
+        let graph = self.graph;
+        let goals = self.of(agent);
+        let visited = self.next[agent];
+        while goals.get(self.next[agent]) == Some(&v) {
+            self.next[agent] += 1;
+        }
+        let row = self.row[agent];
+        self.arrived[agent] = self.next[agent] > visited;
+        if !self.arrived[agent] && row != NOTHING {
+            self.distance[agent] = self.gradients.distance(graph, row, v).unwrap_or(u32::MAX);
+            return Ok(());
+        }
+        // Without a window an agent comes back to its last goal when it is pushed away.
+        let wanted = match goals.get(self.next[agent]) {
+            None if self.stays[agent] => goals.last(),
+            wanted => wanted,
+        };
+        self.row[agent] = match wanted {
+            Some(&goal) => self.gradients.hold(graph, goal),
+            None => NOTHING,
+        };
+        if row != NOTHING {
+            self.gradients.release(row);
+        }
+        if let Some(&goal) = wanted {
+            self.distance[agent] = self
+                .gradients
+                .distance(graph, self.row[agent], v)
+                .ok_or_else(|| ProblemError::Unreachable {
+                    agent,
+                    start: graph.cell(v),
+                    goal: graph.cell(goal),
+                    limit: graph.len() as u32,
+                })?;
+        }
+        Ok(())
+    }
+
+    /// Whether an agent has nothing left to do at `v`.
+    fn done(&self, agent: usize, v: Vertex) -> bool {
+        let goals = self.of(agent);
+        self.next[agent] == goals.len() && (!self.stays[agent] || goals.last() == Some(&v))
+    }
+
+    fn run(
+        &mut self,
+        query: &Query<'_>,
+        starts: &[Vertex],
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Result<(Plan, End), ProblemError> {
+        let graph = self.graph;
+        let agents = starts.len();
+        if query.window.is_none() {
+            let mut sharers = vec![0_u32; graph.len()];
+            for agent in 0..agents {
+                if let Some(&last) = self.of(agent).last() {
+                    sharers[last as usize] += 1;
+                }
+            }
+            for agent in 0..agents {
+                let last = self.of(agent).last();
+                self.stays[agent] = last.is_some_and(|&last| sharers[last as usize] == 1);
+            }
+        }
+        let tables = Gradients::row_bytes(graph).saturating_mul(agents as u64);
+        if query.memory_limit > 0 && tables > query.memory_limit {
+            return Ok((plan_of(&paths_of(&[starts]), graph), End::Memory));
+        }
+        for (agent, &v) in starts.iter().enumerate() {
+            self.arrive(agent, v)?;
+            if agent % PATIENCE == PATIENCE - 1 && stop() {
+                return Ok((plan_of(&paths_of(&[starts]), graph), End::Stopped));
+            }
+        }
+        let mut random = Random::new(query.seed, 0);
+        let mut pibt = Pibt::new(graph, agents, query.swap, query.rings);
+        // Equals keep the order that chance has given them.
+        let mut order: Vec<u32> = (0..agents as u32).collect();
+        random.shuffle(&mut order);
+        let limit = query.window.map_or(query.step_limit, u64::from);
+        let mut now: Vec<Vertex> = starts.to_vec();
+        let mut steps = now.clone();
+        let mut moved = 0;
+        let end = loop {
+            if query.window.is_none() && (0..agents).all(|agent| self.done(agent, now[agent])) {
+                break End::Done;
+            }
+            if u64::from(self.step) >= limit {
+                break match query.window {
+                    Some(_) => End::Done,
+                    None => End::Steps,
+                };
+            }
+            moved += agents;
+            if moved >= PATIENCE {
+                moved = 0;
+                if stop() {
+                    break End::Stopped;
+                }
+            }
+            match query.window {
+                Some(_) => order.sort_by_key(|&agent| self.urgency(agent as usize)),
+                // Priority grows while an agent is under way to a goal.
+                None => order.sort_by_key(|&agent| {
+                    let agent = agent as usize;
+                    self.arrived[agent] || self.done(agent, now[agent])
+                }),
+            }
+            pibt.load(&now, self);
+            if !pibt.sample(&order, &[], self, &mut random) {
+                break End::Stopped;
+            }
+            for agent in 0..agents {
+                let v = pibt.step()[agent];
+                self.arrived[agent] = false;
+                if now[agent] != v {
+                    now[agent] = v;
+                    self.arrive(agent, v)?;
+                }
+            }
+            self.step += 1;
+            steps.extend_from_slice(&now);
+        };
+        let configurations: Vec<&[Vertex]> = steps.chunks_exact(agents.max(1)).collect();
+        Ok((plan_of(&paths_of(&configurations), graph), end))
+    }
+
+    /// The nearest first, those who want nothing last.
+    fn urgency(&self, agent: usize) -> u32 {
+        match self.row[agent] {
+            NOTHING => u32::MAX,
+            _ => self.distance[agent],
+        }
+    }
+}
