@@ -191,6 +191,10 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
         row != NOTHING && self.gradients.nearer(graph, row, a, b)
     }
 
+    fn willing(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
+        self.row[agent] == NOTHING || self.nearer(graph, agent, a, b)
+    }
+
     fn rests(&self, agent: usize, v: Vertex) -> bool {
         let row = self.row[agent];
         row != NOTHING && self.next[agent] == self.of(agent).len() && self.gradients.goal(row) == v

@@ -36,6 +36,11 @@ pub(crate) trait Wishes {
     fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8;
     /// Whether `a` is nearer to where `agent` wants to be than its neighbour `b`.
     fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool;
+    /// Whether `agent` at `b` has nothing against changing places with whoever is at `a`.
+    #[inline]
+    fn willing(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
+        self.nearer(graph, agent, a, b)
+    }
     /// Whether `v` is where `agent` wants to stay.
     fn rests(&self, agent: usize, v: Vertex) -> bool;
     /// The last word about the order in which `agent` tries the vertices where it can be
@@ -350,11 +355,11 @@ impl<'g> Pibt<'g> {
         loop {
             if !wishes.nearer(graph, pusher, ahead, behind) {
                 return wishes.rests(pusher, behind)
-                    && wishes.nearer(graph, puller, behind, ahead);
+                    && wishes.willing(graph, puller, behind, ahead);
             }
             match self.exits(ahead, behind, wishes) {
                 Exits::Several => return false,
-                Exits::None => return wishes.nearer(graph, puller, behind, ahead),
+                Exits::None => return wishes.willing(graph, puller, behind, ahead),
                 Exits::One(exit) => {
                     behind = ahead;
                     ahead = exit;

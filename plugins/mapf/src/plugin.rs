@@ -11,22 +11,43 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, solve};
+use crate::lifelong::{ByDistance, End, Lifelong, Query};
+use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, ProblemError, solve};
 
-/// What both planners keep between calls: the map.
+/// Tables of goals that nobody has any longer are kept up to so many bytes, and up to half
+/// of what the planner may use.
+const TABLE_BYTES: u64 = 512 << 20;
+
+/// What both planners keep between calls: the map, and the ways to goals.
 #[derive(Default)]
 struct Prepared {
     rows: u32,
     cols: u32,
     passable: Vec<bool>,
+    lifelong: Option<Lifelong>,
 }
 
 fn unsupported(reason: &str) -> Failure {
     Failure::new(Status::Unsupported, reason)
 }
 
+/// What is wrong with an instance, as a status.
+fn refused(error: &ProblemError) -> Failure {
+    let message = format!("{error}; {}", error.hint());
+    Failure::new(Status::InvalidInput, message)
+}
+
+/// Whether an instance is more than one goal of its own for each agent.
+fn is_lifelong(instance: &Instance) -> bool {
+    let mut goals = instance.goals.cells().to_vec();
+    goals.sort_unstable();
+    instance.window_steps > 0
+        || goals.windows(2).any(|pair| pair[0] == pair[1])
+        || instance.goals.iter().any(|goals| goals.len() != 1)
+}
+
 impl Prepared {
-    fn learn(&mut self, environment: &SharedEnvironment) -> Result<(), Failure> {
+    fn learn(&mut self, environment: &SharedEnvironment, budget: &Budget) -> Result<(), Failure> {
         let grid = environment
             .grid()
             .ok_or_else(|| unsupported("only grids are supported"))?;
@@ -36,11 +57,63 @@ impl Prepared {
         self.rows = grid.rows;
         self.cols = grid.cols;
         self.passable = grid.passable.iter().map(|free| *free != 0).collect();
+        let bytes = match budget.memory_bytes {
+            0 => TABLE_BYTES,
+            bytes => TABLE_BYTES.min(bytes / 2),
+        };
+        let lifelong = Lifelong::new(self.rows, self.cols, &self.passable, bytes);
+        self.lifelong = Some(lifelong.map_err(|error| refused(&error))?);
         Ok(())
     }
 
+    /// Plans for instances with windows, several goals per agent, or shared goals.
+    fn go_on(
+        &mut self,
+        options: &Options,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let lifelong = self.lifelong.as_mut();
+        let lifelong = lifelong.ok_or_else(|| unsupported("there is no map to plan on"))?;
+        let query = Query {
+            starts: &instance.starts,
+            goals: &instance.goals,
+            window: (instance.window_steps > 0).then_some(instance.window_steps),
+            step_limit: options.step_limit,
+            swap: options.swap,
+            rings: options.rings,
+            memory_limit: budget.memory_bytes,
+            seed: budget.seed,
+        };
+        let mut submitter = Submitter::new(budget, sink);
+        let stop = &mut || submitter.stop();
+        let (plan, end) = lifelong
+            .run(&query, &mut ByDistance, stop)
+            .map_err(|error| refused(&error))?;
+        // Under a window a plan may be shorter than asked for: everybody stays then.
+        if end == End::Done || (query.window.is_some() && end == End::Stopped) {
+            submitter.incumbent(&plan, plan.sum_of_costs());
+        }
+        match end {
+            End::Done => Ok(()),
+            End::Stopped => Err(Failure::new(
+                Status::TimedOut,
+                "the budget ended before the plan was complete",
+            )),
+            End::Steps => Err(Failure::new(
+                Status::GaveUp,
+                "not everybody arrived within the step limit; PIBT is not complete",
+            )),
+            End::Memory => Err(Failure::new(
+                Status::GaveUp,
+                "the ways to the goals would take more memory than the budget has",
+            )),
+        }
+    }
+
     fn plan(
-        &self,
+        &mut self,
         options: &Options,
         instance: &Instance,
         budget: &Budget,
@@ -48,6 +121,9 @@ impl Prepared {
     ) -> Result<(), Failure> {
         if instance.motion != Motion::Pebble {
             return Err(unsupported("only the pebble motion model is supported"));
+        }
+        if options.algorithm == Algorithm::Pibt && is_lifelong(instance) {
+            return self.go_on(options, instance, budget, sink);
         }
         if instance.window_steps != 0 || instance.goals.iter().any(|goals| goals.len() != 1) {
             return Err(unsupported(
@@ -92,10 +168,7 @@ impl Prepared {
                 Status::GaveUp,
                 "not everybody arrived within the step limit; PIBT is not complete",
             )),
-            Err(error) => {
-                let message = format!("{error}; {}", error.hint());
-                Err(Failure::new(Status::InvalidInput, message))
-            }
+            Err(error) => Err(refused(&error)),
         }
     }
 }
@@ -251,8 +324,9 @@ impl Variety for PibtOptions {
                 "pibt",
                 "PIBT",
                 "Priority inheritance with backtracking (Okumura, Machida, Défago, Tamura, AIJ \
-                 2022): one step at a time, very fast, not complete on every map.",
-                &[],
+                 2022): one step at a time, very fast, not complete on every map. With a \
+                 window, several or shared goals it plans for fleets that work without end.",
+                &[Capability::Windowed, Capability::DuplicateGoals],
             )
         }
     }
@@ -309,10 +383,10 @@ impl<V: Variety> Planner for GridPlanner<V> {
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
-        _: &Budget,
+        budget: &Budget,
         _: &dyn Sink,
     ) -> Result<(), Failure> {
-        self.prepared.learn(environment)
+        self.prepared.learn(environment, budget)
     }
 
     fn plan(

@@ -125,7 +125,11 @@ impl Problem {
     }
 }
 
-pub(crate) fn vertices(graph: &Graph, cells: &[u32], what: &'static str) -> Result<Vec<Vertex>, ProblemError> {
+pub(crate) fn vertices(
+    graph: &Graph,
+    cells: &[u32],
+    what: &'static str,
+) -> Result<Vec<Vertex>, ProblemError> {
     let mut owner = vec![None; graph.len()];
     let mut vertices = Vec::with_capacity(cells.len());
     for (agent, &cell) in cells.iter().enumerate() {

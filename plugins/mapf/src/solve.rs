@@ -24,6 +24,10 @@ pub enum Algorithm {
 
 /// Options of the planners.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "switches that have nothing to do with one another"
+)]
 pub struct Options {
     /// Which planner.
     pub algorithm: Algorithm,

@@ -1,0 +1,463 @@
+//! Plans for fleets that work without end: what is promised about single calls, and that
+//! the fleet goes on working from call to call.
+
+use fleetyard_abi::Goals;
+use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Query, Ranking};
+use fleetyard_plugin_mapf::{Plan, ProblemError};
+use proptest::prelude::*;
+
+/// A map in text, `.` passable.
+struct Map {
+    rows: u32,
+    cols: u32,
+    passable: Vec<bool>,
+}
+
+fn map(rows: &[&str]) -> Map {
+    let letters = rows.iter().flat_map(|row| row.bytes());
+    Map {
+        rows: rows.len() as u32,
+        cols: rows[0].len() as u32,
+        passable: letters.map(|letter| letter == b'.').collect(),
+    }
+}
+
+fn open(side: u32) -> Map {
+    Map {
+        rows: side,
+        cols: side,
+        passable: vec![true; (side * side) as usize],
+    }
+}
+
+/// Shelves of ten by two cells with aisles of one cell between them.
+fn warehouse(rows: u32, cols: u32) -> Map {
+    let free = |row: u32, col: u32| {
+        row % 3 == 0 || col % 11 == 0 || !(4..cols - 4).contains(&col) || row >= rows - 1
+    };
+    let cells = (0..rows).flat_map(|row| (0..cols).map(move |col| free(row, col)));
+    Map {
+        rows,
+        cols,
+        passable: cells.collect(),
+    }
+}
+
+impl Map {
+    fn planner(&self) -> Lifelong {
+        Lifelong::new(self.rows, self.cols, &self.passable, 1 << 20).unwrap()
+    }
+
+    fn free(&self) -> Vec<u32> {
+        let cells = 0..self.passable.len() as u32;
+        cells.filter(|&c| self.passable[c as usize]).collect()
+    }
+
+    fn adjacent(&self, a: u32, b: u32) -> bool {
+        a.abs_diff(b) == self.cols || (a.abs_diff(b) == 1 && a / self.cols == b / self.cols)
+    }
+
+    /// What is wrong with a plan: starts, moves, collisions, and rings if not allowed.
+    fn fault(&self, starts: &[u32], plan: &Plan, rings: bool) -> Option<String> {
+        let agents = starts.len();
+        let at = |agent: usize, t: usize| {
+            let path = plan.path(agent);
+            path[t.min(path.len() - 1)]
+        };
+        if plan.agents() != agents || (0..agents).any(|a| at(a, 0) != starts[a]) {
+            return Some("other agents or starts".into());
+        }
+        for t in 1..=plan.makespan() as usize {
+            let mut before = vec![usize::MAX; self.passable.len()];
+            let mut after = before.clone();
+            for agent in 0..agents {
+                let (from, to) = (at(agent, t - 1), at(agent, t));
+                if from != to && !self.adjacent(from, to) || !self.passable[to as usize] {
+                    return Some(format!("agent {agent} jumps at {t}"));
+                }
+                if after[to as usize] != usize::MAX {
+                    return Some(format!("a meeting in {to} at {t}"));
+                }
+                before[from as usize] = agent;
+                after[to as usize] = agent;
+            }
+            for agent in 0..agents {
+                // Who is in the way of whom, until it comes back.
+                let (mut next, mut length) = (agent, 0);
+                while at(next, t) != at(next, t - 1) {
+                    next = before[at(next, t) as usize];
+                    length += 1;
+                    if next == usize::MAX || length > agents {
+                        break;
+                    }
+                    if next == agent {
+                        if length == 2 {
+                            return Some(format!("agent {agent} changes places at {t}"));
+                        }
+                        if !rings {
+                            return Some(format!("agent {agent} is in a ring at {t}"));
+                        }
+                        break;
+                    }
+                }
+            }
+        }
+        None
+    }
+}
+
+fn goals(lists: &[Vec<u32>]) -> Goals {
+    let mut offsets = vec![0];
+    for list in lists {
+        offsets.push(offsets.last().unwrap() + list.len() as u64);
+    }
+    Goals::from_flat(offsets, lists.concat()).unwrap()
+}
+
+fn query<'a>(starts: &'a [u32], goals: &'a Goals, window: Option<u32>) -> Query<'a> {
+    Query {
+        starts,
+        goals,
+        window,
+        step_limit: 10_000,
+        swap: true,
+        rings: false,
+        memory_limit: 0,
+        seed: 1,
+    }
+}
+
+fn run(planner: &mut Lifelong, query: &Query<'_>) -> (Plan, End) {
+    planner.run(query, &mut ByDistance, &mut || false).unwrap()
+}
+
+/// How many of its goals a path visits, in order.
+fn visited(goals: &[u32], path: &[u32]) -> usize {
+    let mut next = 0;
+    for cell in path {
+        while goals.get(next) == Some(cell) {
+            next += 1;
+        }
+    }
+    next
+}
+
+/// A small generator of numbers, for goals of a stream.
+fn mix(mut x: u64) -> u64 {
+    x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ x >> 31
+}
+
+/// A fleet driven call after call, each time by a planner that knows nothing of before if
+/// it is `fresh`.
+struct Drive {
+    reached: u64,
+    /// Steps that the slowest goal has taken, and goals of the least successful agent.
+    longest: u32,
+    least: u32,
+    cells: Vec<u32>,
+}
+
+fn drive(map: &Map, agents: usize, window: u32, calls: u32, fresh: bool) -> Drive {
+    let free = map.free();
+    let stream = |agent: usize, index: u32| {
+        free[(mix((agent as u64) << 32 | u64::from(index)) % free.len() as u64) as usize]
+    };
+    let mut cells = free.clone();
+    cells.sort_by_key(|&cell| mix(u64::from(cell)));
+    cells.truncate(agents);
+    let (mut next, mut since) = (vec![0_u32; agents], vec![0_u32; agents]);
+    let mut planner = map.planner();
+    let (mut reached, mut longest) = (0, 0);
+    for call in 0..calls {
+        if fresh {
+            planner = map.planner();
+        }
+        let lists: Vec<Vec<u32>> = (0..agents)
+            .map(|a| (0..3).map(|k| stream(a, next[a] + k)).collect())
+            .collect();
+        let goals = goals(&lists);
+        let query = Query {
+            seed: mix(u64::from(call)),
+            ..query(&cells, &goals, Some(window))
+        };
+        let (plan, end) = run(&mut planner, &query);
+        assert_eq!(end, End::Done);
+        assert_eq!(map.fault(&cells, &plan, false), None);
+        assert!(plan.makespan() <= u64::from(window));
+        for agent in 0..agents {
+            let path = plan.path(agent);
+            let done = visited(&lists[agent], path) as u32;
+            next[agent] += done;
+            reached += u64::from(done);
+            since[agent] = if done > 0 { 0 } else { since[agent] + window };
+            longest = longest.max(since[agent]);
+            cells[agent] = path[path.len() - 1];
+        }
+    }
+    Drive {
+        reached,
+        longest,
+        least: next.iter().copied().min().unwrap(),
+        cells,
+    }
+}
+
+#[test]
+fn a_window_is_used_up_going_from_goal_to_goal() {
+    let map = map(&["......"]);
+    let goals = goals(&[vec![2, 4, 3, 3, 0]]);
+    let (plan, end) = run(&mut map.planner(), &query(&[0], &goals, Some(7)));
+    assert_eq!(end, End::Done);
+    assert_eq!(plan.path(0), [0, 1, 2, 3, 4, 3, 2, 1]);
+    // Without a window, up to the last goal.
+    let (plan, end) = run(&mut map.planner(), &query(&[0], &goals, None));
+    assert_eq!(end, End::Done);
+    assert_eq!(plan.path(0), [0, 1, 2, 3, 4, 3, 2, 1, 0]);
+}
+
+#[test]
+fn agents_without_goals_make_room() {
+    let bay = map(&["....", "@.@@"]);
+    let lane = map(&["....", "...."]);
+    for (map, lists, starts) in [
+        (&bay, vec![vec![3], vec![]], vec![0, 1]),
+        (&lane, vec![vec![3], vec![], vec![2]], vec![0, 1, 2]),
+    ] {
+        let goals = goals(&lists);
+        for window in [Some(12), None] {
+            let (plan, end) = run(&mut map.planner(), &query(&starts, &goals, window));
+            assert_eq!(end, End::Done);
+            assert_eq!(map.fault(&starts, &plan, false), None);
+            assert_eq!(visited(&[3], plan.path(0)), 1, "{plan:?}");
+        }
+    }
+}
+
+#[test]
+fn a_goal_can_be_shared() {
+    let map = open(4);
+    let goals = goals(&vec![vec![5]; 6]);
+    let starts = [0, 3, 12, 15, 6, 9];
+    for window in [Some(40), None] {
+        let (plan, end) = run(&mut map.planner(), &query(&starts, &goals, window));
+        assert_eq!(end, End::Done);
+        assert_eq!(map.fault(&starts, &plan, false), None);
+        for path in plan.paths() {
+            assert_eq!(visited(&[5], path), 1, "{plan:?}");
+        }
+    }
+}
+
+#[test]
+fn without_a_window_everybody_ends_at_the_last_goal() {
+    let map = map(&[".....", ".@.@.", "....."]);
+    let lists = [vec![14, 0], vec![4, 10], vec![0, 4, 14]];
+    let goals = goals(&lists);
+    let starts = [0, 14, 7];
+    let (plan, end) = run(&mut map.planner(), &query(&starts, &goals, None));
+    assert_eq!(end, End::Done);
+    assert_eq!(map.fault(&starts, &plan, false), None);
+    for (list, path) in lists.iter().zip(plan.paths()) {
+        assert_eq!(visited(list, path), list.len());
+        assert_eq!(path.last(), list.last());
+    }
+}
+
+#[test]
+fn four_in_a_square_turn_only_if_they_may() {
+    let map = open(2);
+    let starts = [0, 1, 3, 2];
+    let goals = goals(&[vec![1], vec![3], vec![2], vec![0]]);
+    for rings in [true, false] {
+        let query = Query {
+            rings,
+            ..query(&starts, &goals, Some(3))
+        };
+        let (plan, _) = run(&mut map.planner(), &query);
+        assert_eq!(map.fault(&starts, &plan, rings), None);
+        assert_eq!(plan.makespan() > 0, rings);
+    }
+}
+
+#[test]
+fn a_ranking_has_the_last_word() {
+    /// Up wherever that is possible.
+    struct Up;
+    impl Ranking for Up {
+        fn rank(&mut self, step: u32, agent: usize, cells: &mut [u32]) {
+            assert!(step < 3 && agent == 0 && (3..=5).contains(&cells.len()));
+            cells.sort_unstable();
+        }
+    }
+    let map = open(3);
+    let goals = goals(&[vec![8]]);
+    let query = query(&[7], &goals, Some(3));
+    let run = map.planner().run(&query, &mut Up, &mut || false);
+    let (plan, _) = run.unwrap();
+    assert_eq!(plan.path(0), [7, 4, 1, 0]);
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    let map = map(&[".@.."]);
+    let mut planner = map.planner();
+    let mut ask = |starts: &[u32], lists: &[Vec<u32>]| {
+        let goals = goals(lists);
+        let query = query(starts, &goals, Some(5));
+        planner.run(&query, &mut ByDistance, &mut || false)
+    };
+    let error = ask(&[2], &[vec![3], vec![2]]).unwrap_err();
+    assert_eq!(
+        error,
+        ProblemError::TeamSize {
+            starts: 1,
+            goals: 2
+        }
+    );
+    let error = ask(&[2, 2], &[vec![3], vec![2]]).unwrap_err();
+    assert!(matches!(
+        error,
+        ProblemError::Duplicate { what: "start", .. }
+    ));
+    let error = ask(&[2, 3], &[vec![3], vec![2, 9]]).unwrap_err();
+    let (agent, what, cell) = (1, "goal", 9);
+    assert_eq!(error, ProblemError::Blocked { agent, what, cell });
+    let error = ask(&[2, 3], &[vec![3], vec![0]]).unwrap_err();
+    assert!(matches!(
+        error,
+        ProblemError::Unreachable {
+            agent: 1,
+            goal: 0,
+            ..
+        }
+    ));
+    // Nothing is held back: the next call works.
+    assert!(ask(&[2, 3], &[vec![3], vec![2]]).is_ok());
+}
+
+#[test]
+fn limits_end_a_run() {
+    let map = open(8);
+    let starts: Vec<u32> = (0..40).collect();
+    let lists: Vec<Vec<u32>> = (0..40).map(|cell| vec![63 - cell]).collect();
+    let goals = goals(&lists);
+    let mut planner = map.planner();
+    let tight = Query {
+        memory_limit: 100,
+        ..query(&starts, &goals, Some(5))
+    };
+    assert_eq!(run(&mut planner, &tight).1, End::Memory);
+    let few = Query {
+        step_limit: 2,
+        ..query(&starts, &goals, None)
+    };
+    let (plan, end) = run(&mut planner, &few);
+    assert_eq!((plan.makespan(), end), (2, End::Steps));
+    let long = query(&starts, &goals, Some(10_000));
+    let (plan, end) = planner.run(&long, &mut ByDistance, &mut || true).unwrap();
+    assert_eq!(end, End::Stopped);
+    assert_eq!(map.fault(&starts, &plan, false), None);
+}
+
+#[test]
+fn what_went_before_makes_no_difference() {
+    let map = warehouse(16, 30);
+    let kept = drive(&map, 60, 5, 30, false);
+    let fresh = drive(&map, 60, 5, 30, true);
+    assert_eq!(kept.cells, fresh.cells);
+    assert_eq!(kept.reached, fresh.reached);
+}
+
+/// However short the windows, and however crowded the map: everybody comes to goals again
+/// and again.
+#[test]
+fn a_crowded_fleet_goes_on() {
+    for (map, agents, least) in [
+        (open(12), 100, 1),
+        (warehouse(22, 41), 120, 1),
+        (warehouse(22, 41), 240, 0),
+    ] {
+        for window in [1, 2, 10] {
+            let drive = drive(&map, agents, window, 600 / window, false);
+            let per_agent = drive.reached as f64 / agents as f64;
+            println!(
+                "{}x{} {agents} agents, window {window}: {per_agent:.1} goals each, least {}, \
+                 longest {} steps",
+                map.rows, map.cols, drive.least, drive.longest
+            );
+            assert!(per_agent > 4.0 && drive.least >= least);
+        }
+    }
+}
+
+fn crowds() -> impl Strategy<Value = (Map, Vec<u32>, Vec<Vec<u32>>)> {
+    (2_u32..7, 2_u32..7, any::<u64>(), 1_usize..30, 0_u64..4).prop_map(
+        |(rows, cols, seed, agents, blocked)| {
+            let size = u64::from(rows * cols);
+            let mut passable: Vec<bool> = (0..size).map(|c| mix(seed ^ c) % 8 >= blocked).collect();
+            // What hangs together with the first passable cell.
+            passable[0] = true;
+            let (mut reached, mut edge) = (vec![false; size as usize], vec![0_u32]);
+            reached[0] = true;
+            while let Some(cell) = edge.pop() {
+                for (other, free) in passable.iter().enumerate() {
+                    let other = other as u32;
+                    let near = cell.abs_diff(other) == cols
+                        || (cell.abs_diff(other) == 1 && cell / cols == other / cols);
+                    if near && *free && !std::mem::replace(&mut reached[other as usize], true) {
+                        edge.push(other);
+                    }
+                }
+            }
+            let map = Map {
+                rows,
+                cols,
+                passable: reached,
+            };
+            let mut starts = map.free();
+            let free = starts.clone();
+            starts.sort_by_key(|&cell| mix(seed ^ 77 ^ u64::from(cell)));
+            starts.truncate(agents);
+            let lists = (0..starts.len() as u64)
+                .map(|agent| {
+                    let count = mix(seed ^ agent ^ 5) % 4;
+                    let goal = |k| free[(mix(seed ^ agent << 8 ^ k) % free.len() as u64) as usize];
+                    (0..count).map(goal).collect()
+                })
+                .collect();
+            (map, starts, lists)
+        },
+    )
+}
+
+impl std::fmt::Debug for Map {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for row in self.passable.chunks(self.cols as usize) {
+            let row: String = row
+                .iter()
+                .map(|free| if *free { '.' } else { '@' })
+                .collect();
+            writeln!(f, "{row}")?;
+        }
+        Ok(())
+    }
+}
+
+proptest! {
+    #[test]
+    fn plans_are_valid((map, starts, lists) in crowds(), seed: u64, swap: bool, rings: bool, window in 1_u32..12) {
+        let goals = goals(&lists);
+        let window = Some(window).filter(|window| *window < 10);
+        let query = Query { seed, swap, rings, step_limit: 200, ..query(&starts, &goals, window) };
+        let (plan, end) = run(&mut map.planner(), &query);
+        prop_assert_eq!(map.fault(&starts, &plan, rings), None);
+        if end == End::Done && window.is_none() {
+            for (list, path) in lists.iter().zip(plan.paths()) {
+                prop_assert_eq!(visited(list, path), list.len());
+            }
+        }
+    }
+}
