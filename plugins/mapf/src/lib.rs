@@ -43,12 +43,10 @@
 
 mod lacam;
 pub mod lifelong;
-mod neighborhood;
 mod one_shot;
 mod pibt;
 pub mod plugin;
 mod problem;
-mod refine;
 mod scatter;
 mod solve;
 

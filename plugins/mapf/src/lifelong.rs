@@ -333,11 +333,10 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             if !pibt.sample(&order, &[], self, &mut random) {
                 break End::Stopped;
             }
-            for agent in 0..agents {
-                let v = pibt.step()[agent];
+            for (agent, (here, &v)) in now.iter_mut().zip(pibt.step()).enumerate() {
                 self.arrived[agent] = false;
-                if now[agent] != v {
-                    now[agent] = v;
+                if *here != v {
+                    *here = v;
                     self.arrive(agent, v)?;
                 }
             }

@@ -82,7 +82,7 @@ impl Prepared {
             window: (instance.window_steps > 0).then_some(instance.window_steps),
             step_limit: options.step_limit,
             swap: options.swap,
-            rings: options.rings,
+            rings: instance.allows_cycles,
             memory_limit: budget.memory_bytes,
             seed: budget.seed,
         };
@@ -138,6 +138,7 @@ impl Prepared {
             goals: instance.goals.cells().to_vec(),
         };
         let options = Options {
+            rings: instance.allows_cycles,
             threads: budget.threads as usize,
             node_limit: (budget.nodes > 0).then_some(budget.nodes),
             memory_limit: match budget.memory_bytes {

@@ -3,7 +3,6 @@
 use crate::lacam::{Lacam, Step};
 use crate::one_shot;
 use crate::problem::{Checked, Problem, ProblemError};
-use crate::refine::Refiner;
 use crate::scatter::{Guide, scatter};
 use fleetyard_plugin_spacetime::distance::{Distances, MAX_DISTANCE};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
@@ -11,6 +10,7 @@ use fleetyard_plugin_spacetime::plan::{
     Paths, Plan, configurations_of, paths_of, plan_of, sum_of_costs,
 };
 use fleetyard_plugin_spacetime::random::Random;
+use fleetyard_plugin_spacetime::refine::Refiner;
 
 /// Which planner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -321,9 +321,13 @@ impl<'g> Run<'_, 'g> {
             return;
         }
         let Options {
-            threads, refine, ..
+            threads,
+            refine,
+            rings,
+            ..
         } = *self.options;
-        let mut refiner = Refiner::new(self.graph, self.goals, self.paths(), threads, self.seed);
+        let paths = self.paths();
+        let mut refiner = Refiner::new(self.graph, self.goals, paths, rings, threads, self.seed);
         let (mut searching, mut search_work, mut refine_work) = (true, 0, 0);
         let mut idle = 0;
         let mut inserted = false;

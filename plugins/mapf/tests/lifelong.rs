@@ -33,7 +33,10 @@ fn open(side: u32) -> Map {
 /// Shelves of ten by two cells with aisles of one cell between them.
 fn warehouse(rows: u32, cols: u32) -> Map {
     let free = |row: u32, col: u32| {
-        row % 3 == 0 || col % 11 == 0 || !(4..cols - 4).contains(&col) || row >= rows - 1
+        row.is_multiple_of(3)
+            || col.is_multiple_of(11)
+            || !(4..cols - 4).contains(&col)
+            || row >= rows - 1
     };
     let cells = (0..rows).flat_map(|row| (0..cols).map(move |col| free(row, col)));
     Map {
@@ -419,7 +422,7 @@ fn crowds() -> impl Strategy<Value = (Map, Vec<u32>, Vec<Vec<u32>>)> {
             };
             let mut starts = map.free();
             let free = starts.clone();
-            starts.sort_by_key(|&cell| mix(seed ^ 77 ^ u64::from(cell)));
+            starts.sort_by_key(|&cell| mix(seed ^ 0x4d ^ u64::from(cell)));
             starts.truncate(agents);
             let lists = (0..starts.len() as u64)
                 .map(|agent| {

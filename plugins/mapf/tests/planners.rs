@@ -200,19 +200,23 @@ proptest! {
 
     /// Everything that is called a plan is one, whatever the options.
     #[test]
-    fn plans_are_valid(problem in small(), seed: u64, swap: bool, refine: bool, guided: bool) {
+    fn plans_are_valid(
+        problem in small(), seed: u64, swap: bool, refine: bool, guided: bool, rings: bool
+    ) {
         let lacam = Options {
             swap,
+            rings,
             refine,
             scatter_margin: guided.then_some(10),
             node_limit: Some(2000),
             ..Options::default()
         };
-        for options in [lacam, Options { swap, ..pibt() }] {
+        for options in [lacam, Options { swap, rings, ..pibt() }] {
             let mut observer = Patient::default();
             let result = solve(&problem, &options, seed, &mut observer);
             for (plan, sum) in observer.plans.iter().zip(&observer.sums) {
                 prop_assert_eq!(verify(&problem, plan), Ok(()));
+                prop_assert!(rings || !support::rings(plan));
                 prop_assert_eq!(plan.sum_of_costs(), *sum);
             }
             prop_assert!(observer.sums.is_sorted_by(|a, b| a > b));

@@ -13,6 +13,8 @@
 //! - [`reservation::Reservations`]: who is where when;
 //! - [`sipp::Sipp`]: the best path of one agent among the paths of others;
 //! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
+//! - [`neighborhood::Chooser`], [`refine::Refiner`]: improvement of plans by replanning a few
+//!   agents at a time;
 //! - [`plan`]: paths, configurations, plans.
 #![forbid(unsafe_code)]
 
@@ -20,8 +22,10 @@ pub mod conflict;
 pub mod distance;
 pub mod gradient;
 pub mod graph;
+pub mod neighborhood;
 pub mod plan;
 pub mod problem;
 pub mod random;
+pub mod refine;
 pub mod reservation;
 pub mod sipp;

@@ -256,8 +256,9 @@ impl Reservations {
         }
     }
 
-    /// Whether a path, its agent staying at the end, collides with nothing.
-    pub fn admits(&self, graph: &Graph, path: &[Vertex]) -> bool {
+    /// Whether a path, its agent staying at the end, collides with nothing, and closes no
+    /// ring of moves unless agents may move in such `cycles`.
+    pub fn admits(&self, graph: &Graph, path: &[Vertex], cycles: bool) -> bool {
         let Some(&last) = path.last() else {
             return true;
         };
@@ -269,6 +270,7 @@ impl Reservations {
                     .iter()
                     .position(|&u| u == from)
                     .is_none_or(|d| !self.leaves(to, d, t as u32))
+                    && (cycles || !self.closes_ring(graph, from, to, t as u32))
         };
         path.iter().enumerate().all(|(t, &v)| free(t, v))
             && path

@@ -137,3 +137,24 @@ pub(crate) fn verify(problem: &Problem, plan: &Plan) -> Result<(), String> {
     }
     Ok(())
 }
+
+/// Whether somebody moves round in a ring of three or more in one step.
+pub(crate) fn rings(plan: &Plan) -> bool {
+    let at = |agent: usize, t: usize| {
+        let path = plan.path(agent);
+        path[t.min(path.len() - 1)]
+    };
+    let agents = plan.agents();
+    (1..=plan.makespan() as usize).any(|t| {
+        let moves = |agent: usize| at(agent, t) != at(agent, t - 1);
+        (0..agents).filter(|&agent| moves(agent)).any(|agent| {
+            let mut next = agent;
+            (0..agents).any(|_| {
+                let to = at(next, t);
+                let ahead = (0..agents).find(|&other| at(other, t - 1) == to && moves(other));
+                next = ahead.unwrap_or(next);
+                ahead == Some(agent)
+            })
+        })
+    })
+}

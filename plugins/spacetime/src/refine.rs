@@ -14,13 +14,13 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use crate::distance::Distances;
+use crate::graph::{Graph, Vertex};
 use crate::neighborhood::{Chooser, KINDS, Kind};
-use fleetyard_plugin_spacetime::distance::Distances;
-use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
-use fleetyard_plugin_spacetime::plan::Paths;
-use fleetyard_plugin_spacetime::random::Random;
-use fleetyard_plugin_spacetime::reservation::Reservations;
-use fleetyard_plugin_spacetime::sipp::{Query, Sipp};
+use crate::plan::Paths;
+use crate::random::Random;
+use crate::reservation::Reservations;
+use crate::sipp::{Query, Sipp};
 
 /// Most neighbourhoods in a round.
 const SLOTS: usize = 16;
@@ -81,14 +81,16 @@ struct Repair {
 struct Worker {
     reservations: Reservations,
     sipp: Sipp,
+    cycles: bool,
 }
 
 /// The search.
 #[derive(Debug)]
-pub(crate) struct Refiner<'a, 'g> {
+pub struct Refiner<'a, 'g> {
     graph: &'g Graph,
     goals: &'a [Vertex],
     seed: u64,
+    cycles: bool,
     paths: Paths,
     workers: Vec<Worker>,
     chooser: Chooser<'g>,
@@ -100,20 +102,23 @@ pub(crate) struct Refiner<'a, 'g> {
 
 /// What a round has done.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Round {
+pub struct Round {
     /// By how much the sum of costs has fallen.
-    pub(crate) gain: u64,
+    pub gain: u64,
     /// Neighbourhoods tried.
-    pub(crate) attempts: u64,
+    pub attempts: u64,
     /// States expanded, agents planned: comparable to agent steps of PIBT.
-    pub(crate) work: u64,
+    pub work: u64,
 }
 
 impl<'a, 'g> Refiner<'a, 'g> {
-    pub(crate) fn new(
+    /// Begins with paths that do not collide, one per agent, ending at the goals. Agents move
+    /// in rings only if `cycles` are allowed.
+    pub fn new(
         graph: &'g Graph,
         goals: &'a [Vertex],
         paths: Paths,
+        cycles: bool,
         threads: usize,
         seed: u64,
     ) -> Self {
@@ -121,6 +126,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
         let worker = || Worker {
             reservations: reservations.clone(),
             sipp: Sipp::default(),
+            cycles,
         };
         let workers = (0..threads.clamp(1, SLOTS)).map(|_| worker()).collect();
         let arm = |kind, size| Arm {
@@ -141,6 +147,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
             graph,
             goals,
             seed,
+            cycles,
             paths,
             workers,
             chooser,
@@ -152,7 +159,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
     }
 
     /// Goes on from another plan.
-    pub(crate) fn adopt(&mut self, paths: Paths) {
+    pub fn adopt(&mut self, paths: Paths) {
         let graph = self.graph;
         let table = table_of(graph, &paths);
         for worker in &mut self.workers {
@@ -164,17 +171,13 @@ impl<'a, 'g> Refiner<'a, 'g> {
     }
 
     /// The plan as it is now.
-    pub(crate) fn paths(&self) -> &Paths {
+    pub fn paths(&self) -> &Paths {
         &self.paths
     }
 
     /// One round, with complete `distances`. A round during which `stop` says so changes
     /// nothing.
-    pub(crate) fn round(
-        &mut self,
-        distances: &Distances<'_>,
-        stop: &mut dyn FnMut() -> bool,
-    ) -> Round {
+    pub fn round(&mut self, distances: &Distances<'_>, stop: &mut dyn FnMut() -> bool) -> Round {
         let jobs = self.choose(distances);
         let repairs: Vec<Mutex<Repair>> = jobs.iter().map(|_| Mutex::default()).collect();
         let next = AtomicUsize::new(0);
@@ -273,18 +276,22 @@ impl<'a, 'g> Refiner<'a, 'g> {
         for &agent in members {
             table.flip(graph, &self.paths[agent as usize]);
         }
-        let fits = new.iter().all(|path| table.admits(graph, path));
-        for (&agent, path) in members.iter().zip(&new) {
-            table.flip(
-                graph,
-                if fits {
-                    path
-                } else {
-                    &self.paths[agent as usize]
-                },
-            );
-        }
-        if !fits {
+        // One after the other: a ring is closed by the last of its members.
+        let added = new.iter().take_while(|path| {
+            let fits = table.admits(graph, path, self.cycles);
+            if fits {
+                table.flip(graph, path);
+            }
+            fits
+        });
+        let added = added.count();
+        if added < new.len() {
+            for path in &new[..added] {
+                table.flip(graph, path);
+            }
+            for &agent in members {
+                table.flip(graph, &self.paths[agent as usize]);
+            }
             return 0;
         }
         let mut gain = 0;
@@ -358,7 +365,7 @@ impl Worker {
                     heading: 0,
                     turning: false,
                     window: 0,
-                    cycles: true,
+                    cycles: self.cycles,
                     bound: horizon.min(bound as u32),
                 };
                 let found = self.sipp.plan(&query, &mut random, stop);

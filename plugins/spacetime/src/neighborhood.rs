@@ -5,14 +5,14 @@
 //! our own variants: around a delayed agent, around a place, at random; and one more
 //! for agents that arrive late because others still cross their goals.
 
-use fleetyard_plugin_spacetime::distance::Distances;
-use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
-use fleetyard_plugin_spacetime::plan::Paths;
-use fleetyard_plugin_spacetime::random::Random;
+use crate::distance::Distances;
+use crate::graph::{Graph, Vertex};
+use crate::plan::Paths;
+use crate::random::Random;
 
 /// How a neighbourhood is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub enum Kind {
     /// A delayed agent and those in the way of shorter paths.
     Delay,
     /// A delayed agent and those that visit the surroundings of its path.
@@ -24,14 +24,14 @@ pub(crate) enum Kind {
 }
 
 /// All kinds.
-pub(crate) const KINDS: [Kind; 4] = [Kind::Delay, Kind::Place, Kind::Goal, Kind::Random];
+pub const KINDS: [Kind; 4] = [Kind::Delay, Kind::Place, Kind::Goal, Kind::Random];
 
 /// Walks tried to find agents in the way.
 const WALKS: usize = 12;
 
 /// Chooses neighbourhoods; keeps, for each vertex, the agents that pass.
 #[derive(Debug)]
-pub(crate) struct Chooser<'g> {
+pub struct Chooser<'g> {
     graph: &'g Graph,
     goals: Vec<Vertex>,
     /// Agents per vertex, once for each arrival there.
@@ -46,7 +46,8 @@ pub(crate) struct Chooser<'g> {
 }
 
 impl<'g> Chooser<'g> {
-    pub(crate) fn new(graph: &'g Graph, goals: &[Vertex], paths: &Paths) -> Self {
+    /// For a team on its paths.
+    pub fn new(graph: &'g Graph, goals: &[Vertex], paths: &Paths) -> Self {
         let mut owners = vec![u32::MAX; graph.len()];
         for (agent, &goal) in goals.iter().enumerate() {
             owners[goal as usize] = agent as u32;
@@ -67,7 +68,8 @@ impl<'g> Chooser<'g> {
         chooser
     }
 
-    pub(crate) fn add(&mut self, agent: u32, path: &[Vertex]) {
+    /// An agent has this path now.
+    pub fn add(&mut self, agent: u32, path: &[Vertex]) {
         let mut last = Vertex::MAX;
         for &v in path {
             if v != last {
@@ -77,7 +79,8 @@ impl<'g> Chooser<'g> {
         }
     }
 
-    pub(crate) fn remove(&mut self, agent: u32, path: &[Vertex]) {
+    /// An agent has this path no longer.
+    pub fn remove(&mut self, agent: u32, path: &[Vertex]) {
         let mut last = Vertex::MAX;
         for &v in path {
             if v != last {
@@ -91,13 +94,13 @@ impl<'g> Chooser<'g> {
     }
 
     /// Makes all agents available again.
-    pub(crate) fn release(&mut self) {
+    pub fn release(&mut self) {
         self.taken.fill(false);
     }
 
     /// Chooses up to `size` agents that no neighbourhood has had since the last
     /// [`Chooser::release`].
-    pub(crate) fn choose(
+    pub fn choose(
         &mut self,
         kind: Kind,
         size: usize,
