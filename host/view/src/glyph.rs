@@ -1,8 +1,8 @@
 //! The few characters that pictures need, as strokes: PNG is drawn without
 //! fonts, and a path looks the same everywhere.
 
-/// Strokes of a character on a grid 4 wide and 6 high, y down; `;` lifts the pen
-/// between strokes, each a list of column and row.
+/// Strokes of a character on a grid 4 wide and 6 high, y down, with descenders below; `;`
+/// lifts the pen between strokes, each a list of column and row.
 fn strokes(character: char) -> Option<&'static str> {
     Some(match character {
         '0' => "00 40 46 06 00",
@@ -17,12 +17,35 @@ fn strokes(character: char) -> Option<&'static str> {
         '9' => "43 03 00 40 46 06",
         '.' => "25 26",
         '=' => "02 42;04 44",
+        '/' => "06 40",
+        'a' => "02 42 46 06 04 44",
+        'b' => "00 06 46 42 02",
+        'c' => "42 02 06 46",
+        'd' => "40 46 06 02 42",
+        'e' => "04 44 42 02 06 46",
+        'f' => "40 20 26;03 43",
+        'g' => "48 18;48 42 02 06 46",
+        'h' => "00 06;02 42 46",
+        'i' => "22 26;20 21",
         'k' => "00 06;42 04 46",
+        'l' => "10 16 36",
         'm' => "06 02 22 26;22 42 46",
+        'n' => "06 02 42 46",
+        'o' => "02 42 46 06 02",
+        'p' => "08 02 42 46 06",
+        'r' => "06 02;04 22 42",
         's' => "42 02 04 44 46 06",
         't' => "10 16 46;02 42",
+        'u' => "02 06 46 42",
+        'w' => "02 06 26 46 42;23 26",
+        'y' => "02 06 46;42 48 18",
         _ => return None,
     })
+}
+
+/// How wide a text of the given height is, without the blank after it.
+pub(crate) fn width(text: &str, height: f64) -> f64 {
+    (text.chars().count() as f64 * 5.5 - 1.5).max(0.0) * height / 6.0
 }
 
 /// The strokes of a text of the given height: lists of points. The first

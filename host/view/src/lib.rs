@@ -11,6 +11,7 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod fleet;
 mod glyph;
 mod html;
 mod palette;
@@ -21,6 +22,7 @@ mod track;
 mod world;
 
 pub use error::ViewError;
+pub use fleet::FleetPicture;
 pub use fleetyard_sim::trace::Outline;
 pub use html::{Page, PageOptions, Recording};
 pub use png::{Difference, difference, png};

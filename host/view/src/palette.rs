@@ -12,3 +12,10 @@ pub(crate) const GROUND: &str = "#fbfaf7";
 pub(crate) const OBSTACLE: &str = "#3c4043";
 pub(crate) const ROADMAP: &str = "#b9b4a8";
 pub(crate) const INK: &str = "#202124";
+
+/// From little to much: a single path from light to dark, so that it reads in grey as well
+/// (after ColorBrewer's YlOrRd, Harrower and Brewer 2003, with steps in between).
+pub(crate) const HEAT: [&str; 12] = [
+    "#fff3b8", "#ffeb9c", "#fee084", "#fed16c", "#febe56", "#fda946", "#fd8d3c", "#fa6a32",
+    "#ef4427", "#d91f20", "#b70726", "#800026",
+];

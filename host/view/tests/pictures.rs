@@ -7,7 +7,7 @@ use std::path::Path;
 use std::{env, fs};
 
 use fleetyard_core::{Grid, GridPlan, Roadmap, TrajectoryPlan};
-use fleetyard_view::{Body, Outline, Picture, World, difference, png};
+use fleetyard_view::{Body, FleetPicture, Outline, Picture, World, difference, png};
 use fleetyard_world::{Bounds, Polygon, Workspace};
 use resvg::tiny_skia::Pixmap;
 use xxhash_rust::xxh3::xxh3_128;
@@ -187,4 +187,48 @@ fn thousands_of_agents_stay_a_moderate_file() {
     paths.for_each(|path| plan.push_path(path));
     let svg = Picture::new(&world).plan(&grid, &plan).svg();
     assert!(svg.len() < 1_200_000, "{}", svg.len());
+}
+
+#[test]
+fn a_run_of_a_fleet() {
+    let grid = grid();
+    let mut waiting_s = vec![0.0; 15];
+    for (cell, waited) in [
+        (0, 40.0),
+        (1, 10.0),
+        (2, 0.1),
+        (3, 2.5),
+        (4, 99.0),
+        (14, 2.5),
+    ] {
+        waiting_s[cell] = waited;
+    }
+    let picture = FleetPicture {
+        title: "<a run>".to_owned(),
+        grid: &grid,
+        waiting_s: &waiting_s[..],
+        goals: vec![[0.0, 0.0], [10.0, 5.0], [20.0, 5.0], [30.0, 25.0]],
+        recoveries: vec![[0.0, 0.0], [10.0, 1.0], [20.0, 1.0], [30.0, 4.0]],
+    };
+    let svg = picture.svg();
+    expect("fleet.svg", &svg);
+    // Obstacles keep their colour whatever is said of them, and so does the free cell where
+    // nobody waited.
+    assert!(svg.contains("&lt;a run&gt;"));
+    assert!(svg.contains("mean: 0.8333 goals per second"));
+    assert!(Pixmap::decode_png(&png(&svg, None).unwrap()).is_ok());
+    // Nothing to show is shown as nothing.
+    let empty = FleetPicture {
+        waiting_s: &[],
+        goals: Vec::new(),
+        recoveries: Vec::new(),
+        ..picture.clone()
+    };
+    png(&empty.svg(), Some(200)).unwrap();
+    let broken = FleetPicture {
+        waiting_s: &[f64::NAN, f64::INFINITY, -1.0],
+        goals: vec![[0.0, 0.0], [f64::NAN, 3.0]],
+        ..picture
+    };
+    assert!(!broken.svg().contains("NaN"));
 }
