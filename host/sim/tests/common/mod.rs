@@ -1,6 +1,8 @@
 //! Small worlds and plans from seeds, for all tests of this crate.
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub(crate) mod passing;
+
 use fleetyard_core::{Connectivity, Grid, GridPlan};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
