@@ -1,6 +1,7 @@
 //! The standard plugins behind one entry symbol, as a shared library and linked
 //! into the `fleetyard` command.
 
+use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_mapf::plugin::{Lacam, Pibt};
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
 use fleetyard_plugin_search::plugin as search;
@@ -30,4 +31,17 @@ fleetyard_abi::export! {
         search::DStarLite,
         search::LazyTheta,
     ],
+    fail_policies: [
+        recover::Pibt,
+        recover::GuidedPibt,
+        recover::Lrgw,
+        recover::RuleBased,
+        recover::AllWait,
+    ],
+    instance_generators: [
+        generate::DistinctOneGoal,
+        generate::OneGoal,
+        generate::WindowedMultiGoals,
+    ],
+    invocation_policies: [invocation::Periodic, invocation::EventBased],
 }

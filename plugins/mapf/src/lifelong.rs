@@ -63,12 +63,25 @@ pub enum End {
     Memory,
 }
 
+/// Who is asked about by [`Ranking::rank`].
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// The step that is to be made, counted from 0.
+    pub step: u32,
+    /// Number of the agent.
+    pub agent: usize,
+    /// The cell where it is.
+    pub cell: u32,
+    /// How many of its goals it has visited.
+    pub visited: usize,
+}
+
 /// Has a say in where agents go.
 pub trait Ranking {
-    /// Puts into order, best first, the cells where `agent` may be after step `step`,
-    /// counted from 0: those around it and its own, which are given as PIBT would try them.
-    /// Asked once or more per agent and step; the answer must not depend on how often.
-    fn rank(&mut self, step: u32, agent: usize, cells: &mut [u32]);
+    /// Puts into order, best first, the cells where an agent may be after a step: those
+    /// around it and its own, which are given as PIBT would try them. Asked once or more per
+    /// agent and step; the answer must not depend on how often.
+    fn rank(&mut self, place: Place, cells: &mut [u32]);
 }
 
 /// PIBT's own order.
@@ -77,7 +90,7 @@ pub struct ByDistance;
 
 impl Ranking for ByDistance {
     #[inline]
-    fn rank(&mut self, _: u32, _: usize, _: &mut [u32]) {}
+    fn rank(&mut self, _: Place, _: &mut [u32]) {}
 }
 
 /// Plans for a fleet on one map. Tables of the ways to goals are kept from call to call;
@@ -201,13 +214,19 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
     }
 
     #[inline]
-    fn rank(&mut self, graph: &Graph, agent: usize, candidates: &mut [Vertex]) {
+    fn rank(&mut self, graph: &Graph, agent: usize, here: Vertex, candidates: &mut [Vertex]) {
         let mut cells = [0; DIRECTIONS + 1];
         let cells = &mut cells[..candidates.len()];
         for (cell, &v) in cells.iter_mut().zip(&*candidates) {
             *cell = graph.cell(v);
         }
-        self.ranking.rank(self.step, agent, cells);
+        let place = Place {
+            step: self.step,
+            agent,
+            cell: graph.cell(here),
+            visited: self.next[agent],
+        };
+        self.ranking.rank(place, cells);
         for (v, &cell) in candidates.iter_mut().zip(&*cells) {
             *v = graph.vertex(cell).unwrap_or(*v);
         }

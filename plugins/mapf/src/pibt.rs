@@ -46,7 +46,7 @@ pub(crate) trait Wishes {
     /// The last word about the order in which `agent` tries the vertices where it can be
     /// next, best first.
     #[inline]
-    fn rank(&mut self, _graph: &Graph, _agent: usize, _candidates: &mut [Vertex]) {}
+    fn rank(&mut self, _graph: &Graph, _agent: usize, _here: Vertex, _candidates: &mut [Vertex]) {}
 }
 
 /// One goal per agent, distances to it, and paths that avoid one another as advice.
@@ -289,7 +289,7 @@ impl<'g> Pibt<'g> {
                 count += 1;
             }
         }
-        wishes.rank(self.graph, agent as usize, &mut candidates[..count]);
+        wishes.rank(self.graph, agent as usize, here, &mut candidates[..count]);
         let mut pulled = NOBODY;
         if self.swap {
             pulled = self.swap_partner(agent, here, candidates[0], wishes);

@@ -2,7 +2,7 @@
 //! the fleet goes on working from call to call.
 
 use fleetyard_abi::Goals;
-use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Query, Ranking};
+use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
 use fleetyard_plugin_mapf::{Plan, ProblemError};
 use proptest::prelude::*;
 
@@ -290,7 +290,7 @@ fn a_ranking_has_the_last_word() {
     /// Up wherever that is possible.
     struct Up;
     impl Ranking for Up {
-        fn rank(&mut self, step: u32, agent: usize, cells: &mut [u32]) {
+        fn rank(&mut self, Place { step, agent, .. }: Place, cells: &mut [u32]) {
             assert!(step < 3 && agent == 0 && (3..=5).contains(&cells.len()));
             cells.sort_unstable();
         }

@@ -1,0 +1,189 @@
+//! What a call of each plugin costs: fleets of 1000 and 10,000 agents on warehouses of shelves
+//! 2 × 10 with aisles of two cells.
+
+#![allow(missing_docs)]
+
+use std::hint::black_box;
+use std::sync::Arc;
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use fleetyard_abi::sdk::{
+    FailPolicy, InstanceGenerator, InvocationPolicy, Options, Plugin, Rejected, Sink,
+};
+use fleetyard_abi::{
+    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Instance, LogLevel,
+    Motion, Objective, Plan, PlanRef, SharedEnvironment,
+};
+use fleetyard_plugin_fleet::generate::{DistinctOneGoal, OneGoal, WindowedMultiGoals};
+use fleetyard_plugin_fleet::invocation::{EventBased, Periodic};
+use fleetyard_plugin_fleet::recover::{AllWait, GuidedPibt, Lrgw, Pibt, RuleBased};
+
+const BUDGET: Budget = Budget {
+    deadline_monotonic_ns: u64::MAX,
+    wall_ns: 1_000_000_000,
+    nodes: 0,
+    memory_bytes: 0,
+    threads: 1,
+    seed: 1,
+};
+
+struct Taken;
+
+impl Sink for Taken {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        black_box(plan.cells().len());
+        Ok(())
+    }
+    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
+        black_box(instance.goals.len());
+        Ok(())
+    }
+    fn metric(&self, _: &str, _: f64) {}
+    fn log(&self, _: LogLevel, _: &str) {}
+    fn progress(&self, _: u64, _: u64) {}
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+fn below(state: &mut u64, bound: usize) -> usize {
+    *state = state
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1);
+    (*state >> 33) as usize % bound
+}
+
+type Yard = (usize, SharedEnvironment, FleetState, Plan);
+
+/// A warehouse, a fleet in a fifth of its free cells, and walks of twenty steps that collide.
+fn yard(agents: usize) -> Yard {
+    let side = ((agents * 8) as f64).sqrt() as u32;
+    let free = |cell: u32| !((cell / side) % 4 < 2 && (cell % side) % 12 < 10);
+    let passable: Vec<u8> = (0..side * side).map(|cell| free(cell).into()).collect();
+    let environment = Arc::new(Environment::Grid(GridEnvironment {
+        map_name: "warehouse".into(),
+        rows: side,
+        cols: side,
+        connectivity: 4,
+        cell_size_m: 1.0,
+        step_s: 0.5,
+        terrain: passable.clone(),
+        passable,
+    }));
+    let mut state = 1;
+    let mut cells: Vec<u32> = (0..side * side).filter(|cell| free(*cell)).collect();
+    let all = cells.clone();
+    for last in (1..cells.len()).rev() {
+        cells.swap(last, below(&mut state, last + 1));
+    }
+    cells.truncate(agents);
+    let goals: Vec<u32> = (0..agents * 4)
+        .map(|_| all[below(&mut state, all.len())])
+        .collect();
+    let offsets = (0..=agents as u64).map(|agent| agent * 4).collect();
+    let walks = cells.iter().map(|start| {
+        let mut path = vec![*start];
+        let mut direction = below(&mut state, 4);
+        for _ in 0..20 {
+            let here = path[path.len() - 1];
+            let to = match direction {
+                0 if here >= side => here - side,
+                1 if here % side + 1 < side => here + 1,
+                2 if here + side < side * side => here + side,
+                3 if here % side > 0 => here - 1,
+                _ => here,
+            };
+            if !free(to) || below(&mut state, 6) == 0 {
+                direction = below(&mut state, 4);
+            }
+            path.push(if free(to) { to } else { here });
+        }
+        path
+    });
+    let walks = Plan::from_paths(walks.collect::<Vec<_>>());
+    let fleet = FleetState {
+        time_s: 10.0,
+        cells,
+        headings: None,
+        goals: Goals::from_flat(offsets, goals).unwrap_or(Goals::single(Vec::new())),
+        tasks: Vec::new(),
+        window_steps: 20,
+        motion: Motion::Pebble,
+        objective: Objective::SumOfCosts,
+        radius_m: 0.4,
+        allows_cycles: false,
+    };
+    (agents, environment, fleet, walks)
+}
+
+fn made<P: Plugin>() -> P {
+    P::create(Options::new("{}")).unwrap_or_else(|failure| panic!("{failure}"))
+}
+
+fn generator<P: Plugin + InstanceGenerator>(c: &mut Criterion, fleets: &[Yard]) {
+    for (agents, environment, fleet, _) in fleets {
+        let mut generator = made::<P>();
+        generator
+            .prepare(environment, &BUDGET, &Taken)
+            .expect("it learns the map");
+        c.bench_function(&format!("{}/{agents}", P::descriptor().id), |b| {
+            b.iter(|| generator.generate(fleet, &BUDGET, &Taken));
+        });
+    }
+}
+
+fn policy<P: Plugin + FailPolicy>(c: &mut Criterion, fleets: &[Yard]) {
+    for (agents, environment, fleet, walks) in fleets {
+        let mut policy = made::<P>();
+        policy
+            .prepare(environment, &BUDGET, &Taken)
+            .expect("it learns the map");
+        let instance = fleet.instance(fleet.goals.clone());
+        c.bench_function(&format!("{}/{agents}", P::descriptor().id), |b| {
+            b.iter(|| policy.recover(&instance, Some(walks.as_ref()), &BUDGET, &Taken));
+        });
+    }
+}
+
+fn benches(c: &mut Criterion) {
+    let fleets = [1000, 10_000].map(yard);
+    generator::<OneGoal>(c, &fleets);
+    generator::<DistinctOneGoal>(c, &fleets);
+    generator::<WindowedMultiGoals>(c, &fleets);
+    policy::<AllWait>(c, &fleets);
+    policy::<Pibt>(c, &fleets);
+    policy::<GuidedPibt>(c, &fleets);
+    policy::<Lrgw>(c, &fleets);
+    policy::<RuleBased>(c, &fleets);
+    for (agents, _, fleet, _) in &fleets {
+        let status = FleetStatus {
+            time_s: 10.0,
+            since_last_call_s: 0.5,
+            planning_limit_s: 1.0,
+            action_s: 0.5,
+            actions_left: vec![7; fleet.cells.len()],
+        };
+        let (mut periodic, mut event) = (made::<Periodic>(), made::<EventBased>());
+        c.bench_with_input(
+            BenchmarkId::new("periodic", agents),
+            &status,
+            |b, status| {
+                b.iter(|| periodic.should_invoke(status, &Taken));
+            },
+        );
+        c.bench_with_input(
+            BenchmarkId::new("event-based", agents),
+            &status,
+            |b, status| {
+                b.iter(|| event.should_invoke(status, &Taken));
+            },
+        );
+    }
+}
+
+criterion_group! {
+    name = calls;
+    config = Criterion::default().sample_size(10);
+    targets = benches
+}
+criterion_main!(calls);

@@ -1,0 +1,368 @@
+//! What the planner is asked: instance generators.
+//!
+//! All three keep the goals that agents have, as far as they can be used, and give open tasks
+//! to agents without any: each task, in the order in which tasks are listed, to the nearest
+//! agent that has nothing to do. Who is left without goals is asked to be where it is.
+//!
+//! The three are those that "LSMART" (J. Yan, Y. Zhang, Z. Liu, H. Zhang, H. Jiang, J. Chen,
+//! S. F. Smith, J. Li, "Lifelong scalable multi-agent realistic testbed and a comprehensive
+//! study on design choices in lifelong AGV fleet management systems") compares:
+//!
+//! - [`DistinctOneGoal`]: for planners of the usual kind, which want goals to differ;
+//! - [`OneGoal`]: J. Morag, N. Gabay, D. Koyfman, R. Stern, "Should multi-agent path finding
+//!   algorithms coordinate target arrival times?", SoCS 2025.
+//! - [`WindowedMultiGoals`]: J. Li, A. Tinka, S. Kiesel, J. W. Durham, T. K. S. Kumar,
+//!   S. Koenig, "Lifelong multi-agent path finding in large-scale warehouses", AAAI 2021.
+
+use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin, Sink};
+use fleetyard_abi::{
+    Assignment, Budget, Capability, Descriptor, FleetState, Goals, Instance, Kind,
+    SharedEnvironment, Status, Task,
+};
+use fleetyard_plugin_spacetime::graph::Vertex;
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::ground::{Ground, Search};
+use crate::{described, invalid, unprepared};
+
+/// What tells one of the generators from the others: its options are of this type.
+pub trait Rule: DeserializeOwned + JsonSchema + Send + 'static {
+    /// Identifier and name.
+    const NAMES: (&'static str, &'static str);
+    /// What it is.
+    const ABOUT: &'static str;
+    /// What it can do besides grids, pebbles and rotation.
+    const EXTRA: &'static [Capability];
+    /// The goals of every agent in the next instance.
+    #[doc(hidden)]
+    fn goals(&self, fleet: &Fleet<'_>, sink: &dyn Sink) -> Result<Goals, Failure>;
+}
+
+/// A generator with the options of a [`Rule`].
+#[derive(Debug)]
+pub struct Generator<R> {
+    rule: R,
+    ground: Option<Ground>,
+}
+
+/// One goal per agent, all different.
+pub type DistinctOneGoal = Generator<Distinct>;
+/// One goal per agent, which others may share.
+pub type OneGoal = Generator<Current>;
+/// As many goals per agent as keep it busy for the window.
+pub type WindowedMultiGoals = Generator<Windowed>;
+
+impl<R: Rule> Plugin for Generator<R> {
+    fn descriptor() -> Descriptor {
+        let common = [
+            Capability::Grid,
+            Capability::Pebble,
+            Capability::Rotation,
+            Capability::Deterministic,
+        ];
+        let all: Vec<_> = common.iter().chain(R::EXTRA).copied().collect();
+        described::<R>(Kind::InstanceGenerator, R::NAMES, R::ABOUT, &all)
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        Ok(Self {
+            rule: options.parse()?,
+            ground: None,
+        })
+    }
+}
+
+impl<R: Rule> InstanceGenerator for Generator<R> {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.ground = None;
+        self.ground = Some(Ground::learn(environment)?);
+        Ok(())
+    }
+
+    fn generate(&mut self, state: &FleetState, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+        let ground = self.ground.as_ref().ok_or_else(unprepared)?;
+        if state.goals.len() != state.cells.len() {
+            return Err(invalid(format!(
+                "the fleet has {} agents, but {} lists of goals",
+                state.cells.len(),
+                state.goals.len()
+            )));
+        }
+        let at = ground.places(&state.cells)?;
+        let given = give(ground, state, &at, sink)?;
+        let mut upcoming: Vec<&[u32]> = state.goals.iter().collect();
+        for (agent, task) in &given {
+            upcoming[*agent] = &task.cells;
+        }
+        let fleet = Fleet {
+            ground,
+            at: &at,
+            upcoming: &upcoming,
+            window_steps: state.window_steps,
+        };
+        let assignments = given.iter().map(|(agent, task)| Assignment {
+            agent: *agent as u32,
+            task: task.id,
+        });
+        sink.submit_instance(&Instance {
+            assignments: assignments.collect(),
+            ..state.instance(self.rule.goals(&fleet, sink)?)
+        })?;
+        Ok(())
+    }
+}
+
+fn check(sink: &dyn Sink) -> Result<(), Failure> {
+    if sink.cancelled() {
+        return Err(Failure::new(Status::TimedOut, "the call's time is up"));
+    }
+    Ok(())
+}
+
+/// Who gets which task, by agents in ascending order. Tasks that nobody without goals can
+/// reach stay open.
+fn give<'s>(
+    ground: &Ground,
+    state: &'s FleetState,
+    at: &[Vertex],
+    sink: &dyn Sink,
+) -> Result<Vec<(usize, &'s Task)>, Failure> {
+    const NOBODY: u32 = u32::MAX;
+    let mut given = Vec::new();
+    if state.tasks.is_empty() {
+        return Ok(given);
+    }
+    let mut idle = vec![NOBODY; ground.graph.len()];
+    // How many are idle in a region, by the vertex that numbers it.
+    let mut left = vec![0_u32; ground.graph.len()];
+    let mut total = 0;
+    for (agent, goals) in state.goals.iter().enumerate() {
+        if goals.is_empty() {
+            idle[at[agent] as usize] = agent as u32;
+            left[ground.region(at[agent]) as usize] += 1;
+            total += 1;
+        }
+    }
+    let mut search = Search::new(ground);
+    for task in &state.tasks {
+        if total == 0 {
+            break;
+        }
+        check(sink)?;
+        let visits: Option<Vec<Vertex>> = task
+            .cells
+            .iter()
+            .map(|cell| ground.graph.vertex(*cell))
+            .collect();
+        let Some((&first, visits)) = visits.as_deref().and_then(<[Vertex]>::split_first) else {
+            continue;
+        };
+        let region = ground.region(first);
+        if left[region as usize] == 0 || visits.iter().any(|v| ground.region(*v) != region) {
+            continue;
+        }
+        if let Some(v) = search.nearest(first, |v| idle[v as usize] != NOBODY) {
+            given.push((idle[v as usize] as usize, task));
+            idle[v as usize] = NOBODY;
+            left[region as usize] -= 1;
+            total -= 1;
+        }
+    }
+    given.sort_unstable_by_key(|(agent, _)| *agent);
+    Ok(given)
+}
+
+/// What the rules are told.
+#[derive(Debug)]
+pub struct Fleet<'a> {
+    ground: &'a Ground,
+    at: &'a [Vertex],
+    /// The goals of every agent, in order; some may have none.
+    upcoming: &'a [&'a [u32]],
+    window_steps: u32,
+}
+
+impl Fleet<'_> {
+    /// A goal of an agent as a vertex: it has to be one that the agent can reach.
+    fn reachable(&self, agent: usize, cell: u32) -> Result<Vertex, Failure> {
+        let Some(goal) = self.ground.graph.vertex(cell) else {
+            return Err(invalid(format!(
+                "the goal of agent {agent}, cell {cell}, is not a free cell of the map"
+            )));
+        };
+        if self.ground.region(goal) != self.ground.region(self.at[agent]) {
+            return Err(invalid(format!(
+                "agent {agent} cannot get from cell {} to its goal, cell {cell}",
+                self.ground.graph.cell(self.at[agent])
+            )));
+        }
+        Ok(goal)
+    }
+
+    /// The goal that each agent is after now, if it has one.
+    fn current(&self) -> Result<Vec<Option<Vertex>>, Failure> {
+        let first = |(agent, goals): (usize, &&[u32])| {
+            let goal = goals.first().map(|cell| self.reachable(agent, *cell));
+            goal.transpose()
+        };
+        self.upcoming.iter().enumerate().map(first).collect()
+    }
+
+    fn cells(&self, vertices: impl IntoIterator<Item = Vertex>) -> Goals {
+        let cells = vertices.into_iter().map(|v| self.ground.graph.cell(v));
+        Goals::single(cells.collect())
+    }
+}
+
+/// Options of `one-goal`: none.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Current {}
+
+impl Rule for Current {
+    const NAMES: (&'static str, &'static str) = ("one-goal", "One goal");
+    const ABOUT: &'static str = "Gives every agent its current goal. Agents may share goals: for \
+        planners that let agents go on once they have arrived (Morag, Gabay, Koyfman, Stern, \
+        SoCS 2025).";
+    const EXTRA: &'static [Capability] = &[Capability::Windowed, Capability::DuplicateGoals];
+
+    fn goals(&self, fleet: &Fleet<'_>, _: &dyn Sink) -> Result<Goals, Failure> {
+        let current = fleet.current()?;
+        let or_here = current.iter().zip(fleet.at);
+        Ok(fleet.cells(or_here.map(|(goal, here)| goal.unwrap_or(*here))))
+    }
+}
+
+/// Options of `windowed-multi-goals`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Windowed {
+    /// Goals that every agent has at least, as far as it has so many.
+    #[schemars(range(min = 1))]
+    least: u32,
+}
+
+impl Default for Windowed {
+    fn default() -> Self {
+        Self { least: 2 }
+    }
+}
+
+impl Rule for Windowed {
+    const NAMES: (&'static str, &'static str) =
+        ("windowed-multi-goals", "Windowed, multiple goals");
+    const ABOUT: &'static str = "Gives every agent as many of its goals, in order, as it takes to \
+        be under way for longer than the window. Agents may share goals: for planners in windows \
+        (Li, Tinka, Kiesel, Durham, Kumar, Koenig, AAAI 2021).";
+    const EXTRA: &'static [Capability] = &[Capability::Windowed, Capability::DuplicateGoals];
+
+    fn goals(&self, fleet: &Fleet<'_>, _: &dyn Sink) -> Result<Goals, Failure> {
+        let mut offsets = Vec::with_capacity(fleet.at.len() + 1);
+        let mut cells = Vec::with_capacity(fleet.at.len() * 2);
+        offsets.push(0);
+        for (agent, goals) in fleet.upcoming.iter().enumerate() {
+            let mut here = fleet.at[agent];
+            let mut steps = 0_u64;
+            for (before, &cell) in (0..).zip(*goals) {
+                if before >= self.least.max(1) && steps > u64::from(fleet.window_steps) {
+                    break;
+                }
+                let goal = fleet.reachable(agent, cell)?;
+                steps += u64::from(fleet.ground.manhattan(here, goal));
+                here = goal;
+                cells.push(cell);
+            }
+            if goals.is_empty() {
+                cells.push(fleet.ground.graph.cell(here));
+            }
+            offsets.push(cells.len() as u64);
+        }
+        Goals::from_flat(offsets, cells)
+            .ok_or_else(|| Failure::new(Status::InternalError, "the lists of goals do not fit"))
+    }
+}
+
+/// Options of `distinct-one-goal`: none.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Distinct {}
+
+impl Rule for Distinct {
+    const NAMES: (&'static str, &'static str) = ("distinct-one-goal", "Distinct, one goal");
+    const ABOUT: &'static str = "Gives every agent its current goal. Where several have the same, \
+        the nearest keeps it, and the others go for the nearest cells that nobody heads for until \
+        it is free: for planners that want goals to differ.";
+    const EXTRA: &'static [Capability] = &[Capability::Windowed];
+
+    fn goals(&self, fleet: &Fleet<'_>, sink: &dyn Sink) -> Result<Goals, Failure> {
+        let Fleet { ground, at, .. } = *fleet;
+        let current = fleet.current()?;
+        let mut taken = vec![false; ground.graph.len()];
+        for goal in current.iter().flatten() {
+            taken[*goal as usize] = true;
+        }
+        // Everybody who heads for a goal stands beside the others that do.
+        let mut heading: Vec<(Vertex, usize)> = (0..)
+            .zip(&current)
+            .filter_map(|(agent, goal)| Some(((*goal)?, agent)))
+            .collect();
+        heading.sort_unstable();
+        let mut goals = current.clone();
+        let mut search = Search::new(ground);
+        let free = |search: &mut Search<'_>, taken: &mut [bool], from: Vertex, agent: usize| {
+            let found = search.nearest(from, |v| !taken[v as usize]);
+            let cell = ground.graph.cell(from);
+            let found = found.ok_or_else(|| {
+                let reason = format!("no cell near cell {cell} is left for agent {agent}");
+                Failure::new(Status::GaveUp, reason)
+            })?;
+            taken[found as usize] = true;
+            Ok::<_, Failure>(found)
+        };
+        for group in heading
+            .chunk_by(|a, b| a.0 == b.0)
+            .filter(|group| group.len() > 1)
+        {
+            check(sink)?;
+            let goal = group[0].0;
+            let mut agents: Vec<(u32, usize)> = group
+                .iter()
+                .map(|(_, agent)| (ground.manhattan(at[*agent], goal), *agent))
+                .collect();
+            agents.sort_unstable();
+            // The nearest keeps its goal: it comes nearer and so it goes on being the one,
+            // and when it has arrived the next one is. The straight way is the least that a
+            // way can be, so most need not be looked for.
+            let mut nearest = (u32::MAX, usize::MAX);
+            for &(least, agent) in &agents {
+                if (least, agent) > nearest {
+                    break;
+                }
+                if let Some(steps) = search.distance(at[agent], goal, nearest.0) {
+                    nearest = nearest.min((steps, agent));
+                }
+            }
+            for (_, agent) in agents {
+                if agent != nearest.1 {
+                    goals[agent] = Some(free(&mut search, &mut taken, goal, agent)?);
+                }
+            }
+        }
+        // Who has nothing to do waits where it is, or makes way.
+        let idle = goals
+            .iter_mut()
+            .enumerate()
+            .filter(|(_, goal)| goal.is_none());
+        for (agent, goal) in idle {
+            *goal = Some(free(&mut search, &mut taken, at[agent], agent)?);
+        }
+        Ok(fleet.cells(goals.into_iter().flatten()))
+    }
+}

@@ -1,0 +1,246 @@
+//! The map, and searches on it.
+
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Environment, Status};
+use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+
+use crate::invalid;
+
+/// A 4-connected grid and its connected regions.
+#[derive(Debug)]
+pub(crate) struct Ground {
+    pub(crate) graph: Graph,
+    pub(crate) rows: u32,
+    pub(crate) cols: u32,
+    pub(crate) passable: Vec<bool>,
+    region: Vec<u32>,
+}
+
+impl Ground {
+    pub(crate) fn learn(environment: &Environment) -> Result<Self, Failure> {
+        let unsupported = |reason: &str| Failure::new(Status::Unsupported, reason);
+        let grid = environment
+            .grid()
+            .ok_or_else(|| unsupported("only grids are supported"))?;
+        if grid.connectivity != 4 {
+            return Err(unsupported("only 4-connected grids are supported"));
+        }
+        let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
+        let graph = Graph::new(grid.rows as usize, grid.cols as usize, &passable);
+        let mut region = vec![u32::MAX; graph.len()];
+        let mut stack = Vec::new();
+        for first in 0..graph.len() as Vertex {
+            if region[first as usize] != u32::MAX {
+                continue;
+            }
+            region[first as usize] = first;
+            stack.push(first);
+            while let Some(v) = stack.pop() {
+                for near in graph.neighbors(v) {
+                    if region[near as usize] == u32::MAX {
+                        region[near as usize] = first;
+                        stack.push(near);
+                    }
+                }
+            }
+        }
+        Ok(Self {
+            graph,
+            rows: grid.rows,
+            cols: grid.cols,
+            passable,
+            region,
+        })
+    }
+
+    /// Number of the connected region that a vertex is in.
+    pub(crate) fn region(&self, v: Vertex) -> u32 {
+        self.region[v as usize]
+    }
+
+    /// Where agents are: all of them on free cells, no two on one.
+    pub(crate) fn places(&self, cells: &[u32]) -> Result<Vec<Vertex>, Failure> {
+        let mut owner = vec![None; self.graph.len()];
+        let place = |(agent, cell): (usize, &u32)| {
+            let v = self.graph.vertex(*cell).ok_or_else(|| {
+                invalid(format!(
+                    "agent {agent} is in cell {cell}, which is not free"
+                ))
+            })?;
+            match owner[v as usize].replace(agent) {
+                Some(before) => Err(invalid(format!(
+                    "agents {before} and {agent} are both in cell {cell}"
+                ))),
+                None => Ok(v),
+            }
+        };
+        cells.iter().enumerate().map(place).collect()
+    }
+
+    /// Steps between two vertices if nothing were in the way.
+    pub(crate) fn manhattan(&self, a: Vertex, b: Vertex) -> u32 {
+        let (a, b) = (self.graph.cell(a), self.graph.cell(b));
+        let (rows, cols) = (a / self.cols, a % self.cols);
+        rows.abs_diff(b / self.cols) + cols.abs_diff(b % self.cols)
+    }
+}
+
+/// Searches on a map, with memory that they share.
+#[derive(Debug)]
+pub(crate) struct Search<'g> {
+    ground: &'g Ground,
+    /// The search that has seen a vertex last.
+    seen: Vec<u32>,
+    number: u32,
+    queue: Vec<Vertex>,
+    near: Vec<(Vertex, u32)>,
+    far: Vec<(Vertex, u32)>,
+}
+
+impl<'g> Search<'g> {
+    pub(crate) fn new(ground: &'g Ground) -> Self {
+        Self {
+            ground,
+            seen: vec![0; ground.graph.len()],
+            number: 0,
+            queue: Vec::new(),
+            near: Vec::new(),
+            far: Vec::new(),
+        }
+    }
+
+    fn begin(&mut self) {
+        if self.number == u32::MAX {
+            self.seen.fill(0);
+            self.number = 0;
+        }
+        self.number += 1;
+    }
+
+    /// The nearest vertex that is wanted, `from` included; of equals the one found first.
+    pub(crate) fn nearest(
+        &mut self,
+        from: Vertex,
+        mut wanted: impl FnMut(Vertex) -> bool,
+    ) -> Option<Vertex> {
+        self.begin();
+        self.queue.clear();
+        self.queue.push(from);
+        self.seen[from as usize] = self.number;
+        let mut next = 0;
+        while let Some(&v) = self.queue.get(next) {
+            next += 1;
+            if wanted(v) {
+                return Some(v);
+            }
+            for near in self.ground.graph.neighbors(v) {
+                if self.seen[near as usize] != self.number {
+                    self.seen[near as usize] = self.number;
+                    self.queue.push(near);
+                }
+            }
+        }
+        None
+    }
+
+    /// The length of a shortest way, if it is at most `most`.
+    ///
+    /// A*: on a grid a move keeps the estimate of the whole way or makes it two longer, so
+    /// two stacks do for a queue.
+    pub(crate) fn distance(&mut self, from: Vertex, to: Vertex, most: u32) -> Option<u32> {
+        let ground = self.ground;
+        if ground.region(from) != ground.region(to) {
+            return None;
+        }
+        self.begin();
+        self.near.clear();
+        self.far.clear();
+        // A vertex is settled when it is taken, by the number of the search.
+        self.near.push((from, 0));
+        let mut estimate = ground.manhattan(from, to);
+        while estimate <= most {
+            while let Some((v, steps)) = self.near.pop() {
+                if self.seen[v as usize] == self.number {
+                    continue;
+                }
+                self.seen[v as usize] = self.number;
+                if v == to {
+                    return Some(steps);
+                }
+                let left = estimate - steps;
+                for near in ground.graph.neighbors(v) {
+                    if self.seen[near as usize] == self.number {
+                        continue;
+                    }
+                    let stack = if ground.manhattan(near, to) < left {
+                        &mut self.near
+                    } else {
+                        &mut self.far
+                    };
+                    stack.push((near, steps + 1));
+                }
+            }
+            if self.far.is_empty() {
+                return None;
+            }
+            std::mem::swap(&mut self.near, &mut self.far);
+            estimate += 2;
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetyard_abi::GridEnvironment;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn ground(rows: u32, cols: u32, blocked: &[bool]) -> Ground {
+        let passable: Vec<u8> = blocked.iter().map(|blocked| u8::from(!blocked)).collect();
+        let environment = Environment::Grid(GridEnvironment {
+            map_name: "map".into(),
+            rows,
+            cols,
+            connectivity: 4,
+            cell_size_m: 1.0,
+            step_s: 1.0,
+            terrain: passable.iter().map(|free| b"@."[*free as usize]).collect(),
+            passable,
+        });
+        Ground::learn(&environment).unwrap()
+    }
+
+    proptest! {
+        /// Both searches find what is there, and distances are those of the shortest ways.
+        #[test]
+        fn distances_are_shortest(blocked in prop::collection::vec(prop::bool::weighted(0.3), 63)) {
+            let ground = ground(7, 9, &blocked);
+            let mut search = Search::new(&ground);
+            let free = ground.graph.len() as Vertex;
+            for from in 0..free {
+                // Distances by levels, found without any of the code above.
+                let mut steps = vec![None; free as usize];
+                steps[from as usize] = Some(0);
+                for level in 0..free {
+                    for v in 0..free {
+                        if steps[v as usize] == Some(level) {
+                            for near in ground.graph.neighbors(v) {
+                                steps[near as usize].get_or_insert(level + 1);
+                            }
+                        }
+                    }
+                }
+                for to in 0..free {
+                    let apart = steps[to as usize];
+                    prop_assert_eq!(search.distance(from, to, u32::MAX), apart);
+                    if let Some(apart) = apart.filter(|apart| *apart > 0) {
+                        prop_assert_eq!(search.distance(from, to, apart - 1), None);
+                    }
+                    prop_assert_eq!(search.nearest(from, |v| v == to).is_some(), apart.is_some());
+                }
+            }
+        }
+    }
+}

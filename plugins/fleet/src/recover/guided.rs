@@ -1,0 +1,212 @@
+//! Planning anew with PIBT along the paths that the planner left.
+//!
+//! Z. Chen, D. Harabor, J. Li, P. J. Stuckey, "Traffic flow optimisation for lifelong
+//! multi-agent path finding", AAAI 2024: an agent has a guide path, and of the cells where it
+//! could be next it prefers the one that is nearest to the path, and of those as near the one
+//! from where less of the path is left.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
+use fleetyard_abi::{Budget, Descriptor, Goals, Instance, Kind, PlanRef, SharedEnvironment};
+use fleetyard_plugin_mapf::lifelong::{Place, Ranking};
+use fleetyard_plugin_spacetime::graph::Vertex;
+
+use super::Question;
+use super::pibt::{CAPABILITIES, Stepping, SteppingOptions};
+use crate::described;
+use crate::ground::Ground;
+
+/// PIBT along the failed paths.
+#[derive(Debug)]
+pub struct GuidedPibt(Stepping);
+
+impl Plugin for GuidedPibt {
+    fn descriptor() -> Descriptor {
+        described::<SteppingOptions>(
+            Kind::FailPolicy,
+            ("guided-pibt", "Guided PIBT"),
+            "Plans anew with PIBT along the paths that the planner left: moves are ranked by how \
+             near they lead to the path, then by how much of it is left (Chen, Harabor, Li, \
+             Stuckey, AAAI 2024). Where a path ends before a goal, PIBT goes on by itself.",
+            CAPABILITIES,
+        )
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        Stepping::new(options).map(Self)
+    }
+}
+
+impl FailPolicy for GuidedPibt {
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.0.learn(environment)
+    }
+
+    fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let guides = |ground: &Arc<Ground>, question: &Question<'_>, goals: &Goals| {
+            Guides::new(ground, question, goals, failed)
+        };
+        self.0.recover(instance, budget, sink, guides)
+    }
+}
+
+/// The guide paths of a fleet.
+struct Guides {
+    ground: Arc<Ground>,
+    agents: Vec<Guide>,
+}
+
+/// The guide path of an agent.
+struct Guide {
+    path: Vec<Vertex>,
+    /// Where on the path the agent visits its goals, one after the other, as far as it does.
+    visits: Vec<usize>,
+    /// The part of the path that it is on: how many goals it has visited, and how far places
+    /// are from there.
+    part: Option<(usize, Field)>,
+}
+
+/// How far places are from a part of a path, and how much of it is left from the nearest place
+/// on it.
+struct Field {
+    /// Where the part ends, if that is no goal: from there on the path has nothing to say.
+    open_end: Option<Vertex>,
+    left_behind: bool,
+    known: BTreeMap<Vertex, (u32, u32)>,
+    edge: Vec<Vertex>,
+    distance: u32,
+}
+
+impl Guides {
+    fn new(
+        ground: &Arc<Ground>,
+        question: &Question<'_>,
+        goals: &Goals,
+        failed: Option<PlanRef<'_>>,
+    ) -> Self {
+        let paths = question.paths(failed).into_iter();
+        let guide = |(mut path, goals): (Vec<Vertex>, &[u32])| {
+            path.dedup();
+            let mut visits = Vec::new();
+            let mut from = 0;
+            for goal in goals {
+                let found = path[from..]
+                    .iter()
+                    .position(|v| ground.graph.cell(*v) == *goal);
+                let Some(further) = found else { break };
+                from += further;
+                visits.push(from);
+            }
+            Guide {
+                path,
+                visits,
+                part: None,
+            }
+        };
+        Self {
+            agents: paths.zip(goals.iter()).map(guide).collect(),
+            ground: Arc::clone(ground),
+        }
+    }
+}
+
+impl Guide {
+    /// The part of the path on which an agent is that has visited so many goals.
+    fn field(&mut self, visited: usize) -> Option<&mut Field> {
+        if self
+            .part
+            .as_ref()
+            .is_none_or(|(before, _)| *before != visited)
+        {
+            let from = match visited.checked_sub(1) {
+                None => Some(0),
+                Some(before) => self.visits.get(before).copied(),
+            };
+            let to = self.visits.get(visited).copied();
+            let last = self.path.len() - 1;
+            let part = from.map_or(&[][..], |from| &self.path[from..=to.unwrap_or(last)]);
+            let mut known = BTreeMap::new();
+            // Where the path comes to a cell again, the last time counts.
+            for (left, v) in (0..).zip(part.iter().rev()) {
+                known.entry(*v).or_insert((0, left));
+            }
+            let field = Field {
+                open_end: if to.is_none() {
+                    part.last().copied()
+                } else {
+                    None
+                },
+                left_behind: part.is_empty(),
+                edge: part.to_vec(),
+                known,
+                distance: 0,
+            };
+            self.part = Some((visited, field));
+        }
+        self.part.as_mut().map(|(_, field)| field)
+    }
+}
+
+impl Field {
+    /// How far a place is from the path, and how much of the path is left from there.
+    fn get(&mut self, ground: &Ground, v: Vertex) -> (u32, u32) {
+        loop {
+            if let Some(found) = self.known.get(&v) {
+                return *found;
+            }
+            if self.edge.is_empty() {
+                return (u32::MAX, u32::MAX);
+            }
+            self.distance += 1;
+            let mut next = Vec::new();
+            for here in std::mem::take(&mut self.edge) {
+                let left = self.known.get(&here).map_or(0, |(_, left)| *left);
+                for near in ground.graph.neighbors(here) {
+                    match self.known.get_mut(&near) {
+                        None => {
+                            self.known.insert(near, (self.distance, left));
+                            next.push(near);
+                        }
+                        Some((distance, least)) if *distance == self.distance => {
+                            *least = left.min(*least);
+                        }
+                        Some(_) => {}
+                    }
+                }
+            }
+            self.edge = next;
+        }
+    }
+}
+
+impl Ranking for Guides {
+    fn rank(&mut self, place: Place, cells: &mut [u32]) {
+        let Some(field) = self.agents[place.agent].field(place.visited) else {
+            return;
+        };
+        let vertex = |cell: u32| self.ground.graph.vertex(cell);
+        if field.open_end.is_some() && field.open_end == vertex(place.cell) {
+            field.left_behind = true;
+        }
+        if field.left_behind {
+            return;
+        }
+        cells.sort_by_cached_key(|cell| match vertex(*cell) {
+            Some(v) => field.get(&self.ground, v),
+            None => (u32::MAX, u32::MAX),
+        });
+    }
+}
