@@ -3,6 +3,7 @@
 
 use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_mapf::plugin::{Lacam, Pibt};
+use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
 use fleetyard_plugin_search::plugin as search;
 
@@ -14,6 +15,8 @@ fleetyard_abi::export! {
         Pibt,
         Prioritized,
         PriorityBasedSearch,
+        MapfLns2,
+        MapfLns,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

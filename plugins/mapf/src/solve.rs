@@ -334,7 +334,8 @@ impl<'g> Run<'_, 'g> {
         let mut reported = 0;
         while self.sum() > self.lower_bound && (searching || refine) {
             if refine {
-                let round = refiner.round(&distances, &mut || self.observer.stop());
+                let round =
+                    refiner.round(&distances.team(self.goals), &mut || self.observer.stop());
                 if self.spend(round.attempts.max(1)).is_some() {
                     return;
                 }

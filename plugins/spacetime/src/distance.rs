@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::graph::{DIRECTIONS, Graph, Vertex};
-use crate::sipp::Guidance;
+use crate::sipp::{Guidance, Team};
 
 /// The largest distance a row can hold. Longer ones make the problem unsupported.
 pub const MAX_DISTANCE: u32 = u16::MAX as u32 - 2;
@@ -89,12 +89,12 @@ impl<'g> Distances<'g> {
         u32::from(self.table[agent * self.stride + v as usize]).wrapping_sub(1)
     }
 
-    /// The way of one agent to its goal, to stay there. For [`Distances::complete`] tables.
-    pub fn route(&self, agent: usize, goal: Vertex) -> Towards<'_, 'g> {
-        Towards {
+    /// The ways of all agents to their goals, in the same order as these were given in the
+    /// beginning. For [`Distances::complete`] tables.
+    pub fn team<'d>(&'d self, goals: &'d [Vertex]) -> Known<'d, 'g> {
+        Known {
             distances: self,
-            agent,
-            goal: [goal],
+            goals,
         }
     }
 
@@ -143,17 +143,38 @@ impl<'g> Distances<'g> {
     }
 }
 
-/// The way of one agent to one goal, by complete [`Distances`].
+/// The ways of agents to their goals, by complete [`Distances`].
 #[derive(Debug, Clone, Copy)]
-pub struct Towards<'d, 'g> {
+pub struct Known<'d, 'g> {
+    distances: &'d Distances<'g>,
+    goals: &'d [Vertex],
+}
+
+impl Team for Known<'_, '_> {
+    fn route(&self, agent: usize) -> impl Guidance {
+        Towards {
+            distances: self.distances,
+            agent,
+            goal: std::slice::from_ref(&self.goals[agent]),
+        }
+    }
+
+    #[inline]
+    fn distance(&self, agent: usize, v: Vertex) -> u32 {
+        self.distances.known(agent, v)
+    }
+}
+
+/// The way of one agent to its goal, by complete [`Distances`].
+struct Towards<'d, 'g> {
     distances: &'d Distances<'g>,
     agent: usize,
-    goal: [Vertex; 1],
+    goal: &'d [Vertex],
 }
 
 impl Guidance for Towards<'_, '_> {
     fn goals(&self) -> &[Vertex] {
-        &self.goal
+        self.goal
     }
 
     fn stays(&self) -> bool {

@@ -5,10 +5,10 @@
 //! our own variants: around a delayed agent, around a place, at random; and one more
 //! for agents that arrive late because others still cross their goals.
 
-use crate::distance::Distances;
 use crate::graph::{Graph, Vertex};
 use crate::plan::Paths;
 use crate::random::Random;
+use crate::sipp::Team;
 
 /// How a neighbourhood is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,7 +105,7 @@ impl<'g> Chooser<'g> {
         kind: Kind,
         size: usize,
         paths: &Paths,
-        distances: &Distances<'_>,
+        team: &(impl Team + ?Sized),
         random: &mut Random,
     ) -> Vec<u32> {
         self.members.clear();
@@ -118,14 +118,14 @@ impl<'g> Chooser<'g> {
             }
             return std::mem::take(&mut self.members);
         }
-        let Some(seed) = self.delayed(paths, distances, random) else {
+        let Some(seed) = self.delayed(paths, team, random) else {
             return Vec::new();
         };
         self.take(seed);
         match kind {
-            Kind::Delay => self.in_the_way(seed, size, paths, distances, random),
+            Kind::Delay => self.in_the_way(seed, size, paths, team, random),
             Kind::Place => self.around_path(seed, size, paths, random),
-            Kind::Goal => self.around_goal(seed, size, paths, distances, random),
+            Kind::Goal => self.around_goal(seed, size, paths, team, random),
             Kind::Random => {}
         }
         std::mem::take(&mut self.members)
@@ -135,7 +135,7 @@ impl<'g> Chooser<'g> {
     fn delayed(
         &self,
         paths: &Paths,
-        distances: &Distances<'_>,
+        team: &(impl Team + ?Sized),
         random: &mut Random,
     ) -> Option<u32> {
         let delay = |agent: usize| {
@@ -143,7 +143,7 @@ impl<'g> Chooser<'g> {
             if self.taken[agent] {
                 0
             } else {
-                path.len() - 1 - distances.known(agent, path[0]) as usize
+                path.len() - 1 - team.distance(agent, path[0]) as usize
             }
         };
         let total: usize = (0..paths.len()).map(delay).sum();
@@ -169,7 +169,7 @@ impl<'g> Chooser<'g> {
         seed: u32,
         size: usize,
         paths: &Paths,
-        distances: &Distances<'_>,
+        team: &(impl Team + ?Sized),
         random: &mut Random,
     ) {
         let path = &paths[seed as usize];
@@ -188,7 +188,7 @@ impl<'g> Chooser<'g> {
                 let mut choices = [v; 5];
                 let mut count = 0;
                 for u in self.graph.neighbors(v).chain([v]) {
-                    if t + 1 + (distances.known(seed as usize, u) as usize) < cost {
+                    if t + 1 + (team.distance(seed as usize, u) as usize) < cost {
                         choices[count] = u;
                         count += 1;
                     }
@@ -254,12 +254,12 @@ impl<'g> Chooser<'g> {
         seed: u32,
         size: usize,
         paths: &Paths,
-        distances: &Distances<'_>,
+        team: &(impl Team + ?Sized),
         random: &mut Random,
     ) {
         let path = &paths[seed as usize];
         let goal = self.goals[seed as usize];
-        let earliest = distances.known(seed as usize, path[0]) as usize;
+        let earliest = team.distance(seed as usize, path[0]) as usize;
         let mut crossing: Vec<(usize, u32)> = self.visits[goal as usize]
             .iter()
             .filter(|&&agent| agent != seed)

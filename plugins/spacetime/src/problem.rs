@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::distance::{MAX_DISTANCE, Table, Tables};
 use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
-use crate::sipp::Guidance;
+use crate::sipp::{Guidance, Team};
 
 /// Why there is nothing to plan for.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -415,5 +415,12 @@ impl Guidance for Route {
                 .saturating_add(self.after[label as usize]),
             None => 0,
         }
+    }
+}
+
+impl Team for [Route] {
+    #[inline]
+    fn route(&self, agent: usize) -> impl Guidance {
+        &self[agent]
     }
 }

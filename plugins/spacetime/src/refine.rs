@@ -14,13 +14,12 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use crate::distance::Distances;
 use crate::graph::{Graph, Vertex};
 use crate::neighborhood::{Chooser, KINDS, Kind};
 use crate::plan::Paths;
 use crate::random::Random;
 use crate::reservation::Reservations;
-use crate::sipp::{Query, Sipp};
+use crate::sipp::{Query, Sipp, Team};
 
 /// Most neighbourhoods in a round.
 const SLOTS: usize = 16;
@@ -78,7 +77,8 @@ struct Repair {
 
 /// One thread's table and scratch memory.
 #[derive(Debug)]
-struct Worker {
+struct Worker<'g> {
+    graph: &'g Graph,
     reservations: Reservations,
     sipp: Sipp,
     cycles: bool,
@@ -92,7 +92,7 @@ pub struct Refiner<'a, 'g> {
     seed: u64,
     cycles: bool,
     paths: Paths,
-    workers: Vec<Worker>,
+    workers: Vec<Worker<'g>>,
     chooser: Chooser<'g>,
     arms: Vec<Arm>,
     random: Random,
@@ -124,6 +124,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
     ) -> Self {
         let reservations = table_of(graph, &paths);
         let worker = || Worker {
+            graph,
             reservations: reservations.clone(),
             sipp: Sipp::default(),
             cycles,
@@ -175,20 +176,20 @@ impl<'a, 'g> Refiner<'a, 'g> {
         &self.paths
     }
 
-    /// One round, with complete `distances`. A round during which `stop` says so changes
+    /// One round, for the same `team` each time. A round during which `stop` says so changes
     /// nothing.
-    pub fn round(&mut self, distances: &Distances<'_>, stop: &mut dyn FnMut() -> bool) -> Round {
-        let jobs = self.choose(distances);
+    pub fn round(&mut self, team: &(impl Team + ?Sized), stop: &mut dyn FnMut() -> bool) -> Round {
+        let jobs = self.choose(team);
         let repairs: Vec<Mutex<Repair>> = jobs.iter().map(|_| Mutex::default()).collect();
         let next = AtomicUsize::new(0);
         let stopped = AtomicBool::new(false);
         let (paths, goals, seed) = (&self.paths, self.goals, self.seed);
-        let work = |worker: &mut Worker, stop: &mut dyn FnMut() -> bool| {
+        let work = |worker: &mut Worker<'_>, stop: &mut dyn FnMut() -> bool| {
             loop {
                 let slot = next.fetch_add(1, Ordering::Relaxed);
                 let Some(job) = jobs.get(slot) else { return };
                 let random = Random::new(seed, job.stream);
-                let repair = worker.repair(&job.members, paths, goals, distances, random, stop);
+                let repair = worker.repair(&job.members, paths, goals, team, random, stop);
                 if let Ok(mut place) = repairs[slot].lock() {
                     *place = repair;
                 }
@@ -232,7 +233,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
     }
 
     /// Disjoint neighbourhoods for a round.
-    fn choose(&mut self, distances: &Distances<'_>) -> Vec<Job> {
+    fn choose(&mut self, team: &(impl Team + ?Sized)) -> Vec<Job> {
         self.chooser.release();
         let rates: Vec<f64> = self.arms.iter().map(Arm::preference).collect();
         let total: f64 = rates.iter().sum();
@@ -250,9 +251,7 @@ impl<'a, 'g> Refiner<'a, 'g> {
             let Arm { kind, size, .. } = self.arms[arm];
             let size = size.min(self.paths.len());
             let random = &mut self.random;
-            let members = self
-                .chooser
-                .choose(kind, size, &self.paths, distances, random);
+            let members = self.chooser.choose(kind, size, &self.paths, team, random);
             if members.is_empty() {
                 continue;
             }
@@ -319,7 +318,7 @@ fn table_of(graph: &Graph, paths: &Paths) -> Reservations {
     table
 }
 
-impl Worker {
+impl Worker<'_> {
     /// Replans the members one after the other; a repair that would cost more than
     /// before is none. The table is left as it was.
     fn repair(
@@ -327,11 +326,11 @@ impl Worker {
         members: &[u32],
         paths: &Paths,
         goals: &[Vertex],
-        distances: &Distances<'_>,
+        team: &(impl Team + ?Sized),
         mut random: Random,
         stop: &mut dyn FnMut() -> bool,
     ) -> Repair {
-        let graph = distances.graph();
+        let graph = self.graph;
         let before = self.sipp.expansions;
         let mut order: Vec<usize> = (0..members.len()).collect();
         random.shuffle(&mut order);
@@ -343,7 +342,7 @@ impl Worker {
             budget += paths[agent as usize].len() - 1;
         }
         let least = |table: &Reservations, agent: usize| {
-            let distance = distances.known(agent, paths[agent][0]) as usize;
+            let distance = team.distance(agent, paths[agent][0]) as usize;
             distance.max(table.free_for_ever(goals[agent]) as usize)
         };
         let mut complete = true;
@@ -360,7 +359,7 @@ impl Worker {
                     graph,
                     hard: table,
                     soft: None,
-                    route: &distances.route(agent, goals[agent]),
+                    route: &team.route(agent),
                     start: paths[agent][0],
                     heading: 0,
                     turning: false,

@@ -51,6 +51,33 @@ pub trait Guidance {
     }
 }
 
+impl<G: Guidance> Guidance for &G {
+    fn goals(&self) -> &[Vertex] {
+        (*self).goals()
+    }
+
+    fn stays(&self) -> bool {
+        (*self).stays()
+    }
+
+    #[inline]
+    fn rest(&self, label: u32, v: Vertex, heading: u8) -> u32 {
+        (*self).rest(label, v, heading)
+    }
+}
+
+/// What each agent of a team has to visit: one goal, where it stays.
+pub trait Team: Sync {
+    /// The way of one of them.
+    fn route(&self, agent: usize) -> impl Guidance;
+
+    /// Steps from `v` to the goal of an agent.
+    #[inline]
+    fn distance(&self, agent: usize, v: Vertex) -> u32 {
+        self.route(agent).rest(0, v, 0)
+    }
+}
+
 /// A question to the search.
 #[derive(Debug)]
 pub struct Query<'a, G> {
