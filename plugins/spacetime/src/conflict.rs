@@ -199,7 +199,8 @@ impl Conflicts {
             .any(|visit| visit.until == time && visit.next == from && visit.agent != agent)
     }
 
-    /// The ring that a move of an agent would close.
+    /// A ring that a move of an agent would close: where agents are in the same cell there
+    /// may be several.
     pub fn ring(
         &self,
         agent: u32,
@@ -207,29 +208,51 @@ impl Conflicts {
         to: Vertex,
         time: u32,
     ) -> Option<Box<[(u32, Vertex)]>> {
+        let mut first = None;
+        self.rings((agent, from, to), time, &mut |ring| {
+            first.get_or_insert(ring);
+        });
+        first
+    }
+
+    /// Tells of every ring that a move of an agent from a cell to another would close.
+    fn rings(
+        &self,
+        (agent, from, to): (u32, Vertex, Vertex),
+        time: u32,
+        tell: &mut dyn FnMut(Box<[(u32, Vertex)]>),
+    ) {
+        let leaving = |at: Vertex| {
+            let visits = self.visits[at as usize].iter();
+            visits.filter(move |visit| visit.until == time && visit.agent != agent)
+        };
+        // Who may be next, where it comes from and goes to, behind how many others.
+        let mut open: Vec<(usize, u32, Vertex, Vertex)> = Vec::new();
+        let follow = |open: &mut Vec<_>, behind: usize, at: Vertex| {
+            let begin = open.len();
+            open.extend(leaving(at).map(|visit| (behind, visit.agent, at, visit.next)));
+            open[begin..].sort_unstable_by_key(|next| std::cmp::Reverse(next.1));
+        };
+        follow(&mut open, 1, to);
+        if open.is_empty() {
+            return;
+        }
         let mut members = vec![(agent, from)];
-        let mut at = to;
-        loop {
-            let leaving = self.visits[at as usize]
-                .iter()
-                .filter(|visit| visit.until == time && visit.agent != agent);
-            let visit = leaving.min_by_key(|visit| visit.agent)?;
-            members.push((visit.agent, at));
-            at = visit.next;
-            if at == from {
-                break;
-            }
-            // Followers that run into a ring without being part of it would go round for ever.
-            if members.len() > self.paths.len() {
-                return None;
+        while let Some((behind, next, at, then)) = open.pop() {
+            members.truncate(behind);
+            members.push((next, at));
+            if then == from {
+                if members.len() >= 3 {
+                    let mut ring = members.clone();
+                    let lowest = (0..ring.len()).min_by_key(|&i| ring[i].0);
+                    ring.rotate_left(lowest.unwrap_or(0));
+                    tell(ring.into());
+                }
+            } else if members.iter().all(|(_, v)| *v != then) {
+                // Others run into a ring without being part of it.
+                follow(&mut open, members.len(), then);
             }
         }
-        if members.len() < 3 {
-            return None;
-        }
-        let lowest = (0..members.len()).min_by_key(|&i| members[i].0)?;
-        members.rotate_left(lowest);
-        Some(members.into())
     }
 
     /// Tells of every conflict that an agent would have with others on a path.
@@ -278,13 +301,15 @@ impl Conflicts {
                     });
                 }
             }
-            if rings && let Some(members) = self.ring(agent, v, next, until) {
-                let mut numbers: Vec<u32> = members.iter().map(|(member, _)| *member).collect();
-                numbers.sort_unstable();
-                tell(Conflict {
-                    time: until,
-                    agents: [numbers[0], numbers[1]],
-                    kind: Kind::Ring(members),
+            if rings {
+                self.rings((agent, v, next), until, &mut |members| {
+                    let mut numbers: Vec<u32> = members.iter().map(|(member, _)| *member).collect();
+                    numbers.sort_unstable();
+                    tell(Conflict {
+                        time: until,
+                        agents: [numbers[0], numbers[1]],
+                        kind: Kind::Ring(members),
+                    });
                 });
             }
         }
