@@ -1,5 +1,6 @@
 //! What both planners do: the path of one agent among those of others.
 
+use fleetyard_plugin_spacetime::graph::DIRECTIONS;
 use fleetyard_plugin_spacetime::plan::Paths;
 use fleetyard_plugin_spacetime::problem::{Problem, Route};
 use fleetyard_plugin_spacetime::random::Random;
@@ -49,6 +50,32 @@ pub(crate) struct Single<'p> {
     pub(crate) hard: Reservations,
     pub(crate) soft: Reservations,
     random: Random,
+    /// Per agent [`earliest`].
+    earliest: Vec<[u32; DIRECTIONS]>,
+}
+
+/// When others can come to the start of an agent at the earliest, by the direction that
+/// they come from, whatever path the agent takes. Who has priority must not count on more,
+/// or the agent has no path at all.
+fn earliest(problem: &Problem, agent: usize) -> [u32; DIRECTIONS] {
+    let Route { start, heading, .. } = problem.routes[agent];
+    let around = problem.graph.around(start);
+    let open = |d: &usize| around[*d] != problem.graph.wall();
+    let turns = |d: usize| match (problem.turning, (d + 4 - usize::from(heading)) % 4) {
+        (false, _) | (true, 0) => 0,
+        (true, 2) => 2,
+        (true, _) => 1,
+    };
+    std::array::from_fn(|d| {
+        if !open(&d) {
+            return 0;
+        }
+        // Either the agent goes where the other one does not come from, or it goes there,
+        // and on, before the other one is there.
+        let others = (0..DIRECTIONS).filter(|e| *e != d).filter(open);
+        let elsewhere = others.map(|e| turns(e) + 1).min();
+        elsewhere.unwrap_or(u32::MAX).min(turns(d) + 3)
+    })
 }
 
 impl<'p> Single<'p> {
@@ -65,7 +92,29 @@ impl<'p> Single<'p> {
             soft: table.clone(),
             hard: table,
             random,
+            earliest: (0..problem.agents())
+                .map(|agent| earliest(problem, agent))
+                .collect(),
         }
+    }
+
+    /// Enters into the table of those not to be met that an agent without path is at its
+    /// start at first, and that it must be left alone for `delay` steps.
+    pub(crate) fn hold(&mut self, agent: usize, delay: u32) {
+        let start = self.problem.routes[agent].start;
+        let earliest = self.earliest[agent].map(|step| match step {
+            0 => 0,
+            step => step + delay,
+        });
+        self.hard.hold(start, earliest);
+    }
+
+    /// Takes what [`Single::hold`] has entered out again; gives the time from which on the
+    /// table is as it was, at that vertex.
+    pub(crate) fn release(&mut self, agent: usize, delay: u32) -> u32 {
+        let last = self.earliest[agent].into_iter().max().unwrap_or(0) + delay;
+        self.hard.release(self.problem.routes[agent].start, last);
+        last
     }
 
     /// The best path of an agent by both tables, or by the one that keeps it from others.

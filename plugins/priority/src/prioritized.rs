@@ -141,11 +141,15 @@ impl Run<'_> {
         self.longest = 0;
         let problem = self.single.problem;
         self.single.hard.reset(&problem.graph, 0);
+        for agent in 0..problem.agents() {
+            self.single.hold(agent, self.delay);
+        }
         let mut failed = None;
         for &agent in order {
             if stop() {
                 return Err(Stopped);
             }
+            self.release(agent);
             match self.single.path(agent, false, stop) {
                 Ok(found) => {
                     self.paths[agent] = found.path;
@@ -163,19 +167,36 @@ impl Run<'_> {
         Ok(failed)
     }
 
+    /// Lets an agent begin. Paths that come to its start soon after stay in the table.
+    fn release(&mut self, agent: usize) {
+        let start = self.single.problem.routes[agent].start;
+        let end = (self.single.release(agent, self.delay) + self.delay) as usize;
+        let Single { problem, hard, .. } = &mut self.single;
+        for path in &self.paths {
+            if path.iter().take(end + 1).any(|&v| v == start) {
+                hard.add(&problem.graph, path, self.delay);
+            }
+        }
+    }
+
     /// Enters the path of an agent into the table, which grows if it has to.
     fn reserve(&mut self, agent: usize) {
         let Single { problem, hard, .. } = &mut self.single;
         let path = &self.paths[agent];
         self.longest = self.longest.max(path.len());
         let needed = self.longest + self.delay as usize + 1;
-        if problem.window == 0 && needed > hard.horizon() as usize {
-            hard.reset(&problem.graph, needed);
-            for path in &self.paths {
+        if problem.window > 0 || needed <= hard.horizon() as usize {
+            hard.add(&problem.graph, path, self.delay);
+            return;
+        }
+        hard.reset(&problem.graph, needed);
+        for (other, path) in self.paths.iter().enumerate() {
+            if path.is_empty() {
+                self.single.hold(other, self.delay);
+            } else {
+                let Single { problem, hard, .. } = &mut self.single;
                 hard.add(&problem.graph, path, self.delay);
             }
-        } else {
-            hard.add(&problem.graph, path, self.delay);
         }
     }
 }

@@ -301,6 +301,7 @@ impl Run<'_, '_> {
         for agent in 0..self.single.problem.agents() {
             self.make_room();
             self.single.hard.reset(&self.single.problem.graph, 0);
+            self.hold_others(agent);
             // Alone in the world everybody finds a path.
             let Ok(found) = self.single.path(agent, true, self.stop) else {
                 return Err(Stopped);
@@ -437,7 +438,15 @@ impl Run<'_, '_> {
             };
             table.add(graph, self.team.path(other), 0);
         }
+        self.hold_others(agent);
         self.single.path(agent, true, self.stop)
+    }
+
+    /// Whoever comes later has to get away from its start as well.
+    fn hold_others(&mut self, agent: usize) {
+        for other in (0..self.single.problem.agents()).filter(|&other| other != agent) {
+            self.single.hold(other, 0);
+        }
     }
 
     /// Sees to it that all paths fit into the tables.

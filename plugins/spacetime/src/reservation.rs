@@ -228,7 +228,8 @@ impl Reservations {
             }
             self.occupy(v, first, (next as u32).saturating_add(delay).min(self.end));
             let leaving = next - 1;
-            if (leaving as u32) < self.end {
+            // A move that ends after the window is nobody's business.
+            if (next as u32) < self.end {
                 let around = graph.around(v);
                 if let Some(d) = around.iter().position(|&u| u == path[next]) {
                     let row = (v as usize * ROWS + 1 + d) * self.words;
@@ -236,6 +237,34 @@ impl Reservations {
                 }
             }
             at = next;
+        }
+    }
+
+    /// Keeps others from coming to a vertex, whose agent has no path yet: from direction `d`
+    /// nobody arrives before `earliest[d]`; 0 where nobody comes from.
+    pub fn hold(&mut self, v: Vertex, earliest: [u32; DIRECTIONS]) {
+        if self.row(v, 0).iter().all(|&word| word == 0) {
+            self.touched.push(v);
+        }
+        let free = earliest.into_iter().filter(|&t| t > 0).min().unwrap_or(0);
+        self.occupy(v, 0, free.min(self.end));
+        for (d, earliest) in earliest.into_iter().enumerate() {
+            // As if the agent left to where the other one would come from.
+            let row = (v as usize * ROWS + 1 + d) * self.words;
+            for t in 0..earliest.saturating_sub(1).min(self.end) as usize {
+                self.bits[row + t / WORD] |= 1 << (t % WORD);
+            }
+        }
+    }
+
+    /// Forgets what happens at a vertex before the time `end`.
+    pub fn release(&mut self, v: Vertex, end: u32) {
+        let end = end.min(self.end) as usize;
+        for row in 0..ROWS {
+            let begin = (v as usize * ROWS + row) * self.words;
+            for t in 0..end {
+                self.bits[begin + t / WORD] &= !(1 << (t % WORD));
+            }
         }
     }
 
@@ -284,15 +313,23 @@ impl Reservations {
     /// same step, an exchange of places among them: `to` is left towards a vertex that is
     /// left … towards `from`.
     pub fn closes_ring(&self, graph: &Graph, from: Vertex, to: Vertex, t: u32) -> bool {
-        let mut at = to;
-        // Paths that collide may hold a ring of their own, which the chain never leaves.
-        for _ in 0..graph.len() {
-            let Some(d) = (0..DIRECTIONS).find(|&d| self.leaves(at, d, t)) else {
-                return false;
-            };
-            at = graph.around(at)[d];
-            if at == from {
-                return true;
+        // Nearly always nobody leaves.
+        if !self.busy(to, t) {
+            return false;
+        }
+        // Paths that collide may fork, and hold rings of their own.
+        let mut chain = vec![to];
+        let mut next = 0;
+        while let Some(&at) = chain.get(next) {
+            next += 1;
+            for d in (0..DIRECTIONS).filter(|&d| self.leaves(at, d, t)) {
+                let ahead = graph.around(at)[d];
+                if ahead == from {
+                    return true;
+                }
+                if !chain.contains(&ahead) {
+                    chain.push(ahead);
+                }
             }
         }
         false

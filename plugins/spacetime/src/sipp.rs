@@ -19,6 +19,10 @@ use crate::random::Random;
 use crate::reservation::{NEVER, Reservations};
 
 const NONE: u32 = u32::MAX;
+/// No direction.
+const STAYED: u8 = DIRECTIONS as u8;
+/// Room for closed states at the beginning.
+const LEAST_CLOSED: usize = 1 << 10;
 /// Expansions between two questions whether to stop.
 const PATIENCE: u64 = 512;
 /// How many degrees of preference there are among equally long paths.
@@ -129,8 +133,6 @@ struct State {
     time: u32,
     until: u32,
     parent: u32,
-    /// Next closed state at the same vertex.
-    next: u32,
     /// When the last goal was visited, or [`NEVER`].
     visited: u32,
     /// [`Found::length`] at best.
@@ -139,11 +141,14 @@ struct State {
     /// Soft collisions on the way.
     met: u32,
     heading: u8,
+    /// The direction of the move that led here, or [`STAYED`].
+    crossed: u8,
     /// The path may end here.
     ends: bool,
 }
 
-/// The search, with its scratch memory: 8 bytes per vertex and 40 per state.
+/// The search, with its scratch memory: 40 bytes per state that it meets, and 16 per state
+/// that it expands.
 #[derive(Debug, Default)]
 pub struct Sipp {
     states: Vec<State>,
@@ -151,9 +156,12 @@ pub struct Sipp {
     /// First bucket that may not be empty, and how many are in use.
     current: usize,
     used: usize,
-    /// Per vertex the query of the last visit, and the last closed state.
+    /// Expanded states, by place and interval: an open hash table of query and state, where
+    /// what earlier queries left counts as empty.
     closed: Vec<(u32, u32)>,
     query: u32,
+    /// States in `closed`.
+    count: usize,
     /// States expanded since the beginning.
     pub expansions: u64,
     limit: u64,
@@ -184,7 +192,6 @@ impl Sipp {
         stop: &mut dyn FnMut() -> bool,
     ) -> Result<Found, Miss> {
         let Query {
-            graph,
             hard,
             soft,
             route,
@@ -201,7 +208,7 @@ impl Sipp {
         if least > query.bound || least == NEVER || hard.busy(start, 0) {
             return Err(Miss::NoPath);
         }
-        self.begin(graph);
+        self.begin();
         let degrees = if soft.is_none() && (route.stays() || query.window > 0) {
             1
         } else {
@@ -223,6 +230,7 @@ impl Sipp {
             rest: route.rest(label, start, heading),
             visited: NEVER,
             met: 0,
+            crossed: STAYED,
         };
         let change = soft.map_or(NEVER, |soft| soft.next_change(start, 0));
         search.enter(step, hard.next_busy(start, 0), change);
@@ -236,6 +244,9 @@ impl Sipp {
                     path: self.trace(id, query.window),
                     length: state.length,
                 });
+            }
+            if state.crossed != STAYED && state.until != NEVER {
+                search.cross(state.parent, usize::from(state.crossed), state.until + 1);
             }
             if search.memory.is_closed(&state) {
                 continue;
@@ -257,13 +268,14 @@ impl Sipp {
         Err(Miss::NoPath)
     }
 
-    fn begin(&mut self, graph: &Graph) {
-        if self.closed.len() != graph.len() || self.query == u32::MAX {
+    fn begin(&mut self) {
+        if self.closed.is_empty() || self.query == u32::MAX {
             self.closed.clear();
-            self.closed.resize(graph.len(), (0, NONE));
+            self.closed.resize(LEAST_CLOSED, (0, NONE));
             self.query = 0;
         }
         self.query += 1;
+        self.count = 0;
         self.states.clear();
         for bucket in &mut self.buckets[..self.used] {
             bucket.clear();
@@ -296,33 +308,54 @@ impl Sipp {
         self.states.push(state);
     }
 
+    /// Where a state is, or would be, in `closed`.
+    #[inline]
+    fn slot(&self, state: &State) -> usize {
+        let place = u64::from(state.v) << 32 | u64::from(state.until);
+        let rest = u64::from(state.label) << 2 | u64::from(state.heading);
+        let hash = (place ^ rest.rotate_left(24)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mask = self.closed.len() - 1;
+        let mut at = (hash >> 32) as usize & mask;
+        loop {
+            let (query, id) = self.closed[at];
+            if query != self.query {
+                return at;
+            }
+            let other = &self.states[id as usize];
+            if other.v == state.v
+                && other.until == state.until
+                && other.label == state.label
+                && other.heading == state.heading
+            {
+                return at;
+            }
+            at = (at + 1) & mask;
+        }
+    }
+
     /// Whether the same place and interval was expanded, and no later.
     #[inline]
     fn is_closed(&self, state: &State) -> bool {
-        let (query, mut at) = self.closed[state.v as usize];
-        if query != self.query {
-            return false;
-        }
-        while at != NONE {
-            let other = &self.states[at as usize];
-            if other.until == state.until
-                && other.label == state.label
-                && other.heading == state.heading
-                && other.time <= state.time
-            {
-                return true;
-            }
-            at = other.next;
-        }
-        false
+        let (query, id) = self.closed[self.slot(state)];
+        query == self.query && self.states[id as usize].time <= state.time
     }
 
     fn close(&mut self, id: u32) {
-        let state = &mut self.states[id as usize];
-        let head = &mut self.closed[state.v as usize];
-        state.next = if head.0 == self.query { head.1 } else { NONE };
-        *head = (self.query, id);
         self.expansions += 1;
+        let slot = self.slot(&self.states[id as usize]);
+        // What is there already is later, or the state would be closed.
+        self.count += usize::from(self.closed[slot].0 != self.query);
+        self.closed[slot] = (self.query, id);
+        if self.count * 2 > self.closed.len() {
+            let old = std::mem::take(&mut self.closed);
+            self.closed = vec![(0, NONE); old.len() * 2];
+            for (query, id) in old {
+                if query == self.query {
+                    let slot = self.slot(&self.states[id as usize]);
+                    self.closed[slot] = (query, id);
+                }
+            }
+        }
     }
 
     /// The path to a state: waiting happens before each move.
@@ -354,6 +387,8 @@ struct Step {
     /// When the last goal was visited, or [`NEVER`].
     visited: u32,
     met: u32,
+    /// The direction of the move, or [`STAYED`].
+    crossed: u8,
 }
 
 /// A query that is being answered.
@@ -368,14 +403,7 @@ struct Search<'s, 'a, G> {
 impl<G: Guidance> Search<'_, '_, G> {
     #[inline]
     fn expand(&mut self, id: u32, state: &State, turn: usize) {
-        let Query {
-            graph,
-            hard,
-            route,
-            turning,
-            bound,
-            ..
-        } = *self.query;
+        let turning = self.query.turning;
         let &State { v, time, until, .. } = state;
         let here = Step {
             parent: id,
@@ -386,6 +414,7 @@ impl<G: Guidance> Search<'_, '_, G> {
             rest: 0,
             visited: state.visited,
             met: state.met,
+            crossed: STAYED,
         };
         if turning {
             for heading in [(here.heading + 1) % 4, (here.heading + 3) % 4] {
@@ -395,71 +424,87 @@ impl<G: Guidance> Search<'_, '_, G> {
         if until != NEVER && self.query.soft.is_some() {
             self.stay(here, until, until + 1, here.heading);
         }
-        let around = graph.around(v);
         for k in 0..DIRECTIONS {
             let d = (if turn < DIRECTIONS {
                 k + turn
             } else {
                 turn - k
             }) % DIRECTIONS;
-            let u = around[d];
-            if u == graph.wall() || turning && d != usize::from(here.heading) {
-                continue;
-            }
-            let label = route.reached(here.label, u);
-            let rest = route.rest(label, u, here.heading);
-            let latest = until.saturating_add(1).min(bound.saturating_sub(rest));
-            let latest = latest.min(NEVER - 1);
-            let back = (d + 2) % DIRECTIONS;
-            let step = Step {
-                v: u,
-                label,
-                rest,
-                ..here
-            };
-            let mut first = hard.next_free(u, time + 1);
-            while first <= latest {
-                let busy = hard.next_busy(u, first);
-                // Whoever leaves as we come must not come to where we leave from.
-                let blocked = if self.query.cycles {
-                    hard.leaves(u, back, first - 1)
-                } else {
-                    hard.closes_ring(graph, v, u, first - 1)
-                };
-                if !blocked {
-                    let step = Step {
-                        time: first,
-                        ..step
-                    };
-                    self.arrive(step, busy, latest, back);
-                }
-                if busy == NEVER {
-                    break;
-                }
-                first = hard.next_free(u, busy);
+            if !turning || d == usize::from(here.heading) {
+                self.cross(id, d, time + 1);
             }
         }
     }
 
-    /// Arrivals at a vertex in the safe interval that begins at the time of `step` and ends
-    /// before `busy`.
+    /// The first arrival at the next vertex in direction `d` that is not before `time`. Later
+    /// ones, in other intervals of that vertex, follow when this one is taken from the open
+    /// list: they cost more.
     #[inline]
-    fn arrive(&mut self, step: Step, busy: u32, latest: u32, back: usize) {
-        let Some(soft) = self.query.soft else {
-            self.enter(step, busy, NEVER);
+    fn cross(&mut self, from: u32, d: usize, mut time: u32) {
+        let Query {
+            graph,
+            hard,
+            soft,
+            route,
+            cycles,
+            bound,
+            ..
+        } = *self.query;
+        let state = &self.memory.states[from as usize];
+        let (v, heading) = (state.v, state.heading);
+        let u = graph.around(v)[d];
+        if u == graph.wall() {
             return;
+        }
+        let label = route.reached(state.label, u);
+        let rest = route.rest(label, u, heading);
+        let step = Step {
+            parent: from,
+            v: u,
+            time,
+            label,
+            heading,
+            rest,
+            visited: state.visited,
+            met: state.met,
+            crossed: d as u8,
         };
-        let mut time = step.time;
-        while time < busy && time <= latest {
-            let met = soft.busy(step.v, time) || soft.leaves(step.v, back, time - 1);
-            let change = soft.next_change(step.v, time);
+        let latest = state
+            .until
+            .saturating_add(1)
+            .min(bound.saturating_sub(rest));
+        let latest = latest.min(NEVER - 1);
+        let back = (d + 2) % DIRECTIONS;
+        while time <= latest {
+            let free = hard.next_free(u, time);
+            if free != time {
+                time = free;
+                continue;
+            }
+            // Whoever leaves as we come must not come to where we leave from.
+            let blocked = if cycles {
+                hard.leaves(u, back, time - 1)
+            } else {
+                hard.closes_ring(graph, v, u, time - 1)
+            };
+            if blocked {
+                time += 1;
+                continue;
+            }
+            let busy = hard.next_busy(u, time);
+            let (change, met) = soft.map_or((NEVER, false), |soft| {
+                let met = soft.busy(u, time) || soft.leaves(u, back, time - 1);
+                (soft.next_change(u, time), met)
+            });
             let step = Step {
                 time,
                 met: step.met + u32::from(met),
                 ..step
             };
-            self.enter(step, busy, change);
-            time = change;
+            if self.enter(step, busy, change) {
+                return;
+            }
+            time = busy.min(change);
         }
     }
 
@@ -486,10 +531,10 @@ impl<G: Guidance> Search<'_, '_, G> {
         self.enter(step, hard.next_busy(here.v, time), change);
     }
 
-    /// Puts a state on the open list. Nobody is in the way until before `busy`, and nothing
+    /// Puts a state on the open list, unless it is closed. Nobody is in the way until before `busy`, and nothing
     /// changes about soft collisions until before `change`.
     #[inline]
-    fn enter(&mut self, step: Step, busy: u32, change: u32) {
+    fn enter(&mut self, step: Step, busy: u32, change: u32) -> bool {
         let Query {
             soft,
             route,
@@ -519,16 +564,16 @@ impl<G: Guidance> Search<'_, '_, G> {
             time,
             until,
             parent: step.parent,
-            next: NONE,
             visited,
             length,
             label: step.label,
             met: step.met,
             heading: step.heading,
+            crossed: step.crossed,
             ends,
         };
         if self.memory.is_closed(&state) {
-            return;
+            return false;
         }
         let mut degree = step.met;
         if ends && let Some(soft) = soft {
@@ -540,5 +585,6 @@ impl<G: Guidance> Search<'_, '_, G> {
         let bucket =
             (length.max(self.least) - self.least) * self.degrees + degree.min(self.degrees - 1);
         self.memory.push(bucket as usize, state);
+        true
     }
 }
