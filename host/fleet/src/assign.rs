@@ -523,7 +523,7 @@ impl Draw {
             } => {
                 let on_workstation = workstations.of(stream.part).binary_search(&stream.start);
                 let turn = index + u32::from(on_workstation.is_ok());
-                let pool = if turn % 2 == 0 {
+                let pool = if turn.is_multiple_of(2) {
                     workstations
                 } else {
                     endpoints

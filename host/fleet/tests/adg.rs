@@ -75,7 +75,10 @@ impl Yard {
         let cells = grid.cell_count() as usize;
         let mut walks = Walks::new(grid, seed);
         walks.rings = rings;
-        let starts = walks.starts(agents);
+        let free = (0..walks.grid.cell_count()).filter(|cell| walks.grid.is_passable(*cell));
+        let mut starts: Vec<u32> = free.collect();
+        walks.random.shuffle(&mut starts);
+        starts.truncate(agents);
         let agents = starts.len();
         let adg = Adg::new(&walks.grid, &starts, &north(agents), costs).unwrap();
         let mut inside = vec![None; cells];

@@ -253,12 +253,11 @@ fn memory_of_tasks_does_not_grow() {
     let mut next = [0, 0];
     for _ in 0..1000 {
         let goals = assigner.upcoming(&[0, 4], &next, 4);
-        for agent in 0..2 {
-            let most = goals.get(agent).len() as u32;
-            assert!((1..=10).contains(&most));
-            if assigner.goal(agent, next[agent]) != OFF_MAP {
-                assigner.reached(agent, next[agent]);
-                next[agent] += 1;
+        for (agent, next) in next.iter_mut().enumerate() {
+            assert!((1..=10).contains(&goals.get(agent).len()));
+            if assigner.goal(agent, *next) != OFF_MAP {
+                assigner.reached(agent, *next);
+                *next += 1;
             }
         }
         assert!(assigner.open_tasks().len() <= 4);

@@ -37,15 +37,6 @@ impl Walks {
         }
     }
 
-    pub(crate) fn starts(&mut self, agents: usize) -> Vec<u32> {
-        let mut cells: Vec<u32> = (0..self.grid.cell_count())
-            .filter(|cell| self.grid.is_passable(*cell))
-            .collect();
-        self.random.shuffle(&mut cells);
-        cells.truncate(agents);
-        cells
-    }
-
     /// So many steps from there, judged.
     pub(crate) fn batch(&mut self, starts: &[u32], steps: usize, window_steps: u32) -> Batch {
         let mut instance = Instance::one_shot(starts.to_vec(), starts.to_vec());
