@@ -3,11 +3,25 @@
 use fleetyard_abi::{
     Environment, GridEnvironment, Instance, Motion, Objective, PlanRef, SharedEnvironment,
 };
-use fleetyard_core::{Grid, GridInstance, GridPlan, OFF_MAP};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, OFF_MAP};
 
-/// What a planner is told of a map.
+/// What a planner is told of the map of an instance.
 pub fn environment(instance: &GridInstance, cell_size_m: f64, step_s: f64) -> SharedEnvironment {
-    let grid = instance.grid();
+    environment_of(
+        instance.grid(),
+        instance.connectivity(),
+        cell_size_m,
+        step_s,
+    )
+}
+
+/// What a plugin is told of a map.
+pub fn environment_of(
+    grid: &Grid,
+    connectivity: Connectivity,
+    cell_size_m: f64,
+    step_s: f64,
+) -> SharedEnvironment {
     let passable = grid
         .terrain()
         .iter()
@@ -16,7 +30,7 @@ pub fn environment(instance: &GridInstance, cell_size_m: f64, step_s: f64) -> Sh
         map_name: grid.name().to_owned(),
         rows: grid.rows(),
         cols: grid.cols(),
-        connectivity: instance.connectivity().degree(),
+        connectivity: connectivity.degree(),
         cell_size_m,
         step_s,
         passable: passable.collect(),

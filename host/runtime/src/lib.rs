@@ -38,7 +38,7 @@ mod state;
 pub mod supervisor;
 mod tree;
 
-pub use convert::{environment, instance, plan_from_abi};
+pub use convert::{environment, environment_of, instance, plan_from_abi};
 pub use discover::{Discovered, Discovery, Found, Origin, by_name, first_with};
 pub use fault::Fault;
 pub use interrupt::on_interrupt;

@@ -1,0 +1,507 @@
+//! A call: from where the fleet will be to a plan that may be executed.
+//!
+//! The generator says what is asked, the planner answers, the answer is judged, and the
+//! fail policy is asked where there is nothing that may be executed. Whatever goes wrong
+//! with a plugin ends here: a call has an answer, if only that everybody waits.
+
+use std::sync::Arc;
+
+use fleetyard_abi::{
+    Assignment, Capability, FleetState, Goals, Instance, Kind, Motion, Plan, SharedEnvironment,
+    Status,
+};
+use fleetyard_core::{Connectivity, Grid, GridPlan};
+use fleetyard_runtime::{Fault, PlanRun, Termination};
+
+use crate::batch::{Batch, judge};
+use crate::modules::{Module, budget};
+use crate::recording::{By, Notice};
+use crate::{EventKind, FleetConfig, FleetError};
+
+/// What is asked in a call.
+#[derive(Debug)]
+pub(crate) struct Question {
+    /// The number of the call, from 0.
+    pub(crate) number: u64,
+    /// What the generator is told.
+    pub(crate) state: FleetState,
+}
+
+/// What came of it.
+#[derive(Debug)]
+pub(crate) struct Answer {
+    /// The window of the instance.
+    pub(crate) window_steps: u32,
+    /// Tasks that the generator gave to agents.
+    pub(crate) assignments: Vec<Assignment>,
+    /// What may be executed.
+    pub(crate) batch: Option<Batch>,
+    /// Whose plan it is.
+    pub(crate) by: By,
+    /// How the plan was judged: the host may ask a fail policy that knows no turns for a
+    /// plan without them.
+    pub(crate) motion: Motion,
+    /// Wall-clock time of the planner, if it was asked.
+    pub(crate) planner_ms: Option<f64>,
+    /// Wall-clock time of the fail policy, if it was asked.
+    pub(crate) recovery_ms: Option<f64>,
+    /// What went wrong.
+    pub(crate) notices: Vec<Notice>,
+}
+
+/// Who answers calls: three plugins and the rules for what they say.
+#[derive(Debug)]
+pub(crate) struct Desk {
+    pub(crate) grid: Arc<Grid>,
+    /// Per cell the number of its component; cells of different ones have no way to each
+    /// other.
+    pub(crate) components: Vec<u32>,
+    pub(crate) environment: SharedEnvironment,
+    pub(crate) config: FleetConfig,
+    pub(crate) planner: Module,
+    pub(crate) generator: Module,
+    pub(crate) fail_policy: Module,
+}
+
+impl Desk {
+    /// Whether the planner can do what the run needs.
+    pub(crate) fn check_capabilities(&self) -> Result<(), FleetError> {
+        let can = self.planner.capabilities();
+        let unlimited = self.config.window_steps() == 0;
+        let shared = self.generator.capabilities();
+        let (motion, hint) = match self.config.motion {
+            Motion::Pebble => (Capability::Pebble, "choose another planner"),
+            Motion::Rotation => (
+                Capability::Rotation,
+                "choose another planner, or let it plan as for pebbles: robots turn all the same",
+            ),
+            Motion::AnyAngle => (
+                Capability::AnyAngle,
+                "fleets move along the grid: use the motion `pebble` or `rotation`",
+            ),
+        };
+        let needs = [
+            (true, Capability::Grid, "choose another planner"),
+            (true, motion, hint),
+            (
+                !unlimited,
+                Capability::Windowed,
+                "it plans to the end: give it no window with `--window 0s`, or choose another \
+                 planner",
+            ),
+            (
+                unlimited && shared.has(Capability::DuplicateGoals),
+                Capability::DuplicateGoals,
+                "the instance generator lets several robots have one goal: use \
+                 `distinct-one-goal`, or choose another planner",
+            ),
+        ];
+        for (needed, missing, hint) in needs {
+            if needed && !can.has(missing) {
+                return Err(FleetError::Incapable {
+                    name: self.planner.info().name.clone(),
+                    missing,
+                    hint,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Teaches everybody the map.
+    pub(crate) fn prepare(&mut self) -> Result<(), FleetError> {
+        let allowance = &self.config.allowance;
+        for module in [
+            &mut self.planner,
+            &mut self.generator,
+            &mut self.fail_policy,
+        ] {
+            let kind = module.info().kind;
+            let seed = self.config.call_seed(kind, u64::MAX);
+            let budget = budget(allowance.prepare_s, allowance, 0, seed);
+            if let Err(fault) = module.ready(&self.environment, &budget) {
+                return Err(FleetError::Start {
+                    kind,
+                    name: module.info().name.clone(),
+                    fault,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Answers a call.
+    pub(crate) fn answer(&mut self, question: &Question) -> Answer {
+        let state = &question.state;
+        let mut answer = Answer {
+            window_steps: state.window_steps,
+            assignments: Vec::new(),
+            batch: None,
+            by: By::Nobody,
+            motion: state.motion,
+            planner_ms: None,
+            recovery_ms: None,
+            notices: Vec::new(),
+        };
+        let mut failed = None;
+        let instance = match self.generate(question, &mut answer) {
+            Some(mut instance) => {
+                answer.window_steps = instance.window_steps;
+                answer.assignments = std::mem::take(&mut instance.assignments);
+                failed = self.plan(question, &instance, &mut answer);
+                instance
+            }
+            // The fail policy gets everybody to where they are to go next.
+            None => state.instance(Goals::single(state.goals.iter().map(|own| own[0]).collect())),
+        };
+        if answer.batch.is_none() {
+            self.recover(question, instance, failed.as_ref(), &mut answer);
+        }
+        if answer.batch.is_none() {
+            answer.notices.push(Notice {
+                kind: EventKind::AllWait,
+                module: "host".into(),
+                message: "there is no plan: robots wait where their ways end".into(),
+            });
+        }
+        answer
+    }
+
+    /// The next instance, if there is one that may be asked.
+    fn generate(&mut self, question: &Question, answer: &mut Answer) -> Option<Instance> {
+        let wall_s = self.config.allowance.call_s;
+        let made = ask(
+            &mut self.generator,
+            &self.environment,
+            &self.config,
+            &mut answer.notices,
+            (EventKind::GeneratorFault, question.number, wall_s),
+            |session, budget| session.generate(&question.state, budget),
+        )?;
+        match self.check(&question.state, &made) {
+            Ok(()) => Some(made),
+            Err(message) => {
+                answer.notices.push(Notice {
+                    kind: EventKind::InvalidInstance,
+                    module: self.generator.info().id.clone(),
+                    message,
+                });
+                None
+            }
+        }
+    }
+
+    /// Whether the planner may be asked this.
+    fn check(&self, state: &FleetState, instance: &Instance) -> Result<(), String> {
+        instance.check(self.grid.cell_count() as usize)?;
+        let repeats = state.instance(instance.goals.clone());
+        let changed = [
+            ("starts", instance.starts == repeats.starts),
+            ("headings", instance.headings == repeats.headings),
+            ("motion", instance.motion == repeats.motion),
+            ("objective", instance.objective == repeats.objective),
+            (
+                "radius_m",
+                instance.radius_m.to_bits() == repeats.radius_m.to_bits(),
+            ),
+            (
+                "allows_cycles",
+                instance.allows_cycles == repeats.allows_cycles,
+            ),
+        ];
+        if let Some((field, _)) = changed.iter().find(|(_, same)| !same) {
+            return Err(format!(
+                "the instance has other `{field}` than the fleet's state"
+            ));
+        }
+        if instance.window_steps > state.window_steps {
+            return Err(format!(
+                "the instance has a window of {} steps, longer than the {} that are asked for",
+                instance.window_steps, state.window_steps
+            ));
+        }
+        let place = |cell: u32| {
+            let (row, col) = self.grid.row_col(cell);
+            format!("cell {cell} (row {row}, column {col})")
+        };
+        let may_go = |agent: usize, cell: u32| {
+            if !self.grid.is_passable(cell) {
+                return Err(format!("agent {agent} is to go to {}, which is blocked", place(cell)));
+            }
+            let component = |cell: u32| self.components[cell as usize];
+            if component(cell) != component(state.cells[agent]) {
+                return Err(format!(
+                    "agent {agent} is to go to {}, to which there is no way",
+                    place(cell)
+                ));
+            }
+            Ok(())
+        };
+        for (agent, goals) in instance.goals.iter().enumerate() {
+            goals.iter().try_for_each(|cell| may_go(agent, *cell))?;
+        }
+        if instance.window_steps == 0
+            && !self
+                .planner
+                .capabilities()
+                .has(Capability::DuplicateGoals)
+        {
+            let mut last: Vec<(u32, usize)> = instance
+                .goals
+                .iter()
+                .enumerate()
+                .map(|(agent, goals)| (goals[goals.len() - 1], agent))
+                .collect();
+            last.sort_unstable();
+            if let Some(pair) = last.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+                return Err(format!(
+                    "agents {} and {} are to stay in {}, which planner `{}` does not support",
+                    pair[0].1,
+                    pair[1].1,
+                    place(pair[0].0),
+                    self.planner.info().id
+                ));
+            }
+        }
+        let mut given: Vec<u64> = Vec::new();
+        for Assignment { agent, task } in &instance.assignments {
+            let agent = *agent as usize;
+            let open = state.tasks.iter().find(|open| open.id == *task);
+            let Some(open) = open.filter(|_| agent < state.cells.len()) else {
+                return Err(format!(
+                    "task {task} is given to agent {agent}, but one of them does not exist or is \
+                     not open"
+                ));
+            };
+            open.cells
+                .iter()
+                .try_for_each(|cell| may_go(agent, *cell))?;
+            given.push(*task);
+        }
+        given.sort_unstable();
+        match given.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => Err(format!("task {} is given away twice", pair[0])),
+            None => Ok(()),
+        }
+    }
+
+    /// Asks the planner. What is left to the fail policy, if it has no plan that may be
+    /// executed: paths that collide, where they are paths.
+    fn plan(
+        &mut self,
+        question: &Question,
+        instance: &Instance,
+        answer: &mut Answer,
+    ) -> Option<Plan> {
+        let wall_s = self.config.limit_s;
+        let run = ask_for_plan(
+            &mut self.planner,
+            &self.environment,
+            &self.config,
+            &mut answer.notices,
+            (EventKind::PlannerFault, question.number, wall_s),
+            |session, budget| session.plan(instance, budget),
+        )?;
+        answer.planner_ms = Some(milliseconds(&run));
+        let mut notice = |kind, message| {
+            answer.notices.push(Notice {
+                kind,
+                module: self.planner.info().id.clone(),
+                message,
+            });
+        };
+        let fault_told = run.fault.is_some();
+        if !fault_told && run.termination == Termination::TimedOut {
+            let message = format!("answered after its limit of {wall_s} s");
+            notice(EventKind::PlannerFault, message);
+        }
+        let Some(plan) = run.plan().cloned() else {
+            if !fault_told && run.termination != Termination::TimedOut {
+                notice(EventKind::PlannerGaveUp, claim(&run));
+            }
+            return None;
+        };
+        match judge(&self.grid, instance, plan) {
+            Ok(batch) => {
+                answer.batch = Some(batch);
+                answer.by = By::Planner;
+                None
+            }
+            Err(refused) => {
+                if run.claim == Some(Status::Solved) {
+                    notice(EventKind::InvalidBatch, refused.to_string());
+                } else if !fault_told {
+                    notice(
+                        EventKind::PlannerGaveUp,
+                        format!("{}; its paths collide: {refused}", claim(&run)),
+                    );
+                }
+                let plan = &refused.plan;
+                self.are_paths(instance, plan)
+                    .then(|| Plan::from_paths(plan.paths()))
+            }
+        }
+    }
+
+    /// Whether a fail policy can make something of a plan: everybody has a path that
+    /// begins at its start and leads over free cells that are next to each other.
+    fn are_paths(&self, instance: &Instance, plan: &GridPlan) -> bool {
+        let free = |cell: u32| cell < self.grid.cell_count() && self.grid.is_passable(cell);
+        let steps = |from: u32, to: u32| {
+            from == to
+                || self
+                    .grid
+                    .neighbors(from, Connectivity::Four)
+                    .any(|next| next == to)
+        };
+        plan.agents() == instance.agents()
+            && plan.paths().zip(&instance.starts).all(|(path, start)| {
+                path.first() == Some(start)
+                    && path.iter().all(|cell| free(*cell))
+                    && path.windows(2).all(|step| steps(step[0], step[1]))
+            })
+    }
+
+    /// Asks the fail policy.
+    fn recover(
+        &mut self,
+        question: &Question,
+        mut instance: Instance,
+        failed: Option<&Plan>,
+        answer: &mut Answer,
+    ) {
+        if !self.fail_policy.capabilities().has(Capability::Rotation) {
+            // Robots turn whether a plan has steps for it or not.
+            instance.motion = Motion::Pebble;
+        }
+        let wall_s = self.config.allowance.call_s;
+        let run = ask_for_plan(
+            &mut self.fail_policy,
+            &self.environment,
+            &self.config,
+            &mut answer.notices,
+            (EventKind::FailPolicyFault, question.number, wall_s),
+            |session, budget| session.recover(&instance, failed, budget),
+        );
+        answer.recovery_ms = Some(run.as_ref().map_or(0.0, milliseconds));
+        let Some(run) = run else { return };
+        let mut notice = |kind, message| {
+            answer.notices.push(Notice {
+                kind,
+                module: self.fail_policy.info().id.clone(),
+                message,
+            });
+        };
+        let Some(plan) = run.plan().cloned() else {
+            if run.fault.is_none() {
+                notice(EventKind::FailPolicyFault, claim(&run));
+            }
+            return;
+        };
+        match judge(&self.grid, &instance, plan) {
+            Ok(batch) => {
+                answer.batch = Some(batch);
+                answer.by = By::FailPolicy;
+                answer.motion = instance.motion;
+            }
+            Err(refused) => notice(EventKind::InvalidRecovery, refused.to_string()),
+        }
+    }
+
+    /// Ends the plugins.
+    pub(crate) fn into_modules(self) -> [Module; 3] {
+        [self.planner, self.generator, self.fail_policy]
+    }
+}
+
+fn milliseconds(run: &PlanRun) -> f64 {
+    run.planning.as_secs_f64() * 1000.0
+}
+
+/// What a plugin says that has no plan to show, or not one that it believes in.
+fn claim(run: &PlanRun) -> String {
+    let claim = run.claim.map_or("it has no plan".to_owned(), |claim| {
+        format!("it says `{claim}`")
+    });
+    match &run.message {
+        Some(message) => format!("{claim}: {message}"),
+        None => claim,
+    }
+}
+
+/// The kind of trouble that a fault of the plugin is, the number of the call, and the
+/// wall-clock seconds that it may take.
+type Terms = (EventKind, u64, f64);
+
+/// Makes a call, starting the plugin again if it has died, and says what went wrong.
+pub(crate) fn ask<T>(
+    module: &mut Module,
+    environment: &SharedEnvironment,
+    config: &FleetConfig,
+    notices: &mut Vec<Notice>,
+    (trouble, number, wall_s): Terms,
+    call: impl FnOnce(&mut fleetyard_runtime::Session, &fleetyard_abi::Budget) -> Result<T, Fault>,
+) -> Option<T> {
+    let id = module.info().id.clone();
+    let kind = module.info().kind;
+    let mut notice = |kind, message| {
+        notices.push(Notice {
+            kind,
+            module: id.clone(),
+            message,
+        });
+    };
+    let was_down = module.is_down();
+    let allowance = &config.allowance;
+    let seed = config.call_seed(kind, number);
+    let nodes = if kind == Kind::Planner { allowance.nodes } else { 0 };
+    let made = match module.ready(environment, &budget(allowance.prepare_s, allowance, 0, seed)) {
+        Ok(session) => {
+            if was_down {
+                notice(EventKind::Restarted, "it was started again".into());
+            }
+            call(session, &budget(wall_s, allowance, nodes, seed))
+        }
+        Err(fault) => {
+            notice(EventKind::NotRestarted, fault.to_string());
+            return None;
+        }
+    };
+    match made {
+        Ok(made) => Some(made),
+        Err(fault) => {
+            let message = match module.after(&fault) {
+                Some(words) => format!("{fault}; its last words were: {words}"),
+                None => fault.to_string(),
+            };
+            notice(trouble, message);
+            None
+        }
+    }
+}
+
+/// The same for calls whose plans count although they ended in a fault.
+fn ask_for_plan(
+    module: &mut Module,
+    environment: &SharedEnvironment,
+    config: &FleetConfig,
+    notices: &mut Vec<Notice>,
+    terms: Terms,
+    call: impl FnOnce(&mut fleetyard_runtime::Session, &fleetyard_abi::Budget) -> PlanRun,
+) -> Option<PlanRun> {
+    let mut kept = None;
+    ask(
+        module,
+        environment,
+        config,
+        notices,
+        terms,
+        |session, budget| {
+            let run = call(session, budget);
+            let fault = run.fault.clone();
+            kept = Some(run);
+            fault.map_or(Ok(()), Err)
+        },
+    );
+    kept
+}

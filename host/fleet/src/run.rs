@@ -1,0 +1,783 @@
+//! The loop: robots drive what planners plan meanwhile.
+//!
+//! Time goes in blocks of [`Live::period_s`]. At the beginning of each the host learns
+//! what robots have done, lets an answer take effect that is due, asks the invocation
+//! policy if no call is under way, and sends the robots what they may do next. Calls are
+//! answered on a thread of their own, so that planning and simulation overlap.
+
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use fleetyard_abi::{
+    Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading, Instance, Motion,
+    Objective, SharedEnvironment,
+};
+use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError};
+use fleetyard_runtime::Closing;
+use fleetyard_sim::{Fleet, Live, NoTrace, Order, TraceSink};
+
+use crate::adg::{Adg, Costs, Cut};
+use crate::assign::Assigner;
+use crate::batch::{Batch, judge};
+use crate::call::{Answer, Desk, Question, ask};
+use crate::modules::{Module, ModuleInfo, Modules};
+use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
+use crate::series::Tally;
+use crate::{
+    Clock, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
+};
+
+/// Where a run happens.
+#[derive(Debug, Clone, Copy)]
+pub struct Ground<'a> {
+    /// The map.
+    pub grid: &'a Arc<Grid>,
+    /// The robots; discs that move by one cell per step if there are none.
+    pub fleet: Option<&'a Fleet>,
+    /// The tasks, where there are some.
+    pub tasks: Option<&'a Tasks>,
+}
+
+impl Ground<'_> {
+    /// Digest of robots and tasks.
+    pub fn digest(&self) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.ground/1");
+        // Their only form without ambiguity; numbers are written to the last bit.
+        hasher.bytes(format!("{:?}", self.fleet.map(Fleet::profiles)).as_bytes());
+        hasher.u32s(self.fleet.map_or(&[], Fleet::profile_of));
+        hasher.bytes(format!("{:?}", self.tasks).as_bytes());
+        hasher.finish()
+    }
+
+    /// The header of a recording of a run here.
+    pub fn header(
+        &self,
+        config: &FleetConfig,
+        modules: Vec<ModuleInfo>,
+        setup: serde_json::Value,
+    ) -> Header {
+        Header::new(
+            (self.grid.name().to_owned(), self.grid.digest()),
+            self.digest(),
+            modules,
+            config.clone(),
+            setup,
+        )
+    }
+}
+
+/// Is told of a run while it goes on.
+pub trait Watch {
+    /// Where the trace goes.
+    fn sink(&mut self) -> &mut dyn TraceSink;
+
+    /// There is a new point in the series.
+    fn point(&mut self, point: &Point, rtf: f64) {
+        let _ = (point, rtf);
+    }
+
+    /// A plugin's answer took effect that is in no recording yet.
+    fn round(&mut self, round: &Round) -> Result<(), InputError> {
+        let _ = round;
+        Ok(())
+    }
+
+    /// The run is over. Not told of a replay.
+    fn end(&mut self, end: &End) -> Result<(), InputError> {
+        let _ = end;
+        Ok(())
+    }
+
+    /// A plugin was ended.
+    fn closed(&mut self, info: &ModuleInfo, closing: Closing) {
+        let _ = (info, closing);
+    }
+
+    /// Whether to end the run before its time.
+    fn is_interrupted(&self) -> bool {
+        false
+    }
+}
+
+/// Looks at nothing.
+#[derive(Debug, Default)]
+pub struct Unwatched(NoTrace);
+
+impl Watch for Unwatched {
+    fn sink(&mut self) -> &mut dyn TraceSink {
+        &mut self.0
+    }
+}
+
+/// Runs a fleet.
+pub fn run(
+    ground: &Ground<'_>,
+    config: &FleetConfig,
+    modules: Modules,
+    watch: &mut dyn Watch,
+) -> Result<FleetOutcome, FleetError> {
+    Run::new(ground, config, None, Some(modules))?.go(watch)
+}
+
+/// Runs a fleet again as it was recorded, without any plugin.
+pub fn replay(
+    ground: &Ground<'_>,
+    recording: Recording,
+    watch: &mut dyn Watch,
+) -> Result<FleetOutcome, FleetError> {
+    let config = checked(ground, &recording)?;
+    Run::new(ground, &config, Some(recording), None)?.go(watch)
+}
+
+/// Runs a fleet again as it was recorded, and goes on from where the recording ends.
+pub fn resume(
+    ground: &Ground<'_>,
+    recording: Recording,
+    modules: Modules,
+    watch: &mut dyn Watch,
+) -> Result<FleetOutcome, FleetError> {
+    let config = checked(ground, &recording)?;
+    Run::new(ground, &config, Some(recording), Some(modules))?.go(watch)
+}
+
+/// What a recording is of, if it is of a run here.
+fn checked(ground: &Ground<'_>, recording: &Recording) -> Result<FleetConfig, FleetError> {
+    let header = recording.header();
+    let wrong = |what: &str, hint: &str| {
+        Err(InputError::new(recording.name(), format!("it was recorded with {what}"))
+            .hint(hint)
+            .into())
+    };
+    if header.map_digest != ground.grid.digest() {
+        return wrong("another map", "name the map that it was recorded with");
+    }
+    if header.ground_digest != ground.digest() {
+        return wrong(
+            "other robots or other tasks",
+            "the file of the fleet or of the tasks was changed since, or is another one",
+        );
+    }
+    Ok(header.config.clone())
+}
+
+/// A call whose answer has not taken effect.
+struct Under {
+    number: u64,
+    block: u64,
+    state: Digest,
+    /// Where agents start in the answer.
+    cut: Cut,
+    /// What the host found out when it decided to call.
+    opening: Vec<Notice>,
+}
+
+/// Who answers calls, on the other side of two channels.
+struct Thread {
+    questions: SyncSender<Question>,
+    answers: Receiver<Answer>,
+    handle: JoinHandle<Desk>,
+    invocation: Module,
+    environment: SharedEnvironment,
+}
+
+struct Run<'a> {
+    ground: &'a Ground<'a>,
+    config: &'a FleetConfig,
+    live: Live<'a>,
+    adg: Adg,
+    assigner: Assigner,
+    tally: Tally,
+    infos: Vec<ModuleInfo>,
+    /// Whether there are no plugins.
+    replays: bool,
+    /// What is repeated: the recording and its next call.
+    past: Option<(Recording, Option<Round>)>,
+    thread: Option<Thread>,
+    /// Blocks in all, and of a planner's limit.
+    blocks: u64,
+    limit: u64,
+    block: u64,
+    calls: u64,
+    called: u64,
+    under: Option<Under>,
+    /// Blocks in which nobody had anything to do.
+    idle: u64,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        ground: &'a Ground<'a>,
+        config: &'a FleetConfig,
+        recording: Option<Recording>,
+        modules: Option<Modules>,
+    ) -> Result<Self, FleetError> {
+        config.validate()?;
+        let grid = ground.grid;
+        let assigner = Assigner::new(grid, config, ground.tasks)?;
+        let north = |cell: &u32| (*cell, FRAC_PI_2);
+        let starts: Vec<(u32, f64)> = assigner.starts().iter().map(north).collect();
+        let live = Live::new(&config.sim, grid, ground.fleet, &starts)?;
+        let headings = vec![Heading::North; starts.len()];
+        let costs = Costs {
+            quarter_turn: u32::from(turns(ground.fleet)),
+            dwell: (config.dwell_s / config.sim.step_s).ceil() as u32,
+        };
+        let adg = Adg::new(grid, assigner.starts(), &headings, costs)
+            .map_err(|error| FleetError::Broken(error.to_string()))?;
+        let period_s = live.period_s();
+        let in_blocks = |seconds: f64| (seconds / period_s - 1e-9).ceil().max(1.0) as u64;
+        let blocks = in_blocks(config.duration_s);
+        let infos = match (&modules, &recording) {
+            (Some(modules), _) => modules.infos(),
+            (None, Some(recording)) => recording.header().modules.clone(),
+            (None, None) => Vec::new(),
+        };
+        let past = match recording {
+            Some(mut recording) => {
+                let first = recording.next()?;
+                Some((recording, first))
+            }
+            None => None,
+        };
+        let mut run = Self {
+            tally: Tally::new(config, period_s, grid.cell_count()),
+            limit: in_blocks(config.limit_s),
+            ground,
+            config,
+            live,
+            adg,
+            assigner,
+            infos,
+            replays: modules.is_none(),
+            past,
+            thread: None,
+            blocks,
+            block: 0,
+            calls: 0,
+            called: 0,
+            under: None,
+            idle: 0,
+        };
+        if let Some(modules) = modules {
+            run.thread = Some(run.start(modules)?);
+        } else if let Some((recording, _)) = &run.past {
+            // Without plugins there is nothing behind the recording.
+            run.blocks = match recording.end() {
+                Some(end) => end.blocks,
+                None => u64::MAX,
+            };
+        }
+        Ok(run)
+    }
+
+    /// Teaches the plugins the map and lets them wait for calls.
+    fn start(&self, modules: Modules) -> Result<Thread, FleetError> {
+        let Modules {
+            planner,
+            generator,
+            invocation,
+            fail_policy,
+        } = modules;
+        let environment = environment(self.ground.grid, self.config);
+        let mut desk = Desk {
+            grid: Arc::clone(self.ground.grid),
+            components: self.ground.grid.components(),
+            environment: SharedEnvironment::clone(&environment),
+            config: self.config.clone(),
+            planner,
+            generator,
+            fail_policy,
+        };
+        desk.check_capabilities()?;
+        desk.prepare()?;
+        let (questions, asked) = sync_channel::<Question>(1);
+        let (answer, answers) = sync_channel(1);
+        let handle = std::thread::Builder::new()
+            .name("calls".into())
+            .spawn(move || {
+                while let Ok(question) = asked.recv() {
+                    if answer.send(desk.answer(&question)).is_err() {
+                        break;
+                    }
+                }
+                desk
+            })
+            .map_err(|error| FleetError::Broken(format!("no thread for calls: {error}")))?;
+        Ok(Thread {
+            questions,
+            answers,
+            handle,
+            invocation,
+            environment,
+        })
+    }
+
+    fn go(mut self, watch: &mut dyn Watch) -> Result<FleetOutcome, FleetError> {
+        let started = Instant::now();
+        self.live.begin(watch.sink())?;
+        let ended = loop {
+            self.learn();
+            if self.is_over() {
+                break Ended::Duration;
+            }
+            if watch.is_interrupted() {
+                break Ended::Interrupted;
+            }
+            if !self.hear(watch)? {
+                break Ended::Interrupted;
+            }
+            self.decide()?;
+            self.tally.adg_nodes(self.adg.pending());
+            self.drive(watch, started)?;
+        };
+        self.finish(watch, ended, started)
+    }
+
+    fn is_over(&self) -> bool {
+        if self.block >= self.blocks {
+            return true;
+        }
+        // A recording without an end ends with its last answer.
+        let replayed = matches!(&self.past, Some((_, None))) && self.thread.is_none();
+        replayed && self.blocks == u64::MAX && self.under.is_none()
+    }
+
+    /// What robots have done in the last block.
+    fn learn(&mut self) {
+        let Self {
+            live,
+            adg,
+            assigner,
+            tally,
+            ..
+        } = self;
+        for &agent in live.news() {
+            let agent = agent as usize;
+            adg.complete(agent, live.done(agent), &mut |node| {
+                if let Some(goal) = node.goal {
+                    tally.goals_reached += 1;
+                    assigner.reached(agent, goal);
+                }
+            });
+        }
+    }
+
+    /// Lets the answer take effect that is due. False if the run was told to end while it
+    /// waited for it.
+    fn hear(&mut self, watch: &mut dyn Watch) -> Result<bool, FleetError> {
+        let Some(under) = &self.under else {
+            return Ok(true);
+        };
+        if let Some((recording, next)) = &mut self.past
+            && let Some(round) = next
+        {
+            if round.effect != self.block {
+                return Ok(true);
+            }
+            let round = std::mem::replace(next, recording.next()?).ok_or_else(broken)?;
+            let batch = recorded_batch(self.ground.grid, self.config, &under.cut, &round)
+                .map_err(|reason| at(recording, &round, reason))?;
+            self.under = None;
+            self.effect(&round, batch)?;
+            return Ok(true);
+        }
+        let thread = self.thread.as_ref().ok_or_else(broken)?;
+        let answer = match self.config.clock {
+            Clock::Lockstep if self.block < under.block + self.limit => return Ok(true),
+            Clock::Lockstep => loop {
+                match thread.answers.recv_timeout(Duration::from_millis(100)) {
+                    Ok(answer) => break answer,
+                    Err(RecvTimeoutError::Timeout) if watch.is_interrupted() => return Ok(false),
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => return Err(broken()),
+                }
+            },
+            Clock::Realtime => match thread.answers.try_recv() {
+                Ok(answer) => answer,
+                Err(TryRecvError::Empty) => return Ok(true),
+                Err(TryRecvError::Disconnected) => return Err(broken()),
+            },
+        };
+        let under = self.under.take().ok_or_else(broken)?;
+        let mut notices = under.opening;
+        notices.extend(answer.notices);
+        let plan = answer.batch.as_ref().map(Batch::plan);
+        let round = Round {
+            call: under.number,
+            block: under.block,
+            effect: self.block,
+            state: under.state,
+            window_steps: answer.window_steps,
+            motion: answer.motion,
+            assignments: answer.assignments,
+            by: answer.by,
+            paths: plan.and_then(|plan| to_moves(plan, self.ground.grid.cols())),
+            planner_ms: answer.planner_ms,
+            recovery_ms: answer.recovery_ms,
+            notices,
+            line: 0,
+        };
+        // First on record, then in the world: a host that is killed in between says the
+        // same again.
+        watch.round(&round)?;
+        self.effect(&round, answer.batch)?;
+        Ok(true)
+    }
+
+    fn effect(&mut self, round: &Round, batch: Option<Batch>) -> Result<(), FleetError> {
+        self.tally.round(round);
+        for assignment in &round.assignments {
+            self.assigner
+                .assign(assignment.agent as usize, assignment.task)
+                .map_err(FleetError::Broken)?;
+        }
+        let Some(batch) = batch else {
+            return Ok(());
+        };
+        let assigner = &mut self.assigner;
+        let appended = self
+            .adg
+            .append(&batch, &mut |agent, index| assigner.goal(agent, index))
+            .map_err(|error| FleetError::Broken(error.to_string()))?;
+        self.tally
+            .appended(self.block, appended.rings_cut, appended.stopped);
+        // A tenth of a millisecond per thousand robots; a sample is enough of it.
+        if round.call.is_multiple_of(16) && !self.adg.is_acyclic() {
+            return Err(FleetError::Broken(format!(
+                "the dependency graph has a cycle after call {}",
+                round.call
+            )));
+        }
+        Ok(())
+    }
+
+    /// Calls the planner if it is time to.
+    fn decide(&mut self) -> Result<(), FleetError> {
+        let period_s = self.live.period_s();
+        self.idle = if self.adg.pending() == 0 {
+            self.idle + 1
+        } else {
+            0
+        };
+        if self.under.is_some() {
+            self.idle = 0;
+            return Ok(());
+        }
+        if let Some((recording, Some(round))) = &self.past {
+            if round.block < self.block {
+                let reason = "the call is made before the answer to the last one";
+                return Err(at(recording, round, reason.into()));
+            }
+            if round.block == self.block {
+                self.call(Vec::new())?;
+            }
+            return Ok(());
+        }
+        // An answer that would take effect after the end is not asked for.
+        if self.thread.is_none() || self.block + self.limit >= self.blocks {
+            return Ok(());
+        }
+        let mut opening = Vec::new();
+        let invoke = self.calls == 0 || self.policy_invokes(&mut opening)?;
+        let idle_s = (self.idle.saturating_sub(1)) as f64 * period_s;
+        if !invoke && idle_s >= self.config.watchdog_s {
+            opening.push(Notice {
+                kind: EventKind::Watchdog,
+                module: "host".into(),
+                message: format!(
+                    "nobody had anything to do for {} s and the invocation policy did not call",
+                    self.config.watchdog_s
+                ),
+            });
+        } else if !invoke {
+            return Ok(());
+        }
+        self.call(opening)
+    }
+
+    /// Asks the invocation policy. Where it fails, the host calls.
+    fn policy_invokes(&mut self, opening: &mut Vec<Notice>) -> Result<bool, FleetError> {
+        let agents = 0..self.adg.agents();
+        let status = FleetStatus {
+            time_s: self.live.now_s(),
+            since_last_call_s: (self.block - self.called) as f64 * self.live.period_s(),
+            planning_limit_s: self.config.limit_s,
+            action_s: self.config.sim.step_s,
+            actions_left: agents.map(|agent| self.adg.actions_left(agent)).collect(),
+        };
+        let Thread {
+            invocation,
+            environment,
+            ..
+        } = self.thread.as_mut().ok_or_else(broken)?;
+        let wall_s = self.config.allowance.call_s;
+        let asked = ask(
+            invocation,
+            environment,
+            self.config,
+            opening,
+            (EventKind::InvocationFault, self.calls, wall_s),
+            |session, _| session.should_invoke(&status, Duration::from_secs_f64(wall_s)),
+        );
+        Ok(asked.unwrap_or(true))
+    }
+
+    /// Cuts the graph and asks about what is behind the cut.
+    fn call(&mut self, opening: Vec<Notice>) -> Result<(), FleetError> {
+        let config = self.config;
+        let cut = self.adg.cut(config.lookahead());
+        self.tally.goals_committed = cut.next_goal.iter().map(|goals| u64::from(*goals)).sum();
+        let number = self.calls;
+        let state = digest(number, self.block, &cut);
+        if let Some((recording, Some(round))) = &self.past {
+            if round.state != state {
+                let reason = "the fleet is in another state than when this was recorded";
+                return Err(at(recording, round, reason.into()));
+            }
+        } else {
+            let window_steps = config.window_steps();
+            let mut lists = Vec::with_capacity(cut.cells.len());
+            for (agent, (cell, next)) in cut.cells.iter().zip(&cut.next_goal).enumerate() {
+                lists.push(self.assigner.upcoming(agent, *next, *cell, window_steps));
+            }
+            let question = Question {
+                number,
+                state: FleetState {
+                    time_s: self.live.now_s(),
+                    cells: cut.cells.clone(),
+                    headings: Some(cut.headings.clone()),
+                    goals: lists_to_goals(&lists)?,
+                    tasks: self.assigner.open(),
+                    window_steps,
+                    motion: config.motion,
+                    objective: Objective::SumOfCosts,
+                    radius_m: radius_m(self.ground.fleet, config),
+                    allows_cycles: false,
+                },
+            };
+            let thread = self.thread.as_ref().ok_or_else(broken)?;
+            thread.questions.send(question).map_err(|_| broken())?;
+        }
+        self.under = Some(Under {
+            number,
+            block: self.block,
+            state,
+            cut,
+            opening,
+        });
+        self.calls += 1;
+        self.called = self.block;
+        Ok(())
+    }
+
+    /// Sends robots what they may do, and lets them drive for one block.
+    fn drive(&mut self, watch: &mut dyn Watch, started: Instant) -> Result<(), FleetError> {
+        let Self {
+            live, adg, config, ..
+        } = self;
+        adg.enqueue(config.queue, &mut |agent, node| {
+            let dwell_s = if node.goal.is_some() { config.dwell_s } else { 0.0 };
+            live.send(
+                agent,
+                Order {
+                    cell: node.cell,
+                    dwell_s,
+                },
+            );
+        });
+        let period_s = live.period_s();
+        if self.config.clock == Clock::Realtime && self.past_is_over() {
+            let due = Duration::from_secs_f64((self.block + 1) as f64 * period_s);
+            std::thread::sleep(due.saturating_sub(started.elapsed()));
+        }
+        self.live.advance(watch.sink())?;
+        self.block += 1;
+        let (live, grid) = (&self.live, self.ground.grid);
+        let cell_size_m = self.config.sim.cell_size_m;
+        let still = (0..self.adg.agents())
+            .filter(|agent| !live.is_moving(*agent))
+            .map(|agent| {
+                let pose = live.pose(agent);
+                fleetyard_core::cell_of_point(grid, cell_size_m, pose.x, pose.y)
+            });
+        self.tally.block(still);
+        if let Some(point) = self.tally.point(self.block, false) {
+            let rtf = point.time_s / started.elapsed().as_secs_f64().max(1e-9);
+            watch.point(&point, rtf);
+        }
+        Ok(())
+    }
+
+    fn past_is_over(&self) -> bool {
+        !matches!(&self.past, Some((_, Some(_))))
+    }
+
+    fn finish(
+        mut self,
+        watch: &mut dyn Watch,
+        ended: Ended,
+        started: Instant,
+    ) -> Result<FleetOutcome, FleetError> {
+        let wall_s = started.elapsed().as_secs_f64();
+        self.tally.adg_nodes(self.adg.pending());
+        if let Some(point) = self.tally.point(self.block, true) {
+            watch.point(&point, point.time_s / wall_s.max(1e-9));
+        }
+        if let Some(thread) = self.thread.take() {
+            let Thread {
+                questions,
+                handle,
+                invocation,
+                ..
+            } = thread;
+            drop(questions);
+            let mut modules = vec![invocation];
+            // Whoever is interrupted does not wait for a planner: it ends with this process.
+            if self.under.is_none() || ended == Ended::Duration {
+                let desk = handle.join().map_err(|_| broken())?;
+                modules.extend(desk.into_modules());
+            }
+            for mut module in modules {
+                if let Some(closing) = module.close() {
+                    watch.closed(module.info(), closing);
+                }
+            }
+        }
+        let agents = self.adg.agents();
+        let metrics = self
+            .tally
+            .metrics(agents, self.block, self.assigner.tasks_done());
+        let waiting_s_per_cell = self.tally.waiting_s_per_cell();
+        let simulated = self.live.finish(watch.sink())?;
+        let end = End {
+            blocks: self.block,
+            trace_digest: simulated.trace_digest,
+        };
+        match &self.past {
+            Some((recording, _)) if self.replays => {
+                let recorded = recording.end().map(|end| end.trace_digest);
+                if recorded.is_some_and(|recorded| recorded != end.trace_digest) {
+                    let reason = "the replay came out otherwise than the recording says";
+                    return Err(InputError::new(recording.name(), reason)
+                        .hint("was it recorded by another version of this program?")
+                        .into());
+                }
+            }
+            _ => watch.end(&end)?,
+        }
+        Ok(FleetOutcome {
+            fleetyard: env!("CARGO_PKG_VERSION"),
+            map: self.ground.grid.name().to_owned(),
+            map_digest: self.ground.grid.digest(),
+            modules: self.infos,
+            config: self.config.clone(),
+            ended,
+            metrics,
+            execution: FleetExecution {
+                rtf: simulated.simulated_s / wall_s.max(1e-9),
+                simulated_s: simulated.simulated_s,
+                wall_s,
+                ticks: simulated.ticks,
+                contacts: simulated.contacts.total(),
+                contacts_agent_agent: simulated.contacts.agent_agent,
+                contacts_agent_obstacle: simulated.contacts.agent_obstacle,
+                nearest_approach_m: simulated.nearest_approach_m,
+                radius_m: simulated.radius_m,
+                trace_digest: simulated.trace_digest,
+            },
+            series: self.tally.series,
+            events: self.tally.events,
+            waiting_s_per_cell,
+        })
+    }
+}
+
+/// The plan of a recorded call, judged anew: a file may say anything.
+fn recorded_batch(
+    grid: &Grid,
+    config: &FleetConfig,
+    cut: &Cut,
+    round: &Round,
+) -> Result<Option<Batch>, String> {
+    let Some(paths) = &round.paths else {
+        return Ok(None);
+    };
+    if round.window_steps > config.window_steps() {
+        return Err("the window is longer than that of the run".into());
+    }
+    let plan = from_moves(paths, &cut.cells, grid.rows(), grid.cols())?;
+    let instance = Instance {
+        headings: Some(cut.headings.clone()),
+        motion: round.motion,
+        window_steps: round.window_steps,
+        allows_cycles: false,
+        ..Instance::one_shot(cut.cells.clone(), cut.cells.clone())
+    };
+    match judge(grid, &instance, plan) {
+        Ok(batch) => Ok(Some(batch)),
+        Err(refused) => Err(format!("the plan may not be executed: {refused}")),
+    }
+}
+
+fn at(recording: &Recording, round: &Round, reason: String) -> FleetError {
+    InputError::new(recording.name(), reason)
+        .at_line(round.line)
+        .hint("the file was changed, or was recorded by another version of this program")
+        .into()
+}
+
+fn broken() -> FleetError {
+    FleetError::Broken("the thread that answers calls has ended".into())
+}
+
+/// Whether all robots have to turn before they can move another way.
+fn turns(fleet: Option<&Fleet>) -> bool {
+    fleet.is_some_and(|fleet| {
+        fleet
+            .profiles()
+            .iter()
+            .all(|profile| profile.model.max_turn_rate_rad_per_s().is_finite())
+    })
+}
+
+fn radius_m(fleet: Option<&Fleet>, config: &FleetConfig) -> f64 {
+    fleet.map_or(config.sim.radius_m(), |fleet| {
+        let radii = fleet.shapes().iter().map(|shape| shape.radius_m());
+        radii.fold(0.0, f64::max)
+    })
+}
+
+fn lists_to_goals(lists: &[Vec<u32>]) -> Result<Goals, FleetError> {
+    let mut offsets = vec![0];
+    let mut cells = Vec::new();
+    for list in lists {
+        cells.extend_from_slice(list);
+        offsets.push(cells.len() as u64);
+    }
+    Goals::from_flat(offsets, cells).ok_or_else(broken)
+}
+
+/// What an answer depends on, as far as the host is concerned.
+fn digest(number: u64, block: u64, cut: &Cut) -> Digest {
+    let mut hasher = Hasher::new("fleetyard.fleet-state/1");
+    hasher.u64(number);
+    hasher.u64(block);
+    hasher.u32s(&cut.cells);
+    hasher.u32s(&cut.next_goal);
+    let quarters = cut.headings.iter().map(|heading| heading.code() as u8);
+    hasher.bytes(&quarters.collect::<Vec<_>>());
+    hasher.finish()
+}
+
+/// What plugins are told of the map.
+fn environment(grid: &Grid, config: &FleetConfig) -> SharedEnvironment {
+    fleetyard_runtime::environment_of(
+        grid,
+        Connectivity::Four,
+        config.sim.cell_size_m,
+        config.sim.step_s,
+    )
+}

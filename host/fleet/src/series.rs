@@ -1,0 +1,179 @@
+//! The run in figures, while it goes on.
+
+use std::collections::BTreeMap;
+
+use crate::recording::{Notice, Round};
+use crate::{
+    CallTimes, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point,
+};
+
+/// Everything that is counted.
+#[derive(Debug)]
+pub(crate) struct Tally {
+    period_s: f64,
+    /// Blocks between two points of the series.
+    every: u64,
+    pub(crate) series: Vec<Point>,
+    pub(crate) events: Vec<FleetEvent>,
+    counts: BTreeMap<EventKind, u64>,
+    pub(crate) goals_reached: u64,
+    pub(crate) goals_committed: u64,
+    /// Robots that stood still in the last block, and blocks of all robots until then.
+    waiting: u32,
+    waited: u64,
+    /// Blocks that robots stood still in a cell.
+    waited_in: Vec<u64>,
+    calls: u64,
+    fail_calls: u64,
+    adg_nodes: usize,
+    adg_nodes_max: usize,
+    rings_cut: u64,
+    planner_ms: Vec<f64>,
+    recovery_ms: Vec<f64>,
+}
+
+impl Tally {
+    pub(crate) fn new(config: &FleetConfig, period_s: f64, cells: u32) -> Self {
+        Self {
+            period_s,
+            every: (config.series_s / period_s).round().max(1.0) as u64,
+            series: Vec::new(),
+            events: Vec::new(),
+            counts: BTreeMap::new(),
+            goals_reached: 0,
+            goals_committed: 0,
+            waiting: 0,
+            waited: 0,
+            waited_in: vec![0; cells as usize],
+            calls: 0,
+            fail_calls: 0,
+            adg_nodes: 0,
+            adg_nodes_max: 0,
+            rings_cut: 0,
+            planner_ms: Vec::new(),
+            recovery_ms: Vec::new(),
+        }
+    }
+
+    /// An answer takes effect.
+    pub(crate) fn round(&mut self, round: &Round) {
+        self.calls += 1;
+        self.planner_ms.extend(round.planner_ms);
+        self.fail_calls += u64::from(round.recovery_ms.is_some());
+        self.recovery_ms.extend(round.recovery_ms);
+        for notice in &round.notices {
+            let block = match notice.kind {
+                EventKind::Watchdog | EventKind::InvocationFault => round.block,
+                _ => round.effect,
+            };
+            self.notice(block, notice);
+        }
+    }
+
+    /// A batch was appended.
+    pub(crate) fn appended(&mut self, block: u64, rings: usize, stopped: usize) {
+        if rings > 0 {
+            self.rings_cut += rings as u64;
+            self.notice(
+                block,
+                &Notice {
+                    kind: EventKind::RingsCut,
+                    module: "host".into(),
+                    message: format!(
+                        "{stopped} robots stop before moves in {rings} rings, or behind those who do"
+                    ),
+                },
+            );
+        }
+    }
+
+    fn notice(&mut self, block: u64, notice: &Notice) {
+        *self.counts.entry(notice.kind).or_default() += 1;
+        if self.events.len() < FleetOutcome::EVENTS {
+            self.events.push(FleetEvent {
+                time_s: block as f64 * self.period_s,
+                kind: notice.kind,
+                module: notice.module.clone(),
+                message: notice.message.clone(),
+            });
+        }
+    }
+
+    /// A block begins.
+    pub(crate) fn adg_nodes(&mut self, nodes: usize) {
+        self.adg_nodes = nodes;
+        self.adg_nodes_max = self.adg_nodes_max.max(nodes);
+    }
+
+    /// A block is over, in which robots stood still in these cells.
+    pub(crate) fn block(&mut self, still: impl Iterator<Item = Option<u32>>) {
+        self.waiting = 0;
+        for cell in still {
+            self.waiting += 1;
+            if let Some(cell) = cell {
+                self.waited_in[cell as usize] += 1;
+            }
+        }
+        self.waited += u64::from(self.waiting);
+    }
+
+    /// A point of the series, if it is time for one.
+    pub(crate) fn point(&mut self, blocks: u64, last: bool) -> Option<Point> {
+        if !last && !blocks.is_multiple_of(self.every) {
+            return None;
+        }
+        let point = Point {
+            time_s: blocks as f64 * self.period_s,
+            goals_reached: self.goals_reached,
+            waiting: self.waiting,
+            adg_nodes: self.adg_nodes,
+            planner_calls: self.calls,
+            fail_calls: self.fail_calls,
+        };
+        if self.series.last().map(|last| last.time_s) == Some(point.time_s) {
+            self.series.pop();
+        }
+        self.series.push(point);
+        Some(point)
+    }
+
+    /// Seconds that robots stood still, per cell.
+    pub(crate) fn waiting_s_per_cell(&self) -> Vec<f64> {
+        let seconds = |blocks: &u64| *blocks as f64 * self.period_s;
+        self.waited_in.iter().map(seconds).collect()
+    }
+
+    pub(crate) fn metrics(&self, agents: usize, blocks: u64, tasks: Option<u64>) -> FleetMetrics {
+        let count = |kind| self.counts.get(&kind).copied().unwrap_or(0);
+        let share = |part: u64, whole: u64| {
+            if whole == 0 {
+                0.0
+            } else {
+                part as f64 / whole as f64
+            }
+        };
+        let simulated_s = blocks as f64 * self.period_s;
+        FleetMetrics {
+            throughput_per_s: if blocks == 0 {
+                0.0
+            } else {
+                self.goals_reached as f64 / simulated_s
+            },
+            goals_reached: self.goals_reached,
+            goals_committed: self.goals_committed,
+            fail_policy_ratio: share(self.fail_calls, self.calls),
+            planner_calls: self.calls,
+            fail_calls: self.fail_calls,
+            all_waits: count(EventKind::AllWait),
+            planner_time_ms: CallTimes::of(self.planner_ms.clone()),
+            fail_policy_time_ms: CallTimes::of(self.recovery_ms.clone()),
+            waiting_share: share(self.waited, blocks * agents as u64),
+            adg_nodes_max: self.adg_nodes_max,
+            invalid_batches: count(EventKind::InvalidBatch) + count(EventKind::InvalidRecovery),
+            rings_cut: self.rings_cut,
+            restarts: count(EventKind::Restarted),
+            tasks_done: tasks,
+            event_counts: self.counts.clone(),
+        }
+    }
+}
