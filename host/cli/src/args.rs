@@ -8,13 +8,14 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use fleetyard_abi::Kind;
+use fleetyard_abi::{Kind, Motion};
 use fleetyard_check::PathRule;
 use fleetyard_core::Connectivity;
 use fleetyard_core::PathEncoding;
 use fleetyard_core::formats::Format as FileFormat;
+use fleetyard_fleet::{Assign, Clock};
 use fleetyard_runtime::{Attach, Level};
-use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
+use fleetyard_sim::noise::{Delay, Disturbance, Messages, VelocityNoise};
 use fleetyard_sim::{Policy, Tier};
 
 use crate::commands::bench::Bench;
@@ -37,6 +38,9 @@ pub(crate) enum Command {
     Run(Run),
     /// Run several planners on the same instances and show who did better
     Compare(Compare),
+    /// Run a fleet that never ends: robots drive, reach goals and get new ones, while a planner
+    /// plans their next ways
+    Fleet(Box<Fleet>),
     /// Run a suite: every planner on every instance
     Bench(Bench),
     /// Look at the stores of suites, join them, write them in other formats
@@ -438,6 +442,278 @@ pub(crate) struct Run {
     pub(crate) format: Format,
 }
 
+/// A duration in seconds, which may be nothing.
+fn seconds(text: &str) -> Result<f64, String> {
+    let duration = humantime::parse_duration(text)
+        .map_err(|_| "write a duration with its unit, such as 500ms, 10s or 10m".to_owned())?;
+    Ok(duration.as_secs_f64())
+}
+
+fn positive_seconds(text: &str) -> Result<f64, String> {
+    match seconds(text)? {
+        0.0 => Err("this has to be longer than nothing".to_owned()),
+        seconds => Ok(seconds),
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum MotionArg {
+    /// A step takes a robot to an adjacent cell, whatever its heading
+    Pebble,
+    /// Turning by 90° takes a step too
+    Rotation,
+}
+
+impl From<MotionArg> for Motion {
+    fn from(motion: MotionArg) -> Self {
+        match motion {
+            MotionArg::Pebble => Self::Pebble,
+            MotionArg::Rotation => Self::Rotation,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum ClockArg {
+    /// Just the limit after the call, in simulated time: runs are the same everywhere
+    Lockstep,
+    /// When it is there, while simulated time follows the wall clock
+    Realtime,
+}
+
+impl From<ClockArg> for Clock {
+    fn from(clock: ClockArg) -> Self {
+        match clock {
+            ClockArg::Lockstep => Self::Lockstep,
+            ClockArg::Realtime => Self::Realtime,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum AssignArg {
+    /// Tasks if a file names some, roles if the map has them, random cells else
+    Auto,
+    /// Free cells at random
+    Random,
+    /// Workstations and endpoints of the map in turn
+    Roles,
+    /// The tasks of --tasks
+    Tasks,
+}
+
+impl From<AssignArg> for Assign {
+    fn from(assign: AssignArg) -> Self {
+        match assign {
+            AssignArg::Auto => Self::Auto,
+            AssignArg::Random => Self::Random,
+            AssignArg::Roles => Self::Roles,
+            AssignArg::Tasks => Self::Tasks,
+        }
+    }
+}
+
+/// Where the help shows what follows.
+const FLEET: &str = "Planning";
+
+/// Where the help shows what follows.
+const GOALS: &str = "Goals";
+
+/// Where the help shows what follows.
+const ROBOTS: &str = "Robots";
+
+/// Where the help shows what follows.
+const RECORDS: &str = "Results and records";
+
+/// Run a fleet that never ends: robots drive, reach goals and get new ones, while a planner
+/// plans their next ways.
+///
+/// The invocation policy says when to plan, the instance generator what, the fail policy what
+/// to do where the planner has no plan that may be driven. docs/fleet.md says what happens
+/// when.
+#[derive(Debug, Args)]
+pub(crate) struct Fleet {
+    /// MovingAI or LSMART map [with --replay and --resume: the one that was recorded]
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["replay", "resume"])]
+    pub(crate) map: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) asked: FleetAsked,
+    /// Write what plugins answer to a file, from which the run can be had again
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with_all = ["replay", "resume"])]
+    pub(crate) record: Option<PathBuf>,
+    /// Run again what was recorded, without any plugin
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with_all = ["asked", "resume"])]
+    pub(crate) replay: Option<PathBuf>,
+    /// Go on with a run whose host was killed or interrupted, and with its recording
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with = "asked")]
+    pub(crate) resume: Option<PathBuf>,
+    /// Write the trace to a file
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Ticks between the states in the trace; 0 records events only
+    #[arg(long, help_heading = RECORDS, value_name = "N", default_value_t = 1, requires = "trace")]
+    pub(crate) trace_every: u32,
+    /// Draw throughput over time, and where robots waited, to a file, SVG or PNG by its name
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
+    /// Show what plugins wrote to their logs and to standard error
+    #[arg(long, short)]
+    pub(crate) verbose: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(crate) format: Format,
+    /// Threads of the simulator; results do not depend on it [default: a processor each, but for
+    /// those of the planner]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+    /// How long a plugin may take to start and be made
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    pub(crate) startup: Duration,
+    #[command(flatten)]
+    pub(crate) grants: GrantArgs,
+}
+
+/// What decides about a run; a recording has it all.
+#[derive(Debug, Args)]
+#[group(id = "asked", multiple = true)]
+pub(crate) struct FleetAsked {
+    /// Number of robots
+    #[arg(long, value_name = "N", required_unless_present_any = ["replay", "resume"],
+          value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) agents: Option<u32>,
+    /// How long to go on, in simulated time
+    #[arg(long, value_name = "DURATION", default_value = "10m", value_parser = positive_seconds)]
+    pub(crate) duration: f64,
+    /// Seed of every random choice: starts, goals, plugins, disturbances
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// The planner: a plugin's identifier, or the path of a library or program; PATH:ID picks one
+    /// of several
+    #[arg(long, help_heading = FLEET, value_name = "PLUGIN",
+          required_unless_present_any = ["replay", "resume"])]
+    pub(crate) planner: Option<String>,
+    /// The instance generator: who is sent where
+    #[arg(long, help_heading = FLEET, value_name = "PLUGIN", default_value = "windowed-multi-goals")]
+    pub(crate) generator: String,
+    /// The invocation policy: when to plan
+    #[arg(long, help_heading = FLEET, value_name = "PLUGIN", default_value = "periodic")]
+    pub(crate) invocation: String,
+    /// The fail policy: what to do without a plan
+    #[arg(long, help_heading = FLEET, value_name = "PLUGIN", default_value = "pibt")]
+    pub(crate) fail_policy: String,
+    /// Time between two calls, for an invocation policy with the option `period_s`
+    /// [default: the policy's]
+    #[arg(long, help_heading = FLEET, value_name = "DURATION", value_parser = positive_seconds)]
+    pub(crate) period: Option<f64>,
+    /// How far ahead plans are free of collisions; 0s for plans to the end
+    #[arg(long, help_heading = FLEET, value_name = "DURATION", default_value = "10s",
+          value_parser = seconds)]
+    pub(crate) window: f64,
+    /// How long the planner may take
+    #[arg(long, help_heading = FLEET, value_name = "DURATION", default_value = "1s",
+          value_parser = positive_seconds)]
+    pub(crate) limit: f64,
+    /// How planners see robots move; robots turn in any case
+    #[arg(long, help_heading = FLEET, value_enum, default_value = "pebble")]
+    pub(crate) motion: MotionArg,
+    /// When an answer takes effect
+    #[arg(long, help_heading = FLEET, value_enum, default_value = "lockstep")]
+    pub(crate) clock: ClockArg,
+    /// An option of the planner; may be given several times
+    #[arg(long = "option", help_heading = FLEET, value_name = "NAME=VALUE")]
+    pub(crate) options: Vec<String>,
+    /// An option of the instance generator
+    #[arg(long = "generator-option", help_heading = FLEET, value_name = "NAME=VALUE")]
+    pub(crate) generator_options: Vec<String>,
+    /// An option of the invocation policy
+    #[arg(long = "invocation-option", help_heading = FLEET, value_name = "NAME=VALUE")]
+    pub(crate) invocation_options: Vec<String>,
+    /// An option of the fail policy
+    #[arg(long = "fail-option", help_heading = FLEET, value_name = "NAME=VALUE")]
+    pub(crate) fail_options: Vec<String>,
+    /// How libraries are attached, the built-in one among them: in the host's own process or in
+    /// processes of their own
+    #[arg(long, help_heading = FLEET, value_name = "HOW", value_enum, default_value = "worker")]
+    pub(crate) attach: LibraryAttachArg,
+    /// The host calls by itself when nobody had anything to do for so long
+    #[arg(long, help_heading = FLEET, value_name = "DURATION", default_value = "10s",
+          value_parser = positive_seconds)]
+    pub(crate) watchdog: f64,
+    /// Where goals come from
+    #[arg(long, help_heading = GOALS, value_enum, default_value = "auto")]
+    pub(crate) assign: AssignArg,
+    /// Tasks, in the format of the League of Robot Runners
+    #[arg(long, help_heading = GOALS, value_name = "FILE")]
+    pub(crate) tasks: Option<PathBuf>,
+    /// How many tasks are known at a time, per robot
+    #[arg(long, help_heading = GOALS, value_name = "RATIO", default_value_t = 1.5)]
+    pub(crate) reveal: f64,
+    /// How long a robot stays where it reached a goal
+    #[arg(long, help_heading = GOALS, value_name = "DURATION", default_value = "0s",
+          value_parser = seconds)]
+    pub(crate) dwell: f64,
+    /// Motion model or preset of all robots, such as agv or lsmart-effective; pebble for discs
+    /// that move by one cell per step. docs/motion.md lists them
+    #[arg(long, help_heading = ROBOTS, value_name = "NAME", default_value = "agv",
+          conflicts_with = "fleet")]
+    pub(crate) model: String,
+    /// Footprints, models and limits of all robots, a fleetyard.fleet/1 file
+    #[arg(long, help_heading = ROBOTS, value_name = "FILE", conflicts_with = "radius")]
+    pub(crate) fleet: Option<PathBuf>,
+    /// Radius of a robot in metres [default: the preset's footprint, or 0.3 cells]
+    #[arg(long, help_heading = ROBOTS, value_name = "METRES")]
+    pub(crate) radius: Option<f64>,
+    /// Most actions that a robot has been sent and has not done
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 5)]
+    pub(crate) queue: u32,
+    #[command(flatten)]
+    pub(crate) disturbance: DisturbanceArgs,
+    /// Side of a cell in metres
+    #[arg(long, help_heading = ROBOTS, value_name = "METRES", default_value_t = 1.0)]
+    pub(crate) cell_size: f64,
+    /// Duration of one step of a plan in seconds, the least time of an action [default: a cell's
+    /// side at the top speed of the slowest robot, or 1]
+    #[arg(long, help_heading = ROBOTS, value_name = "SECONDS")]
+    pub(crate) step: Option<f64>,
+    /// Simulator ticks per second
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 60)]
+    pub(crate) ticks_hz: u32,
+    /// Substeps per tick
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 4)]
+    pub(crate) substeps: u32,
+    /// How bodies move and contacts are found
+    #[arg(long, help_heading = ROBOTS, value_enum, default_value = "kinematic")]
+    pub(crate) tier: TierArg,
+    /// Wall-clock time of a plugin for learning the map
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "1m",
+          value_parser = positive_seconds)]
+    pub(crate) prepare_budget: f64,
+    /// Wall-clock time of a call of any plugin but the planner
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "10s",
+          value_parser = positive_seconds)]
+    pub(crate) call_budget: f64,
+    /// Most threads a plugin may use
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) plugin_threads: u32,
+    /// Most search nodes, for planners that count them [default: no limit]
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 0,
+          hide_default_value = true)]
+    pub(crate) nodes: u64,
+    /// Memory of all processes of a plugin together [default: half of the machine's]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size)]
+    pub(crate) memory: Option<u64>,
+}
+
+/// How a library is attached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LibraryAttachArg {
+    /// In the host's own process: no isolation
+    InProcess,
+    /// In a process of its own
+    Worker,
+}
+
 /// Run several planners on the same instances and show who did better.
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
@@ -723,12 +999,9 @@ impl From<PolicyArg> for Policy {
 /// Where the help shows what follows.
 const CONDUCT: &str = "Execution";
 
-/// How the plan is carried out, and what goes wrong meanwhile.
+/// What goes wrong meanwhile.
 #[derive(Debug, Args)]
-pub(crate) struct ConductArgs {
-    /// When a robot may go on
-    #[arg(long, help_heading = CONDUCT, value_enum, default_value = "time")]
-    pub(crate) policy: PolicyArg,
+pub(crate) struct DisturbanceArgs {
     /// How robots are late: none, bernoulli:P,SECONDS, uniform:MIN,MAX,
     /// gaussian:MEAN,STD or bursts:RATE,SECONDS
     #[arg(long, help_heading = CONDUCT, value_name = "DELAY", default_value = "none")]
@@ -739,6 +1012,28 @@ pub(crate) struct ConductArgs {
     /// How long messages take and how many are lost: MIN,MAX,LOSS [default: none and none]
     #[arg(long, help_heading = CONDUCT, value_name = "MIN,MAX,LOSS")]
     pub(crate) messages: Option<Messages>,
+}
+
+impl DisturbanceArgs {
+    /// The same for the simulator.
+    pub(crate) fn with_seed(&self, seed: u64) -> Disturbance {
+        Disturbance {
+            seed,
+            delay: self.delay,
+            velocity: self.velocity_noise.unwrap_or_default(),
+            messages: self.messages.unwrap_or_default(),
+        }
+    }
+}
+
+/// How the plan is carried out, and what goes wrong meanwhile.
+#[derive(Debug, Args)]
+pub(crate) struct ConductArgs {
+    /// When a robot may go on
+    #[arg(long, help_heading = CONDUCT, value_enum, default_value = "time")]
+    pub(crate) policy: PolicyArg,
+    #[command(flatten)]
+    pub(crate) disturbance: DisturbanceArgs,
     /// Seconds between two exchanges of messages
     #[arg(long, help_heading = CONDUCT, value_name = "SECONDS", default_value_t = 0.1)]
     pub(crate) message_period: f64,

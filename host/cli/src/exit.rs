@@ -4,6 +4,7 @@ use std::fmt;
 
 use fleetyard_bench::{BenchError, Ending, TrialError, slurm};
 use fleetyard_core::InputError;
+use fleetyard_fleet::FleetError;
 use fleetyard_runtime::{Fault, OptionError};
 use fleetyard_sim::SimError;
 
@@ -156,6 +157,26 @@ impl From<TrialError> for Failure {
             TrialError::Robots(_) | TrialError::SeveralPlugins { .. } => Exit::Usage,
             TrialError::NoPlugin { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
             TrialError::Incapable { .. } => Exit::NoPlan,
+        };
+        Self {
+            exit,
+            message,
+            hint,
+        }
+    }
+}
+
+impl From<FleetError> for Failure {
+    fn from(error: FleetError) -> Self {
+        let hint = error.hint().map(str::to_owned);
+        let message = error.to_string();
+        let exit = match error {
+            FleetError::Input(error) => return error.into(),
+            FleetError::Sim(error) => return error.into(),
+            FleetError::Config { .. } => Exit::Usage,
+            FleetError::Start { .. } => Exit::Plugin,
+            FleetError::Incapable { .. } => Exit::NoPlan,
+            FleetError::Broken(_) => Exit::Internal,
         };
         Self {
             exit,

@@ -34,6 +34,7 @@ fn main() {
 fn dispatch(command: Command) -> Result<Exit> {
     match command {
         Command::Run(arguments) => commands::run::run(&arguments),
+        Command::Fleet(arguments) => commands::fleet::fleet(&arguments),
         Command::Compare(arguments) => commands::compare::compare(&arguments),
         Command::Bench(arguments) => commands::bench::bench(&arguments),
         Command::Store(what) => commands::store::stores(&what),

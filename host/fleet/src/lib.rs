@@ -6,10 +6,15 @@
 pub mod adg;
 pub mod assign;
 pub mod batch;
+mod call;
 mod config;
 mod error;
+mod interim;
 mod modules;
 mod outcome;
+mod recording;
+mod run;
+mod series;
 
 pub use config::{Allowance, Assign, Clock, FleetConfig};
 pub use error::FleetError;
@@ -17,3 +22,5 @@ pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{
     CallTimes, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome, Point,
 };
+pub use recording::{By, End, Header, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
+pub use run::{Ground, Unwatched, Watch, replay, resume, run, step_s};

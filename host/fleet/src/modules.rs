@@ -1,8 +1,5 @@
 //! The four plugins of a run, and how each is started again when it has died.
 
-// What runs them is still to come.
-#![allow(dead_code)]
-
 use std::time::Duration;
 
 use fleetyard_abi::{Budget, Capabilities, Kind, SharedEnvironment};

@@ -356,6 +356,16 @@ impl Recording {
         &self.header
     }
 
+    /// The same with what of the numbers is a machine's: threads and memory, which decide
+    /// about nothing.
+    #[must_use]
+    pub fn with_host(mut self, config: &FleetConfig) -> Self {
+        let sim = &mut self.header.config.sim;
+        sim.threads = config.sim.threads;
+        sim.memory_limit_bytes = config.sim.memory_limit_bytes;
+        self
+    }
+
     /// How many calls there are.
     pub fn rounds(&self) -> u64 {
         self.rounds

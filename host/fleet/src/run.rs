@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{
-    Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading, Instance, Motion,
+    FleetState, FleetStatus, Goals, Heading, Instance,
     Objective, SharedEnvironment,
 };
 use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError};
@@ -20,7 +20,7 @@ use fleetyard_runtime::Closing;
 use fleetyard_sim::{Fleet, Live, NoTrace, Order, TraceSink};
 
 use crate::adg::{Adg, Costs, Cut};
-use crate::assign::Assigner;
+use crate::interim::{Assigner, Tasks};
 use crate::batch::{Batch, judge};
 use crate::call::{Answer, Desk, Question, ask};
 use crate::modules::{Module, ModuleInfo, Modules};
@@ -743,9 +743,22 @@ fn turns(fleet: Option<&Fleet>) -> bool {
     })
 }
 
+/// The usual length of a step: a cell's side at the top speed of the slowest robot, one
+/// second for robots that are as fast as they are told to be.
+pub fn step_s(fleet: Option<&Fleet>, cell_size_m: f64) -> f64 {
+    let profiles = fleet.map_or(&[][..], Fleet::profiles);
+    let speeds = profiles.iter().map(|profile| profile.model.max_speed_m_per_s());
+    let slowest = speeds.fold(f64::INFINITY, f64::min);
+    if slowest.is_finite() {
+        cell_size_m / slowest
+    } else {
+        1.0
+    }
+}
+
 fn radius_m(fleet: Option<&Fleet>, config: &FleetConfig) -> f64 {
     fleet.map_or(config.sim.radius_m(), |fleet| {
-        let radii = fleet.shapes().iter().map(|shape| shape.radius_m());
+        let radii = fleet.shapes().iter().map(fleetyard_world::Shape::effective_radius_m);
         radii.fold(0.0, f64::max)
     })
 }

@@ -24,6 +24,7 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod doctor;
 mod export;
+pub(crate) mod fleet;
 pub(crate) mod jobs;
 pub(crate) mod maps;
 pub(crate) mod new;

@@ -154,15 +154,12 @@ fn config(arguments: &Simulate) -> SimConfig {
         ),
         ..sim_config(&arguments.world)
     };
-    config.disturbance.seed = conduct.seed;
-    config.disturbance.delay = conduct.delay;
-    config.disturbance.velocity = conduct.velocity_noise.unwrap_or_default();
-    config.disturbance.messages = conduct.messages.unwrap_or_default();
+    config.disturbance = conduct.disturbance.with_seed(conduct.seed);
     config
 }
 
 /// What the kernel could give without swapping, where it tells.
-fn available_memory_bytes() -> Option<u64> {
+pub(super) fn available_memory_bytes() -> Option<u64> {
     let meminfo = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = meminfo
         .lines()

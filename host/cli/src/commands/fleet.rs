@@ -1,0 +1,544 @@
+//! `fleetyard fleet`: robots that drive on and on, and a planner that plans meanwhile.
+
+use std::fmt::Write as _;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
+
+use fleetyard_abi::Kind;
+use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, RobotsError, SandboxOptions};
+use fleetyard_bench::{half_of_memory, number};
+use fleetyard_core::formats::load_lorr_tasks;
+use fleetyard_core::{InputError, load_map};
+use fleetyard_fleet::{
+    Allowance, CallTimes, End, Ended, FleetConfig, FleetOutcome, Ground, ModuleInfo, Modules,
+    Point, Recorder, Recording, Round, Watch, replay, resume, run,
+};
+use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
+use fleetyard_sim::motion::load_fleet;
+use fleetyard_sim::trace::TraceOptions;
+use fleetyard_sim::{Fleet as Bodies, NoTrace, SimConfig, TraceSink};
+use indicatif::ProgressBar;
+use serde::{Deserialize, Serialize};
+
+use super::TraceFile;
+use super::simulate::available_memory_bytes;
+use crate::args::{Fleet, FleetAsked, Format, LibraryAttachArg};
+use crate::exit::{Exit, Failure, Result, internal};
+use crate::setup::{candidate_of, policy, trust};
+use crate::{BUILT_IN, output};
+
+/// The signal that told this process to end; 0 if none did.
+static SIGNAL: AtomicI32 = AtomicI32::new(0);
+
+/// What has to be read or started again for a replay or to go on.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Setup {
+    map: PathBuf,
+    model: String,
+    fleet: Option<PathBuf>,
+    tasks: Option<PathBuf>,
+    in_process: bool,
+    plugins: Vec<Plugin>,
+}
+
+/// A plugin as the user names it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Plugin {
+    kind: Kind,
+    name: String,
+    options: Vec<String>,
+}
+
+pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
+    let recorded = arguments.replay.as_ref().or(arguments.resume.as_ref());
+    let recording = recorded.map(|path| Recording::open(path)).transpose()?;
+    let mut setup = match &recording {
+        Some(recording) => {
+            let setup = recording.header().setup.clone();
+            serde_json::from_value(setup).map_err(|error| {
+                let reason = format!("`setup` is not what this command writes: {error}");
+                InputError::new(recording.name(), reason)
+                    .at_line(1)
+                    .hint("it was not recorded by `fleetyard fleet --record`")
+            })?
+        }
+        None => asked_setup(&arguments.asked),
+    };
+    if let Some(map) = &arguments.map {
+        setup.map.clone_from(map);
+    }
+    let grid = Arc::new(load_map(&setup.map)?);
+    let tasks = setup
+        .tasks
+        .as_ref()
+        .map(|path| load_lorr_tasks(path, &grid))
+        .transpose()?;
+    let robots = robots(&setup)?;
+    let (config, bodies) = match &recording {
+        Some(recording) => {
+            let config = recording.header().config.clone();
+            let bodies = bodies(&robots, &config)?;
+            (config, bodies)
+        }
+        None => asked_config(&arguments.asked, &robots)?,
+    };
+    let config = with_host(config, arguments);
+    let ground = Ground {
+        grid: &grid,
+        fleet: bodies.as_ref(),
+        tasks: tasks.as_ref(),
+    };
+    if let Some(recording) = &recording {
+        about(recording);
+    }
+    let modules = if arguments.replay.is_some() {
+        None
+    } else {
+        Some(modules(arguments, &setup, &config)?)
+    };
+    let mut watcher = Watcher::new(arguments, &config)?;
+    let outcome = match (recording, modules) {
+        (Some(recording), Some(modules)) => {
+            let path = Path::new(recording.name()).to_owned();
+            watcher.recorder = Some(Recorder::go_on(&path, &recording)?);
+            let recording = recording.with_host(&config);
+            resume(&ground, recording, modules, &mut watcher)
+        }
+        (Some(recording), None) => {
+            let recording = recording.with_host(&config);
+            replay(&ground, recording, &mut watcher)
+        }
+        (None, Some(modules)) => {
+            if let Some(path) = &arguments.record {
+                setup.map = absolute(&setup.map);
+                let setup = serde_json::to_value(&setup).map_err(internal)?;
+                let header = ground.header(&config, modules.infos(), setup);
+                watcher.recorder = Some(Recorder::create(path, &header)?);
+            }
+            run(&ground, &config, modules, &mut watcher)
+        }
+        (None, None) => return Err(internal("there is nothing to run")),
+    };
+    watcher.bar.finish_and_clear();
+    let outcome = outcome?;
+    watcher.finish()?;
+    report(arguments, &outcome)?;
+    let signal = SIGNAL.load(Ordering::SeqCst);
+    if outcome.ended == Ended::Interrupted && signal != 0 {
+        // As a shell says it of a process that a signal has ended.
+        std::process::exit(128 + signal);
+    }
+    Ok(Exit::Success)
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// What the user should know of a recording before it is used.
+fn about(recording: &Recording) {
+    let (name, header) = (recording.name(), recording.header());
+    if recording.is_torn() {
+        output::warning(&format!(
+            "{name}: the last line is torn and is left out: the host was killed when it wrote it"
+        ));
+    }
+    if header.fleetyard != env!("CARGO_PKG_VERSION") {
+        output::warning(&format!(
+            "{name}: it was recorded by version {}, this is {}",
+            header.fleetyard,
+            env!("CARGO_PKG_VERSION")
+        ));
+    }
+}
+
+fn asked_setup(asked: &FleetAsked) -> Setup {
+    let plugin = |kind, name: &str, options: &[String]| Plugin {
+        kind,
+        name: name.to_owned(),
+        options: options.to_vec(),
+    };
+    let mut invocation_options = asked.invocation_options.clone();
+    invocation_options.extend(asked.period.map(|period| format!("period_s={period}")));
+    Setup {
+        map: PathBuf::new(),
+        model: asked.model.clone(),
+        fleet: asked.fleet.as_deref().map(absolute),
+        tasks: asked.tasks.as_deref().map(absolute),
+        in_process: asked.attach == LibraryAttachArg::InProcess,
+        plugins: vec![
+            plugin(
+                Kind::Planner,
+                asked.planner.as_deref().unwrap_or_default(),
+                &asked.options,
+            ),
+            plugin(
+                Kind::InstanceGenerator,
+                &asked.generator,
+                &asked.generator_options,
+            ),
+            plugin(
+                Kind::InvocationPolicy,
+                &asked.invocation,
+                &invocation_options,
+            ),
+            plugin(Kind::FailPolicy, &asked.fail_policy, &asked.fail_options),
+        ],
+    }
+}
+
+fn robots(setup: &Setup) -> Result<Robots> {
+    Ok(match &setup.fleet {
+        Some(path) => Robots::File(path.display().to_string(), Box::new(load_fleet(path)?)),
+        // Discs that follow their orders exactly.
+        None if setup.model == "pebble" => Robots::Pebbles,
+        None => Robots::Model(setup.model.clone()),
+    })
+}
+
+fn bodies(robots: &Robots, config: &FleetConfig) -> Result<Option<Bodies>> {
+    robots
+        .fleet(config.agents as usize, &config.sim)
+        .map_err(|error| match error {
+            RobotsError::File(error) => error.into(),
+            error => Failure {
+                exit: Exit::Usage,
+                message: format!("--model: {error}"),
+                hint: error.hint().map(str::to_owned),
+            },
+        })
+}
+
+/// The numbers that the arguments ask for, and the robots.
+fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Option<Bodies>)> {
+    let mut config = FleetConfig {
+        agents: asked.agents.unwrap_or(1),
+        duration_s: asked.duration,
+        window_s: asked.window,
+        limit_s: asked.limit,
+        clock: asked.clock.into(),
+        seed: asked.seed,
+        motion: asked.motion.into(),
+        queue: asked.queue,
+        dwell_s: asked.dwell,
+        assign: asked.assign.into(),
+        reveal: asked.reveal,
+        watchdog_s: asked.watchdog,
+        allowance: Allowance {
+            prepare_s: asked.prepare_budget,
+            call_s: asked.call_budget,
+            threads: asked.plugin_threads,
+            memory_bytes: asked.memory.unwrap_or_else(half_of_memory),
+            nodes: asked.nodes,
+        },
+        sim: SimConfig {
+            cell_size_m: asked.cell_size,
+            step_s: asked.step.unwrap_or(1.0),
+            radius_m: asked.radius,
+            ticks_hz: asked.ticks_hz,
+            substeps: asked.substeps,
+            tier: asked.tier.into(),
+            disturbance: asked.disturbance.with_seed(asked.seed),
+            ..SimConfig::default()
+        },
+        ..FleetConfig::default()
+    };
+    let bodies = bodies(robots, &config)?;
+    if asked.step.is_none() {
+        config.sim.step_s = fleetyard_fleet::step_s(bodies.as_ref(), asked.cell_size);
+    }
+    Ok((config, bodies))
+}
+
+/// What of the numbers is this machine's and decides about nothing.
+fn with_host(mut config: FleetConfig, arguments: &Fleet) -> FleetConfig {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let planner = config.allowance.threads as usize;
+    config.sim.threads = arguments.threads.map_or_else(
+        || processors.saturating_sub(planner).max(1),
+        usize::from,
+    );
+    config.sim.memory_limit_bytes = available_memory_bytes();
+    config
+}
+
+/// Starts the plugins.
+fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Modules> {
+    let allowance = &config.allowance;
+    let budget = BudgetOptions {
+        startup: arguments.startup,
+        memory_bytes: Some(allowance.memory_bytes),
+        threads: allowance.threads,
+        ..BudgetOptions::default()
+    };
+    let sandbox = SandboxOptions {
+        policy: policy(&arguments.grants)?,
+        output_bytes: arguments.grants.output_limit,
+        trust: trust(&arguments.grants.trust)?,
+        pin: false,
+    };
+    let host = Host::new(BUILT_IN, budget, sandbox, true).map_err(internal)?;
+    let start = |kind| {
+        let plugin = setup.plugins.iter().find(|plugin| plugin.kind == kind);
+        let plugin = plugin.ok_or_else(|| {
+            Failure::new(Exit::Input, format!("the recording names no {kind}"))
+                .hint("it was not recorded by `fleetyard fleet --record`")
+        })?;
+        let candidate = candidate_of(&host.runtime, kind, &plugin.name)?;
+        let library = candidate.attach(None) == Attach::Worker;
+        let attach = (setup.in_process && library).then_some(Attach::InProcess);
+        let options = GivenOptions::Texts(plugin.options.clone());
+        Ok::<_, Failure>(candidate.module(&host.runtime, attach, &options)?)
+    };
+    Ok(Modules {
+        planner: start(Kind::Planner)?,
+        generator: start(Kind::InstanceGenerator)?,
+        invocation: start(Kind::InvocationPolicy)?,
+        fail_policy: start(Kind::FailPolicy)?,
+    })
+}
+
+/// Shows the run on a terminal, keeps its records, and ends it when it is told to.
+struct Watcher<'a> {
+    trace: Option<TraceFile<'a>>,
+    nothing: NoTrace,
+    recorder: Option<Recorder>,
+    bar: ProgressBar,
+    verbose: bool,
+}
+
+impl<'a> Watcher<'a> {
+    fn new(arguments: &'a Fleet, config: &FleetConfig) -> Result<Self> {
+        let options = TraceOptions {
+            every: arguments.trace_every,
+            ..TraceOptions::default()
+        };
+        let trace = arguments.trace.as_deref();
+        let installed = on_interrupt(|signal| SIGNAL.store(signal, Ordering::SeqCst));
+        if let Err(error) = installed {
+            output::warning(&format!("an interrupt will end the run without results: {error}"));
+        }
+        Ok(Self {
+            trace: trace
+                .map(|path| TraceFile::with_options(path, options))
+                .transpose()?,
+            nothing: NoTrace,
+            recorder: None,
+            bar: output::bar(
+                config.duration_s.ceil() as u64,
+                "{bar:30} {pos}/{len} s simulated, {elapsed} elapsed  {msg}",
+            ),
+            verbose: arguments.verbose,
+        })
+    }
+
+    fn finish(self) -> Result<()> {
+        self.trace.map_or(Ok(()), TraceFile::finish)
+    }
+}
+
+impl Watch for Watcher<'_> {
+    fn sink(&mut self) -> &mut dyn TraceSink {
+        match &mut self.trace {
+            Some(trace) => trace.sink(),
+            None => &mut self.nothing,
+        }
+    }
+
+    fn point(&mut self, point: &Point, rtf: f64) {
+        if !self.bar.is_hidden() {
+            let throughput = point.goals_reached as f64 / point.time_s.max(1e-9);
+            self.bar.set_position(point.time_s as u64);
+            self.bar
+                .set_message(format!("{throughput:.2} goals/s, RTF {rtf:.1}"));
+        }
+    }
+
+    fn round(&mut self, round: &Round) -> std::result::Result<(), InputError> {
+        match &mut self.recorder {
+            Some(recorder) => recorder.round(round),
+            None => Ok(()),
+        }
+    }
+
+    fn end(&mut self, end: &End) -> std::result::Result<(), InputError> {
+        match &mut self.recorder {
+            Some(recorder) => recorder.end(end),
+            None => Ok(()),
+        }
+    }
+
+    fn closed(&mut self, info: &ModuleInfo, closing: Closing) {
+        if !self.verbose {
+            return;
+        }
+        for LogLine { level, text } in &closing.log {
+            eprintln!("[{} {level:?}] {}", info.id, output::plain(text));
+        }
+        for line in closing.stderr.lines() {
+            eprintln!("[{} stderr] {}", info.id, output::plain(line));
+        }
+    }
+
+    fn is_interrupted(&self) -> bool {
+        SIGNAL.load(Ordering::SeqCst) != 0
+    }
+}
+
+/// Prints what came of the run.
+fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
+    match arguments.format {
+        Format::Json => output::print_json(outcome)?,
+        Format::Text => output::print(&output::plain(&text(outcome)))?,
+    }
+    if outcome.ended == Ended::Interrupted {
+        output::note("interrupted; these are the results until then");
+        if let Some(path) = arguments.record.as_ref().or(arguments.resume.as_ref()) {
+            let path = fleetyard_core::quoted(&path.display().to_string());
+            output::hint(&format!("go on with `fleetyard fleet --resume {path}`"));
+        }
+    }
+    if let Format::Text = arguments.format {
+        for (kind, count) in &outcome.metrics.event_counts {
+            let first = outcome.events.iter().find(|event| event.kind == *kind);
+            if let Some(event) = first {
+                output::warning(&format!(
+                    "{} ({count} times, first at {} s): {}: {}",
+                    kind.as_str(),
+                    number(event.time_s),
+                    event.module,
+                    event.message
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn text(outcome: &FleetOutcome) -> String {
+    let FleetOutcome {
+        config,
+        metrics,
+        execution,
+        ..
+    } = outcome;
+    let mut out = String::new();
+    let mut line = |label: &str, value: String| {
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "{label:<17} {value}");
+    };
+    line(
+        "fleet",
+        format!("{} robots on {}", config.agents, outcome.map),
+    );
+    for module in &outcome.modules {
+        let label = module.kind.as_str().replace('-', " ");
+        line(&label, format!("{} {}", module.id, module.version));
+    }
+    line(
+        "simulated",
+        format!(
+            "{} s in {} s (RTF {})",
+            number(execution.simulated_s),
+            number(execution.wall_s),
+            number(execution.rtf)
+        ),
+    );
+    line(
+        "goals",
+        format!(
+            "{} reached, {} per second; {} committed",
+            metrics.goals_reached,
+            number(metrics.throughput_per_s),
+            metrics.goals_committed
+        ),
+    );
+    if let Some(tasks) = metrics.tasks_done {
+        line("tasks", format!("{tasks} done"));
+    }
+    line(
+        "calls",
+        format!(
+            "{}, of which {} fell to the fail policy (ratio {}), {} to nobody",
+            metrics.planner_calls,
+            metrics.fail_calls,
+            number(metrics.fail_policy_ratio),
+            metrics.all_waits
+        ),
+    );
+    let times = |times: &CallTimes| {
+        format!(
+            "{} ms mean, {} median, {} 95 %, {} max",
+            number(times.mean),
+            number(times.p50),
+            number(times.p95),
+            number(times.max)
+        )
+    };
+    line("planner time", times(&metrics.planner_time_ms));
+    if metrics.fail_calls > 0 {
+        line("fail policy time", times(&metrics.fail_policy_time_ms));
+    }
+    line(
+        "standing still",
+        format!("{:.1} % of robots' time", 100.0 * metrics.waiting_share),
+    );
+    line(
+        "graph",
+        format!(
+            "{} actions at most, {} rings cut",
+            metrics.adg_nodes_max, metrics.rings_cut
+        ),
+    );
+    line(
+        "contacts",
+        format!(
+            "{} ({} between robots, {} with obstacles)",
+            execution.contacts, execution.contacts_agent_agent, execution.contacts_agent_obstacle
+        ),
+    );
+    if let Some(nearest) = execution.nearest_approach_m {
+        line(
+            "nearest approach",
+            format!(
+                "{nearest:.3} m between centres (radius {:.3} m)",
+                execution.radius_m
+            ),
+        );
+    }
+    line("trace digest", execution.trace_digest.to_string());
+    out.push('\n');
+    out.push_str(&over_time(&outcome.series));
+    out
+}
+
+/// The run in at most six parts.
+fn over_time(series: &[Point]) -> String {
+    let parts = series.len().min(6);
+    let mut before: Option<&Point> = None;
+    let rows = (1..=parts).map(|part| {
+        let point = &series[series.len() * part / parts - 1];
+        let since = |of: fn(&Point) -> f64| of(point) - before.map_or(0.0, of);
+        let seconds = since(|point| point.time_s);
+        let goals = since(|point| point.goals_reached as f64);
+        let row = vec![
+            number(point.time_s),
+            point.goals_reached.to_string(),
+            format!("{:.2}", goals / seconds.max(1e-9)),
+            point.waiting.to_string(),
+            since(|point| point.planner_calls as f64).to_string(),
+            since(|point| point.fail_calls as f64).to_string(),
+        ];
+        before = Some(point);
+        row
+    });
+    output::table(
+        &["until s", "goals", "goals/s", "still", "calls", "fail policy"],
+        rows.collect(),
+        &[0, 1, 2, 3, 4, 5],
+    )
+}
