@@ -421,6 +421,14 @@ impl Assigner {
         tasks.open.iter().map(task).collect()
     }
 
+    /// How many tasks are done, if goals come from tasks.
+    pub fn tasks_done(&self) -> Option<u64> {
+        match &self.draw {
+            Draw::Tasks(tasks) => Some(tasks.next - tasks.ongoing as u64),
+            _ => None,
+        }
+    }
+
     /// Gives an open task to an agent: its cells come after the goals that the agent has.
     /// Why not, if that cannot be.
     pub fn give(&mut self, agent: u32, task: u64) -> Result<(), String> {

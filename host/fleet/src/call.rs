@@ -152,7 +152,9 @@ impl Desk {
                 instance
             }
             // The fail policy gets everybody to where they are to go next.
-            None => state.instance(Goals::single(state.goals.iter().map(|own| own[0]).collect())),
+            None => state.instance(Goals::single(
+                state.goals.iter().map(|own| own[0]).collect(),
+            )),
         };
         if answer.batch.is_none() {
             self.recover(question, instance, failed.as_ref(), &mut answer);
@@ -226,7 +228,10 @@ impl Desk {
         };
         let may_go = |agent: usize, cell: u32| {
             if !self.grid.is_passable(cell) {
-                return Err(format!("agent {agent} is to go to {}, which is blocked", place(cell)));
+                return Err(format!(
+                    "agent {agent} is to go to {}, which is blocked",
+                    place(cell)
+                ));
             }
             let component = |cell: u32| self.components[cell as usize];
             if component(cell) != component(state.cells[agent]) {
@@ -241,10 +246,7 @@ impl Desk {
             goals.iter().try_for_each(|cell| may_go(agent, *cell))?;
         }
         if instance.window_steps == 0
-            && !self
-                .planner
-                .capabilities()
-                .has(Capability::DuplicateGoals)
+            && !self.planner.capabilities().has(Capability::DuplicateGoals)
         {
             let mut last: Vec<(u32, usize)> = instance
                 .goals
@@ -454,8 +456,15 @@ pub(crate) fn ask<T>(
     let was_down = module.is_down();
     let allowance = &config.allowance;
     let seed = config.call_seed(kind, number);
-    let nodes = if kind == Kind::Planner { allowance.nodes } else { 0 };
-    let made = match module.ready(environment, &budget(allowance.prepare_s, allowance, 0, seed)) {
+    let nodes = if kind == Kind::Planner {
+        allowance.nodes
+    } else {
+        0
+    };
+    let made = match module.ready(
+        environment,
+        &budget(allowance.prepare_s, allowance, 0, seed),
+    ) {
         Ok(session) => {
             if was_down {
                 notice(EventKind::Restarted, "it was started again".into());

@@ -9,7 +9,6 @@ pub mod batch;
 mod call;
 mod config;
 mod error;
-mod interim;
 mod modules;
 mod outcome;
 mod recording;

@@ -330,9 +330,8 @@ impl Recording {
             file.seek(SeekFrom::Start(first))?;
             Ok(file)
         });
-        let file = file.map_err(|error| {
-            InputError::new(name.as_str(), format!("cannot be read: {error}"))
-        })?;
+        let file = file
+            .map_err(|error| InputError::new(name.as_str(), format!("cannot be read: {error}")))?;
         Ok(Self {
             header,
             file: BufReader::new(file),

@@ -11,16 +11,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{
-    FleetState, FleetStatus, Goals, Heading, Instance,
-    Objective, SharedEnvironment,
-};
+use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Objective, SharedEnvironment};
+use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError};
 use fleetyard_runtime::Closing;
 use fleetyard_sim::{Fleet, Live, NoTrace, Order, TraceSink};
 
 use crate::adg::{Adg, Costs, Cut};
-use crate::interim::{Assigner, Tasks};
+use crate::assign::{Assigner, Source};
 use crate::batch::{Batch, judge};
 use crate::call::{Answer, Desk, Question, ask};
 use crate::modules::{Module, ModuleInfo, Modules};
@@ -38,7 +36,7 @@ pub struct Ground<'a> {
     /// The robots; discs that move by one cell per step if there are none.
     pub fleet: Option<&'a Fleet>,
     /// The tasks, where there are some.
-    pub tasks: Option<&'a Tasks>,
+    pub tasks: Option<&'a TaskList>,
 }
 
 impl Ground<'_> {
@@ -147,9 +145,11 @@ pub fn resume(
 fn checked(ground: &Ground<'_>, recording: &Recording) -> Result<FleetConfig, FleetError> {
     let header = recording.header();
     let wrong = |what: &str, hint: &str| {
-        Err(InputError::new(recording.name(), format!("it was recorded with {what}"))
-            .hint(hint)
-            .into())
+        Err(
+            InputError::new(recording.name(), format!("it was recorded with {what}"))
+                .hint(hint)
+                .into(),
+        )
     };
     if header.map_digest != ground.grid.digest() {
         return wrong("another map", "name the map that it was recorded with");
@@ -216,16 +216,17 @@ impl<'a> Run<'a> {
     ) -> Result<Self, FleetError> {
         config.validate()?;
         let grid = ground.grid;
-        let assigner = Assigner::new(grid, config, ground.tasks)?;
-        let north = |cell: &u32| (*cell, FRAC_PI_2);
-        let starts: Vec<(u32, f64)> = assigner.starts().iter().map(north).collect();
-        let live = Live::new(&config.sim, grid, ground.fleet, &starts)?;
+        let source = Source::new(config.assign, grid, ground.tasks.cloned(), config.reveal)?;
+        let assigner = Assigner::new(grid, source, config.agents as usize, config.seed)?;
+        let starts = assigner.starts();
+        let poses: Vec<(u32, f64)> = starts.iter().map(|cell| (*cell, FRAC_PI_2)).collect();
+        let live = Live::new(&config.sim, grid, ground.fleet, &poses)?;
         let headings = vec![Heading::North; starts.len()];
         let costs = Costs {
             quarter_turn: u32::from(turns(ground.fleet)),
             dwell: (config.dwell_s / config.sim.step_s).ceil() as u32,
         };
-        let adg = Adg::new(grid, assigner.starts(), &headings, costs)
+        let adg = Adg::new(grid, &starts, &headings, costs)
             .map_err(|error| FleetError::Broken(error.to_string()))?;
         let period_s = live.period_s();
         let in_blocks = |seconds: f64| (seconds / period_s - 1e-9).ceil().max(1.0) as u64;
@@ -431,8 +432,11 @@ impl<'a> Run<'a> {
         self.tally.round(round);
         for assignment in &round.assignments {
             self.assigner
-                .assign(assignment.agent as usize, assignment.task)
-                .map_err(FleetError::Broken)?;
+                .give(assignment.agent, assignment.task)
+                .map_err(|reason| match &self.past {
+                    Some((recording, _)) => at(recording, round, reason),
+                    None => FleetError::Broken(reason),
+                })?;
         }
         let Some(batch) = batch else {
             return Ok(());
@@ -532,25 +536,25 @@ impl<'a> Run<'a> {
         self.tally.goals_committed = cut.next_goal.iter().map(|goals| u64::from(*goals)).sum();
         let number = self.calls;
         let state = digest(number, self.block, &cut);
+        let window_steps = config.window_steps();
+        // Tasks are given to agents by it.
+        let goals = self
+            .assigner
+            .upcoming(&cut.cells, &cut.next_goal, window_steps);
         if let Some((recording, Some(round))) = &self.past {
             if round.state != state {
                 let reason = "the fleet is in another state than when this was recorded";
                 return Err(at(recording, round, reason.into()));
             }
         } else {
-            let window_steps = config.window_steps();
-            let mut lists = Vec::with_capacity(cut.cells.len());
-            for (agent, (cell, next)) in cut.cells.iter().zip(&cut.next_goal).enumerate() {
-                lists.push(self.assigner.upcoming(agent, *next, *cell, window_steps));
-            }
             let question = Question {
                 number,
                 state: FleetState {
                     time_s: self.live.now_s(),
                     cells: cut.cells.clone(),
                     headings: Some(cut.headings.clone()),
-                    goals: lists_to_goals(&lists)?,
-                    tasks: self.assigner.open(),
+                    goals,
+                    tasks: self.assigner.open_tasks(),
                     window_steps,
                     motion: config.motion,
                     objective: Objective::SumOfCosts,
@@ -579,7 +583,11 @@ impl<'a> Run<'a> {
             live, adg, config, ..
         } = self;
         adg.enqueue(config.queue, &mut |agent, node| {
-            let dwell_s = if node.goal.is_some() { config.dwell_s } else { 0.0 };
+            let dwell_s = if node.goal.is_some() {
+                config.dwell_s
+            } else {
+                0.0
+            };
             live.send(
                 agent,
                 Order {
@@ -747,7 +755,9 @@ fn turns(fleet: Option<&Fleet>) -> bool {
 /// second for robots that are as fast as they are told to be.
 pub fn step_s(fleet: Option<&Fleet>, cell_size_m: f64) -> f64 {
     let profiles = fleet.map_or(&[][..], Fleet::profiles);
-    let speeds = profiles.iter().map(|profile| profile.model.max_speed_m_per_s());
+    let speeds = profiles
+        .iter()
+        .map(|profile| profile.model.max_speed_m_per_s());
     let slowest = speeds.fold(f64::INFINITY, f64::min);
     if slowest.is_finite() {
         cell_size_m / slowest
@@ -758,19 +768,12 @@ pub fn step_s(fleet: Option<&Fleet>, cell_size_m: f64) -> f64 {
 
 fn radius_m(fleet: Option<&Fleet>, config: &FleetConfig) -> f64 {
     fleet.map_or(config.sim.radius_m(), |fleet| {
-        let radii = fleet.shapes().iter().map(fleetyard_world::Shape::effective_radius_m);
+        let radii = fleet
+            .shapes()
+            .iter()
+            .map(fleetyard_world::Shape::effective_radius_m);
         radii.fold(0.0, f64::max)
     })
-}
-
-fn lists_to_goals(lists: &[Vec<u32>]) -> Result<Goals, FleetError> {
-    let mut offsets = vec![0];
-    let mut cells = Vec::new();
-    for list in lists {
-        cells.extend_from_slice(list);
-        offsets.push(cells.len() as u64);
-    }
-    Goals::from_flat(offsets, cells).ok_or_else(broken)
 }
 
 /// What an answer depends on, as far as the host is concerned.

@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::recording::{Notice, Round};
-use crate::{
-    CallTimes, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point,
-};
+use crate::{CallTimes, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point};
 
 /// Everything that is counted.
 #[derive(Debug)]

@@ -1,7 +1,6 @@
 //! `fleetyard fleet`: robots that drive on and on, and a planner that plans meanwhile.
 
 use std::fmt::Write as _;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -258,10 +257,9 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
 fn with_host(mut config: FleetConfig, arguments: &Fleet) -> FleetConfig {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let planner = config.allowance.threads as usize;
-    config.sim.threads = arguments.threads.map_or_else(
-        || processors.saturating_sub(planner).max(1),
-        usize::from,
-    );
+    config.sim.threads = arguments
+        .threads
+        .map_or_else(|| processors.saturating_sub(planner).max(1), usize::from);
     config.sim.memory_limit_bytes = available_memory_bytes();
     config
 }
@@ -320,7 +318,9 @@ impl<'a> Watcher<'a> {
         let trace = arguments.trace.as_deref();
         let installed = on_interrupt(|signal| SIGNAL.store(signal, Ordering::SeqCst));
         if let Err(error) = installed {
-            output::warning(&format!("an interrupt will end the run without results: {error}"));
+            output::warning(&format!(
+                "an interrupt will end the run without results: {error}"
+            ));
         }
         Ok(Self {
             trace: trace
@@ -537,7 +537,14 @@ fn over_time(series: &[Point]) -> String {
         row
     });
     output::table(
-        &["until s", "goals", "goals/s", "still", "calls", "fail policy"],
+        &[
+            "until s",
+            "goals",
+            "goals/s",
+            "still",
+            "calls",
+            "fail policy",
+        ],
         rows.collect(),
         &[0, 1, 2, 3, 4, 5],
     )
