@@ -533,7 +533,6 @@ impl<'a> Run<'a> {
     fn call(&mut self, opening: Vec<Notice>) -> Result<(), FleetError> {
         let config = self.config;
         let cut = self.adg.cut(config.lookahead());
-        self.tally.goals_committed = cut.next_goal.iter().map(|goals| u64::from(*goals)).sum();
         let number = self.calls;
         let state = digest(number, self.block, &cut);
         let window_steps = config.window_steps();
@@ -655,9 +654,14 @@ impl<'a> Run<'a> {
             }
         }
         let agents = self.adg.agents();
-        let metrics = self
-            .tally
-            .metrics(agents, self.block, self.assigner.tasks_done());
+        let committed = self.adg.cut(self.config.lookahead());
+        let committed = committed.next_goal.iter().map(|goals| u64::from(*goals));
+        let metrics = self.tally.metrics(
+            agents,
+            self.block,
+            committed.sum(),
+            self.assigner.tasks_done(),
+        );
         let waiting_s_per_cell = self.tally.waiting_s_per_cell();
         let simulated = self.live.finish(watch.sink())?;
         let end = End {

@@ -8,14 +8,15 @@ use crate::{CallTimes, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOu
 /// Everything that is counted.
 #[derive(Debug)]
 pub(crate) struct Tally {
-    period_s: f64,
+    /// Ticks of a block, and in a second.
+    ticks: f64,
+    ticks_hz: f64,
     /// Blocks between two points of the series.
     every: u64,
     pub(crate) series: Vec<Point>,
     pub(crate) events: Vec<FleetEvent>,
     counts: BTreeMap<EventKind, u64>,
     pub(crate) goals_reached: u64,
-    pub(crate) goals_committed: u64,
     /// Robots that stood still in the last block, and blocks of all robots until then.
     waiting: u32,
     waited: u64,
@@ -33,13 +34,13 @@ pub(crate) struct Tally {
 impl Tally {
     pub(crate) fn new(config: &FleetConfig, period_s: f64, cells: u32) -> Self {
         Self {
-            period_s,
+            ticks: (period_s * f64::from(config.sim.ticks_hz)).round(),
+            ticks_hz: f64::from(config.sim.ticks_hz),
             every: (config.series_s / period_s).round().max(1.0) as u64,
             series: Vec::new(),
             events: Vec::new(),
             counts: BTreeMap::new(),
             goals_reached: 0,
-            goals_committed: 0,
             waiting: 0,
             waited: 0,
             waited_in: vec![0; cells as usize],
@@ -51,6 +52,11 @@ impl Tally {
             planner_ms: Vec::new(),
             recovery_ms: Vec::new(),
         }
+    }
+
+    /// Blocks in seconds.
+    pub(crate) fn seconds(&self, blocks: u64) -> f64 {
+        blocks as f64 * self.ticks / self.ticks_hz
     }
 
     /// An answer takes effect.
@@ -88,8 +94,9 @@ impl Tally {
     fn notice(&mut self, block: u64, notice: &Notice) {
         *self.counts.entry(notice.kind).or_default() += 1;
         if self.events.len() < FleetOutcome::EVENTS {
+            let time_s = self.seconds(block);
             self.events.push(FleetEvent {
-                time_s: block as f64 * self.period_s,
+                time_s,
                 kind: notice.kind,
                 module: notice.module.clone(),
                 message: notice.message.clone(),
@@ -121,7 +128,7 @@ impl Tally {
             return None;
         }
         let point = Point {
-            time_s: blocks as f64 * self.period_s,
+            time_s: self.seconds(blocks),
             goals_reached: self.goals_reached,
             waiting: self.waiting,
             adg_nodes: self.adg_nodes,
@@ -137,11 +144,19 @@ impl Tally {
 
     /// Seconds that robots stood still, per cell.
     pub(crate) fn waiting_s_per_cell(&self) -> Vec<f64> {
-        let seconds = |blocks: &u64| *blocks as f64 * self.period_s;
-        self.waited_in.iter().map(seconds).collect()
+        self.waited_in
+            .iter()
+            .map(|blocks| self.seconds(*blocks))
+            .collect()
     }
 
-    pub(crate) fn metrics(&self, agents: usize, blocks: u64, tasks: Option<u64>) -> FleetMetrics {
+    pub(crate) fn metrics(
+        &self,
+        agents: usize,
+        blocks: u64,
+        goals_committed: u64,
+        tasks: Option<u64>,
+    ) -> FleetMetrics {
         let count = |kind| self.counts.get(&kind).copied().unwrap_or(0);
         let share = |part: u64, whole: u64| {
             if whole == 0 {
@@ -150,7 +165,7 @@ impl Tally {
                 part as f64 / whole as f64
             }
         };
-        let simulated_s = blocks as f64 * self.period_s;
+        let simulated_s = self.seconds(blocks);
         FleetMetrics {
             throughput_per_s: if blocks == 0 {
                 0.0
@@ -158,7 +173,7 @@ impl Tally {
                 self.goals_reached as f64 / simulated_s
             },
             goals_reached: self.goals_reached,
-            goals_committed: self.goals_committed,
+            goals_committed,
             fail_policy_ratio: share(self.fail_calls, self.calls),
             planner_calls: self.calls,
             fail_calls: self.fail_calls,

@@ -9,7 +9,7 @@ use fleetyard_abi::Kind;
 use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, RobotsError, SandboxOptions};
 use fleetyard_bench::{half_of_memory, number};
 use fleetyard_core::formats::load_lorr_tasks;
-use fleetyard_core::{InputError, load_map};
+use fleetyard_core::{Grid, InputError, load_map};
 use fleetyard_fleet::{
     Allowance, CallTimes, End, Ended, FleetConfig, FleetOutcome, Ground, ModuleInfo, Modules,
     Point, Recorder, Recording, Round, Watch, replay, resume, run,
@@ -18,11 +18,13 @@ use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::trace::TraceOptions;
 use fleetyard_sim::{Fleet as Bodies, NoTrace, SimConfig, TraceSink};
+use fleetyard_view::FleetPicture;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
-use super::TraceFile;
+use super::run::check_folder;
 use super::simulate::available_memory_bytes;
+use super::{TraceFile, draw_document};
 use crate::args::{Fleet, FleetAsked, Format, LibraryAttachArg};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::setup::{candidate_of, policy, trust};
@@ -53,6 +55,12 @@ struct Plugin {
 }
 
 pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
+    for path in [&arguments.picture, &arguments.record]
+        .into_iter()
+        .flatten()
+    {
+        check_folder(path)?;
+    }
     let recorded = arguments.replay.as_ref().or(arguments.resume.as_ref());
     let recording = recorded.map(|path| Recording::open(path)).transpose()?;
     let mut setup = match &recording {
@@ -125,6 +133,9 @@ pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
     watcher.bar.finish_and_clear();
     let outcome = outcome?;
     watcher.finish()?;
+    if let Some(path) = &arguments.picture {
+        draw_document(path, &picture(&outcome, &grid).svg())?;
+    }
     report(arguments, &outcome)?;
     let signal = SIGNAL.load(Ordering::SeqCst);
     if outcome.ended == Ended::Interrupted && signal != 0 {
@@ -386,6 +397,26 @@ impl Watch for Watcher<'_> {
 
     fn is_interrupted(&self) -> bool {
         SIGNAL.load(Ordering::SeqCst) != 0
+    }
+}
+
+fn picture<'a>(outcome: &'a FleetOutcome, grid: &'a Grid) -> FleetPicture<'a> {
+    let over_time = |of: fn(&Point) -> u64| {
+        let points = outcome.series.iter();
+        points
+            .map(|point| [point.time_s, of(point) as f64])
+            .collect()
+    };
+    let planner = outcome.modules.first().map_or("", |module| &module.id);
+    FleetPicture {
+        title: format!(
+            "{}: {} robots, {planner}",
+            outcome.map, outcome.config.agents
+        ),
+        grid,
+        waiting_s: &outcome.waiting_s_per_cell,
+        goals: over_time(|point| point.goals_reached),
+        recoveries: over_time(|point| point.fail_calls),
     }
 }
 

@@ -61,16 +61,25 @@ fn file_name(path: &Path) -> String {
 
 /// Writes a picture to a file, as PNG if the name ends so and as SVG otherwise.
 fn draw(path: &Path, picture: &Picture<'_>) -> Result<()> {
+    draw_document(path, &picture.svg())
+}
+
+/// The same for a picture that is an SVG document already.
+fn draw_document(path: &Path, svg: &str) -> Result<()> {
     let end = path.extension();
     if end.is_some_and(|end| end.eq_ignore_ascii_case("png")) {
-        draw_png(path, picture, None)
+        write_png(path, svg, None)
     } else {
-        draw_svg(path, picture)
+        Ok(write_atomically(path, svg.as_bytes())?)
     }
 }
 
 fn draw_png(path: &Path, picture: &Picture<'_>, width: Option<u32>) -> Result<()> {
-    let image = png(&picture.svg(), width).map_err(|error| not_drawn(path, &error))?;
+    write_png(path, &picture.svg(), width)
+}
+
+fn write_png(path: &Path, svg: &str, width: Option<u32>) -> Result<()> {
+    let image = png(svg, width).map_err(|error| not_drawn(path, &error))?;
     Ok(write_atomically(path, &image)?)
 }
 

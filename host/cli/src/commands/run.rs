@@ -120,7 +120,7 @@ fn no_plan(record: &Record, arguments: &Run) -> String {
 }
 
 /// Refuses what cannot be written before the budget is spent, not after.
-fn check_folder(path: &Path) -> Result<()> {
+pub(super) fn check_folder(path: &Path) -> Result<()> {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
     let reason = match folder {
         _ if path.is_dir() => "cannot write: this is a folder",
