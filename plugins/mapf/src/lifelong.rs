@@ -11,6 +11,10 @@
 //! arrives, however short the windows are; then it has another goal and others are first.
 //! With the furthest one first, as PIBT begins by habit, the one that was first may be
 //! pushed back by the next, and short windows can go to and fro for ever.
+//!
+//! With more than one sample the best of several steps is made, and with retries other ways
+//! on from earlier configurations are tried: what LaCAM (Okumura, AAAI 2023) comes to when
+//! no configuration is a dead end, because all that is asked for is the next few steps.
 
 use fleetyard_abi::Goals;
 use fleetyard_plugin_spacetime::gradient::Gradients;
@@ -46,6 +50,12 @@ pub struct Query<'a> {
     pub rings: bool,
     /// Most bytes of tables that may be in use; 0: no limit.
     pub memory_limit: u64,
+    /// Steps tried each time, of which the one that brings most agents nearer is made; at
+    /// least 1.
+    pub samples: u32,
+    /// How often to go back to a step of the best plan, drawn at random, and try another way
+    /// on from there.
+    pub retries: u32,
     /// Decides between equals.
     pub seed: u64,
 }
@@ -170,6 +180,14 @@ impl Lifelong {
     }
 }
 
+/// A plan, and how good it is.
+struct Attempt {
+    /// Configurations one after the other.
+    steps: Vec<Vertex>,
+    score: i64,
+    end: End,
+}
+
 /// A call under way.
 struct Fleet<'a, R> {
     graph: &'a Graph,
@@ -238,8 +256,14 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         &self.goals[self.offsets[agent] as usize..self.offsets[agent + 1] as usize]
     }
 
-    /// Tells an agent where to go from `v`, when it begins or has moved.
-    fn arrive(&mut self, agent: usize, v: Vertex) -> Result<(), ProblemError> {
+    /// Tells an agent where to go from `v`, when it begins or has moved there from a
+    /// neighbour. Gives by how much it has come nearer to its goal.
+    fn arrive(
+        &mut self,
+        agent: usize,
+        before: Option<Vertex>,
+        v: Vertex,
+    ) -> Result<i64, ProblemError> {
         let graph = self.graph;
         let goals = self.of(agent);
         let visited = self.next[agent];
@@ -247,10 +271,19 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             self.next[agent] += 1;
         }
         let row = self.row[agent];
+        let mut progress = 0;
+        if let Some(before) = before.filter(|_| row != NOTHING) {
+            progress = if self.gradients.nearer(graph, row, v, before) {
+                1
+            } else {
+                -1
+            };
+            self.distance[agent] = self.distance[agent].saturating_add_signed(-progress);
+        }
+        let progress = i64::from(progress);
         self.arrived[agent] = self.next[agent] > visited;
         if !self.arrived[agent] && row != NOTHING {
-            self.distance[agent] = self.gradients.distance(graph, row, v).unwrap_or(u32::MAX);
-            return Ok(());
+            return Ok(progress);
         }
         // Without a window an agent comes back to its last goal when it is pushed away.
         let wanted = match goals.get(self.next[agent]) {
@@ -275,7 +308,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                     limit: graph.len() as u32,
                 })?;
         }
-        Ok(())
+        Ok(progress)
     }
 
     /// Whether an agent has nothing left to do at `v`.
@@ -308,21 +341,80 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         if query.memory_limit > 0 && tables > query.memory_limit {
             return Ok((plan_of(&paths_of(&[starts]), graph), End::Memory));
         }
-        for (agent, &v) in starts.iter().enumerate() {
-            self.arrive(agent, v)?;
-            if agent % PATIENCE == PATIENCE - 1 && stop() {
-                return Ok((plan_of(&paths_of(&[starts]), graph), End::Stopped));
+        let mut random = Random::new(query.seed, 0);
+        let mut best = Attempt {
+            steps: starts.to_vec(),
+            score: i64::MIN,
+            end: End::Stopped,
+        };
+        for retry in 0..=query.retries {
+            // Up to a step of the best, and on from there.
+            let kept = match retry {
+                0 => 1,
+                _ => 1 + random.below(best.steps.len() / agents.max(1)),
+            };
+            let kept = best.steps[..kept * agents].to_vec();
+            let attempt = self.attempt(query, kept, &mut random, stop)?;
+            let stopped = attempt.end == End::Stopped;
+            if retry == 0 || attempt.end == End::Done && attempt.score > best.score {
+                best = attempt;
+            }
+            if stopped || agents == 0 {
+                break;
             }
         }
-        let mut random = Random::new(query.seed, 0);
-        let mut pibt = Pibt::new(graph, agents, query.swap, query.rings);
+        let configurations: Vec<&[Vertex]> = best.steps.chunks_exact(agents.max(1)).collect();
+        Ok((plan_of(&paths_of(&configurations), graph), best.end))
+    }
+
+    /// Puts everybody at the start again. False when it was stopped.
+    fn begin(
+        &mut self,
+        starts: &[Vertex],
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, ProblemError> {
+        self.step = 0;
+        for (agent, &v) in starts.iter().enumerate() {
+            let row = std::mem::replace(&mut self.row[agent], NOTHING);
+            if row != NOTHING {
+                self.gradients.release(row);
+            }
+            self.next[agent] = 0;
+            self.arrive(agent, None, v)?;
+            if agent % PATIENCE == PATIENCE - 1 && stop() {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Makes the given steps, and others from there to the end.
+    fn attempt(
+        &mut self,
+        query: &Query<'_>,
+        mut steps: Vec<Vertex>,
+        random: &mut Random,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Result<Attempt, ProblemError> {
+        let agents = self.row.len();
+        let mut now = steps[..agents].to_vec();
+        let mut score = 0;
+        if !self.begin(&now, stop)? {
+            steps.truncate(agents);
+            let end = End::Stopped;
+            return Ok(Attempt { steps, score, end });
+        }
+        let kept = steps.len() / agents.max(1);
+        for step in 1..kept {
+            score += self.take(&mut now, &steps[step * agents..(step + 1) * agents])?;
+        }
+        let mut pibt = Pibt::new(self.graph, agents, query.swap, query.rings);
         // Equals keep the order that chance has given them.
         let mut order: Vec<u32> = (0..agents as u32).collect();
         random.shuffle(&mut order);
         let limit = query.window.map_or(query.step_limit, u64::from);
-        let mut now: Vec<Vertex> = starts.to_vec();
-        let mut steps = now.clone();
         let mut moved = 0;
+        let mut chosen = now.clone();
         let end = loop {
             if query.window.is_none() && (0..agents).all(|agent| self.done(agent, now[agent])) {
                 break End::Done;
@@ -333,7 +425,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                     None => End::Steps,
                 };
             }
-            moved += agents;
+            moved += agents * query.samples as usize;
             if moved >= PATIENCE {
                 moved = 0;
                 if stop() {
@@ -349,21 +441,58 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 }),
             }
             pibt.load(&now, self);
-            if !pibt.sample(&order, &[], self, &mut random) {
-                break End::Stopped;
-            }
-            for (agent, (here, &v)) in now.iter_mut().zip(pibt.step()).enumerate() {
-                self.arrived[agent] = false;
-                if *here != v {
-                    *here = v;
-                    self.arrive(agent, v)?;
+            let mut most = i64::MIN;
+            for _ in 0..query.samples.max(1) {
+                // Without constraints every agent can at least stay or be moved away.
+                if !pibt.sample(&order, &[], self, random) {
+                    continue;
+                }
+                let gain = match query.samples {
+                    0 | 1 => 0,
+                    _ => self.progress(&now, pibt.step()),
+                };
+                if gain > most {
+                    most = gain;
+                    chosen.copy_from_slice(pibt.step());
                 }
             }
-            self.step += 1;
+            score += self.take(&mut now, &chosen)?;
+            if query.window.is_none() {
+                // What counts then is when everybody is done.
+                let busy = (0..agents).filter(|&agent| !self.done(agent, now[agent]));
+                score -= busy.count() as i64;
+            }
             steps.extend_from_slice(&now);
         };
-        let configurations: Vec<&[Vertex]> = steps.chunks_exact(agents.max(1)).collect();
-        Ok((plan_of(&paths_of(&configurations), graph), end))
+        Ok(Attempt { steps, score, end })
+    }
+
+    /// By how much a step brings the agents nearer to their goals, all in all.
+    fn progress(&mut self, now: &[Vertex], next: &[Vertex]) -> i64 {
+        let graph = self.graph;
+        let mut progress = 0;
+        for (agent, (&from, &to)) in now.iter().zip(next).enumerate() {
+            let row = self.row[agent];
+            if from != to && row != NOTHING {
+                let nearer = self.gradients.nearer(graph, row, to, from);
+                progress += if nearer { 1 } else { -1 };
+            }
+        }
+        progress
+    }
+
+    /// Makes a step; gives what it is worth.
+    fn take(&mut self, now: &mut [Vertex], next: &[Vertex]) -> Result<i64, ProblemError> {
+        let mut progress = 0;
+        for (agent, (here, &v)) in now.iter_mut().zip(next).enumerate() {
+            self.arrived[agent] = false;
+            if *here != v {
+                let before = std::mem::replace(here, v);
+                progress += self.arrive(agent, Some(before), v)?;
+            }
+        }
+        self.step += 1;
+        Ok(progress)
     }
 
     /// The nearest first, those who want nothing last.

@@ -18,6 +18,10 @@ use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, Problem
 /// of what the planner may use.
 const TABLE_BYTES: u64 = 512 << 20;
 
+/// How often `lacam` tries another way on under a window: as often every time, so that its
+/// plans do not depend on the speed of the machine.
+const RETRIES: u32 = 8;
+
 /// What both planners keep between calls: the map, and the ways to goals.
 #[derive(Default)]
 struct Prepared {
@@ -76,6 +80,11 @@ impl Prepared {
     ) -> Result<(), Failure> {
         let lifelong = self.lifelong.as_mut();
         let lifelong = lifelong.ok_or_else(|| unsupported("there is no map to plan on"))?;
+        let (samples, retries) = match options.algorithm {
+            Algorithm::Pibt => (1, 0),
+            Algorithm::LacamStar if options.anytime => (options.samples, RETRIES),
+            Algorithm::LacamStar => (options.samples, 0),
+        };
         let query = Query {
             starts: &instance.starts,
             goals: &instance.goals,
@@ -84,6 +93,8 @@ impl Prepared {
             swap: options.swap,
             rings: instance.allows_cycles,
             memory_limit: budget.memory_bytes,
+            samples,
+            retries,
             seed: budget.seed,
         };
         let mut submitter = Submitter::new(budget, sink);
@@ -103,7 +114,7 @@ impl Prepared {
             )),
             End::Steps => Err(Failure::new(
                 Status::GaveUp,
-                "not everybody arrived within the step limit; PIBT is not complete",
+                "not everybody arrived within the step limit; the planner is not complete",
             )),
             End::Memory => Err(Failure::new(
                 Status::GaveUp,
@@ -122,13 +133,8 @@ impl Prepared {
         if instance.motion != Motion::Pebble {
             return Err(unsupported("only the pebble motion model is supported"));
         }
-        if options.algorithm == Algorithm::Pibt && is_lifelong(instance) {
+        if is_lifelong(instance) {
             return self.go_on(options, instance, budget, sink);
-        }
-        if instance.window_steps != 0 || instance.goals.iter().any(|goals| goals.len() != 1) {
-            return Err(unsupported(
-                "only complete plans with one goal per agent are supported",
-            ));
         }
         let problem = Problem {
             rows: self.rows,
@@ -167,7 +173,7 @@ impl Prepared {
             )),
             Ok(Outcome::GaveUp(Limit::Steps)) => Err(Failure::new(
                 Status::GaveUp,
-                "not everybody arrived within the step limit; PIBT is not complete",
+                "not everybody arrived within the step limit; the planner is not complete",
             )),
             Err(error) => Err(refused(&error)),
         }
@@ -271,8 +277,14 @@ impl Variety for LacamOptions {
                 "LaCAM*",
                 "Complete, anytime planner for grids: lazy constraints addition search with PIBT \
                  as configuration generator (Okumura, IJCAI 2023 and AAMAS 2024), then \
-                 large-neighbourhood refinement until the budget ends.",
-                &[Capability::Anytime, Capability::Threads],
+                 large-neighbourhood refinement until the budget ends. With a window, several or \
+                 shared goals it plans for fleets that work without end, and is not complete.",
+                &[
+                    Capability::Anytime,
+                    Capability::Threads,
+                    Capability::Windowed,
+                    Capability::DuplicateGoals,
+                ],
             )
         }
     }

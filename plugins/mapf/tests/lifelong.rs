@@ -126,6 +126,8 @@ fn query<'a>(starts: &'a [u32], goals: &'a Goals, window: Option<u32>) -> Query<
         swap: true,
         rings: false,
         memory_limit: 0,
+        samples: 1,
+        retries: 0,
         seed: 1,
     }
 }
@@ -365,6 +367,47 @@ fn limits_end_a_run() {
     assert_eq!(map.fault(&starts, &plan, false), None);
 }
 
+/// By how much agents come nearer to their first goals, on an open map.
+#[test]
+fn samples_and_retries_bring_agents_further() {
+    let map = open(10);
+    let (mut plain, mut searched) = (0, 0);
+    for seed in 0..20 {
+        let mut cells: Vec<u32> = map.free();
+        cells.sort_by_key(|&cell| mix(seed ^ u64::from(cell)));
+        let (starts, ends) = (cells[..60].to_vec(), cells[40..].to_vec());
+        let lists: Vec<Vec<u32>> = ends.iter().map(|&end| vec![end]).collect();
+        let goals = goals(&lists);
+        let gained = |samples, retries| {
+            let query = Query {
+                samples,
+                retries,
+                seed,
+                ..query(&starts, &goals, Some(6))
+            };
+            let (plan, _) = run(&mut map.planner(), &query);
+            assert_eq!(map.fault(&starts, &plan, false), None);
+            let away = |cell: u32, goal: u32| {
+                (cell / 10).abs_diff(goal / 10) + (cell % 10).abs_diff(goal % 10)
+            };
+            let agents = plan.paths().zip(&ends);
+            let gain = agents.map(|(path, &end)| {
+                // Whoever has been there need not stay.
+                let left = if path.contains(&end) {
+                    0
+                } else {
+                    away(path[path.len() - 1], end)
+                };
+                i64::from(away(path[0], end)) - i64::from(left)
+            });
+            gain.sum::<i64>()
+        };
+        plain += gained(1, 0);
+        searched += gained(10, 8);
+    }
+    assert!(searched > plain * 21 / 20, "{searched} {plain}");
+}
+
 #[test]
 fn what_went_before_makes_no_difference() {
     let map = warehouse(16, 30);
@@ -451,10 +494,15 @@ impl std::fmt::Debug for Map {
 
 proptest! {
     #[test]
-    fn plans_are_valid((map, starts, lists) in crowds(), seed: u64, swap: bool, rings: bool, window in 1_u32..12) {
+    fn plans_are_valid(
+        (map, starts, lists) in crowds(), seed: u64, swap: bool, rings: bool,
+        window in 1_u32..12, samples in 1_u32..4, retries in 0_u32..3
+    ) {
         let goals = goals(&lists);
         let window = Some(window).filter(|window| *window < 10);
-        let query = Query { seed, swap, rings, step_limit: 200, ..query(&starts, &goals, window) };
+        let query = Query {
+            seed, swap, rings, samples, retries, step_limit: 200, ..query(&starts, &goals, window)
+        };
         let (plan, end) = run(&mut map.planner(), &query);
         prop_assert_eq!(map.fault(&starts, &plan, rings), None);
         if end == End::Done && window.is_none() {
