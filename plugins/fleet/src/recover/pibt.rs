@@ -91,6 +91,8 @@ impl Stepping {
             // In a ring nobody could turn.
             rings: question.rings && question.headings.is_none(),
             memory_limit: budget.memory_bytes,
+            samples: 1,
+            retries: 0,
             seed: budget.seed,
         };
         let mut stop = stop(budget, sink);
