@@ -155,6 +155,12 @@ impl Tracks {
         (self.x[at], self.y[at])
     }
 
+    fn memory_bytes(&self) -> usize {
+        let values = [&self.t, &self.x, &self.y, &self.heading];
+        let values: usize = values.iter().map(|values| values.capacity()).sum();
+        values * size_of::<f64>() + self.starts.capacity() * size_of::<u32>()
+    }
+
     /// Whether every track is one uniform stretch.
     fn is_simple(&self, bodies: usize) -> bool {
         self.t.len() == 2 * bodies
@@ -209,6 +215,25 @@ impl Chunk {
 
     pub(crate) fn len(&self) -> usize {
         self.x.len()
+    }
+
+    /// What the chunk takes in memory, in bytes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let values = [
+            &self.x,
+            &self.y,
+            &self.heading,
+            &self.factors,
+            &self.travel,
+            &self.samples,
+        ];
+        let values: usize = values.iter().map(|values| values.capacity()).sum();
+        size_of::<Self>()
+            + size_of::<Xxh3>()
+            + self.pilots.capacity() * size_of::<Pilot>()
+            + self.changes.capacity() * size_of::<Change>()
+            + self.tracks.memory_bytes()
+            + values * size_of::<f64>()
     }
 
     /// Before the tracks of a new block are made.

@@ -402,6 +402,22 @@ impl<'a> Engine<'a> {
         })
     }
 
+    /// What the execution takes in memory, in bytes, beside the world and the bodies of
+    /// the contact tier.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let agents = self.setup.agents;
+        let columns: usize = self.state.iter().map(Vec::capacity).sum();
+        let moments = self.moments.capacity() + self.tick_ends.capacity();
+        self.chunks.iter().map(Chunk::memory_bytes).sum::<usize>()
+            + self.pairs.memory_bytes()
+            + self.sweep.memory_bytes()
+            + self.log.memory_bytes()
+            + agents * (2 * size_of::<f64>() + size_of::<u32>())
+            + self.places.capacity() * size_of::<[f64; 3]>()
+            + (columns + moments) * size_of::<f64>()
+            + self.settled.capacity() * size_of::<Event>()
+    }
+
     /// When the last tick began whose state is known, in substeps.
     pub(crate) fn last_tick(&self) -> f64 {
         self.setup

@@ -158,6 +158,13 @@ impl Log {
         }
     }
 
+    /// What the log takes in memory, in bytes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.pending.capacity() * size_of::<Change>()
+            + self.contacts.first.capacity() * size_of::<Contact>()
+            + self.open.len() * size_of::<((u32, (u8, u32)), usize)>()
+    }
+
     /// Forgets what is pending.
     pub(crate) fn forget(&mut self) {
         self.pending.clear();

@@ -123,6 +123,16 @@ impl Bodies<'_> {
 }
 
 impl Sweep {
+    /// What the search takes in memory, in bytes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let each = |findings: &Findings| {
+            findings.near.capacity() * size_of::<Near>()
+                + findings.changes.capacity() * size_of::<Change>()
+        };
+        let own = self.findings.capacity() * size_of::<Findings>();
+        own + self.findings.iter().map(each).sum::<usize>()
+    }
+
     /// Sweeps all candidate pairs through a block. `first` is true in the block
     /// of the start: what overlaps at its start begins then.
     pub(crate) fn run(

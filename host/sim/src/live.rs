@@ -280,6 +280,16 @@ impl<'a> Live<'a> {
         self.engine.nearest()
     }
 
+    /// What the execution keeps in memory, in bytes, beside the map and the bodies of the
+    /// contact tier. It does not grow with time.
+    pub fn memory_bytes(&self) -> usize {
+        self.engine.memory_bytes()
+            + self.orders.memory_bytes()
+            + self.sent.memory_bytes()
+            + self.reports.memory_bytes()
+            + self.news.capacity() * size_of::<u32>()
+    }
+
     /// Ends the execution. There are no ends of routes, so that nobody has arrived.
     pub fn finish(mut self, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
         self.begin(sink)?;
@@ -393,6 +403,11 @@ impl Orders<'_> {
         }
         way.orders.push_back(order);
         Ok(number as u32)
+    }
+
+    fn memory_bytes(&self) -> usize {
+        let orders: usize = self.ways.iter().map(|way| way.orders.capacity()).sum();
+        orders * size_of::<Order>() + self.ways.capacity() * size_of::<Way>()
     }
 
     /// Forgets the orders before one that is done.

@@ -44,6 +44,15 @@ impl Pairs {
         &self.list
     }
 
+    /// What the list takes in memory, in bytes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let places = self.x.capacity() + self.y.capacity();
+        let bins = self.starts.capacity() + self.order.capacity() + self.bin.capacity();
+        self.list.capacity() * size_of::<(u32, u32)>()
+            + places * size_of::<f64>()
+            + bins * size_of::<u32>()
+    }
+
     /// Makes the list good for a block in which no body moves farther than
     /// `travel`, building it again if it must be. A new list lasts until
     /// bodies have moved `horizon`, at least. `places` puts the positions at the

@@ -340,6 +340,41 @@ fn robots_that_keep_the_order_never_touch() {
     assert_eq!(digests.len(), runs);
 }
 
+/// Ten hours of ten robots, each up and down an aisle of its own.
+#[test]
+fn memory_does_not_grow_with_time() {
+    let grid = open(10, 8);
+    let config = SimConfig {
+        message_period_s: 0.5,
+        ticks_hz: 20,
+        disturbance: disturbed("none", "0,0.5", "0s,0.8s,0.1", 1),
+        ..SimConfig::default()
+    };
+    let fleet = preset("agv", 10);
+    let starts: Vec<(u32, f64)> = (0..10).map(|row| (8 * row, 0.0)).collect();
+    let mut live = Live::new(&config, &grid, Some(&fleet), &starts).expect("starts");
+    let column = |number: u32| 7 - (number % 14).abs_diff(7);
+    let mut after_an_hour = 0;
+    for hour in 1..=10 {
+        while live.now_s() < 3600.0 * f64::from(hour) {
+            for robot in 0..10 {
+                while live.sent(robot) < live.done(robot) + 5 {
+                    let col = column(live.sent(robot) + 1);
+                    live.send(robot, go(8 * robot as u32 + col));
+                }
+            }
+            advance(&mut live);
+        }
+        if hour == 1 {
+            after_an_hour = live.memory_bytes();
+        }
+    }
+    assert!(live.done(0) > 10_000, "{}", live.done(0));
+    // But for the messages that are under way.
+    assert!(live.memory_bytes() < after_an_hour + 2000);
+    assert!(after_an_hour < 200_000, "{after_an_hour} bytes");
+}
+
 /// Robots that push each other have nothing to push.
 #[test]
 fn live_executions_have_a_contact_tier() {

@@ -111,6 +111,14 @@ impl Channel {
         }
     }
 
+    /// What the channel takes in memory, in bytes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        let numbers = self.latest.capacity() + self.known.capacity() + self.waiting.capacity();
+        let due = self.network.iter().flat_map(|network| network.due.values());
+        let due: usize = due.map(Vec::capacity).sum();
+        numbers * size_of::<u32>() + self.waits.capacity() + due * size_of::<(u32, u32)>()
+    }
+
     /// What the one side has to say.
     pub(crate) fn latest(&self) -> &[u32] {
         &self.latest
