@@ -179,6 +179,10 @@ pub(crate) struct Chunk {
     pub(crate) pilots: Vec<Pilot>,
     /// Which part of its speed each of them has in the block.
     pub(crate) factors: Vec<f64>,
+    /// How far each of them is from where it should be; NaN where nobody asks.
+    pub(crate) errors: Vec<f64>,
+    /// Nobody moved in the last block, or does without a new reason.
+    pub(crate) is_still: bool,
     pub(crate) tracks: Tracks,
     /// How far each body gets from where it was at the start of the block, at most.
     pub(crate) travel: Vec<f64>,
@@ -201,6 +205,8 @@ impl Chunk {
             heading: Vec::with_capacity(CHUNK),
             pilots: Vec::new(),
             factors: Vec::new(),
+            errors: vec![f64::NAN; CHUNK],
+            is_still: false,
             tracks: Tracks {
                 with_heading,
                 ..Tracks::default()
@@ -224,6 +230,7 @@ impl Chunk {
             &self.y,
             &self.heading,
             &self.factors,
+            &self.errors,
             &self.travel,
             &self.samples,
         ];
@@ -269,6 +276,40 @@ impl Chunk {
         }
     }
 
+    /// Whether all bodies stood through the block.
+    pub(crate) fn stood(&self) -> bool {
+        self.tracks.is_simple(self.len()) && (0..self.len()).all(|lane| !self.has_moved(lane))
+    }
+
+    /// A block in which everybody stands as in the last one: what
+    /// [`Chunk::rest`], [`Chunk::end_block`] and [`Chunk::sample`] come to for all.
+    pub(crate) fn stand(&mut self, block: Span, moments: &[f64], keep: bool) {
+        self.changes.clear();
+        for ends in self.tracks.t.as_chunks_mut::<2>().0 {
+            *ends = [block.start, block.end];
+        }
+        for (lane, error) in self.errors.iter().enumerate() {
+            if !error.is_nan() {
+                let agent = self.first + lane as u32;
+                self.tracking.note(agent, *error, block.length());
+            }
+        }
+        let Some(first) = moments.first() else {
+            return;
+        };
+        self.samples.clear();
+        self.fill(&[*first]);
+        let row = self.samples.len();
+        for _ in moments {
+            hash(&mut self.states, &self.samples[..row]);
+        }
+        if keep {
+            for _ in 1..moments.len() {
+                self.samples.extend_from_within(..row);
+            }
+        }
+    }
+
     /// Whether a body is not where it was at the start of the block, or got there by a
     /// way round.
     pub(crate) fn has_moved(&self, lane: usize) -> bool {
@@ -290,6 +331,15 @@ impl Chunk {
     }
 
     fn sample_batch(&mut self, moments: &[f64]) {
+        self.fill(moments);
+        let width = if self.tracks.with_heading { 3 } else { 2 };
+        for row in self.samples.chunks_exact(width * self.len()) {
+            hash(&mut self.states, row);
+        }
+    }
+
+    /// Fills `samples` with the states at some moments.
+    fn fill(&mut self, moments: &[f64]) {
         let bodies = self.len();
         let with_heading = self.tracks.with_heading;
         let width = if with_heading { 3 } else { 2 };
@@ -327,13 +377,6 @@ impl Chunk {
                 }
             }
         }
-        let mut buffer = [0u8; 3 * 8 * CHUNK];
-        for row in self.samples.chunks_exact(row) {
-            for (slot, value) in buffer.chunks_exact_mut(8).zip(row) {
-                slot.copy_from_slice(&value.to_le_bytes());
-            }
-            self.states.update(&buffer[..8 * row.len()]);
-        }
     }
 
     /// The same where every body moves uniformly through the block: straight
@@ -355,6 +398,15 @@ impl Chunk {
             }
         }
     }
+}
+
+/// Hashes the states of a chunk's bodies at a tick.
+fn hash(states: &mut Xxh3, row: &[f64]) {
+    let mut buffer = [0u8; 3 * 8 * CHUNK];
+    for (slot, value) in buffer.chunks_exact_mut(8).zip(row) {
+        slot.copy_from_slice(&value.to_le_bytes());
+    }
+    states.update(&buffer[..8 * row.len()]);
 }
 
 /// How much of the way from `start` to `end` is over at `moment`.

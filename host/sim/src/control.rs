@@ -265,6 +265,7 @@ impl Driver<'_> {
             }
         }
         let error = self.error_m(agent, pilot);
+        chunk.errors[lane] = error;
         chunk
             .tracking
             .note(agent as u32, error, self.block.length());
@@ -431,18 +432,36 @@ impl Driver<'_> {
         chunk.factors.resize(count, 1.0);
         self.noise
             .speed_factors(self.number, first, &mut chunk.factors);
+        self.draw_stops(chunk);
         if self.noise.has_stops() {
-            let pilots = &mut chunk.pilots;
-            self.noise
-                .stops(self.number, first..first + count, |agent, seconds| {
-                    pilots[agent - first].stop = now + seconds * self.substeps_per_s;
-                });
-            for (pilot, factor) in pilots.iter().zip(&mut chunk.factors) {
+            for (pilot, factor) in chunk.pilots.iter().zip(&mut chunk.factors) {
                 if pilot.stop > now {
                     *factor = 0.0;
                 }
             }
         }
+    }
+
+    /// Draws who of a chunk's bodies stops.
+    pub(crate) fn draw_stops(&self, chunk: &mut Chunk) {
+        let (first, pilots) = (chunk.first as usize, &mut chunk.pilots);
+        let (now, agents) = (self.block.start, first..first + pilots.len());
+        self.noise.stops(self.number, agents, |agent, seconds| {
+            pilots[agent - first].stop = now + seconds * self.substeps_per_s;
+        });
+    }
+
+    /// Whether a chunk's bodies stand and have no order to do anything else.
+    pub(crate) fn is_idle(&self, chunk: &Chunk) -> bool {
+        let Releases::Order(released) = self.releases else {
+            return false;
+        };
+        let released = &released[chunk.first as usize..];
+        chunk.pilots.len() == chunk.len()
+            && chunk.pilots.iter().zip(released).all(|(pilot, released)| {
+                let State { vx, vy, omega, .. } = pilot.state;
+                pilot.done >= *released && vx == 0.0 && vy == 0.0 && omega == 0.0
+            })
     }
 
     /// Whether the stay at the knot before an action and the delay of the action are over.

@@ -191,6 +191,15 @@ impl<'a> Engine<'a> {
             solved.drive(driver, &model, &mut self.chunks, &mut self.log.pending)?;
         }
         setup.workers.each(&mut self.chunks, |chunk| {
+            let driver = driver.as_ref().filter(|_| !is_solved && !last);
+            if chunk.is_still
+                && let Some(driver) = driver
+                && driver.is_idle(chunk)
+            {
+                driver.draw_stops(chunk);
+                chunk.stand(block, moments, keep);
+                return;
+            }
             let agents = setup
                 .agents
                 .saturating_sub(chunk.first as usize)
@@ -205,7 +214,7 @@ impl<'a> Engine<'a> {
                     chunk.rest(block, lane);
                 }
             } else {
-                match (guide, &driver) {
+                match (guide, driver) {
                     (Guide::Follow(reference), _) => {
                         let follower = Follower {
                             reference,
@@ -241,6 +250,8 @@ impl<'a> Engine<'a> {
                 }
             }
             chunk.sample(moments, keep);
+            let is_idle = driver.is_some_and(|driver| driver.is_idle(chunk));
+            chunk.is_still = is_idle && !first && chunk.stood();
         });
         if !last {
             self.collect();

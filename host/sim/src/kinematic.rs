@@ -188,9 +188,14 @@ fn sweep_pair(
         return;
     }
     let both_agents = j < bodies.agents;
+    let (one, two) = (bodies.shapes.of(i), bodies.shapes.of(j));
+    let discs = one.is_disc() && two.is_disc();
     let [ax, ay, a_travel] = bodies.places[i as usize];
     let [bx, by, b_travel] = bodies.places[j as usize];
-    let (one, two) = (bodies.shapes.of(i), bodies.shapes.of(j));
+    // Of discs that stood all the time the block before has told everything.
+    if discs && !first && a_travel + b_travel <= 0.0 {
+        return;
+    }
     let touch = if bodies.contacts {
         one.effective_radius_m() + two.effective_radius_m() - bodies.tolerance_m
     } else {
@@ -220,7 +225,6 @@ fn sweep_pair(
     } else {
         Other::Mover(j - bodies.agents)
     };
-    let discs = one.is_disc() && two.is_disc();
     let mut first = first;
     let mut inside: Vec<Inside> = Vec::new();
     each_common_span(a, b, |span, way, ends| {
