@@ -23,7 +23,7 @@ use fleetyard_core::Grid;
 use fleetyard_sim::{Fleet, Live, NoTrace, Profile, SimConfig};
 use rand_chacha::ChaCha8Rng;
 
-/// Shelves of ten by two cells with aisles between them, and six cells per robot.
+/// Shelves of ten by two cells with aisles between them, and seven free cells per robot.
 fn warehouse(agents: usize) -> Grid {
     let side = ((agents * 12) as f64).sqrt() as u32;
     let terrain = (0..side * side)
@@ -78,7 +78,7 @@ impl<'a> Traffic<'a> {
             self.passing.serve(&mut self.live);
             let start = now();
             self.live.advance(&mut NoTrace).expect("a block");
-            time += now() - start;
+            time += now().saturating_sub(start);
         }
         time
     }
@@ -127,7 +127,7 @@ fn resting(criterion: &mut Criterion) {
                 for _ in 0..10 * seconds {
                     live.advance(&mut NoTrace).expect("a block");
                 }
-                now() - start
+                now().saturating_sub(start)
             });
         });
     }

@@ -198,6 +198,8 @@ impl Driver<'_> {
         let released = self.released(agent, pilot);
         let factor = chunk.factors[lane];
         let chase = self.chase;
+        let before = (pilot.done, pilot.leg);
+        let mut stood = false;
         let mut left = self.ticks;
         if left.is_empty() {
             tracks.push(self.block.end, x, y, heading);
@@ -220,6 +222,7 @@ impl Driver<'_> {
             if rest && pilot.state.vx == 0.0 && pilot.state.vy == 0.0 && pilot.state.omega == 0.0 {
                 let State { x, y, heading, .. } = pilot.state;
                 tracks.push(self.block.end, x, y, heading);
+                stood = begin == 0;
                 break;
             }
             // A body without a leg stays where its last one ended.
@@ -264,7 +267,14 @@ impl Driver<'_> {
                 pilot.arrival = self.block.end;
             }
         }
-        let error = self.error_m(agent, pilot);
+        let known = chunk.errors[lane];
+        let by_order = matches!(self.releases, Releases::Order(_));
+        // Who stands is as far from its leg as before.
+        let error = if stood && by_order && before == (pilot.done, pilot.leg) && !known.is_nan() {
+            known
+        } else {
+            self.error_m(agent, pilot)
+        };
         chunk.errors[lane] = error;
         chunk
             .tracking
@@ -374,8 +384,7 @@ impl Driver<'_> {
     fn leg(&self, agent: usize, pilot: &mut Pilot, released: u32, now: f64) -> Option<Place> {
         if pilot.leg <= pilot.done {
             // What takes no way is done as soon as it is allowed.
-            let mut here = self.place(agent, pilot.done);
-            loop {
+            let here = loop {
                 if pilot.done >= released {
                     self.note_arrival(agent, pilot, now);
                     return None;
@@ -384,14 +393,13 @@ impl Driver<'_> {
                 if !self.is_ready(agent, pilot, action, now) {
                     return None;
                 }
-                let next = self.place(agent, pilot.done + 1);
-                if !same(here, next) {
-                    break;
+                let here = self.place(agent, pilot.done);
+                if !same(here, self.place(agent, action)) {
+                    break here;
                 }
                 pilot.done += 1;
                 self.stay(agent, pilot, now);
-                here = next;
-            }
+            };
             pilot.from = (here.x, here.y);
             pilot.leg = pilot.done + 1;
         }

@@ -24,6 +24,9 @@
 //! meanwhile is [`noise`]. Agents are discs, or have the footprints of a
 //! [`Fleet`].
 //!
+//! A fleet that never ends has no plan: in a [`Live`] execution robots drive orders
+//! that are sent to them while they drive.
+//!
 //! # Tiers
 //!
 //! In [`Tier::Kinematic`] bodies go where their controllers take them, and contacts
