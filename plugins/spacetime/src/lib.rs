@@ -15,17 +15,25 @@
 //! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
 //! - [`neighborhood::Chooser`], [`refine::Refiner`]: improvement of plans by replanning a few
 //!   agents at a time;
+//! - [`traffic::Traffic`]: the same with the number of agents per step and cell;
+//! - [`pose::Poses`]: cells, or cells and headings, and the steps between them;
+//! - [`constraints::Constraints`]: what an agent may not do;
+//! - [`astar::Astar`]: the low level of constraint-tree searches;
 //! - [`plan`]: paths, configurations, plans.
 #![forbid(unsafe_code)]
 
+pub mod astar;
 pub mod conflict;
+pub mod constraints;
 pub mod distance;
 pub mod gradient;
 pub mod graph;
 pub mod neighborhood;
 pub mod plan;
+pub mod pose;
 pub mod problem;
 pub mod random;
 pub mod refine;
 pub mod reservation;
 pub mod sipp;
+pub mod traffic;

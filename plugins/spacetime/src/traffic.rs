@@ -1,0 +1,132 @@
+//! How many agents are where when: what a search asks in order to avoid the paths of others.
+//!
+//! A count per step and cell answers most questions at once; only where somebody is on the
+//! spot are the visits of [`Conflicts`] looked at.
+
+use crate::conflict::{Conflicts, FOREVER, Rules, stays};
+use crate::graph::Vertex;
+
+/// Bytes that counts may take; steps beyond that are not counted.
+const MOST_COUNTS: usize = 1 << 28;
+
+/// The paths of a team with their conflicts and the number of agents per step and cell.
+#[derive(Debug, Clone)]
+pub struct Traffic {
+    conflicts: Conflicts,
+    vertices: usize,
+    /// Agents per step and cell, row by row; parked ones are not in it.
+    counts: Vec<u8>,
+    /// Step at which the first of those who park in a cell arrives.
+    parked: Vec<u32>,
+    horizon: u32,
+}
+
+impl Traffic {
+    /// Nobody is anywhere.
+    pub fn new(vertices: usize, agents: usize, rules: Rules) -> Self {
+        Self {
+            conflicts: Conflicts::new(vertices, agents, rules),
+            vertices,
+            counts: Vec::new(),
+            parked: vec![FOREVER; vertices],
+            horizon: 0,
+        }
+    }
+
+    /// The conflicts between the paths.
+    pub fn conflicts(&self) -> &Conflicts {
+        &self.conflicts
+    }
+
+    /// The step from which on everybody was parked so far.
+    pub fn horizon(&self) -> u32 {
+        self.horizon
+    }
+
+    /// Gives an agent a path in place of the one that it has.
+    pub fn set(&mut self, agent: usize, path: &[Vertex]) {
+        self.clear(agent);
+        self.conflicts.set(agent, path);
+        self.mark(path, 1);
+    }
+
+    /// Takes an agent away.
+    pub fn clear(&mut self, agent: usize) {
+        if self.conflicts.path(agent).is_empty() {
+            return;
+        }
+        let path = self.conflicts.path(agent).to_vec();
+        self.conflicts.clear(agent);
+        self.mark(&path, -1);
+    }
+
+    fn mark(&mut self, path: &[Vertex], change: i8) {
+        let Rules { until, delay, .. } = self.conflicts.rules();
+        self.horizon = self.horizon.max((path.len() as u32).saturating_add(delay));
+        let most = (MOST_COUNTS / self.vertices.max(1)) as u32;
+        let steps = self.horizon.min(until.saturating_add(1)).min(most);
+        let size = steps as usize * self.vertices;
+        if self.counts.len() < size {
+            self.counts.resize(size, 0);
+        }
+        for (v, from, until, _) in stays(path) {
+            let begin = from.saturating_sub(delay);
+            let end = if until == FOREVER {
+                let visits = self.conflicts.visits(v).iter();
+                let parked = visits.filter(|visit| visit.until == FOREVER);
+                let first = parked.map(|visit| visit.from).min();
+                self.parked[v as usize] = first.unwrap_or(FOREVER);
+                from
+            } else {
+                until.saturating_add(delay).saturating_add(1)
+            };
+            for time in begin..end.min(steps) {
+                let count = &mut self.counts[time as usize * self.vertices + v as usize];
+                *count = count.saturating_add_signed(change);
+            }
+        }
+    }
+
+    /// How many conflicts an agent gets that goes from `from` to `to` and is there at `time`.
+    #[inline]
+    pub fn collisions(&self, agent: u32, from: Vertex, to: Vertex, time: u32) -> u32 {
+        let row = time as usize * self.vertices;
+        let there = self.counts.get(row + to as usize).copied().unwrap_or(0);
+        let parked = u32::from(self.parked[to as usize] <= time);
+        let count = u32::from(there) + parked;
+        if from == to {
+            return count;
+        }
+        // Whoever swaps or goes on in a ring leaves the cell that this one enters.
+        let before = self
+            .counts
+            .get((row + to as usize).wrapping_sub(self.vertices));
+        if before.is_none_or(|&before| before == 0) {
+            return count;
+        }
+        count + self.moves(agent, from, to, time - 1)
+    }
+
+    fn moves(&self, agent: u32, from: Vertex, to: Vertex, time: u32) -> u32 {
+        let rules = self.conflicts.rules();
+        if rules.delay > 0 {
+            return 0;
+        }
+        let swaps = self.conflicts.swaps(agent, from, to, time);
+        let rings = rules.rings && !swaps && self.conflicts.ring(agent, from, to, time).is_some();
+        u32::from(swaps) + u32::from(rings)
+    }
+
+    /// How many conflicts an agent gets that stays in `v` after `time` for ever.
+    pub fn collisions_parked(&self, agent: u32, v: Vertex, time: u32) -> u32 {
+        let Rules { until, delay, .. } = self.conflicts.rules();
+        let visits = self.conflicts.visits(v).iter();
+        let later = visits.filter(|visit| {
+            visit.agent != agent
+                && visit.from <= until
+                && visit.until.saturating_add(delay) > time
+                && visit.from > time
+        });
+        later.count() as u32
+    }
+}
