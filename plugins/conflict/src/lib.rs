@@ -1,2 +1,38 @@
 //! Conflict-based search, optimal and bounded-suboptimal.
+//!
+//! Every agent gets a path of its own; where two paths conflict, the search splits: one of the
+//! agents may not do its part (see [`solve`]). With a weight of 1 the plan has the least sum of
+//! costs, with larger weights it is at most so much dearer, and usually found much sooner.
+//!
+//! # What is proven
+//!
+//! [`End::Infeasible`] is a proof, but where agents block each other for good the search often
+//! goes on without end instead. [`Outcome::lower_bound`] is one too.
+//!
+//! # Time and memory
+//!
+//! Both grow exponentially with the number of conflicts that cost something; a node takes a few
+//! hundred bytes and [`Settings::memory_limit`] ends the search.
 #![forbid(unsafe_code)]
+
+mod constraint;
+mod cover;
+mod mdd;
+mod queue;
+mod symmetry;
+mod tree;
+
+use fleetyard_plugin_spacetime::problem::Problem;
+
+pub use tree::{End, Outcome, Settings};
+
+/// Searches for a plan. `cols` is the width of the grid; `stop` is asked often and ends the
+/// search when it says so.
+pub fn solve(
+    problem: &Problem,
+    cols: u32,
+    settings: &Settings,
+    stop: &mut dyn FnMut() -> bool,
+) -> Outcome {
+    tree::Tree::new(problem, cols, settings.clone()).solve(stop)
+}

@@ -12,13 +12,14 @@
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
-use std::sync::Arc;
 
 use crate::conflict::FOREVER;
 use crate::constraints::Constraints;
-use crate::graph::{DIRECTIONS, Vertex};
+use crate::graph::Vertex;
+use crate::pose::{MOVES, Pose, Poses};
+use crate::problem::Route;
+use crate::sipp::Guidance;
 use crate::traffic::Traffic;
-use crate::way::{MOVES, NO_WAY, Pose, Poses, Way};
 
 /// How often `stop` is asked, in expansions.
 const PATIENCE: u32 = 512;
@@ -26,93 +27,12 @@ const PATIENCE: u32 = 512;
 const MOST_STATES: usize = 1 << 25;
 const NONE: u32 = u32::MAX;
 
-/// Where an agent begins and which goals it has, in order.
-#[derive(Debug, Clone)]
-pub struct Task {
-    /// The pose at step 0.
-    pub start: Pose,
-    /// The ways to the goals; at least one.
-    ways: Vec<Arc<Way>>,
-    /// Least steps from each goal through all later ones.
-    tails: Vec<u32>,
-    /// Whether the agent may leave its last goal once it has been there. Its cost is then the
-    /// step of that visit, and what follows is free.
-    pub transient: bool,
-}
-
-impl Task {
-    /// A task; `None` without goals, or where one cannot be reached from the one before.
-    pub fn new(
-        poses: Poses<'_>,
-        start: Pose,
-        ways: Vec<Arc<Way>>,
-        transient: bool,
-    ) -> Option<Self> {
-        let last = ways.len().checked_sub(1)?;
-        let mut tails = vec![0; ways.len()];
-        for stage in (0..last).rev() {
-            let goal = ways[stage].goal();
-            let leg = (0..DIRECTIONS).map(|d| ways[stage + 1].steps(poses.pose(goal, d)));
-            let leg = leg.min().filter(|&leg| leg < NO_WAY)?;
-            tails[stage] = tails[stage + 1] + leg;
-        }
-        let task = Self {
-            start,
-            ways,
-            tails,
-            transient,
-        };
-        (task.ways[0].steps(start) < NO_WAY).then_some(task)
-    }
-
-    /// The ways to the goals.
-    pub fn ways(&self) -> &[Arc<Way>] {
-        &self.ways
-    }
-
-    /// The cell of the last goal.
-    pub fn last_goal(&self) -> Vertex {
-        self.ways.last().map_or(0, |way| way.goal())
-    }
-
-    /// Goals visited before the first step.
-    pub fn first_stage(&self, poses: Poses<'_>) -> usize {
-        self.advance(0, poses.vertex(self.start))
-    }
-
-    /// Goals visited when an agent comes to a vertex with `stage` of them behind it. The last
-    /// one counts for transient agents alone: others have to stay there.
-    #[inline]
-    pub fn advance(&self, mut stage: usize, v: Vertex) -> usize {
-        let end = self.ways.len() - usize::from(!self.transient);
-        while stage < end && self.ways[stage].goal() == v {
-            stage += 1;
-        }
-        stage
-    }
-
-    /// Whether all goals have been visited.
-    #[inline]
-    pub fn done(&self, stage: usize) -> bool {
-        stage == self.ways.len()
-    }
-
-    /// Least steps through the goals that are left; at least [`NO_WAY`] if there is no way.
-    #[inline]
-    pub fn rest(&self, stage: usize, pose: Pose) -> u32 {
-        match self.ways.get(stage) {
-            Some(way) => way.steps(pose) + self.tails[stage],
-            None => 0,
-        }
-    }
-}
-
 /// What is asked.
 pub struct Query<'a> {
     /// The agent's number in the traffic.
     pub agent: u32,
-    /// What it has to do.
-    pub task: &'a Task,
+    /// Where it begins and what it visits.
+    pub route: &'a Route,
     /// What it may not do.
     pub constraints: &'a Constraints,
     /// The others; the agent itself is not in it.
@@ -124,6 +44,8 @@ pub struct Query<'a> {
     pub weight: f64,
     /// A lower bound of the cost that is known already.
     pub least: u32,
+    /// Paths that cost more are of no use.
+    pub most: u32,
 }
 
 /// What was found.
@@ -209,27 +131,28 @@ impl<'g> Astar<'g> {
     ) -> Result<Option<Found>, Stopped> {
         let poses = self.poses;
         let &Query {
-            task,
+            route,
             constraints,
             until,
             ..
         } = query;
-        let start = poses.vertex(task.start);
-        let Some((settle, latest)) = settling(task, constraints, until) else {
+        let start = route.start;
+        let Some((settle, latest)) = settling(route, constraints, until) else {
             return Ok(None);
         };
-        let stage = task.first_stage(poses);
+        let latest = latest.min(query.most);
+        let stage = route.reached(0, start);
         let floor = settle.max(query.least);
-        let cost = task.rest(stage, task.start).max(floor);
+        let cost = route.rest(stage, start, route.heading).max(floor);
         if constraints.forbids(start, start, 0) || cost > latest {
             return Ok(None);
         }
         let horizon = query.traffic.map_or(0, Traffic::horizon);
         self.begin(query, cost, constraints.last().max(horizon) + 1);
         self.push(State {
-            pose: task.start,
+            pose: poses.pose(start, route.heading),
             time: 0,
-            stage: stage as u32,
+            stage,
             cost,
             collisions: 0,
             parent: NONE,
@@ -250,7 +173,8 @@ impl<'g> Astar<'g> {
                     return Err(Stopped);
                 }
             }
-            let (stage, v) = (state.stage as usize, poses.vertex(state.pose));
+            let v = poses.vertex(state.pose);
+            let done = state.stage as usize == route.goals.len();
             if self.ends(query, &state, settle) {
                 let parked = match query.traffic {
                     Some(traffic) if state.time < until => {
@@ -277,13 +201,14 @@ impl<'g> Astar<'g> {
             let count = poses.next(state.pose, &mut next);
             for &pose in &next[..count] {
                 let u = poses.vertex(pose);
-                let after = task.advance(stage, u);
-                let rest = task.rest(after, pose);
-                let cost = match task.done(stage) {
-                    true => state.cost,
-                    false => (time + rest).max(floor),
+                let stage = route.reached(state.stage, u);
+                let rest = route.rest(stage, u, poses.direction(pose));
+                let cost = if done {
+                    state.cost
+                } else {
+                    (time + rest).max(floor)
                 };
-                if rest >= NO_WAY || cost > latest || constraints.forbids(v, u, time) {
+                if cost > latest || constraints.forbids(v, u, time) {
                     continue;
                 }
                 let met = match query.traffic {
@@ -293,7 +218,7 @@ impl<'g> Astar<'g> {
                 self.push(State {
                     pose,
                     time,
-                    stage: after as u32,
+                    stage,
                     cost,
                     collisions: state.collisions + met,
                     parent: id,
@@ -306,19 +231,23 @@ impl<'g> Astar<'g> {
 
     /// Whether a path may end in a state.
     fn ends(&self, query: &Query<'_>, state: &State, settle: u32) -> bool {
-        let (task, stage) = (query.task, state.stage as usize);
+        let (route, stage) = (query.route, state.stage as usize);
         let v = self.poses.vertex(state.pose);
         if state.time >= query.until {
             return true;
         }
-        if task.transient {
-            let stays = |v| {
-                let constraints = query.constraints;
-                !constraints.forbids_staying(v, state.time + 1, query.until)
-            };
-            return task.done(stage) && stays(v);
+        if !route.stays {
+            let constraints = query.constraints;
+            return stage == route.goals.len()
+                && !constraints.forbids_staying(v, state.time + 1, query.until);
         }
-        stage + 1 == task.ways.len() && v == task.last_goal() && state.time >= settle
+        // Whoever was there the step before has arrived already.
+        let enters = || {
+            let before = self.states.get(state.parent as usize);
+            before.is_none_or(|before| self.poses.vertex(before.pose) != v)
+        };
+        let last = stage + 1 == route.goals.len() && v == route.goals[stage];
+        last && state.time >= settle && enters()
     }
 
     fn begin(&mut self, query: &Query<'_>, base: u32, still: u32) {
@@ -328,7 +257,7 @@ impl<'g> Astar<'g> {
         for costs in &mut self.beyond {
             costs.clear();
         }
-        let stages = query.task.ways.len() as u64 + 1;
+        let stages = query.route.goals.len() as u64 + 1;
         self.table.begin(self.poses.len() as u64, stages, still);
         (self.origin, self.base) = (base, base);
         self.limit = query.limit(base);
@@ -424,11 +353,11 @@ impl<'g> Astar<'g> {
 
 /// The first step at which an agent may have arrived for good and the last one by which it
 /// has to; `None` if it can never stay.
-pub fn settling(task: &Task, constraints: &Constraints, until: u32) -> Option<(u32, u32)> {
-    if task.transient {
+pub fn settling(route: &Route, constraints: &Constraints, until: u32) -> Option<(u32, u32)> {
+    let Some(&goal) = route.goals.last().filter(|_| route.stays) else {
         return Some((0, FOREVER));
-    }
-    let free = constraints.free_from(task.last_goal());
+    };
+    let free = constraints.free_from(goal);
     let settle = constraints
         .earliest()
         .max(free)
@@ -468,16 +397,11 @@ impl Table {
     fn begin(&mut self, poses: u64, stages: u64, still: u32) {
         (self.poses, self.stages, self.still) = (poses, stages, still);
         self.filled = 0;
-        self.search = match self.search.checked_add(1) {
-            Some(search) => search,
-            None => {
-                self.slots.fill(Slot::default());
-                1
-            }
-        };
-        if self.slots.is_empty() {
-            self.slots = vec![Slot::default(); 1 << 12];
+        if self.slots.is_empty() || self.search == u32::MAX {
+            self.slots = vec![Slot::default(); self.slots.len().max(1 << 12)];
+            self.search = 0;
         }
+        self.search += 1;
     }
 
     /// The entry of a state; [`NONE`] where there was none.

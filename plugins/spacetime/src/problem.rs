@@ -363,6 +363,18 @@ pub struct Route {
 }
 
 impl Route {
+    /// A way to one goal where the agent need not stay.
+    pub fn to(start: Vertex, heading: u8, goal: Vertex, table: Arc<Table>) -> Self {
+        Self {
+            start,
+            heading,
+            goals: vec![goal],
+            stays: false,
+            tables: vec![table],
+            after: vec![0],
+        }
+    }
+
     /// Adds up the way through the goals, or says which part does not exist.
     fn connect(&mut self) -> Result<(), (Vertex, Vertex)> {
         let first = self

@@ -1,0 +1,106 @@
+//! Constraints of the tree, each of which some agents have to keep.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use fleetyard_plugin_spacetime::conflict::FOREVER;
+use fleetyard_plugin_spacetime::constraints::Constraints;
+use fleetyard_plugin_spacetime::graph::Vertex;
+
+/// What a child of a node adds.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(crate) enum Constraint {
+    /// The agent is not in the cell from the first to the last step.
+    Cell {
+        agent: u32,
+        v: Vertex,
+        begin: u32,
+        end: u32,
+    },
+    /// The agent is in none of these cells at the step given with it: one side of a rectangle.
+    Barrier {
+        agent: u32,
+        cells: Box<[(Vertex, u32)]>,
+    },
+    /// The agent does not begin this move at `time`.
+    Move {
+        agent: u32,
+        from: Vertex,
+        to: Vertex,
+        time: u32,
+    },
+    /// The agent arrives at its goal for good after `time`.
+    ArriveAfter { agent: u32, time: u32 },
+    /// The agent arrives at its goal for good by `time`, and nobody else is there from step
+    /// `others` on.
+    ArriveBy {
+        agent: u32,
+        goal: Vertex,
+        time: u32,
+        others: u32,
+    },
+}
+
+impl Constraint {
+    /// Adds what the constraint means for an agent.
+    pub(crate) fn apply(&self, to: u32, table: &mut Constraints) {
+        match self {
+            Self::Cell {
+                agent,
+                v,
+                begin,
+                end,
+            } if *agent == to => table.forbid(*v, *begin, *end),
+            Self::Barrier { agent, cells } if *agent == to => {
+                for &(v, time) in cells {
+                    table.forbid(v, time, time);
+                }
+            }
+            Self::Move {
+                agent,
+                from,
+                to: into,
+                time,
+            } if *agent == to => table.forbid_move(*from, *into, *time),
+            Self::ArriveAfter { agent, time } if *agent == to => table.arrive_from(*time + 1),
+            Self::ArriveBy {
+                agent,
+                time,
+                goal,
+                others,
+            } => {
+                if *agent == to {
+                    table.arrive_by(*time);
+                } else {
+                    table.forbid(*goal, *others, FOREVER);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The agent that it is about; others may have to keep it as well.
+    pub(crate) fn agent(&self) -> u32 {
+        match self {
+            Self::Cell { agent, .. }
+            | Self::Barrier { agent, .. }
+            | Self::Move { agent, .. }
+            | Self::ArriveAfter { agent, .. }
+            | Self::ArriveBy { agent, .. } => *agent,
+        }
+    }
+
+    /// Whether an agent has to keep it.
+    pub(crate) fn binds(&self, agent: u32) -> bool {
+        matches!(self, Self::ArriveBy { .. }) || self.agent() == agent
+    }
+
+    /// Two independent hash values, to be added up over a set.
+    pub(crate) fn hash(&self) -> u128 {
+        let half = |salt: u64| {
+            let mut hasher = DefaultHasher::new();
+            (salt, self).hash(&mut hasher);
+            u128::from(hasher.finish())
+        };
+        half(1) << 64 | half(2)
+    }
+}
