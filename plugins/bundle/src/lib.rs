@@ -1,6 +1,7 @@
 //! The standard plugins behind one entry symbol, as a shared library and linked
 //! into the `fleetyard` command.
 
+use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_mapf::plugin::{Lacam, Pibt};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
@@ -17,6 +18,8 @@ fleetyard_abi::export! {
         PriorityBasedSearch,
         MapfLns2,
         MapfLns,
+        ConflictBasedSearch,
+        BoundedSearch,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

@@ -18,6 +18,7 @@
 mod constraint;
 mod cover;
 mod mdd;
+pub mod plugin;
 mod queue;
 mod symmetry;
 mod tree;

@@ -174,7 +174,8 @@ impl<'g> Astar<'g> {
                 }
             }
             let v = poses.vertex(state.pose);
-            let done = state.stage as usize == route.goals.len();
+            let all = route.goals.len() as u32;
+            let done = !route.stays && state.stage == all;
             if self.ends(query, &state, settle) {
                 let parked = match query.traffic {
                     Some(traffic) if state.time < until => {
@@ -201,7 +202,11 @@ impl<'g> Astar<'g> {
             let count = poses.next(state.pose, &mut next);
             for &pose in &next[..count] {
                 let u = poses.vertex(pose);
-                let stage = route.reached(state.stage, u);
+                let stage = match route.stays && state.stage + 1 >= all {
+                    true if u == v && route.goals.last() == Some(&u) => all,
+                    true => all - 1,
+                    false => route.reached(state.stage, u),
+                };
                 let rest = route.rest(stage, u, poses.direction(pose));
                 let cost = if done {
                     state.cost
@@ -241,13 +246,10 @@ impl<'g> Astar<'g> {
             return stage == route.goals.len()
                 && !constraints.forbids_staying(v, state.time + 1, query.until);
         }
-        // Whoever was there the step before has arrived already.
-        let enters = || {
-            let before = self.states.get(state.parent as usize);
-            before.is_none_or(|before| self.poses.vertex(before.pose) != v)
-        };
+        // The stage of those who were there the step before is another one: they have arrived
+        // already, and cannot arrive again without having been away.
         let last = stage + 1 == route.goals.len() && v == route.goals[stage];
-        last && state.time >= settle && enters()
+        last && state.time >= settle
     }
 
     fn begin(&mut self, query: &Query<'_>, base: u32, still: u32) {
