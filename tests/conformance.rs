@@ -82,6 +82,12 @@ fn built_in_planners_pass() {
 }
 
 #[test]
+fn planners_that_search_conflicts_pass() {
+    passes("cbs", 1, &["--attach worker"]);
+    passes("ecbs", 1, &["--attach in-process"]);
+}
+
+#[test]
 fn built_in_planners_for_one_agent_pass() {
     passes("astar", 1, &["--attach in-process"]);
     passes("beam-search", 1, &["--attach in-process"]);
@@ -94,7 +100,7 @@ fn the_standard_plugins_as_a_library_pass() {
     // All cases are asked of some of them above.
     let only = "--attach worker --only handshake --only descriptor --only default-options \
                 --only invalid-options --only random-instances --only any-angle --only unreachable-goal";
-    passes(&library.display().to_string(), 18, &[only]);
+    passes(&library.display().to_string(), 34, &[only]);
 }
 
 #[test]

@@ -88,9 +88,10 @@ impl Builder {
                 return true;
             }
             let all = route.goals.len() as u32;
-            match route.stays {
-                true => stage + 1 == all && Some(&poses.vertex(pose)) == route.goals.last(),
-                false => stage == all,
+            if route.stays {
+                stage + 1 == all && Some(&poses.vertex(pose)) == route.goals.last()
+            } else {
+                stage == all
             }
         };
         self.alive[depth].clear();
@@ -143,9 +144,10 @@ impl Builder {
             .map(|level| {
                 let mut cells = self.cells(poses, level);
                 let first = cells.next().unwrap_or(SEVERAL);
-                match cells.all(|v| v == first) {
-                    true => first,
-                    false => SEVERAL,
+                if cells.all(|v| v == first) {
+                    first
+                } else {
+                    SEVERAL
                 }
             })
             .collect()

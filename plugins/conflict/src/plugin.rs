@@ -68,10 +68,8 @@ impl Prepared {
         sink.metric("bypassed", outcome.bypassed as f64);
         sink.metric("low_level_expansions", outcome.low_level as f64);
         sink.metric("lower_bound", outcome.lower_bound as f64);
-        if outcome.end != End::Infeasible {
-            // A plan that comes too late is no fault.
-            let _ = sink.submit_plan(problem.plan(&outcome.paths).as_ref());
-        }
+        // A plan that comes too late is no fault.
+        let _ = sink.submit_plan(problem.plan(&outcome.paths).as_ref());
         let failure = |status, reason: &str| Err(Failure::new(status, reason));
         match outcome.end {
             End::Solved => Ok(()),

@@ -152,17 +152,18 @@ pub(crate) fn rectangle(
     let far_col = barrier(&mut (near.0..=end.0).map(|row| (row, end.1)));
     // An agent that goes along the rows and cannot leave by the far column has to cross the
     // far row; the other way round for the other one.
-    Some(match first_along_rows {
-        true => Rectangle {
+    Some(if first_along_rows {
+        Rectangle {
             barriers: [far_row, far_col],
             cardinal: [ga.1 == end.1, gb.0 == end.0],
             whole,
-        },
-        false => Rectangle {
+        }
+    } else {
+        Rectangle {
             barriers: [far_col, far_row],
             cardinal: [ga.0 == end.0, gb.1 == end.1],
             whole,
-        },
+        }
     })
 }
 

@@ -648,9 +648,10 @@ impl<'p> Tree<'p> {
                     || steps.clone().any(|time| at(time) == *v)
             }
             Kind::Swap([from, to]) => {
-                let [from, to] = match conflict.agents[0] as usize == agent {
-                    true => [*from, *to],
-                    false => [*to, *from],
+                let [from, to] = if conflict.agents[0] as usize == agent {
+                    [*from, *to]
+                } else {
+                    [*to, *from]
                 };
                 at(time) == from && at(time + 1) == to
             }
@@ -996,16 +997,15 @@ impl<'p> Tree<'p> {
             }
             let [one, other] = [a, b].map(|agent| hashes[agent as usize].unwrap_or(0));
             let key = (a, b, one, other);
-            let payment = match self.payments.get(&key) {
-                Some(&payment) => payment,
-                None => {
-                    let payment = self.payment(id, [a, b], stop)?;
-                    if self.payments.len() >= MOST_PAIRS {
-                        self.payments.clear();
-                    }
-                    self.payments.insert(key, payment);
-                    payment
+            let payment = if let Some(&payment) = self.payments.get(&key) {
+                payment
+            } else {
+                let payment = self.payment(id, [a, b], stop)?;
+                if self.payments.len() >= MOST_PAIRS {
+                    self.payments.clear();
                 }
+                self.payments.insert(key, payment);
+                payment
             };
             match payment {
                 u32::MAX => return Ok(None),

@@ -158,7 +158,7 @@ impl Case {
                 }
             }
             if !instance.allows_cycles && time < last {
-                self.rings(
+                rings(
                     &(0..paths.len())
                         .map(|a| (at(a, time), at(a, time + 1)))
                         .collect::<Vec<_>>(),
@@ -193,24 +193,25 @@ impl Case {
         }
         Ok(())
     }
+}
 
-    fn rings(&self, moves: &[(u32, u32)]) -> Result<(), String> {
-        for start in 0..moves.len() {
-            let mut now = start;
-            for _ in 0..moves.len() {
-                let (from, to) = moves[now];
-                let next = moves
-                    .iter()
-                    .position(|&(other, after)| other == to && after != to);
-                match next {
-                    Some(next) if from != to => now = next,
-                    _ => break,
-                }
-                if now == start {
-                    return Err(format!("a ring through cell {from}"));
-                }
+/// Whether agents with such moves go round in a ring.
+fn rings(moves: &[(u32, u32)]) -> Result<(), String> {
+    for start in 0..moves.len() {
+        let mut now = start;
+        for _ in 0..moves.len() {
+            let (from, to) = moves[now];
+            let next = moves
+                .iter()
+                .position(|&(other, after)| other == to && after != to);
+            match next {
+                Some(next) if from != to => now = next,
+                _ => break,
+            }
+            if now == start {
+                return Err(format!("a ring through cell {from}"));
             }
         }
-        Ok(())
     }
+    Ok(())
 }
