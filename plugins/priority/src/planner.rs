@@ -52,6 +52,8 @@ pub(crate) struct Single<'p> {
     random: Random,
     /// Per agent [`earliest`].
     earliest: Vec<[u32; DIRECTIONS]>,
+    /// The agents that others have to wait for there.
+    slow: Vec<usize>,
 }
 
 /// When others can come to the start of an agent at the earliest, by the direction that
@@ -86,15 +88,28 @@ impl<'p> Single<'p> {
             let longest = problem.routes.iter().map(Route::length);
             Reservations::new(&problem.graph, longest.max().unwrap_or(0) as usize + 1)
         };
+        let earliest: Vec<_> = (0..problem.agents())
+            .map(|agent| earliest(problem, agent))
+            .collect();
+        // In the first step nobody comes anywhere.
+        let slow = |agent: &usize| earliest[*agent].iter().any(|&step| step > 1);
         Self {
+            slow: (0..problem.agents()).filter(slow).collect(),
             problem,
             sipp: Sipp::limited(nodes),
             soft: table.clone(),
             hard: table,
             random,
-            earliest: (0..problem.agents())
-                .map(|agent| earliest(problem, agent))
-                .collect(),
+            earliest,
+        }
+    }
+
+    /// [`Single::hold`] for all agents but one, where others have to wait at all.
+    pub(crate) fn hold_others(&mut self, agent: usize) {
+        for at in 0..self.slow.len() {
+            if self.slow[at] != agent {
+                self.hold(self.slow[at], 0);
+            }
         }
     }
 

@@ -22,6 +22,7 @@ use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::plan::Paths;
 use fleetyard_plugin_spacetime::problem::Problem;
 use fleetyard_plugin_spacetime::random::Random;
+use fleetyard_plugin_spacetime::reservation::Imprint;
 use fleetyard_plugin_spacetime::sipp::{Found, Miss};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -77,6 +78,7 @@ pub fn plan(
         team: Conflicts::new(problem.graph.len(), agents, rules),
         order: Order::new(agents),
         prefer,
+        imprints: vec![Imprint::default(); agents],
         lengths: vec![0; agents],
         cost: 0,
         best: None,
@@ -222,6 +224,8 @@ struct Run<'p, 's> {
     team: Conflicts,
     order: Order,
     prefer: Prefer,
+    /// The path of each agent as the tables have it.
+    imprints: Vec<Imprint>,
     /// Length of each path, and the sum.
     lengths: Vec<u32>,
     cost: u64,
@@ -301,15 +305,14 @@ impl Run<'_, '_> {
         for agent in 0..self.single.problem.agents() {
             self.make_room();
             self.single.hard.reset(&self.single.problem.graph, 0);
-            self.hold_others(agent);
+            self.single.hold_others(agent);
             // Alone in the world everybody finds a path.
             let Ok(found) = self.single.path(agent, true, self.stop) else {
                 return Err(Stopped);
             };
             self.effort.paths += 1;
-            let graph = &self.single.problem.graph;
-            self.single.soft.add(graph, &found.path, 0);
             self.set(agent, &found);
+            self.single.soft.stamp(&self.imprints[agent]);
             if (self.stop)() {
                 return Err(Stopped);
             }
@@ -323,7 +326,18 @@ impl Run<'_, '_> {
         let length = std::mem::replace(&mut self.lengths[agent], found.length);
         self.cost = self.cost + u64::from(found.length) - u64::from(length);
         self.team.set(agent, &found.path);
+        self.imprint(agent);
         Found { path, length }
+    }
+
+    /// Sees to it that the path of an agent can be entered into the tables.
+    fn imprint(&mut self, agent: usize) {
+        let Single { problem, soft, .. } = &self.single;
+        let path = self.team.path(agent);
+        // Longer paths come when there is room for them.
+        if problem.window > 0 || path.len() < soft.horizon() as usize {
+            self.imprints[agent] = soft.imprint(&problem.graph, path, 0);
+        }
     }
 
     /// Exchanges paths of the team with others.
@@ -436,17 +450,11 @@ impl Run<'_, '_> {
             } else {
                 &mut *soft
             };
-            table.add(graph, self.team.path(other), 0);
+            table.stamp(&self.imprints[other]);
         }
-        self.hold_others(agent);
+        // Whoever comes later has to get away from its start as well.
+        self.single.hold_others(agent);
         self.single.path(agent, true, self.stop)
-    }
-
-    /// Whoever comes later has to get away from its start as well.
-    fn hold_others(&mut self, agent: usize) {
-        for other in (0..self.single.problem.agents()).filter(|&other| other != agent) {
-            self.single.hold(other, 0);
-        }
     }
 
     /// Sees to it that all paths fit into the tables.
@@ -465,8 +473,9 @@ impl Run<'_, '_> {
         if needed > hard.horizon() as usize {
             hard.reset(&problem.graph, needed);
             soft.reset(&problem.graph, needed);
-            for agent in 0..problem.agents() {
-                soft.add(&problem.graph, self.team.path(agent), 0);
+            for agent in 0..self.imprints.len() {
+                self.imprint(agent);
+                self.single.soft.stamp(&self.imprints[agent]);
             }
         }
     }

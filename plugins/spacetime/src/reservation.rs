@@ -24,9 +24,13 @@ pub struct Reservations {
     end: u32,
     windowed: bool,
     bits: Vec<u64>,
-    /// Vertices with a bit that [`Reservations::add`] has set.
-    touched: Vec<Vertex>,
+    /// Words that were set other than by [`Reservations::flip`].
+    touched: Vec<u32>,
 }
+
+/// The bits of a path in tables of one size, to be entered often.
+#[derive(Debug, Clone, Default)]
+pub struct Imprint(Vec<(u32, u64)>);
 
 impl Reservations {
     /// An empty table. Agents stay at the end of their paths for good, and paths must have
@@ -68,11 +72,19 @@ impl Reservations {
             *self = Self::new(graph, horizon + horizon / 2);
             return;
         }
-        let group = ROWS * self.words;
-        for v in self.touched.drain(..) {
-            let begin = v as usize * group;
-            self.bits[begin..begin + group].fill(0);
+        for word in self.touched.drain(..) {
+            self.bits[word as usize] = 0;
         }
+    }
+
+    /// Sets bits of a word.
+    #[inline]
+    fn set(&mut self, word: u32, bits: u64) {
+        let entry = &mut self.bits[word as usize];
+        if *entry == 0 {
+            self.touched.push(word);
+        }
+        *entry |= bits;
     }
 
     #[inline]
@@ -211,6 +223,20 @@ impl Reservations {
     /// Atzmon, Stern, Felner, Wagner, Barták, Zhou, JAIR 2020). What is added goes by
     /// [`Reservations::reset`].
     pub fn add(&mut self, graph: &Graph, path: &[Vertex], delay: u32) {
+        self.stamp(&self.imprint(graph, path, delay));
+    }
+
+    /// The same, by what [`Reservations::imprint`] says of the path, of this table or one of
+    /// the same size.
+    pub fn stamp(&mut self, imprint: &Imprint) {
+        for &(word, bits) in &imprint.0 {
+            self.set(word, bits);
+        }
+    }
+
+    /// What [`Reservations::add`] would enter.
+    pub fn imprint(&self, graph: &Graph, path: &[Vertex], delay: u32) -> Imprint {
+        let mut imprint = Vec::with_capacity(2 * path.len());
         let mut at = 0;
         while at < path.len() && (at as u32) < self.end {
             let v = path[at];
@@ -218,43 +244,58 @@ impl Reservations {
             while next < path.len() && path[next] == v {
                 next += 1;
             }
-            if self.row(v, 0).iter().all(|&word| word == 0) {
-                self.touched.push(v);
-            }
             let first = (at as u32).saturating_sub(delay);
             if next == path.len() {
-                self.occupy(v, first, self.end);
-                return;
+                self.occupy(v, first, self.end, &mut imprint);
+                break;
             }
-            self.occupy(v, first, (next as u32).saturating_add(delay).min(self.end));
-            let leaving = next - 1;
+            let end = (next as u32).saturating_add(delay).min(self.end);
+            self.occupy(v, first, end, &mut imprint);
             // A move that ends after the window is nobody's business.
             if (next as u32) < self.end {
                 let around = graph.around(v);
                 if let Some(d) = around.iter().position(|&u| u == path[next]) {
-                    let row = (v as usize * ROWS + 1 + d) * self.words;
-                    self.bits[row + leaving / WORD] |= 1 << (leaving % WORD);
+                    imprint.push(self.departure(v, d, next - 1));
                 }
             }
             at = next;
+        }
+        Imprint(imprint)
+    }
+
+    /// The word and bit of leaving a vertex at `t`.
+    #[inline]
+    fn departure(&self, v: Vertex, d: usize, t: usize) -> (u32, u64) {
+        let row = (v as usize * ROWS + 1 + d) * self.words;
+        ((row + t / WORD) as u32, 1 << (t % WORD))
+    }
+
+    /// Words and bits of being at `v` from `first` to before `end`.
+    #[inline]
+    fn occupy(&self, v: Vertex, first: u32, end: u32, imprint: &mut Vec<(u32, u64)>) {
+        let row = v as usize * ROWS * self.words;
+        let (first, end) = (first as usize, end as usize);
+        for word in first / WORD..end.div_ceil(WORD) {
+            let low = first.saturating_sub(word * WORD);
+            let high = (end - word * WORD).min(WORD);
+            let bits = u64::MAX >> (WORD - high) & u64::MAX << low;
+            imprint.push(((row + word) as u32, bits));
         }
     }
 
     /// Keeps others from coming to a vertex, whose agent has no path yet: from direction `d`
     /// nobody arrives before `earliest[d]`; 0 where nobody comes from.
     pub fn hold(&mut self, v: Vertex, earliest: [u32; DIRECTIONS]) {
-        if self.row(v, 0).iter().all(|&word| word == 0) {
-            self.touched.push(v);
-        }
         let free = earliest.into_iter().filter(|&t| t > 0).min().unwrap_or(0);
-        self.occupy(v, 0, free.min(self.end));
+        let mut imprint = Vec::new();
+        self.occupy(v, 0, free.min(self.end), &mut imprint);
         for (d, earliest) in earliest.into_iter().enumerate() {
             // As if the agent left to where the other one would come from.
-            let row = (v as usize * ROWS + 1 + d) * self.words;
             for t in 0..earliest.saturating_sub(1).min(self.end) as usize {
-                self.bits[row + t / WORD] |= 1 << (t % WORD);
+                imprint.push(self.departure(v, d, t));
             }
         }
+        self.stamp(&Imprint(imprint));
     }
 
     /// Forgets what happens at a vertex before the time `end`.
@@ -265,23 +306,6 @@ impl Reservations {
             for t in 0..end {
                 self.bits[begin + t / WORD] &= !(1 << (t % WORD));
             }
-        }
-    }
-
-    /// Sets the bits of `v` for times from `first` to before `end`.
-    fn occupy(&mut self, v: Vertex, first: u32, end: u32) {
-        let begin = v as usize * ROWS * self.words;
-        let row = &mut self.bits[begin..begin + self.words];
-        let (first, end) = (first as usize, end as usize);
-        for (word, bits) in row
-            .iter_mut()
-            .enumerate()
-            .take(end.div_ceil(WORD))
-            .skip(first / WORD)
-        {
-            let low = first.saturating_sub(word * WORD);
-            let high = (end - word * WORD).min(WORD);
-            *bits |= u64::MAX >> (WORD - high) & u64::MAX << low;
         }
     }
 
