@@ -32,6 +32,9 @@ use crate::planner::{Control, Outcome, Single};
 /// Random stream of ties between paths.
 const PATH_STREAM: u64 = 0;
 
+/// The search begins anew after so many dead ends, then after half as many more, and so on.
+const PATIENCE: u64 = 20;
+
 /// Which child of a node is looked at first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -79,6 +82,7 @@ pub fn plan(
         order: Order::new(agents),
         prefer,
         imprints: vec![Imprint::default(); agents],
+        failed: vec![0; agents],
         lengths: vec![0; agents],
         cost: 0,
         best: None,
@@ -226,6 +230,8 @@ struct Run<'p, 's> {
     prefer: Prefer,
     /// The path of each agent as the tables have it.
     imprints: Vec<Imprint>,
+    /// How often no path was found, for each agent.
+    failed: Vec<u32>,
     /// Length of each path, and the sum.
     lengths: Vec<u32>,
     cost: u64,
@@ -245,6 +251,7 @@ impl Run<'_, '_> {
             old: Vec::new(),
             children: Vec::new(),
         }];
+        let (mut dead_ends, mut patience) = (0, PATIENCE);
         let mut bytes = 0;
         let mut fresh = true;
         loop {
@@ -268,6 +275,16 @@ impl Run<'_, '_> {
                 bytes += frame.children.iter().map(Child::bytes).sum::<u64>();
                 if frame.children.is_empty() {
                     self.remember();
+                    dead_ends += 1;
+                    if dead_ends > patience {
+                        // The search has lost its way: begin anew, and let those go first
+                        // who found no path.
+                        patience += patience / 2;
+                        dead_ends = 0;
+                        bytes = 0;
+                        self.back_to_root(&mut frames);
+                        continue;
+                    }
                 }
                 if bytes > memory {
                     self.remember();
@@ -287,15 +304,31 @@ impl Run<'_, '_> {
                 fresh = true;
             } else {
                 fresh = false;
-                let Some(mut frame) = frames.pop() else {
+                let Some(frame) = frames.pop() else {
                     return End::Exhausted;
                 };
                 bytes = bytes.saturating_sub(size_of::<Child>() as u64 + size(&frame.old));
-                self.exchange(&mut frame.old);
-                if let Some(decision) = frame.decision {
-                    self.order.forget(decision);
-                }
+                self.undo(frame);
             }
+        }
+    }
+
+    fn undo(&mut self, mut frame: Frame) {
+        self.exchange(&mut frame.old);
+        if let Some(decision) = frame.decision {
+            self.order.forget(decision);
+        }
+    }
+
+    /// Forgets all decisions.
+    fn back_to_root(&mut self, frames: &mut Vec<Frame>) {
+        while frames.len() > 1 {
+            if let Some(frame) = frames.pop() {
+                self.undo(frame);
+            }
+        }
+        if let Some(root) = frames.first_mut() {
+            root.children.clear();
         }
     }
 
@@ -379,13 +412,15 @@ impl Run<'_, '_> {
         for decision in [(a, b), (b, a)] {
             children.extend(self.child(decision)?);
         }
-        let prefer = self.prefer;
         children.sort_by_key(|child| {
             let (cost, collisions) = (child.cost, child.collisions as u64);
-            std::cmp::Reverse(match prefer {
+            let (good, better) = match self.prefer {
                 Prefer::Cost => (cost, collisions),
                 Prefer::Collisions => (collisions, cost),
-            })
+            };
+            // The last is taken first.
+            let failed = self.failed[child.decision.0 as usize];
+            (failed, std::cmp::Reverse((good, better)))
         });
         Ok(children)
     }
@@ -424,7 +459,10 @@ impl Run<'_, '_> {
             }
             match self.replan(agent as usize) {
                 Ok(found) => old.push((agent, self.set(agent as usize, &found))),
-                Err(Miss::NoPath) => return Ok(false),
+                Err(Miss::NoPath) => {
+                    self.failed[agent as usize] += 1;
+                    return Ok(false);
+                }
                 Err(Miss::Stopped) => return Err(Stopped),
             }
         }
