@@ -1,9 +1,12 @@
-//! Time to the first plan, and of refinement up to a fixed limit, on generated maps.
+//! Time to the first plan, of refinement up to a fixed limit, and of calls for a fleet that
+//! works without end, on generated maps.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use fleetyard_abi::Goals;
+use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query};
 use fleetyard_plugin_mapf::{Algorithm, Options, Problem, solve};
 use support::Patient;
 
@@ -93,5 +96,36 @@ fn planners(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, planners);
+/// Ten steps, with the ways to all goals known from calls before.
+fn calls(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("ten steps of a fleet");
+    group.sample_size(20);
+    for (name, samples, retries) in [("pibt", 1, 0), ("lacam", 10, 8)] {
+        for (side, agents) in [(64, 400), (80, 1000)] {
+            let problem = instance(side, agents);
+            let goals = Goals::single(problem.goals.clone());
+            let planner = Lifelong::new(side, side, &problem.passable, 512 << 20);
+            let Ok(mut planner) = planner else { continue };
+            let query = Query {
+                starts: &problem.starts,
+                goals: &goals,
+                window: Some(10),
+                step_limit: 0,
+                swap: true,
+                rings: false,
+                memory_limit: 0,
+                samples,
+                retries,
+                seed: 0,
+            };
+            let id = BenchmarkId::new(name, format!("{side}x{side}, {agents} agents"));
+            group.bench_function(id, |bencher| {
+                bencher.iter(|| planner.run(&query, &mut ByDistance, &mut || false));
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, planners, calls);
 criterion_main!(benches);
