@@ -7,6 +7,7 @@ use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_check::metrics;
 use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
+use fleetyard_fleet::FleetError;
 use fleetyard_runtime::measure::{Cpus, Machine};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, Level, Runtime, SandboxReport, Termination, Trust,
@@ -17,6 +18,7 @@ use serde_json::{Map, Value};
 
 use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::error::BenchError;
+use crate::fleet::{Crew, DriveError, blamed};
 use crate::plan::{Planned, Schedule};
 use crate::record::{Ending, Record};
 use crate::row::{Incumbent, Row};
@@ -62,6 +64,8 @@ pub struct Entrant {
     given: GivenOptions,
     wanted: Option<Attach>,
     running: Option<Running>,
+    /// The rest of its fleet, in a suite of fleets.
+    crew: Option<Crew>,
 }
 
 impl<'s> Contest<'s> {
@@ -80,13 +84,18 @@ impl<'s> Contest<'s> {
         let mut sandbox = suite.sandbox.clone();
         sandbox.trust = trust;
         let host = Host::new(built_in, suite.budget.clone(), sandbox, apart)?;
-        let keep = suite.protocol.reuse == Reuse::Planner;
+        let lifelong = suite.planners.iter().any(|planner| planner.fleet.is_some());
+        let keep = suite.protocol.reuse == Reuse::Planner && !lifelong;
         let names = suite.planners.iter().map(|planner| planner.plugin.as_str());
         let discovery = Discovery::from_environment();
         let found = discovery.find_all(&host.runtime, Some(Kind::Planner), names);
         let mut entrants = Vec::new();
         for (contestant, found) in suite.planners.iter().zip(found) {
-            entrants.push(Entrant::new(contestant, found, &host.runtime, keep)?);
+            let mut entrant = Entrant::new(contestant, found, &host.runtime, keep)?;
+            if let Some(setup) = &contestant.fleet {
+                entrant.crew = Some(Crew::new(setup, &discovery, &host.runtime)?);
+            }
+            entrants.push(entrant);
         }
         let context = context(suite);
         let planners: Vec<Digest> = entrants
@@ -152,6 +161,19 @@ impl<'s> Contest<'s> {
     /// The longest that a trial may take, if its planner has to be started for it.
     pub fn longest(&self) -> Duration {
         let budget = self.host.budget();
+        let crews = self
+            .entrants
+            .iter()
+            .filter_map(|entrant| entrant.crew.as_ref());
+        let drive = crews.map(Crew::duration_s).fold(0.0, f64::max);
+        if drive > 0.0 {
+            // A planner is asked again when its limit is over, so that it takes no longer than
+            // the fleet drives, and the rest seldom does.
+            let drive = Duration::try_from_secs_f64(2.0 * drive).unwrap_or(Duration::MAX);
+            return [budget.startup, budget.prepare_wall(), drive]
+                .into_iter()
+                .fold(Duration::ZERO, Duration::saturating_add);
+        }
         let grace = budget.grace.unwrap_or(Duration::ZERO);
         let ending = self.host.runtime.limits().ending;
         [
@@ -168,6 +190,9 @@ impl<'s> Contest<'s> {
     /// Makes a trial. What goes wrong with a planner is in the row; an error is something
     /// that makes going on useless.
     pub fn trial(&mut self, planned: &Planned) -> Result<Row, BenchError> {
+        if self.entrants[planned.planner].crew.is_some() {
+            return self.drive(planned);
+        }
         let started_unix_ms = now_unix_ms();
         if self
             .latest
@@ -259,6 +284,75 @@ impl<'s> Contest<'s> {
         Ok(row)
     }
 
+    /// A trial of a fleet.
+    fn drive(&mut self, planned: &Planned) -> Result<Row, BenchError> {
+        let question = &self.questions[planned.instance];
+        let grid = question.grid()?;
+        let entrant = &mut self.entrants[planned.planner];
+        let Some(crew) = &entrant.crew else {
+            return Err(InputError::new("suite", "there is no such fleet").into());
+        };
+        let agents = question.agents();
+        let mut row = Row {
+            key: self.schedule.key(planned),
+            trial: planned.number,
+            planner: entrant.label.clone(),
+            planner_id: entrant.descriptor.id.clone(),
+            planner_version: entrant.descriptor.version.clone(),
+            planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
+            options: Value::Object(entrant.options.clone()).to_string(),
+            attach: name(&entrant.attach),
+            ranked: entrant.attach != Attach::InProcess
+                && self.host.runtime.limits().policy.level != Level::None,
+            instance_digest: question.digest()?.to_string(),
+            agents: agents as u64,
+            connectivity: question.connectivity().degree(),
+            map_rows: grid.rows(),
+            map_cols: grid.cols(),
+            seed: planned.seed,
+            repeat: planned.repeat,
+            machine: Machine::here().digest().to_string(),
+            started_unix_ms: now_unix_ms(),
+            ..Row::default()
+        };
+        crew.describe(&mut row);
+        let planner = (&entrant.candidate, entrant.wanted, &entrant.given);
+        let agents = u32::try_from(agents).unwrap_or(u32::MAX);
+        match crew.run(&self.host.runtime, planner, &grid, agents, planned.seed) {
+            Ok(drive) => {
+                drive.fill(&mut row);
+                entrant.sandbox = drive.sandbox.or(entrant.sandbox.take());
+            }
+            Err(DriveError::Trial(TrialError::Fault(fault))) => {
+                row.termination = Termination::from(&fault).to_string();
+                row.fault = Some(fault.to_string());
+            }
+            Err(DriveError::Fleet(FleetError::Start { kind, name, fault })) => {
+                row.termination = Termination::from(&fault).to_string();
+                row.fault = Some(format!("{kind} `{name}` {fault}"));
+            }
+            Err(DriveError::Fleet(error @ FleetError::Incapable { .. })) => {
+                row.termination = Termination::Unsupported.to_string();
+                row.fault = Some(error.to_string());
+            }
+            Err(DriveError::Trial(error)) => {
+                return Err(BenchError::Trial {
+                    planner: entrant.label.clone(),
+                    error: Box::new(error),
+                });
+            }
+            Err(DriveError::Fleet(error)) => {
+                let fault = InputError::new(entrant.label.as_str(), error.to_string());
+                return Err(match error.hint() {
+                    Some(hint) => fault.hint(hint).into(),
+                    None => fault.into(),
+                });
+            }
+        }
+        row.place(question.origin());
+        Ok(row)
+    }
+
     /// Where planners ran, once one did.
     pub fn pin(&self) -> Option<&Pin> {
         self.pin.as_ref()
@@ -288,11 +382,7 @@ impl Entrant {
                 TrialError::Options(_) => &contestant.options_place,
                 _ => place,
             };
-            let fault = place.error(error.to_string());
-            match error.hint() {
-                Some(hint) => fault.hint(hint),
-                None => fault,
-            }
+            blamed(place, &error)
         };
         let found = found.map_err(|fault| blamed(fault.into()))?;
         let candidate = Candidate::new(runtime, found, Kind::Planner, &contestant.plugin)
@@ -310,6 +400,7 @@ impl Entrant {
             given,
             wanted: contestant.attach,
             running: None,
+            crew: None,
         };
         if keep {
             entrant.running = Some(running);
@@ -328,6 +419,9 @@ impl Entrant {
         hasher.bytes(name(&self.attach).as_bytes());
         hasher.bytes(Value::Object(self.options.clone()).to_string().as_bytes());
         hasher.bytes(context.as_bytes());
+        if let Some(crew) = &self.crew {
+            hasher.bytes(&crew.digest().0.to_le_bytes());
+        }
         hasher.finish()
     }
 }

@@ -9,6 +9,7 @@ mod contest;
 mod error;
 pub mod evaluate;
 pub mod export;
+mod fleet;
 mod manifest;
 mod options;
 mod plan;

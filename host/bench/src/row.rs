@@ -188,7 +188,7 @@ columns! {
     maze_height: Option<u32>,
     /// How the maze was carved.
     maze_algorithm: Option<String>,
-    /// Wall-clock budget of the plan.
+    /// Wall-clock budget of the plan; of a fleet, how long it drives in simulated time.
     budget_ms: f64,
     /// Seed given to the planner.
     seed: u64,
@@ -212,9 +212,11 @@ columns! {
     first_violation: Option<String>,
     /// Whether the trial succeeded: the planner ended as it should and its plan is valid.
     success: bool,
-    /// The time that is compared: one of the next two, whichever the suite names.
+    /// The time that is compared: one of the next two, whichever the suite names; of a fleet, the
+    /// mean over its planner's calls.
     solve_time_ms: f64,
-    /// Wall time of the call by the host's clock, transport included.
+    /// Wall time of the call by the host's clock, transport included; of a fleet, of all calls of
+    /// its planner together.
     planning_time_ms: f64,
     /// Wall time of the call beside the plugin, in its process.
     call_time_ms: Option<f64>,
@@ -255,6 +257,37 @@ columns! {
     execution_makespan_s: Option<f64>,
     /// Goals reached per simulated second.
     throughput_per_s: Option<f64>,
+    /// Of a fleet: what was asked for, all numbers and plugins with their options, as a JSON
+    /// object.
+    fleet: Option<String>,
+    /// Of a fleet: identifier of the instance generator.
+    generator: Option<String>,
+    /// Of a fleet: identifier of the invocation policy.
+    invocation: Option<String>,
+    /// Of a fleet: identifier of the fail policy.
+    fail_policy: Option<String>,
+    /// Of a fleet: goals that robots reached.
+    goals_reached: Option<u64>,
+    /// Of a fleet: goals on the ways to which robots are committed, reached or not.
+    goals_committed: Option<u64>,
+    /// Of a fleet: calls in which the fail policy was asked, as a share of all calls.
+    fail_policy_ratio: Option<f64>,
+    /// Of a fleet: calls that were answered.
+    planner_calls: Option<u64>,
+    /// Of a fleet: calls after which everybody waited.
+    all_waits: Option<u64>,
+    /// Of a fleet: plans that were claimed to be right and refused.
+    invalid_batches: Option<u64>,
+    /// Of a fleet: rings that were cut out of plans.
+    rings_cut: Option<u64>,
+    /// Of a fleet: the longest of the planner's calls, by the host's clock.
+    planner_call_max_ms: Option<f64>,
+    /// Of a fleet: how long a call of the planner may take.
+    planner_limit_ms: Option<f64>,
+    /// Of a fleet: share of robots and time spent standing still.
+    waiting_share: Option<f64>,
+    /// Of a fleet: most actions in the graph at a time.
+    adg_nodes_max: Option<u64>,
     /// Processor time of the call, over all processes and threads.
     cpu_time_ms: Option<f64>,
     /// Largest resident memory of the plugin's processes together.

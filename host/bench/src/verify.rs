@@ -142,6 +142,10 @@ fn chosen<'r>(again: &mut [(Planned, &'r Row)], sample: Option<u64>) -> Vec<(Pla
 
 /// Whether something else than time decided how the trial ended.
 fn comparable(row: &Row) -> bool {
+    if let (Some(longest), Some(limit)) = (row.planner_call_max_ms, row.planner_limit_ms) {
+        // A fleet drives as long as it is told to, but each call of its planner has a deadline.
+        return row.termination == "completed" && longest < SPENT * limit;
+    }
     !matches!(row.termination.as_str(), "timed-out" | "over-limit")
         && row.planning_time_ms < SPENT * row.budget_ms
 }

@@ -296,8 +296,8 @@ fn faults_of_a_suite_have_places_and_hints() {
             "s.toml:8:1: unknown key `repeat` in [protocol] | did you mean `repeats`?",
         ),
         (
-            top("speed = 3"),
-            "s.toml:1:1: unknown key `speed` | known keys: name, description",
+            top("zigzag = 3"),
+            "s.toml:1:1: unknown key `zigzag` | known keys: name, description",
         ),
         // Axes without values.
         (
@@ -575,7 +575,7 @@ fn the_page_has_every_key_and_no_other() {
         .skip(1)
         .filter_map(|rest| rest.split("```").next())
         .collect();
-    assert_eq!(examples.len(), 3);
+    assert_eq!(examples.len(), 4);
     for example in examples {
         let known = |_: &str| Some("/data".to_owned());
         Suite::read("docs/suites.md", example, &[], Path::new(""), &known).unwrap();
@@ -594,4 +594,119 @@ fn the_suites_of_the_repository_can_be_read() {
     }
     names.sort();
     assert!(names.contains(&"first".to_owned()) && names.contains(&"maze-table3".to_owned()));
+}
+
+const FLEET: &str = r#"
+name = "fleets"
+[execution]
+radius_m = 0.25
+delay = "bernoulli:0.1,2s"
+[fleet]
+duration = "2m"
+limit = "500ms"
+window = "0s"
+period = "2s"
+[[planner]]
+label = "a"
+plugin = "pibt"
+[[planner]]
+label = "b"
+plugin = "pibt"
+fleet = { motion = "rotation", window = "3s", model = "pebble", delay = "none", generator = { plugin = "one-goal", options = { x = 1 } } }
+[[instances]]
+map = "warehouse-3-4-*.map"
+agents = [5, 9]
+"#;
+
+#[test]
+fn fleets_are_read_setup_by_setup() {
+    let suite = read(FLEET).unwrap();
+    let [a, b] = [0, 1].map(|index| suite.planners[index].fleet.clone().unwrap());
+    assert_eq!((a.config.duration_s, a.config.limit_s), (120.0, 0.5));
+    assert_eq!((a.config.window_s, b.config.window_s), (0.0, 3.0));
+    // A cell in half a second, as fast as the robots of the paper are; discs take a second.
+    assert_eq!((a.config.sim.step_s, b.config.sim.step_s), (0.5, 1.0));
+    assert_eq!(a.config.sim.radius_m, Some(0.25));
+    assert_ne!(
+        a.config.sim.disturbance.delay,
+        b.config.sim.disturbance.delay
+    );
+    assert_eq!(b.generator.plugin, "one-goal");
+    assert_eq!(b.generator.options["x"], 1);
+    assert_eq!(a.generator.plugin, "windowed-multi-goals");
+    assert_eq!(b.invocation.options["period_s"], 2.0);
+    let questions = suite.questions().unwrap();
+    let hall = "warehouse-3-4-5-1-1-m2-a2-open-e-w3, lifelong";
+    assert_eq!(
+        told(&questions),
+        [format!("{hall}, 5 agents"), format!("{hall}, 9 agents")]
+    );
+    assert_ne!(
+        questions[0].digest().unwrap(),
+        questions[1].digest().unwrap()
+    );
+    // Roles decide where goals are: they are a part of what is asked.
+    let plain = FLEET.replace(
+        "map = \"warehouse-3-4-*.map\"",
+        "generate = { kind = \"warehouse\", blocks_across = 3, blocks_down = 4, block_cols = 5, \
+         block_rows = 1, aisle = 1, margin = 2, aisle_rows = 2, open = true }",
+    );
+    let plain = self::questions(&plain).unwrap();
+    assert_eq!(
+        plain[0].grid().unwrap().digest(),
+        questions[0].grid().unwrap().digest()
+    );
+    assert_ne!(plain[0].digest().unwrap(), questions[0].digest().unwrap());
+}
+
+#[test]
+fn what_is_wrong_with_a_fleet_has_its_place() {
+    let told = |from: &str, to: &str| {
+        assert!(FLEET.contains(from), "{from}");
+        let text = FLEET.replace(from, to);
+        let error = match read(&text) {
+            Ok(suite) => suite.questions().expect_err(to),
+            Err(error) => error,
+        };
+        let hint = error.hint.clone().unwrap_or_default();
+        format!("{error}; {hint}")
+    };
+    for (from, to, expected) in [
+        (
+            "limit = \"500ms\"",
+            "limit = \"0s\"",
+            "s.toml:8:9: limit_s is out of range: 0",
+        ),
+        ("limit = \"500ms\"", "limit = 3", "s.toml:8:9"),
+        (
+            "limit = \"500ms\"",
+            "limits = \"3s\"",
+            "did you mean `limit`?",
+        ),
+        ("period = \"2s\"", "period = \"0s\"", "`period` is zero"),
+        ("\"rotation\"", "\"rotating\"", "s.toml:17:"),
+        ("model = \"pebble\"", "model = \"tank\"", "tank"),
+        ("delay = \"none\"", "delay = \"often\"", "s.toml:17:"),
+        (
+            "[fleet]\nduration = \"2m\"\nlimit = \"500ms\"\nwindow = \"0s\"\nperiod = \"2s\"\n",
+            "",
+            "write a table [fleet]",
+        ),
+        ("map = \"ware", "scen = \"ware", "`scen` is not for fleets"),
+        ("agents = [5, 9]", "", "agents"),
+        (
+            "agents = [5, 9]",
+            "agents = [5, 900]",
+            "the map has 234 free cells",
+        ),
+        ("warehouse-3-4-*.map", "nowhere.map", "no such file"),
+        (
+            "plugin = \"pibt\"\nfleet = {",
+            "plugin = \"pibt\"\nfleet = { invocation = { plugin = \"periodic\", options = { period_s = 1 } },",
+            "`period` is the option `period_s`",
+        ),
+    ] {
+        let said = told(from, to);
+        assert!(said.contains(expected), "{to}: {said}");
+    }
 }

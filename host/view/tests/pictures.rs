@@ -192,7 +192,7 @@ fn thousands_of_agents_stay_a_moderate_file() {
 #[test]
 fn a_run_of_a_fleet() {
     let grid = grid();
-    let mut waiting_s = vec![0.0; 15];
+    let mut waiting_s = [0.0; 15];
     for (cell, waited) in [
         (0, 40.0),
         (1, 10.0),

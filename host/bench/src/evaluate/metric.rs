@@ -95,6 +95,8 @@ metrics! {
     tracking_error_max_m: "largest tracking error", "m", LESS, known;
     execution_makespan_s: "makespan of the execution", "s", LESS, known;
     throughput_per_s: "throughput", "goals/s", MORE, known;
+    fail_policy_ratio: "fail-policy ratio", "", LESS, known;
+    waiting_share: "share of time standing still", "", LESS, known;
 }
 
 /// The time that planners are ranked by.

@@ -21,8 +21,10 @@ const OUTLIERS: usize = 40;
 const MOMENTS: usize = 60;
 
 /// Metrics whose axes are not logarithmic although they have a unit of time or none.
-const LINEAR: [&str; 4] = [
+const LINEAR: [&str; 6] = [
     "suboptimality",
+    "fail_policy_ratio",
+    "waiting_share",
     "contacts",
     "execution_makespan_s",
     "nearest_approach_m",

@@ -69,6 +69,8 @@ pub(super) struct InstanceSet {
     /// `None` for as many as there are.
     pub(super) teams: Option<Teams>,
     pub(super) connectivity: Vec<Connectivity>,
+    /// Whether fleets drive there, whose starts and goals are drawn.
+    pub(super) lifelong: bool,
     pub(super) place: Place,
 }
 
@@ -80,6 +82,8 @@ pub(super) enum Kind {
         files: Vec<Named>,
         maps: Vec<PathBuf>,
     },
+    /// Maps on which fleets drive.
+    Maps(Vec<Named>),
     /// Series of mazes with one agent each.
     Mazes(Mazes),
     /// Maps that are made, and scenarios of random starts and goals on them.
@@ -166,6 +170,8 @@ pub(super) struct Loaded {
 #[derive(Debug)]
 pub(super) enum Recipe {
     Loaded(Vec<Loaded>),
+    /// Maps, whose agents are drawn while a fleet drives.
+    Maps(Vec<(PathBuf, Arc<Grid>)>),
     Made {
         made: Made,
         /// The one that was made last: its questions follow each other.
@@ -301,6 +307,7 @@ impl Recipe {
     fn bases(&self) -> Option<u64> {
         match self {
             Self::Loaded(loaded) => Some(loaded.len() as u64),
+            Self::Maps(maps) => Some(maps.len() as u64),
             Self::Made { made, .. } => made.bases(),
         }
     }
@@ -309,13 +316,14 @@ impl Recipe {
     fn team(&self, base: u64) -> Option<usize> {
         match self {
             Self::Loaded(loaded) => Some(loaded[base as usize].instance.agents()),
-            Self::Made { .. } => None,
+            Self::Maps(_) | Self::Made { .. } => None,
         }
     }
 
     pub(super) fn base(&self, base: u64) -> Result<Arc<GridInstance>, InputError> {
         match self {
             Self::Loaded(loaded) => Ok(Arc::clone(&loaded[base as usize].instance)),
+            Self::Maps(_) => Err(InputError::new("map", "a map alone is no instance")),
             Self::Made { made, latest } => {
                 let mut latest = latest.lock().unwrap_or_else(PoisonError::into_inner);
                 match &*latest {
@@ -330,8 +338,21 @@ impl Recipe {
         }
     }
 
+    /// The map of a base.
+    pub(super) fn grid(&self, base: u64) -> Result<Arc<Grid>, InputError> {
+        match self {
+            Self::Maps(maps) => Ok(Arc::clone(&maps[base as usize].1)),
+            _ => Ok(Arc::clone(self.base(base)?.grid())),
+        }
+    }
+
     pub(super) fn origin(&self, base: u64) -> Origin {
         match self {
+            Self::Maps(maps) => Origin {
+                map: maps[base as usize].1.name().to_owned(),
+                scenario: String::new(),
+                maze: None,
+            },
             Self::Loaded(loaded) => {
                 let Loaded { path, instance } = &loaded[base as usize];
                 let file = path.file_name().unwrap_or(path.as_os_str());
@@ -349,6 +370,10 @@ impl Recipe {
     fn identity(&self, base: u64) -> Digest {
         let mut hasher = Hasher::new("fleetyard.base/1");
         match self {
+            Self::Maps(maps) => {
+                let path = &maps[base as usize].0;
+                hasher.bytes(path.as_os_str().as_encoded_bytes());
+            }
             Self::Loaded(loaded) => {
                 let path = &loaded[base as usize].path;
                 hasher.bytes(path.as_os_str().as_encoded_bytes());
@@ -386,6 +411,17 @@ impl InstanceSet {
                     }
                 }
                 Recipe::Loaded(loaded)
+            }
+            Kind::Maps(maps) => {
+                let mut loaded = Vec::new();
+                for map in maps {
+                    for path in expand(map)? {
+                        let blamed = |error| map.place.error_in_file(error);
+                        let grid = library.map(path.clone()).map_err(blamed)?;
+                        loaded.push((path, grid));
+                    }
+                }
+                Recipe::Maps(loaded)
             }
             Kind::Mazes(mazes) => Recipe::made(Made::Mazes(mazes.clone())),
             Kind::Generated(generated) => {
@@ -527,6 +563,20 @@ impl FoundSet<'_> {
         self.recipe.bases()?.checked_mul(each)
     }
 
+    /// Refuses a fleet with more robots than the map has cells for.
+    fn check_room(&self, question: &Question) -> Result<(), InputError> {
+        let free = question.grid()?.passable_count();
+        if question.agents() as u64 <= u64::from(free) {
+            return Ok(());
+        }
+        let place = self.set.teams.as_ref();
+        let place = place.map_or(&self.set.place, |teams| &teams.place);
+        let reason = format!("{question}: the map has {free} free cells");
+        Err(place
+            .error(reason)
+            .hint("ask for fewer agents, or name a larger map"))
+    }
+
     /// Adds the questions of the set; two that are the same would be one in every table.
     pub(super) fn questions(
         &self,
@@ -545,7 +595,12 @@ impl FoundSet<'_> {
                     if team.is_some_and(|team| agents > team as u64) {
                         continue;
                     }
-                    let question = Question::new(&self.recipe, base, agents, *connectivity);
+                    let lifelong = self.set.lifelong;
+                    let question =
+                        Question::new(&self.recipe, base, agents, *connectivity, lifelong);
+                    if lifelong {
+                        self.check_room(&question)?;
+                    }
                     if !rule.allows_agents(question.agents()) {
                         let place = teams.map_or(&self.set.place, |teams| &teams.place);
                         let reason = format!("{question}: path rule {rule} is for one agent");

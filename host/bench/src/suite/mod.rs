@@ -4,6 +4,7 @@
 //! ([`load_suite`]) looks at the file alone, so that every fault in it has its place;
 //! [`Suite::questions`] then reads the files that it names.
 
+mod fleet;
 mod instances;
 mod question;
 mod read;
@@ -21,6 +22,7 @@ use serde_json::{Map, Value};
 
 use crate::evaluate::Order;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
+pub use fleet::{FleetPlugin, FleetSetup};
 use instances::InstanceSet;
 pub use question::{MazeOrigin, Origin, Question};
 pub use read::KEYS;
@@ -142,6 +144,8 @@ pub struct Contestant {
     pub attach: Option<Attach>,
     /// Its options, not yet checked against its schema.
     pub options: Map<String, Value>,
+    /// The fleet that it plans for, in a suite of fleets.
+    pub fleet: Option<FleetSetup>,
     /// Where `plugin` stands in the suite.
     pub plugin_place: Place,
     /// Where `options` stands, or the planner where it has none.

@@ -3,10 +3,13 @@
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
-use fleetyard_core::{Connectivity, Digest, GridInstance, InputError};
+use fleetyard_core::{Connectivity, Digest, Grid, GridInstance, Hasher, InputError, Role};
 use fleetyard_world::MazeAlgorithm;
 
 use super::instances::Recipe;
+
+/// Where starts and goals of fleets come from.
+const LIFELONG: &str = "lifelong";
 
 /// What every planner of a suite is asked: an instance, and where it comes from.
 #[derive(Debug, Clone)]
@@ -15,6 +18,8 @@ pub struct Question {
     base: u64,
     agents: u32,
     connectivity: Connectivity,
+    /// Whether starts and goals are drawn while a fleet drives.
+    lifelong: bool,
     digest: OnceLock<Digest>,
 }
 
@@ -50,12 +55,14 @@ impl Question {
         base: u64,
         agents: u64,
         connectivity: Connectivity,
+        lifelong: bool,
     ) -> Self {
         Self {
             recipe: Arc::clone(recipe),
             base,
             agents: u32::try_from(agents).unwrap_or(u32::MAX),
             connectivity,
+            lifelong,
             digest: OnceLock::new(),
         }
     }
@@ -72,7 +79,20 @@ impl Question {
 
     /// Where the instance comes from.
     pub fn origin(&self) -> Origin {
-        self.recipe.origin(self.base)
+        let origin = self.recipe.origin(self.base);
+        if self.lifelong {
+            Origin {
+                scenario: LIFELONG.to_owned(),
+                ..origin
+            }
+        } else {
+            origin
+        }
+    }
+
+    /// The map.
+    pub fn grid(&self) -> Result<Arc<Grid>, InputError> {
+        self.recipe.grid(self.base)
     }
 
     /// The instance. Maps that were read are shared; what is generated is made anew unless
@@ -89,10 +109,21 @@ impl Question {
         Ok(instance)
     }
 
-    /// Digest of the instance, computed once.
+    /// Digest of the instance, computed once; of a fleet's, which has no starts and goals yet,
+    /// of its map with the roles of cells and of the number of agents.
     pub fn digest(&self) -> Result<Digest, InputError> {
         match self.digest.get() {
             Some(digest) => Ok(*digest),
+            None if self.lifelong => {
+                let grid = self.grid()?;
+                let mut hasher = Hasher::new("fleetyard.fleet-instance/1");
+                hasher.bytes(&grid.digest().0.to_le_bytes());
+                for role in [Role::Endpoint, Role::Workstation] {
+                    hasher.u32s(&grid.cells_with(role).collect::<Vec<_>>());
+                }
+                hasher.u64(self.agents.into());
+                Ok(*self.digest.get_or_init(|| hasher.finish()))
+            }
             None => Ok(self.instance()?.digest()),
         }
     }

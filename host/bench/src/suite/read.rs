@@ -16,6 +16,7 @@ use serde_json::Map;
 use crate::evaluate::Order;
 use crate::options::{BudgetOptions, SandboxOptions};
 
+use super::fleet::{self, Around, FLEET};
 use super::instances::{Generated, InstanceSet, Kind, Mazes, Numbers, SeriesSeeds, Teams};
 use super::settings::{self, BUDGET, EXECUTION, SANDBOX};
 use super::{Clock, Contestant, Named, Protocol, Reuse, Suite};
@@ -27,6 +28,7 @@ pub const KEYS: &[(&str, &[&str])] = &[
     ("budget", BUDGET),
     ("sandbox", SANDBOX),
     ("execution", EXECUTION),
+    ("fleet", FLEET),
     ("planner", PLANNER),
     ("instances", INSTANCES),
     ("maze", MAZE),
@@ -41,6 +43,7 @@ const ROOT: &[&str] = &[
     "budget",
     "sandbox",
     "execution",
+    "fleet",
     "planner",
     "instances",
 ];
@@ -53,7 +56,7 @@ const PROTOCOL: &[&str] = &[
     "path_rule",
     "ranking",
 ];
-const PLANNER: &[&str] = &["label", "plugin", "attach", "options"];
+const PLANNER: &[&str] = &["label", "plugin", "attach", "options", "fleet"];
 const INSTANCES: &[&str] = &[
     "scen",
     "map",
@@ -143,6 +146,15 @@ impl Paths<'_> {
         Ok(expanded)
     }
 
+    /// The name of a plugin: an identifier has no slash.
+    pub(super) fn plugin(&self, named: String) -> String {
+        if named.contains('/') {
+            self.folder.join(named).display().to_string()
+        } else {
+            named
+        }
+    }
+
     pub(super) fn path(&self, value: &Value<'_, '_>) -> Result<Named, InputError> {
         Ok(Named {
             path: self.folder.join(self.expanded(value)?),
@@ -198,10 +210,21 @@ pub(super) fn suite(
         Some(value) => settings::execution(&value, paths)?,
         None => (SimConfig::default(), None),
     };
-    let planners = planners(&root, paths)?;
+    let execution = root.get("execution");
+    let step = execution.map(|value| value.table("[execution]", EXECUTION));
+    let around = Around {
+        budget: &budget,
+        config: &config,
+        step_given: step
+            .transpose()?
+            .is_some_and(|table| table.get("step_s").is_some()),
+    };
+    let planners = planners(&root, &around, paths)?;
+    let lifelong = root.get("fleet").is_some();
     let sets = some(&root.require("instances")?)?;
-    let sets: Result<Vec<InstanceSet>, InputError> =
-        sets.iter().map(|set| instance_set(set, paths)).collect();
+    let sets: Result<Vec<InstanceSet>, InputError> = (sets.iter())
+        .map(|set| instance_set(set, lifelong, paths))
+        .collect();
     Ok(Suite {
         name: name(&root.require("name")?)?,
         description: root.text("description")?.unwrap_or_default().to_owned(),
@@ -329,7 +352,12 @@ fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
 
 const RANKINGS: &[(&str, Order)] = &[("text", Order::Text), ("appendix", Order::Appendix)];
 
-fn planners(root: &Table<'_, '_>, paths: &Paths<'_>) -> Result<Vec<Contestant>, InputError> {
+fn planners(
+    root: &Table<'_, '_>,
+    around: &Around<'_>,
+    paths: &Paths<'_>,
+) -> Result<Vec<Contestant>, InputError> {
+    let fleet = root.get("fleet");
     let mut planners: Vec<Contestant> = Vec::new();
     for value in some(&root.require("planner")?)? {
         let table = value.table("[[planner]]", PLANNER)?;
@@ -358,14 +386,20 @@ fn planners(root: &Table<'_, '_>, paths: &Paths<'_>) -> Result<Vec<Contestant>, 
             let reason = format!("two planners are called \"{}\"", shown(&label));
             return Err(at.error(reason).hint("give each a `label` of its own"));
         }
+        let own = table.get("fleet");
+        let fleet = match (&fleet, &own) {
+            (Some(common), own) => Some(fleet::setup(common, own.as_ref(), around, paths)?),
+            (None, Some(own)) => {
+                return Err(own
+                    .error("`fleet` says what is otherwise for a planner than in [fleet]")
+                    .hint("write a table [fleet], which makes the suite one of fleets"));
+            }
+            (None, None) => None,
+        };
         planners.push(Contestant {
             label,
-            // An identifier has no slash.
-            plugin: if named.contains('/') {
-                paths.folder.join(named).display().to_string()
-            } else {
-                named
-            },
+            fleet,
+            plugin: paths.plugin(named),
             attach: table
                 .get("attach")
                 .map(|at| at.choice(ATTACH))
@@ -412,16 +446,35 @@ fn connectivity(value: &Value<'_, '_>) -> Result<Connectivity, InputError> {
     }
 }
 
-fn instance_set(value: &Value<'_, '_>, paths: &Paths<'_>) -> Result<InstanceSet, InputError> {
+fn instance_set(
+    value: &Value<'_, '_>,
+    lifelong: bool,
+    paths: &Paths<'_>,
+) -> Result<InstanceSet, InputError> {
     let table = value.table("[[instances]]", INSTANCES)?;
-    let kinds = ["scen", "maze", "generate"];
+    let kinds: &[&str] = if lifelong {
+        for key in ["scen", "maze", "connectivity", "too_many_agents"] {
+            if let Some(value) = table.get(key) {
+                let reason = format!("`{key}` is not for fleets, whose starts and goals are drawn");
+                let hint = "name maps: `map = [\"hall.map\"]` and `agents = [50, 100]`";
+                return Err(value.error(reason).hint(hint));
+            }
+        }
+        &["map", "generate"]
+    } else {
+        &["scen", "maze", "generate"]
+    };
     let given: Vec<Value<'_, '_>> = kinds.iter().filter_map(|kind| table.get(kind)).collect();
     let kind = match given.as_slice() {
         [one] => one,
         [] => {
             return Err(table
                 .error("the instances have no source")
-                .hint("write `scen = […]`, `maze = { … }` or `generate = { … }`"));
+                .hint(if lifelong {
+                    "write `map = […]` or `generate = { … }`"
+                } else {
+                    "write `scen = […]`, `maze = { … }` or `generate = { … }`"
+                }));
         }
         [_, other, ..] => {
             let reason = format!("`{}` and `{}` are two sources", given[0].key, other.key);
@@ -461,7 +514,7 @@ fn instance_set(value: &Value<'_, '_>, paths: &Paths<'_>) -> Result<InstanceSet,
         }),
         None => None,
     };
-    let maps = match table.get("map") {
+    let maps = match table.get("map").filter(|_| !lifelong) {
         Some(value) if !is_files => {
             return Err(value.error("`map` says where the maps of `scen` are"));
         }
@@ -477,6 +530,9 @@ fn instance_set(value: &Value<'_, '_>, paths: &Paths<'_>) -> Result<InstanceSet,
             files: paths.paths(kind)?,
             maps,
         }
+    } else if kind.key == "map" {
+        table.require("agents")?;
+        Kind::Maps(paths.paths(kind)?)
     } else if kind.key == "maze" {
         if let Some(teams) = &teams {
             return Err(teams
@@ -494,6 +550,7 @@ fn instance_set(value: &Value<'_, '_>, paths: &Paths<'_>) -> Result<InstanceSet,
         kind,
         teams,
         connectivity,
+        lifelong,
         place: table.place(),
     })
 }

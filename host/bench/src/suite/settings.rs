@@ -76,6 +76,18 @@ fn duration(value: &Value<'_, '_>) -> Result<Duration, InputError> {
     Ok(duration)
 }
 
+/// Simulated seconds, which may be none.
+pub(super) fn seconds(value: &Value<'_, '_>) -> Result<f64, InputError> {
+    let key = shown(&value.key);
+    let hint = "write it with its unit, such as \"500ms\", \"10s\" or \"10m\"";
+    let text = value.text().map_err(|error| error.hint(hint))?;
+    let duration = humantime::parse_duration(text).map_err(|_| {
+        let reason = format!("`{key}` is \"{}\", which is no duration", shown(text));
+        value.error(reason).hint(hint)
+    })?;
+    Ok(duration.as_secs_f64())
+}
+
 fn size(value: &Value<'_, '_>) -> Result<u64, InputError> {
     let key = shown(&value.key);
     let hint = "write it with its unit, such as \"512MiB\" or \"4GiB\"";
@@ -231,13 +243,15 @@ fn parsed<T: std::str::FromStr<Err = SimError>>(
     table: &Table<'_, '_>,
     key: &'static str,
 ) -> Result<Option<T>, InputError> {
-    let Some(value) = table.get(key) else {
-        return Ok(None);
-    };
-    match value.text()?.parse() {
-        Ok(parsed) => Ok(Some(parsed)),
-        Err(error) => Err(hinted(value.error(error.to_string()), error.hint())),
-    }
+    table.get(key).as_ref().map(parsed_value).transpose()
+}
+
+/// A value that is written as on the command line.
+pub(super) fn parsed_value<T: std::str::FromStr<Err = SimError>>(
+    value: &Value<'_, '_>,
+) -> Result<T, InputError> {
+    let parsed = value.text()?.parse();
+    parsed.map_err(|error: SimError| hinted(value.error(error.to_string()), error.hint()))
 }
 
 fn hinted(error: InputError, hint: Option<&str>) -> InputError {

@@ -1,0 +1,282 @@
+//! A trial of a lifelong fleet: four plugins, a map and robots, for as long as the suite says.
+
+use std::sync::Arc;
+
+use fleetyard_abi::Kind;
+use fleetyard_core::document::Place;
+use fleetyard_core::{Digest, Grid, Hasher};
+use fleetyard_fleet::{
+    EventKind, FleetConfig, FleetError, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
+};
+use fleetyard_runtime::{Closing, Discovery, Fault, Runtime, SandboxReport, Usage};
+use fleetyard_sim::{NoTrace, TraceSink};
+use serde_json::{Map, Value};
+
+use crate::candidate::{Candidate, GivenOptions};
+use crate::error::BenchError;
+use crate::row::Row;
+use crate::suite::{FleetPlugin, FleetSetup};
+use crate::trial_error::TrialError;
+
+/// The plugins of a setup beside its planner, found and started once.
+pub(crate) struct Crew {
+    setup: FleetSetup,
+    members: [Member; 3],
+}
+
+struct Member {
+    candidate: Candidate,
+    id: String,
+    given: GivenOptions,
+    /// Checked against the plugin's schema.
+    options: Map<String, Value>,
+}
+
+/// The kinds of [`Crew::members`], in their order.
+const KINDS: [Kind; 3] = [
+    Kind::InstanceGenerator,
+    Kind::InvocationPolicy,
+    Kind::FailPolicy,
+];
+
+/// An error of a plugin at its place in the suite.
+pub(crate) fn blamed(place: &Place, error: &TrialError) -> BenchError {
+    let fault = place.error(error.to_string());
+    match error.hint() {
+        Some(hint) => fault.hint(hint).into(),
+        None => fault.into(),
+    }
+}
+
+impl Crew {
+    /// Finds the plugins, and starts each of them once.
+    pub(crate) fn new(
+        setup: &FleetSetup,
+        discovery: &Discovery,
+        runtime: &Runtime,
+    ) -> Result<Self, BenchError> {
+        let member = |kind: Kind, asked: &FleetPlugin| {
+            let name = asked.plugin.as_str();
+            let blamed = |error: TrialError| blamed(&asked.place, &error);
+            let mut found = discovery.find_all(runtime, Some(kind), [name]).into_iter();
+            let found = found.next().unwrap_or_else(|| {
+                let reason = format!("no {} is called `{name}`", kind.as_str());
+                Err(Fault::Refused { reason, hint: None })
+            });
+            let candidate = found
+                .and_then(|found| Candidate::new(runtime, found, kind, name))
+                .map_err(|fault| blamed(fault.into()))?;
+            let given = GivenOptions::Values(asked.options.clone());
+            let attach = candidate.attach(None);
+            let running = candidate.start(runtime, attach, &given).map_err(blamed)?;
+            let member = Member {
+                id: running.descriptor.id.clone(),
+                options: running.options.clone(),
+                candidate,
+                given,
+            };
+            running.close();
+            Ok::<_, BenchError>(member)
+        };
+        let [generator, invocation, fail_policy] = KINDS;
+        Ok(Self {
+            members: [
+                member(generator, &setup.generator)?,
+                member(invocation, &setup.invocation)?,
+                member(fail_policy, &setup.fail_policy)?,
+            ],
+            setup: setup.clone(),
+        })
+    }
+
+    /// What is asked for, whichever machine it runs on.
+    fn asked(&self) -> FleetConfig {
+        let mut config = self.setup.config.clone();
+        config.allowance.memory_bytes = 0;
+        config
+    }
+
+    /// Stands for all that results depend on, but map, agents, seed, planner and budget.
+    pub(crate) fn digest(&self) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.crew/1");
+        hasher.bytes(format!("{:?} {:?}", self.asked(), self.setup.robots).as_bytes());
+        for member in &self.members {
+            let code = member.candidate.digest();
+            hasher.bytes(&code.map_or([0; 16], |digest| digest.0.to_le_bytes()));
+            hasher.bytes(member.id.as_bytes());
+            hasher.bytes(Value::Object(member.options.clone()).to_string().as_bytes());
+        }
+        hasher.finish()
+    }
+
+    /// How long it drives in simulated time.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.setup.config.duration_s
+    }
+
+    /// Writes what is asked for into a row.
+    pub(crate) fn describe(&self, row: &mut Row) {
+        let config = self.asked();
+        let [generator, invocation, fail_policy] = &self.members;
+        row.budget_ms = config.duration_s * 1e3;
+        row.planner_limit_ms = Some(config.limit_s * 1e3);
+        row.generator = Some(generator.id.clone());
+        row.invocation = Some(invocation.id.clone());
+        row.fail_policy = Some(fail_policy.id.clone());
+        let mut said = match serde_json::to_value(&config) {
+            Ok(Value::Object(said)) => said,
+            _ => Map::new(),
+        };
+        // They have columns of their own.
+        said.remove("agents");
+        said.remove("seed");
+        for (member, kind) in self.members.iter().zip(KINDS) {
+            let options = Value::Object(member.options.clone());
+            said.insert(format!("{} options", kind.as_str()), options);
+        }
+        let robots = match &self.setup.robots {
+            crate::options::Robots::Pebbles => "pebble",
+            crate::options::Robots::Model(name) | crate::options::Robots::File(name, _) => name,
+        };
+        said.insert("robots".into(), robots.into());
+        row.fleet = Some(Value::Object(said).to_string());
+    }
+
+    /// Lets a fleet drive. The planner is `candidate` with its options.
+    pub(crate) fn run(
+        &self,
+        runtime: &Runtime,
+        planner: (&Candidate, Option<fleetyard_runtime::Attach>, &GivenOptions),
+        grid: &Arc<Grid>,
+        agents: u32,
+        seed: u64,
+    ) -> Result<Drive, DriveError> {
+        let mut config = self.setup.config.clone();
+        config.agents = agents;
+        config.seed = seed;
+        config.sim.disturbance.seed = seed;
+        let bodies = self
+            .setup
+            .robots
+            .fleet(agents as usize, &config.sim)
+            .map_err(TrialError::from)?;
+        let (candidate, attach, options) = planner;
+        let [generator, invocation, fail_policy] = &self.members;
+        let start = |member: &Member| member.candidate.module(runtime, None, &member.given);
+        let modules = Modules {
+            planner: candidate.module(runtime, attach, options)?,
+            generator: start(generator)?,
+            invocation: start(invocation)?,
+            fail_policy: start(fail_policy)?,
+        };
+        let ground = Ground {
+            grid,
+            fleet: bodies.as_ref(),
+            tasks: None,
+        };
+        let mut ears = Ears::default();
+        let outcome = run(&ground, &config, modules, &mut ears)?;
+        Ok(Drive {
+            outcome,
+            usage: ears.usage,
+            sandbox: ears.sandbox,
+        })
+    }
+}
+
+/// Why a fleet did not drive.
+pub(crate) enum DriveError {
+    /// A plugin did not start.
+    Trial(TrialError),
+    /// The run could not be made.
+    Fleet(FleetError),
+}
+
+impl From<TrialError> for DriveError {
+    fn from(error: TrialError) -> Self {
+        Self::Trial(error)
+    }
+}
+
+impl From<FleetError> for DriveError {
+    fn from(error: FleetError) -> Self {
+        Self::Fleet(error)
+    }
+}
+
+/// What came of a trial.
+pub(crate) struct Drive {
+    outcome: FleetOutcome,
+    /// Of the planner's processes.
+    usage: Option<Usage>,
+    pub(crate) sandbox: Option<SandboxReport>,
+}
+
+/// Hears what the planner used.
+#[derive(Default)]
+struct Ears {
+    nothing: NoTrace,
+    usage: Option<Usage>,
+    sandbox: Option<SandboxReport>,
+}
+
+impl Watch for Ears {
+    fn sink(&mut self) -> &mut dyn TraceSink {
+        &mut self.nothing
+    }
+
+    fn closed(&mut self, info: &ModuleInfo, closing: Closing) {
+        if info.kind == Kind::Planner {
+            self.usage = closing.usage;
+            self.sandbox = closing.sandbox;
+        }
+    }
+}
+
+impl Drive {
+    /// What the row says of it. The trial succeeded if the fleet drove to the end and nobody
+    /// touched anything.
+    pub(crate) fn fill(&self, row: &mut Row) {
+        let FleetOutcome {
+            metrics,
+            execution,
+            events,
+            ..
+        } = &self.outcome;
+        row.termination = "completed".into();
+        row.valid = metrics.invalid_batches == 0;
+        row.violations = metrics.invalid_batches;
+        let first = |kind| events.iter().find(|event| event.kind == kind);
+        let invalid = first(EventKind::InvalidBatch);
+        row.first_violation = invalid.map(|event| event.message.clone());
+        let fault = first(EventKind::PlannerFault);
+        row.fault = fault.map(|event| format!("at {} s: {}", event.time_s, event.message));
+        row.success = execution.contacts == 0;
+        let times = &metrics.planner_time_ms;
+        row.solve_time_ms = times.mean;
+        row.planning_time_ms = times.mean * metrics.planner_calls as f64;
+        row.planner_call_max_ms = Some(times.max);
+        row.planner_calls = Some(metrics.planner_calls);
+        row.fail_policy_ratio = Some(metrics.fail_policy_ratio);
+        row.all_waits = Some(metrics.all_waits);
+        row.invalid_batches = Some(metrics.invalid_batches);
+        row.rings_cut = Some(metrics.rings_cut);
+        row.waiting_share = Some(metrics.waiting_share);
+        row.adg_nodes_max = Some(metrics.adg_nodes_max as u64);
+        row.goals_reached = Some(metrics.goals_reached);
+        row.goals_committed = Some(metrics.goals_committed);
+        row.throughput_per_s = Some(metrics.throughput_per_s);
+        row.simulated_s = Some(execution.simulated_s);
+        row.rtf = Some(execution.rtf);
+        row.contacts = Some(execution.contacts);
+        row.nearest_approach_m = execution.nearest_approach_m;
+        row.trace_digest = Some(execution.trace_digest.to_string());
+        if let Some(usage) = &self.usage {
+            row.peak_memory_kb = usage.peak_memory_kb;
+            let micros = usage
+                .user_us
+                .map(|user| user + usage.system_us.unwrap_or(0));
+            row.cpu_time_ms = micros.map(|micros| micros as f64 / 1e3);
+        }
+    }
+}
