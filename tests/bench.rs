@@ -621,3 +621,93 @@ fn without_a_terminal_progress_is_lines_and_a_file() {
     // Quick ones say nothing in between.
     assert!(!ended.stderr.contains("left"), "{ended}");
 }
+
+#[test]
+fn a_suite_of_fleets_runs_goes_on_and_comes_out_the_same() {
+    let yard = Yard::new();
+    let hall = root().join("maps/warehouse-3-4-5-1-1-m2-a2-open-e-w3.map");
+    yard.write(
+        "f.toml",
+        format!(
+            r#"name = "fleets"
+[protocol]
+seeds = [1, 2]
+[sandbox]
+pin = false
+[fleet]
+duration = "20s"
+window = "3s"
+[[planner]]
+label = "each second"
+plugin = "pibt"
+fleet = {{ period = "1s" }}
+[[planner]]
+label = "when idle"
+plugin = "pibt"
+fleet = {{ invocation = "event-based", fail_policy = "all-wait" }}
+[[instances]]
+map = "{}"
+agents = [4, 8]
+"#,
+            hall.display()
+        ),
+    );
+    let report = yard.line("bench f.toml --shard 1/2 --store a.sqlite --format json");
+    assert_eq!(report.expect(SUCCESS).json()["made"], 4);
+    yard.line("bench f.toml --shard 2/2 --store b.sqlite")
+        .expect(SUCCESS);
+    yard.line("store merge fleets.sqlite a.sqlite b.sqlite")
+        .expect(SUCCESS);
+    let rows = rows(&yard.path("fleets.sqlite"));
+    assert_eq!(rows.len(), 8);
+    for row in &rows {
+        assert!(row.success, "{row:?}");
+        assert_eq!((row.contacts, row.scenario.as_str()), (Some(0), "lifelong"));
+        assert_eq!(row.budget_ms.to_bits(), 20_000f64.to_bits());
+        assert_eq!(row.generator.as_deref(), Some("windowed-multi-goals"));
+        let goals = row.goals_reached.unwrap();
+        assert!(
+            goals > 0 && goals <= row.goals_committed.unwrap(),
+            "{row:?}"
+        );
+        let throughput = row.throughput_per_s.unwrap();
+        assert!((throughput - goals as f64 / 20.0).abs() < 1e-9, "{row:?}");
+        assert!(row.planner_calls.unwrap() > 0);
+        let asked: serde_json::Value = serde_json::from_str(row.fleet.as_ref().unwrap()).unwrap();
+        assert_eq!(asked["window_s"], 3.0);
+        assert_eq!(asked["robots"], "agv");
+    }
+    let policies: BTreeSet<_> = rows.iter().map(|row| row.fail_policy.clone()).collect();
+    assert_eq!(policies.len(), 2);
+    let traces: BTreeSet<_> = rows.iter().map(|row| row.trace_digest.clone()).collect();
+    assert!(traces.len() > 4, "{traces:?}");
+    // Nothing is left to do, and made again it is the same.
+    let again = yard.line("bench f.toml --store fleets.sqlite --resume --format json");
+    assert_eq!(again.expect(SUCCESS).json()["made"], 0);
+    let verified =
+        yard.line("bench f.toml --store fleets.sqlite --verify --sample 2 --format json");
+    let verified = verified.expect(SUCCESS);
+    assert!(
+        verified.json()["differ"]
+            .as_array()
+            .is_none_or(Vec::is_empty),
+        "{verified}"
+    );
+    let report = yard
+        .line("report fleets.sqlite --markdown r.md --svg figures")
+        .expect(SUCCESS);
+    assert!(report.stdout.contains("each second"), "{report}");
+    let figures = fs::read_dir(yard.path("figures")).unwrap();
+    let figures: BTreeSet<String> = figures
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    for figure in ["size-throughput_per_s.svg", "size-fail_policy_ratio.svg"] {
+        assert!(figures.contains(figure), "{figures:?}");
+    }
+    // A plugin of another kind is refused at its place, before anything is run.
+    let text = String::from_utf8(yard.read("f.toml")).unwrap();
+    yard.write("g.toml", text.replace("\"all-wait\"", "\"event-based\""));
+    let refused = yard.line("bench g.toml").expect(INPUT);
+    assert!(refused.stderr.contains("g.toml:16:"), "{refused}");
+    assert!(refused.stderr.contains("hint:"), "{refused}");
+}

@@ -190,7 +190,11 @@ pub(super) fn setup(
     config.validate().map_err(|error| layers.blamed(&error))?;
     let plugin = |key, default: &str| plugin(&layers, key, default, paths);
     let mut invocation = plugin("invocation", "periodic")?;
-    if let Some(period) = layers.get("period") {
+    // A setup with an invocation policy of its own does not want the period of another one.
+    let own = layers.own.as_ref();
+    let replaced =
+        own.is_some_and(|own| own.get("invocation").is_some() && own.get("period").is_none());
+    if let Some(period) = layers.get("period").filter(|_| !replaced) {
         let said = settings::seconds(&period)?;
         if invocation.options.contains_key("period_s") {
             let reason = "`period` is the option `period_s` of the invocation policy, which is \
