@@ -702,7 +702,7 @@ fn what_is_wrong_with_a_fleet_has_its_place() {
         ("warehouse-3-4-*.map", "nowhere.map", "no such file"),
         (
             "plugin = \"pibt\"\nfleet = {",
-            "plugin = \"pibt\"\nfleet = { invocation = { plugin = \"periodic\", options = { period_s = 1 } },",
+            "plugin = \"pibt\"\nfleet = { invocation = { plugin = \"periodic\", options = { period_s = 1 } }, period = \"1s\",",
             "`period` is the option `period_s`",
         ),
     ] {
