@@ -88,6 +88,12 @@ fn planners_that_search_conflicts_pass() {
 }
 
 #[test]
+fn planners_that_repair_pass() {
+    passes("mapf-lns2", 1, &["--attach in-process"]);
+    passes("mapf-lns", 1, &["--attach worker"]);
+}
+
+#[test]
 fn built_in_planners_for_one_agent_pass() {
     passes("astar", 1, &["--attach in-process"]);
     passes("beam-search", 1, &["--attach in-process"]);
