@@ -471,6 +471,28 @@ mod tests {
     }
 
     #[test]
+    fn rings_through_a_cell_with_several_agents_are_all_found() {
+        // Agents 1 and 4 are both in cell 0 and both go to cell 4.
+        let paths = [vec![1, 0], vec![0, 4], vec![4, 5], vec![5, 1], vec![0, 4]];
+        let rules = Rules {
+            rings: true,
+            ..Rules::default()
+        };
+        let mut team = team(&paths, rules);
+        let rings = |team: &Conflicts| {
+            let kinds = team.all().iter().map(|conflict| &conflict.kind);
+            kinds.filter(|kind| matches!(kind, Kind::Ring(_))).count()
+        };
+        assert_eq!(rings(&team), 2);
+        assert!(team.ring(9, 1, 0, 0).is_some());
+        // One of the two goes elsewhere: the other still turns with the rest.
+        team.set(1, &[8]);
+        assert_eq!(rings(&team), 1);
+        team.set(4, &[9]);
+        assert!(team.all().is_empty());
+    }
+
+    #[test]
     fn whoever_is_parked_is_met_at_any_time() {
         let paths = [vec![3], vec![0, 1, 2, 3, 7], vec![12, 8, 4]];
         let found = team(&paths, Rules::default());
