@@ -658,8 +658,11 @@ impl<'a> Sweep<'a> {
     fn turn(&self, agent: u32, time: u32) -> (Option<Heading>, u32, u32) {
         let path = self.plan.path(agent as usize);
         let time = time as usize;
-        let on_map = |at: usize| path[at] < self.grid.cell_count();
-        let is_move = |at: usize| path[at] != path[at - 1] && on_map(at) && on_map(at - 1);
+        let is_move = |at: usize| {
+            let (from, to) = (self.place(path[at - 1]), self.place(path[at]));
+            let steps = |(a, b): ((u32, u32), (u32, u32))| a.0.abs_diff(b.0) + a.1.abs_diff(b.1);
+            from.0.zip(to.0).is_some_and(|ends| steps(ends) == 1)
+        };
         let moved = (1..time).rev().find(|at| is_move(*at));
         let heading = match moved {
             Some(at) => Some(self.towards(path[at - 1], path[at])),

@@ -6,8 +6,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use fleetyard_check::{Rule, metrics, validate};
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, OFF_MAP};
+use fleetyard_check::{Rule, Terms, metrics, validate, validate_terms};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP};
 use proptest::prelude::*;
 
 /// Time, agents and rule of every violation, written from the rules' words.
@@ -113,6 +113,42 @@ fn slow(instance: &GridInstance, plan: &GridPlan) -> BTreeSet<(u32, Vec<u32>, Ru
     found
 }
 
+/// Unit moves of agents that look to the north at first, without the time to turn.
+fn unturned(instance: &GridInstance, plan: &GridPlan) -> BTreeSet<(u32, Vec<u32>, Rule)> {
+    let grid = instance.grid();
+    let mut found = BTreeSet::new();
+    for (agent, path) in plan.trimmed().paths().enumerate() {
+        let (mut looks, mut since) = ((-1, 0), 0);
+        for time in 1..path.len() {
+            let (from, to) = (path[time - 1], path[time]);
+            if from.max(to) >= grid.cell_count() {
+                continue;
+            }
+            let (from, to) = (grid.row_col(from), grid.row_col(to));
+            let step = (
+                i64::from(to.0) - i64::from(from.0),
+                i64::from(to.1) - i64::from(from.1),
+            );
+            if step.0 * step.0 + step.1 * step.1 != 1 {
+                continue;
+            }
+            // The scalar product: ahead, to a side, back.
+            let quarters = 1 - (looks.0 * step.0 + looks.1 * step.1);
+            if ((time - 1 - since) as i64) < quarters {
+                found.insert((time as u32, vec![agent as u32], Rule::Turn));
+            }
+            (looks, since) = (step, time);
+        }
+    }
+    found
+}
+
+/// Whether agents share a cell, where not all pairs of them are reported.
+fn is_crowded(found: &BTreeSet<(u32, Vec<u32>, Rule)>) -> bool {
+    let shares = |rule| matches!(rule, Rule::VertexConflict | Rule::ParkedConflict);
+    found.iter().any(|(_, _, rule)| shares(*rule))
+}
+
 #[derive(Debug, Clone)]
 struct Case {
     instance: GridInstance,
@@ -199,10 +235,7 @@ proptest! {
         let unique: BTreeSet<_> = found.iter().cloned().collect();
         prop_assert_eq!(unique.len(), found.len());
         prop_assert!(unique.is_subset(&expected));
-        let crowded = expected.iter().any(|(_, _, rule)| {
-            matches!(rule, Rule::VertexConflict | Rule::ParkedConflict)
-        });
-        if !crowded {
+        if !is_crowded(&expected) {
             prop_assert_eq!(&unique, &expected);
         }
         // Which rules are broken does not depend on how conflicts are paired.
@@ -225,6 +258,41 @@ proptest! {
             prop_assert!(found.lower_bound_steps <= found.sum_of_costs);
             prop_assert!(found.lower_bound_makespan <= found.makespan);
             prop_assert!(found.lower_bound_m <= found.length_m + 1e-9);
+        }
+    }
+
+    #[test]
+    fn terms_are_those_of_the_slow_validator(Case { instance, plan } in case(), window in 0..8u32) {
+        let turns = instance.connectivity() == Connectivity::Four;
+        let headings = vec![Heading::North; instance.agents()];
+        let terms = Terms {
+            goals: None,
+            headings: turns.then_some(&headings[..]),
+            window_steps: window,
+            ..(&instance).into()
+        };
+        let verdict = validate_terms(&terms, &plan, usize::MAX);
+        let found: BTreeSet<_> = verdict.violations.iter()
+            .map(|found| (found.time, found.agents.clone(), found.rule))
+            .collect();
+        let mut expected = slow(&instance, &plan);
+        expected.retain(|(time, agents, rule)| {
+            *rule != Rule::WrongGoal && (agents.len() < 2 || window == 0 || *time <= window)
+        });
+        if turns {
+            expected.extend(unturned(&instance, &plan));
+        }
+        // In a cell with several agents each is reported against the first one alone.
+        if is_crowded(&expected) {
+            prop_assert!(found.is_subset(&expected));
+            expected.retain(|(_, agents, _)| agents.len() < 2);
+            prop_assert!(expected.is_subset(&found));
+        } else {
+            prop_assert_eq!(found, expected);
+        }
+        for turn in verdict.violations.iter().filter(|found| found.rule == Rule::Turn) {
+            let needs_none = turn.sentence.contains("needs 0");
+            prop_assert!(!needs_none, "{}", turn.sentence);
         }
     }
 }
