@@ -101,6 +101,12 @@ class Planner(Faulty, fleetyard.Planner):
         return self.walk(instance)
 
 
+class Alone(Planner):
+    id = "faulty-fleet-alone"
+    description = "The same planner, which does not claim that robots may share goals."
+    capabilities = tuple(name for name in CAPABILITIES if name != "duplicate-goals")
+
+
 class FailPolicy(Faulty, fleetyard.FailPolicy):
     id = "faulty-fleet"
     description = "A fail policy that fails as asked, or where it gets no paths."
@@ -156,4 +162,4 @@ class InvocationPolicy(Faulty, fleetyard.InvocationPolicy):
 
 
 if __name__ == "__main__":
-    fleetyard.run(Planner, FailPolicy, Generator, InvocationPolicy)
+    fleetyard.run(Planner, Alone, FailPolicy, Generator, InvocationPolicy)

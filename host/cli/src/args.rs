@@ -6,6 +6,7 @@ use std::time::Duration;
 use bytesize::ByteSize;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
+use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use fleetyard_abi::{Kind, Motion};
@@ -542,10 +543,10 @@ pub(crate) struct Fleet {
     #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with_all = ["replay", "resume"])]
     pub(crate) record: Option<PathBuf>,
     /// Run again what was recorded, without any plugin
-    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with_all = ["asked", "resume"])]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with = "resume")]
     pub(crate) replay: Option<PathBuf>,
     /// Go on with a run whose host was killed or interrupted, and with its recording
-    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with = "asked")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     pub(crate) resume: Option<PathBuf>,
     /// Write the trace to a file
     #[arg(long, help_heading = RECORDS, value_name = "FILE")]
@@ -575,7 +576,6 @@ pub(crate) struct Fleet {
 
 /// What decides about a run; a recording has it all.
 #[derive(Debug, Args)]
-#[group(id = "asked", multiple = true)]
 pub(crate) struct FleetAsked {
     /// Number of robots
     #[arg(long, value_name = "N", required_unless_present_any = ["replay", "resume"],
@@ -703,6 +703,19 @@ pub(crate) struct FleetAsked {
     /// Memory of all processes of a plugin together [default: half of the machine's]
     #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size)]
     pub(crate) memory: Option<u64>,
+}
+
+impl FleetAsked {
+    /// The first of these arguments that is on the command line: a recording says all of
+    /// it, and would contradict.
+    pub(crate) fn given(matches: &ArgMatches) -> Option<String> {
+        let all = Self::augment_args(clap::Command::new("fleet"));
+        let given = |argument: &&Arg| {
+            matches.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine)
+        };
+        let first = all.get_arguments().find(given)?;
+        first.get_long().map(|long| format!("--{long}"))
+    }
 }
 
 /// How a library is attached.

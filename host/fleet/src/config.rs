@@ -159,8 +159,9 @@ impl FleetConfig {
             "limit_s",
             self.limit_s,
             1e-3,
-            day,
-            "give seconds between 0.001 and a day",
+            self.duration_s.min(day),
+            "give seconds between 0.001 and the length of the run, whose first answer is in effect \
+             after the limit",
         )?;
         range(
             "queue",

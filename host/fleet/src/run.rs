@@ -11,7 +11,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Objective, SharedEnvironment};
+use fleetyard_abi::{
+    FleetState, FleetStatus, Heading, Instance, Motion, Objective, SharedEnvironment,
+};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError};
 use fleetyard_runtime::Closing;
@@ -205,6 +207,8 @@ struct Run<'a> {
     under: Option<Under>,
     /// Blocks in which nobody had anything to do.
     idle: u64,
+    /// When simulated time began to follow the wall clock, and at which block.
+    pace: Option<(Instant, u64)>,
 }
 
 impl<'a> Run<'a> {
@@ -261,12 +265,19 @@ impl<'a> Run<'a> {
             called: 0,
             under: None,
             idle: 0,
+            pace: None,
         };
         if let Some(modules) = modules {
             run.thread = Some(run.start(modules)?);
         } else if let Some((recording, _)) = &run.past {
             // Without plugins there is nothing behind the recording.
             run.blocks = match recording.end() {
+                Some(end) if end.blocks > blocks => {
+                    let reason = "it ended after the time that the run was to take";
+                    return Err(InputError::new(recording.name(), reason)
+                        .hint("the file was changed after it was written")
+                        .into());
+                }
                 Some(end) => end.blocks,
                 None => u64::MAX,
             };
@@ -318,23 +329,56 @@ impl<'a> Run<'a> {
 
     fn go(mut self, watch: &mut dyn Watch) -> Result<FleetOutcome, FleetError> {
         let started = Instant::now();
+        let ended = self.operate(watch, started);
+        let wall_s = started.elapsed().as_secs_f64();
+        // Whoever is interrupted does not wait for a planner: it ends with this process.
+        let waits = self.under.is_some() && matches!(ended, Ok(Ended::Interrupted));
+        let closed = self.close(watch, !waits);
+        let ended = ended?;
+        closed?;
+        self.finish(watch, ended, wall_s)
+    }
+
+    fn operate(&mut self, watch: &mut dyn Watch, started: Instant) -> Result<Ended, FleetError> {
         self.live.begin(watch.sink())?;
-        let ended = loop {
+        loop {
             self.learn();
             if self.is_over() {
-                break Ended::Duration;
+                return Ok(Ended::Duration);
             }
-            if watch.is_interrupted() {
-                break Ended::Interrupted;
-            }
-            if !self.hear(watch)? {
-                break Ended::Interrupted;
+            if watch.is_interrupted() || !self.hear(watch)? {
+                return Ok(Ended::Interrupted);
             }
             self.decide()?;
             self.tally.adg_nodes(self.adg.pending());
             self.drive(watch, started)?;
+        }
+    }
+
+    /// Ends the plugins; those that answer calls only if there is the time to wait for them.
+    fn close(&mut self, watch: &mut dyn Watch, all: bool) -> Result<(), FleetError> {
+        let Some(thread) = self.thread.take() else {
+            return Ok(());
         };
-        self.finish(watch, ended, started)
+        let Thread {
+            questions,
+            answers,
+            handle,
+            invocation,
+            ..
+        } = thread;
+        drop((questions, answers));
+        let mut modules = vec![invocation];
+        if all {
+            let desk = handle.join().map_err(|_| broken())?;
+            modules.extend(desk.into_modules());
+        }
+        for mut module in modules {
+            if let Some(closing) = module.close() {
+                watch.closed(module.info(), closing);
+            }
+        }
+        Ok(())
     }
 
     fn is_over(&self) -> bool {
@@ -551,7 +595,7 @@ impl<'a> Run<'a> {
                 state: FleetState {
                     time_s: self.live.now_s(),
                     cells: cut.cells.clone(),
-                    headings: Some(cut.headings.clone()),
+                    headings: (config.motion == Motion::Rotation).then(|| cut.headings.clone()),
                     goals,
                     tasks: self.assigner.open_tasks(),
                     window_steps,
@@ -597,8 +641,10 @@ impl<'a> Run<'a> {
         });
         let period_s = live.period_s();
         if self.config.clock == Clock::Realtime && self.past_is_over() {
-            let due = Duration::from_secs_f64((self.block + 1) as f64 * period_s);
-            std::thread::sleep(due.saturating_sub(started.elapsed()));
+            // What is repeated takes no time.
+            let (began, first) = *self.pace.get_or_insert((Instant::now(), self.block));
+            let due = Duration::from_secs_f64((self.block + 1 - first) as f64 * period_s);
+            std::thread::sleep(due.saturating_sub(began.elapsed()));
         }
         self.live.advance(watch.sink())?;
         self.block += 1;
@@ -626,32 +672,11 @@ impl<'a> Run<'a> {
         mut self,
         watch: &mut dyn Watch,
         ended: Ended,
-        started: Instant,
+        wall_s: f64,
     ) -> Result<FleetOutcome, FleetError> {
-        let wall_s = started.elapsed().as_secs_f64();
         self.tally.adg_nodes(self.adg.pending());
         if let Some(point) = self.tally.point(self.block, true) {
             watch.point(&point, point.time_s / wall_s.max(1e-9));
-        }
-        if let Some(thread) = self.thread.take() {
-            let Thread {
-                questions,
-                handle,
-                invocation,
-                ..
-            } = thread;
-            drop(questions);
-            let mut modules = vec![invocation];
-            // Whoever is interrupted does not wait for a planner: it ends with this process.
-            if self.under.is_none() || ended == Ended::Duration {
-                let desk = handle.join().map_err(|_| broken())?;
-                modules.extend(desk.into_modules());
-            }
-            for mut module in modules {
-                if let Some(closing) = module.close() {
-                    watch.closed(module.info(), closing);
-                }
-            }
         }
         let agents = self.adg.agents();
         let committed = self.adg.cut(self.config.lookahead());
@@ -669,6 +694,8 @@ impl<'a> Run<'a> {
             trace_digest: simulated.trace_digest,
         };
         match &self.past {
+            // Nothing is said of a replay that did not come to its end.
+            Some(_) if self.replays && ended == Ended::Interrupted => {}
             Some((recording, _)) if self.replays => {
                 let recorded = recording.end().map(|end| end.trace_digest);
                 if recorded.is_some_and(|recorded| recorded != end.trace_digest) {

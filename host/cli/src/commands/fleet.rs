@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 
+use clap::CommandFactory;
 use fleetyard_abi::Kind;
 use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, RobotsError, SandboxOptions};
 use fleetyard_bench::{half_of_memory, number};
@@ -25,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
 use super::{TraceFile, draw_document};
-use crate::args::{Fleet, FleetAsked, Format, LibraryAttachArg};
+use crate::args::{Cli, Fleet, FleetAsked, Format, LibraryAttachArg};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::setup::{candidate_of, policy, trust};
 use crate::{BUILT_IN, output};
@@ -62,6 +63,15 @@ pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
         check_folder(path)?;
     }
     let recorded = arguments.replay.as_ref().or(arguments.resume.as_ref());
+    if recorded.is_some() {
+        let matches = Cli::command().get_matches();
+        let matches = matches.subcommand_matches("fleet");
+        if let Some(given) = matches.and_then(FleetAsked::given) {
+            let message = format!("`{given}` cannot be given with --replay and --resume");
+            return Err(Failure::new(Exit::Usage, message)
+                .hint("all that decides about the run is in its recording"));
+        }
+    }
     let recording = recorded.map(|path| Recording::open(path)).transpose()?;
     let mut setup = match &recording {
         Some(recording) => {

@@ -1,0 +1,400 @@
+//! `fleetyard fleet`: runs that are the same every time, recordings, and what happens when
+//! plugins fail in the middle of a run.
+//!
+//! Plugins are those of `plugins/faulty/fleet.py`, which fail as they are asked to.
+
+mod common;
+
+use std::fs;
+
+use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root, until, words};
+use serde_json::Value;
+
+/// Arguments of a run on a small map whose modules are all in the file of faulty ones,
+/// unless others are asked for.
+fn run(more: &str) -> Vec<String> {
+    let plugin = root().join("plugins/faulty/fleet.py");
+    let plugin = format!("{}:faulty-fleet", plugin.display());
+    let map = common::map("maze-21-21-1.map");
+    let usual = [
+        ("--map", map.as_str()),
+        ("--agents", "6"),
+        ("--duration", "12s"),
+        ("--limit", "300ms"),
+        ("--planner", &plugin),
+        ("--generator", &plugin),
+        ("--invocation", &plugin),
+        ("--fail-policy", &plugin),
+        ("--format", "json"),
+    ];
+    let more = words(more);
+    let mut arguments = vec!["fleet".to_owned()];
+    for (name, value) in usual {
+        if !more.iter().any(|word| word == name) {
+            arguments.extend([name.to_owned(), value.to_owned()]);
+        }
+    }
+    arguments.extend(more);
+    arguments
+}
+
+/// What comes of it.
+fn short(more: &str) -> Value {
+    let outcome = Yard::new().run(&run(more)).expect(SUCCESS).json();
+    assert_eq!(outcome["execution"]["contacts"], 0);
+    assert_eq!(outcome["ended"], "duration");
+    outcome
+}
+
+fn digest(outcome: &Value) -> String {
+    outcome["execution"]["trace_digest"]
+        .as_str()
+        .unwrap()
+        .to_owned()
+}
+
+/// How often there was each kind of event.
+fn counts(outcome: &Value) -> Value {
+    outcome["metrics"]["event_counts"].clone()
+}
+
+fn metric(outcome: &Value, name: &str) -> u64 {
+    outcome["metrics"][name].as_u64().unwrap()
+}
+
+fn fail_policy_ratio(outcome: &Value) -> f64 {
+    outcome["metrics"]["fail_policy_ratio"].as_f64().unwrap()
+}
+
+/// The first event of a kind.
+fn event<'a>(outcome: &'a Value, kind: &str) -> &'a Value {
+    let events = outcome["events"].as_array().unwrap();
+    events
+        .iter()
+        .find(|event| event["kind"] == kind)
+        .unwrap_or_else(|| panic!("no {kind} in {events:?}"))
+}
+
+#[test]
+fn a_run_is_the_same_every_time_and_with_any_number_of_threads() {
+    let asked = "--duration 60s --delay bernoulli:0.1,1s --seed";
+    let one = short(&format!("{asked} 7 --threads 1"));
+    let two = short(&format!("{asked} 7 --threads 2"));
+    assert_eq!(digest(&one), digest(&two));
+    assert!(metric(&one, "goals_reached") > 0);
+    for key in ["series", "events", "waiting_s_per_cell"] {
+        assert_eq!(one[key], two[key], "{key}");
+    }
+    let other = short(&format!("{asked} 8"));
+    assert_ne!(digest(&one), digest(&other));
+}
+
+#[test]
+fn the_built_in_modules_do_the_same_in_process_and_in_workers() {
+    let map = common::map("random-32-32-20.map");
+    let of = |how: &str| {
+        let line = format!(
+            "fleet --map {map} --agents 30 --duration 20s --planner pibt --attach {how} \
+             --format json"
+        );
+        Yard::new().run(&words(&line)).expect(SUCCESS).json()
+    };
+    let (here, apart) = (of("in-process"), of("worker"));
+    assert_eq!(digest(&here), digest(&apart));
+    assert!(metric(&here, "goals_reached") > 0);
+    assert_eq!(here["execution"]["contacts"], 0);
+}
+
+#[test]
+fn a_replay_is_what_was_recorded() {
+    let yard = Yard::new();
+    let asked = "--option fault=crash --option every=3 --record run";
+    let recorded = yard.run(&run(asked)).expect(SUCCESS).json();
+    let replayed = yard
+        .line("fleet --replay run --format json")
+        .expect(SUCCESS)
+        .json();
+    for key in ["map", "modules", "series", "events", "waiting_s_per_cell"] {
+        assert_eq!(recorded[key], replayed[key], "{key}");
+    }
+    assert_eq!(recorded["metrics"], replayed["metrics"]);
+    assert_eq!(digest(&recorded), digest(&replayed));
+}
+
+#[test]
+fn a_killed_run_goes_on_as_if_nothing_had_been() {
+    let yard = Yard::new();
+    // The planner takes its time, so that there is some to kill the host in.
+    let asked = "--duration 40s --option fault=late --option every=5";
+    let whole = yard
+        .run(&run(&format!("{asked} --record whole")))
+        .expect(SUCCESS);
+    let started = yard.start(&run(&format!("{asked} --record part")));
+    let lines = || fs::read_to_string(yard.path("part")).map_or(0, |text| text.lines().count());
+    assert!(until(|| lines() > 8));
+    started.processes()[0].signal("KILL");
+    started.wait();
+    assert!(lines() < 40, "it was killed too late to show anything");
+    // As if it had been killed while it wrote.
+    let mut part = yard.read("part");
+    part.extend(b"{\"round\":{\"call\":");
+    yard.write("part", part);
+    let resumed = yard
+        .line("fleet --resume part --format json")
+        .expect(SUCCESS);
+    assert!(resumed.stderr.contains("torn"), "{resumed}");
+    assert_eq!(digest(&whole.json()), digest(&resumed.json()));
+    // What it went on with is in the recording.
+    let replayed = yard
+        .line("fleet --replay part --format json")
+        .expect(SUCCESS);
+    assert_eq!(digest(&whole.json()), digest(&replayed.json()));
+}
+
+#[test]
+fn an_interrupted_run_has_results_and_can_go_on() {
+    let yard = Yard::new();
+    let asked = "--duration 20s --clock realtime --record run";
+    let started = yard.start(&run(asked));
+    let lines = || fs::read_to_string(yard.path("run")).map_or(0, |text| text.lines().count());
+    assert!(until(|| lines() > 2));
+    started.processes()[0].signal("INT");
+    let ended = started.wait();
+    assert_eq!(ended.code, Some(130), "{ended}");
+    let outcome = ended.json();
+    assert_eq!(outcome["ended"], "interrupted");
+    assert!(ended.stderr.contains("--resume run"), "{ended}");
+    let replayed = yard
+        .line("fleet --replay run --format json")
+        .expect(SUCCESS);
+    assert_eq!(digest(&outcome), digest(&replayed.json()));
+}
+
+#[test]
+fn in_real_time_simulated_time_follows_the_clock() {
+    let outcome = short("--clock realtime --duration 2s");
+    let rtf = outcome["execution"]["rtf"].as_f64().unwrap();
+    assert!(rtf <= 1.0, "it was faster than the clock: {rtf}");
+    assert!(metric(&outcome, "planner_calls") >= 1);
+}
+
+#[test]
+fn where_the_planner_fails_the_fail_policy_takes_over() {
+    for (fault, kind, words) in [
+        (
+            "crash",
+            "planner-fault",
+            "its last words were: something is wrong",
+        ),
+        (
+            "late",
+            "planner-fault",
+            "did not answer `plan` within 300 ms",
+        ),
+        ("fails", "planner-fault", "failed as asked"),
+        ("gives-up", "planner-gave-up", "gave up as asked"),
+        ("nonsense", "invalid-batch", "wrong-start"),
+        ("collide", "invalid-batch", "conflict"),
+        (
+            "collide-and-give-up",
+            "planner-gave-up",
+            "its paths collide",
+        ),
+    ] {
+        let outcome = short(&format!("--option fault={fault} --option every=3"));
+        let count = counts(&outcome)[kind].as_u64().unwrap_or(0);
+        assert!(count >= 3, "{fault}: {}", counts(&outcome));
+        let told = event(&outcome, kind);
+        assert!(told["message"].as_str().unwrap().contains(words), "{told}");
+        assert_eq!(metric(&outcome, "fail_calls"), count, "{fault}");
+        assert_eq!(metric(&outcome, "all_waits"), 0, "{fault}");
+        assert!(fail_policy_ratio(&outcome) < 0.5, "{fault}");
+        let restarts = ["crash", "late"].contains(&fault);
+        assert_eq!(metric(&outcome, "restarts") > 0, restarts, "{fault}");
+        let invalid = if kind == "invalid-batch" { count } else { 0 };
+        assert_eq!(metric(&outcome, "invalid_batches"), invalid);
+    }
+}
+
+#[test]
+fn the_fail_policy_gets_paths_that_collide_and_no_others() {
+    let fails_without = "--fail-option fault=no-paths";
+    let outcome = short(&format!("--option fault=collide {fails_without}"));
+    assert!(metric(&outcome, "fail_calls") > 0);
+    assert_eq!(metric(&outcome, "all_waits"), 0);
+    for fault in ["nonsense", "gives-up"] {
+        let outcome = short(&format!("--option fault={fault} {fails_without}"));
+        assert_eq!(
+            metric(&outcome, "all_waits"),
+            metric(&outcome, "planner_calls")
+        );
+    }
+}
+
+#[test]
+fn where_the_fail_policy_fails_everybody_waits() {
+    for (fault, kind) in [
+        ("fails", "fail-policy-fault"),
+        ("crash", "fail-policy-fault"),
+        ("collide", "invalid-recovery"),
+    ] {
+        let outcome = short(&format!(
+            "--option fault=gives-up --option every=2 --fail-option fault={fault}"
+        ));
+        let count = counts(&outcome)[kind].as_u64().unwrap_or(0);
+        assert!(count > 0, "{fault}: {}", counts(&outcome));
+        assert_eq!(metric(&outcome, "all_waits"), count, "{fault}");
+        assert_eq!(event(&outcome, "all-wait")["module"], "host");
+    }
+}
+
+#[test]
+fn what_a_generator_may_not_ask_for_is_not_asked() {
+    for (fault, kind, words) in [
+        ("crash", "generator-fault", "SIGSEGV"),
+        ("fails", "generator-fault", "failed as asked"),
+        ("missing", "generator-fault", "goal lists"),
+        ("blocked", "invalid-instance", "which is blocked"),
+        ("moves-starts", "invalid-instance", "other `starts`"),
+        ("invents-tasks", "invalid-instance", "task 12345"),
+    ] {
+        let outcome = short(&format!(
+            "--generator-option fault={fault} --generator-option every=3"
+        ));
+        let told = event(&outcome, kind);
+        assert!(told["message"].as_str().unwrap().contains(words), "{told}");
+        let count = counts(&outcome)[kind].as_u64().unwrap();
+        assert_eq!(metric(&outcome, "fail_calls"), count, "{fault}");
+        assert_eq!(metric(&outcome, "all_waits"), 0, "{fault}");
+    }
+}
+
+#[test]
+fn goals_that_several_share_are_refused_for_a_planner_that_cannot_share_them() {
+    let plugin = root().join("plugins/faulty/fleet.py");
+    let outcome = short(&format!(
+        "--planner {}:faulty-fleet-alone --generator-option fault=duplicate",
+        plugin.display()
+    ));
+    let told = event(&outcome, "invalid-instance");
+    assert!(
+        told["message"].as_str().unwrap().contains("are to stay in"),
+        "{told}"
+    );
+    assert!(fail_policy_ratio(&outcome) > 0.99);
+}
+
+#[test]
+fn who_never_calls_is_woken_and_who_always_calls_waits_for_the_answer() {
+    let never = short("--invocation-option fault=never --watchdog 1s --window 1s --duration 20s");
+    assert!(counts(&never)["watchdog"].as_u64().unwrap() >= 2);
+    assert!(metric(&never, "planner_calls") > 2);
+    let always = short("--invocation-option fault=always");
+    // One call every 0.3 s, but none whose answer would come too late.
+    assert_eq!(metric(&always, "planner_calls"), 39);
+    let fails = short("--invocation-option fault=fails --duration 3s");
+    assert!(counts(&fails)["invocation-fault"].as_u64().unwrap() > 2);
+    assert!(metric(&fails, "planner_calls") > 2);
+}
+
+#[test]
+fn parts_of_a_map_without_a_way_between_them_are_no_trouble() {
+    let yard = Yard::new();
+    let map = "type octile\nheight 4\nwidth 9\nmap\n....@....\n....@....\n....@....\n....@....\n";
+    let map = yard.write("two.map", map);
+    let asked = format!("--map {} --duration 20s --model pebble", map.display());
+    let outcome = yard.run(&run(&asked)).expect(SUCCESS).json();
+    assert!(metric(&outcome, "goals_reached") > 5);
+    assert!(counts(&outcome)["invalid-instance"].is_null());
+}
+
+#[test]
+fn what_cannot_be_run_is_refused_with_a_hint() {
+    let yard = Yard::new();
+    let refused = |more: &str, code: i32, told: &[&str]| {
+        let ended = yard.run(&run(more)).expect(code);
+        for words in told {
+            assert!(ended.stderr.contains(words), "{more}: {ended}");
+        }
+    };
+    refused(
+        "--agents 500",
+        INPUT,
+        &["500 agents on", "hint: ask for 1 to"],
+    );
+    refused("--assign roles", INPUT, &["workstations", "hint: "]);
+    refused("--assign tasks", INPUT, &["no tasks", "hint: "]);
+    refused("--queue 0", USAGE, &["queue is out of range", "hint: "]);
+    refused("--duration 1s --limit 2s", USAGE, &["limit_s", "hint: "]);
+    refused(
+        "--motion rotation",
+        NO_PLAN,
+        &["does not support `rotation`", "hint: "],
+    );
+    refused("--planner nobody", USAGE, &["nobody"]);
+    refused("--option speed=3", USAGE, &["speed"]);
+    refused("--record nowhere/run", INPUT, &["folder", "hint: "]);
+    refused(
+        "--replay run",
+        USAGE,
+        &["`--agents` cannot be given", "hint: "],
+    );
+}
+
+#[test]
+fn recordings_are_not_trusted() {
+    let yard = Yard::new();
+    yard.run(&run("--duration 6s --record run")).expect(SUCCESS);
+    let text = String::from_utf8(yard.read("run")).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let refused = |content: String, told: &[&str]| {
+        yard.write("bad", content);
+        for how in ["--replay", "--resume"] {
+            let ended = yard.line(&format!("fleet {how} bad")).expect(INPUT);
+            for words in told {
+                assert!(ended.stderr.contains(words), "{ended}");
+            }
+        }
+    };
+    let with = |number: usize, line: &str| {
+        let mut lines = lines.clone();
+        lines[number] = line;
+        lines.join("\n") + "\n"
+    };
+    refused(String::new(), &["bad: this is no recording", "hint: "]);
+    refused("[1]\n".into(), &["bad:1:1: this is not a JSON object"]);
+    refused(
+        "{\"format\":\"other\"}\n".into(),
+        &["bad:1:", "format is \"other\""],
+    );
+    refused(with(2, "{\"round\":3}"), &["bad:3:", "invalid type"]);
+    refused(with(2, lines[3]), &["bad:3: call 2", "hint: "]);
+    let moved = lines[2].replacen("\"call\":1,\"block\":", "\"call\":1,\"block\":9", 1);
+    refused(with(2, &moved), &["bad:"]);
+    let other = lines[2].replacen("\"state\":\"", "\"state\":\"0", 1);
+    refused(with(2, &other), &["bad:3:"]);
+    refused(text.clone() + lines[2] + "\n", &["goes on after its end"]);
+    let header = lines[0].replacen(
+        "\"map_digest\":\"",
+        "\"map_digest\":\"00000000000000000000000000000000\",\"x\":\"",
+        1,
+    );
+    refused(with(0, &header), &["bad:1:"]);
+    // A plan that is none: everybody goes north for ever.
+    let mut round: Value = serde_json::from_str(lines[1]).unwrap();
+    let paths = round["round"]["paths"].as_array_mut().unwrap();
+    for path in paths {
+        *path = "NNNNNNNNNNNNNNNNNNNNNNNNN".into();
+    }
+    refused(with(1, &round.to_string()), &["bad:2: ", "hint: "]);
+}
+
+#[test]
+fn throughput_and_waiting_are_drawn() {
+    let yard = Yard::new();
+    for (name, magic) in [("run.svg", &b"<svg"[..]), ("run.png", b"\x89PNG")] {
+        yard.run(&run(&format!("--duration 6s --picture {name}")))
+            .expect(SUCCESS);
+        assert!(yard.read(name).starts_with(magic), "{name}");
+    }
+}
