@@ -130,3 +130,56 @@ impl Traffic {
         later.count() as u32
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const COLS: u32 = 5;
+
+    fn walk() -> impl Strategy<Value = Vec<Vertex>> {
+        (0..COLS * COLS, prop::collection::vec(0_u32..5, 1..9)).prop_map(|(start, moves)| {
+            let mut path = vec![start];
+            for step in moves {
+                let v = path[path.len() - 1];
+                let (row, col) = (v / COLS, v % COLS);
+                path.push(match step {
+                    0 if row > 0 => v - COLS,
+                    1 if row + 1 < COLS => v + COLS,
+                    2 if col > 0 => v - 1,
+                    3 if col + 1 < COLS => v + 1,
+                    _ => v,
+                });
+            }
+            path
+        })
+    }
+
+    proptest! {
+        /// A path meets somebody, step by step, where it has conflicts, and nobody where it
+        /// has none; whatever came and went before.
+        #[test]
+        fn meetings_are_conflicts(
+            paths in prop::collection::vec(walk(), 1..6),
+            mine in walk(),
+            delay in 0_u32..3,
+            rings: bool,
+        ) {
+            let rules = Rules { delay, rings, ..Rules::default() };
+            let mut traffic = Traffic::new((COLS * COLS) as usize, paths.len() + 1, rules);
+            for (agent, path) in paths.iter().enumerate() {
+                traffic.set(agent, &mine);
+                traffic.set(agent, path);
+            }
+            let me = paths.len() as u32;
+            let steps = mine.windows(2).zip(1..);
+            let meetings: u32 = steps.map(|(s, time)| traffic.collisions(me, s[0], s[1], time)).sum();
+            let last = mine.len() as u32 - 1;
+            let parked = traffic.collisions_parked(me, mine[last as usize], last);
+            let conflicts = traffic.conflicts().count_on(me as usize, &mine);
+            let at_start = traffic.collisions(me, mine[0], mine[0], 0);
+            prop_assert_eq!(meetings + parked + at_start > 0, conflicts > 0);
+        }
+    }
+}
