@@ -269,6 +269,9 @@ impl<'p> Tree<'p> {
     /// Finds a path for every agent, one after the other; false if there is none for one.
     fn root(&mut self, stop: &mut dyn FnMut() -> bool) -> Result<bool, Stopped> {
         for agent in 0..self.members.len() {
+            if stop() {
+                return Err(Stopped);
+            }
             let found = self.plan(agent, ROOT, None, 0, stop)?;
             let Some(single) = found else {
                 return Ok(false);
@@ -698,6 +701,9 @@ impl<'p> Tree<'p> {
         let mut best: Option<(Urgency, &Conflict)> = None;
         let mut others = Vec::new();
         for conflict in &conflicts[..classified] {
+            if stop() {
+                return Err(Stopped);
+            }
             let forced = match &conflict.kind {
                 Kind::Ring(members) => {
                     let members = members.iter().map(|(member, _)| *member as usize);
