@@ -88,6 +88,12 @@ fn planners_that_search_conflicts_pass() {
 }
 
 #[test]
+fn planners_by_priorities_pass() {
+    passes("pp", 1, &["--attach worker"]);
+    passes("pbs", 1, &["--attach in-process"]);
+}
+
+#[test]
 fn planners_that_repair_pass() {
     passes("mapf-lns2", 1, &["--attach in-process"]);
     passes("mapf-lns", 1, &["--attach worker"]);
