@@ -454,6 +454,12 @@ fn plugins_are_listed_and_described() {
         [
             "lacam",
             "pibt",
+            "pp",
+            "pbs",
+            "mapf-lns2",
+            "mapf-lns",
+            "cbs",
+            "ecbs",
             "empty",
             "astar",
             "dijkstra",
@@ -470,24 +476,35 @@ fn plugins_are_listed_and_described() {
             "bfs",
             "d-star-lite",
             "lazy-theta-star",
+            "pibt",
+            "guided-pibt",
+            "lrgw",
+            "rule-based",
+            "all-wait",
+            "distinct-one-goal",
+            "one-goal",
+            "windowed-multi-goals",
+            "periodic",
+            "event-based",
         ]
     );
     let text = yard.line("plugins list").expect(SUCCESS).stdout;
-    for id in ids {
-        assert!(text.lines().any(|line| line.starts_with(id)), "{text}");
-        let described = yard
-            .line(&format!("plugins info {id} --format json"))
-            .expect(SUCCESS)
-            .json();
-        assert_eq!(described[0]["id"], id);
+    for (id, plugin) in ids.into_iter().zip(plugins) {
+        let kind = plugin["kind"].as_str().unwrap();
+        let listed = |line: &str| line.starts_with(id) && line.contains(kind);
+        assert!(text.lines().any(listed), "{text}");
+        let info = format!("plugins info {id}");
+        let described = yard.line(&format!("{info} --format json"));
+        let described = described.expect(SUCCESS).json();
+        // Identifiers are those of one kind: `pibt` is a planner and a fail policy.
+        let mut of_kind = described.as_array().unwrap().iter();
+        let described = of_kind.find(|of| of["kind"] == kind).unwrap();
+        assert_eq!(described["id"], id);
         // The planner that does nothing has no options either.
-        let schema = &described[0]["options_schema"];
+        let schema = &described["options_schema"];
         assert_eq!(schema.is_object(), id != "empty", "{described}");
-        let text = yard
-            .line(&format!("plugins info {id}"))
-            .expect(SUCCESS)
-            .stdout;
-        assert!(text.starts_with(&format!("{id} (planner)")), "{text}");
+        let text = yard.line(&info).expect(SUCCESS).stdout;
+        assert!(text.contains(&format!("{id} ({kind})")), "{text}");
     }
     // A file, and an identifier found in a folder of the plugin path.
     let library = c_library("plugins/examples/c/prioritized.c", None);

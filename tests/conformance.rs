@@ -77,7 +77,7 @@ const BOTH: &[&str] = &["--attach worker", "--attach in-process"];
 #[test]
 fn built_in_planners_pass() {
     passes("lacam", 1, BOTH);
-    passes("pibt", 1, &[""]);
+    passes("pibt", 1, &["--kind planner"]);
     passes("empty", 1, &["--attach in-process"]);
 }
 
@@ -107,12 +107,45 @@ fn built_in_planners_for_one_agent_pass() {
 }
 
 #[test]
-fn the_standard_plugins_as_a_library_pass() {
-    let library = build("fleetyard-plugins").library.unwrap();
+fn built_in_modules_of_fleets_pass() {
+    for kind in ["fail-policy", "instance-generator", "invocation-policy"] {
+        let described = run_listing();
+        let ids = described.iter().filter(|of| of["kind"] == kind);
+        let ids: Vec<&str> = ids.map(|of| of["id"].as_str().unwrap()).collect();
+        assert!(ids.len() >= 2, "{described:?}");
+        for id in &ids {
+            passes(id, 1, &[&format!("--kind {kind} --attach worker")]);
+        }
+        // One of each kind in the host's own process as well.
+        passes(ids[0], 1, &[&format!("--kind {kind} --attach in-process")]);
+    }
+}
+
+/// The plugins that are linked in.
+fn run_listing() -> Vec<Value> {
+    let listed = Yard::new().line("plugins list --format json");
+    let listed = listed.expect(SUCCESS).json();
+    list(&listed[0], "plugins").clone()
+}
+
+#[test]
+fn the_standard_plugins_as_a_library_and_a_program_pass() {
+    let Built { library, program } = build("fleetyard-plugins");
+    let library = library.unwrap();
+    let all = run_listing().len();
     // All cases are asked of some of them above.
     let only = "--attach worker --only handshake --only descriptor --only default-options \
                 --only invalid-options --only random-instances --only any-angle --only unreachable-goal";
-    passes(&library.display().to_string(), 34, &[only]);
+    passes(&library.display().to_string(), all, &[only]);
+    let program = program.unwrap().display().to_string();
+    for kind in ["fail-policy", "instance-generator", "invocation-policy"] {
+        let modules = run_listing().iter().filter(|of| of["kind"] == kind).count();
+        passes(
+            &program,
+            modules,
+            &[&format!("--kind {kind} --attach stdio")],
+        );
+    }
 }
 
 #[test]

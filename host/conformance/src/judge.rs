@@ -186,30 +186,18 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether tasks that a generator gives away were offered, each to one agent, which then
-/// has its cells among its goals.
+/// Whether tasks that a generator gives away were offered, and each goes to one agent. That
+/// agents exist is for [`Instance::check`].
 fn assignments(asked: &FleetState, answer: &Instance) -> Result<(), String> {
     let mut given = BTreeSet::new();
     for Assignment { agent, task } in &answer.assignments {
-        let Some(offered) = asked.tasks.iter().find(|offered| offered.id == *task) else {
+        if !asked.tasks.iter().any(|offered| offered.id == *task) {
             return Err(format!(
                 "agent {agent} is given task {task}, which is not among the open ones"
             ));
-        };
+        }
         if !given.insert(*task) {
             return Err(format!("task {task} is given away twice"));
-        }
-        let goals = answer.goals.get(*agent as usize);
-        let mut left = goals.iter();
-        if !offered
-            .cells
-            .iter()
-            .all(|cell| left.any(|goal| goal == cell))
-        {
-            return Err(format!(
-                "agent {agent} is given task {task} with the cells {:?}, but its goals are {goals:?}",
-                offered.cells
-            ));
         }
     }
     Ok(())
@@ -217,6 +205,8 @@ fn assignments(asked: &FleetState, answer: &Instance) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
+    use fleetyard_abi::Goals;
+
     use super::*;
 
     fn corridor() -> Scene {
@@ -244,6 +234,66 @@ mod tests {
         assert!(visits(&[0, 0], &[0]));
         assert!(!visits(&[2, 0], &[0]));
         assert!(!visits(&[0, 2, 1, 2], &[0, 1, 2]));
+    }
+
+    #[test]
+    fn instances_repeat_the_fleet() {
+        let mut scene = corridor();
+        scene.allows_cycles = false;
+        scene.window_steps = 5;
+        let asked = scene.state();
+        let good = asked.instance(Goals::single(vec![0, 3]));
+        assert_eq!(instance(&scene, &good), Ok(()));
+        let given = |tasks: &[u64]| Instance {
+            assignments: tasks
+                .iter()
+                .map(|task| Assignment {
+                    agent: 0,
+                    task: *task,
+                })
+                .collect(),
+            ..good.clone()
+        };
+        let offered = asked.tasks[0].id;
+        for (answer, reason) in [
+            (
+                Instance {
+                    allows_cycles: true,
+                    ..good.clone()
+                },
+                "allows_cycles",
+            ),
+            (
+                Instance {
+                    radius_m: 0.1,
+                    ..good.clone()
+                },
+                "radius_m",
+            ),
+            (
+                Instance {
+                    window_steps: 6,
+                    ..good.clone()
+                },
+                "window_steps",
+            ),
+            (given(&[7]), "not among the open ones"),
+            (given(&[offered, offered]), "given away twice"),
+        ] {
+            let found = instance(&scene, &answer).unwrap_err();
+            assert!(found.contains(reason), "{found}");
+        }
+        assert_eq!(instance(&scene, &given(&[offered])), Ok(()));
+        assert_eq!(
+            instance(
+                &scene,
+                &Instance {
+                    window_steps: 0,
+                    ..good.clone()
+                }
+            ),
+            Ok(())
+        );
     }
 
     #[test]

@@ -3,7 +3,7 @@
 whenever the next cell is not to be had.
 
 Nobody collides: a step is taken only into a cell that is free by then, by one agent, and
-never through one another.
+never through one another, nor round in a ring where that is not allowed.
 """
 
 import pathlib
@@ -40,7 +40,7 @@ class Follow(fleetyard.FailPolicy):
                 rest[-1] if rest and rest[-1] in self.grid.neighbors(here) else here
                 for rest, here in zip(left, at)
             ]
-            steps = self.settle(at, wishes)
+            steps = self.settle(at, wishes, instance.allows_cycles)
             if steps == at and not any(rest and rest[-1] == here for rest, here in zip(left, at)):
                 break  # nobody will ever move again
             for path, rest, step in zip(paths, left, steps):
@@ -49,7 +49,7 @@ class Follow(fleetyard.FailPolicy):
                     rest.pop()
         return paths
 
-    def settle(self, at, wishes):
+    def settle(self, at, wishes, rings):
         """Who gets its wish: all but those that would collide, and those behind them."""
         steps = list(wishes)
         standing = {here: agent for agent, here in enumerate(at)}
@@ -61,6 +61,16 @@ class Follow(fleetyard.FailPolicy):
                 swap = other != agent and steps[other] == at[agent]
                 if swap or taken.setdefault(cell, agent) != agent:
                     steps[agent] = at[agent]
+            if steps == before and not rings:
+                for agent in range(len(at)):
+                    ahead = agent
+                    for _ in at:  # along those who follow one another
+                        if steps[ahead] == at[ahead] or steps[ahead] not in standing:
+                            break
+                        ahead = standing[steps[ahead]]
+                        if ahead == agent:
+                            steps[agent] = at[agent]
+                            break
             if steps == before:
                 return steps
 

@@ -18,7 +18,7 @@ use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Vertex};
 use super::Question;
 
 /// How often the order may be changed in one step.
-const PATIENCE: u32 = 16;
+const PATIENCE: u32 = 2;
 /// Nobody.
 const NOBODY: u32 = u32::MAX;
 
