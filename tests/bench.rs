@@ -685,7 +685,7 @@ agents = [4, 8]
     let again = yard.line("bench f.toml --store fleets.sqlite --resume --format json");
     assert_eq!(again.expect(SUCCESS).json()["made"], 0);
     let verified =
-        yard.line("bench f.toml --store fleets.sqlite --verify --sample 2 --format json");
+        yard.line("bench f.toml --store fleets.sqlite --verify --verify-sample 2 --format json");
     let verified = verified.expect(SUCCESS);
     assert!(
         verified.json()["differ"]
@@ -707,7 +707,7 @@ agents = [4, 8]
     // A plugin of another kind is refused at its place, before anything is run.
     let text = String::from_utf8(yard.read("f.toml")).unwrap();
     yard.write("g.toml", text.replace("\"all-wait\"", "\"event-based\""));
-    let refused = yard.line("bench g.toml").expect(INPUT);
+    let refused = yard.line("bench g.toml --store g.sqlite").expect(INPUT);
     assert!(refused.stderr.contains("g.toml:16:"), "{refused}");
     assert!(refused.stderr.contains("hint:"), "{refused}");
 }

@@ -188,7 +188,7 @@ fn what_is_missing_or_wrong_is_said_with_a_way_out() {
         (
             "convert plan.json x --to svg",
             USAGE,
-            &["formats are plan, map, scen"],
+            &["formats are plan, map, lsmart, scen"],
         ),
         ("convert plan.json", USAGE, &["TO"]),
         ("convert", USAGE, &["FROM"]),
