@@ -2,7 +2,7 @@
 
 use fleetyard_abi::{Kind, Motion};
 use fleetyard_core::Hasher;
-use fleetyard_sim::SimConfig;
+use fleetyard_sim::{Fleet, SimConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::FleetError;
@@ -215,9 +215,19 @@ impl FleetConfig {
         (self.window_s / self.sim.step_s).ceil() as u32
     }
 
-    /// How many actions a robot may do while a planner is called: K = ⌈T / ε⌉.
-    pub fn lookahead(&self) -> u32 {
-        (self.limit_s / self.sim.step_s).ceil() as u32
+    /// How many actions are committed when a planner is called: the K = ⌈T / ε⌉ that a robot
+    /// can do until its answer takes effect, and as many cells as robots need from their top
+    /// speed to a stop, and until they hear that they need not stop. Without these they would
+    /// brake before every answer, however much it gives them to do.
+    pub fn lookahead(&self, fleet: Option<&Fleet>) -> u32 {
+        let within = (self.limit_s / self.sim.step_s).ceil();
+        let profiles = fleet.map_or(&[][..], Fleet::profiles);
+        let stops = profiles
+            .iter()
+            .map(|profile| profile.model.longest_stop_m());
+        let heard_m = self.sim.message_period_s * self.sim.cell_size_m / self.sim.step_s;
+        let beyond = (stops.fold(0.0, f64::max) + heard_m) / self.sim.cell_size_m;
+        (within + beyond.ceil()) as u32
     }
 
     /// The seed of call number `call` of a module. A plugin needs no memory of earlier
@@ -273,6 +283,7 @@ mod tests {
         };
         config.sim.step_s = 0.5;
         assert_eq!(config.window_steps(), 20);
-        assert_eq!(config.lookahead(), 3);
+        // Discs stop at once, when they hear of it.
+        assert_eq!(config.lookahead(None), 3 + 1);
     }
 }

@@ -576,7 +576,7 @@ impl<'a> Run<'a> {
     /// Cuts the graph and asks about what is behind the cut.
     fn call(&mut self, opening: Vec<Notice>) -> Result<(), FleetError> {
         let config = self.config;
-        let cut = self.adg.cut(config.lookahead());
+        let cut = self.adg.cut(config.lookahead(self.ground.fleet));
         let number = self.calls;
         let state = digest(number, self.block, &cut);
         let window_steps = config.window_steps();
@@ -679,7 +679,7 @@ impl<'a> Run<'a> {
             watch.point(&point, point.time_s / wall_s.max(1e-9));
         }
         let agents = self.adg.agents();
-        let committed = self.adg.cut(self.config.lookahead());
+        let committed = self.adg.cut(self.config.lookahead(self.ground.fleet));
         let committed = committed.next_goal.iter().map(|goals| u64::from(*goals));
         let metrics = self.tally.metrics(
             agents,

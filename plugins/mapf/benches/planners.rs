@@ -109,6 +109,7 @@ fn calls(criterion: &mut Criterion) {
             let query = Query {
                 starts: &problem.starts,
                 goals: &goals,
+                headings: None,
                 window: Some(10),
                 step_limit: 0,
                 swap: true,

@@ -58,6 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let query = Query {
             starts: &cells,
             goals: &goals,
+            headings: None,
             window: Some(window),
             step_limit: 0,
             swap: true,

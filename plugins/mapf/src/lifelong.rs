@@ -16,9 +16,9 @@
 //! on from earlier configurations are tried: what LaCAM (Okumura, AAAI 2023) comes to when
 //! no configuration is a dead end, because all that is asked for is the next few steps.
 
-use fleetyard_abi::Goals;
+use fleetyard_abi::{Goals, Heading};
 use fleetyard_plugin_spacetime::gradient::Gradients;
-use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::plan::{Plan, paths_of, plan_of};
 use fleetyard_plugin_spacetime::random::Random;
 
@@ -27,6 +27,8 @@ use crate::problem::{ProblemError, vertices};
 
 /// No row of [`Gradients`]: an agent that wants nothing.
 const NOTHING: u32 = u32::MAX;
+/// No direction.
+const NOWHERE: u8 = DIRECTIONS as u8;
 /// Steps between two questions whether to stop, in agents moved.
 const PATIENCE: usize = 2000;
 
@@ -38,6 +40,9 @@ pub struct Query<'a> {
     /// Goal cells of each agent, to be visited in order. Agents may share goals, and have
     /// none.
     pub goals: &'a Goals,
+    /// Where agents look at the beginning. Where they are known, an agent goes straight on
+    /// rather than round a corner if both bring it nearer: robots take time to turn.
+    pub headings: Option<&'a [Heading]>,
     /// How many steps to plan; `None`: until everybody has visited all goals, and is at the
     /// last one unless another agent has the same.
     pub window: Option<u32>,
@@ -167,6 +172,8 @@ impl Lifelong {
             row: vec![NOTHING; starts.len()],
             distance: vec![0; starts.len()],
             arrived: vec![false; starts.len()],
+            headings: query.headings,
+            ahead: vec![NOWHERE; starts.len()],
             step: 0,
             ranking,
         };
@@ -204,6 +211,10 @@ struct Fleet<'a, R> {
     distance: Vec<u32>,
     /// Agents that have come to a goal in the last step.
     arrived: Vec<bool>,
+    /// Where agents look at the beginning.
+    headings: Option<&'a [Heading]>,
+    /// The direction in which each looks, or [`NOWHERE`].
+    ahead: Vec<u8>,
     step: u32,
     ranking: &'a mut R,
 }
@@ -212,7 +223,15 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
     fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8 {
         match self.row[agent] {
             NOTHING => 0,
-            row => self.gradients.directions(graph, row, v),
+            row => {
+                let nearer = self.gradients.directions(graph, row, v);
+                let ahead = self.ahead[agent];
+                if ahead != NOWHERE && nearer >> ahead & 1 == 1 {
+                    nearer | (ahead + 1) << DIRECTIONS
+                } else {
+                    nearer
+                }
+            }
         }
     }
 
@@ -266,6 +285,12 @@ impl<'a, R: Ranking> Fleet<'a, R> {
     ) -> Result<i64, ProblemError> {
         let graph = self.graph;
         let goals = self.of(agent);
+        if let Some(before) = before
+            && self.headings.is_some()
+        {
+            let moved = graph.around(before).iter().position(|u| *u == v);
+            self.ahead[agent] = moved.map_or(NOWHERE, |d| d as u8);
+        }
         let visited = self.next[agent];
         while goals.get(self.next[agent]) == Some(&v) {
             self.next[agent] += 1;
@@ -380,6 +405,10 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 self.gradients.release(row);
             }
             self.next[agent] = 0;
+            self.ahead[agent] = self
+                .headings
+                .and_then(|headings| headings.get(agent))
+                .map_or(NOWHERE, |heading| direction(*heading));
             self.arrive(agent, None, v)?;
             if agent % PATIENCE == PATIENCE - 1 && stop() {
                 return Ok(false);

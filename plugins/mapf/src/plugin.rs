@@ -88,6 +88,7 @@ impl Prepared {
         let query = Query {
             starts: &instance.starts,
             goals: &instance.goals,
+            headings: instance.headings.as_deref(),
             window: (instance.window_steps > 0).then_some(instance.window_steps),
             step_limit: options.step_limit,
             swap: options.swap,

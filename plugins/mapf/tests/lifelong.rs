@@ -121,6 +121,7 @@ fn query<'a>(starts: &'a [u32], goals: &'a Goals, window: Option<u32>) -> Query<
     Query {
         starts,
         goals,
+        headings: None,
         window,
         step_limit: 10_000,
         swap: true,

@@ -142,6 +142,7 @@ impl<'p> Single<'p> {
         let Problem {
             graph,
             routes,
+            faces,
             turning,
             window,
             cycles,
@@ -154,6 +155,7 @@ impl<'p> Single<'p> {
             route,
             start: route.start,
             heading: route.heading,
+            straight: *faces,
             turning: *turning,
             window: *window,
             cycles: *cycles,

@@ -259,6 +259,7 @@ impl Ground {
             routes,
             turning,
             window: instance.window_steps,
+            faces: instance.headings.is_some(),
             cycles: instance.allows_cycles,
         })
     }
@@ -271,6 +272,9 @@ pub struct Problem {
     pub graph: Arc<Graph>,
     /// One per agent.
     pub routes: Vec<Route>,
+    /// Whether it is known where agents look: robots take time to turn, even where plans
+    /// do not say so.
+    pub faces: bool,
     /// Whether turning by 90° takes a step.
     pub turning: bool,
     /// Collisions after this many steps do not matter; 0: all do. In a window an agent that

@@ -97,6 +97,8 @@ pub struct Query<'a, G> {
     pub start: Vertex,
     /// Where the agent looks at the beginning.
     pub heading: u8,
+    /// Whether it rather goes straight on than round a corner where both are as long.
+    pub straight: bool,
     /// Whether turning by 90° takes a step.
     pub turning: bool,
     /// Paths may end at this time, wherever they have come; 0: at the last goal only.
@@ -424,15 +426,24 @@ impl<G: Guidance> Search<'_, '_, G> {
         if until != NEVER && self.query.soft.is_some() {
             self.stay(here, until, until + 1, here.heading);
         }
+        let ahead = match state.crossed {
+            STAYED => usize::from(here.heading),
+            crossed => usize::from(crossed),
+        };
         for k in 0..DIRECTIONS {
             let d = (if turn < DIRECTIONS {
                 k + turn
             } else {
                 turn - k
             }) % DIRECTIONS;
-            if !turning || d == usize::from(here.heading) {
+            let later = !turning && self.query.straight && d == ahead;
+            if (!turning || d == usize::from(here.heading)) && !later {
                 self.cross(id, d, time + 1);
             }
+        }
+        // Of equals the last one is expanded first.
+        if !turning && self.query.straight {
+            self.cross(id, ahead, time + 1);
         }
     }
 

@@ -195,6 +195,7 @@ impl Case {
             route,
             start: route.start,
             heading: route.heading,
+            straight: self.problem.faces,
             turning: self.problem.turning,
             window: self.problem.window,
             cycles: self.problem.cycles,

@@ -208,6 +208,19 @@ impl Model {
         }
     }
 
+    /// How far the body goes on from its top speed if it brakes as hard as it can, in
+    /// metres; 0 where no speed is too high to stop at once.
+    pub fn longest_stop_m(&self) -> f64 {
+        let speed = self.max_speed_m_per_s();
+        if !speed.is_finite() {
+            return 0.0;
+        }
+        self.stop_distance_m(&State {
+            vx: speed,
+            ..State::at_rest(0.0, 0.0, 0.0)
+        })
+    }
+
     /// How far the body goes on at least if it brakes as hard as it can.
     pub fn stop_distance_m(&self, state: &State) -> f64 {
         let deceleration = match self {

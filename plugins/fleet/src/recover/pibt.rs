@@ -85,6 +85,7 @@ impl Stepping {
         let query = Query {
             starts: &instance.starts,
             goals: &goals,
+            headings: instance.headings.as_deref(),
             window: Some(steps),
             step_limit: steps.into(),
             swap: self.options.swap,
