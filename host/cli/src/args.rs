@@ -14,7 +14,7 @@ use fleetyard_check::PathRule;
 use fleetyard_core::Connectivity;
 use fleetyard_core::PathEncoding;
 use fleetyard_core::formats::Format as FileFormat;
-use fleetyard_fleet::{Assign, Clock};
+use fleetyard_fleet::{Assign, Clock, CutBy};
 use fleetyard_runtime::{Attach, Level};
 use fleetyard_sim::noise::{Delay, Disturbance, Messages, VelocityNoise};
 use fleetyard_sim::{Policy, Tier};
@@ -482,6 +482,25 @@ pub(crate) enum ClockArg {
     Realtime,
 }
 
+/// How far robots are committed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CutArg {
+    /// To what they can begin before the answer takes effect: those that turn or wait to
+    /// less than those that drive
+    Time,
+    /// To the same number of actions each
+    Actions,
+}
+
+impl From<CutArg> for CutBy {
+    fn from(cut: CutArg) -> Self {
+        match cut {
+            CutArg::Time => Self::Time,
+            CutArg::Actions => Self::Actions,
+        }
+    }
+}
+
 impl From<ClockArg> for Clock {
     fn from(clock: ClockArg) -> Self {
         match clock {
@@ -619,6 +638,10 @@ pub(crate) struct FleetAsked {
     /// When an answer takes effect
     #[arg(long, help_heading = FLEET, value_enum, default_value = "lockstep")]
     pub(crate) clock: ClockArg,
+
+    /// How far robots are committed when the planner is called
+    #[arg(long, value_name = "CUT", default_value = "time")]
+    pub(crate) cut: CutArg,
     /// An option of the planner; may be given several times
     #[arg(long = "option", help_heading = FLEET, value_name = "NAME=VALUE")]
     pub(crate) options: Vec<String>,

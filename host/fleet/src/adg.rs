@@ -58,6 +58,35 @@ impl Default for Costs {
     }
 }
 
+/// The least times of actions, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Pace {
+    /// A move to the next cell without a stop before or after it.
+    pub move_s: f64,
+    /// How much longer a move takes that begins at rest.
+    pub set_out_s: f64,
+    /// A turn by 90°.
+    pub quarter_turn_s: f64,
+    /// Dwelling at a goal.
+    pub dwell_s: f64,
+}
+
+impl Pace {
+    fn of(&self, moves: bool, quarter_turns: u32, goal: bool) -> f64 {
+        let mut takes_s = 0.0;
+        if moves {
+            takes_s += self.move_s + f64::from(quarter_turns) * self.quarter_turn_s;
+        }
+        if moves && quarter_turns > 0 {
+            takes_s += self.set_out_s;
+        }
+        if goal {
+            takes_s += self.dwell_s;
+        }
+        takes_s
+    }
+}
+
 /// Why something cannot be begun, or appended. Agents are counted from 0.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages document the fields")]
@@ -535,6 +564,72 @@ impl Adg {
             }
         }
         self.stack = stack;
+        self.keep(&last)
+    }
+
+    /// The same, where committed is what is enqueued and what can begin within so many
+    /// seconds: a robot that turns, or waits for others, is committed to less than one that
+    /// drives, and all of them end at about the same time.
+    ///
+    /// What can begin when follows from the least times of actions and from who waits for
+    /// whom. A node that is under way may be all but done.
+    pub fn cut_within(&mut self, horizon_s: f64, pace: &Pace) -> Cut {
+        let mut last: Vec<u32> = self.robots.iter().map(|robot| robot.head).collect();
+        // When an agent has done what is kept of it, and when a visit's cell is free.
+        let mut done_s = vec![0.0; last.len()];
+        let mut free_s = vec![f64::INFINITY; self.visits.len()];
+        let mut work = mem::take(&mut self.stack);
+        work.clear();
+        work.extend((0..last.len() as u32).rev());
+        while let Some(agent) = work.pop() {
+            let agent = agent as usize;
+            let robot = &self.robots[agent];
+            loop {
+                let before = self.visits[last[agent] as usize];
+                if before.after == NONE {
+                    break;
+                }
+                let visit = &self.visits[before.after as usize];
+                let mut begin_s: f64 = done_s[agent];
+                if visit.number > robot.enqueued {
+                    if visit.ahead != NONE {
+                        begin_s = begin_s.max(free_s[before.after as usize]);
+                    }
+                    if begin_s >= horizon_s {
+                        break;
+                    }
+                }
+                let moves = before.node.cell != visit.node.cell;
+                let under_way = visit.number <= robot.enqueued && last[agent] == robot.head;
+                let takes_s = match under_way {
+                    true => 0.0,
+                    false => pace.of(
+                        moves,
+                        before.heading.quarters_to(visit.heading),
+                        visit.node.goal.is_some(),
+                    ),
+                };
+                done_s[agent] = begin_s + takes_s;
+                if moves {
+                    let mut left = last[agent];
+                    while self.is_stay(&self.visits[left as usize]) {
+                        left = self.visits[left as usize].before;
+                    }
+                    let behind = self.visits[left as usize].behind;
+                    if behind != NONE {
+                        free_s[behind as usize] = done_s[agent];
+                        work.push(self.visits[behind as usize].agent);
+                    }
+                }
+                last[agent] = before.after;
+            }
+        }
+        self.stack = work;
+        self.keep(&last)
+    }
+
+    /// Drops everything behind the given visits, one of each agent.
+    fn keep(&mut self, last: &[u32]) -> Cut {
         let before = self.pending;
         for (agent, last) in last.iter().copied().enumerate() {
             self.drop_behind(agent, last);

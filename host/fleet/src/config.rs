@@ -1,11 +1,15 @@
 //! What the caller decides about a run: the numbers that the command and suites give.
 
+use std::f64::consts::FRAC_PI_2;
+
 use fleetyard_abi::{Kind, Motion};
 use fleetyard_core::Hasher;
+use fleetyard_sim::motion::Model;
 use fleetyard_sim::{Fleet, SimConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::FleetError;
+use crate::adg::Pace;
 
 /// When an answer takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -32,6 +36,18 @@ pub enum Assign {
     Roles,
     /// A list of tasks that are revealed as others are done.
     Tasks,
+}
+
+/// How far robots are committed when the planner is called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CutBy {
+    /// To what they can begin before its answer takes effect: robots that turn or wait for
+    /// others to less than those that drive.
+    #[default]
+    Time,
+    /// To the same number of actions each (Hönig et al. 2019; LSMART).
+    Actions,
 }
 
 /// What every call of a plugin may use beside its wall-clock time.
@@ -77,6 +93,8 @@ pub struct FleetConfig {
     pub limit_s: f64,
     /// When an answer takes effect.
     pub clock: Clock,
+    /// How far robots are committed when the planner is called.
+    pub cut: CutBy,
     /// Seed of everything random: starts, goals, and the seeds of calls.
     pub seed: u64,
     /// How planners see the robots move.
@@ -108,6 +126,7 @@ impl Default for FleetConfig {
             window_s: 10.0,
             limit_s: 1.0,
             clock: Clock::Lockstep,
+            cut: CutBy::Time,
             seed: 0,
             motion: Motion::Pebble,
             queue: 5,
@@ -215,19 +234,51 @@ impl FleetConfig {
         (self.window_s / self.sim.step_s).ceil() as u32
     }
 
-    /// How many actions are committed when a planner is called: the K = ⌈T / ε⌉ that a robot
-    /// can do until its answer takes effect, and as many cells as robots need from their top
-    /// speed to a stop, and until they hear that they need not stop. Without these they would
-    /// brake before every answer, however much it gives them to do.
+    /// How many actions are committed by [`CutBy::Actions`]: the K = ⌈T / ε⌉ that a robot can
+    /// do until an answer takes effect, and the cells that it has to know beyond these.
     pub fn lookahead(&self, fleet: Option<&Fleet>) -> u32 {
         let within = (self.limit_s / self.sim.step_s).ceil();
-        let profiles = fleet.map_or(&[][..], Fleet::profiles);
-        let stops = profiles
-            .iter()
-            .map(|profile| profile.model.longest_stop_m());
-        let heard_m = self.sim.message_period_s * self.sim.cell_size_m / self.sim.step_s;
-        let beyond = (stops.fold(0.0, f64::max) + heard_m) / self.sim.cell_size_m;
+        let beyond = self.beyond_s(fleet) / self.sim.step_s;
         (within + beyond.ceil()) as u32
+    }
+
+    /// Within how many seconds of the call actions begin that are committed by
+    /// [`CutBy::Time`].
+    pub fn horizon_s(&self, fleet: Option<&Fleet>) -> f64 {
+        self.limit_s + self.beyond_s(fleet)
+    }
+
+    /// How long robots at their top speed take, before they have to brake, for the way that
+    /// they need to a stop and until they hear that they need not stop. Without it they would
+    /// brake before every answer, however much it gives them to do.
+    fn beyond_s(&self, fleet: Option<&Fleet>) -> f64 {
+        let stops = models(fleet).map(Model::longest_stop_m);
+        let cells = stops.fold(0.0, f64::max) / self.sim.cell_size_m;
+        cells * self.sim.step_s + self.sim.message_period_s
+    }
+
+    /// The least times of actions of these robots.
+    pub fn pace(&self, fleet: Option<&Fleet>) -> Pace {
+        let least = |time: &dyn Fn(&Model) -> f64| {
+            let least = models(fleet).map(time).fold(f64::INFINITY, f64::min);
+            if least.is_finite() { least } else { 0.0 }
+        };
+        Pace {
+            move_s: self.sim.step_s,
+            set_out_s: least(&|model| {
+                let (top, stop_m) = (model.max_speed_m_per_s(), model.longest_stop_m());
+                // Uniform acceleration takes as far to the top speed as from it to a stop.
+                let (way_m, up_to_it_m) = (self.sim.cell_size_m, stop_m);
+                let from_rest_s = if way_m < up_to_it_m {
+                    2.0 * (way_m * up_to_it_m).sqrt() / top
+                } else {
+                    (way_m + up_to_it_m) / top
+                };
+                from_rest_s - way_m / top
+            }),
+            quarter_turn_s: least(&|model| FRAC_PI_2 / model.max_turn_rate_rad_per_s()),
+            dwell_s: self.dwell_s,
+        }
     }
 
     /// The seed of call number `call` of a module. A plugin needs no memory of earlier
@@ -239,6 +290,11 @@ impl FleetConfig {
         hasher.u64(call);
         hasher.finish().0 as u64
     }
+}
+
+fn models(fleet: Option<&Fleet>) -> impl Iterator<Item = &Model> {
+    let profiles = fleet.map_or(&[][..], Fleet::profiles);
+    profiles.iter().map(|profile| &profile.model)
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ mod recording;
 mod run;
 mod series;
 
-pub use config::{Allowance, Assign, Clock, FleetConfig};
+pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig};
 pub use error::FleetError;
 pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{

@@ -11,9 +11,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{
-    FleetState, FleetStatus, Heading, Instance, Motion, Objective, SharedEnvironment,
-};
+use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Objective, SharedEnvironment};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError};
 use fleetyard_runtime::Closing;
@@ -27,7 +25,7 @@ use crate::modules::{Module, ModuleInfo, Modules};
 use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
 use crate::series::Tally;
 use crate::{
-    Clock, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
+    Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
 };
 
 /// Where a run happens.
@@ -573,10 +571,21 @@ impl<'a> Run<'a> {
         Ok(asked.unwrap_or(true))
     }
 
+    /// Drops what nobody is committed to.
+    fn cut(&mut self) -> Cut {
+        let (config, fleet) = (self.config, self.ground.fleet);
+        match config.cut {
+            CutBy::Time => self
+                .adg
+                .cut_within(config.horizon_s(fleet), &config.pace(fleet)),
+            CutBy::Actions => self.adg.cut(config.lookahead(fleet)),
+        }
+    }
+
     /// Cuts the graph and asks about what is behind the cut.
     fn call(&mut self, opening: Vec<Notice>) -> Result<(), FleetError> {
         let config = self.config;
-        let cut = self.adg.cut(config.lookahead(self.ground.fleet));
+        let cut = self.cut();
         let number = self.calls;
         let state = digest(number, self.block, &cut);
         let window_steps = config.window_steps();
@@ -595,7 +604,7 @@ impl<'a> Run<'a> {
                 state: FleetState {
                     time_s: self.live.now_s(),
                     cells: cut.cells.clone(),
-                    headings: (config.motion == Motion::Rotation).then(|| cut.headings.clone()),
+                    headings: Some(cut.headings.clone()),
                     goals,
                     tasks: self.assigner.open_tasks(),
                     window_steps,
@@ -679,7 +688,7 @@ impl<'a> Run<'a> {
             watch.point(&point, point.time_s / wall_s.max(1e-9));
         }
         let agents = self.adg.agents();
-        let committed = self.adg.cut(self.config.lookahead(self.ground.fleet));
+        let committed = self.cut();
         let committed = committed.next_goal.iter().map(|goals| u64::from(*goals));
         let metrics = self.tally.metrics(
             agents,

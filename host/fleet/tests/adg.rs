@@ -9,13 +9,21 @@ use std::collections::{BTreeSet, VecDeque};
 
 use fleetyard_abi::{Heading, Instance};
 use fleetyard_core::{Grid, GridPlan, OFF_MAP};
-use fleetyard_fleet::adg::{Adg, AdgError, Appended, Costs, Node};
+use fleetyard_fleet::adg::{Adg, AdgError, Appended, Costs, Cut, Node, Pace};
 use fleetyard_fleet::batch::{Batch, judge};
 use fleetyard_world::SeededRandom;
 use proptest::prelude::*;
 use walks::{Walks, north};
 
 const QUEUE: u32 = 3;
+
+/// An AGV of 2 m/s, 2 m/s² and 45°/s.
+const PACE: Pace = Pace {
+    move_s: 0.5,
+    set_out_s: 0.5,
+    quarter_turn_s: 2.0,
+    dwell_s: 1.0,
+};
 
 fn batch(grid: &Grid, paths: &[&[u32]]) -> Batch {
     let starts: Vec<u32> = paths.iter().map(|path| path[0]).collect();
@@ -151,6 +159,25 @@ impl Yard {
             .collect();
         let pending = self.adg.pending();
         let cut = self.adg.cut(lookahead);
+        for (agent, before) in before.iter().enumerate() {
+            assert!(self.adg.actions_left(agent) >= *before.min(&lookahead));
+        }
+        self.judge_cut(pending, &cut);
+    }
+
+    fn cut_within(&mut self, horizon_s: f64) {
+        let pending = self.adg.pending();
+        let told: Vec<u32> = (0..self.robots.len())
+            .map(|agent| self.adg.progress(agent).1)
+            .collect();
+        let cut = self.adg.cut_within(horizon_s, &PACE);
+        for (agent, told) in told.iter().enumerate() {
+            assert_eq!(self.adg.progress(agent).1, *told, "what robots have stays");
+        }
+        self.judge_cut(pending, &cut);
+    }
+
+    fn judge_cut(&mut self, pending: usize, cut: &Cut) {
         assert_eq!(pending - self.adg.pending(), cut.dropped);
         let distinct: BTreeSet<u32> = cut.cells.iter().copied().collect();
         assert_eq!(
@@ -160,7 +187,6 @@ impl Yard {
         );
         for (agent, robot) in self.robots.iter_mut().enumerate() {
             assert_eq!(cut.cells[agent], self.adg.end(agent));
-            assert!(self.adg.actions_left(agent) >= before[agent].min(lookahead));
             robot.planned.truncate(self.adg.nodes(agent).count());
             let matched = self
                 .adg
@@ -331,7 +357,11 @@ proptest! {
                 yard.drive();
                 yard.report(reported);
             }
-            yard.cut(lookahead);
+            // Either kind of cut may follow on the other.
+            match lookahead % 2 {
+                0 => yard.cut(lookahead),
+                _ => yard.cut_within(f64::from(lookahead)),
+            }
             // Robots go on while somebody plans.
             for _ in 0..blocks / 2 {
                 yard.enqueue();
@@ -508,6 +538,33 @@ fn a_cut_keeps_what_has_to_be_done_before() {
     let cut = adg.cut(1);
     assert_eq!(cut.cells, [1, 2, 3]);
     assert_eq!(adg.visitors(2).collect::<Vec<_>>(), [2, 1]);
+}
+
+#[test]
+fn a_cut_in_time_keeps_what_begins_before_its_end() {
+    let grid = open(3, 6);
+    let mut adg = Adg::new(&grid, &[6, 0, 12], &north(3), Costs::default()).unwrap();
+    // Agent 0 turns east (2 s) and sets out, agent 1 drives behind it into its row after
+    // turning about, agent 2 goes north behind both.
+    let paths: [&[u32]; 3] = [
+        &[6, 7, 8, 9, 10, 11],
+        &[0, 0, 6, 7, 8, 9],
+        &[12, 12, 12, 6, 6, 6],
+    ];
+    adg.append(&batch(&grid, &paths), &mut no_goals).unwrap();
+    let ends = |horizon_s| adg.clone().cut_within(horizon_s, &PACE).cells;
+    assert_eq!(ends(0.0), [6, 0, 12]);
+    // Everybody who waits for nobody begins at once.
+    assert_eq!(ends(0.1), [7, 0, 12]);
+    // Agent 0 is in cell 7 after 3 s, and in another one every half a second from then on.
+    assert_eq!(ends(3.0), [7, 0, 12]);
+    assert_eq!(ends(3.1), [8, 6, 12]);
+    assert_eq!(ends(3.6), [9, 6, 12]);
+    // Agent 1 turns twice and sets out, 5 s, and is in cell 6 after 8 s; then it turns.
+    assert_eq!(ends(8.0), [11, 6, 12]);
+    assert_eq!(ends(8.1), [11, 7, 12]);
+    assert_eq!(ends(11.1), [11, 8, 6]);
+    assert_eq!(ends(1e9), [11, 9, 6]);
 }
 
 #[test]

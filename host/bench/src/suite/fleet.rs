@@ -3,7 +3,7 @@
 use fleetyard_abi::Motion;
 use fleetyard_core::InputError;
 use fleetyard_core::document::{Place, Table, Value};
-use fleetyard_fleet::{Allowance, Assign, Clock, FleetConfig, FleetError, step_s};
+use fleetyard_fleet::{Allowance, Assign, Clock, CutBy, FleetConfig, FleetError, step_s};
 use fleetyard_sim::SimConfig;
 use serde_json::Map;
 
@@ -21,6 +21,7 @@ pub(super) const FLEET: &[&str] = &[
     "limit",
     "motion",
     "clock",
+    "cut",
     "assign",
     "dwell",
     "queue",
@@ -176,6 +177,9 @@ pub(super) fn setup(
     if let Some(value) = layers.get("clock") {
         let clocks = [("lockstep", Clock::Lockstep), ("realtime", Clock::Realtime)];
         config.clock = value.choice(&clocks)?;
+    }
+    if let Some(value) = layers.get("cut") {
+        config.cut = value.choice(&[("time", CutBy::Time), ("actions", CutBy::Actions)])?;
     }
     if let Some(value) = layers.get("assign") {
         config.assign = value.choice(&[

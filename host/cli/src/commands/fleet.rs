@@ -241,6 +241,7 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
         window_s: asked.window,
         limit_s: asked.limit,
         clock: asked.clock.into(),
+        cut: asked.cut.into(),
         seed: asked.seed,
         motion: asked.motion.into(),
         queue: asked.queue,
