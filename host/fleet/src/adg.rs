@@ -151,6 +151,9 @@ struct Visit {
     ahead: u32,
     behind: u32,
     heading: Heading,
+    /// Which batch it came with, and at which step of it the move is made.
+    batch: u32,
+    step: u32,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -203,6 +206,9 @@ pub struct Adg {
     free: Vec<u32>,
     places: Vec<Place>,
     pending: usize,
+    /// How many batches were appended, and the step of the last one that is being appended.
+    batches: u32,
+    step: u32,
     /// A bit per robot whose next node may have become free to be enqueued.
     ready: Vec<u64>,
     // Memory that calls would else ask for each time.
@@ -260,6 +266,8 @@ impl Adg {
                 ahead: NONE,
                 behind: NONE,
                 heading,
+                batch: 0,
+                step: 0,
             });
             robots.push(Robot {
                 head: at,
@@ -282,6 +290,8 @@ impl Adg {
             free: Vec::new(),
             places,
             pending: 0,
+            batches: 0,
+            step: 0,
             active: Vec::new(),
             movers: Vec::new(),
             stack: Vec::new(),
@@ -308,6 +318,8 @@ impl Adg {
         let mut appended = Appended::default();
         let mut active = mem::take(&mut self.active);
         active.clear();
+        self.batches = self.batches.wrapping_add(1);
+        self.step = 1;
         for agent in 0..self.robots.len() {
             let robot = &mut self.robots[agent];
             robot.goal_cell = goals(agent, robot.next_goal);
@@ -318,6 +330,7 @@ impl Adg {
         }
         let mut time = 1;
         while !active.is_empty() {
+            self.step = time as u32;
             self.movers.clear();
             for &agent in &active {
                 let path = batch.path(agent as usize);
@@ -477,6 +490,8 @@ impl Adg {
             ahead,
             behind: NONE,
             heading,
+            batch: self.batches,
+            step: self.step,
         };
         let at = if let Some(at) = self.free.pop() {
             self.visits[at as usize] = visit;
@@ -572,8 +587,10 @@ impl Adg {
     /// drives, and all of them end at about the same time.
     ///
     /// What can begin when follows from the least times of actions and from who waits for
-    /// whom. A node that is under way may be all but done.
-    pub fn cut_within(&mut self, horizon_s: f64, pace: &Pace) -> Cut {
+    /// whom; and what was planned for later is not committed because a cell happens to be
+    /// free: it is `since_s` that the last batch was appended. A node that is under way may be
+    /// all but done.
+    pub fn cut_within(&mut self, horizon_s: f64, since_s: f64, pace: &Pace) -> Cut {
         let mut last: Vec<u32> = self.robots.iter().map(|robot| robot.head).collect();
         // When an agent has done what is kept of it, and when a visit's cell is free.
         let mut done_s = vec![0.0; last.len()];
@@ -595,19 +612,19 @@ impl Adg {
                     if visit.ahead != NONE {
                         begin_s = begin_s.max(free_s[before.after as usize]);
                     }
-                    if begin_s >= horizon_s {
+                    let planned_s = f64::from(visit.step.saturating_sub(1)) * pace.move_s - since_s;
+                    let is_new = visit.batch == self.batches;
+                    if begin_s >= horizon_s || is_new && planned_s >= horizon_s {
                         break;
                     }
                 }
                 let moves = before.node.cell != visit.node.cell;
                 let under_way = visit.number <= robot.enqueued && last[agent] == robot.head;
-                let takes_s = match under_way {
-                    true => 0.0,
-                    false => pace.of(
-                        moves,
-                        before.heading.quarters_to(visit.heading),
-                        visit.node.goal.is_some(),
-                    ),
+                let takes_s = if under_way {
+                    0.0
+                } else {
+                    let quarter_turns = before.heading.quarters_to(visit.heading);
+                    pace.of(moves, quarter_turns, visit.node.goal.is_some())
                 };
                 done_s[agent] = begin_s + takes_s;
                 if moves {

@@ -200,6 +200,8 @@ struct Run<'a> {
     blocks: u64,
     limit: u64,
     block: u64,
+    /// When the last batch was appended.
+    appended: u64,
     calls: u64,
     called: u64,
     under: Option<Under>,
@@ -259,6 +261,7 @@ impl<'a> Run<'a> {
             thread: None,
             blocks,
             block: 0,
+            appended: 0,
             calls: 0,
             called: 0,
             under: None,
@@ -483,6 +486,7 @@ impl<'a> Run<'a> {
         let Some(batch) = batch else {
             return Ok(());
         };
+        self.appended = self.block;
         let assigner = &mut self.assigner;
         let appended = self
             .adg
@@ -574,10 +578,12 @@ impl<'a> Run<'a> {
     /// Drops what nobody is committed to.
     fn cut(&mut self) -> Cut {
         let (config, fleet) = (self.config, self.ground.fleet);
+        let since_s = (self.block - self.appended) as f64 * self.live.period_s();
         match config.cut {
-            CutBy::Time => self
-                .adg
-                .cut_within(config.horizon_s(fleet), &config.pace(fleet)),
+            CutBy::Time => {
+                self.adg
+                    .cut_within(config.horizon_s(fleet), since_s, &config.pace(fleet))
+            }
             CutBy::Actions => self.adg.cut(config.lookahead(fleet)),
         }
     }

@@ -165,12 +165,12 @@ impl Yard {
         self.judge_cut(pending, &cut);
     }
 
-    fn cut_within(&mut self, horizon_s: f64) {
+    fn cut_within(&mut self, horizon_s: f64, since_s: f64) {
         let pending = self.adg.pending();
         let told: Vec<u32> = (0..self.robots.len())
             .map(|agent| self.adg.progress(agent).1)
             .collect();
-        let cut = self.adg.cut_within(horizon_s, &PACE);
+        let cut = self.adg.cut_within(horizon_s, since_s, &PACE);
         for (agent, told) in told.iter().enumerate() {
             assert_eq!(self.adg.progress(agent).1, *told, "what robots have stays");
         }
@@ -360,7 +360,7 @@ proptest! {
             // Either kind of cut may follow on the other.
             match lookahead % 2 {
                 0 => yard.cut(lookahead),
-                _ => yard.cut_within(f64::from(lookahead)),
+                _ => yard.cut_within(f64::from(lookahead), f64::from(lookahead / 3)),
             }
             // Robots go on while somebody plans.
             for _ in 0..blocks / 2 {
@@ -552,7 +552,7 @@ fn a_cut_in_time_keeps_what_begins_before_its_end() {
         &[12, 12, 12, 6, 6, 6],
     ];
     adg.append(&batch(&grid, &paths), &mut no_goals).unwrap();
-    let ends = |horizon_s| adg.clone().cut_within(horizon_s, &PACE).cells;
+    let ends = |horizon_s| adg.clone().cut_within(horizon_s, 1.0, &PACE).cells;
     assert_eq!(ends(0.0), [6, 0, 12]);
     // Everybody who waits for nobody begins at once.
     assert_eq!(ends(0.1), [7, 0, 12]);
