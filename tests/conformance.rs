@@ -646,12 +646,12 @@ fn a_failure_is_replayed_by_the_command_that_it_prints() {
 #[test]
 fn results_are_lines_for_people_and_one_document_for_programs() {
     let arguments = "--only handshake --only ending --only windowed --only fleet-states";
-    let text = run("pibt", arguments).expect(SUCCESS).stdout;
+    let text = run("bfs", arguments).expect(SUCCESS).stdout;
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(
         lines[0],
         concat!(
-            "pibt ",
+            "bfs ",
             env!("CARGO_PKG_VERSION"),
             " (planner, worker process)"
         )
@@ -683,14 +683,14 @@ fn results_are_lines_for_people_and_one_document_for_programs() {
         "2 passed, 0 failed, 0 crashed, 2 skipped, 0 warnings"
     );
 
-    let document = check("pibt", arguments, SUCCESS);
-    assert_eq!(document["plugin"], "pibt");
+    let document = check("bfs", arguments, SUCCESS);
+    assert_eq!(document["plugin"], "bfs");
     assert_eq!(document["attach"], "worker");
     assert_eq!(document["seed"], 1);
     let plugin = &document["plugins"][0];
     assert_eq!(
         (&plugin["kind"], &plugin["id"]),
-        (&"planner".into(), &"pibt".into())
+        (&"planner".into(), &"bfs".into())
     );
     let case = &plugin["cases"][0];
     assert_eq!(case["case"], "handshake");
@@ -745,7 +745,7 @@ fn wrong_command_lines_are_refused_before_anything_is_started() {
         ("pibt", "--kind robot", ["robot", "instance-generator"]),
         (
             "pibt",
-            "--option swapp=true",
+            "--kind planner --option swapp=true",
             ["unknown option `swapp`", "did you mean `swap`?"],
         ),
         (
