@@ -7,7 +7,7 @@ mod common;
 
 use std::fs;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root, until, words};
+use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, is_ignored, root, until, words};
 use serde_json::Value;
 
 /// Arguments of a run on a small map whose modules are all in the file of faulty ones,
@@ -153,6 +153,9 @@ fn a_killed_run_goes_on_as_if_nothing_had_been() {
 
 #[test]
 fn an_interrupted_run_has_results_and_can_go_on() {
+    if is_ignored("INT") {
+        return;
+    }
     let yard = Yard::new();
     let asked = "--duration 20s --clock realtime --record run";
     let started = yard.start(&run(asked));
