@@ -7,7 +7,7 @@
 static bool should_invoke(const char *options, double since_s, std::uint32_t left) {
   const Host host;
   const std::vector<std::uint32_t> actions_left{left, 3};
-  const FleetyardFleetStatus status{sizeof status, 2, 100.0, since_s, 0.1, actions_left.data()};
+  const FleetyardFleetStatus status{sizeof status, 2, 100.0, since_s, 0.1, 0.5, actions_left.data()};
   Periodic policy({options, Periodic::options_schema});
   return policy.should_invoke(fleetyard::FleetStatus(&status), host.sink);
 }
