@@ -36,9 +36,11 @@ fn bad_maps() {
         "a.map: the file is empty\nhint: a map file begins with the line 'type octile'",
     );
     map_fails(
-        "{\"rows\": 3}\n",
-        "a.map:1:1: expected 'type octile', found '{\\\"rows\\\": 3}'\nhint: is this a MovingAI .map file?",
+        "P6 3 3\n",
+        "a.map:1:1: expected 'type octile', found 'P6 3 3'\nhint: is this a MovingAI .map file?",
     );
+    // JSON is a map of LSMART.
+    map_fails("{\"rows\": 3}\n", "a.map:1:11: missing field `layout`");
     map_fails(
         "type tile\n",
         "a.map:1:6: map type 'tile' is not supported\nhint: the only type is 'octile'",
