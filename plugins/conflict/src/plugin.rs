@@ -2,28 +2,14 @@
 
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, SharedEnvironment, Status,
-    monotonic_ns,
+    Budget, Capability, Descriptor, Instance, SharedEnvironment, Status, monotonic_ns,
 };
-use fleetyard_plugin_spacetime::problem::{GoalRule, Ground};
+use fleetyard_plugin_spacetime::plugin::{self, Goals, half_of_memory};
+use fleetyard_plugin_spacetime::problem::Ground;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{End, Settings, solve};
-
-/// Bytes for tables of distances, and again for the tree, where the budget says nothing.
-const MEMORY: u64 = 1 << 30;
-
-/// What an agent does after its last goal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-enum Goals {
-    /// It stays there; where several agents share it a visit is enough.
-    #[default]
-    Stay,
-    /// A visit is enough: it may go on to where it is in nobody's way (MAPF4L).
-    Transient,
-}
 
 /// What both planners keep between calls: the map, and distances.
 #[derive(Default)]
@@ -34,7 +20,7 @@ struct Prepared {
 
 impl Prepared {
     fn learn(&mut self, environment: &SharedEnvironment, budget: &Budget) -> Result<(), Failure> {
-        self.ground = Some(Ground::new(environment, memory(budget))?);
+        self.ground = Some(Ground::new(environment, half_of_memory(budget))?);
         self.cols = environment.grid().map_or(0, |grid| grid.cols);
         Ok(())
     }
@@ -52,14 +38,10 @@ impl Prepared {
         })?;
         let answer_by = budget.answer_by_ns();
         let mut stop = || monotonic_ns() >= answer_by || sink.cancelled();
-        let rule = match goals {
-            Goals::Stay => GoalRule::Stay,
-            Goals::Transient => GoalRule::Transient,
-        };
-        let problem = ground.problem(instance, rule, &mut stop)?;
+        let problem = ground.problem(instance, goals.into(), &mut stop)?;
         let settings = Settings {
             node_limit: (budget.nodes > 0).then_some(budget.nodes),
-            memory_limit: memory(budget),
+            memory_limit: half_of_memory(budget),
             ..settings.clone()
         };
         let outcome = solve(&problem, self.cols, &settings, &mut stop);
@@ -93,31 +75,18 @@ impl Prepared {
     }
 }
 
-/// Half of what the budget allows.
-fn memory(budget: &Budget) -> u64 {
-    match budget.memory_bytes {
-        0 => MEMORY,
-        bytes => bytes / 2,
-    }
-}
-
 fn descriptor(id: &str, name: &str, description: &str) -> Descriptor {
-    Descriptor {
-        name: name.into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        license: env!("CARGO_PKG_LICENSE").into(),
-        capabilities: Capabilities::of(&[
-            Capability::Grid,
-            Capability::Pebble,
-            Capability::Rotation,
-            Capability::Windowed,
-            Capability::DuplicateGoals,
-            Capability::CollidingPlans,
-            Capability::KRobust,
-            Capability::Deterministic,
-        ]),
-        ..Descriptor::new(Kind::Planner, id, description)
-    }
+    let all = [
+        Capability::Grid,
+        Capability::Pebble,
+        Capability::Rotation,
+        Capability::Windowed,
+        Capability::DuplicateGoals,
+        Capability::CollidingPlans,
+        Capability::KRobust,
+        Capability::Deterministic,
+    ];
+    plugin::descriptor(id, name, description, &all, &[])
 }
 
 /// Options of `cbs`.

@@ -4,9 +4,10 @@ use std::marker::PhantomData;
 
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Motion, PlanRef,
-    SharedEnvironment, Status, monotonic_ns,
+    Budget, Capability, Descriptor, Instance, Motion, PlanRef, SharedEnvironment, Status,
+    monotonic_ns,
 };
+use fleetyard_plugin_spacetime::plugin;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -225,14 +226,7 @@ fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> 
         Capability::Pebble,
         Capability::Deterministic,
     ];
-    let all: Vec<_> = common.iter().chain(extra).copied().collect();
-    Descriptor {
-        name: name.into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        license: env!("CARGO_PKG_LICENSE").into(),
-        capabilities: Capabilities::of(&all),
-        ..Descriptor::new(Kind::Planner, id, description)
-    }
+    plugin::descriptor(id, name, description, &common, extra)
 }
 
 /// Options of `lacam`.

@@ -2,11 +2,11 @@
 
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Motion, SharedEnvironment,
-    Status, monotonic_ns,
+    Budget, Capability, Descriptor, Instance, Motion, SharedEnvironment, Status, monotonic_ns,
 };
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::plan::sum_of_costs;
+use fleetyard_plugin_spacetime::plugin::{self, MEMORY};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem, Route};
 use fleetyard_plugin_spacetime::refine::Refiner;
 use schemars::JsonSchema;
@@ -14,8 +14,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::repair::{Control, Repaired, repair};
 
-/// Bytes for tables of distances where the budget says nothing.
-const MEMORY: u64 = 1 << 30;
 /// Telling of a plan costs about as much as working on so many times its cells.
 const REPORT: u64 = 4;
 
@@ -103,14 +101,7 @@ fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> 
         Capability::CollidingPlans,
         Capability::Deterministic,
     ];
-    let all: Vec<_> = common.iter().chain(extra).copied().collect();
-    Descriptor {
-        name: name.into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        license: env!("CARGO_PKG_LICENSE").into(),
-        capabilities: Capabilities::of(&all),
-        ..Descriptor::new(Kind::Planner, id, description)
-    }
+    plugin::descriptor(id, name, description, &common, extra)
 }
 
 /// Options of both planners.

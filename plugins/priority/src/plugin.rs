@@ -2,9 +2,9 @@
 
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, SharedEnvironment, Status,
-    monotonic_ns,
+    Budget, Capability, Descriptor, Instance, SharedEnvironment, Status, monotonic_ns,
 };
+use fleetyard_plugin_spacetime::plugin::{self, Goals, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,36 +13,13 @@ use crate::planner::{Control, Outcome};
 use crate::prioritized;
 use crate::search::{self, Prefer};
 
-/// Bytes for tables of distances, and again for the search, where the budget says nothing.
-const MEMORY: u64 = 1 << 30;
-
-/// What an agent does after its last goal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-enum Goals {
-    /// It stays there; where several agents share it a visit is enough.
-    #[default]
-    Stay,
-    /// A visit is enough: it may go on to where it is in nobody's way (MAPF4L).
-    Transient,
-}
-
-impl From<Goals> for GoalRule {
-    fn from(goals: Goals) -> Self {
-        match goals {
-            Goals::Stay => Self::Stay,
-            Goals::Transient => Self::Transient,
-        }
-    }
-}
-
 /// What both planners keep between calls: the map, and distances.
 #[derive(Default)]
 struct Prepared(Option<Ground>);
 
 impl Prepared {
     fn learn(&mut self, environment: &SharedEnvironment, budget: &Budget) -> Result<(), Failure> {
-        self.0 = Some(Ground::new(environment, memory(budget))?);
+        self.0 = Some(Ground::new(environment, half_of_memory(budget))?);
         Ok(())
     }
 
@@ -65,7 +42,7 @@ impl Prepared {
         let mut control = Control {
             stop: &mut stop,
             nodes: budget.nodes,
-            memory: memory(budget),
+            memory: half_of_memory(budget),
         };
         let outcome = run(&problem, &mut control);
         // A plan that comes too late is no fault.
@@ -88,14 +65,6 @@ impl Prepared {
     }
 }
 
-/// Half of what the budget allows.
-fn memory(budget: &Budget) -> u64 {
-    match budget.memory_bytes {
-        0 => MEMORY,
-        bytes => bytes / 2,
-    }
-}
-
 fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> Descriptor {
     let common = [
         Capability::Grid,
@@ -106,14 +75,7 @@ fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> 
         Capability::CollidingPlans,
         Capability::Deterministic,
     ];
-    let all: Vec<_> = common.iter().chain(extra).copied().collect();
-    Descriptor {
-        name: name.into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        license: env!("CARGO_PKG_LICENSE").into(),
-        capabilities: Capabilities::of(&all),
-        ..Descriptor::new(Kind::Planner, id, description)
-    }
+    plugin::descriptor(id, name, description, &common, extra)
 }
 
 /// Options of `pp`.

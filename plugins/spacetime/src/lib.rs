@@ -19,7 +19,8 @@
 //! - [`pose::Poses`]: cells, or cells and headings, and the steps between them;
 //! - [`constraints::Constraints`]: what an agent may not do;
 //! - [`astar::Astar`]: the low level of constraint-tree searches;
-//! - [`plan`]: paths, configurations, plans.
+//! - [`plan`]: paths, configurations, plans;
+//! - [`plugin`]: what planners say alike behind the plugin contract.
 #![forbid(unsafe_code)]
 
 pub mod astar;
@@ -30,6 +31,7 @@ pub mod gradient;
 pub mod graph;
 pub mod neighborhood;
 pub mod plan;
+pub mod plugin;
 pub mod pose;
 pub mod problem;
 pub mod random;
