@@ -104,20 +104,9 @@ fn calls(criterion: &mut Criterion) {
         for (side, agents) in [(64, 400), (80, 1000)] {
             let problem = instance(side, agents);
             let goals = Goals::single(problem.goals.clone());
-            let planner = Lifelong::new(side, side, &problem.passable, 512 << 20);
-            let Ok(mut planner) = planner else { continue };
-            let query = Query {
-                starts: &problem.starts,
-                goals: &goals,
-                headings: None,
-                window: Some(10),
-                step_limit: 0,
-                swap: true,
-                rings: false,
-                memory_limit: 0,
-                samples,
-                retries,
-                seed: 0,
+            let query = query(&problem, &goals, samples, retries);
+            let Some(mut planner) = planner(&problem) else {
+                continue;
             };
             let id = BenchmarkId::new(name, format!("{side}x{side}, {agents} agents"));
             group.bench_function(id, |bencher| {
@@ -128,5 +117,45 @@ fn calls(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, planners, calls);
+/// Ten steps from a cold start.
+fn first_calls(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("first ten steps of a fleet");
+    group.sample_size(10);
+    for (side, agents) in [(64, 400), (80, 1000), (200, 10_000)] {
+        let problem = instance(side, agents);
+        let goals = Goals::single(problem.goals.clone());
+        let query = query(&problem, &goals, 1, 0);
+        let id = BenchmarkId::new("pibt", format!("{side}x{side}, {agents} agents"));
+        group.bench_function(id, |bencher| {
+            bencher.iter(|| {
+                planner(&problem)?
+                    .run(&query, &mut ByDistance, &mut || false)
+                    .ok()
+            });
+        });
+    }
+    group.finish();
+}
+
+fn planner(problem: &Problem) -> Option<Lifelong> {
+    Lifelong::new(problem.rows, problem.cols, &problem.passable, 512 << 20).ok()
+}
+
+fn query<'a>(problem: &'a Problem, goals: &'a Goals, samples: u32, retries: u32) -> Query<'a> {
+    Query {
+        starts: &problem.starts,
+        goals,
+        headings: None,
+        window: Some(10),
+        step_limit: 0,
+        swap: true,
+        rings: false,
+        memory_limit: 0,
+        samples,
+        retries,
+        seed: 0,
+    }
+}
+
+criterion_group!(benches, planners, calls, first_calls);
 criterion_main!(benches);

@@ -17,7 +17,7 @@
 //! no configuration is a dead end, because all that is asked for is the next few steps.
 
 use fleetyard_abi::{Goals, Heading};
-use fleetyard_plugin_spacetime::gradient::Gradients;
+use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::plan::{Plan, paths_of, plan_of};
 use fleetyard_plugin_spacetime::random::Random;
@@ -119,7 +119,8 @@ pub struct Lifelong {
 impl Lifelong {
     /// For a 4-connected grid with one entry of `passable` per cell, row by row. Tables of
     /// goals that nobody has any longer are kept as long as all together take no more than
-    /// `table_bytes`; one is three bits per passable cell.
+    /// `table_bytes`; one is three bits per passable cell. For as many agents that labels of
+    /// the map take less than their tables there are labels instead.
     pub fn new(
         rows: u32,
         cols: u32,
@@ -171,6 +172,7 @@ impl Lifelong {
             next: vec![0; starts.len()],
             row: vec![NOTHING; starts.len()],
             distance: vec![0; starts.len()],
+            ways: vec![0; starts.len()],
             arrived: vec![false; starts.len()],
             headings: query.headings,
             ahead: vec![NOWHERE; starts.len()],
@@ -206,9 +208,11 @@ struct Fleet<'a, R> {
     stays: Vec<bool>,
     /// How many of its goals an agent has visited.
     next: Vec<usize>,
-    /// The table of the goal that an agent wants to reach, and how far that is.
+    /// The table of the goal that an agent wants to reach, how far that is, and the
+    /// directions that lead there from where the agent is.
     row: Vec<u32>,
     distance: Vec<u32>,
+    ways: Vec<u8>,
     /// Agents that have come to a goal in the last step.
     arrived: Vec<bool>,
     /// Where agents look at the beginning.
@@ -220,18 +224,13 @@ struct Fleet<'a, R> {
 }
 
 impl<R: Ranking> Wishes for Fleet<'_, R> {
-    fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8 {
-        match self.row[agent] {
-            NOTHING => 0,
-            row => {
-                let nearer = self.gradients.directions(graph, row, v);
-                let ahead = self.ahead[agent];
-                if ahead != NOWHERE && nearer >> ahead & 1 == 1 {
-                    nearer | (ahead + 1) << DIRECTIONS
-                } else {
-                    nearer
-                }
-            }
+    #[inline]
+    fn preference(&mut self, _: &Graph, agent: usize, _: Vertex) -> u8 {
+        let (nearer, ahead) = (self.ways[agent], self.ahead[agent]);
+        if ahead != NOWHERE && nearer >> ahead & 1 == 1 {
+            nearer | (ahead + 1) << DIRECTIONS
+        } else {
+            nearer
         }
     }
 
@@ -285,55 +284,61 @@ impl<'a, R: Ranking> Fleet<'a, R> {
     ) -> Result<i64, ProblemError> {
         let graph = self.graph;
         let goals = self.of(agent);
-        if let Some(before) = before
-            && self.headings.is_some()
-        {
-            let moved = graph.around(before).iter().position(|u| *u == v);
-            self.ahead[agent] = moved.map_or(NOWHERE, |d| d as u8);
+        let mut progress = 0;
+        if let Some(before) = before {
+            let moved = direction_to(graph, before, v);
+            if self.headings.is_some() {
+                self.ahead[agent] = moved;
+            }
+            progress = self.gain(agent, moved);
+            self.distance[agent] = self.distance[agent].saturating_add_signed(-progress);
         }
         let visited = self.next[agent];
         while goals.get(self.next[agent]) == Some(&v) {
             self.next[agent] += 1;
         }
         let row = self.row[agent];
-        let mut progress = 0;
-        if let Some(before) = before.filter(|_| row != NOTHING) {
-            progress = if self.gradients.nearer(graph, row, v, before) {
-                1
-            } else {
-                -1
-            };
-            self.distance[agent] = self.distance[agent].saturating_add_signed(-progress);
-        }
-        let progress = i64::from(progress);
         self.arrived[agent] = self.next[agent] > visited;
-        if !self.arrived[agent] && row != NOTHING {
-            return Ok(progress);
-        }
-        // Without a window an agent comes back to its last goal when it is pushed away.
-        let wanted = match goals.get(self.next[agent]) {
-            None if self.stays[agent] => goals.last(),
-            wanted => wanted,
-        };
-        self.row[agent] = match wanted {
-            Some(&goal) => self.gradients.hold(graph, goal),
-            None => NOTHING,
-        };
-        if row != NOTHING {
-            self.gradients.release(row);
-        }
-        if let Some(&goal) = wanted {
-            self.distance[agent] = self
-                .gradients
-                .distance(graph, self.row[agent], v)
-                .ok_or_else(|| ProblemError::Unreachable {
+        if self.arrived[agent] || row == NOTHING {
+            // Without a window an agent comes back to its last goal when it is pushed away.
+            let wanted = match goals.get(self.next[agent]) {
+                None if self.stays[agent] => goals.last(),
+                wanted => wanted,
+            };
+            self.row[agent] = match wanted {
+                Some(&goal) => self.gradients.hold(graph, goal),
+                None => NOTHING,
+            };
+            if row != NOTHING {
+                self.gradients.release(row);
+            }
+            if let Some(&goal) = wanted {
+                let way = self.gradients.distance(graph, self.row[agent], v);
+                self.distance[agent] = way.ok_or_else(|| ProblemError::Unreachable {
                     agent,
                     start: graph.cell(v),
                     goal: graph.cell(goal),
                     limit: graph.len() as u32,
                 })?;
+            }
         }
-        Ok(progress)
+        self.ways[agent] = match self.row[agent] {
+            NOTHING => 0,
+            row => {
+                let distance = self.distance[agent];
+                self.gradients.directions(graph, row, v, distance)
+            }
+        };
+        Ok(i64::from(progress))
+    }
+
+    /// By how much a move in a direction brings an agent nearer to its goal.
+    fn gain(&self, agent: usize, direction: u8) -> i32 {
+        match self.row[agent] {
+            NOTHING => 0,
+            _ if self.ways[agent] >> direction & 1 == 1 => 1,
+            _ => -1,
+        }
     }
 
     /// Whether an agent has nothing left to do at `v`.
@@ -362,9 +367,17 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 self.stays[agent] = last.is_some_and(|&last| sharers[last as usize] == 1);
             }
         }
-        let tables = Gradients::row_bytes(graph).saturating_mul(agents as u64);
-        if query.memory_limit > 0 && tables > query.memory_limit {
-            return Ok((plan_of(&paths_of(&[starts]), graph), End::Memory));
+        let limit = match query.memory_limit {
+            0 => u64::MAX,
+            bytes => bytes,
+        };
+        let end = match self.gradients.expect(graph, agents, limit, stop) {
+            Expected::Ready => None,
+            Expected::Stopped => Some(End::Stopped),
+            Expected::TooLarge => Some(End::Memory),
+        };
+        if let Some(end) = end {
+            return Ok((plan_of(&paths_of(&[starts]), graph), end));
         }
         let mut random = Random::new(query.seed, 0);
         let mut best = Attempt {
@@ -498,17 +511,13 @@ impl<'a, R: Ranking> Fleet<'a, R> {
     }
 
     /// By how much a step brings the agents nearer to their goals, all in all.
-    fn progress(&mut self, now: &[Vertex], next: &[Vertex]) -> i64 {
-        let graph = self.graph;
-        let mut progress = 0;
-        for (agent, (&from, &to)) in now.iter().zip(next).enumerate() {
-            let row = self.row[agent];
-            if from != to && row != NOTHING {
-                let nearer = self.gradients.nearer(graph, row, to, from);
-                progress += if nearer { 1 } else { -1 };
-            }
-        }
-        progress
+    fn progress(&self, now: &[Vertex], next: &[Vertex]) -> i64 {
+        let moves = now.iter().zip(next).enumerate();
+        moves
+            .filter(|(_, (from, to))| from != to)
+            .map(|(agent, (&from, &to))| self.gain(agent, direction_to(self.graph, from, to)))
+            .map(i64::from)
+            .sum()
     }
 
     /// Makes a step; gives what it is worth.
@@ -532,4 +541,11 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             _ => self.distance[agent],
         }
     }
+}
+
+/// The direction from a vertex to its neighbour.
+#[inline]
+fn direction_to(graph: &Graph, from: Vertex, to: Vertex) -> u8 {
+    let found = graph.around(from).iter().position(|u| *u == to);
+    found.map_or(NOWHERE, |d| d as u8)
 }

@@ -349,23 +349,37 @@ impl<'g> Pibt<'g> {
         puller_at: Vertex,
         wishes: &mut impl Wishes,
     ) -> bool {
-        let graph = self.graph;
         let (pusher, puller) = (pusher as usize, puller as usize);
         let (mut behind, mut ahead) = (pusher_at, puller_at);
-        loop {
-            if !wishes.nearer(graph, pusher, ahead, behind) {
-                return wishes.rests(pusher, behind)
-                    && wishes.willing(graph, puller, behind, ahead);
+        // The end of the corridor first: most lead to a wide place, which takes no table to
+        // see. One that leads back here has no end.
+        let rests = loop {
+            if wishes.rests(pusher, behind) {
+                break true;
             }
             match self.exits(ahead, behind, wishes) {
                 Exits::Several => return false,
-                Exits::None => return wishes.willing(graph, puller, behind, ahead),
-                Exits::One(exit) => {
-                    behind = ahead;
-                    ahead = exit;
-                }
+                Exits::None => break false,
+                Exits::One(exit) if exit == pusher_at => return false,
+                Exits::One(exit) => (behind, ahead) = (ahead, exit),
+            }
+        };
+        let end = behind;
+        if !wishes.willing(self.graph, puller, behind, ahead) {
+            return false;
+        }
+        // Whether the pusher wants to go there.
+        (behind, ahead) = (pusher_at, puller_at);
+        while !(rests && behind == end) {
+            if !wishes.nearer(self.graph, pusher, ahead, behind) {
+                return false;
+            }
+            match self.exits(ahead, behind, wishes) {
+                Exits::One(exit) => (behind, ahead) = (ahead, exit),
+                _ => break,
             }
         }
+        true
     }
 
     /// Whether pulling leads from `ahead` to a place wide enough to change places.
@@ -396,6 +410,9 @@ impl<'g> Pibt<'g> {
     /// goal is no way.
     #[inline]
     fn exits(&self, v: Vertex, back: Vertex, wishes: &impl Wishes) -> Exits {
+        if self.graph.is_open(v) {
+            return Exits::Several;
+        }
         let mut found = Exits::None;
         for u in self.graph.neighbors(v) {
             if u == back {

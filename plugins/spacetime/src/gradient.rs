@@ -12,6 +12,7 @@
 use std::collections::VecDeque;
 
 use crate::graph::{DIRECTIONS, Graph, Vertex};
+use crate::labels::{Labels, TooFar};
 
 /// One vertex in so many has its distance written out: a number that has no factor in
 /// common with the width of most maps, so that ways up and down meet them as well.
@@ -22,6 +23,8 @@ const PER_BYTE: usize = 4;
 const UNKNOWN: u8 = 0;
 /// No row.
 const NONE: u32 = u32::MAX;
+/// Bytes of labels per vertex that there are at least, as a rule.
+const SHORTEST: u64 = 32;
 
 /// The code of vertices one step nearer.
 #[inline]
@@ -45,7 +48,7 @@ struct Row {
     frontier: Vec<Vertex>,
     level: u32,
     /// How many hold this row, and how often it was let go: only the entry of the last
-    /// time in [`Gradients::idle`] counts.
+    /// time in [`Rows::idle`] counts.
     holders: u32,
     released: u32,
 }
@@ -116,10 +119,141 @@ impl Row {
     }
 }
 
-/// Tables of goals, kept while there is room.
+/// The ways to goals: by tables, or by labels where these take less memory.
 #[derive(Debug)]
 pub struct Gradients {
-    rows: Vec<Row>,
+    rows: Rows,
+    /// As soon as they have been thought of. Once complete they answer all questions, and
+    /// the handle of a goal is its vertex.
+    labels: Option<Result<Labels, TooFar>>,
+}
+
+/// What [`Gradients::expect`] has come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Expected {
+    /// Questions may be asked.
+    Ready,
+    /// It was asked to stop; the next time it goes on from there.
+    Stopped,
+    /// It would take more memory than it may.
+    TooLarge,
+}
+
+impl Gradients {
+    /// None yet. Tables that nobody holds are kept as long as all together take no more than
+    /// so many bytes.
+    pub fn new(graph: &Graph, bytes: u64) -> Self {
+        Self {
+            rows: Rows::new(graph, bytes),
+            labels: None,
+        }
+    }
+
+    /// Makes ready for so many goals held at a time, in at most `limit` bytes, while none
+    /// is held.
+    pub fn expect(
+        &mut self,
+        graph: &Graph,
+        goals: usize,
+        limit: u64,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Expected {
+        let fits = |bytes| {
+            if bytes <= limit {
+                Expected::Ready
+            } else {
+                Expected::TooLarge
+            }
+        };
+        if let Some(labels) = self.labels() {
+            return fits(labels.bytes());
+        }
+        let tables = Rows::bytes(graph).saturating_mul(goals as u64);
+        if self.labels.is_none() && tables > graph.len() as u64 * SHORTEST {
+            self.labels = Some(Ok(Labels::new(graph)));
+        }
+        if let Some(Ok(labels)) = &mut self.labels
+            && labels.bytes() < tables
+        {
+            if labels.bytes() > limit {
+                return Expected::TooLarge;
+            }
+            match labels.complete(graph, stop) {
+                Ok(true) => {
+                    self.rows = Rows::new(graph, 0);
+                    return Expected::Ready;
+                }
+                Ok(false) => return Expected::Stopped,
+                Err(too_far) => self.labels = Some(Err(too_far)),
+            }
+        }
+        fits(tables)
+    }
+
+    #[inline]
+    fn labels(&self) -> Option<&Labels> {
+        let labels = self.labels.as_ref()?.as_ref().ok();
+        labels.filter(|labels| labels.is_complete())
+    }
+
+    /// A handle for questions about a goal; it is good until it is
+    /// [released](Self::release) as often as it was held.
+    pub fn hold(&mut self, graph: &Graph, goal: Vertex) -> u32 {
+        match self.labels() {
+            Some(_) => goal,
+            None => self.rows.hold(graph, goal),
+        }
+    }
+
+    /// Lets go of a goal.
+    pub fn release(&mut self, at: u32) {
+        if self.labels().is_none() {
+            self.rows.release(at);
+        }
+    }
+
+    /// The goal of a handle.
+    pub fn goal(&self, at: u32) -> Vertex {
+        match self.labels() {
+            Some(_) => at,
+            None => self.rows.goal(at),
+        }
+    }
+
+    /// The distance from `v` to a goal; `None` when there is no way.
+    pub fn distance(&mut self, graph: &Graph, at: u32, v: Vertex) -> Option<u32> {
+        match self.labels() {
+            Some(labels) => labels.distance(at, v),
+            None => self.rows.distance(graph, at, v),
+        }
+    }
+
+    /// The directions that lead nearer to a goal from `v`, which is so far away, a bit each.
+    #[inline]
+    pub fn directions(&mut self, graph: &Graph, at: u32, v: Vertex, distance: u32) -> u8 {
+        match self.labels() {
+            Some(labels) => labels.directions(graph, at, v, distance),
+            None => self.rows.directions(graph, at, v),
+        }
+    }
+
+    /// Whether `a` is nearer to a goal than its neighbour `b`.
+    #[inline]
+    pub fn nearer(&mut self, graph: &Graph, at: u32, a: Vertex, b: Vertex) -> bool {
+        let Some(labels) = self.labels() else {
+            return self.rows.nearer(graph, at, a, b);
+        };
+        let there = labels.distance(at, b);
+        labels
+            .distance(at, a)
+            .is_some_and(|a| there.is_some_and(|b| a < b))
+    }
+}
+
+/// Tables of goals, kept while there is room.
+#[derive(Debug)]
+struct Rows {
+    kept: Vec<Row>,
     /// The row of each goal.
     row_of: Vec<u32>,
     /// Rows that nobody holds, longest unused first, with [`Row::released`] of then.
@@ -129,20 +263,20 @@ pub struct Gradients {
     spare: Vec<Vertex>,
 }
 
-impl Gradients {
+impl Rows {
     /// Tables that may take about so many bytes beyond those that are in use.
-    pub fn new(graph: &Graph, bytes: u64) -> Self {
+    fn new(graph: &Graph, bytes: u64) -> Self {
         Self {
-            rows: Vec::new(),
+            kept: Vec::new(),
             row_of: vec![NONE; graph.len()],
             idle: VecDeque::new(),
-            capacity: usize::try_from(bytes / Self::row_bytes(graph)).unwrap_or(usize::MAX),
+            capacity: usize::try_from(bytes / Self::bytes(graph)).unwrap_or(usize::MAX),
             spare: Vec::new(),
         }
     }
 
     /// Bytes of one row.
-    pub fn row_bytes(graph: &Graph) -> u64 {
+    fn bytes(graph: &Graph) -> u64 {
         let vertices = graph.len() + 1;
         let codes = vertices.div_ceil(PER_BYTE);
         (codes + vertices.div_ceil(MILESTONE) * size_of::<u32>() + size_of::<Row>()) as u64
@@ -150,24 +284,24 @@ impl Gradients {
 
     /// The row of a goal, for questions; it stays until it is [released](Self::release) as
     /// often as it was held.
-    pub fn hold(&mut self, graph: &Graph, goal: Vertex) -> u32 {
+    fn hold(&mut self, graph: &Graph, goal: Vertex) -> u32 {
         let mut at = self.row_of[goal as usize];
         if at == NONE {
             at = self.place(graph);
-            let row = &mut self.rows[at as usize];
+            let row = &mut self.kept[at as usize];
             row.reset(graph, goal);
             self.row_of[goal as usize] = at;
         }
-        self.rows[at as usize].holders += 1;
+        self.kept[at as usize].holders += 1;
         at
     }
 
     /// A row for a goal that has none: that of one not asked for longest, if there are
     /// enough.
     fn place(&mut self, graph: &Graph) -> u32 {
-        if self.rows.len() >= self.capacity {
+        if self.kept.len() >= self.capacity {
             while let Some((at, released)) = self.idle.pop_front() {
-                let row = &self.rows[at as usize];
+                let row = &self.kept[at as usize];
                 if row.holders == 0 && row.released == released {
                     self.row_of[row.goal as usize] = NONE;
                     return at;
@@ -175,7 +309,7 @@ impl Gradients {
             }
         }
         let vertices = graph.len() + 1;
-        self.rows.push(Row {
+        self.kept.push(Row {
             goal: 0,
             codes: vec![UNKNOWN; vertices.div_ceil(PER_BYTE)].into(),
             milestones: vec![0; vertices.div_ceil(MILESTONE)].into(),
@@ -184,35 +318,35 @@ impl Gradients {
             holders: 0,
             released: 0,
         });
-        self.rows.len() as u32 - 1
+        self.kept.len() as u32 - 1
     }
 
     /// Lets go of a row.
-    pub fn release(&mut self, at: u32) {
-        let row = &mut self.rows[at as usize];
+    fn release(&mut self, at: u32) {
+        let row = &mut self.kept[at as usize];
         row.holders -= 1;
         if row.holders == 0 {
             row.released = row.released.wrapping_add(1);
             // What is out of date goes when it makes up most of the list.
-            if self.idle.len() > 2 * self.rows.len() {
-                let rows = &self.rows;
+            if self.idle.len() > 2 * self.kept.len() {
+                let kept = &self.kept;
                 self.idle.retain(|&(at, released)| {
-                    let row = &rows[at as usize];
+                    let row = &kept[at as usize];
                     row.holders == 0 && row.released == released
                 });
             }
-            self.idle.push_back((at, self.rows[at as usize].released));
+            self.idle.push_back((at, self.kept[at as usize].released));
         }
     }
 
     /// The goal of a row.
-    pub fn goal(&self, at: u32) -> Vertex {
-        self.rows[at as usize].goal
+    fn goal(&self, at: u32) -> Vertex {
+        self.kept[at as usize].goal
     }
 
     /// The distance from `v` to the goal of a row; `None` when there is no way.
-    pub fn distance(&mut self, graph: &Graph, at: u32, v: Vertex) -> Option<u32> {
-        let row = &mut self.rows[at as usize];
+    fn distance(&mut self, graph: &Graph, at: u32, v: Vertex) -> Option<u32> {
+        let row = &mut self.kept[at as usize];
         if !row.reaches(graph, v, &mut self.spare) {
             return None;
         }
@@ -237,8 +371,8 @@ impl Gradients {
     /// The directions that lead from `v` nearer to the goal of a row, a bit each; none
     /// when there is no way.
     #[inline]
-    pub fn directions(&mut self, graph: &Graph, at: u32, v: Vertex) -> u8 {
-        let row = &mut self.rows[at as usize];
+    fn directions(&mut self, graph: &Graph, at: u32, v: Vertex) -> u8 {
+        let row = &mut self.kept[at as usize];
         if !row.reaches(graph, v, &mut self.spare) {
             return 0;
         }
@@ -253,8 +387,8 @@ impl Gradients {
 
     /// Whether `a` is nearer to the goal of a row than its neighbour `b`.
     #[inline]
-    pub fn nearer(&mut self, graph: &Graph, at: u32, a: Vertex, b: Vertex) -> bool {
-        let row = &mut self.rows[at as usize];
+    fn nearer(&mut self, graph: &Graph, at: u32, a: Vertex, b: Vertex) -> bool {
+        let row = &mut self.kept[at as usize];
         // If only one of two neighbours is known, it is the nearer one.
         row.reaches(graph, a, &mut self.spare)
             && matches!(row.code(b), code if code == UNKNOWN || code == further(row.code(a)))
@@ -274,43 +408,95 @@ mod tests {
         Graph::new(side, side, &passable)
     }
 
-    #[test]
-    fn agrees_with_tables_of_distances_in_any_order_of_questions() {
-        for seed in 0..20 {
-            let graph = rubble(24, seed);
-            let mut random = Random::new(seed, 1);
-            // Room for three rows, seven held at a time: goals come and go.
-            let mut gradients = Gradients::new(&graph, 3 * Gradients::row_bytes(&graph));
-            let mut held: VecDeque<u32> = VecDeque::new();
-            for _ in 0..60 {
-                let goal = random.below(graph.len()) as Vertex;
-                let row = gradients.hold(&graph, goal);
-                held.push_back(row);
-                if held.len() > 7 {
-                    gradients.release(held.pop_front().unwrap());
-                }
-                let mut distances = Distances::new(&graph, &[goal]);
-                for _ in 0..30 {
-                    let v = random.below(graph.len()) as Vertex;
-                    let truth = distances.get(0, v);
-                    let reachable = truth != u32::MAX;
-                    assert_eq!(gradients.goal(row), goal);
-                    assert_eq!(
-                        gradients.distance(&graph, row, v),
-                        reachable.then_some(truth)
-                    );
-                    let directions = gradients.directions(&graph, row, v);
-                    for (d, &u) in graph.around(v).iter().enumerate() {
-                        let nearer = u != graph.wall() && distances.get(0, u) < truth;
-                        assert_eq!(directions >> d & 1 == 1, nearer);
-                        if u != graph.wall() {
-                            assert_eq!(gradients.nearer(&graph, row, u, v), nearer);
-                        }
+    /// Questions in any order, with goals that come and go.
+    fn agrees(graph: &Graph, gradients: &mut Gradients, random: &mut Random) {
+        let mut held: VecDeque<u32> = VecDeque::new();
+        for _ in 0..60 {
+            let goal = random.below(graph.len()) as Vertex;
+            let at = gradients.hold(graph, goal);
+            held.push_back(at);
+            if held.len() > 7 {
+                gradients.release(held.pop_front().unwrap());
+            }
+            let mut distances = Distances::new(graph, &[goal]);
+            for _ in 0..30 {
+                let v = random.below(graph.len()) as Vertex;
+                let truth = distances.get(0, v);
+                let reachable = truth != u32::MAX;
+                assert_eq!(gradients.goal(at), goal);
+                assert_eq!(gradients.distance(graph, at, v), reachable.then_some(truth));
+                let directions = if reachable {
+                    gradients.directions(graph, at, v, truth)
+                } else {
+                    0
+                };
+                for (d, &u) in graph.around(v).iter().enumerate() {
+                    let nearer = u != graph.wall() && distances.get(0, u) < truth;
+                    assert_eq!(directions >> d & 1 == 1, nearer);
+                    if u != graph.wall() {
+                        assert_eq!(gradients.nearer(graph, at, u, v), nearer);
                     }
                 }
             }
-            assert!(gradients.rows.len() <= 9, "{}", gradients.rows.len());
-            assert!(gradients.idle.len() <= 2 * gradients.rows.len() + 1);
         }
+    }
+
+    #[test]
+    fn tables_agree_with_searches() {
+        for seed in 0..20 {
+            let graph = rubble(24, seed);
+            // Room for three rows, seven held at a time.
+            let mut gradients = Gradients::new(&graph, 3 * Rows::bytes(&graph));
+            let ready = gradients.expect(&graph, 7, u64::MAX, &mut || false);
+            assert_eq!(ready, Expected::Ready);
+            agrees(&graph, &mut gradients, &mut Random::new(seed, 1));
+            assert!(gradients.labels().is_none());
+            let rows = gradients.rows;
+            assert!(rows.kept.len() <= 9, "{}", rows.kept.len());
+            assert!(rows.idle.len() <= 2 * rows.kept.len() + 1);
+        }
+    }
+
+    #[test]
+    fn labels_agree_with_searches() {
+        for seed in 0..20 {
+            let graph = rubble(24, seed);
+            let mut gradients = Gradients::new(&graph, 0);
+            // Asked to stop every other time, it gets on all the same.
+            let mut asked = 0;
+            let mut stop = || {
+                asked += 1;
+                asked % 2 == 0
+            };
+            while gradients.expect(&graph, 10_000, u64::MAX, &mut stop) == Expected::Stopped {}
+            assert!(asked > 2);
+            agrees(&graph, &mut gradients, &mut Random::new(seed, 1));
+            assert!(gradients.labels().is_some());
+            assert!(gradients.rows.kept.is_empty());
+        }
+    }
+
+    #[test]
+    fn what_takes_more_than_the_limit_is_not_begun() {
+        let graph = rubble(24, 0);
+        let mut gradients = Gradients::new(&graph, 0);
+        let mut expect = |goals, limit| gradients.expect(&graph, goals, limit, &mut || false);
+        assert_eq!(expect(7, Rows::bytes(&graph) * 7 - 1), Expected::TooLarge);
+        assert_eq!(expect(7, Rows::bytes(&graph) * 7), Expected::Ready);
+        assert_eq!(expect(10_000, 1000), Expected::TooLarge);
+        assert_eq!(expect(10_000, 1 << 20), Expected::Ready);
+    }
+
+    #[test]
+    fn on_a_way_too_long_for_labels_there_are_tables() {
+        let graph = Graph::new(1, 70_000, &vec![true; 70_000]);
+        let mut gradients = Gradients::new(&graph, 0);
+        for _ in 0..2 {
+            let ready = gradients.expect(&graph, 10_000, u64::MAX, &mut || false);
+            assert_eq!(ready, Expected::Ready);
+            assert!(gradients.labels().is_none());
+        }
+        let at = gradients.hold(&graph, 69_999);
+        assert_eq!(gradients.distance(&graph, at, 0), Some(69_999));
     }
 }

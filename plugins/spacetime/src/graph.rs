@@ -33,8 +33,10 @@ pub fn direction(heading: Heading) -> u8 {
 pub struct Graph {
     neighbors: Vec<[Vertex; DIRECTIONS]>,
     degrees: Vec<u8>,
+    open: Vec<bool>,
     cells: Vec<u32>,
     vertices: Vec<Vertex>,
+    cols: u32,
 }
 
 impl Graph {
@@ -65,11 +67,17 @@ impl Graph {
         }
         neighbors.push([wall; DIRECTIONS]);
         degrees.push(0);
+        let leads_on = |v: &Vertex| degrees[*v as usize] > 1;
+        let open =
+            |around: &[Vertex; DIRECTIONS]| around.iter().filter(|v| leads_on(v)).count() > 2;
+        let open = neighbors.iter().map(open).collect();
         Self {
             neighbors,
             degrees,
+            open,
             cells,
             vertices,
+            cols: cols as u32,
         }
     }
 
@@ -109,10 +117,24 @@ impl Graph {
         u32::from(self.degrees[v as usize])
     }
 
+    /// Whether at least two ways lead on from `v` from wherever one comes, dead ends of a
+    /// single cell not counted.
+    #[inline]
+    pub fn is_open(&self, v: Vertex) -> bool {
+        self.open[v as usize]
+    }
+
     /// The grid cell of a vertex.
     #[inline]
     pub fn cell(&self, v: Vertex) -> u32 {
         self.cells[v as usize]
+    }
+
+    /// Row and column of a vertex.
+    #[inline]
+    pub fn place(&self, v: Vertex) -> [u32; 2] {
+        let cell = self.cell(v);
+        [cell / self.cols, cell % self.cols]
     }
 
     /// The vertex of a grid cell, or `None` for an obstacle or a cell off the map.

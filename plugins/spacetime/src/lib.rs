@@ -10,6 +10,7 @@
 //! - [`problem::Problem`]: what an instance of the contract asks, with all that is lifelong:
 //!   goals in sequence, windows, headings;
 //! - [`gradient::Gradients`]: the ways to many goals, for fleets of thousands;
+//! - [`labels::Labels`]: distances between any two places, with no search per goal;
 //! - [`reservation::Reservations`]: who is where when;
 //! - [`sipp::Sipp`]: the best path of one agent among the paths of others;
 //! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
@@ -29,6 +30,7 @@ pub mod constraints;
 pub mod distance;
 pub mod gradient;
 pub mod graph;
+pub mod labels;
 pub mod neighborhood;
 pub mod plan;
 pub mod plugin;
