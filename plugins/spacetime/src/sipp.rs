@@ -300,6 +300,9 @@ impl Sipp {
 
     #[inline]
     fn push(&mut self, bucket: usize, state: State) {
+        // A later arrival that meets fewer than the one before it comes too late for its
+        // bucket, where both are less than the least length.
+        let bucket = bucket.max(self.current);
         if bucket >= self.used {
             if bucket >= self.buckets.len() {
                 self.buckets.resize_with(bucket + 1, Vec::new);
