@@ -275,7 +275,7 @@ impl Rule for Windowed {
                     break;
                 }
                 let goal = fleet.reachable(agent, cell)?;
-                steps += u64::from(fleet.ground.manhattan(here, goal));
+                steps += u64::from(fleet.ground.graph.manhattan(here, goal));
                 here = goal;
                 cells.push(cell);
             }
@@ -334,7 +334,7 @@ impl Rule for Distinct {
             let goal = group[0].0;
             let mut agents: Vec<(u32, usize)> = group
                 .iter()
-                .map(|(_, agent)| (ground.manhattan(at[*agent], goal), *agent))
+                .map(|(_, agent)| (ground.graph.manhattan(at[*agent], goal), *agent))
                 .collect();
             agents.sort_unstable();
             // The nearest keeps its goal: it comes nearer and so it goes on being the one,

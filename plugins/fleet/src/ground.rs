@@ -76,13 +76,6 @@ impl Ground {
         };
         cells.iter().enumerate().map(place).collect()
     }
-
-    /// Steps between two vertices if nothing were in the way.
-    pub(crate) fn manhattan(&self, a: Vertex, b: Vertex) -> u32 {
-        let (a, b) = (self.graph.cell(a), self.graph.cell(b));
-        let (rows, cols) = (a / self.cols, a % self.cols);
-        rows.abs_diff(b / self.cols) + cols.abs_diff(b % self.cols)
-    }
 }
 
 /// Searches on a map, with memory that they share.
@@ -157,7 +150,7 @@ impl<'g> Search<'g> {
         self.far.clear();
         // A vertex is settled when it is taken, by the number of the search.
         self.near.push((from, 0));
-        let mut estimate = ground.manhattan(from, to);
+        let mut estimate = ground.graph.manhattan(from, to);
         while estimate <= most {
             while let Some((v, steps)) = self.near.pop() {
                 if self.seen[v as usize] == self.number {
@@ -167,12 +160,12 @@ impl<'g> Search<'g> {
                 if v == to {
                     return Some(steps);
                 }
-                let left = estimate - steps;
-                for near in ground.graph.neighbors(v) {
-                    if self.seen[near as usize] == self.number {
+                let towards = ground.graph.towards(v, to);
+                for (&near, towards) in ground.graph.around(v).iter().zip(towards) {
+                    if near == ground.graph.wall() || self.seen[near as usize] == self.number {
                         continue;
                     }
-                    let stack = if ground.manhattan(near, to) < left {
+                    let stack = if towards {
                         &mut self.near
                     } else {
                         &mut self.far

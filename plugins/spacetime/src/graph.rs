@@ -137,6 +137,21 @@ impl Graph {
         [cell / self.cols, cell % self.cols]
     }
 
+    /// Steps between two vertices if nothing were in the way.
+    #[inline]
+    pub fn manhattan(&self, a: Vertex, b: Vertex) -> u32 {
+        let ([row, col], [to_row, to_col]) = (self.place(a), self.place(b));
+        row.abs_diff(to_row) + col.abs_diff(to_col)
+    }
+
+    /// Which directions would lead nearer from one vertex to another if nothing were in the
+    /// way.
+    #[inline]
+    pub fn towards(&self, from: Vertex, to: Vertex) -> [bool; DIRECTIONS] {
+        let ([row, col], [to_row, to_col]) = (self.place(from), self.place(to));
+        [row > to_row, col < to_col, row < to_row, col > to_col]
+    }
+
     /// The vertex of a grid cell, or `None` for an obstacle or a cell off the map.
     #[inline]
     pub fn vertex(&self, cell: u32) -> Option<Vertex> {

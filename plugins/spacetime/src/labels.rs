@@ -167,12 +167,10 @@ impl Labels {
     /// it, a bit each.
     #[inline]
     pub fn directions(&self, graph: &Graph, goal: Vertex, v: Vertex, distance: u32) -> u8 {
-        let ([row, col], [to_row, to_col]) = (graph.place(v), graph.place(goal));
-        let straight = row.abs_diff(to_row) + col.abs_diff(to_col);
-        let towards = [row > to_row, col < to_col, row < to_row, col > to_col];
-        let around = graph.around(v);
-        // Where the way is straight, it cannot become shorter by going away.
-        let possible = |d: usize| around[d] != graph.wall() && (straight < distance || towards[d]);
+        let (around, towards) = (graph.around(v), graph.towards(v, goal));
+        // Where the way is as short as can be, it does not become shorter by going away.
+        let detour = distance > graph.manhattan(v, goal);
+        let possible = |d: usize| around[d] != graph.wall() && (detour || towards[d]);
         let mut left = (0..DIRECTIONS).filter(|d| possible(*d)).count();
         let mut nearer = 0;
         for d in (0..DIRECTIONS).filter(|d| possible(*d)) {
