@@ -44,11 +44,12 @@ fn refused(error: &ProblemError) -> Failure {
 
 /// Whether an instance is more than one goal of its own for each agent.
 fn is_lifelong(instance: &Instance) -> bool {
-    let mut goals = instance.goals.cells().to_vec();
-    goals.sort_unstable();
-    instance.window_steps > 0
-        || goals.windows(2).any(|pair| pair[0] == pair[1])
-        || instance.goals.iter().any(|goals| goals.len() != 1)
+    let shared = || {
+        let mut goals = instance.goals.cells().to_vec();
+        goals.sort_unstable();
+        goals.windows(2).any(|pair| pair[0] == pair[1])
+    };
+    instance.window_steps > 0 || instance.goals.iter().any(|goals| goals.len() != 1) || shared()
 }
 
 impl Prepared {
