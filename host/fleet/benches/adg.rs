@@ -116,7 +116,7 @@ fn report(adg: &mut Adg, done: &mut [u32], block: usize) {
         let (_, enqueued) = adg.progress(agent);
         if done[agent] < enqueued {
             done[agent] += 1;
-            adg.complete(agent, done[agent], &mut |_| {});
+            adg.complete(agent, done[agent], done[agent], &mut |_| {});
         }
     }
 }

@@ -5,7 +5,8 @@
 //! al., "Persistent and robust execution of MAPF schedules in warehouses", RA-L 2019).
 //! A *node* is a robot's move to an adjacent cell, with the turns before it and the
 //! dwelling after it; waits are dropped. It depends on the robot's node before it, and
-//! on every earlier visitor of its cell having done the node that leaves the cell.
+//! on every earlier visitor having left its cell: having done the node that leaves it, or
+//! being far enough on its way.
 //!
 //! The second kind of edge is not stored. Every cell has a queue of visits in passing
 //! order, from which a visit goes when it is over, so that a node's edges are satisfied
@@ -151,7 +152,8 @@ struct Visit {
     ahead: u32,
     behind: u32,
     heading: Heading,
-    /// Which batch it came with, and at which step of it the move is made.
+    /// Which batch it came with, and after which step of it the node begins: turns that take
+    /// steps are part of it.
     batch: u32,
     step: u32,
 }
@@ -166,6 +168,9 @@ struct Robot {
     /// Numbers of the last visits that are done, and enqueued.
     done: u32,
     enqueued: u32,
+    /// Whether it has left the cell where it was when its last node was done, so that its
+    /// visit there is in no queue.
+    left: bool,
     /// Actions of all nodes that are not done.
     actions: u32,
     /// The first goal that no node reaches, and its cell as of the last append.
@@ -209,6 +214,8 @@ pub struct Adg {
     /// How many batches were appended, and the step of the last one that is being appended.
     batches: u32,
     step: u32,
+    /// Whether turns take steps in it.
+    turning: bool,
     /// A bit per robot whose next node may have become free to be enqueued.
     ready: Vec<u64>,
     // Memory that calls would else ask for each time.
@@ -275,6 +282,7 @@ impl Adg {
                 next: NONE,
                 done: 0,
                 enqueued: 0,
+                left: false,
                 actions: 0,
                 next_goal: 0,
                 goal_cell: OFF_MAP,
@@ -292,6 +300,7 @@ impl Adg {
             pending: 0,
             batches: 0,
             step: 0,
+            turning: false,
             active: Vec::new(),
             movers: Vec::new(),
             stack: Vec::new(),
@@ -319,7 +328,8 @@ impl Adg {
         let mut active = mem::take(&mut self.active);
         active.clear();
         self.batches = self.batches.wrapping_add(1);
-        self.step = 1;
+        self.step = 0;
+        self.turning = batch.turning();
         for agent in 0..self.robots.len() {
             let robot = &mut self.robots[agent];
             robot.goal_cell = goals(agent, robot.next_goal);
@@ -330,7 +340,7 @@ impl Adg {
         }
         let mut time = 1;
         while !active.is_empty() {
-            self.step = time as u32;
+            self.step = time as u32 - 1;
             self.movers.clear();
             for &agent in &active {
                 let path = batch.path(agent as usize);
@@ -481,6 +491,10 @@ impl Adg {
             node.actions += self.costs.dwell;
         }
         let robot = &mut self.robots[agent];
+        let turns = self.visits[robot.tail as usize]
+            .heading
+            .quarters_to(heading);
+        let turning = if self.turning { turns } else { 0 };
         let visit = Visit {
             node,
             agent: agent as u32,
@@ -491,7 +505,7 @@ impl Adg {
             behind: NONE,
             heading,
             batch: self.batches,
-            step: self.step,
+            step: self.step.saturating_sub(turning),
         };
         let at = if let Some(at) = self.free.pop() {
             self.visits[at as usize] = visit;
@@ -527,6 +541,18 @@ impl Adg {
         match behind {
             NONE => place.back = ahead,
             behind => self.visits[behind as usize].ahead = ahead,
+        }
+        let visit = &mut self.visits[at as usize];
+        (visit.ahead, visit.behind) = (NONE, NONE);
+    }
+
+    /// A visit is over: takes it out of its cell's queue, and has the next one looked at.
+    fn end_visit(&mut self, at: u32) {
+        let behind = self.visits[at as usize].behind;
+        self.unlink(at);
+        if let Some(next) = self.visits.get(behind as usize) {
+            let agent = next.agent as usize;
+            self.ready[agent / 64] |= 1 << (agent % 64);
         }
     }
 
@@ -612,7 +638,7 @@ impl Adg {
                     if visit.ahead != NONE {
                         begin_s = begin_s.max(free_s[before.after as usize]);
                     }
-                    let planned_s = f64::from(visit.step.saturating_sub(1)) * pace.move_s - since_s;
+                    let planned_s = f64::from(visit.step) * pace.move_s - since_s;
                     let is_new = visit.batch == self.batches;
                     if begin_s >= horizon_s || is_new && planned_s >= horizon_s {
                         break;
@@ -731,16 +757,19 @@ impl Adg {
         }
     }
 
-    /// The robot has done its first `done` nodes since the start; tells of those that are
-    /// news. Fewer than were known to be done are no news. More than were enqueued cannot
-    /// be: it has done what was enqueued then.
-    pub fn complete(&mut self, agent: usize, done: u32, tell: &mut dyn FnMut(&Node)) {
-        let done = done.min(self.robots[agent].enqueued);
+    /// The robot has done its first `done` nodes since the start, and has left the cells
+    /// from which its first `left` nodes lead; tells of those done that are news. Fewer than
+    /// were known are no news. More than were enqueued cannot be: it has done what was
+    /// enqueued then.
+    pub fn complete(&mut self, agent: usize, done: u32, left: u32, tell: &mut dyn FnMut(&Node)) {
+        let enqueued = self.robots[agent].enqueued;
+        let done = done.min(enqueued);
         while self.robots[agent].done < done {
             let robot = &mut self.robots[agent];
             let over = robot.head;
             robot.head = self.visits[over as usize].after;
             robot.done += 1;
+            let has_left = mem::take(&mut robot.left);
             let head = robot.head;
             let was = self.visits[over as usize];
             let node = self.visits[head as usize].node;
@@ -755,17 +784,21 @@ impl Adg {
                     NONE => place.back = head,
                     behind => self.visits[behind as usize].ahead = head,
                 }
-            } else {
-                self.unlink(over);
-                if let Some(next) = self.visits.get(was.behind as usize) {
-                    let agent = next.agent as usize;
-                    self.ready[agent / 64] |= 1 << (agent % 64);
-                }
+            } else if !has_left {
+                self.end_visit(over);
             }
             self.visits[head as usize].before = NONE;
             self.free.push(over);
             self.ready[agent / 64] |= 1 << (agent % 64);
             tell(&node);
+        }
+        let robot = &mut self.robots[agent];
+        if !robot.left && robot.done < left.min(enqueued) {
+            let (head, visit) = (robot.head, self.visits[robot.head as usize]);
+            if self.visits[visit.after as usize].node.cell != visit.node.cell {
+                robot.left = true;
+                self.end_visit(head);
+            }
         }
     }
 

@@ -15,6 +15,7 @@ pub struct Batch {
     plan: GridPlan,
     /// Most cells of a path that count.
     length: usize,
+    turning: bool,
 }
 
 impl Batch {
@@ -28,6 +29,11 @@ impl Batch {
     pub fn path(&self, agent: usize) -> &[u32] {
         let path = self.plan.path(agent);
         &path[..path.len().min(self.length)]
+    }
+
+    /// Whether turning by 90° takes a step of the plan.
+    pub fn turning(&self) -> bool {
+        self.turning
     }
 
     /// The plan as it was returned.
@@ -75,15 +81,13 @@ impl std::error::Error for Refused {}
 /// window is not executed. Goals are not looked at.
 pub fn judge(grid: &Grid, instance: &Instance, plan: GridPlan) -> Result<Batch, Box<Refused>> {
     let window = instance.window_steps;
+    let turning = instance.motion == Motion::Rotation;
     let terms = Terms {
         grid,
         connectivity: Connectivity::Four,
         starts: &instance.starts,
         goals: None,
-        headings: match instance.motion {
-            Motion::Rotation => instance.headings.as_deref(),
-            Motion::Pebble | Motion::AnyAngle => None,
-        },
+        headings: instance.headings.as_deref().filter(|_| turning),
         window_steps: window,
     };
     let verdict = validate_terms(&terms, &plan, DESCRIBED);
@@ -94,5 +98,9 @@ pub fn judge(grid: &Grid, instance: &Instance, plan: GridPlan) -> Result<Batch, 
         0 => usize::MAX,
         window => window as usize + 1,
     };
-    Ok(Batch { plan, length })
+    Ok(Batch {
+        plan,
+        length,
+        turning,
+    })
 }

@@ -252,7 +252,7 @@ impl FleetConfig {
     /// they need to a stop and until they hear that they need not stop. Without it they would
     /// brake before every answer, however much it gives them to do.
     fn beyond_s(&self, fleet: Option<&Fleet>) -> f64 {
-        let stops = models(fleet).map(Model::longest_stop_m);
+        let stops = models(fleet).map(Model::usual_stop_m);
         let cells = stops.fold(0.0, f64::max) / self.sim.cell_size_m;
         cells * self.sim.step_s + self.sim.message_period_s
     }

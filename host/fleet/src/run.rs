@@ -402,7 +402,7 @@ impl<'a> Run<'a> {
         } = self;
         for &agent in live.news() {
             let agent = agent as usize;
-            adg.complete(agent, live.done(agent), &mut |node| {
+            adg.complete(agent, live.done(agent), live.left(agent), &mut |node| {
                 if let Some(goal) = node.goal {
                     tally.goals_reached += 1;
                     assigner.reached(agent, goal);

@@ -7,7 +7,7 @@ mod walks;
 
 use std::collections::{BTreeSet, VecDeque};
 
-use fleetyard_abi::{Heading, Instance};
+use fleetyard_abi::{Heading, Instance, Motion};
 use fleetyard_core::{Grid, GridPlan, OFF_MAP};
 use fleetyard_fleet::adg::{Adg, AdgError, Appended, Costs, Cut, Node, Pace};
 use fleetyard_fleet::batch::{Batch, judge};
@@ -58,6 +58,8 @@ struct Robot {
     told: VecDeque<Node>,
     /// The node that is under way, and how many are done.
     under_way: Option<Node>,
+    /// Whether it is so far on its way that its cell is free.
+    left: bool,
     done: u32,
     /// In which batch and at which step it goes, as planned, for every pending node.
     planned: VecDeque<(usize, usize)>,
@@ -231,10 +233,14 @@ impl Yard {
         for _ in 0..2 * self.robots.len() {
             let agent = self.chance.below(self.robots.len());
             let robot = &mut self.robots[agent];
-            if let Some(node) = robot.under_way.take() {
-                if node.cell != robot.cell {
+            if let Some(node) = robot.under_way {
+                if node.cell != robot.cell && !std::mem::replace(&mut robot.left, true) {
                     self.inside[robot.cell as usize] = None;
+                    if self.chance.unit() < 0.5 {
+                        continue;
+                    }
                 }
+                (robot.under_way, robot.left) = (None, false);
                 robot.cell = node.cell;
                 robot.done += 1;
             } else if let Some(node) = robot.told.pop_front() {
@@ -264,23 +270,25 @@ impl Yard {
         let mut news = Vec::new();
         for (agent, robot) in self.robots.iter().enumerate() {
             if self.chance.unit() < share {
-                news.push((agent, robot.done));
+                let left = robot.done + u32::from(robot.left);
+                news.push((agent, robot.done, left));
                 // Late and repeated ones.
                 if self.chance.unit() < 0.3 {
-                    news.push((agent, robot.done));
-                    news.push((agent, robot.done.saturating_sub(2)));
+                    let earlier = robot.done.saturating_sub(2);
+                    news.push((agent, robot.done, left));
+                    news.push((agent, earlier, robot.done.min(earlier + 1)));
                 }
             }
         }
         let mut twin = self.adg.clone();
         let mut shuffled = news.clone();
         self.chance.shuffle(&mut shuffled);
-        for (agent, done) in shuffled {
-            twin.complete(agent, done, &mut |_| {});
+        for (agent, done, left) in shuffled {
+            twin.complete(agent, done, left, &mut |_| {});
         }
-        for (agent, done) in news {
+        for (agent, done, left) in news {
             let (robot, goals) = (&mut self.robots[agent], &self.goals[agent]);
-            self.adg.complete(agent, done, &mut |node| {
+            self.adg.complete(agent, done, left, &mut |node| {
                 robot.planned.pop_front();
                 robot.known = node.cell;
                 if let Some(goal) = node.goal {
@@ -462,13 +470,13 @@ fn a_goal_where_a_batch_begins_is_reached_there() {
         }]
     );
     let mut done = Vec::new();
-    adg.complete(0, 1, &mut |node| done.push(*node));
+    adg.complete(0, 1, 1, &mut |node| done.push(*node));
     assert_eq!(done, told);
     // And it leaves from there.
     adg.append(&batch(&grid, &[&[1, 2]]), &mut goals).unwrap();
     assert_eq!(adg.visitors(1).collect::<Vec<_>>(), [0]);
     adg.enqueue(5, &mut |_, node| told.push(*node));
-    adg.complete(0, 2, &mut |node| done.push(*node));
+    adg.complete(0, 2, 2, &mut |node| done.push(*node));
     assert_eq!((done.len(), adg.pending()), (2, 0));
     assert_eq!(adg.visitors(1).count(), 0);
 }
@@ -482,15 +490,53 @@ fn who_follows_waits_until_the_cell_is_left() {
     let mut told = Vec::new();
     adg.enqueue(5, &mut |agent, node| told.push((agent, node.cell)));
     assert_eq!(told, [(0, 2), (0, 3)]);
-    adg.complete(0, 1, &mut |_| {});
+    adg.complete(0, 1, 1, &mut |_| {});
     adg.enqueue(5, &mut |agent, node| told.push((agent, node.cell)));
     assert_eq!(told[2..], [(1, 1)]);
     // Old news, and news of what was never sent.
-    adg.complete(0, 0, &mut |_| panic!("nothing new"));
-    adg.complete(0, 99, &mut |node| assert_eq!(node.cell, 3));
-    adg.complete(0, 99, &mut |_| panic!("nothing new"));
+    adg.complete(0, 0, 0, &mut |_| panic!("nothing new"));
+    adg.complete(0, 99, 99, &mut |node| assert_eq!(node.cell, 3));
+    adg.complete(0, 99, 99, &mut |_| panic!("nothing new"));
     adg.enqueue(5, &mut |agent, node| told.push((agent, node.cell)));
     assert_eq!(told[3..], [(1, 2)]);
+}
+
+#[test]
+fn who_follows_may_go_when_the_cell_is_left_before_the_next_one_is_reached() {
+    let grid = open(1, 4);
+    let mut adg = Adg::new(&grid, &[1, 0], &north(2), Costs::default()).unwrap();
+    adg.append(&batch(&grid, &[&[1, 2, 3], &[0, 1, 2]]), &mut no_goals)
+        .unwrap();
+    let mut told = Vec::new();
+    adg.enqueue(5, &mut |agent, node| told.push((agent, node.cell)));
+    adg.complete(0, 0, 1, &mut |_| panic!("nothing is done"));
+    assert_eq!((adg.progress(0), adg.pending()), ((0, 2), 4));
+    adg.enqueue(5, &mut |agent, node| told.push((agent, node.cell)));
+    assert_eq!(told, [(0, 2), (0, 3), (1, 1)]);
+    // Nobody is told of it twice, and what is done is the same in the end.
+    adg.complete(0, 0, 1, &mut |_| panic!("nothing is done"));
+    let mut done = 0;
+    adg.complete(0, 2, 2, &mut |_| done += 1);
+    adg.enqueue(5, &mut |agent, node| told.push((agent, node.cell)));
+    adg.complete(1, 2, 2, &mut |_| done += 1);
+    assert_eq!((done, told.len(), adg.pending()), (4, 4, 0));
+}
+
+/// Otherwise a plan that is made anew every second would never begin to turn about.
+#[test]
+fn a_turn_that_takes_steps_begins_with_the_first_of_them() {
+    let grid = open(1, 4);
+    let west = vec![Heading::West];
+    let mut adg = Adg::new(&grid, &[0], &west, Costs::default()).unwrap();
+    let instance = Instance {
+        headings: Some(west),
+        motion: Motion::Rotation,
+        ..Instance::one_shot(vec![0], vec![2])
+    };
+    let plan = GridPlan::from_paths(&[[0, 0, 0, 1, 2]]);
+    let batch = judge(&grid, &instance, plan).expect("the batch is valid");
+    adg.append(&batch, &mut no_goals).unwrap();
+    assert_eq!(adg.cut_within(0.5, 0.0, &PACE).cells, [1]);
 }
 
 #[test]
@@ -506,9 +552,9 @@ fn a_robot_has_at_most_so_many_nodes_at_a_time() {
     };
     assert_eq!(cells(&mut adg), [1, 2]);
     assert_eq!(cells(&mut adg), [0; 0]);
-    adg.complete(0, 1, &mut |_| {});
+    adg.complete(0, 1, 1, &mut |_| {});
     assert_eq!(cells(&mut adg), [3]);
-    adg.complete(0, 3, &mut |_| {});
+    adg.complete(0, 3, 3, &mut |_| {});
     assert_eq!(cells(&mut adg), [4, 5]);
     assert_eq!(adg.progress(0), (3, 5));
     // What is enqueued stays, whatever the look-ahead is.

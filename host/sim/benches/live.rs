@@ -63,7 +63,7 @@ impl<'a> Traffic<'a> {
         let mut live = Live::new(config, grid, Some(fleet), &starts).expect("starts");
         live.begin(&mut NoTrace).expect("a beginning");
         Self {
-            passing: Passing::new(grid, &cells),
+            passing: Passing::new(grid, &cells, true),
             grid,
             live,
             rng,

@@ -22,7 +22,7 @@ pub(crate) struct Pilot {
     /// The last knot that was reached.
     pub(crate) done: u32,
     /// The knot at the end of the present leg.
-    leg: u32,
+    pub(crate) leg: u32,
     /// Where the leg begins.
     from: (f64, f64),
     /// The body may not set out before this moment, in substeps.

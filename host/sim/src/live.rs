@@ -38,9 +38,9 @@ pub struct Order {
 /// of its cell, or has arrived there within the tolerances of its model.
 ///
 /// Whoever sends the orders decides who goes first: a robot goes wherever it is sent.
-/// Nobody touches anybody, whatever the delays, if an order into a cell is sent when the
-/// orders of all who are to be there before to leave it are [`done`](Live::done), and if
-/// discs have a radius below half a cell less [their tolerances](crate::motion::Model).
+/// Nobody touches anybody, whatever the delays, if an order into a cell is sent when all who
+/// are to be there before [have left it](Live::left), and if discs have a radius below half a
+/// cell less [their tolerances](crate::motion::Model).
 ///
 /// Time goes in blocks of [`SimConfig::message_period_s`]. What is sent between two of
 /// them is on its way from the beginning of the next one, what is done in a block is known
@@ -72,8 +72,11 @@ pub struct Live<'a> {
     orders: Orders<'a>,
     /// The last order that robots have, as sent and as received.
     sent: Channel,
-    /// The last order that is done, as robots know and as the server does.
+    /// The last order that is done, as robots know and as the server does: twice its number,
+    /// and one more if the robot has left its cell.
     reports: Channel,
+    /// How far from the middle of a cell a robot has left it, in metres.
+    clear_m: f64,
     news: Vec<u32>,
     /// How many blocks are over.
     blocks: u64,
@@ -136,6 +139,11 @@ impl<'a> Live<'a> {
         };
         let engine = world.engine(workers, &crowd)?;
         let clock = engine.setup.clock;
+        let models = engine.setup.models.iter().flatten();
+        let off_m = models
+            .map(|model| model.arrival_tolerance_m() + model.lateral_tolerance_m())
+            .fold(0.0, f64::max);
+        let clear_m = 2.0 * (engine.shapes.largest_radius_m() + off_m);
         let channel = |direction| {
             let disturbance = &config.disturbance;
             Channel::new(vec![0; starts.len()]).over(
@@ -154,6 +162,7 @@ impl<'a> Live<'a> {
             },
             sent: channel("release"),
             reports: channel("report"),
+            clear_m,
             news: Vec::new(),
             blocks: 0,
             header: None,
@@ -199,7 +208,7 @@ impl<'a> Live<'a> {
     ///
     /// One that cannot be driven breaks the execution off: [`Live::advance`] says which.
     /// It is not driven, and neither is anything that is sent after it. A robot can
-    /// have 2³² − 2 orders in all.
+    /// have 2³¹ − 1 orders in all.
     pub fn send(&mut self, agent: usize, order: Order) {
         if self.fault.is_some() {
             return;
@@ -219,10 +228,18 @@ impl<'a> Live<'a> {
 
     /// The last order of a robot that is done, as far as the server knows.
     pub fn done(&self, agent: usize) -> u32 {
-        self.reports.known()[agent]
+        self.reports.known()[agent] / 2
     }
 
-    /// The robots of which [`Live::done`] has changed in the last block, ascending.
+    /// The last order for which a robot has left the cell of the order before, as far as the
+    /// server knows: that which is done, or the next one if the robot is so far on its way that
+    /// nobody in the cell behind it touches it, at twice the largest radius and tolerances.
+    pub fn left(&self, agent: usize) -> u32 {
+        self.reports.known()[agent].div_ceil(2)
+    }
+
+    /// The robots of which [`Live::done`] or [`Live::left`] has changed in the last block,
+    /// ascending.
     pub fn news(&self) -> &[u32] {
         &self.news
     }
@@ -245,7 +262,11 @@ impl<'a> Live<'a> {
         for chunk in &self.engine.chunks {
             for (lane, pilot) in chunk.pilots.iter().enumerate() {
                 let agent = chunk.first + lane as u32;
-                if self.reports.say(agent, pilot.done) {
+                let left = pilot.leg > pilot.done && {
+                    let at = (chunk.x[lane], chunk.y[lane]);
+                    self.orders.on_way_m(agent as usize, pilot.done, at) >= self.clear_m
+                };
+                if self.reports.say(agent, 2 * pilot.done + u32::from(left)) {
                     self.orders.forget(agent as usize, pilot.done);
                 }
             }
@@ -397,7 +418,7 @@ impl Orders<'_> {
             let reason = format!("stays for {} s", order.dwell_s);
             return refused(reason, "give seconds from 0 to 1e9");
         }
-        if number >= u32::MAX as usize {
+        if number > MOST_ORDERS {
             let reason = "is beyond the last number that an order can have".to_owned();
             return refused(reason, "begin a new execution");
         }
@@ -410,6 +431,18 @@ impl Orders<'_> {
         orders * size_of::<Order>() + self.ways.capacity() * size_of::<Way>()
     }
 
+    /// How far a robot at a point is from the cell of an order towards that of the next one,
+    /// in metres.
+    fn on_way_m(&self, agent: usize, done: u32, (x, y): (f64, f64)) -> f64 {
+        let way = &self.ways[agent];
+        let [from, to] = [done, done + 1].map(|number| {
+            let cell = way.order(number as usize).cell;
+            cell_center_m(self.grid, self.cell_size_m, cell)
+        });
+        let (along_x, along_y) = (to.0 - from.0, to.1 - from.1);
+        (along_x * (x - from.0) + along_y * (y - from.1)) / self.cell_size_m
+    }
+
     /// Forgets the orders before one that is done.
     fn forget(&mut self, agent: usize, done: u32) {
         let way = &mut self.ways[agent];
@@ -419,6 +452,9 @@ impl Orders<'_> {
         }
     }
 }
+
+/// Reports say twice their number, and one more.
+const MOST_ORDERS: usize = (u32::MAX / 2) as usize;
 
 /// The longest that a robot can be told to stay, in seconds.
 const MOST_DWELL_S: f64 = 1e9;

@@ -221,6 +221,19 @@ impl Model {
         })
     }
 
+    /// How far the body goes on from its top speed if it brakes as its controller does, in
+    /// metres.
+    pub fn usual_stop_m(&self) -> f64 {
+        let braking = match self {
+            Self::DifferentialDrive(model) => model.braking_m_per_s2,
+            Self::WaypointLaw(model) => Some(model.braking_m_per_s2),
+            _ => None,
+        };
+        let speed = self.max_speed_m_per_s();
+        let stop_m = braking.map_or(0.0, |braking| speed * speed / (2.0 * braking));
+        stop_m.max(self.longest_stop_m())
+    }
+
     /// How far the body goes on at least if it brakes as hard as it can.
     pub fn stop_distance_m(&self, state: &State) -> f64 {
         let deceleration = match self {

@@ -12,7 +12,7 @@ use super::below;
 ///
 /// Moves are planned one after the other, each into a cell where nobody is when all
 /// earlier ones are done: so some order of passing exists. A move may be sent when
-/// everybody who is to be in its cell before has done the move that leaves it.
+/// everybody who is to be in its cell before has left it.
 pub(crate) struct Passing {
     /// Per cell, robots and the numbers of the orders that bring them there.
     visits: Vec<VecDeque<(u32, u32)>>,
@@ -21,12 +21,17 @@ pub(crate) struct Passing {
     robots: Vec<Robot>,
     /// Robots that may have something to send.
     ready: Vec<u32>,
+    /// Whether a cell is free when its robot has left it; otherwise when the robot has done
+    /// the order that leaves it.
+    early: bool,
 }
 
 struct Robot {
     /// The orders that are not known to be done, and the number of the first.
     first: u32,
     orders: VecDeque<Order>,
+    /// The last order of which it is known that its robot has left the cell before.
+    left: u32,
     /// The cell of the last order that is known to be done, and of the last one of all.
     at: u32,
     end: u32,
@@ -39,7 +44,7 @@ struct Robot {
 const FREE: u32 = u32::MAX;
 
 impl Passing {
-    pub(crate) fn new(grid: &Grid, starts: &[u32]) -> Self {
+    pub(crate) fn new(grid: &Grid, starts: &[u32], early: bool) -> Self {
         let mut visits = vec![VecDeque::new(); grid.cell_count() as usize];
         let mut occupant = vec![FREE; visits.len()];
         for (robot, cell) in starts.iter().enumerate() {
@@ -49,6 +54,7 @@ impl Passing {
         let robot = |cell: &u32| Robot {
             first: 1,
             orders: VecDeque::new(),
+            left: 0,
             at: *cell,
             end: *cell,
             sent: 0,
@@ -59,6 +65,7 @@ impl Passing {
             occupant,
             robots: starts.iter().map(robot).collect(),
             ready: Vec::new(),
+            early,
         }
     }
 
@@ -112,13 +119,14 @@ impl Passing {
                     panic!("robot {robot} has done what nobody sent");
                 };
                 if order.cell != of.at {
-                    let visits = &mut self.visits[of.at as usize];
-                    let left = visits.pop_front();
-                    assert_eq!(left.map(|(robot, _)| robot), Some(*robot));
-                    self.ready.extend(visits.front().map(|(next, _)| next));
+                    leave(of, *robot, &mut self.visits, &mut self.ready);
                     of.at = order.cell;
                 }
                 of.first += 1;
+            }
+            let next = of.orders.front().map(|order| order.cell);
+            if self.early && live.left(*robot as usize) >= of.first && next != Some(of.at) {
+                leave(of, *robot, &mut self.visits, &mut self.ready);
             }
         }
         let mut ready = std::mem::take(&mut self.ready);
@@ -157,5 +165,16 @@ impl Passing {
     /// Where a robot ends.
     pub(crate) fn end(&self, robot: usize) -> u32 {
         self.robots[robot].end
+    }
+}
+
+/// The robot has left the cell where it was: whoever is next may come.
+fn leave(of: &mut Robot, robot: u32, visits: &mut [VecDeque<(u32, u32)>], ready: &mut Vec<u32>) {
+    if of.left < of.first {
+        of.left = of.first;
+        let visits = &mut visits[of.at as usize];
+        let left = visits.pop_front();
+        assert_eq!(left.map(|(robot, _)| robot), Some(robot));
+        ready.extend(visits.front().map(|(next, _)| next));
     }
 }
