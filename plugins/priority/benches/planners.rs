@@ -4,7 +4,7 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use fleetyard_abi::{Environment, Goals, GridEnvironment, Instance};
 use fleetyard_plugin_priority::Control;
 use fleetyard_plugin_priority::prioritized;
-use fleetyard_plugin_priority::search::{self, Prefer};
+use fleetyard_plugin_priority::search;
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use fleetyard_plugin_spacetime::random::Random;
 
@@ -74,7 +74,7 @@ fn planners(criterion: &mut Criterion) {
         group.bench_function(BenchmarkId::new("pbs", name), |bencher| {
             bencher.iter(|| {
                 unlimited(&mut |control| {
-                    search::plan(&problem, Prefer::Collisions, 0, control);
+                    search::plan(&problem, search::Options::default(), 0, control);
                 });
             });
         });

@@ -49,6 +49,8 @@ pub(crate) struct Single<'p> {
     /// Paths not to meet, and to meet rather not.
     pub(crate) hard: Reservations,
     pub(crate) soft: Reservations,
+    /// What a turn by 90° is charged in steps.
+    turn_charge: u32,
     random: Random,
     /// Per agent [`earliest`].
     earliest: Vec<[u32; DIRECTIONS]>,
@@ -81,7 +83,8 @@ fn earliest(problem: &Problem, agent: usize) -> [u32; DIRECTIONS] {
 }
 
 impl<'p> Single<'p> {
-    pub(crate) fn new(problem: &'p Problem, nodes: u64, random: Random) -> Self {
+    /// `turn_charge` is for turns that take no steps, where it is known how agents look.
+    pub(crate) fn new(problem: &'p Problem, turn_charge: u32, nodes: u64, random: Random) -> Self {
         let table = if problem.window > 0 {
             Reservations::windowed(&problem.graph, problem.window)
         } else {
@@ -97,6 +100,11 @@ impl<'p> Single<'p> {
             slow: (0..problem.agents()).filter(slow).collect(),
             problem,
             sipp: Sipp::limited(nodes),
+            turn_charge: if problem.faces && !problem.turning {
+                turn_charge
+            } else {
+                0
+            },
             soft: table.clone(),
             hard: table,
             random,
@@ -142,10 +150,10 @@ impl<'p> Single<'p> {
         let Problem {
             graph,
             routes,
-            faces,
             turning,
             window,
             cycles,
+            ..
         } = self.problem;
         let route = &routes[agent];
         let query = Query {
@@ -155,7 +163,7 @@ impl<'p> Single<'p> {
             route,
             start: route.start,
             heading: route.heading,
-            straight: *faces,
+            turn_charge: self.turn_charge,
             turning: *turning,
             window: *window,
             cycles: *cycles,

@@ -78,8 +78,12 @@ fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> 
     plugin::descriptor(id, name, description, &common, extra)
 }
 
+/// What a turn costs a robot that drives about as fast as it turns: it stops, turns and sets
+/// out again.
+const TURN_CHARGE: u16 = 2;
+
 /// Options of `pp`.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct PrioritizedOptions {
     /// What an agent does after its last goal. In a window a visit is always enough.
@@ -87,6 +91,20 @@ struct PrioritizedOptions {
     /// Nobody enters a cell within so many steps after somebody else was there.
     #[schemars(range(max = 1000))]
     k: u16,
+    /// What a turn by 90° is charged in steps, where agents look somewhere and turns take no
+    /// steps of the plan: robots that are not pebbles stop for them.
+    #[schemars(range(max = 1000))]
+    turn_charge: u16,
+}
+
+impl Default for PrioritizedOptions {
+    fn default() -> Self {
+        Self {
+            goals: Goals::default(),
+            k: 0,
+            turn_charge: TURN_CHARGE,
+        }
+    }
 }
 
 /// Prioritized planning.
@@ -134,9 +152,14 @@ impl Planner for Prioritized {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let PrioritizedOptions { goals, k } = self.options;
+        let PrioritizedOptions {
+            goals,
+            k,
+            turn_charge,
+        } = self.options;
         let options = prioritized::Options {
             delay: u32::from(k),
+            turn_charge: turn_charge.into(),
         };
         let run = |problem: &Problem, control: &mut Control<'_>| {
             let (outcome, effort) = prioritized::plan(problem, options, budget.seed, control);
@@ -150,7 +173,7 @@ impl Planner for Prioritized {
 }
 
 /// Options of `pbs`.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct SearchOptions {
     /// What an agent does after its last goal. In a window a visit is always enough.
@@ -158,6 +181,20 @@ struct SearchOptions {
     /// Which of two decisions is followed first: `collisions` ends sooner, `cost` gives
     /// shorter plans.
     prefer: Prefer,
+    /// What a turn by 90° is charged in steps, where agents look somewhere and turns take no
+    /// steps of the plan: robots that are not pebbles stop for them.
+    #[schemars(range(max = 1000))]
+    turn_charge: u16,
+}
+
+impl Default for SearchOptions {
+    fn default() -> Self {
+        Self {
+            goals: Goals::default(),
+            prefer: Prefer::default(),
+            turn_charge: TURN_CHARGE,
+        }
+    }
 }
 
 /// Priority-based search.
@@ -206,9 +243,17 @@ impl Planner for PriorityBasedSearch {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let SearchOptions { goals, prefer } = self.options;
+        let SearchOptions {
+            goals,
+            prefer,
+            turn_charge,
+        } = self.options;
+        let options = search::Options {
+            prefer,
+            turn_charge: turn_charge.into(),
+        };
         let run = |problem: &Problem, control: &mut Control<'_>| {
-            let (outcome, effort) = search::plan(problem, prefer, budget.seed, control);
+            let (outcome, effort) = search::plan(problem, options, budget.seed, control);
             sink.metric("nodes", effort.nodes as f64);
             sink.metric("paths", effort.paths as f64);
             sink.metric("expansions", effort.expansions as f64);

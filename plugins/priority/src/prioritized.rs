@@ -30,6 +30,8 @@ pub struct Options {
     /// A cell is left alone for so many steps after a visit, so that nobody is met who is
     /// so late (k-robust plans: Atzmon et al., JAIR 2020).
     pub delay: u32,
+    /// What a turn by 90° is charged in steps, where it takes none.
+    pub turn_charge: u32,
 }
 
 /// What a run did.
@@ -52,7 +54,12 @@ pub fn plan(
     let agents = problem.agents();
     let mut random = Random::new(seed, ORDER_STREAM);
     let mut run = Run {
-        single: Single::new(problem, control.nodes, Random::new(seed, PATH_STREAM)),
+        single: Single::new(
+            problem,
+            options.turn_charge,
+            control.nodes,
+            Random::new(seed, PATH_STREAM),
+        ),
         delay: options.delay,
         paths: vec![Vec::new(); agents],
         longest: 0,

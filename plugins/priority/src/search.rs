@@ -46,6 +46,15 @@ pub enum Prefer {
     Cost,
 }
 
+/// Options of priority-based search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Options {
+    /// Which child of a node is looked at first.
+    pub prefer: Prefer,
+    /// What a turn by 90° is charged in steps, where it takes none.
+    pub turn_charge: u32,
+}
+
 /// What a run did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
@@ -62,7 +71,7 @@ pub struct Effort {
 /// fewest collisions of all that led no further.
 pub fn plan(
     problem: &Problem,
-    prefer: Prefer,
+    options: Options,
     seed: u64,
     control: &mut Control<'_>,
 ) -> (Outcome, Effort) {
@@ -77,10 +86,15 @@ pub fn plan(
         rings: !problem.cycles,
     };
     let mut run = Run {
-        single: Single::new(problem, control.nodes, Random::new(seed, PATH_STREAM)),
+        single: Single::new(
+            problem,
+            options.turn_charge,
+            control.nodes,
+            Random::new(seed, PATH_STREAM),
+        ),
         team: Conflicts::new(problem.graph.len(), agents, rules),
         order: Order::new(agents),
-        prefer,
+        prefer: options.prefer,
         imprints: vec![Imprint::default(); agents],
         failed: vec![0; agents],
         lengths: vec![0; agents],

@@ -26,6 +26,13 @@ const PLANNERS: [Planner; 3] = [
     Planner::Search(Prefer::Cost),
 ];
 
+fn by(prefer: Prefer) -> search::Options {
+    search::Options {
+        prefer,
+        ..Default::default()
+    }
+}
+
 fn run(problem: &Problem, planner: Planner, seed: u64, nodes: u64) -> Outcome {
     // Not a clock: every question counts.
     let mut patience = 20_000;
@@ -40,9 +47,13 @@ fn run(problem: &Problem, planner: Planner, seed: u64, nodes: u64) -> Outcome {
     };
     match planner {
         Planner::Prioritized { delay } => {
-            prioritized::plan(problem, prioritized::Options { delay }, seed, &mut control).0
+            let options = prioritized::Options {
+                delay,
+                ..Default::default()
+            };
+            prioritized::plan(problem, options, seed, &mut control).0
         }
-        Planner::Search(prefer) => search::plan(problem, prefer, seed, &mut control).0,
+        Planner::Search(prefer) => search::plan(problem, by(prefer), seed, &mut control).0,
     }
 }
 
@@ -395,7 +406,7 @@ fn limits_are_kept() {
             nodes: 0,
             memory: 1 << 20,
         };
-        let (outcome, _) = search::plan(&problem, Prefer::Cost, 0, &mut control);
+        let (outcome, _) = search::plan(&problem, by(Prefer::Cost), 0, &mut control);
         assert!(matches!(outcome, Outcome::Stopped(_)));
         assert_eq!(
             fault(&map, &instance, GoalRule::Stay, 0, outcome.paths(), false),
@@ -410,6 +421,6 @@ fn limits_are_kept() {
         nodes: 0,
         memory: 1,
     };
-    let (outcome, _) = search::plan(&problem, Prefer::Cost, 0, &mut control);
+    let (outcome, _) = search::plan(&problem, by(Prefer::Cost), 0, &mut control);
     assert!(matches!(outcome, Outcome::Memory(_)), "{outcome:?}");
 }

@@ -362,7 +362,7 @@ impl Worker<'_> {
                     route: &team.route(agent),
                     start: paths[agent][0],
                     heading: 0,
-                    straight: false,
+                    turn_charge: 0,
                     turning: false,
                     window: 0,
                     cycles: self.cycles,

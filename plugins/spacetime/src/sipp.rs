@@ -97,8 +97,9 @@ pub struct Query<'a, G> {
     pub start: Vertex,
     /// Where the agent looks at the beginning.
     pub heading: u8,
-    /// Whether it rather goes straight on than round a corner where both are as long.
-    pub straight: bool,
+    /// What a turn by 90° is charged in steps, without `turning`: robots stop for turns, even
+    /// where plans do not say so.
+    pub turn_charge: u32,
     /// Whether turning by 90° takes a step.
     pub turning: bool,
     /// Paths may end at this time, wherever they have come; 0: at the last goal only.
@@ -115,7 +116,7 @@ pub struct Found {
     /// A vertex per step.
     pub path: Vec<Vertex>,
     /// When it visits the last goal for the last time; where it ends with a window before
-    /// that, the estimate.
+    /// that, the estimate. What turns are charged comes on top.
     pub length: u32,
 }
 
@@ -142,14 +143,18 @@ struct State {
     label: u32,
     /// Soft collisions on the way.
     met: u32,
+    /// What turns on the way were charged.
+    charged: u32,
     heading: u8,
+    /// Where the agent went last; at the beginning where it looks.
+    looks: u8,
     /// The direction of the move that led here, or [`STAYED`].
     crossed: u8,
     /// The path may end here.
     ends: bool,
 }
 
-/// The search, with its scratch memory: 40 bytes per state that it meets, and 16 per state
+/// The search, with its scratch memory: 44 bytes per state that it meets, and 16 per state
 /// that it expands.
 #[derive(Debug, Default)]
 pub struct Sipp {
@@ -232,6 +237,8 @@ impl Sipp {
             rest: route.rest(label, start, heading),
             visited: NEVER,
             met: 0,
+            charged: 0,
+            looks: heading,
             crossed: STAYED,
         };
         let change = soft.map_or(NEVER, |soft| soft.next_change(start, 0));
@@ -379,6 +386,13 @@ impl Sipp {
     }
 }
 
+/// Quarter turns from one direction to another.
+#[inline]
+fn quarters(from: usize, to: usize) -> u32 {
+    let turn = (from + DIRECTIONS - to) % DIRECTIONS;
+    turn.min(DIRECTIONS - turn) as u32
+}
+
 /// Where an expansion leads.
 #[derive(Clone, Copy)]
 struct Step {
@@ -392,6 +406,8 @@ struct Step {
     /// When the last goal was visited, or [`NEVER`].
     visited: u32,
     met: u32,
+    charged: u32,
+    looks: u8,
     /// The direction of the move, or [`STAYED`].
     crossed: u8,
 }
@@ -419,6 +435,8 @@ impl<G: Guidance> Search<'_, '_, G> {
             rest: 0,
             visited: state.visited,
             met: state.met,
+            charged: state.charged,
+            looks: state.looks,
             crossed: STAYED,
         };
         if turning {
@@ -429,24 +447,15 @@ impl<G: Guidance> Search<'_, '_, G> {
         if until != NEVER && self.query.soft.is_some() {
             self.stay(here, until, until + 1, here.heading);
         }
-        let ahead = match state.crossed {
-            STAYED => usize::from(here.heading),
-            crossed => usize::from(crossed),
-        };
         for k in 0..DIRECTIONS {
             let d = (if turn < DIRECTIONS {
                 k + turn
             } else {
                 turn - k
             }) % DIRECTIONS;
-            let later = !turning && self.query.straight && d == ahead;
-            if (!turning || d == usize::from(here.heading)) && !later {
+            if !turning || d == usize::from(here.heading) {
                 self.cross(id, d, time + 1);
             }
-        }
-        // Of equals the last one is expanded first.
-        if !turning && self.query.straight {
-            self.cross(id, ahead, time + 1);
         }
     }
 
@@ -462,8 +471,16 @@ impl<G: Guidance> Search<'_, '_, G> {
             route,
             cycles,
             bound,
+            turning,
+            turn_charge,
             ..
         } = *self.query;
+        let turns = if turning || turn_charge == 0 {
+            0
+        } else {
+            let state = &self.memory.states[from as usize];
+            quarters(usize::from(state.looks), d)
+        };
         let state = &self.memory.states[from as usize];
         let (v, heading) = (state.v, state.heading);
         let u = graph.around(v)[d];
@@ -481,6 +498,8 @@ impl<G: Guidance> Search<'_, '_, G> {
             rest,
             visited: state.visited,
             met: state.met,
+            charged: state.charged + turn_charge * turns,
+            looks: d as u8,
             crossed: d as u8,
         };
         let latest = state
@@ -573,6 +592,7 @@ impl<G: Guidance> Search<'_, '_, G> {
         } else {
             time.saturating_add(step.rest)
         };
+        let length = length.saturating_add(step.charged);
         let state = State {
             v,
             time,
@@ -582,6 +602,8 @@ impl<G: Guidance> Search<'_, '_, G> {
             length,
             label: step.label,
             met: step.met,
+            charged: step.charged,
+            looks: step.looks,
             heading: step.heading,
             crossed: step.crossed,
             ends,

@@ -187,6 +187,14 @@ impl Case {
     }
 
     fn search(&self, soft: Option<&Reservations>) -> Result<(Vec<Vertex>, u32), Miss> {
+        self.search_charged(soft, 0)
+    }
+
+    fn search_charged(
+        &self,
+        soft: Option<&Reservations>,
+        turn_charge: u32,
+    ) -> Result<(Vec<Vertex>, u32), Miss> {
         let route = &self.problem.routes[0];
         let query = Query {
             graph: &self.problem.graph,
@@ -195,7 +203,7 @@ impl Case {
             route,
             start: route.start,
             heading: route.heading,
-            straight: self.problem.faces,
+            turn_charge,
             turning: self.problem.turning,
             window: self.problem.window,
             cycles: self.problem.cycles,
@@ -203,6 +211,25 @@ impl Case {
         };
         let found = Sipp::default().plan(&query, &mut Random::new(self.seed, 0), &mut || false)?;
         Ok((found.path, found.length))
+    }
+
+    /// Quarter turns on a path, where they take no steps.
+    fn quarters(&self, path: &[Vertex]) -> u32 {
+        let Problem {
+            graph,
+            routes,
+            turning,
+            ..
+        } = &self.problem;
+        let mut heading = routes[0].heading;
+        let moves = path.windows(2).filter(|step| step[0] != step[1]);
+        let turns = moves.map(|step| {
+            let d = graph.around(step[0]).iter().position(|u| *u == step[1]);
+            let d = d.expect("moves lead to neighbours") as u8;
+            let apart = (d + 4 - std::mem::replace(&mut heading, d)) % 4;
+            u32::from(apart.min(4 - apart))
+        });
+        if *turning { 0 } else { turns.sum() }
     }
 
     /// Whether a path is one of this agent, in nobody's way, and as long as it says.
@@ -323,6 +350,16 @@ proptest! {
             }
             Err(miss) => prop_assert_eq!((miss, None), (Miss::NoPath, least)),
         }
+        // Charging turns makes no path impossible.
+        match case.search_charged(None, 3) {
+            Ok((path, length)) if case.problem.window == 0 => {
+                let charged = 3 * case.quarters(&path);
+                case.check(&path, length - charged);
+                prop_assert!(least.is_some_and(|least| length - charged >= least));
+            }
+            Ok(_) => prop_assert!(least.is_some()),
+            Err(miss) => prop_assert_eq!((miss, None), (Miss::NoPath, least)),
+        }
         // Whom one would rather not meet makes no path longer, or impossible.
         let mut soft = case.table();
         soft.reset(&case.problem.graph, 0);
@@ -392,6 +429,30 @@ fn soft_paths_are_gone_round_where_that_costs_nothing() {
             assert_eq!(length, 3);
             assert!(!path.contains(&avoided), "{path:?}");
         }
+    }
+}
+
+#[test]
+fn a_robot_waits_rather_than_turn_where_turns_are_charged() {
+    // Somebody is in the way for a while, and one can go round by the other row.
+    let environment = environment(2, 5, &[true; 10]);
+    let instance = Instance {
+        headings: Some(vec![Heading::East]),
+        ..Instance::one_shot(vec![0], vec![4])
+    };
+    let problem = problem(&environment, &instance, GoalRule::Transient).unwrap();
+    let (across, aside) = (problem.graph.vertex(2), problem.graph.vertex(7));
+    let (across, aside) = (across.unwrap(), aside.unwrap());
+    for seed in 0..20 {
+        let case = Case {
+            problem: problem.clone(),
+            others: vec![[[across; 6].as_slice(), &[aside]].concat()],
+            seed,
+        };
+        let (path, length) = case.search(None).unwrap();
+        assert!(length == 6 && case.quarters(&path) > 0, "{path:?}");
+        let (path, length) = case.search_charged(None, 1).unwrap();
+        assert_eq!((length, case.quarters(&path)), (8, 0), "{path:?}");
     }
 }
 
