@@ -533,7 +533,7 @@ fn a_turn_that_takes_steps_begins_with_the_first_of_them() {
         motion: Motion::Rotation,
         ..Instance::one_shot(vec![0], vec![2])
     };
-    let plan = GridPlan::from_paths(&[[0, 0, 0, 1, 2]]);
+    let plan = GridPlan::from_paths([[0, 0, 0, 1, 2]]);
     let batch = judge(&grid, &instance, plan).expect("the batch is valid");
     adg.append(&batch, &mut no_goals).unwrap();
     assert_eq!(adg.cut_within(0.5, 0.0, &PACE).cells, [1]);
