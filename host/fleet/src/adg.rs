@@ -491,21 +491,23 @@ impl Adg {
             node.actions += self.costs.dwell;
         }
         let robot = &mut self.robots[agent];
-        let turns = self.visits[robot.tail as usize]
-            .heading
-            .quarters_to(heading);
-        let turning = if self.turning { turns } else { 0 };
+        let tail = &self.visits[robot.tail as usize];
+        let turning_steps = if self.turning {
+            tail.heading.quarters_to(heading)
+        } else {
+            0
+        };
         let visit = Visit {
             node,
             agent: agent as u32,
-            number: self.visits[robot.tail as usize].number + 1,
+            number: tail.number + 1,
             before: robot.tail,
             after: NONE,
             ahead,
             behind: NONE,
             heading,
             batch: self.batches,
-            step: self.step.saturating_sub(turning),
+            step: self.step.saturating_sub(turning_steps),
         };
         let at = if let Some(at) = self.free.pop() {
             self.visits[at as usize] = visit;
@@ -519,7 +521,7 @@ impl Adg {
         robot.actions += node.actions;
         if robot.next == NONE {
             robot.next = at;
-            self.ready[agent / 64] |= 1 << (agent % 64);
+            self.look_at(agent);
         }
         self.pending += 1;
         at
@@ -552,8 +554,13 @@ impl Adg {
         self.unlink(at);
         if let Some(next) = self.visits.get(behind as usize) {
             let agent = next.agent as usize;
-            self.ready[agent / 64] |= 1 << (agent % 64);
+            self.look_at(agent);
         }
+    }
+
+    /// A robot's next node may have become free to be enqueued.
+    fn look_at(&mut self, agent: usize) {
+        self.ready[agent / 64] |= 1 << (agent % 64);
     }
 
     /// Whether a visit stays in the cell of the one before it.
@@ -789,7 +796,7 @@ impl Adg {
             }
             self.visits[head as usize].before = NONE;
             self.free.push(over);
-            self.ready[agent / 64] |= 1 << (agent % 64);
+            self.look_at(agent);
             tell(&node);
         }
         let robot = &mut self.robots[agent];

@@ -100,11 +100,7 @@ impl<'p> Single<'p> {
             slow: (0..problem.agents()).filter(slow).collect(),
             problem,
             sipp: Sipp::limited(nodes),
-            turn_charge: if problem.faces && !problem.turning {
-                turn_charge
-            } else {
-                0
-            },
+            turn_charge: if problem.faces { turn_charge } else { 0 },
             soft: table.clone(),
             hard: table,
             random,

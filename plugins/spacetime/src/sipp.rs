@@ -475,13 +475,12 @@ impl<G: Guidance> Search<'_, '_, G> {
             turn_charge,
             ..
         } = *self.query;
-        let turns = if turning || turn_charge == 0 {
+        let state = &self.memory.states[from as usize];
+        let turns = if turning {
             0
         } else {
-            let state = &self.memory.states[from as usize];
             quarters(usize::from(state.looks), d)
         };
-        let state = &self.memory.states[from as usize];
         let (v, heading) = (state.v, state.heading);
         let u = graph.around(v)[d];
         if u == graph.wall() {
