@@ -958,7 +958,7 @@ impl<'p> Tree<'p> {
         let table = self
             .tables
             .entry(goal)
-            .or_insert_with(|| Arc::new(Table::new(graph, goal, turning)));
+            .or_insert_with(|| Arc::new(Table::new(graph, goal, turning, None)));
         let table = Arc::clone(table);
         let Route { start, heading, .. } = *self.route(agent);
         let route = Route::to(start, heading, goal, table);

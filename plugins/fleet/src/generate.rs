@@ -247,11 +247,19 @@ pub struct Windowed {
     /// Goals that every agent has at least, as far as it has so many.
     #[schemars(range(min = 1))]
     least: u32,
+    /// How far agents keep from a goal that others have too, in steps: who sees two or more
+    /// that are nearer to it waits where it is, and makes way, while it is not so far from it
+    /// for each of them. 0: nobody waits.
+    #[schemars(range(max = 1000))]
+    spacing: u32,
 }
 
 impl Default for Windowed {
     fn default() -> Self {
-        Self { least: 2 }
+        Self {
+            least: 2,
+            spacing: 12,
+        }
     }
 }
 
@@ -267,10 +275,12 @@ impl Rule for Windowed {
         let mut offsets = Vec::with_capacity(fleet.at.len() + 1);
         let mut cells = Vec::with_capacity(fleet.at.len() * 2);
         offsets.push(0);
+        let waits = self.waits(fleet)?;
         for (agent, goals) in fleet.upcoming.iter().enumerate() {
             let mut here = fleet.at[agent];
+            let goals = if waits[agent] { &[] } else { *goals };
             let mut steps = 0_u64;
-            for (before, &cell) in (0..).zip(*goals) {
+            for (before, &cell) in (0..).zip(goals) {
                 if before >= self.least.max(1) && steps > u64::from(fleet.window_steps) {
                     break;
                 }
@@ -286,6 +296,33 @@ impl Rule for Windowed {
         }
         Goals::from_flat(offsets, cells)
             .ok_or_else(|| Failure::new(Status::InternalError, "the lists of goals do not fit"))
+    }
+}
+
+/// So many agents may be at a goal at a time: one comes when another goes.
+const AT_A_GOAL: usize = 2;
+
+impl Windowed {
+    /// Who does not go on to its goal yet, because enough others are nearer to it: who stands
+    /// in line right before a goal stands in the way of those who come from it.
+    fn waits(&self, fleet: &Fleet<'_>) -> Result<Vec<bool>, Failure> {
+        let mut waits = vec![false; fleet.at.len()];
+        if self.spacing == 0 {
+            return Ok(waits);
+        }
+        let way = |(agent, goal): (usize, Option<Vertex>)| {
+            let steps = |goal| fleet.ground.graph.manhattan(fleet.at[agent], goal);
+            goal.map(|goal| (goal, steps(goal), agent))
+        };
+        let current = fleet.current()?.into_iter().enumerate();
+        let mut ways: Vec<_> = current.filter_map(way).collect();
+        ways.sort_unstable();
+        for same in ways.chunk_by(|a, b| a.0 == b.0) {
+            for (nearer, &(_, steps, agent)) in same.iter().enumerate().skip(AT_A_GOAL) {
+                waits[agent] = u64::from(steps) < u64::from(self.spacing) * nearer as u64;
+            }
+        }
+        Ok(waits)
     }
 }
 

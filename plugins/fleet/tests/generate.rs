@@ -92,6 +92,30 @@ fn windows_are_filled() {
 }
 
 #[test]
+fn who_is_far_from_a_crowded_goal_comes_no_nearer() {
+    let row = drawn(&[".".repeat(80).as_str()]);
+    let sent = |at: &[u32]| {
+        let goals: Vec<&[u32]> = vec![&[0, 79]; at.len()];
+        let instance = generate::<WindowedMultiGoals>(&row, &state(at, &goals)).unwrap();
+        let go = |(goals, here): (&[u32], &u32)| match goals {
+            [0, 79] => true,
+            goals => {
+                assert_eq!(goals, [*here]);
+                false
+            }
+        };
+        instance.goals.iter().zip(at).map(go).collect::<Vec<bool>>()
+    };
+    // Two at a time go there, whoever is near; those behind them stay away by twelve steps
+    // for each that is nearer.
+    assert_eq!(sent(&[1, 2]), [true, true]);
+    assert_eq!(sent(&[1, 2, 23]), [true, true, false]);
+    assert_eq!(sent(&[1, 2, 24, 35]), [true, true, true, false]);
+    assert_eq!(sent(&[40, 1, 2, 23]), [true, true, true, false]);
+    assert_eq!(sent(&[5, 4, 3]), [false, true, true]);
+}
+
+#[test]
 fn of_several_the_nearest_keeps_its_goal() {
     let open = drawn(&[".....", ".....", "....."]);
     let mut fleet = state(&[0, 6, 14], &[&[7], &[7], &[7]]);

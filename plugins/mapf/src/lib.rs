@@ -42,6 +42,7 @@
 #![forbid(unsafe_code)]
 
 mod lacam;
+pub mod lanes;
 pub mod lifelong;
 mod one_shot;
 mod pibt;

@@ -16,6 +16,8 @@
 //! on from earlier configurations are tried: what LaCAM (Okumura, AAAI 2023) comes to when
 //! no configuration is a dead end, because all that is asked for is the next few steps.
 
+use std::sync::Arc;
+
 use fleetyard_abi::{Goals, Heading};
 use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
@@ -97,6 +99,14 @@ pub trait Ranking {
     /// around it and its own, which are given as PIBT would try them. Asked once or more per
     /// agent and step; the answer must not depend on how often.
     fn rank(&mut self, place: Place, cells: &mut [u32]);
+
+    /// How far an agent has to go, if that is not the distance: who has least goes first under
+    /// a window. A ranking whose first choice always makes this less lets the first of all
+    /// arrive.
+    #[inline]
+    fn urgency(&mut self, _: Place) -> Option<u32> {
+        None
+    }
 }
 
 /// PIBT's own order.
@@ -112,7 +122,7 @@ impl Ranking for ByDistance {
 /// what a call answers does not depend on the calls before it.
 #[derive(Debug)]
 pub struct Lifelong {
-    graph: Graph,
+    graph: Arc<Graph>,
     gradients: Gradients,
 }
 
@@ -132,9 +142,14 @@ impl Lifelong {
             let cells = passable.len();
             return Err(ProblemError::MapSize { rows, cols, cells });
         }
-        let graph = Graph::new(rows as usize, cols as usize, passable);
+        let graph = Arc::new(Graph::new(rows as usize, cols as usize, passable));
         let gradients = Gradients::new(&graph, table_bytes);
         Ok(Self { graph, gradients })
+    }
+
+    /// The map.
+    pub fn graph(&self) -> &Arc<Graph> {
+        &self.graph
     }
 
     /// Makes steps. In the plan no path goes on after its last move; agents that have
@@ -256,12 +271,7 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
         for (cell, &v) in cells.iter_mut().zip(&*candidates) {
             *cell = graph.cell(v);
         }
-        let place = Place {
-            step: self.step,
-            agent,
-            cell: graph.cell(here),
-            visited: self.next[agent],
-        };
+        let place = self.place(agent, here);
         self.ranking.rank(place, cells);
         for (v, &cell) in candidates.iter_mut().zip(&*cells) {
             *v = graph.vertex(cell).unwrap_or(*v);
@@ -457,6 +467,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         random.shuffle(&mut order);
         let limit = query.window.map_or(query.step_limit, u64::from);
         let mut moved = 0;
+        let mut urgency = vec![0; agents];
         let mut chosen = now.clone();
         let end = loop {
             if query.window.is_none() && (0..agents).all(|agent| self.done(agent, now[agent])) {
@@ -476,7 +487,12 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 }
             }
             match query.window {
-                Some(_) => order.sort_by_key(|&agent| self.urgency(agent as usize)),
+                Some(_) => {
+                    for agent in 0..agents {
+                        urgency[agent] = self.urgency(agent, now[agent]);
+                    }
+                    order.sort_by_key(|&agent| urgency[agent as usize]);
+                }
                 // Priority grows while an agent is under way to a goal.
                 None => order.sort_by_key(|&agent| {
                     let agent = agent as usize;
@@ -535,10 +551,21 @@ impl<'a, R: Ranking> Fleet<'a, R> {
     }
 
     /// The nearest first, those who want nothing last.
-    fn urgency(&self, agent: usize) -> u32 {
-        match self.row[agent] {
-            NOTHING => u32::MAX,
-            _ => self.distance[agent],
+    fn urgency(&mut self, agent: usize, v: Vertex) -> u32 {
+        if self.row[agent] == NOTHING {
+            return u32::MAX;
+        }
+        let place = self.place(agent, v);
+        let urgency = self.ranking.urgency(place);
+        urgency.unwrap_or(self.distance[agent])
+    }
+
+    fn place(&self, agent: usize, v: Vertex) -> Place {
+        Place {
+            step: self.step,
+            agent,
+            cell: self.graph.cell(v),
+            visited: self.next[agent],
         }
     }
 }

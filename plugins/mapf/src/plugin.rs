@@ -7,11 +7,12 @@ use fleetyard_abi::{
     Budget, Capability, Descriptor, Instance, Motion, PlanRef, SharedEnvironment, Status,
     monotonic_ns,
 };
-use fleetyard_plugin_spacetime::plugin;
+use fleetyard_plugin_spacetime::plugin::{self, LANE_CHARGE};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::lanes::Streets;
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, ProblemError, solve};
 
@@ -30,6 +31,7 @@ struct Prepared {
     cols: u32,
     passable: Vec<bool>,
     lifelong: Option<Lifelong>,
+    streets: Option<Streets>,
 }
 
 fn unsupported(reason: &str) -> Failure {
@@ -53,7 +55,12 @@ fn is_lifelong(instance: &Instance) -> bool {
 }
 
 impl Prepared {
-    fn learn(&mut self, environment: &SharedEnvironment, budget: &Budget) -> Result<(), Failure> {
+    fn learn(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        lane_charge: u32,
+    ) -> Result<(), Failure> {
         let grid = environment
             .grid()
             .ok_or_else(|| unsupported("only grids are supported"))?;
@@ -68,7 +75,9 @@ impl Prepared {
             bytes => TABLE_BYTES.min(bytes / 2),
         };
         let lifelong = Lifelong::new(self.rows, self.cols, &self.passable, bytes);
-        self.lifelong = Some(lifelong.map_err(|error| refused(&error))?);
+        let lifelong = lifelong.map_err(|error| refused(&error))?;
+        self.streets = (lane_charge > 0).then(|| Streets::new(lifelong.graph(), lane_charge));
+        self.lifelong = Some(lifelong);
         Ok(())
     }
 
@@ -102,9 +111,13 @@ impl Prepared {
         };
         let mut submitter = Submitter::new(budget, sink);
         let stop = &mut || submitter.stop();
-        let (plan, end) = lifelong
-            .run(&query, &mut ByDistance, stop)
-            .map_err(|error| refused(&error))?;
+        let streets = self.streets.as_mut().filter(|_| query.window.is_some());
+        let ranking = streets.and_then(|streets| streets.ranking(&instance.goals, stop));
+        let (plan, end) = match ranking {
+            Some(mut by_lane) => lifelong.run(&query, &mut by_lane, stop),
+            None => lifelong.run(&query, &mut ByDistance, stop),
+        }
+        .map_err(|error| refused(&error))?;
         // Under a window a plan may be shorter than asked for: everybody stays then.
         if end == End::Done || (query.window.is_some() && end == End::Stopped) {
             submitter.incumbent(&plan, plan.sum_of_costs());
@@ -314,6 +327,10 @@ pub struct PibtOptions {
     /// Give up when not everybody has arrived after so many steps.
     #[schemars(range(min = 1))]
     step_limit: u64,
+    /// What a move against the lanes of the map is charged in steps, in windows: its streets
+    /// lead east and west in turn, and south and north.
+    #[schemars(range(max = 1000))]
+    lane_charge: u16,
 }
 
 impl Default for PibtOptions {
@@ -321,7 +338,11 @@ impl Default for PibtOptions {
         let Options {
             swap, step_limit, ..
         } = Options::default();
-        Self { swap, step_limit }
+        Self {
+            swap,
+            step_limit,
+            lane_charge: LANE_CHARGE,
+        }
     }
 }
 
@@ -341,13 +362,19 @@ impl Variety for PibtOptions {
     }
 
     fn options(self) -> Options {
-        let Self { swap, step_limit } = self;
+        let Self {
+            swap, step_limit, ..
+        } = self;
         Options {
             algorithm: Algorithm::Pibt,
             swap,
             step_limit,
             ..Options::default()
         }
+    }
+
+    fn lane_charge(&self) -> u32 {
+        self.lane_charge.into()
     }
 }
 
@@ -364,11 +391,16 @@ pub trait Variety: DeserializeOwned + Send + 'static {
     fn descriptor() -> Descriptor;
     /// The options of the library that the user's stand for.
     fn options(self) -> Options;
+    /// What a move against a lane is charged in windows, in steps.
+    fn lane_charge(&self) -> u32 {
+        0
+    }
 }
 
 /// A planner that was made with options of type `V`.
 pub struct GridPlanner<V> {
     options: Options,
+    lane_charge: u32,
     prepared: Prepared,
     variety: PhantomData<V>,
 }
@@ -379,9 +411,10 @@ impl<V: Variety> Plugin for GridPlanner<V> {
     }
 
     fn create(given: Given<'_>) -> Result<Self, Failure> {
-        let options = given.parse::<V>()?.options();
+        let variety = given.parse::<V>()?;
         Ok(Self {
-            options,
+            lane_charge: variety.lane_charge(),
+            options: variety.options(),
             prepared: Prepared::default(),
             variety: PhantomData,
         })
@@ -395,7 +428,7 @@ impl<V: Variety> Planner for GridPlanner<V> {
         budget: &Budget,
         _: &dyn Sink,
     ) -> Result<(), Failure> {
-        self.prepared.learn(environment, budget)
+        self.prepared.learn(environment, budget, self.lane_charge)
     }
 
     fn plan(

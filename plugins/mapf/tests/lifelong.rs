@@ -2,6 +2,7 @@
 //! the fleet goes on working from call to call.
 
 use fleetyard_abi::Goals;
+use fleetyard_plugin_mapf::lanes::Streets;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
 use fleetyard_plugin_mapf::{Plan, ProblemError};
 use proptest::prelude::*;
@@ -156,8 +157,7 @@ fn mix(mut x: u64) -> u64 {
     x ^ x >> 31
 }
 
-/// A fleet driven call after call, each time by a planner that knows nothing of before if
-/// it is `fresh`.
+/// What became of a fleet that was driven call after call.
 struct Drive {
     reached: u64,
     /// Steps that the slowest goal has taken, and goals of the least successful agent.
@@ -166,7 +166,9 @@ struct Drive {
     cells: Vec<u32>,
 }
 
-fn drive(map: &Map, agents: usize, window: u32, calls: u32, fresh: bool) -> Drive {
+/// Drives a fleet, each time by a planner that knows nothing of before if it is `fresh`, and
+/// along lanes if moves against them are charged.
+fn drive(map: &Map, agents: usize, window: u32, calls: u32, fresh: bool, charge: u32) -> Drive {
     let free = map.free();
     let stream = |agent: usize, index: u32| {
         free[(mix((agent as u64) << 32 | u64::from(index)) % free.len() as u64) as usize]
@@ -176,10 +178,12 @@ fn drive(map: &Map, agents: usize, window: u32, calls: u32, fresh: bool) -> Driv
     cells.truncate(agents);
     let (mut next, mut since) = (vec![0_u32; agents], vec![0_u32; agents]);
     let mut planner = map.planner();
+    let mut streets = Streets::new(planner.graph(), charge);
     let (mut reached, mut longest) = (0, 0);
     for call in 0..calls {
         if fresh {
             planner = map.planner();
+            streets = Streets::new(planner.graph(), charge);
         }
         let lists: Vec<Vec<u32>> = (0..agents)
             .map(|a| (0..3).map(|k| stream(a, next[a] + k)).collect())
@@ -189,7 +193,13 @@ fn drive(map: &Map, agents: usize, window: u32, calls: u32, fresh: bool) -> Driv
             seed: mix(u64::from(call)),
             ..query(&cells, &goals, Some(window))
         };
-        let (plan, end) = run(&mut planner, &query);
+        let (plan, end) = if charge > 0 {
+            let mut by_lane = streets.ranking(&goals, &mut || false).unwrap();
+            let run = planner.run(&query, &mut by_lane, &mut || false);
+            run.unwrap()
+        } else {
+            run(&mut planner, &query)
+        };
         assert_eq!(end, End::Done);
         assert_eq!(map.fault(&cells, &plan, false), None);
         assert!(plan.makespan() <= u64::from(window));
@@ -412,10 +422,12 @@ fn samples_and_retries_bring_agents_further() {
 #[test]
 fn what_went_before_makes_no_difference() {
     let map = warehouse(16, 30);
-    let kept = drive(&map, 60, 5, 30, false);
-    let fresh = drive(&map, 60, 5, 30, true);
-    assert_eq!(kept.cells, fresh.cells);
-    assert_eq!(kept.reached, fresh.reached);
+    for charge in [0, 2] {
+        let kept = drive(&map, 60, 5, 30, false, charge);
+        let fresh = drive(&map, 60, 5, 30, true, charge);
+        assert_eq!(kept.cells, fresh.cells);
+        assert_eq!(kept.reached, fresh.reached);
+    }
 }
 
 /// However short the windows, and however crowded the map: everybody comes to goals again
@@ -427,17 +439,42 @@ fn a_crowded_fleet_goes_on() {
         (warehouse(22, 41), 120, 1),
         (warehouse(22, 41), 240, 0),
     ] {
-        for window in [1, 2, 10] {
-            let drive = drive(&map, agents, window, 600 / window, false);
+        for (window, charge) in [(1, 0), (2, 0), (10, 0), (1, 2), (2, 3), (10, 2)] {
+            let drive = drive(&map, agents, window, 600 / window, false, charge);
             let per_agent = drive.reached as f64 / agents as f64;
             println!(
-                "{}x{} {agents} agents, window {window}: {per_agent:.1} goals each, least {}, \
+                "{}x{} {agents} agents, window {window}, charge {charge}: {per_agent:.1} goals each, least {}, \
                  longest {} steps",
                 map.rows, map.cols, drive.least, drive.longest
             );
             assert!(per_agent > 4.0 && drive.least >= least);
         }
     }
+}
+
+#[test]
+fn a_lane_is_worth_a_way_round() {
+    // Row 0 leads east and row 1 west; column 0 leads south and column 5 north.
+    let map = open(6);
+    let goals = goals(&[vec![0], vec![11]]);
+    let mut planner = map.planner();
+    for (charge, length) in [(0, 5), (2, 7)] {
+        let mut streets = Streets::new(planner.graph(), charge);
+        let mut by_lane = streets.ranking(&goals, &mut || false).unwrap();
+        let query = query(&[5, 6], &goals, Some(20));
+        let run = planner.run(&query, &mut by_lane, &mut || false);
+        let (plan, _) = run.unwrap();
+        assert_eq!(map.fault(&[5, 6], &plan, false), None);
+        let way = plan.path(0).iter().position(|cell| *cell == 0);
+        assert_eq!(way, Some(length), "{plan:?}");
+    }
+    // No time, or a map so large that the tables would be too large: no lanes.
+    let mut streets = Streets::new(planner.graph(), 2);
+    assert!(streets.ranking(&goals, &mut || true).is_none());
+    let large = open(1000);
+    let mut streets = Streets::new(large.planner().graph(), 2);
+    let many = self::goals(&vec![vec![0]; 40]);
+    assert!(streets.ranking(&many, &mut || false).is_none());
 }
 
 fn crowds() -> impl Strategy<Value = (Map, Vec<u32>, Vec<Vec<u32>>)> {

@@ -149,6 +149,7 @@ impl<'p> Single<'p> {
             turning,
             window,
             cycles,
+            lanes,
             ..
         } = self.problem;
         let route = &routes[agent];
@@ -160,6 +161,7 @@ impl<'p> Single<'p> {
             start: route.start,
             heading: route.heading,
             turn_charge: self.turn_charge,
+            lanes: lanes.as_deref(),
             turning: *turning,
             window: *window,
             cycles: *cycles,

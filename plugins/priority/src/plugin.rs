@@ -4,7 +4,7 @@ use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, optio
 use fleetyard_abi::{
     Budget, Capability, Descriptor, Instance, SharedEnvironment, Status, monotonic_ns,
 };
-use fleetyard_plugin_spacetime::plugin::{self, Goals, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{self, Goals, LANE_CHARGE, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,8 +18,14 @@ use crate::search::{self, Prefer};
 struct Prepared(Option<Ground>);
 
 impl Prepared {
-    fn learn(&mut self, environment: &SharedEnvironment, budget: &Budget) -> Result<(), Failure> {
-        self.0 = Some(Ground::new(environment, half_of_memory(budget))?);
+    fn learn(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        lane_charge: u16,
+    ) -> Result<(), Failure> {
+        let ground = Ground::new(environment, half_of_memory(budget))?;
+        self.0 = Some(ground.with_lanes(lane_charge.into()));
         Ok(())
     }
 
@@ -38,7 +44,9 @@ impl Prepared {
         let answer_by = budget.answer_by_ns();
         let mut stop = || monotonic_ns() >= answer_by || sink.cancelled();
         let problem = ground.problem(instance, rule, &mut stop)?;
-        sink.metric("lower_bound", problem.lower_bound() as f64);
+        if problem.lanes.is_none() {
+            sink.metric("lower_bound", problem.lower_bound() as f64);
+        }
         let mut control = Control {
             stop: &mut stop,
             nodes: budget.nodes,
@@ -95,6 +103,10 @@ struct PrioritizedOptions {
     /// steps of the plan: robots that are not pebbles stop for them.
     #[schemars(range(max = 1000))]
     turn_charge: u16,
+    /// What a move against the lanes of the map is charged in steps, in windows: its streets
+    /// lead east and west in turn, and south and north.
+    #[schemars(range(max = 1000))]
+    lane_charge: u16,
 }
 
 impl Default for PrioritizedOptions {
@@ -103,6 +115,7 @@ impl Default for PrioritizedOptions {
             goals: Goals::default(),
             k: 0,
             turn_charge: TURN_CHARGE,
+            lane_charge: LANE_CHARGE,
         }
     }
 }
@@ -143,7 +156,8 @@ impl Planner for Prioritized {
         budget: &Budget,
         _: &dyn Sink,
     ) -> Result<(), Failure> {
-        self.prepared.learn(environment, budget)
+        self.prepared
+            .learn(environment, budget, self.options.lane_charge)
     }
 
     fn plan(
@@ -156,6 +170,7 @@ impl Planner for Prioritized {
             goals,
             k,
             turn_charge,
+            ..
         } = self.options;
         let options = prioritized::Options {
             delay: u32::from(k),
@@ -185,6 +200,10 @@ struct SearchOptions {
     /// steps of the plan: robots that are not pebbles stop for them.
     #[schemars(range(max = 1000))]
     turn_charge: u16,
+    /// What a move against the lanes of the map is charged in steps, in windows: its streets
+    /// lead east and west in turn, and south and north.
+    #[schemars(range(max = 1000))]
+    lane_charge: u16,
 }
 
 impl Default for SearchOptions {
@@ -193,6 +212,7 @@ impl Default for SearchOptions {
             goals: Goals::default(),
             prefer: Prefer::default(),
             turn_charge: TURN_CHARGE,
+            lane_charge: LANE_CHARGE,
         }
     }
 }
@@ -234,7 +254,8 @@ impl Planner for PriorityBasedSearch {
         budget: &Budget,
         _: &dyn Sink,
     ) -> Result<(), Failure> {
-        self.prepared.learn(environment, budget)
+        self.prepared
+            .learn(environment, budget, self.options.lane_charge)
     }
 
     fn plan(
@@ -247,6 +268,7 @@ impl Planner for PriorityBasedSearch {
             goals,
             prefer,
             turn_charge,
+            ..
         } = self.options;
         let options = search::Options {
             prefer,

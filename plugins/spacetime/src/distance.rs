@@ -1,4 +1,4 @@
-//! Exact distances to goals, by breadth-first search from the goal.
+//! Exact distances to goals, by search from the goal, breadth first.
 //!
 //! - [`Distances`]: per agent of a one-shot problem, carried on only as far as somebody
 //!   asks. One row of 16-bit entries per agent. Rows are allocated zeroed and zero means
@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::graph::{DIRECTIONS, Graph, Vertex};
+use crate::lanes::Lanes;
 use crate::sipp::{Guidance, Team};
 
 /// The largest distance a row can hold. Longer ones make the problem unsupported.
@@ -190,7 +191,7 @@ impl Guidance for Towards<'_, '_> {
 /// Entry of a [`Table`] from where the goal cannot be reached.
 const UNREACHABLE: u16 = u16::MAX;
 
-/// Distances in steps from everywhere to one goal.
+/// Distances in steps from everywhere to one goal, with what lanes charge on the way.
 ///
 /// 2 bytes per vertex; 8 for robots that turn, whose way depends on where they look.
 #[derive(Debug)]
@@ -201,25 +202,34 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table of a goal, for robots that `turn` or for pebbles.
-    pub fn new(graph: &Graph, goal: Vertex, turning: bool) -> Self {
+    /// The table of a goal, for robots that turn or for pebbles.
+    pub fn new(graph: &Graph, goal: Vertex, turning: bool, lanes: Option<&Lanes>) -> Self {
         let shift = if turning { 2 } else { 0 };
         let mut steps = vec![UNREACHABLE; (graph.len() + 1) << shift].into_boxed_slice();
         let headings = 1 << shift;
-        let mut level: Vec<u32> = (0..headings).map(|h| (goal << shift) + h).collect();
-        for &state in &level {
+        let charge = |v, d| lanes.map_or(0, |lanes| lanes.charge(v, d));
+        // Those at each of the next distances, round and round (R. B. Dial, "Algorithm 360:
+        // shortest-path forest with topological ordering", CACM 1969).
+        let most = lanes.map_or(0, Lanes::most) as usize;
+        let mut levels = vec![Vec::new(); most + 2];
+        let count = levels.len();
+        levels[0].extend((0..headings).map(|heading| (goal << shift) + heading));
+        for &state in &levels[0] {
             steps[state as usize] = 0;
         }
-        let mut next = Vec::new();
+        let mut waiting = levels[0].len();
         let mut distance = 0;
-        // A level further than the largest distance is left unreachable.
-        while !level.is_empty() && u32::from(distance) < MAX_DISTANCE {
-            distance += 1;
-            let mut reach = |state: u32| {
+        while waiting > 0 {
+            let mut level = std::mem::take(&mut levels[distance as usize % count]);
+            waiting -= level.len();
+            // What is further than the largest distance is left unreachable.
+            let mut reach = |state: u32, charge: u32| {
                 let entry = &mut steps[state as usize];
-                if *entry == UNREACHABLE {
-                    *entry = distance;
-                    next.push(state);
+                let there = distance + 1 + charge;
+                if there < u32::from(*entry) && there <= MAX_DISTANCE {
+                    *entry = there as u16;
+                    levels[there as usize % count].push(state);
+                    waiting += 1;
                 }
             };
             for &state in &level {
@@ -228,20 +238,22 @@ impl Table {
                     // Whoever looks this way here has come from behind, or has turned.
                     let behind = graph.around(v)[(heading as usize + 2) % DIRECTIONS];
                     if behind != graph.wall() {
-                        reach((behind << shift) + heading);
+                        let charge = charge(behind, heading as usize);
+                        reach((behind << shift) + heading, charge);
                     }
-                    reach((v << shift) + (heading + 1) % 4);
-                    reach((v << shift) + (heading + 3) % 4);
+                    reach((v << shift) + (heading + 1) % 4, 0);
+                    reach((v << shift) + (heading + 3) % 4, 0);
                 } else {
-                    for &u in graph.around(v) {
+                    for (back, &u) in graph.around(v).iter().enumerate() {
                         if u != graph.wall() {
-                            reach(u);
+                            reach(u, charge(u, (back + 2) % DIRECTIONS));
                         }
                     }
                 }
             }
             level.clear();
-            std::mem::swap(&mut level, &mut next);
+            levels[distance as usize % count] = level;
+            distance += 1;
         }
         Self { steps, shift }
     }
@@ -267,7 +279,8 @@ impl Table {
     }
 }
 
-/// The tables of a map, by goal and way of moving, kept while they fit into a limit.
+/// The tables of a map, by goal, way of moving and whether lanes count, kept while they fit
+/// into a limit.
 ///
 /// In a fleet that works without end most goals stay from one call to the next, and the
 /// same places come again.
@@ -276,7 +289,7 @@ pub struct Tables {
     limit: u64,
     bytes: u64,
     call: u64,
-    kept: BTreeMap<(Vertex, bool), (Arc<Table>, u64)>,
+    kept: BTreeMap<(Vertex, bool, bool), (Arc<Table>, u64)>,
 }
 
 impl Tables {
@@ -305,10 +318,17 @@ impl Tables {
         self.call += 1;
     }
 
-    /// The table of a goal. What was not asked for since [`Tables::begin`] makes room;
-    /// `None` when what was asked for exceeds the limit.
-    pub fn get(&mut self, graph: &Graph, goal: Vertex, turning: bool) -> Option<Arc<Table>> {
-        if let Some((table, call)) = self.kept.get_mut(&(goal, turning)) {
+    /// The table of a goal, of the map's only `lanes` or without. What was not asked for since
+    /// [`Tables::begin`] makes room; `None` when what was asked for exceeds the limit.
+    pub fn get(
+        &mut self,
+        graph: &Graph,
+        goal: Vertex,
+        turning: bool,
+        lanes: Option<&Lanes>,
+    ) -> Option<Arc<Table>> {
+        let key = (goal, turning, lanes.is_some());
+        if let Some((table, call)) = self.kept.get_mut(&key) {
             *call = self.call;
             return Some(Arc::clone(table));
         }
@@ -320,9 +340,9 @@ impl Tables {
             }
         }
         self.bytes += needed;
-        let table = Arc::new(Table::new(graph, goal, turning));
+        let table = Arc::new(Table::new(graph, goal, turning, lanes));
         let entry = (Arc::clone(&table), self.call);
-        self.kept.insert((goal, turning), entry);
+        self.kept.insert(key, entry);
         Some(table)
     }
 

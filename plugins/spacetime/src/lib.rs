@@ -11,6 +11,7 @@
 //!   goals in sequence, windows, headings;
 //! - [`gradient::Gradients`]: the ways to many goals, for fleets of thousands;
 //! - [`labels::Labels`]: distances between any two places, with no search per goal;
+//! - [`lanes::Lanes`]: which way agents had better go along rows and columns;
 //! - [`reservation::Reservations`]: who is where when;
 //! - [`sipp::Sipp`]: the best path of one agent among the paths of others;
 //! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
@@ -31,6 +32,7 @@ pub mod distance;
 pub mod gradient;
 pub mod graph;
 pub mod labels;
+pub mod lanes;
 pub mod neighborhood;
 pub mod plan;
 pub mod plugin;

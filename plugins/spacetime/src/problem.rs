@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use crate::distance::{MAX_DISTANCE, Table, Tables};
 use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
+use crate::lanes::Lanes;
 use crate::sipp::{Guidance, Team};
 
 /// Why there is nothing to plan for.
@@ -126,6 +127,7 @@ pub struct Ground {
     graph: Arc<Graph>,
     cells: usize,
     tables: Tables,
+    lanes: Option<Arc<Lanes>>,
 }
 
 impl Ground {
@@ -151,7 +153,16 @@ impl Ground {
             graph: Arc::new(Graph::new(rows, cols, &passable)),
             cells: passable.len(),
             tables: Tables::new(limit),
+            lanes: None,
         })
+    }
+
+    /// Charges moves against the [lanes](Lanes) of the map so many steps, in windows: where
+    /// plans end somewhere, the shortest are asked for.
+    #[must_use]
+    pub fn with_lanes(mut self, charge: u32) -> Self {
+        self.lanes = (charge > 0).then(|| Arc::new(Lanes::new(&self.graph, charge)));
+        self
     }
 
     /// The graph.
@@ -209,6 +220,10 @@ impl Ground {
                 last_goals[vertex(first, "goal", last)? as usize] += 1;
             }
         }
+        let lanes = match instance.window_steps {
+            0 => None,
+            _ => self.lanes.as_deref(),
+        };
         self.tables.begin();
         let mut routes = Vec::with_capacity(starts.len());
         let mut wanted = 0;
@@ -232,7 +247,8 @@ impl Ground {
                     goals: wanted,
                     limit: self.tables.limit(),
                 };
-                let table = self.tables.get(&graph, goal, turning).ok_or(memory)?;
+                let table = self.tables.get(&graph, goal, turning, lanes);
+                let table = table.ok_or(memory)?;
                 route.goals.push(goal);
                 route.tables.push(table);
                 if stop() {
@@ -261,6 +277,7 @@ impl Ground {
             window: instance.window_steps,
             faces: instance.headings.is_some(),
             cycles: instance.allows_cycles,
+            lanes: self.lanes.clone().filter(|_| instance.window_steps > 0),
         })
     }
 }
@@ -282,6 +299,8 @@ pub struct Problem {
     pub window: u32,
     /// Whether agents may move round in a ring in one step.
     pub cycles: bool,
+    /// Along which moves had better go; what they charge is part of all distances.
+    pub lanes: Option<Arc<Lanes>>,
 }
 
 impl Problem {
@@ -290,7 +309,8 @@ impl Problem {
         self.routes.len()
     }
 
-    /// The sum of the shortest ways through all goals, which no plan can beat.
+    /// The sum of the shortest ways through all goals, which no plan can beat (and what lanes
+    /// charge on these ways).
     pub fn lower_bound(&self) -> u64 {
         self.routes
             .iter()

@@ -363,6 +363,7 @@ impl Worker<'_> {
                     start: paths[agent][0],
                     heading: 0,
                     turn_charge: 0,
+                    lanes: None,
                     turning: false,
                     window: 0,
                     cycles: self.cycles,

@@ -15,6 +15,7 @@
 //! buckets, because lengths are small integers.
 
 use crate::graph::{DIRECTIONS, Graph, Vertex};
+use crate::lanes::Lanes;
 use crate::random::Random;
 use crate::reservation::{NEVER, Reservations};
 
@@ -39,7 +40,7 @@ pub trait Guidance {
 
     /// A lower bound of the steps from `v`, looking in direction `heading`, through goal
     /// number `label` and all later ones; 0 when there is none. It must not fall by more
-    /// than one in a step.
+    /// than one in a step, and by what lanes charge for it.
     fn rest(&self, label: u32, v: Vertex, heading: u8) -> u32;
 
     /// How many goals are visited at `v` if `label` were before. A last goal to stay at is
@@ -100,6 +101,8 @@ pub struct Query<'a, G> {
     /// What a turn by 90° is charged in steps, without `turning`: robots stop for turns, even
     /// where plans do not say so.
     pub turn_charge: u32,
+    /// What moves against lanes are charged in steps; without `bound`.
+    pub lanes: Option<&'a Lanes>,
     /// Whether turning by 90° takes a step.
     pub turning: bool,
     /// Paths may end at this time, wherever they have come; 0: at the last goal only.
@@ -116,7 +119,7 @@ pub struct Found {
     /// A vertex per step.
     pub path: Vec<Vertex>,
     /// When it visits the last goal for the last time; where it ends with a window before
-    /// that, the estimate. What turns are charged comes on top.
+    /// that, the estimate. What turns and moves were charged comes on top.
     pub length: u32,
 }
 
@@ -143,7 +146,7 @@ struct State {
     label: u32,
     /// Soft collisions on the way.
     met: u32,
-    /// What turns on the way were charged.
+    /// What turns and moves on the way were charged.
     charged: u32,
     heading: u8,
     /// Where the agent went last; at the beginning where it looks.
@@ -473,6 +476,7 @@ impl<G: Guidance> Search<'_, '_, G> {
             bound,
             turning,
             turn_charge,
+            lanes,
             ..
         } = *self.query;
         let state = &self.memory.states[from as usize];
@@ -497,7 +501,9 @@ impl<G: Guidance> Search<'_, '_, G> {
             rest,
             visited: state.visited,
             met: state.met,
-            charged: state.charged + turn_charge * turns,
+            charged: state.charged
+                + turn_charge * turns
+                + lanes.map_or(0, |lanes| lanes.charge(v, d)),
             looks: d as u8,
             crossed: d as u8,
         };

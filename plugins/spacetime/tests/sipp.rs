@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use fleetyard_abi::{Environment, Goals, GridEnvironment, Heading, Instance, Motion, Status};
 use fleetyard_plugin_spacetime::distance::{Table, Tables};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::lanes::Lanes;
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem, ProblemError};
 use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_plugin_spacetime::reservation::{NEVER, Reservations};
@@ -187,13 +188,14 @@ impl Case {
     }
 
     fn search(&self, soft: Option<&Reservations>) -> Result<(Vec<Vertex>, u32), Miss> {
-        self.search_charged(soft, 0)
+        self.search_charged(soft, 0, None)
     }
 
     fn search_charged(
         &self,
         soft: Option<&Reservations>,
         turn_charge: u32,
+        lanes: Option<&Lanes>,
     ) -> Result<(Vec<Vertex>, u32), Miss> {
         let route = &self.problem.routes[0];
         let query = Query {
@@ -204,6 +206,7 @@ impl Case {
             start: route.start,
             heading: route.heading,
             turn_charge,
+            lanes,
             turning: self.problem.turning,
             window: self.problem.window,
             cycles: self.problem.cycles,
@@ -230,6 +233,17 @@ impl Case {
             u32::from(apart.min(4 - apart))
         });
         if *turning { 0 } else { turns.sum() }
+    }
+
+    /// What lanes charge on a path.
+    fn against(&self, path: &[Vertex], lanes: &Lanes) -> u32 {
+        let moves = path.windows(2).filter(|step| step[0] != step[1]);
+        let charges = moves.map(|step| {
+            let around = self.problem.graph.around(step[0]);
+            let d = around.iter().position(|u| *u == step[1]);
+            lanes.charge(step[0], d.expect("moves lead to neighbours"))
+        });
+        charges.sum()
     }
 
     /// Whether a path is one of this agent, in nobody's way, and as long as it says.
@@ -350,15 +364,19 @@ proptest! {
             }
             Err(miss) => prop_assert_eq!((miss, None), (Miss::NoPath, least)),
         }
-        // Charging turns makes no path impossible.
-        match case.search_charged(None, 3) {
-            Ok((path, length)) if case.problem.window == 0 => {
-                let charged = 3 * case.quarters(&path);
-                case.check(&path, length - charged);
-                prop_assert!(least.is_some_and(|least| length - charged >= least));
+        // Charging turns, or moves against lanes, makes no path impossible.
+        let lanes = Lanes::new(&case.problem.graph, 2);
+        for (turn_charge, lanes) in [(3, None), (0, Some(&lanes))] {
+            match case.search_charged(None, turn_charge, lanes) {
+                Ok((path, length)) if case.problem.window == 0 => {
+                    let against = lanes.map_or(0, |lanes| case.against(&path, lanes));
+                    let charged = turn_charge * case.quarters(&path) + against;
+                    case.check(&path, length - charged);
+                    prop_assert!(least.is_some_and(|least| length - charged >= least));
+                }
+                Ok(_) => prop_assert!(least.is_some()),
+                Err(miss) => prop_assert_eq!((miss, None), (Miss::NoPath, least)),
             }
-            Ok(_) => prop_assert!(least.is_some()),
-            Err(miss) => prop_assert_eq!((miss, None), (Miss::NoPath, least)),
         }
         // Whom one would rather not meet makes no path longer, or impossible.
         let mut soft = case.table();
@@ -378,22 +396,23 @@ proptest! {
     }
 
     #[test]
-    fn tables_hold_the_steps_that_it_takes(rows in 1_u32..6, cols in 1_u32..6, seed: u64, turning: bool) {
+    fn tables_hold_the_steps_that_it_takes(rows in 1_u32..6, cols in 1_u32..6, seed: u64, turning: bool, charge in 0_u32..4) {
         let mut random = Random::new(seed, 0);
         let passable: Vec<bool> = (0..rows * cols).map(|_| !random.one_in(4)).collect();
         let graph = Graph::new(rows as usize, cols as usize, &passable);
         prop_assume!(!graph.is_empty());
         let goal = random.below(graph.len()) as Vertex;
-        let table = Table::new(&graph, goal, turning);
-        // One step of anybody costs one, so that a table that is zero at the goal alone and
-        // has a way down by one from everywhere else is the one.
+        let lanes = Lanes::new(&graph, charge);
+        let table = Table::new(&graph, goal, turning, (charge > 0).then_some(&lanes));
+        // One step of anybody costs one and its charge, so that a table that is zero at the
+        // goal alone and has a way down by just that from everywhere else is the one.
         for v in 0..graph.len() as Vertex {
             for heading in 0..4_u8 {
                 let here = table.get(v, heading);
                 let mut next = Vec::new();
                 for (d, &u) in graph.around(v).iter().enumerate() {
                     if u != graph.wall() && (!turning || d == usize::from(heading)) {
-                        next.push(table.get(u, heading));
+                        next.push(table.get(u, heading) + lanes.charge(v, d));
                     }
                 }
                 if turning {
@@ -401,7 +420,7 @@ proptest! {
                     next.push(table.get(v, (heading + 3) % 4));
                 }
                 prop_assert_eq!(here == 0, v == goal);
-                prop_assert!(next.iter().all(|&there| there.max(65535) == 65535 && there + 1 >= here));
+                prop_assert!(next.iter().all(|&there| there < 65540 && there + 1 >= here));
                 if here > 0 && here < 65535 {
                     prop_assert!(next.contains(&(here - 1)));
                 }
@@ -451,7 +470,7 @@ fn a_robot_waits_rather_than_turn_where_turns_are_charged() {
         };
         let (path, length) = case.search(None).unwrap();
         assert!(length == 6 && case.quarters(&path) > 0, "{path:?}");
-        let (path, length) = case.search_charged(None, 1).unwrap();
+        let (path, length) = case.search_charged(None, 1, None).unwrap();
         assert_eq!((length, case.quarters(&path)), (8, 0), "{path:?}");
     }
 }
@@ -476,20 +495,20 @@ fn tables_are_kept_until_room_is_needed() {
     let mut tables = Tables::new(8 * each);
     tables.begin();
     for goal in 0..8 {
-        assert!(tables.get(&graph, goal, false).is_some());
+        assert!(tables.get(&graph, goal, false, None).is_some());
     }
     assert!(
-        tables.get(&graph, 8, false).is_none(),
+        tables.get(&graph, 8, false, None).is_none(),
         "all eight are in use"
     );
     tables.begin();
-    let kept = tables.get(&graph, 7, false).unwrap();
-    assert!(tables.get(&graph, 8, false).is_some());
+    let kept = tables.get(&graph, 7, false, None).unwrap();
+    assert!(tables.get(&graph, 8, false, None).is_some());
     assert!(tables.bytes() <= tables.limit());
     // Those of this call have stayed.
     assert!(std::sync::Arc::ptr_eq(
         &kept,
-        &tables.get(&graph, 7, false).unwrap()
+        &tables.get(&graph, 7, false, None).unwrap()
     ));
 }
 
@@ -557,4 +576,41 @@ fn who_shares_a_last_goal_need_not_stay() {
         ..instance
     };
     assert_eq!(stays(&windowed, GoalRule::Stay), [false; 3]);
+}
+
+#[test]
+fn lanes_are_worth_a_way_round() {
+    // Row 0 leads east and row 1 west; column 0 leads south and column 5 north.
+    let environment = environment(3, 6, &[true; 18]);
+    let instance = Instance {
+        window_steps: 12,
+        ..Instance::one_shot(vec![5], vec![0])
+    };
+    for (charge, steps, row) in [(0, 5, 0), (2, 11, 1)] {
+        let ground = Ground::new(&environment, 1 << 20).unwrap();
+        let mut ground = ground.with_lanes(charge);
+        let mut ask = |instance| {
+            ground
+                .problem(instance, GoalRule::Transient, &mut || false)
+                .unwrap()
+        };
+        // Five steps against the lane are charged ten; to change to the other one and back is
+        // two steps more, which are charged four.
+        let problem = ask(&instance);
+        assert_eq!(problem.routes[0].length(), steps);
+        let case = Case {
+            others: Vec::new(),
+            seed: 0,
+            problem,
+        };
+        let lanes = case.problem.lanes.clone();
+        let (path, length) = case.search_charged(None, 0, lanes.as_deref()).unwrap();
+        assert_eq!(length, steps);
+        let here = |v: &Vertex| case.problem.graph.place(*v) == [row, 3];
+        assert!(path.iter().any(here), "{path:?}");
+        // Plans to the end are to be short.
+        let whole = ask(&Instance::one_shot(vec![5], vec![0]));
+        assert_eq!(whole.routes[0].length(), 5);
+        assert!(whole.lanes.is_none());
+    }
 }
