@@ -329,7 +329,8 @@ def peers(store):
           "robots of its effective limits (`lsmart-effective`), the same windows, period and limit of 1 s, two seconds at a "
           "station. Where it was run for 60 or 120 s only (PIBT with 800 robots, RHCR with 200 and more) the beginning "
           "counts for more. It counts a goal when robots are *committed* to it; we count arrivals, and give both. Its "
-          "RHCR is windowed PBS.\n")
+          "RHCR is windowed PBS. Other than in the experiments above, ours keep to lanes and away from crowded goals "
+          "([planners](../planners.md#lanes)), as they do unless they are told otherwise.\n")
     print("| map | planner | N | its goals/s | its RTF | its fail calls | our goals/s | our committed/s | our RTF | our fail calls | contacts |")
     print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for (name, planner, agents), rows in sorted(theirs.items()):

@@ -7,7 +7,7 @@ use fleetyard_abi::{
     Budget, Capability, Descriptor, Instance, Motion, PlanRef, SharedEnvironment, Status,
     monotonic_ns,
 };
-use fleetyard_plugin_spacetime::plugin::{self, LANE_CHARGE};
+use fleetyard_plugin_spacetime::plugin;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,10 @@ use serde::{Deserialize, Serialize};
 use crate::lanes::Streets;
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, ProblemError, solve};
+
+/// What a move against a lane is charged: where streets are narrow, agents that meet push
+/// each other far.
+const LANE_CHARGE: u16 = 4;
 
 /// Tables of goals that nobody has any longer are kept up to so many bytes, and up to half
 /// of what the planner may use.

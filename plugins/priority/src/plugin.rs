@@ -4,7 +4,7 @@ use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, optio
 use fleetyard_abi::{
     Budget, Capability, Descriptor, Instance, SharedEnvironment, Status, monotonic_ns,
 };
-use fleetyard_plugin_spacetime::plugin::{self, Goals, LANE_CHARGE, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{self, Goals, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -89,6 +89,10 @@ fn descriptor(id: &str, name: &str, description: &str, extra: &[Capability]) -> 
 /// What a turn costs a robot that drives about as fast as it turns: it stops, turns and sets
 /// out again.
 const TURN_CHARGE: u16 = 2;
+
+/// What a move against a lane is charged: a short way against it is better than a long one
+/// round, since others let an agent pass.
+const LANE_CHARGE: u16 = 2;
 
 /// Options of `pp`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]

@@ -9,11 +9,6 @@ use crate::problem::GoalRule;
 /// Bytes for tables of distances, and again for the search, where the budget says nothing.
 pub const MEMORY: u64 = 1 << 30;
 
-/// What a move against a lane is charged by planners of fleets that work without end, in
-/// steps, unless the user says otherwise: on streets a few cells apart a way round costs two
-/// moves against others.
-pub const LANE_CHARGE: u16 = 2;
-
 /// What an agent does after its last goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
