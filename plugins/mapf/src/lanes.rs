@@ -13,10 +13,6 @@ use fleetyard_plugin_spacetime::lanes::Lanes;
 
 use crate::lifelong::{Place, Ranking};
 
-/// Bytes of tables for the goals that a fleet has at a time. A larger fleet does without
-/// lanes: to make them takes longer than a call.
-const MOST_BYTES: u64 = 64 << 20;
-
 /// The lanes of a map, and the ways to goals along them, kept from call to call.
 #[derive(Debug)]
 pub struct Streets {
@@ -26,17 +22,17 @@ pub struct Streets {
 }
 
 impl Streets {
-    /// Moves against a lane are charged so many steps.
-    pub fn new(graph: &Arc<Graph>, charge: u32) -> Self {
+    /// Moves against a lane are charged so many steps. Tables may take so many bytes.
+    pub fn new(graph: &Arc<Graph>, charge: u32, bytes: u64) -> Self {
         Self {
             graph: Arc::clone(graph),
             lanes: Lanes::new(graph, charge),
-            // Goals come one after the other, and come back.
-            tables: Tables::new(2 * MOST_BYTES),
+            tables: Tables::new(bytes),
         }
     }
 
-    /// Makes ready for a fleet with these goals. `None` when it is too large, or when time is
+    /// Makes ready for a fleet with these goals. `None` when tables of one goal each would take
+    /// more than half of the bytes, so that none would stay to the next goals, or when time is
     /// up; tables that were made are kept.
     pub fn ranking<'a>(
         &'a mut self,
@@ -44,7 +40,7 @@ impl Streets {
         stop: &mut dyn FnMut() -> bool,
     ) -> Option<ByLane<'a>> {
         let bytes = Table::bytes(&self.graph, false).saturating_mul(goals.len() as u64);
-        if bytes > MOST_BYTES {
+        if bytes > self.tables.limit() / 2 {
             return None;
         }
         self.tables.begin();
@@ -83,9 +79,7 @@ impl ByLane<'_> {
         let goal = graph.vertex(*self.goals.get(agent).get(visited)?)?;
         tables.get(graph, goal, false, Some(lanes))
     }
-}
 
-impl ByLane<'_> {
     /// How far the goal of an agent is from a cell, for an agent that has visited so many.
     #[inline]
     fn far(&mut self, place: Place) -> Option<impl Fn(u32) -> u32> {

@@ -23,6 +23,9 @@ const LANE_CHARGE: u16 = 4;
 /// Tables of goals that nobody has any longer are kept up to so many bytes, and up to half
 /// of what the planner may use.
 const TABLE_BYTES: u64 = 512 << 20;
+/// The same for tables of the ways along lanes. A fleet that needs more than half of that at a
+/// time does without lanes: to make them takes longer than a call.
+const LANE_BYTES: u64 = 128 << 20;
 
 /// How often `lacam` tries another way on under a window: as often every time, so that its
 /// plans do not depend on the speed of the machine.
@@ -80,7 +83,11 @@ impl Prepared {
         };
         let lifelong = Lifelong::new(self.rows, self.cols, &self.passable, bytes);
         let lifelong = lifelong.map_err(|error| refused(&error))?;
-        self.streets = (lane_charge > 0).then(|| Streets::new(lifelong.graph(), lane_charge));
+        let streets = || {
+            let bytes = LANE_BYTES.min(bytes / 2);
+            Streets::new(lifelong.graph(), lane_charge, bytes)
+        };
+        self.streets = (lane_charge > 0).then(streets);
         self.lifelong = Some(lifelong);
         Ok(())
     }
@@ -333,7 +340,7 @@ pub struct PibtOptions {
     step_limit: u64,
     /// What a move against the lanes of the map is charged in steps, in windows: its streets
     /// lead east and west in turn, and south and north.
-    #[schemars(range(max = 1000))]
+    #[schemars(range(max = 100))]
     lane_charge: u16,
 }
 

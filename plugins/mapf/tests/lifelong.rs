@@ -178,12 +178,12 @@ fn drive(map: &Map, agents: usize, window: u32, calls: u32, fresh: bool, charge:
     cells.truncate(agents);
     let (mut next, mut since) = (vec![0_u32; agents], vec![0_u32; agents]);
     let mut planner = map.planner();
-    let mut streets = Streets::new(planner.graph(), charge);
+    let mut streets = Streets::new(planner.graph(), charge, 1 << 24);
     let (mut reached, mut longest) = (0, 0);
     for call in 0..calls {
         if fresh {
             planner = map.planner();
-            streets = Streets::new(planner.graph(), charge);
+            streets = Streets::new(planner.graph(), charge, 1 << 24);
         }
         let lists: Vec<Vec<u32>> = (0..agents)
             .map(|a| (0..3).map(|k| stream(a, next[a] + k)).collect())
@@ -459,7 +459,7 @@ fn a_lane_is_worth_a_way_round() {
     let goals = goals(&[vec![0], vec![11]]);
     let mut planner = map.planner();
     for (charge, length) in [(0, 5), (2, 7)] {
-        let mut streets = Streets::new(planner.graph(), charge);
+        let mut streets = Streets::new(planner.graph(), charge, 1 << 24);
         let mut by_lane = streets.ranking(&goals, &mut || false).unwrap();
         let query = query(&[5, 6], &goals, Some(20));
         let run = planner.run(&query, &mut by_lane, &mut || false);
@@ -469,11 +469,11 @@ fn a_lane_is_worth_a_way_round() {
         assert_eq!(way, Some(length), "{plan:?}");
     }
     // No time, or a map so large that the tables would be too large: no lanes.
-    let mut streets = Streets::new(planner.graph(), 2);
+    let mut streets = Streets::new(planner.graph(), 2, 1 << 24);
     assert!(streets.ranking(&goals, &mut || true).is_none());
     let large = open(1000);
-    let mut streets = Streets::new(large.planner().graph(), 2);
-    let many = self::goals(&vec![vec![0]; 40]);
+    let mut streets = Streets::new(large.planner().graph(), 2, 1 << 24);
+    let many = self::goals(&vec![vec![0]; 5]);
     assert!(streets.ranking(&many, &mut || false).is_none());
 }
 

@@ -109,7 +109,7 @@ struct PrioritizedOptions {
     turn_charge: u16,
     /// What a move against the lanes of the map is charged in steps, in windows: its streets
     /// lead east and west in turn, and south and north.
-    #[schemars(range(max = 1000))]
+    #[schemars(range(max = 100))]
     lane_charge: u16,
 }
 
@@ -206,7 +206,7 @@ struct SearchOptions {
     turn_charge: u16,
     /// What a move against the lanes of the map is charged in steps, in windows: its streets
     /// lead east and west in turn, and south and north.
-    #[schemars(range(max = 1000))]
+    #[schemars(range(max = 100))]
     lane_charge: u16,
 }
 
