@@ -215,6 +215,19 @@ impl Fleet<'_> {
         self.upcoming.iter().enumerate().map(first).collect()
     }
 
+    /// Who heads for which goal, and how far that is if nothing were in the way: goal by goal,
+    /// and the nearest first.
+    fn rivals(&self, current: &[Option<Vertex>]) -> Vec<(Vertex, u32, usize)> {
+        let rival = |(agent, goal): (usize, &Option<Vertex>)| {
+            let goal = (*goal)?;
+            let steps = self.ground.graph.manhattan(self.at[agent], goal);
+            Some((goal, steps, agent))
+        };
+        let mut rivals: Vec<_> = current.iter().enumerate().filter_map(rival).collect();
+        rivals.sort_unstable();
+        rivals
+    }
+
     fn cells(&self, vertices: impl IntoIterator<Item = Vertex>) -> Goals {
         let cells = vertices.into_iter().map(|v| self.ground.graph.cell(v));
         Goals::single(cells.collect())
@@ -310,14 +323,8 @@ impl Windowed {
         if self.spacing == 0 {
             return Ok(waits);
         }
-        let way = |(agent, goal): (usize, Option<Vertex>)| {
-            let steps = |goal| fleet.ground.graph.manhattan(fleet.at[agent], goal);
-            goal.map(|goal| (goal, steps(goal), agent))
-        };
-        let current = fleet.current()?.into_iter().enumerate();
-        let mut ways: Vec<_> = current.filter_map(way).collect();
-        ways.sort_unstable();
-        for same in ways.chunk_by(|a, b| a.0 == b.0) {
+        let rivals = fleet.rivals(&fleet.current()?);
+        for same in rivals.chunk_by(|a, b| a.0 == b.0) {
             for (nearer, &(_, steps, agent)) in same.iter().enumerate().skip(AT_A_GOAL) {
                 waits[agent] = u64::from(steps) < u64::from(self.spacing) * nearer as u64;
             }
@@ -345,12 +352,7 @@ impl Rule for Distinct {
         for goal in current.iter().flatten() {
             taken[*goal as usize] = true;
         }
-        // Everybody who heads for a goal stands beside the others that do.
-        let mut heading: Vec<(Vertex, usize)> = (0..)
-            .zip(&current)
-            .filter_map(|(agent, goal)| Some(((*goal)?, agent)))
-            .collect();
-        heading.sort_unstable();
+        let rivals = fleet.rivals(&current);
         let mut goals = current.clone();
         let mut search = Search::new(ground);
         let free = |search: &mut Search<'_>, taken: &mut [bool], from: Vertex, agent: usize| {
@@ -363,22 +365,17 @@ impl Rule for Distinct {
             taken[found as usize] = true;
             Ok::<_, Failure>(found)
         };
-        for group in heading
+        for group in rivals
             .chunk_by(|a, b| a.0 == b.0)
             .filter(|group| group.len() > 1)
         {
             check(sink)?;
             let goal = group[0].0;
-            let mut agents: Vec<(u32, usize)> = group
-                .iter()
-                .map(|(_, agent)| (ground.graph.manhattan(at[*agent], goal), *agent))
-                .collect();
-            agents.sort_unstable();
             // The nearest keeps its goal: it comes nearer and so it goes on being the one,
             // and when it has arrived the next one is. The straight way is the least that a
             // way can be, so most need not be looked for.
             let mut nearest = (u32::MAX, usize::MAX);
-            for &(least, agent) in &agents {
+            for &(_, least, agent) in group {
                 if (least, agent) > nearest {
                     break;
                 }
@@ -386,7 +383,7 @@ impl Rule for Distinct {
                     nearest = nearest.min((steps, agent));
                 }
             }
-            for (_, agent) in agents {
+            for &(_, _, agent) in group {
                 if agent != nearest.1 {
                     goals[agent] = Some(free(&mut search, &mut taken, goal, agent)?);
                 }

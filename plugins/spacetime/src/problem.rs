@@ -220,10 +220,8 @@ impl Ground {
                 last_goals[vertex(first, "goal", last)? as usize] += 1;
             }
         }
-        let lanes = match instance.window_steps {
-            0 => None,
-            _ => self.lanes.as_deref(),
-        };
+        let in_window = |_: &Arc<Lanes>| instance.window_steps > 0;
+        let lanes = self.lanes.clone().filter(in_window);
         self.tables.begin();
         let mut routes = Vec::with_capacity(starts.len());
         let mut wanted = 0;
@@ -247,7 +245,7 @@ impl Ground {
                     goals: wanted,
                     limit: self.tables.limit(),
                 };
-                let table = self.tables.get(&graph, goal, turning, lanes);
+                let table = self.tables.get(&graph, goal, turning, lanes.as_deref());
                 let table = table.ok_or(memory)?;
                 route.goals.push(goal);
                 route.tables.push(table);
@@ -277,7 +275,7 @@ impl Ground {
             window: instance.window_steps,
             faces: instance.headings.is_some(),
             cycles: instance.allows_cycles,
-            lanes: self.lanes.clone().filter(|_| instance.window_steps > 0),
+            lanes,
         })
     }
 }
