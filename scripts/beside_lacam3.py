@@ -34,9 +34,13 @@ CASES["anytime"] = CASES["first"]
 
 
 def measured(command):
-    """Runs a command; its output and the CPU seconds of its process tree."""
+    """Runs a command; its output and the CPU seconds of its process tree.
+
+    In a session of its own, as the host starts every plugin: on a loaded machine the
+    kernel gives each session the same share (autogroup scheduling).
+    """
     before = os.times()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, start_new_session=True)
     after = os.times()
     cpu = after.children_user - before.children_user
     return done, cpu + after.children_system - before.children_system
