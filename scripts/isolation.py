@@ -195,6 +195,8 @@ GROUPS = {
         attempt("connect-udp", "cpr", "target={udp}"),
         attempt("connect-unix", "cpr", "target={unix}"),
         attempt("connect-abstract", "cpr", "target={abstract}"),
+        attempt("socketpair-netlink", "c"),
+        attempt("socketpair-datagram", "c", "target={datagram}"),
     ],
     "Other processes": [
         attempt("kill-parent", "cp"),
@@ -207,6 +209,16 @@ GROUPS = {
         attempt("read-memory", "cp", "pid={victim} target={address}"),
         attempt("write-memory", "cp", "pid={victim} target={address}"),
         attempt("steal-descriptor", "cp", "pid={victim}"),
+        *(attempt("limit-supervisor", "c", f"target={what}") for what in ("cpu", "nofile", "fsize")),
+        *(
+            attempt("limit-host", "c", f"pid={{host}} target={what}")
+            for what in ("cpu", "nofile", "fsize")
+        ),
+        attempt("priority-of-others", "c", "pid={victim}"),
+        attempt("priority-of-others", "c", "pid={host}"),
+        attempt("signal-by-file", "c", "pid={victim}"),
+        attempt("lease", "c"),
+        attempt("kill-all", "c"),
     ],
     "The kernel": [
         attempt("unshare", "cp"),
@@ -221,6 +233,14 @@ GROUPS = {
         attempt("repin", "cp"),
         attempt("realtime", "cp"),
         attempt("raise-limits", "cp"),
+        attempt("aio", "c"),
+        attempt("personality", "c"),
+        attempt("memory-policy", "c"),
+        attempt("seccomp-listener", "c"),
+        attempt("new-calls", "c"),
+        attempt("undumpable", "c"),
+        attempt("oom-score", "c"),
+        attempt("proc-files", "c"),
     ],
     "Memory of a plan": [
         Behaviour("changes-plan-after", "c"),
@@ -366,17 +386,19 @@ class Victims:
         self.folder.mkdir()
         os.chown(self.folder, user.pw_uid, user.pw_gid)
         self.listeners = {}
-        local = str(self.folder / "socket")
+        local, letters = str(self.folder / "socket"), str(self.folder / "letters")
         self.abstract = f"fy-{secrets.token_hex(6)}"
         stream, datagram = socket.SOCK_STREAM, socket.SOCK_DGRAM
         for name, family, kind, address in [
             ("tcp", socket.AF_INET, stream, ("127.0.0.1", 0)),
             ("udp", socket.AF_INET, datagram, ("127.0.0.1", 0)),
             ("unix", socket.AF_UNIX, stream, local),
+            ("datagram", socket.AF_UNIX, datagram, letters),
             ("abstract", socket.AF_UNIX, stream, "\0" + self.abstract),
         ]:
             self.listeners[name] = Listener(family, kind, address)
         os.chmod(local, 0o777)
+        os.chmod(letters, 0o777)
         self.secret, self.precious = self.folder / "secret", self.folder / "precious"
         self.process = None
 
@@ -417,6 +439,7 @@ class Victims:
             "tcp": f"127.0.0.1:{port('tcp')}",
             "udp": f"127.0.0.1:{port('udp')}",
             "unix": self.folder / "socket",
+            "datagram": self.folder / "letters",
             "abstract": self.abstract,
             "victim": self.process.pid,
             "address": self.address,

@@ -740,7 +740,9 @@ fn a_supervisor_that_is_killed_takes_the_plugin_with_it() {
     others[0].signal("KILL");
     let ended = started.wait().expect(common::PLUGIN);
     assert!(
-        ended.stderr.contains("its supervisor was killed"),
+        ended
+            .stderr
+            .contains("its supervisor was ended by SIGKILL (signal 9)"),
         "{ended}"
     );
 }

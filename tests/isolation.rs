@@ -12,7 +12,7 @@ use std::fs;
 use std::io::Read;
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
@@ -274,6 +274,146 @@ fn nothing_gets_out() {
     for fault in ["userfaultfd", "keyctl", "x32", "memfd", "sysv-shm", "repin"] {
         fails_to(fault, "c", "--memory 1GiB --option size=67108864");
     }
+    for fault in UPWARDS {
+        fails_to(fault, "c", "");
+    }
+}
+
+/// What reaches for other processes of the same user, for the machine, or past the
+/// accounting. None of it needs a namespace to be refused.
+const UPWARDS: [&str; 14] = [
+    "limit-supervisor",
+    "limit-host",
+    "priority-of-others",
+    "signal-by-file",
+    "lease",
+    "kill-all",
+    "socketpair-netlink",
+    "aio",
+    "personality",
+    "memory-policy",
+    "seccomp-listener",
+    "new-calls",
+    "undumpable",
+    "proc-files",
+];
+
+#[test]
+fn a_plugin_goes_first_when_memory_runs_out() {
+    let ends = fails_to("oom-score", "c", "");
+    let record = ends[0].json();
+    if refused().is_none() {
+        assert!(active(&record, "resource-limits"), "{}", ends[0]);
+        let score = &record["claimed_metrics"]["oom-score"];
+        assert_eq!(*score, 1000.0, "{}", ends[0]);
+    }
+}
+
+/// The user that runs the tests, and another one where that is root.
+fn users() -> Vec<u32> {
+    let me = effective_user();
+    [me].into_iter().chain((me == 0).then_some(1234)).collect()
+}
+
+#[test]
+fn nobody_reaches_up_where_namespaces_are_refused() {
+    if !have("python3") {
+        return;
+    }
+    let public = Public::new();
+    let letters = public.path("letters");
+    let listener = std::os::unix::net::UnixDatagram::bind(&letters).unwrap();
+    listener.set_nonblocking(true).unwrap();
+    fs::set_permissions(&letters, fs::Permissions::from_mode(0o777)).unwrap();
+    let target = format!("--option target={}", letters.display());
+    // One shell for all of them, which is the process of the same user that is reached for.
+    let attempts = UPWARDS.map(|fault| (fault, "--option pid=$$"));
+    let more = [
+        ("socketpair-datagram", target.as_str()),
+        ("oom-score", ""),
+        ("kill-pid", "--option pid=$$"),
+    ];
+    let attempts: Vec<(&str, &str)> = attempts.into_iter().chain(more).collect();
+    let line = |(fault, option): &(&str, &str)| {
+        let words = public.faulty(fault, &format!("--budget 60s {option}"));
+        format!("./fleetyard {}\n", words.join(" "))
+    };
+    let script: String = attempts.iter().map(line).collect();
+    for user in users() {
+        let line = ["-c".to_owned(), script.clone()];
+        let ended = launched(&public.path(""), Path::new("sh"), true, user, &line);
+        let records = serde_json::Deserializer::from_str(&ended.stdout).into_iter::<Value>();
+        let records: Vec<Value> = records.map(Result::unwrap).collect();
+        assert_eq!(records.len(), attempts.len(), "as {user}: {ended}");
+        for ((fault, _), record) in attempts.iter().zip(records) {
+            let what = format!("{fault} as {user}: {record:#}");
+            assert_eq!(record["claimed_metrics"]["reached"], 0.0, "{what}");
+            assert_eq!(record["planner"]["ranked"], true, "{what}");
+        }
+    }
+    assert!(listener.recv(&mut [0; 64]).is_err(), "something came by");
+}
+
+/// Runs in which nobody keeps the plugin from its supervisor.
+#[test]
+fn a_supervisor_whose_limits_were_changed_makes_a_failure_of_the_trial() {
+    for resource in ["cpu", "nofile", "fsize"] {
+        let more = format!("--budget 60s --sandbox none --option target={resource}");
+        let ended = Yard::new().run(&faulty(&faulty_library(), "limit-supervisor", &more));
+        assert!(
+            ended.left.is_empty(),
+            "{resource}: {:?} {ended}",
+            ended.left
+        );
+        let record = ended.json();
+        assert_eq!(record["termination"], "failed", "{resource}: {ended}");
+        assert_eq!(record["planner"]["ranked"], false, "{resource}: {ended}");
+        let why = record["planner"]["unranked"].as_str().unwrap();
+        assert!(why.contains("supervis"), "{resource}: {ended}");
+        assert_eq!(ended.code, Some(PLUGIN), "{resource}: {ended}");
+    }
+}
+
+#[test]
+fn a_lost_supervisor_makes_a_failure_of_the_trial() {
+    for level in ["auto", "none"] {
+        let yard = Yard::new();
+        let more = format!("--budget 60s --sandbox {level}");
+        let started = yard.start(&faulty(&faulty_library(), "never", &more));
+        let supervisor = || {
+            let processes = started.processes();
+            // The plugin is there once there are more than it and the host.
+            let plugin = processes.len() > 3;
+            let mut found = processes.into_iter();
+            found.find(|process| plugin && process.command.contains("__supervise"))
+        };
+        assert!(until(|| supervisor().is_some()), "{level}");
+        supervisor().unwrap().signal("KILL");
+        let ended = started.wait();
+        assert!(ended.left.is_empty(), "{level}: {:?} {ended}", ended.left);
+        if ended.stdout.is_empty() {
+            // It was lost before the planner was there to be asked.
+            assert_eq!(ended.code, Some(PLUGIN), "{level}: {ended}");
+            continue;
+        }
+        let record = ended.json();
+        assert_eq!(record["termination"], "failed", "{level}: {ended}");
+        assert_eq!(record["planner"]["ranked"], false, "{level}: {ended}");
+        let fault = record["fault"].as_str().unwrap();
+        assert!(
+            fault.contains("SIGKILL") && fault.contains("supervisor"),
+            "{ended}"
+        );
+    }
+}
+
+#[test]
+fn a_host_that_may_write_no_files_says_so_and_leaves_none() {
+    let yard = Yard::new();
+    let ended = yard.shell("ulimit -f 0; exec fleetyard maps generate empty --rows 64 --cols 64");
+    assert!(ended.stderr.contains("cannot write"), "{ended}");
+    assert!(ended.code.is_some(), "it was ended by a signal: {ended}");
+    assert!(yard.files().is_empty(), "{:?}", yard.files());
 }
 
 #[test]
@@ -379,27 +519,79 @@ fn the_record_says_which_layers_were_active() {
     assert!(usage["peak_memory_kb"].as_u64().unwrap() > 0);
     assert!(usage["cpu_source"].is_string() && usage["peak_memory_source"].is_string());
     assert!(auto["measurement"]["machine_digest"].is_string());
+    assert_eq!(auto["sandbox"]["seccomp"]["profile"], "deny-list");
     if refused().is_none() {
         let strict = record("strict");
         assert!(active(&strict, "mount-namespace") && active(&strict, "landlock"));
+        let filter = &strict["sandbox"]["seccomp"];
+        // Either nothing but what is listed passes, or somebody says why not.
+        assert!(
+            filter["profile"] == "allow-list" || filter["reason"].is_string(),
+            "{filter}"
+        );
+    }
+}
+
+fn effective_user() -> u32 {
+    let id = Command::new("id").arg("-u").output().unwrap().stdout;
+    String::from_utf8_lossy(&id).trim().parse().unwrap()
+}
+
+/// Host, plugin and instance where every user can read them.
+struct Public(tempfile::TempDir);
+
+impl Public {
+    fn new() -> Self {
+        let public = Self(tempfile::tempdir().unwrap());
+        let mode = |path: &Path| fs::set_permissions(path, fs::Permissions::from_mode(0o755));
+        mode(public.0.path()).unwrap();
+        fs::create_dir(public.path("plugins")).unwrap();
+        mode(&public.path("plugins")).unwrap();
+        for (from, to) in [
+            (env!("CARGO_BIN_EXE_fleetyard").into(), "fleetyard"),
+            (faulty_library(), "plugins/faulty.so"),
+            (common::map("empty-8-8.map").into(), "empty-8-8.map"),
+            (
+                common::map("empty-8-8-random-1.scen").into(),
+                "empty-8-8-random-1.scen",
+            ),
+        ] {
+            fs::copy(from, public.path(to)).unwrap();
+            mode(&public.path(to)).unwrap();
+        }
+        public
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// As [`faulty`], from here.
+    fn faulty(&self, fault: &str, more: &str) -> Vec<String> {
+        words(&format!(
+            "run --map empty-8-8.map --scen empty-8-8-random-1.scen --agents 3 --planner \
+             ./plugins/faulty.so --option fault={fault} --format json {more}"
+        ))
     }
 }
 
 /// Starts the command where a filter of system calls refuses namespaces and mounts, as
 /// a container does.
 fn in_a_container(yard: &Yard, line: &[String]) -> Option<Ended> {
-    if !have("python3") {
-        return None;
-    }
-    let id = Command::new("id").arg("-u").output().unwrap().stdout;
-    let uid: u32 = String::from_utf8_lossy(&id).trim().parse().unwrap();
-    let wanted = format!("{{\"refused\": true, \"uid\": {uid}, \"gid\": {uid}}}");
+    let host = Path::new(env!("CARGO_BIN_EXE_fleetyard"));
+    have("python3").then(|| launched(&yard.path(""), host, true, effective_user(), line))
+}
+
+/// Starts a program as a user, with or without that filter.
+fn launched(folder: &Path, host: &Path, refused: bool, user: u32, line: &[String]) -> Ended {
+    let wanted = format!("{{\"refused\": {refused}, \"uid\": {user}, \"gid\": {user}}}");
     let script = root().join("scripts/isolation.py");
     let mut child = Command::new("python3")
         .arg(script)
-        .args(["--launch", &wanted, env!("CARGO_BIN_EXE_fleetyard")])
+        .args(["--launch", &wanted])
+        .arg(host)
         .args(line)
-        .current_dir(yard.path(""))
+        .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -418,12 +610,12 @@ fn in_a_container(yard: &Yard, line: &[String]) -> Option<Ended> {
         .unwrap()
         .read_to_string(&mut stderr)
         .unwrap();
-    Some(Ended {
+    Ended {
         code: child.wait().unwrap().code(),
         stdout,
         stderr,
         left: Vec::new(),
-    })
+    }
 }
 
 #[test]
@@ -460,6 +652,25 @@ fn what_a_container_refuses_is_in_the_record_not_hidden() {
     let ended = in_a_container(&yard, &words("doctor --sandbox strict")).unwrap();
     assert_eq!(ended.code, Some(NO_PLAN), "{ended}");
     assert!(ended.stdout.contains("What you can do"), "{ended}");
+}
+
+#[test]
+fn strict_says_why_more_than_the_listed_calls_pass() {
+    if refused().is_some() {
+        return;
+    }
+    // An interpreter for which the listed calls are not enough, as far as anybody can see.
+    let yard = Yard::new();
+    let julia = yard.write("julia", "#!/bin/sh\nexit 3\n");
+    fs::set_permissions(&julia, fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:/usr/bin:/bin", yard.path("").display());
+    let yard = yard.set("PATH", &path);
+    let line = faulty(&faulty_library(), "none", "--budget 30s --sandbox strict");
+    let record = yard.run(&line).expect(SUCCESS).json();
+    let filter = &record["sandbox"]["seccomp"];
+    assert_eq!(filter["profile"], "deny-list", "{filter}");
+    let reason = filter["reason"].as_str().unwrap();
+    assert!(reason.contains("julia ended with code 3"), "{reason}");
 }
 
 /// Becomes an ordinary user of a machine where nobody may make user namespaces, then a
@@ -543,14 +754,13 @@ fn bwrap_makes_the_namespaces_where_only_it_may() {
 
 /// A planner that leaves a daemon behind when it is started, and then never answers.
 const HANGS: &str = r"
-import os, time
+import ctypes, os, time
 if os.fork() == 0:
     os.setsid()
     if os.fork() != 0:
         os._exit(0)
     os.closerange(0, 64)
-    with open('/proc/self/comm', 'w') as name:
-        name.write('fy-daemon')
+    ctypes.CDLL(None).prctl(15, b'fy-daemon', 0, 0, 0)
     while True:
         time.sleep(60)
 while True:

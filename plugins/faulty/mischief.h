@@ -44,15 +44,23 @@
   /* network */                                                                        \
   F("connect-tcp", connect_tcp) F("connect-udp", connect_udp)                          \
   F("connect-unix", connect_unix) F("connect-abstract", connect_abstract)              \
+  F("socketpair-netlink", socketpair_netlink)                                          \
+  F("socketpair-datagram", socketpair_datagram)                                        \
   /* other processes */                                                                \
   F("kill-parent", kill_parent) F("kill-group", kill_group) F("kill-pid", kill_pid)    \
   F("see-process", see_process) F("ptrace", attach) F("read-memory", read_memory)      \
   F("write-memory", write_memory) F("steal-descriptor", steal_descriptor)              \
+  F("limit-supervisor", limit_supervisor) F("limit-host", limit_host)                  \
+  F("priority-of-others", priority_of_others) F("signal-by-file", signal_by_file)      \
+  F("lease", lease) F("kill-all", kill_all)                                            \
   /* the kernel */                                                                     \
   F("unshare", unshare_user) F("mount", mount_tmpfs) F("io-uring", io_uring)           \
   F("bpf", bpf) F("perf-event", perf_event) F("userfaultfd", user_fault)               \
   F("keyctl", keyctl) F("x32", x32) F("int80", int80) F("repin", repin)                \
-  F("realtime", realtime) F("raise-limits", raise_limits)
+  F("realtime", realtime) F("raise-limits", raise_limits) F("aio", aio)                \
+  F("personality", old_personality) F("memory-policy", memory_policy)                  \
+  F("seccomp-listener", seccomp_listener) F("new-calls", new_calls)                    \
+  F("undumpable", undumpable) F("oom-score", oom_score) F("proc-files", proc_files)
 
 /* ---- Help for the faults --------------------------------------------------- */
 
@@ -797,6 +805,34 @@ static void connect_abstract(const Faulty *faulty, const FleetyardSink *sink) {
   connect_local(faulty, sink, 1);
 }
 
+/* Whether the kernel looked at a call, whatever it said to it. */
+static bool looked_at(long result) {
+  return result >= 0 || (errno != EPERM && errno != ENOSYS);
+}
+
+/* No pair of this family is ever made, but asking for one loads parts of the kernel. */
+static void socketpair_netlink(const Faulty *faulty, const FleetyardSink *sink) {
+  int pair[2];
+  (void)faulty;
+  report(sink, looked_at(socketpair(AF_NETLINK, SOCK_RAW, 0, pair)), "a pair of netlink sockets");
+}
+
+/* Datagrams need no connection: one end of a pair may send to anybody. */
+static void socketpair_datagram(const Faulty *faulty, const FleetyardSink *sink) {
+  const char *target = target_or(faulty, "/run/fy-nobody");
+  struct sockaddr_un address = {.sun_family = AF_UNIX};
+  snprintf(address.sun_path, sizeof address.sun_path, "%.100s", target);
+  int pair[2];
+  bool made = socketpair(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0, pair) == 0;
+  bool reached = made && sendto(pair[0], "faulty\n", 7, MSG_NOSIGNAL, (struct sockaddr *)&address,
+                                sizeof address) == 7;
+  report(sink, reached, target);
+  if (made) {
+    close(pair[0]);
+    close(pair[1]);
+  }
+}
+
 /* ---- Other processes ------------------------------------------------------- */
 
 static pid_t victim(const Faulty *faulty) {
@@ -890,6 +926,101 @@ static void steal_descriptor(const Faulty *faulty, const FleetyardSink *sink) {
     close((int)stolen);
   if (process >= 0)
     close((int)process);
+}
+
+/* Lets a process have nothing of a resource: `target`, or of each in turn. */
+static bool take_limit(const Faulty *faulty, pid_t pid) {
+  static const struct {
+    const char *name;
+    int resource;
+  } resources[] = {{"cpu", RLIMIT_CPU}, {"nofile", RLIMIT_NOFILE}, {"fsize", RLIMIT_FSIZE}};
+  const struct rlimit nothing = {0, 0};
+  bool reached = false;
+  for (size_t i = 0; i < sizeof resources / sizeof *resources; i++)
+    if (!*faulty->target || strcmp(faulty->target, resources[i].name) == 0)
+      reached |= syscall(SYS_prlimit64, (long)pid, (long)resources[i].resource, &nothing, NULL) == 0;
+  return reached;
+}
+
+/* The parent's parent, or the parent itself where nobody says who that is. */
+static pid_t supervisor(void) {
+  char path[64], line[256];
+  long found = 0;
+  snprintf(path, sizeof path, "/proc/%ld/status", (long)getppid());
+  FILE *status = fopen(path, "r");
+  while (status && found == 0 && fgets(line, sizeof line, status))
+    if (sscanf(line, "PPid: %ld", &found) != 1)
+      found = 0;
+  if (status)
+    fclose(status);
+  return found > 0 ? (pid_t)found : getppid();
+}
+
+static void limit_supervisor(const Faulty *faulty, const FleetyardSink *sink) {
+  report(sink, take_limit(faulty, supervisor()), "a limit of the supervisor");
+  sleep_s(0.2); /* so that it is noticed during the call */
+}
+
+static void limit_host(const Faulty *faulty, const FleetyardSink *sink) {
+  report(sink, take_limit(faulty, victim(faulty)), "a limit of the host");
+}
+
+/* Sets what is set, so that nothing changes. */
+static void priority_of_others(const Faulty *faulty, const FleetyardSink *sink) {
+  enum { WHO_PROCESS = 1 };
+  pid_t pid = victim(faulty);
+  struct sched_param ordinary = {.sched_priority = 0};
+  errno = 0;
+  int nice_value = getpriority(PRIO_PROCESS, (id_t)pid);
+  bool reached = errno == 0 && setpriority(PRIO_PROCESS, (id_t)pid, nice_value) == 0;
+  reached |= sched_setscheduler(pid, SCHED_OTHER, &ordinary) == 0;
+  reached |= sched_setparam(pid, &ordinary) == 0;
+  long urgency = syscall(SYS_ioprio_get, (long)WHO_PROCESS, (long)pid);
+  reached |= urgency >= 0 && syscall(SYS_ioprio_set, (long)WHO_PROCESS, (long)pid, urgency) == 0;
+  report(sink, reached, "the priority of another process");
+}
+
+/* Whoever owns a file is sent a signal about it, which may be any; none is sent here. */
+static void signal_by_file(const Faulty *faulty, const FleetyardSink *sink) {
+  enum { SET_OWNER = 8, SET_OWNER_BY_IOCTL = 0x8901 };
+  int ends[2], pid = (int)victim(faulty);
+  bool made = pipe(ends) == 0;
+  bool reached = made && (fcntl(ends[0], SET_OWNER, pid) == 0 ||
+                          ioctl(ends[0], SET_OWNER_BY_IOCTL, &pid) == 0);
+  report(sink, reached, "signals by way of a file");
+  if (made) {
+    close(ends[0]);
+    close(ends[1]);
+  }
+}
+
+/* Whoever opens a leased file for writing waits, up to a minute. */
+static void lease(const Faulty *faulty, const FleetyardSink *sink) {
+  enum { SET_LEASE = 1024 };
+  char path[4200];
+  (void)faulty;
+  snprintf(path, sizeof path, "%.4096s/fy-lease-XXXXXX", scratch());
+  int writer = mkstemp(path);
+  int descriptor = writer >= 0 && close(writer) == 0 ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+  report(sink, descriptor >= 0 && fcntl(descriptor, SET_LEASE, F_RDLCK) == 0, "a lease");
+  if (descriptor >= 0)
+    close(descriptor);
+  if (writer >= 0)
+    unlink(path);
+}
+
+/* No signal at all, which asks whether one could be sent. Where nobody else is, a child
+ * is. */
+static void kill_all(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  pid_t child = fork();
+  if (child == 0)
+    linger();
+  report(sink, kill(-1, 0) == 0, "everybody");
+  if (child > 0) {
+    kill(child, SIGKILL);
+    waitpid(child, NULL, 0);
+  }
 }
 
 /* ---- The kernel ------------------------------------------------------------ */
@@ -1045,6 +1176,116 @@ static void raise_limits(const Faulty *faulty, const FleetyardSink *sink) {
   }
   errno = reason;
   report(sink, reached, "a higher limit");
+}
+
+static void aio(const Faulty *faulty, const FleetyardSink *sink) {
+  unsigned long context = 0;
+  (void)faulty;
+  bool reached = syscall(SYS_io_setup, 8L, &context) == 0;
+  report(sink, reached, "asynchronous input and output");
+  if (reached)
+    syscall(SYS_io_destroy, context);
+}
+
+static int try_personality(void) {
+  enum { MAP_PAGE_ZERO = 0x0100000 };
+  return personality(MAP_PAGE_ZERO) >= 0 ? 0 : errno;
+}
+
+static void old_personality(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  report_child(sink, in_child(try_personality), "an old personality");
+}
+
+static void memory_policy(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  report(sink, looked_at(syscall(SYS_set_mempolicy, 0L, NULL, 0L)), "where its memory is");
+}
+
+static int try_listener(void) {
+  enum { SET_MODE_FILTER = 1, NEW_LISTENER = 8 };
+  struct sock_filter allow = {0x06, 0, 0, 0x7fff0000};
+  struct sock_fprog program = {1, &allow};
+  prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+  return syscall(SYS_seccomp, (long)SET_MODE_FILTER, (long)NEW_LISTENER, &program) >= 0 ? 0 : errno;
+}
+
+static void seccomp_listener(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  report_child(sink, in_child(try_listener), "a filter that asks a process");
+}
+
+/* Without arguments: a kernel that has them complains about those. */
+static void new_calls(const Faulty *faulty, const FleetyardSink *sink) {
+  enum { CACHESTAT = 451, STATMOUNT = 457, LISTMOUNT, LSM_GET, LSM_SET, LSM_LIST };
+  enum { OPEN_TREE_ATTR = 467, FILE_GETATTR, FILE_SETATTR, AFTER_ALL = 470 };
+  static const long calls[] = {CACHESTAT, STATMOUNT,      LISTMOUNT,    LSM_GET,      LSM_SET,
+                               LSM_LIST,  OPEN_TREE_ATTR, FILE_GETATTR, FILE_SETATTR, AFTER_ALL};
+  (void)faulty;
+  for (size_t i = 0; i < sizeof calls / sizeof *calls; i++)
+    if (looked_at(syscall(calls[i], -1L, NULL, NULL, 0L, 0L))) {
+      char what[64];
+      snprintf(what, sizeof what, "system call %ld", calls[i]);
+      report(sink, true, what);
+      return;
+    }
+  report(sink, false, "calls of new kernels");
+}
+
+/* Who cannot be dumped cannot be looked into either. */
+static void undumpable(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  bool reached = prctl(PR_SET_DUMPABLE, 0, 0, 0, 0) == 0;
+  report(sink, reached, "hiding its memory");
+  if (reached)
+    prctl(PR_SET_DUMPABLE, 1, 0, 0, 0);
+}
+
+/* Reached when it does not go first, where memory runs out, or can change that. */
+static void oom_score(const Faulty *faulty, const FleetyardSink *sink) {
+  static const char path[] = "/proc/self/oom_score_adj";
+  char text[16] = "";
+  (void)faulty;
+  int readable = open(path, O_RDONLY | O_CLOEXEC);
+  bool known = readable >= 0 && read(readable, text, sizeof text - 1) > 0;
+  int writable = open(path, O_WRONLY | O_CLOEXEC);
+  bool reached = (known && atoi(text) != 1000) || (writable >= 0 && write(writable, "0", 1) == 1);
+  metric(sink, "oom-score", known ? atoi(text) : -1);
+  report(sink, reached, path);
+  if (readable >= 0)
+    close(readable);
+  if (writable >= 0)
+    close(writable);
+}
+
+/* What the kernel tells about the machine and about everybody on it. */
+static void proc_files(const Faulty *faulty, const FleetyardSink *sink) {
+  static const char *const names[] = {
+      "cmdline",   "kallsyms",  "keys",         "key-users",   "diskstats",    "interrupts",
+      "softirqs",  "kcore",     "kmsg",         "timer_list",  "sched_debug",  "vmallocinfo",
+      "slabinfo",  "partitions", "modules",     "iomem",       "ioports",      "buddyinfo",
+      "zoneinfo",  "vmstat",    "pagetypeinfo", "locks",       "swaps",        "devices",
+      "config.gz", "consoles",  "cgroups",      "sysvipc/shm", "pressure/cpu", "irq/0/spurious",
+      "fs/ext4",   "bus/pci/devices", "sys/kernel/hostname", "sys/kernel/random/boot_id",
+      "sys/fs/file-nr", "sys/kernel/core_pattern",
+  };
+  (void)faulty;
+  int reason = ENOENT;
+  for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+    char path[64], byte;
+    snprintf(path, sizeof path, "/proc/%s", names[i]);
+    int descriptor = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    bool told = descriptor >= 0 && read(descriptor, &byte, 1) == 1;
+    reason = descriptor < 0 ? errno : reason;
+    if (descriptor >= 0)
+      close(descriptor);
+    if (told) {
+      report(sink, true, path);
+      return;
+    }
+  }
+  errno = reason;
+  report(sink, false, "files of the kernel in /proc");
 }
 
 /* ---- The table ------------------------------------------------------------- */

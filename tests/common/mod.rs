@@ -277,7 +277,8 @@ impl Started {
     /// Every living process that inherited this command's mark, the command included.
     pub(crate) fn processes(&self) -> Vec<Process> {
         let wanted = format!("{MARK}={}", self.mark);
-        let mut found = Vec::new();
+        let mut found: Vec<Process> = Vec::new();
+        let mut closed = Vec::new();
         for entry in fs::read_dir("/proc").unwrap().flatten() {
             let Some(id) = entry
                 .file_name()
@@ -286,21 +287,37 @@ impl Started {
             else {
                 continue;
             };
-            // A process that ends meanwhile, or of somebody else, cannot be read.
-            let Ok(environment) = fs::read(entry.path().join("environ")) else {
-                continue;
+            let text = |name: &str| {
+                let bytes = fs::read(entry.path().join(name)).unwrap_or_default();
+                let text = String::from_utf8_lossy(&bytes).replace('\0', " ");
+                text.trim().to_owned()
             };
-            if environment
-                .split(|byte| *byte == 0)
-                .any(|variable| variable == wanted.as_bytes())
-            {
-                let text = |name: &str| {
-                    let bytes = fs::read(entry.path().join(name)).unwrap_or_default();
-                    let text = String::from_utf8_lossy(&bytes).replace('\0', " ");
-                    text.trim().to_owned()
-                };
-                let (name, command) = (text("comm"), text("cmdline"));
-                found.push(Process { id, name, command });
+            let process = || Process {
+                id,
+                name: text("comm"),
+                command: text("cmdline"),
+            };
+            match fs::read(entry.path().join("environ")) {
+                Ok(environment) => {
+                    let mut variables = environment.split(|byte| *byte == 0);
+                    if variables.any(|variable| variable == wanted.as_bytes()) {
+                        found.push(process());
+                    }
+                }
+                // A supervisor lets nobody look into it, but its parent is known.
+                Err(error) if error.kind() == std::io::ErrorKind::PermissionDenied => {
+                    let status = text("status");
+                    let parent = status.lines().find_map(|line| line.strip_prefix("PPid:"));
+                    let parent = parent.and_then(|parent| parent.trim().parse::<u32>().ok());
+                    closed.push((parent, process()));
+                }
+                // It has just ended.
+                Err(_) => {}
+            }
+        }
+        for (parent, process) in closed {
+            if found.iter().any(|known| Some(known.id) == parent) {
+                found.push(process);
             }
         }
         found.sort_by_key(|process: &Process| process.id);

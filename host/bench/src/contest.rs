@@ -10,7 +10,7 @@ use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_fleet::FleetError;
 use fleetyard_runtime::measure::{Cpus, Machine};
 use fleetyard_runtime::{
-    Attach, Discovery, Fault, Found, Level, Runtime, SandboxReport, Termination, Trust,
+    Attach, Discovery, Fault, Found, Runtime, SandboxReport, Termination, Trust,
 };
 use fleetyard_sim::NoTrace;
 use serde::Serialize;
@@ -23,7 +23,7 @@ use crate::plan::{Planned, Schedule};
 use crate::record::{Ending, Record};
 use crate::row::{Incumbent, Row};
 use crate::suite::{Clock, Contestant, MazeOrigin, Origin, Question, Reuse, Suite};
-use crate::trial::{Host, Trial, milliseconds};
+use crate::trial::{Host, Trial, milliseconds, unranked};
 use crate::trial_error::TrialError;
 
 /// A suite with its planners and instances.
@@ -217,8 +217,7 @@ impl<'s> Contest<'s> {
             planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
-            ranked: entrant.attach != Attach::InProcess
-                && self.host.runtime.limits().policy.level != Level::None,
+            ranked: unranked(&self.host.runtime, entrant.attach, []).is_none(),
             instance_digest: instance.digest().to_string(),
             agents: instance.agents() as u64,
             connectivity: instance.connectivity().degree(),
@@ -270,6 +269,10 @@ impl<'s> Contest<'s> {
                         });
                     }
                 };
+                if let TrialError::Fault(fault) = &error {
+                    row.ranked =
+                        unranked(&self.host.runtime, entrant.attach, [Some(fault)]).is_none();
+                }
                 row.termination = termination.to_string();
                 row.fault = Some(error.to_string());
                 let bound = metrics(
@@ -302,8 +305,7 @@ impl<'s> Contest<'s> {
             planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
-            ranked: entrant.attach != Attach::InProcess
-                && self.host.runtime.limits().policy.level != Level::None,
+            ranked: unranked(&self.host.runtime, entrant.attach, []).is_none(),
             instance_digest: question.digest()?.to_string(),
             agents: agents as u64,
             connectivity: question.connectivity().degree(),
@@ -484,6 +486,7 @@ impl Row {
     /// What the record of the trial says.
     fn fill(&mut self, record: &Record, clock: Clock) {
         let metrics = &record.metrics;
+        self.ranked = record.planner.ranked;
         self.termination = record.termination.to_string();
         self.fault.clone_from(&record.fault);
         self.limit_exceeded = record.limit.map(|limit| limit.to_string());

@@ -8,7 +8,7 @@ use fleetyard_core::{Digest, Grid, Hasher};
 use fleetyard_fleet::{
     EventKind, FleetConfig, FleetError, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
 };
-use fleetyard_runtime::{Closing, Discovery, Fault, Runtime, SandboxReport, Usage};
+use fleetyard_runtime::{Closing, Discovery, Fault, Runtime, SandboxReport, Termination, Usage};
 use fleetyard_sim::{NoTrace, TraceSink};
 use serde_json::{Map, Value};
 
@@ -180,6 +180,7 @@ impl Crew {
             outcome,
             usage: ears.usage,
             sandbox: ears.sandbox,
+            unsupervised: ears.unsupervised,
         })
     }
 }
@@ -210,6 +211,8 @@ pub(crate) struct Drive {
     /// Of the planner's processes.
     usage: Option<Usage>,
     pub(crate) sandbox: Option<SandboxReport>,
+    /// Which module ran without its supervisor, and what became of that.
+    unsupervised: Option<String>,
 }
 
 /// Hears what the planner used.
@@ -218,6 +221,7 @@ struct Ears {
     nothing: NoTrace,
     usage: Option<Usage>,
     sandbox: Option<SandboxReport>,
+    unsupervised: Option<String>,
 }
 
 impl Watch for Ears {
@@ -230,6 +234,11 @@ impl Watch for Ears {
             self.usage = closing.usage;
             self.sandbox = closing.sandbox;
         }
+    }
+
+    fn unsupervised(&mut self, info: &ModuleInfo, fault: &Fault) {
+        let what = || format!("{} `{}` {fault}", info.kind.as_str(), info.name);
+        self.unsupervised.get_or_insert_with(what);
     }
 }
 
@@ -252,6 +261,12 @@ impl Drive {
         let fault = first(EventKind::PlannerFault);
         row.fault = fault.map(|event| format!("at {} s: {}", event.time_s, event.message));
         row.success = execution.contacts == 0;
+        if let Some(what) = &self.unsupervised {
+            row.termination = Termination::Failed.to_string();
+            row.fault = Some(what.clone());
+            row.success = false;
+            row.ranked = false;
+        }
         let times = &metrics.planner_time_ms;
         row.solve_time_ms = times.mean;
         row.planning_time_ms = times.mean * metrics.planner_calls as f64;

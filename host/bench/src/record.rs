@@ -72,9 +72,12 @@ pub struct PlannerInfo {
     pub version: String,
     /// How it was attached.
     pub attach: Attach,
-    /// In the host's own process nothing is isolated, so the result may not be
-    /// compared with others.
+    /// Whether the result may be compared with others.
     pub ranked: bool,
+    /// Why it may not: nothing is isolated in the host's own process and without a sandbox,
+    /// and nobody was held to a limit whose supervisor was lost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unranked: Option<String>,
     /// Its file; absent for built-ins.
     pub path: Option<String>,
     /// Of the plugin's code; of this program, for built-ins.
@@ -291,6 +294,11 @@ fn sandbox_line(sandbox: &SandboxReport) -> String {
         .map(|state| state.layer.as_str())
         .collect();
     let mut text = format!("{active} of {} layers", Layer::ALL.len());
+    if let Some(filter) = &sandbox.seccomp
+        && sandbox.level == Level::Strict
+    {
+        let _ = write!(text, ", system calls by the {}", filter.profile.as_str());
+    }
     if !refused.is_empty() {
         let _ = write!(text, "; refused: {}", refused.join(", "));
     }

@@ -162,7 +162,8 @@ columns! {
     options: String,
     /// How the plugin was attached.
     attach: String,
-    /// Whether the result may be compared: not in the host's process, and in a sandbox.
+    /// Whether the result may be compared: not in the host's process, in a sandbox, and
+    /// supervised to the end.
     ranked: bool,
     /// Digest of the instance.
     instance_digest: String,

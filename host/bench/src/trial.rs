@@ -209,7 +209,7 @@ impl Trial<'_> {
         let mut fault = run.fault.as_ref().map(ToString::to_string);
         if let Some(closing) = &closing {
             if let (Some(late), None) = (&closing.fault, &run.fault) {
-                if matches!(late, Fault::Protocol { .. }) {
+                if matches!(late, Fault::Protocol { .. } | Fault::Unsupervised { .. }) {
                     termination = Termination::from(late);
                     fault = Some(late.to_string());
                 } else {
@@ -240,14 +240,16 @@ impl Trial<'_> {
             validate_paths(self.instance, plan, self.path_rule, VIOLATIONS).into()
         });
         let over = closing.as_ref().and_then(|closing| closing.over);
+        let late = closing.as_ref().and_then(|closing| closing.fault.as_ref());
+        let unranked = unranked(&self.host.runtime, attach, [run.fault.as_ref(), late]);
         let mut record = Record {
             fleetyard: env!("CARGO_PKG_VERSION"),
             planner: PlannerInfo {
                 id: descriptor.id,
                 version: descriptor.version,
                 attach,
-                ranked: attach != Attach::InProcess
-                    && self.host.runtime.limits().policy.level != Level::None,
+                ranked: unranked.is_none(),
+                unranked,
                 path: self.candidate.path().map(|path| path.display().to_string()),
                 digest: self.candidate.digest(),
                 code: self.candidate.code().to_vec(),
@@ -486,6 +488,22 @@ impl Trial<'_> {
             late_plans: run.late,
         }
     }
+}
+
+/// Why results may not be compared with others; `None` when they may.
+pub(crate) fn unranked<'f>(
+    runtime: &Runtime,
+    attach: Attach,
+    faults: impl IntoIterator<Item = Option<&'f Fault>>,
+) -> Option<String> {
+    let mut faults = faults.into_iter().flatten();
+    if let Some(lost) = faults.find(|fault| matches!(fault, Fault::Unsupervised { .. })) {
+        return Some(format!("it {lost}"));
+    }
+    if attach == Attach::InProcess {
+        return Some("it ran in the host's own process".into());
+    }
+    (runtime.limits().policy.level == Level::None).then(|| "it ran without a sandbox".into())
 }
 
 /// A duration as records have it.

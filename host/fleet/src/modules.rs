@@ -39,6 +39,8 @@ pub struct Module {
     session: Option<Session>,
     /// Whether the plugin of this session knows the map.
     prepared: bool,
+    /// The first time that nobody watched it to the end.
+    unsupervised: Option<Fault>,
 }
 
 impl std::fmt::Debug for Module {
@@ -61,6 +63,7 @@ impl Module {
             start,
             session: Some(session),
             prepared: false,
+            unsupervised: None,
         }
     }
 
@@ -93,6 +96,7 @@ impl Module {
             let session = self.session.as_mut();
             let taught = session.map(|session| session.prepare(environment, budget));
             if let Some(Err(fault)) = taught {
+                self.note(&fault);
                 self.drop_session();
                 return Err(fault);
             }
@@ -111,13 +115,24 @@ impl Module {
         if matches!(fault, Fault::Reported { .. }) {
             return None;
         }
+        self.note(fault);
         self.drop_session()
     }
 
+    fn note(&mut self, fault: &Fault) {
+        if matches!(fault, Fault::Unsupervised { .. }) {
+            self.unsupervised.get_or_insert_with(|| fault.clone());
+        }
+    }
+
+    /// That it ran without its supervisor for a while, if it did.
+    pub fn unsupervised(&self) -> Option<&Fault> {
+        self.unsupervised.as_ref()
+    }
+
     fn drop_session(&mut self) -> Option<String> {
-        self.prepared = false;
-        let stderr = self.session.take()?.close().stderr;
-        let mut lines = stderr.lines().rev();
+        let closing = self.close()?;
+        let mut lines = closing.stderr.lines().rev();
         let last = lines.find(|line| !line.trim().is_empty())?;
         Some(last.chars().take(200).collect())
     }
@@ -125,7 +140,11 @@ impl Module {
     /// Ends it; absent if it was not running.
     pub fn close(&mut self) -> Option<Closing> {
         self.prepared = false;
-        Some(self.session.take()?.close())
+        let closing = self.session.take()?.close();
+        if let Some(fault) = &closing.fault {
+            self.note(fault);
+        }
+        Some(closing)
     }
 }
 

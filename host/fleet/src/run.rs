@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Objective, SharedEnvironment};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError};
-use fleetyard_runtime::Closing;
+use fleetyard_runtime::{Closing, Fault};
 use fleetyard_sim::{Fleet, Live, NoTrace, Order, TraceSink};
 
 use crate::adg::{Adg, Costs, Cut};
@@ -92,6 +92,11 @@ pub trait Watch {
     /// A plugin was ended.
     fn closed(&mut self, info: &ModuleInfo, closing: Closing) {
         let _ = (info, closing);
+    }
+
+    /// A plugin ran without its supervisor for a while: what it did then counts for nothing.
+    fn unsupervised(&mut self, info: &ModuleInfo, fault: &Fault) {
+        let _ = (info, fault);
     }
 
     /// Whether to end the run before its time.
@@ -377,6 +382,9 @@ impl<'a> Run<'a> {
         for mut module in modules {
             if let Some(closing) = module.close() {
                 watch.closed(module.info(), closing);
+            }
+            if let Some(fault) = module.unsupervised() {
+                watch.unsupervised(module.info(), fault);
             }
         }
         Ok(())

@@ -163,9 +163,32 @@ impl Client {
         self.process.begin(call, self.limits.grace);
     }
 
-    /// What was used since then.
-    pub(crate) fn finish(&mut self) -> CallUsage {
-        self.process.finish().unwrap_or_default()
+    /// What was used since then, if somebody watched to the end.
+    pub(crate) fn finish(&mut self, method: &str) -> Result<CallUsage, Fault> {
+        let used = self.process.finish();
+        match self.unsupervised(method) {
+            Some(fault) => {
+                self.fault = Some(fault.clone());
+                Err(fault)
+            }
+            None => Ok(used.unwrap_or_default()),
+        }
+    }
+
+    /// Says so when the supervisor is gone or could not do its work. It comes before all
+    /// that the plugin did: nobody held it to anything.
+    fn unsupervised(&self, method: &str) -> Option<Fault> {
+        self.process.disturbed().map(|reason| Fault::Unsupervised {
+            during: method.to_owned(),
+            reason: reason.to_owned(),
+        })
+    }
+
+    /// Ends the process for a fault; which one it is when that is done.
+    fn stop(&mut self, method: &str, fault: Fault) -> Fault {
+        self.process.end(Duration::ZERO);
+        self.drain_stderr();
+        self.unsupervised(method).unwrap_or(fault)
     }
 
     /// The limit that the supervisor found exceeded.
@@ -217,15 +240,17 @@ impl Client {
         let grace_ns = self.limits.grace.as_nanos() as u64;
         let mut cancelled = false;
         loop {
+            if let Some(fault) = self.unsupervised(wait.method) {
+                self.drain_stderr();
+                return Err(fault);
+            }
             if let Some(answer) = self.take_answer(wait, notice)? {
                 return Ok(answer);
             }
             let now = monotonic_ns();
             if now >= wait.deadline_ns.saturating_add(grace_ns) {
-                self.process.end(Duration::ZERO);
-                self.drain_stderr();
                 let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
-                return Err(Fault::TimedOut { during, limit_ms });
+                return Err(self.stop(wait.method, Fault::TimedOut { during, limit_ms }));
             }
             // With a grace, the supervisor says first that a limit is exceeded.
             let told = now >= wait.deadline_ns || self.process.over().is_some();
@@ -375,12 +400,8 @@ impl Client {
                 Ok(None) => {}
                 Ok(answer) => return Ok(answer),
                 Err(Broken::Protocol(reason)) => return Err(self.broken(wait, reason)),
-                Err(Broken::Fault(fault)) => {
-                    if !fault.is_survivable() {
-                        self.process.end(Duration::ZERO);
-                    }
-                    return Err(fault);
-                }
+                Err(Broken::Fault(fault)) if fault.is_survivable() => return Err(fault),
+                Err(Broken::Fault(fault)) => return Err(self.stop(wait.method, fault)),
             }
         }
     }
@@ -402,9 +423,8 @@ impl Client {
             return Err(self.too_long(wait));
         }
         if self.stray_bytes + self.stderr.total() > self.limits.output_bytes {
-            self.process.end(Duration::ZERO);
-            self.drain_stderr();
-            return Err(self.over_limit(Limit::Output, wait.method));
+            let fault = self.over_limit(Limit::Output, wait.method);
+            return Err(self.stop(wait.method, fault));
         }
         Ok(())
     }
@@ -452,12 +472,8 @@ impl Client {
     }
 
     fn broken(&mut self, wait: &Wait<'_>, reason: String) -> Fault {
-        self.process.end(Duration::ZERO);
-        self.drain_stderr();
-        Fault::Protocol {
-            during: wait.method.to_owned(),
-            reason,
-        }
+        let during = wait.method.to_owned();
+        self.stop(wait.method, Fault::Protocol { during, reason })
     }
 
     fn over_limit(&self, limit: Limit, method: &str) -> Fault {
@@ -488,6 +504,10 @@ impl Client {
         self.drain_stderr();
         let during = method.to_owned();
         match report {
+            Report {
+                disturbed: Some(reason),
+                ..
+            } => Fault::Unsupervised { during, reason },
             Report {
                 over: Some(limit),
                 killed: true,
@@ -522,17 +542,16 @@ impl Client {
             Report {
                 code: Some(code), ..
             } => Fault::Exited { code, during },
-            _ => Fault::Protocol {
+            _ => Fault::Unsupervised {
                 during,
-                reason: "its supervisor was killed".into(),
+                reason: "nobody knows how it ended".into(),
             },
         }
     }
 
     /// Ends the process at once: what it answered breaks the protocol.
-    pub(crate) fn condemn(&mut self, fault: Fault) -> Fault {
-        self.process.end(Duration::ZERO);
-        self.drain_stderr();
+    pub(crate) fn condemn(&mut self, method: &str, fault: Fault) -> Fault {
+        let fault = self.stop(method, fault);
         self.fault = Some(fault.clone());
         fault
     }
@@ -551,7 +570,7 @@ impl Client {
         }
         let report = self.process.end(patience);
         self.drain_stderr();
-        (report, fault)
+        (report, self.unsupervised("shutdown").or(fault))
     }
 
     /// The end of what the plugin wrote to standard error, and how many bytes

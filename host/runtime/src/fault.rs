@@ -75,6 +75,15 @@ pub enum Fault {
         /// What it did.
         reason: String,
     },
+    /// The supervisor was lost or hindered: what the plugin did under which limits nobody
+    /// can say.
+    #[error("was not supervised to the end of `{during}`: {reason}")]
+    Unsupervised {
+        /// The call that was running.
+        during: String,
+        /// What became of the supervisor.
+        reason: String,
+    },
     /// The plugin reported a failure by itself.
     #[error("reported `{status}` from `{during}`: {message}")]
     Reported {
@@ -106,7 +115,10 @@ impl Fault {
     pub(crate) fn is_stop(&self) -> bool {
         matches!(
             self,
-            Self::TimedOut { .. } | Self::OverLimit { .. } | Self::Protocol { .. }
+            Self::TimedOut { .. }
+                | Self::OverLimit { .. }
+                | Self::Protocol { .. }
+                | Self::Unsupervised { .. }
         )
     }
 
@@ -125,6 +137,10 @@ impl Fault {
             Self::Refused { hint, .. } | Self::Unknown { hint, .. } | Self::Spawn { hint, .. } => {
                 hint.as_deref()
             }
+            Self::Unsupervised { .. } => Some(
+                "its result does not count; if nobody ended the supervisor on purpose, \
+                 `fleetyard doctor` says which layers keep a plugin away from it here",
+            ),
             _ => None,
         }
     }

@@ -33,6 +33,7 @@ mod plugin_file;
 mod process;
 mod python;
 pub mod sandbox;
+mod selftest;
 mod session;
 mod state;
 pub mod supervisor;
@@ -48,7 +49,7 @@ pub use log::LogLine;
 pub use monitor::{CallUsage, Limit, Source, Usage};
 pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
-pub use sandbox::{Layer, LayerState, Level, Policy, SandboxReport};
+pub use sandbox::{Filter, Layer, LayerState, Level, Policy, Profile, SandboxReport};
 pub use session::{
     CallReport, Closing, Contract, Incumbent, Introduction, Limits, PlanRun, Runtime, Session,
     Termination,

@@ -4,16 +4,24 @@ use std::ffi::OsStr;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::Fault;
+use crate::fault::signal_name;
 use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::sandbox::jail::Launch;
-use crate::state::RUN;
+use crate::state::{self, RUN};
 use crate::supervisor::{ARGUMENT, Message, Order, Report};
+
+/// How long a supervisor may take to answer or to end everybody. It takes milliseconds;
+/// one that somebody has stopped takes for ever.
+const SILENCE: Duration = Duration::from_secs(30);
+
+/// How long one that has closed its socket may take to end by itself.
+const ENDING: Duration = Duration::from_secs(1);
 
 /// Where programs are, where state is kept, and what plugins are told anyway.
 fn is_for_supervisors(name: &OsStr) -> bool {
@@ -25,6 +33,7 @@ fn is_for_supervisors(name: &OsStr) -> bool {
 /// A plugin's process under its supervisor.
 pub(crate) struct Process {
     supervisor: Child,
+    run: String,
     control: UnixStream,
     received: Vec<u8>,
     pub(crate) stdin: Option<ChildStdin>,
@@ -89,8 +98,11 @@ impl Process {
                 libc::fcntl(descriptor, libc::F_SETPIPE_SZ, 1 << 20);
             }
         }
+        // What cannot be said in time is said to nobody.
+        let _ = control.set_write_timeout(Some(SILENCE));
         let mut process = Self {
             supervisor,
+            run: launch.run.clone(),
             control,
             received: Vec::new(),
             stdin: Some(stdin),
@@ -129,7 +141,7 @@ impl Process {
     pub(crate) fn finish(&mut self) -> Option<CallUsage> {
         if self.report.is_none() {
             self.say(&Order::Finish);
-            while self.used.is_none() && self.report.is_none() && self.hear(None) {}
+            self.hear_until(|process| process.used.is_some());
         }
         let stopped = self.report.as_ref().and_then(|report| report.call);
         self.used.take().or(stopped)
@@ -144,15 +156,62 @@ impl Process {
     /// Takes in what the supervisor has said already.
     pub(crate) fn catch_up(&mut self) {
         if self.report.is_none() && self.control.set_nonblocking(true).is_ok() {
-            while self.hear(None) && self.report.is_none() {}
+            while self.hear(SILENCE) && self.report.is_none() {}
             let _ = self.control.set_nonblocking(false);
         }
     }
 
-    /// Waits for the next thing that the supervisor says; false when there was none in
-    /// time, or when it is gone.
-    fn hear(&mut self, patience: Option<Duration>) -> bool {
-        let _ = self.control.set_read_timeout(patience);
+    /// What kept the supervisor from its work, if something did.
+    pub(crate) fn disturbed(&self) -> Option<&str> {
+        self.report.as_ref()?.disturbed.as_deref()
+    }
+
+    /// Waits until the supervisor has said something or has ended. One that says nothing
+    /// is lost.
+    fn hear_until(&mut self, said: impl Fn(&Self) -> bool) {
+        let until = Instant::now() + SILENCE;
+        while !said(self) && self.report.is_none() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                self.lose(Some("its supervisor does not answer any more"));
+            } else {
+                self.hear(left);
+            }
+        }
+    }
+
+    /// The supervisor is lost: ends it if need be, and what it leaves.
+    fn lose(&mut self, why: Option<&str>) {
+        let until = Instant::now() + ENDING;
+        let mut status = self.supervisor.try_wait().ok().flatten();
+        while why.is_none() && status.is_none() && Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(1));
+            status = self.supervisor.try_wait().ok().flatten();
+        }
+        let ended = status.map(|status| (status.signal(), status.code().unwrap_or_default()));
+        let reason = match ended {
+            Some((Some(signal), _)) => format!(
+                "its supervisor was ended by {} (signal {signal})",
+                signal_name(signal)
+            ),
+            Some((None, code)) => {
+                format!("its supervisor ended with code {code} and without a report")
+            }
+            None => {
+                let _ = self.supervisor.kill();
+                let _ = self.supervisor.wait();
+                why.unwrap_or("its supervisor said goodbye and stayed")
+                    .to_owned()
+            }
+        };
+        state::end_run(&self.run);
+        self.report = Some(Report::disturbed(reason));
+    }
+
+    /// Waits up to `patience` for the next thing that the supervisor says; false when there
+    /// was none in time, or when it is gone.
+    fn hear(&mut self, patience: Duration) -> bool {
+        let _ = self.control.set_read_timeout(Some(patience));
         let mut buffer = [0; 4096];
         let read = loop {
             match self.control.read(&mut buffer) {
@@ -163,8 +222,7 @@ impl Process {
             }
         };
         if read == 0 {
-            // A supervisor that was killed itself could not report.
-            self.report.get_or_insert_default();
+            self.lose(None);
             return false;
         }
         self.received.extend_from_slice(&buffer[..read]);
@@ -173,11 +231,24 @@ impl Process {
             match serde_json::from_slice(&line) {
                 Ok(Message::Used(used)) => self.used = Some(used),
                 Ok(Message::Over(limit)) => self.over = Some(limit),
-                Ok(Message::Ended(report)) => self.report = Some(*report),
+                Ok(Message::Ended(report)) => self.ended(*report),
                 Err(_) => {}
             }
         }
         true
+    }
+
+    /// The supervisor has reported.
+    fn ended(&mut self, mut report: Report) {
+        if report.start_error.is_none() && report.sandbox.layers.is_empty() {
+            let reason = "its supervisor says nothing of the sandbox";
+            report.disturbed.get_or_insert(reason.into());
+        }
+        if report.disturbed.is_some() {
+            // It may not have been able to end everybody.
+            state::end_run(&self.run);
+        }
+        self.report = Some(report);
     }
 
     /// Waits up to `patience` for the plugin to end by itself, then ends its whole
@@ -189,21 +260,20 @@ impl Process {
             if left.is_zero() {
                 break;
             }
-            self.hear(Some(left));
+            self.hear(left);
         }
         if self.report.is_none() {
             let decided = Instant::now();
             let _ = self.control.shutdown(std::net::Shutdown::Write);
-            while self.report.is_none() {
-                self.hear(None);
-            }
+            self.hear_until(|_| false);
             if let Some(report) = self.report.as_mut().filter(|report| report.killed) {
                 // As the host sees it, the way to the supervisor and back included.
                 report.kill_us = Some(decided.elapsed().as_micros() as u64);
             }
         }
         let _ = self.supervisor.wait();
-        self.report.clone().unwrap_or_default()
+        let lost = || Report::disturbed("its supervisor did not report".into());
+        self.report.clone().unwrap_or_else(lost)
     }
 }
 

@@ -30,9 +30,9 @@ use crate::message;
 use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
 use crate::process::Process;
 use crate::sandbox::jail::Launch;
-use crate::sandbox::{Grants, Policy, SandboxReport};
+use crate::sandbox::{Filter, Grants, Level, Policy, Profile, SandboxReport};
 use crate::supervisor::Target;
-use crate::{Attach, Fault, Library, PluginFile, Trust};
+use crate::{Attach, Fault, Library, PluginFile, Trust, selftest};
 
 /// Limits that are not a call's budget.
 #[derive(Debug, Clone)]
@@ -130,7 +130,8 @@ pub enum Termination {
     ProtocolError,
     /// The plugin cannot handle the instance.
     Unsupported,
-    /// The plugin reported an error of its own, or could not be started.
+    /// The plugin reported an error of its own, could not be started, or was not
+    /// supervised to the end.
     Failed,
 }
 
@@ -164,6 +165,7 @@ impl From<&Fault> for Termination {
             Fault::Refused { .. }
             | Fault::Unknown { .. }
             | Fault::Spawn { .. }
+            | Fault::Unsupervised { .. }
             | Fault::Reported { .. } => Self::Failed,
         }
     }
@@ -414,20 +416,55 @@ impl Runtime {
     }
 
     fn launch(&self, target: Target) -> Launch {
+        let limits = &self.limits;
+        let filter = match limits.policy.level {
+            Level::Strict => selftest::strictest(self),
+            Level::Auto | Level::None => Filter::of(Profile::DenyList),
+        };
+        self.launch_filtered(target, limits.policy.clone(), filter, limits.memory_bytes)
+    }
+
+    fn launch_filtered(
+        &self,
+        target: Target,
+        policy: Policy,
+        filter: Filter,
+        memory_bytes: u64,
+    ) -> Launch {
         static SERIAL: AtomicU64 = AtomicU64::new(0);
         let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
         // Unique on this machine since it was started.
         let run = format!("{}-{serial}-{:x}", std::process::id(), monotonic_ns());
         let limits = &self.limits;
         Launch {
-            grants: Grants::new(&target, &limits.policy, limits.threads),
+            grants: Grants::new(&target, &policy, limits.threads),
             target,
-            policy: limits.policy.clone(),
+            policy,
+            filter,
             threads: limits.threads,
             cpus: limits.cpus.clone(),
-            memory_bytes: limits.memory_bytes,
+            memory_bytes,
             run,
         }
+    }
+
+    /// Starts something of this machine's under `strict` with a filter, and with nothing
+    /// that was granted to plugins.
+    pub(crate) fn start_filtered(&self, target: Target, filter: Filter) -> Result<Process, Fault> {
+        let policy = Policy {
+            level: Level::Strict,
+            ..Policy::default()
+        };
+        let launch = self.launch_filtered(target, policy, filter, 0);
+        Process::start(&self.executable, &launch)
+    }
+
+    /// Lets a worker introduce itself under such a filter.
+    pub(crate) fn try_worker(&self, filter: Filter) -> Result<(), Fault> {
+        let process = self.start_filtered(Target::BuiltIn, filter)?;
+        let mut client = Client::new(process, self.limits.clone());
+        introduce(&mut client, &self.limits)?;
+        client.close(self.limits.ending).1.map_or(Ok(()), Err)
     }
 
     /// What a sandbox would be made of on this machine, for this user: all of it is
@@ -436,6 +473,12 @@ impl Runtime {
         let launch = self.launch(Target::Nothing);
         let mut process = Process::start(&self.executable, &launch)?;
         let report = process.end(self.limits.startup);
+        if let Some(reason) = report.disturbed {
+            return Err(Fault::Unsupervised {
+                during: "start".into(),
+                reason,
+            });
+        }
         if let (Some(reason), true) = (report.start_error, report.sandbox.layers.is_empty()) {
             return Err(Fault::Spawn {
                 program: "a sandbox".into(),
@@ -451,15 +494,7 @@ impl Runtime {
         let started = monotonic_ns();
         let process = Process::start(&self.executable, &launch)?;
         let mut client = Client::new(process, self.limits.clone());
-        let params = InitializeParams {
-            protocol_versions: vec![PROTOCOL_VERSION],
-            host: Peer {
-                name: "fleetyard".into(),
-                version: env!("CARGO_PKG_VERSION").into(),
-            },
-        };
-        let deadline = Deadline::after(self.limits.startup);
-        let called = client.call("initialize", params, deadline, &mut |_| Ok(()));
+        let called = introduce(&mut client, &self.limits);
         let answer = called.map_err(|fault| explain_start(fault, file, &client))?;
         let InitializeResult {
             protocol_version,
@@ -485,6 +520,19 @@ impl Runtime {
             startup: Duration::from_nanos(monotonic_ns() - started),
         })
     }
+}
+
+/// Asks a plugin who it is.
+fn introduce(client: &mut Client, limits: &Limits) -> Result<String, Fault> {
+    let params = InitializeParams {
+        protocol_versions: vec![PROTOCOL_VERSION],
+        host: Peer {
+            name: "fleetyard".into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+        },
+    };
+    let deadline = Deadline::after(limits.startup);
+    client.call("initialize", params, deadline, &mut |_| Ok(()))
 }
 
 /// What the plugins of a file were built for.
@@ -691,11 +739,9 @@ impl Session {
             }
         }
         let wall = Duration::from_nanos(monotonic_ns() - started);
+        let usage = self.finish("prepare")?;
         self.environment = Some(SharedEnvironment::clone(environment));
-        Ok(CallReport {
-            wall,
-            usage: self.finish(),
-        })
+        Ok(CallReport { wall, usage })
     }
 
     /// A call begins, with the limits of its budget.
@@ -708,11 +754,11 @@ impl Session {
         }
     }
 
-    /// It has ended: what it used.
-    fn finish(&mut self) -> CallUsage {
+    /// It has ended: what it used, if somebody watched it to the end.
+    fn finish(&mut self, method: &str) -> Result<CallUsage, Fault> {
         match &mut self.inner {
-            Inner::InProcess { .. } => CallUsage::default(),
-            Inner::Process(client) => client.finish(),
+            Inner::InProcess { .. } => Ok(CallUsage::default()),
+            Inner::Process(client) => client.finish(method),
         }
     }
 
@@ -743,7 +789,11 @@ impl Session {
         let called = self.call_solve(question, instance, &budget, &collector, &mut call);
         let ended_ns = monotonic_ns();
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
-        let usage = self.finish();
+        // Whatever it answered: what nobody watched does not count.
+        let (usage, called) = match self.finish(method) {
+            Ok(usage) => (usage, called),
+            Err(fault) => (CallUsage::default(), Err(fault)),
+        };
         let over = match &self.inner {
             Inner::InProcess { .. } => None,
             Inner::Process(client) => client.over(),
@@ -763,6 +813,7 @@ impl Session {
             kept.append(log);
         }
         let called = match (called, fault) {
+            (Err(fault @ Fault::Unsupervised { .. }), _) => Err(fault),
             (Ok(_), Some(reason)) => Err(protocol(method, reason)),
             (
                 Ok(Outcome {
@@ -916,7 +967,7 @@ impl Session {
             }
             Ok(Outcome { status, message })
         };
-        read().map_err(|reason| client.condemn(protocol(method, reason)))
+        read().map_err(|reason| client.condemn(method, protocol(method, reason)))
     }
 
     /// Asks an instance generator for the next instance.

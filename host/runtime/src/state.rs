@@ -170,23 +170,50 @@ pub(crate) fn reap_orphans() -> usize {
         if entry.host.is_alive() {
             continue;
         }
-        // A supervisor ends by itself when its host is gone; one that does not is
-        // ended, and takes its sandbox along.
-        tree::kill(entry.supervisor.pid, |_| entry.supervisor.is_alive());
-        if let Some(group) = &entry.cgroup {
-            let _ = fs::write(group.join("cgroup.kill"), "1");
-        }
-        if let Some(run) = path.file_stem().and_then(|name| name.to_str()) {
-            kill_marked(run);
-        }
-        let _ = fs::remove_dir_all(&entry.scratch);
-        if let Some(group) = &entry.cgroup {
-            let _ = fs::remove_dir(group);
-        }
+        let run = path.file_stem().and_then(|name| name.to_str());
+        end(run, &entry);
         let _ = fs::remove_file(&path);
         reaped += 1;
     }
     reaped
+}
+
+/// Ends what is left of a run whose supervisor cannot, and removes what it made.
+pub(crate) fn end_run(run: &str) {
+    let note = folder("runs").map(|runs| runs.path.join(format!("{run}.json")));
+    let entry = note
+        .as_ref()
+        .ok()
+        .and_then(|note| fs::read(note).ok())
+        .and_then(|text| serde_json::from_slice::<Entry>(&text).ok());
+    if let Some(entry) = &entry {
+        end(Some(run), entry);
+    } else {
+        // It was lost before it wrote anything down.
+        kill_marked(run);
+        if let Ok(folder) = folder("scratch") {
+            let _ = fs::remove_dir_all(folder.path.join(run));
+        }
+    }
+    if let Ok(note) = note {
+        let _ = fs::remove_file(note);
+    }
+}
+
+fn end(run: Option<&str>, entry: &Entry) {
+    // A supervisor ends by itself when its host is gone; one that does not is
+    // ended, and takes its sandbox along.
+    tree::kill(entry.supervisor.pid, |_| entry.supervisor.is_alive());
+    if let Some(group) = &entry.cgroup {
+        let _ = fs::write(group.join("cgroup.kill"), "1");
+    }
+    if let Some(run) = run {
+        kill_marked(run);
+    }
+    let _ = fs::remove_dir_all(&entry.scratch);
+    if let Some(group) = &entry.cgroup {
+        let _ = fs::remove_dir(group);
+    }
 }
 
 /// Kills every process whose environment says that it belongs to a run.

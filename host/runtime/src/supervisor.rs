@@ -23,6 +23,7 @@ use fleetyard_abi::{c, monotonic_ns, serve};
 use fleetyard_core::Digest;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
+use rustix::process::{Resource, Rlimit, getrlimit};
 use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
@@ -116,6 +117,10 @@ pub struct Report {
     pub kill_us: Option<u64>,
     /// Why the plugin could not be started.
     pub start_error: Option<String>,
+    /// What kept the supervisor from its work: somebody changed what it may do, or ended
+    /// it or the sandbox's first process. What it says of the rest is then worth nothing.
+    #[serde(default)]
+    pub disturbed: Option<String>,
     /// What the whole tree used.
     pub usage: Option<Usage>,
     /// What the call used in which it was stopped.
@@ -126,9 +131,24 @@ pub struct Report {
     pub sandbox: SandboxReport,
 }
 
+impl Report {
+    /// Of a supervisor that could not do its work.
+    pub(crate) fn disturbed(reason: String) -> Self {
+        Self {
+            disturbed: Some(reason),
+            ..Self::default()
+        }
+    }
+}
+
 /// Call first in `main`: becomes a supervisor and never returns when the process
 /// was started as one. `built_in` are the entries that are linked in.
+///
+/// In every role a file that grows beyond what is allowed is an error to be reported, not
+/// the end of the process, until a plugin takes its place.
 pub fn intercept(built_in: &'static [&'static c::PluginEntry]) {
+    // SAFETY: ignoring a signal has no precondition.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
     let mut arguments = std::env::args().skip(1);
     let role = arguments.next();
     if role.as_deref() == Some(sandbox::INSIDE_ARGUMENT) {
@@ -244,10 +264,11 @@ fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry])
         // SAFETY: ignoring a signal has no precondition.
         unsafe { libc::signal(signal, libc::SIG_IGN) };
     }
+    let allowed = Allowed::now();
     let Some(launch) = control.launch() else {
         std::process::exit(2)
     };
-    let report = run(&launch, &mut control, built_in);
+    let report = run(&launch, &mut control, &allowed, built_in);
     control.say(&Message::Ended(Box::new(report)));
     std::process::exit(0)
 }
@@ -255,6 +276,7 @@ fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry])
 fn run(
     launch: &Launch,
     control: &mut Control,
+    allowed: &Allowed,
     built_in: &'static [&'static c::PluginEntry],
 ) -> Report {
     let scratch = match ScratchFolder::create(&launch.run) {
@@ -290,11 +312,47 @@ fn run(
     let group = jail.cgroup.as_ref().map(Cgroup::folder);
     let _registered = Registered::write(&launch.run, scratch.path(), group);
     release_stdio();
-    watch(launch, control, &jail)
+    watch(launch, control, allowed, &jail)
+}
+
+/// What this process was allowed to use when it began. Who may set the limits of others
+/// can keep a supervisor from reading and from counting.
+#[derive(PartialEq, Eq)]
+struct Allowed(Vec<Rlimit>);
+
+/// Without these it cannot work, or not in time.
+const NEEDED: [(Resource, &str); 7] = [
+    (Resource::Cpu, "processor time"),
+    (Resource::Nofile, "open files"),
+    (Resource::Fsize, "sizes of files"),
+    (Resource::As, "address space"),
+    (Resource::Data, "data"),
+    (Resource::Stack, "stack"),
+    (Resource::Nproc, "processes"),
+];
+
+impl Allowed {
+    fn now() -> Self {
+        Self(
+            NEEDED
+                .iter()
+                .map(|(resource, _)| getrlimit(*resource))
+                .collect(),
+        )
+    }
+
+    /// What somebody has changed since.
+    fn changed(&self) -> Option<String> {
+        let now = Self::now();
+        let pairs = self.0.iter().zip(&now.0).zip(NEEDED);
+        let mut changed = pairs.filter(|((before, now), _)| before != now);
+        let (_, (_, name)) = changed.next()?;
+        Some(format!("somebody changed its supervisor's limit of {name}"))
+    }
 }
 
 /// Watches the plugin to its end.
-fn watch(launch: &Launch, control: &mut Control, jail: &Jail) -> Report {
+fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail) -> Report {
     let policy = &launch.policy;
     let standing = Standing {
         processes: u64::from(policy.processes),
@@ -327,8 +385,15 @@ fn watch(launch: &Launch, control: &mut Control, jail: &Jail) -> Report {
                 !waiting[1].revents().is_empty(),
             ),
             Err(Errno::INTR) => (false, false),
-            Err(_) => (true, true),
+            Err(error) => {
+                let what = format!("its supervisor cannot wait any more: {error}");
+                report.disturbed.get_or_insert(what);
+                (false, false)
+            }
         };
+        if report.disturbed.is_none() {
+            report.disturbed = allowed.changed();
+        }
         // What the plugin did comes before what the host wants: a crash is a crash
         // also when the host has just lost its patience.
         if told {
@@ -341,12 +406,21 @@ fn watch(launch: &Launch, control: &mut Control, jail: &Jail) -> Report {
                 Ok(News::Other) => {}
                 Err(jail::Gone) => {
                     jail.bury();
+                    if !jail.cgroup.as_ref().is_some_and(Cgroup::out_of_memory) {
+                        let what = "somebody ended the first process of its sandbox";
+                        report.disturbed.get_or_insert(what.into());
+                    }
                     break None;
                 }
             }
         }
-        let mut stop = false;
-        let mut heard = control.hear(asked);
+        let mut stop = report.disturbed.is_some();
+        // Whoever cannot count says nothing of what was used.
+        let mut heard = if stop {
+            Heard::Nothing
+        } else {
+            control.hear(asked)
+        };
         loop {
             match heard {
                 Heard::Order(Order::Begin {
@@ -414,7 +488,7 @@ pub(crate) fn child_setup() {
     // be inherited, and so would the host's terminal.
     unsafe {
         libc::setsid();
-        for signal in FOR_THE_HOST {
+        for signal in FOR_THE_HOST.into_iter().chain([libc::SIGXFSZ]) {
             libc::signal(signal, libc::SIG_DFL);
         }
         let mut none: libc::sigset_t = std::mem::zeroed();

@@ -128,14 +128,17 @@ fn below(top: i32, everybody: &[Member]) -> Vec<Member> {
     found
 }
 
-/// Kills everybody below this process, once.
-pub(crate) fn kill_descendants() {
+/// Kills everybody below this process, once; false when nobody can be found, as this
+/// process may not read `/proc`.
+pub(crate) fn kill_descendants() -> bool {
     let me = std::process::id() as i32;
-    for member in below(me, &everybody("/proc")) {
+    let everybody = everybody("/proc");
+    for member in below(me, &everybody) {
         kill(member.pid, |pid| {
             started_ticks(pid) == Some(member.started_ticks)
         });
     }
+    !everybody.is_empty()
 }
 
 /// Kills a process if it still is the one that was meant: by the time that a list of

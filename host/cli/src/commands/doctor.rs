@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use fleetyard_bench::milliseconds;
 use fleetyard_runtime::measure::{Cpus, Machine, Topology};
 use fleetyard_runtime::sandbox::Backend;
-use fleetyard_runtime::{Discovery, LayerState, Level, Policy, Runtime, Trust};
+use fleetyard_runtime::{Discovery, Filter, LayerState, Level, Policy, Runtime, Trust};
 use serde::Serialize;
 
 use crate::args::{Format, LevelArg};
@@ -34,6 +34,8 @@ struct Sandbox {
     /// Whether `--sandbox strict` would run.
     strict: bool,
     backend: Option<Backend>,
+    /// The filter of system calls with `--sandbox strict`; absent where that does not run.
+    seccomp: Option<Filter>,
     layers: Vec<Finding>,
     /// From start to end of a process that does nothing, median.
     spawn_ms: f64,
@@ -99,9 +101,15 @@ fn examine() -> Result<Findings> {
     let strict = !layers
         .iter()
         .any(|finding| finding.required && !finding.state.active && finding.state.errno.is_some());
+    let seccomp = if strict {
+        level(Level::Strict)?.probe()?.seccomp
+    } else {
+        None
+    };
     let sandbox = Sandbox {
         strict,
         backend: report.backend,
+        seccomp,
         layers,
         spawn_ms: spawn(&sandboxed)?,
         spawn_without_ms: spawn(&level(Level::None)?)?,
@@ -281,14 +289,14 @@ fn text(findings: &Findings) -> String {
     let rows = sandbox.layers.iter().map(|finding| {
         let state = &finding.state;
         let (active, why) = match (&state.active, &state.errno, &state.reason) {
-            (true, ..) => ("yes", String::new()),
+            (true, _, remark) => ("yes", remark.clone().unwrap_or_default()),
             (false, Some(errno), Some(reason)) => ("refused", format!("{errno}: {reason}")),
             (false, _, reason) => ("no", reason.clone().unwrap_or_default()),
         };
         vec![state.layer.to_string(), active.into(), why]
     });
     parts.push(output::table(
-        &["layer", "active", "why not"],
+        &["layer", "active", "why not, or not wholly"],
         rows.collect(),
         &[],
     ));
@@ -301,15 +309,23 @@ fn text(findings: &Findings) -> String {
     if !lost.is_empty() {
         parts.push(format!("What that costs:\n{}", lost.join("\n")));
     }
+    let strict = match &sandbox.seccomp {
+        Some(Filter {
+            profile,
+            reason: Some(reason),
+        }) => format!(
+            "would run, system calls by the {}: {reason}",
+            profile.as_str()
+        ),
+        Some(Filter { profile, .. }) => {
+            format!("would run, system calls by the {}", profile.as_str())
+        }
+        None if sandbox.strict => "would run".to_owned(),
+        None => "would refuse to run".to_owned(),
+    };
     parts.push(format!(
-        "--sandbox strict {}; a sandbox takes {:.1} ms, a process without one {:.1} ms",
-        if sandbox.strict {
-            "would run"
-        } else {
-            "would refuse to run"
-        },
-        sandbox.spawn_ms,
-        sandbox.spawn_without_ms,
+        "--sandbox strict {strict}; a sandbox takes {:.1} ms, a process without one {:.1} ms",
+        sandbox.spawn_ms, sandbox.spawn_without_ms,
     ));
     let cores = &findings.cores;
     let mut lines = vec![format!(

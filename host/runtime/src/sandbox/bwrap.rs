@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Layer;
 use super::grants::find_program;
-use super::jail::Launch;
+use super::jail::{Launch, goes_first};
 use super::lock::DEVICES;
-use super::root::{SCRATCH, as_errno};
+use super::root::{OF_KERNEL, SCRATCH, as_errno, not_for_plugins};
 use crate::supervisor::Target;
 
 /// First argument of the host's own program inside of what `bwrap` made.
@@ -69,6 +69,7 @@ pub(super) fn spawn(
     // size is watched, not fixed: `--size` is refused to those for whom bwrap is there.
     command.args(["--tmpfs", SCRATCH]);
     command.args(["--proc", "/proc"]);
+    cover_proc(&mut command);
     for path in &launch.grants.read {
         match std::fs::read_link(path) {
             Ok(to) => command.arg("--symlink").arg(to).arg(path),
@@ -79,12 +80,17 @@ pub(super) fn spawn(
         command.args(["--dev-bind-try", device, device]);
     }
     command.arg("--ro-bind").arg(own).arg(EXECUTABLE);
-    command.args(["--remount-ro", "/", "--chdir", SCRATCH, "--", EXECUTABLE]);
+    command.args(["--remount-ro", "/proc", "--remount-ro", "/"]);
+    command.args(["--chdir", SCRATCH, "--", EXECUTABLE]);
     command.arg(INSIDE_ARGUMENT).arg(text);
     let descriptors = [link.as_raw_fd(), gate.as_raw_fd()];
-    // SAFETY: `fcntl` is async-signal-safe; only the child's copies stay open.
+    // SAFETY: `fcntl` and writing to a file are async-signal-safe; only the child's copies
+    // of the descriptors stay open.
     unsafe {
         command.pre_exec(move || {
+            // It may not be written to once `bwrap` has more rights than we; what became
+            // of it is looked at later.
+            let _ = goes_first(c"/proc/self/oom_score_adj");
             for descriptor in descriptors {
                 if libc::fcntl(descriptor, libc::F_SETFD, 0) < 0 {
                     return Err(std::io::Error::last_os_error());
@@ -95,6 +101,25 @@ pub(super) fn spawn(
     }
     let child = command.spawn().map_err(|error| as_errno(&error))?;
     Ok(child.id() as i32)
+}
+
+/// As in our own tree: of `/proc` the processes, and what runtimes go by.
+fn cover_proc(command: &mut Command) {
+    for (name, is_folder) in not_for_plugins("/proc").unwrap_or_default() {
+        let at = format!("/proc/{name}");
+        if !is_folder {
+            command.args(["--ro-bind", "/dev/null", &at]);
+            continue;
+        }
+        command.args(["--tmpfs", &at]);
+        if name == "sys" {
+            for name in OF_KERNEL {
+                let file = format!("{at}/{name}");
+                command.args(["--ro-bind-try", &file, &file]);
+            }
+        }
+        command.args(["--remount-ro", &at]);
+    }
 }
 
 /// The init's life inside of what `bwrap` made. Never returns.

@@ -20,7 +20,7 @@ use rustix::time::Timespec;
 use super::jail::Launch;
 use super::link::{Ended, Packet, send};
 use super::lock::{Lock, drop_capabilities};
-use super::root::{INSIDE_USER, Root, SCRATCH, Trees, as_errno};
+use super::root::{INSIDE_USER, OF_KERNEL, OF_MACHINE, Root, SCRATCH, Trees, as_errno};
 use super::{Layer, Level, Refusal, bwrap};
 use crate::state;
 use crate::supervisor::Target;
@@ -188,13 +188,15 @@ fn plugin(
     crate::supervisor::child_setup();
     // Relative paths of a plugin mean its scratch folder.
     let _ = std::env::set_current_dir(scratch);
-    let refused = if launch.policy.level == Level::None {
-        Vec::new()
+    let (refused, remarks) = if launch.policy.level == Level::None {
+        (Vec::new(), Vec::new())
     } else {
         Lock {
             read: &readable(inside),
             scratch,
             network: launch.policy.network,
+            profile: launch.filter.profile,
+            alone: inside.wants(Layer::PidNamespace),
             file_bytes: launch.policy.disk_bytes + (64 << 10),
             processes: counts_alone(inside).then_some(u64::from(launch.policy.processes) + 2),
             become_user: inside.become_user,
@@ -208,7 +210,7 @@ fn plugin(
         let reason = format!("{} cannot be read by another user", file.display());
         inside.fail(Refusal::new(Layer::OwnUser, Errno::ACCESS, reason));
     }
-    send(inside.link, &Packet::Locked(refused), &[]);
+    send(inside.link, &Packet::Locked(refused, remarks), &[]);
     if !wait_at(inside.gate) {
         exit(1);
     }
@@ -282,19 +284,18 @@ fn counts_alone(inside: &Inside<'_>) -> bool {
 /// itself.
 fn readable(inside: &Inside<'_>) -> Vec<PathBuf> {
     if inside.wants(Layer::MountNamespace) {
-        return vec!["/".into(), "/proc".into()];
+        return vec!["/".into()];
     }
-    let of_proc = [
-        "/proc/self",
-        "/proc/cpuinfo",
-        "/proc/meminfo",
-        "/proc/stat",
-        "/proc/filesystems",
-        "/proc/sys/vm/overcommit_memory",
-        "/proc/sys/kernel/osrelease",
-    ];
+    let of_proc = OF_MACHINE.iter().map(|name| Path::new("/proc").join(name));
+    let of_sys = OF_KERNEL
+        .iter()
+        .map(|name| Path::new("/proc/sys").join(name));
     let granted = inside.launch.grants.read.iter().cloned();
-    granted.chain(of_proc.map(PathBuf::from)).collect()
+    granted
+        .chain([PathBuf::from("/proc/self")])
+        .chain(of_proc)
+        .chain(of_sys)
+        .collect()
 }
 
 /// Waits for the supervisor's word; false when it is gone.
@@ -427,7 +428,10 @@ pub(super) fn reap_descendants(status: Option<&mut Status>) {
                 return;
             }
         } else {
-            kill_descendants();
+            if !kill_descendants() {
+                // Whoever waits for this process has other means, and has to hear of it.
+                return;
+            }
             // Killed processes need a moment to die.
             std::thread::sleep(std::time::Duration::from_micros(200));
         }

@@ -21,7 +21,10 @@ use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 use rustix::pipe::{PipeFlags, pipe_with};
-use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, pidfd_open, pidfd_send_signal};
+use rustix::process::{
+    DumpableBehavior, Pid, PidfdFlags, Signal, WaitOptions, pidfd_open, pidfd_send_signal,
+    set_dumpable_behavior,
+};
 use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +33,10 @@ use super::init::{Inside, reap_descendants};
 pub(crate) use super::link::Ended;
 use super::link::{Packet, receive};
 use super::root::{INSIDE_USER, Trees, as_errno, take_as_root};
-use super::{Backend, Layer, LayerState, Level, Policy, Refusal, SandboxReport, bwrap, errno_name};
+use super::{
+    Backend, Filter, Layer, LayerState, Level, Policy, Refusal, Remark, SandboxReport, bwrap,
+    errno_name,
+};
 use crate::cgroup::Cgroup;
 use crate::measure::Cpus;
 use crate::state;
@@ -46,6 +52,8 @@ const FIRST_USER: u32 = 0x7000_0000;
 pub(crate) struct Launch {
     pub(crate) target: Target,
     pub(crate) policy: Policy,
+    /// Which system calls pass.
+    pub(crate) filter: Filter,
     /// For numerical libraries, which read it from the environment.
     pub(crate) threads: u32,
     /// The processors that the plugin may run on.
@@ -90,6 +98,8 @@ struct Attempt<'a> {
     refused: Vec<Refusal>,
     /// Layers that were not asked for, and why.
     left_out: Vec<(Layer, &'static str)>,
+    /// What active layers cannot do.
+    remarks: Vec<Remark>,
     /// A scratch folder on disk, for when there is no tree of our own.
     scratch: &'a Path,
     trees: Trees,
@@ -148,18 +158,23 @@ impl Attempt<'_> {
         let layers = Layer::ALL.map(|layer| {
             let refusal = self.refused.iter().find(|refusal| refusal.layer == layer);
             let left_out = self.left_out.iter().find(|(known, _)| *known == layer);
+            let remark = self.remarks.iter().find(|remark| remark.layer == layer);
             LayerState {
                 layer,
                 active: self.wants(layer),
                 errno: refusal.map(|refusal| errno_name(refusal.errno)),
                 reason: refusal
                     .map(|refusal| refusal.reason.clone())
-                    .or(left_out.map(|(_, reason)| (*reason).to_owned())),
+                    .or(left_out.map(|(_, reason)| (*reason).to_owned()))
+                    .or(remark.map(|remark| remark.text.clone())),
             }
         });
         SandboxReport {
             level: self.launch.policy.level,
             backend: self.wants(Layer::PidNamespace).then_some(self.backend),
+            seccomp: self
+                .wants(Layer::Seccomp)
+                .then(|| self.launch.filter.clone()),
             layers: layers.into(),
         }
     }
@@ -213,6 +228,7 @@ pub(crate) fn start(
         wanted,
         refused: Vec::new(),
         left_out,
+        remarks: Vec::new(),
         scratch,
         trees: Trees::new(),
         backend: Backend::Own,
@@ -358,6 +374,11 @@ impl Attempt<'_> {
             init: Some(init),
             link,
         };
+        if self.wants(Layer::ResourceLimits)
+            && let Err(refusal) = self.let_go_first(init)
+        {
+            self.leave_out(refusal);
+        }
         if let Some(group) = &cgroup
             && !grouped
             && let Err(error) = group.add(init.as_raw_nonzero().get())
@@ -391,6 +412,27 @@ impl Attempt<'_> {
             return self.silent();
         }
         self.attend(&mut child, cgroup, &opener)
+    }
+
+    /// When the machine's memory runs out, the plugin goes first, and it cannot change that:
+    /// a value that is set with the right to lower it is the lowest from then on, and
+    /// nobody inside may write to the file. Everybody inherits it.
+    fn let_go_first(&self, init: Pid) -> Result<(), Refusal> {
+        let refused = |errno: Errno| {
+            let what = "saying that it goes first when memory runs out";
+            Refusal::new(Layer::ResourceLimits, errno, what)
+        };
+        let path = format!("/proc/{}/oom_score_adj", init.as_raw_nonzero());
+        if self.backend == Backend::Own {
+            let path = std::ffi::CString::new(path.as_str()).map_err(|_| refused(Errno::INVAL))?;
+            goes_first(&path).map_err(refused)?;
+        }
+        let found = fs::read_to_string(path).map_err(|error| refused(as_errno(&error)))?;
+        if found.trim().as_bytes() == GOES_FIRST {
+            Ok(())
+        } else {
+            Err(refused(Errno::PERM))
+        }
     }
 
     /// Nobody answers: `bwrap` says on standard error why, if it was asked.
@@ -439,7 +481,8 @@ impl Attempt<'_> {
                     scratch = descriptors.pop();
                     proc = descriptors.pop();
                 }
-                Packet::Locked(refused) => {
+                Packet::Locked(refused, remarks) => {
+                    self.remarks = remarks;
                     for refusal in refused {
                         self.leave_out(refusal);
                     }
@@ -468,6 +511,9 @@ impl Attempt<'_> {
         let Ok(link) = child.link.try_clone() else {
             return Tried::Hopeless("no descriptors are left".into());
         };
+        // From here on somebody may want to look into this process, or to write to its files
+        // in `/proc`. Not before: telling the kernel who the init is needs the latter.
+        let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
         if rustix::io::write(gate, b"g").is_err() {
             return Tried::Hopeless("the sandbox is gone".into());
         }
@@ -484,6 +530,16 @@ impl Attempt<'_> {
             _proc: proc,
         })
     }
+}
+
+/// The most that the kernel can be told in favour of ending a process.
+const GOES_FIRST: &[u8] = b"1000";
+
+/// Writes it, by nothing but system calls.
+pub(super) fn goes_first(file: &std::ffi::CStr) -> Result<(), Errno> {
+    let flags = OFlags::WRONLY | OFlags::CLOEXEC;
+    let file = rustix::fs::open(file, flags, Mode::empty())?;
+    rustix::io::write(&file, GOES_FIRST).map(|_| ())
 }
 
 /// The init while it is not known to have started; ended with the value.

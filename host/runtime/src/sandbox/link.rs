@@ -12,7 +12,7 @@ use rustix::net::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::Refusal;
+use super::{Refusal, Remark};
 
 /// What comes out of the sandbox; a packet is one message.
 #[derive(Debug, Serialize, Deserialize)]
@@ -23,8 +23,8 @@ pub(super) enum Packet {
     /// The tree stands; with it come descriptors of `/proc`, if it is a new one, and
     /// of the scratch folder.
     Ready(Vec<Refusal>),
-    /// The plugin's process has locked itself, but for these.
-    Locked(Vec<Refusal>),
+    /// The plugin's process has locked itself, but for these, and with these remarks.
+    Locked(Vec<Refusal>, Vec<Remark>),
     /// The plugin could not be started.
     CannotStart(String),
     /// Nobody is left.

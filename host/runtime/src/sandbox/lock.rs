@@ -10,15 +10,19 @@ use rustix::io::Errno;
 use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 use rustix::thread::{CapabilitySet, CapabilitySets, capabilities, set_capabilities};
 
-use super::{Layer, Refusal, syscalls};
+use super::{Layer, Profile, Refusal, Remark, syscalls};
 
 /// What is to be locked.
 pub(super) struct Lock<'a> {
-    /// Paths that may be read and executed.
+    /// Paths that may be read and executed, folders with what is in them.
     pub(super) read: &'a [PathBuf],
     /// The folder that may be written to.
     pub(super) scratch: &'a Path,
     pub(super) network: bool,
+    /// Which system calls pass.
+    pub(super) profile: Profile,
+    /// Whether other processes are out of reach of signals anyway.
+    pub(super) alone: bool,
     /// Most bytes of a file.
     pub(super) file_bytes: u64,
     /// Most processes of this user, where the kernel counts them for this sandbox
@@ -29,25 +33,39 @@ pub(super) struct Lock<'a> {
 }
 
 impl Lock<'_> {
-    /// Gives everything up. What could not be given up is returned; the rest is.
-    pub(super) fn apply(&self) -> Vec<Refusal> {
+    /// Gives everything up. What could not be given up is returned, and what that leaves
+    /// open; the rest is.
+    pub(super) fn apply(&self) -> (Vec<Refusal>, Vec<Remark>) {
         let mut refused = Vec::new();
+        let mut remarks = Vec::new();
         let mut note = |result: Result<(), Refusal>| refused.extend(result.err());
         note(self.resource_limits());
         note(self.change_user());
         note(drop_capabilities());
         note(no_new_privileges());
-        note(self.landlock());
-        // After Landlock: its own calls are not refused, but nothing that comes
-        // later should need any.
+        let landlock = self.landlock();
+        if let Ok(version) = landlock
+            && version < SCOPE_OF_SIGNALS
+            && !self.alone
+        {
+            remarks.push(Remark {
+                layer: Layer::Landlock,
+                text: format!(
+                    "version {version} does not keep signals to processes of the same user back; \
+                     Linux 6.12 does"
+                ),
+            });
+        }
+        note(landlock.map(|_| ()));
+        // Giving up rights made this process unreadable for the supervisor, which
+        // has to measure it. The filters let nobody change that.
+        let _ = set_dumpable_behavior(DumpableBehavior::Dumpable);
+        // Last: nothing that comes later should need any call that is refused.
         note(
-            syscalls::install(self.network)
+            syscalls::install(self.network, self.profile)
                 .map_err(|(errno, reason)| Refusal::new(Layer::Seccomp, errno, reason)),
         );
-        // Giving up rights made this process unreadable for the supervisor, which
-        // has to measure it.
-        let _ = set_dumpable_behavior(DumpableBehavior::Dumpable);
-        refused
+        (refused, remarks)
     }
 
     fn resource_limits(&self) -> Result<(), Refusal> {
@@ -60,6 +78,8 @@ impl Lock<'_> {
             (Resource::Msgqueue, 0),
             (Resource::Rtprio, 0),
             (Resource::Nice, 0),
+            // They are counted for the user: too many of ours, and nobody else has one.
+            (Resource::Sigpending, 1024),
         ];
         let processes = self.processes.map(|most| (Resource::Nproc, most));
         for (resource, most) in limits.into_iter().chain(processes) {
@@ -80,8 +100,6 @@ impl Lock<'_> {
             };
             setrlimit(resource, limit).map_err(&refused)?;
         }
-        // When memory runs out, the plugin goes first.
-        let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
         Ok(())
     }
 
@@ -106,7 +124,8 @@ impl Lock<'_> {
         })
     }
 
-    fn landlock(&self) -> Result<(), Refusal> {
+    /// The version of it that is in force.
+    fn landlock(&self) -> Result<i64, Refusal> {
         // The crate tells what was enforced, not why nothing was.
         // SAFETY: asks for the version, touches no memory.
         let version = unsafe {
@@ -133,7 +152,7 @@ impl Lock<'_> {
             .map_err(|error| refused(&error))
             .and_then(|status| match status {
                 RulesetStatus::NotEnforced => Err(refused(&"nothing was enforced")),
-                _ => Ok(()),
+                _ => Ok(version),
             })
     }
 
@@ -165,15 +184,10 @@ impl Lock<'_> {
                 .add_rule(PathBeneath::new(fd, access))
                 .map(|_| ())
         };
+        // Nowhere below `/proc` is anything for a plugin to write: threads are named by a
+        // call, and the rest is how the kernel is to treat it.
         for path in self.read {
-            // Threads are named by writing there; what is not a process's own to
-            // change belongs to root.
-            let write = if path.starts_with("/proc") {
-                AccessFs::WriteFile | AccessFs::Truncate
-            } else {
-                BitFlags::EMPTY
-            };
-            allow(path, AccessFs::from_read(abi) | write)?;
+            allow(path, AccessFs::from_read(abi))?;
         }
         allow(self.scratch, AccessFs::from_all(abi))?;
         for path in DEVICES {
@@ -182,6 +196,9 @@ impl Lock<'_> {
         ruleset.restrict_self().map(|status| status.ruleset)
     }
 }
+
+/// The first version of Landlock that keeps signals in.
+const SCOPE_OF_SIGNALS: i64 = 6;
 
 /// Devices that a plugin may use.
 pub(super) const DEVICES: [&str; 5] = [

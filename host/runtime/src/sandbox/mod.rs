@@ -10,7 +10,7 @@
 //! `jail` makes the namespaces, `init` is the first process in them, `link` is what the
 //! two say to each other, `root` builds the tree of files, `lock` takes rights away from the plugin's own process before any
 //! code of the plugin runs (constructors of libraries included), `syscalls` is the
-//! table of refused system calls, `grants` finds what a plugin needs to read,
+//! table of system calls, `grants` finds what a plugin needs to read,
 //! `bwrap` is the way in where only that program may make namespaces.
 
 mod bwrap;
@@ -66,7 +66,8 @@ pub enum Layer {
     OwnUser,
     /// A control group: exact accounting, and one switch that ends everybody.
     Cgroup,
-    /// Limits on core files, file sizes, descriptors, processes and locked memory.
+    /// Limits on core files, file sizes, descriptors, processes, locked memory and pending
+    /// signals; first to go when the machine's memory runs out.
     ResourceLimits,
     /// Every capability is given up, for good.
     Capabilities,
@@ -227,9 +228,50 @@ pub struct LayerState {
     /// The error by which the kernel refused it.
     #[serde(default)]
     pub errno: Option<String>,
-    /// What was refused, or why it was not asked for.
+    /// What was refused, or why it was not asked for; of an active layer, what it cannot
+    /// do on this machine.
     #[serde(default)]
     pub reason: Option<String>,
+}
+
+/// How the table of system calls is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// What is listed as refused is refused.
+    DenyList,
+    /// What is not listed as needed is refused.
+    AllowList,
+}
+
+impl Profile {
+    /// The name, as in records.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::DenyList => "deny-list",
+            Self::AllowList => "allow-list",
+        }
+    }
+}
+
+/// The filter of system calls.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Filter {
+    /// How the table is read.
+    pub profile: Profile,
+    /// Why the stricter reading was asked for and not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+impl Filter {
+    /// A filter that was not chosen for want of another.
+    pub(crate) fn of(profile: Profile) -> Self {
+        Self {
+            profile,
+            reason: None,
+        }
+    }
 }
 
 /// The layers of one run.
@@ -240,6 +282,9 @@ pub struct SandboxReport {
     /// Who made the namespaces: this host, or the program `bwrap`.
     #[serde(default)]
     pub backend: Option<Backend>,
+    /// The filter of system calls, where that layer is active.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seccomp: Option<Filter>,
     /// Every layer, in the order of [`Layer::ALL`].
     pub layers: Vec<LayerState>,
 }
@@ -322,6 +367,13 @@ impl Refusal {
     pub(crate) fn of(layer: Layer, what: &str) -> impl Fn(Errno) -> Self + '_ {
         move |errno| Self::new(layer, errno, what)
     }
+}
+
+/// What a layer cannot do although it is active.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Remark {
+    pub(crate) layer: Layer,
+    pub(crate) text: String,
 }
 
 /// The name of an error number, as in the manual.

@@ -27,6 +27,47 @@ pub(super) const INSIDE_USER: u32 = 1000;
 /// for a user whom they do not belong to; by path.
 pub(super) type Trees = BTreeMap<PathBuf, OwnedFd>;
 
+/// What `/proc` tells about the machine that numerical libraries, runtimes and tools go
+/// by. The rest of it, and what later kernels add, is none of a plugin's business.
+pub(super) const OF_MACHINE: &[&str] = &[
+    "cpuinfo",
+    "meminfo",
+    "stat",
+    "loadavg",
+    "uptime",
+    "version",
+    "filesystems",
+];
+
+/// The same of `/proc/sys`.
+pub(super) const OF_KERNEL: &[&str] = &[
+    "vm/overcommit_memory",
+    "vm/max_map_count",
+    "kernel/osrelease",
+    "kernel/pid_max",
+    "kernel/threads-max",
+    "kernel/cap_last_cap",
+    "kernel/ngroups_max",
+];
+
+/// Files and folders of a `/proc` that are neither a process nor in [`OF_MACHINE`], and
+/// whether each is a folder. Links lead to processes.
+pub(super) fn not_for_plugins(proc: &str) -> std::io::Result<Vec<(String, bool)>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(proc)? {
+        let entry = entry?;
+        let kind = entry.file_type()?;
+        let Ok(name) = entry.file_name().into_string() else {
+            continue;
+        };
+        let is_process = name.bytes().all(|byte| byte.is_ascii_digit());
+        if !is_process && !kind.is_symlink() && !OF_MACHINE.contains(&name.as_str()) {
+            found.push((name, kind.is_dir()));
+        }
+    }
+    Ok(found)
+}
+
 /// How the tree is made.
 pub(super) struct Root<'a> {
     pub(super) read: &'a [PathBuf],
@@ -201,17 +242,12 @@ impl Root<'_> {
         self.furnish(trees, links, devices)
             .map_err(refused("filling the new root"))?;
         let mut lost = Vec::new();
-        if self.proc {
-            let made = fs::create_dir("proc")
-                .map_err(|error| as_errno(&error))
-                .and_then(|()| {
-                    let flags = MountFlags::NOSUID | MountFlags::NODEV | MountFlags::NOEXEC;
-                    mount("proc", "proc", "proc", flags, None)
-                });
-            lost.extend(
-                made.err()
-                    .map(|errno| Refusal::new(Layer::OwnProc, errno, "mounting a new /proc")),
-            );
+        if self.proc
+            && let Err(refusal) = mount_proc()
+        {
+            // Part of it is worse than none.
+            let _ = unmount("proc", UnmountFlags::DETACH);
+            lost.push(refusal);
         }
         let here = take_descriptor(".").map_err(refused("entering the new root"))?;
         set_attributes(here.as_fd(), HARMLESS | libc::MOUNT_ATTR_NODEV, None, false)
@@ -259,12 +295,71 @@ impl Root<'_> {
         for (at, tree) in devices {
             attach(Path::new(at), &tree)?;
         }
-        io(fs::create_dir_all("var"))?;
+        io(fs::create_dir_all(EMPTY))?;
         if !Path::new("var/tmp").exists() {
             io(std::os::unix::fs::symlink(SCRATCH, "var/tmp"))?;
         }
         Ok(())
     }
+}
+
+/// Mounts the namespace's own `/proc`, read-only, with the sandbox's processes and what
+/// runtimes go by.
+///
+/// Everything else is covered, by its name in the folder rather than by a list that
+/// would have to know every kernel. The option `subset=pid` would leave nothing but
+/// processes.
+fn mount_proc() -> Result<(), Refusal> {
+    let refused = |what: &'static str| Refusal::of(Layer::OwnProc, what);
+    let io = |error: std::io::Error| as_errno(&error);
+    let covering = refused("covering parts of /proc");
+    let flags = MountFlags::NOSUID | MountFlags::NODEV | MountFlags::NOEXEC;
+    fs::create_dir("proc")
+        .map_err(io)
+        .and_then(|()| mount("proc", "proc", "proc", flags | MountFlags::RDONLY, None))
+        .map_err(refused("mounting a new /proc"))?;
+    let hidden = not_for_plugins("proc").map_err(io).map_err(&covering)?;
+    let values: Vec<(&str, Vec<u8>)> = OF_KERNEL
+        .iter()
+        .filter_map(|name| Some((*name, fs::read(format!("proc/sys/{name}")).ok()?)))
+        .collect();
+    for (name, is_folder) in hidden {
+        let at = format!("proc/{name}");
+        let cover = if name == "sys" {
+            // Copies: a mount for each would cost more than the few bytes.
+            copies(&at, &values)
+        } else {
+            let cover = if is_folder { EMPTY } else { "/dev/null" };
+            take(Path::new(cover)).and_then(|tree| {
+                let noexec = libc::MOUNT_ATTR_NOEXEC;
+                set_attributes(tree.as_fd(), HARMLESS | noexec, None, false)?;
+                move_mount(&tree, "", CWD, &at, MoveMountFlags::MOVE_MOUNT_F_EMPTY_PATH)
+            })
+        };
+        cover.map_err(&covering)?;
+    }
+    Ok(())
+}
+
+/// An empty folder of the new root, below the current folder.
+const EMPTY: &str = "var/empty";
+
+/// Files in memory, read-only, in place of a folder.
+fn copies(at: &str, files: &[(&str, Vec<u8>)]) -> Result<(), Errno> {
+    memory(Path::new(at), "size=64k,nr_inodes=64,mode=755")?;
+    for (name, content) in files {
+        let place = Path::new(at).join(name);
+        parents(&place)
+            .and_then(|()| fs::write(&place, content))
+            .map_err(|error| as_errno(&error))?;
+    }
+    let mounted = take_descriptor(at)?;
+    set_attributes(
+        mounted.as_fd(),
+        HARMLESS | libc::MOUNT_ATTR_NODEV,
+        None,
+        false,
+    )
 }
 
 /// An absolute path as one below the current folder.
