@@ -492,16 +492,16 @@ fn odd_but_allowed_is_a_warning() {
 // ---- Broken protocols, crashes, hangs --------------------------------------------
 
 /// Cases that judge plans which the faulty planners can make.
-const JUDGED: &str = "one-cell one-agent arrived following crossing random-instances makespan \
+const JUDGED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
     deterministic repeated-calls other-map made-again bad-input cancelled prepare-deadline";
 
 /// Those, and cases that ask for a plan without looking at it.
-const ANSWERED: &str = "one-cell one-agent arrived following crossing random-instances makespan \
+const ANSWERED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
     deterministic repeated-calls other-map made-again bad-input cancelled prepare-deadline \
     output ending memory-growth";
 
 /// Every case that asks a planner anything.
-const ASKED: &str = "one-cell one-agent arrived following crossing random-instances makespan \
+const ASKED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
     deterministic repeated-calls other-map made-again bad-input cancelled prepare-deadline \
     output ending memory-growth cycle passing-bay no-room unreachable-goal node-limit deadline \
     thread-limit";

@@ -357,7 +357,8 @@ pub struct Sink {
     /// environment may be null. Copies. Returns as `submit_plan`.
     pub submit_instance:
         Option<unsafe extern "C" fn(context: *mut c_void, instance: *const Instance) -> i32>,
-    /// `[thread-safe]` Reports a figure such as `expansions`, kept as a claim.
+    /// `[thread-safe]` Reports a figure such as `expansions`, kept as a claim. Some names have
+    /// a meaning and a domain (`docs/protocol.md`): another value breaks the contract.
     pub metric: Option<unsafe extern "C" fn(context: *mut c_void, name: Str, value: f64)>,
     /// `[thread-safe]` Writes to the run's log; `level` is `FLEETYARD_LOG_*`.
     pub log: Option<unsafe extern "C" fn(context: *mut c_void, level: i32, text: Str)>,

@@ -8,6 +8,7 @@ use std::ffi::c_void;
 use std::ptr;
 
 use crate::c;
+use crate::figures::check_figure;
 use crate::model::{
     Assignment, Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading,
     Instance, LogLevel, Motion, Objective, Plan, PlanRef, SharedEnvironment, Task,
@@ -671,7 +672,13 @@ fn code(result: Result<(), Rejected>) -> i32 {
 
 unsafe extern "C" fn metric(pointer: *mut c_void, name: c::Str, value: f64) {
     // SAFETY: as above.
-    unsafe { context(pointer).sink.metric(&string(name), value) };
+    let (context, name) = unsafe { (context(pointer), string(name)) };
+    match check_figure(&name, value) {
+        Ok(()) => context.sink.metric(&name, value),
+        Err(reason) => {
+            context.broken(reason);
+        }
+    }
 }
 
 unsafe extern "C" fn log(pointer: *mut c_void, level: i32, text: c::Str) {

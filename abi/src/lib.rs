@@ -21,6 +21,7 @@ pub mod c;
 mod clock;
 pub mod convert;
 pub mod export;
+pub mod figures;
 pub mod layout;
 mod model;
 pub mod moves;

@@ -118,7 +118,8 @@ pub trait Sink: Sync {
     fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected>;
     /// Hands over the next instance, in `generate`.
     fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected>;
-    /// Reports a figure such as `expansions`, kept as a claim.
+    /// Reports a figure such as `expansions`, kept as a claim; those of
+    /// [`FIGURES`](crate::figures::FIGURES) have a domain.
     fn metric(&self, name: &str, value: f64);
     /// Writes to the run's log.
     fn log(&self, level: LogLevel, text: &str);

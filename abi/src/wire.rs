@@ -271,7 +271,8 @@ pub struct PlanResult<'a> {
     #[schemars(with = "Option<Vec<WirePath>>")]
     pub paths: Option<&'a RawValue>,
     /// How long the plugin worked on the call, without reading and writing messages:
-    /// nanoseconds of a monotonic clock.
+    /// nanoseconds of a monotonic clock, no more than the call took. A claim: nobody is ranked
+    /// by it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub call_ns: Option<u64>,
 }

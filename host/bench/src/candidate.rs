@@ -83,6 +83,22 @@ impl Candidate {
         })
     }
 
+    /// The planner of this program with that identifier.
+    pub(crate) fn built_in(runtime: &Runtime, id: &str) -> Result<Self, Fault> {
+        let found = Found {
+            file: PluginFile::BuiltIn,
+            origin: Origin::BuiltIn,
+            id: Some(id.to_owned()),
+            shadowed: Vec::new(),
+        };
+        Self::new(runtime, found, Kind::Planner, id)
+    }
+
+    /// Whether it is a part of this program, and no stranger.
+    pub fn is_built_in(&self) -> bool {
+        self.file == PluginFile::BuiltIn
+    }
+
     /// Digest of its code; of this program, for built-ins.
     pub fn digest(&self) -> Option<Digest> {
         self.digest

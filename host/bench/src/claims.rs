@@ -2,7 +2,9 @@
 //!
 //! A planner claims by its status, and by figures that are named as ours are: every
 //! `claimed_sum_of_costs` and `claimed_makespan` is compared with the cost of the plan
-//! that it handed over. Nothing is believed, and nothing is corrected: claims stand in
+//! that it handed over. How long it says that it worked is held against the host's clock and
+//! the processor time of the call; it is listed only where it cannot be true, for nothing
+//! shows that it is. Nothing is believed, and nothing is corrected: claims stand in
 //! the record beside the verdict, and where they differ it says so.
 
 use std::fmt;
@@ -36,6 +38,8 @@ pub enum Subject {
     SumOfCosts,
     /// In steps.
     Makespan,
+    /// How long it worked.
+    CallTime,
 }
 
 impl fmt::Display for Subject {
@@ -44,16 +48,22 @@ impl fmt::Display for Subject {
             Self::Status => "status",
             Self::SumOfCosts => "sum of costs",
             Self::Makespan => "makespan",
+            Self::CallTime => "time of work",
         })
     }
 }
 
-/// A number of steps, or words.
+/// A number of steps, a time, or words.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Figure {
     /// A number of steps.
     Steps(f64),
+    /// Milliseconds.
+    Time {
+        /// How many.
+        ms: f64,
+    },
     /// Words.
     Words(String),
 }
@@ -62,6 +72,7 @@ impl fmt::Display for Figure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Steps(steps) => write!(f, "{steps}"),
+            Self::Time { ms } => write!(f, "{} ms", time(*ms)),
             Self::Words(words) => f.write_str(words),
         }
     }
@@ -90,6 +101,14 @@ impl fmt::Display for Claim {
             _ => Ok(()),
         }
     }
+}
+
+/// A time in milliseconds, down to nanoseconds.
+fn time(ms: f64) -> String {
+    if ms > 0.0 && ms < 0.001 {
+        return format!("{ms:.6}");
+    }
+    number(ms)
 }
 
 /// A difference with its sign.
@@ -131,7 +150,42 @@ pub fn of(record: &Record) -> Vec<Claim> {
             agrees: ours.map(|ours| (claimed - ours).abs() < 1e-6),
         });
     }
+    claims.extend(call_time(record));
     claims
+}
+
+/// A time of work that is too short to be true: more of the round trip was the planner's than
+/// transport, the host and others can have taken, or its processes computed for longer.
+fn call_time(record: &Record) -> Option<Claim> {
+    let metrics = &record.metrics;
+    let (claimed, round_trip) = (metrics.call_time_ms?, metrics.round_trip_ms?);
+    let (empty, uncertainty) = metrics
+        .correction
+        .map_or((0.0, 0.0), |empty| (empty.ms, empty.uncertainty_ms));
+    let found = (round_trip - empty).max(0.0);
+    let measurement = &record.measurement;
+    let others = measurement.plan.run_delay_ms.zip(metrics.held_up_ms);
+    let others_ms = others.map_or(0.0, |(planner, host)| planner + host);
+    // Where somebody else was busy, less can be told from the clock.
+    let slack = if others.is_some() && measurement.contended.is_empty() {
+        1.0 + 0.01 * round_trip
+    } else {
+        20.0 + 0.25 * round_trip
+    };
+    let by_clock = found - uncertainty - others_ms - slack;
+    // Processor time comes in ticks, and reading and writing messages is in it.
+    let processors = match &measurement.cpus {
+        Some(cpus) => cpus.len(),
+        None => measurement.machine.logical_cpus.unwrap_or(1) as usize,
+    };
+    let cpu = measurement.plan.cpu_ms.unwrap_or(0.0);
+    let by_cpu = (0.9 * cpu - 20.0) / processors.max(1) as f64;
+    (claimed < by_clock.max(by_cpu)).then_some(Claim {
+        what: Subject::CallTime,
+        claimed: Figure::Time { ms: claimed },
+        found: Some(Figure::Time { ms: found }),
+        agrees: Some(false),
+    })
 }
 
 /// What a status claims; most claim nothing. `valid` is the verdict on the plan, if

@@ -83,8 +83,19 @@ impl<'s> Contest<'s> {
             .all(|planner| planner.attach != Some(Attach::InProcess));
         let mut sandbox = suite.sandbox.clone();
         sandbox.trust = trust;
-        let host = Host::new(built_in, suite.budget.clone(), sandbox, apart)?;
+        let mut host = Host::new(built_in, suite.budget.clone(), sandbox, apart)?;
         let lifelong = suite.planners.iter().any(|planner| planner.fleet.is_some());
+        if suite.protocol.clock == Clock::LessEmpty && !lifelong {
+            // Before any planner runs that could be in the way.
+            let planners = suite.planners.iter();
+            let direct = planners.filter(|planner| planner.attach == Some(Attach::InProcess));
+            let attachments: &[Attach] = match direct.count() {
+                0 => &[Attach::Worker],
+                all if all == suite.planners.len() => &[Attach::InProcess],
+                _ => &[Attach::Worker, Attach::InProcess],
+            };
+            host.calibrate(&questions, &suite.config, attachments)?;
+        }
         let keep = suite.protocol.reuse == Reuse::Planner && !lifelong;
         let names = suite.planners.iter().map(|planner| planner.plugin.as_str());
         let discovery = Discovery::from_environment();
@@ -218,6 +229,7 @@ impl<'s> Contest<'s> {
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
             ranked: unranked(&self.host.runtime, entrant.attach, []).is_none(),
+            built_in: Some(entrant.candidate.is_built_in()),
             instance_digest: instance.digest().to_string(),
             agents: instance.agents() as u64,
             connectivity: instance.connectivity().degree(),
@@ -306,6 +318,7 @@ impl<'s> Contest<'s> {
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
             ranked: unranked(&self.host.runtime, entrant.attach, []).is_none(),
+            built_in: Some(entrant.candidate.is_built_in()),
             instance_digest: question.digest()?.to_string(),
             agents: agents as u64,
             connectivity: question.connectivity().degree(),
@@ -499,11 +512,17 @@ impl Row {
         self.success = record.ending() == Ending::Success;
         self.planning_time_ms = metrics.planning_time_ms;
         self.call_time_ms = metrics.call_time_ms;
-        self.solve_time_ms = match clock {
-            Clock::Host => metrics.planning_time_ms,
-            // A planner that was stopped did not come to say how long it took.
-            Clock::Call => metrics.call_time_ms.unwrap_or(metrics.planning_time_ms),
+        self.round_trip_ms = metrics.round_trip_ms;
+        let correction = metrics.correction.filter(|_| clock == Clock::LessEmpty);
+        self.correction_ms = correction.map(|correction| correction.ms);
+        self.correction_uncertainty_ms = correction.map(|correction| correction.uncertainty_ms);
+        self.solve_time_ms = match metrics.round_trip_ms.zip(correction) {
+            Some((round_trip_ms, correction)) => (round_trip_ms - correction.ms).max(0.0),
+            // Without an answer there is nothing that could be the transport's.
+            None => metrics.planning_time_ms,
         };
+        let claims: Vec<String> = record.disagreements().map(ToString::to_string).collect();
+        self.false_claims = (!claims.is_empty()).then(|| claims.join("; "));
         self.startup_time_ms = record.measurement.startup_ms;
         self.prepare_time_ms = metrics.prepare_time_ms;
         self.first_solution_ms = metrics.first_solution_ms;

@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+mod calibration;
 mod candidate;
 mod changes;
 pub mod claims;
@@ -25,6 +26,7 @@ mod trial;
 mod trial_error;
 mod verify;
 
+pub use calibration::Correction;
 pub use candidate::{Candidate, GivenOptions, Running};
 pub use changes::changes;
 pub use contest::{Contest, Entrant, Pin, now_unix_ms};

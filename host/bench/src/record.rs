@@ -11,6 +11,7 @@ use fleetyard_runtime::{Attach, CodeFile, Layer, Level, Limit, SandboxReport, Te
 use fleetyard_sim::Policy;
 use serde::Serialize;
 
+use crate::calibration::Correction;
 use crate::claims::Claim;
 
 /// Everything there is to say about one run. Values that do not exist are
@@ -219,8 +220,14 @@ pub struct Metrics {
     pub waits: Option<u64>,
     /// By the host's clock, transport included.
     pub planning_time_ms: f64,
-    /// Beside the plugin, in its process, without transport.
+    /// As the plugin's process claims it, without transport.
     pub call_time_ms: Option<f64>,
+    /// From the request to the last byte of the answer, by the host's clock.
+    pub round_trip_ms: Option<f64>,
+    /// How much of it the host's own work and other processes may have taken.
+    pub held_up_ms: Option<f64>,
+    /// What an empty call takes of it, where that was measured.
+    pub correction: Option<Correction>,
     /// Of learning the map; absent when it was known.
     pub prepare_time_ms: Option<f64>,
     /// Until the first plan had come.

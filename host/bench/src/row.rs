@@ -165,6 +165,8 @@ columns! {
     /// Whether the result may be compared: not in the host's process, in a sandbox, and
     /// supervised to the end.
     ranked: bool,
+    /// Whether the planner is a part of the host, so that its figures may rank it.
+    built_in: Option<bool>,
     /// Digest of the instance.
     instance_digest: String,
     /// Name of the map.
@@ -205,6 +207,8 @@ columns! {
     claim: Option<String>,
     /// The planner's explanation.
     message: Option<String>,
+    /// What the planner claims and the host found to be otherwise.
+    false_claims: Option<String>,
     /// Whether the last plan is valid.
     valid: bool,
     /// Violations in the last plan.
@@ -213,14 +217,20 @@ columns! {
     first_violation: Option<String>,
     /// Whether the trial succeeded: the planner ended as it should and its plan is valid.
     success: bool,
-    /// The time that is compared: one of the next two, whichever the suite names; of a fleet, the
-    /// mean over its planner's calls.
+    /// The time that is compared, by the host's clock: that of the call, or the round trip less
+    /// the correction, as the suite says; of a fleet, the mean over its planner's calls.
     solve_time_ms: f64,
     /// Wall time of the call by the host's clock, transport included; of a fleet, of all calls of
     /// its planner together.
     planning_time_ms: f64,
-    /// Wall time of the call beside the plugin, in its process.
+    /// Wall time of the call as the plugin's process claims it.
     call_time_ms: Option<f64>,
+    /// From the request to the last byte of the answer, by the host's clock.
+    round_trip_ms: Option<f64>,
+    /// What an empty call takes, which is no planner's time.
+    correction_ms: Option<f64>,
+    /// How far empty calls lie from that.
+    correction_uncertainty_ms: Option<f64>,
     /// From the start of the plugin until it had introduced itself; absent when a
     /// process that ran already was used again.
     startup_time_ms: Option<f64>,

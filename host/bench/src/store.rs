@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-use fleetyard_core::{Digest, InputError};
+use fleetyard_core::{Digest, InputError, open_regular};
 use fleetyard_runtime::CodeFile;
 use rusqlite::types::{ToSqlOutput, ValueRef};
 use rusqlite::{Connection, ErrorCode, OpenFlags, ToSql, Transaction, TransactionBehavior};
@@ -364,10 +364,15 @@ impl Store {
         self.transact(|transaction| insert(transaction, row, true))
     }
 
-    /// Every trial that the suite asks for, in its order.
+    /// Every trial that the suite asks for, in its order. What is compared of them is the
+    /// host's time, also where an earlier version took the planner's word for it.
     pub fn rows(&self) -> Result<Vec<Row>> {
         let mut rows = Vec::new();
-        self.visit(true, &mut |row| {
+        self.visit(true, &mut |mut row| {
+            let claimed = row.call_time_ms == Some(row.solve_time_ms);
+            if claimed && row.round_trip_ms.is_none() && row.attach != "in-process" {
+                row.solve_time_ms = row.planning_time_ms;
+            }
             rows.push(row);
             Ok(())
         })?;
@@ -795,24 +800,15 @@ fn remove(path: &Path) -> Result<()> {
 /// Whether the file's header says that it is a store that this program knows.
 fn identify(path: &Path) -> Result<()> {
     const MAGIC: &[u8] = b"SQLite format 3\0";
-    let cannot = |error: io::Error| {
-        let base = InputError::new(shown(path), format!("cannot read: {error}"));
-        match error.kind() {
-            io::ErrorKind::NotFound => InputError::new(shown(path), "there is no such store")
-                .hint("`fleetyard bench SUITE.toml` makes one"),
-            io::ErrorKind::PermissionDenied => {
-                base.hint("check who may read the file and its folder")
-            }
-            _ => base,
-        }
-    };
-    let file = File::open(path).map_err(cannot)?;
-    if !file.metadata().map_err(cannot)?.is_file() {
-        return Err(InputError::new(shown(path), "this is not a file")
-            .hint("a store is a file that `fleetyard bench` has made"));
+    if matches!(fs::metadata(path), Err(error) if error.kind() == io::ErrorKind::NotFound) {
+        return Err(InputError::new(shown(path), "there is no such store")
+            .hint("`fleetyard bench SUITE.toml` makes one"));
     }
+    let file = open_regular(path)?;
     let mut header = Vec::with_capacity(100);
-    file.take(100).read_to_end(&mut header).map_err(cannot)?;
+    file.take(100)
+        .read_to_end(&mut header)
+        .map_err(|error| InputError::new(shown(path), format!("cannot read: {error}")))?;
     if header.len() < 100 || !header.starts_with(MAGIC) {
         let reason = match header.len() {
             0 => "the file is empty, and no store",
@@ -882,14 +878,18 @@ fn no_space(path: &Path) -> bool {
 }
 
 /// The right to write a store: a lock on a file beside it, with the number of the process.
-/// The file is there while somebody holds it, and after a process that was killed.
+/// The file is there while somebody holds it, and after a process that was killed. It is beside
+/// the store itself, whichever link it was named by.
 struct Lock {
     file: File,
     path: PathBuf,
+    /// The store itself, locked too where it has several names.
+    _store: Option<File>,
 }
 
 impl Lock {
-    fn take(store: &Path) -> Result<Self> {
+    fn take(named: &Path) -> Result<Self> {
+        let store = &real(named);
         let path = beside(store, ".lock");
         let failed = |error: &dyn std::fmt::Display| {
             InputError::new(shown(&path), format!("cannot be locked: {error}"))
@@ -924,9 +924,7 @@ impl Lock {
                         Ok(process) => format!("process {process}"),
                         Err(_) => "another process".to_owned(),
                     };
-                    let reason = format!("{who} is writing this store");
-                    return Err(InputError::new(shown(store), reason)
-                        .hint("wait until it has ended, or name another store with --store"));
+                    return Err(taken(named, &who));
                 }
                 Err(error) => return Err(failed(&error)),
             }
@@ -938,7 +936,59 @@ impl Lock {
                     .set_len(0)
                     .and_then(|()| file.rewind())
                     .and_then(|()| writeln!(file, "{}", std::process::id()));
-                return Ok(Self { file, path });
+                let _store = match all_names(named, store) {
+                    Ok(lock) => lock,
+                    Err(error) => {
+                        let _ = fs::remove_file(&path);
+                        return Err(error);
+                    }
+                };
+                return Ok(Self { file, path, _store });
+            }
+        }
+    }
+}
+
+/// Where a store is, or will be, links resolved.
+fn real(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| {
+        let folder = path.parent().filter(|folder| *folder != Path::new(""));
+        let folder = fs::canonicalize(folder.unwrap_or(Path::new(".")));
+        match (folder, path.file_name()) {
+            (Ok(folder), Some(name)) => folder.join(name),
+            _ => path.to_owned(),
+        }
+    })
+}
+
+fn taken(store: &Path, who: &str) -> InputError {
+    InputError::new(shown(store), format!("{who} is writing this store"))
+        .hint("wait until it has ended, or name another store with --store")
+}
+
+/// Locks the file itself if it has several names: each of them has a lock beside it. Otherwise
+/// it is left alone, for there are file systems on which SQLite's locks are of the same kind.
+fn all_names(named: &Path, store: &Path) -> Result<Option<File>> {
+    if !fs::metadata(store).is_ok_and(|meta| meta.is_file() && meta.nlink() > 1) {
+        return Ok(None);
+    }
+    let file = open_regular(store)?;
+    let started = Instant::now();
+    loop {
+        match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => return Ok(Some(file)),
+            Err(rustix::io::Errno::INTR) => {}
+            Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            Err(rustix::io::Errno::WOULDBLOCK) => {
+                return Err(taken(named, "another process, by another name,"));
+            }
+            Err(error) => {
+                return Err(InputError::new(
+                    shown(named),
+                    format!("cannot be locked: {error}"),
+                ));
             }
         }
     }

@@ -17,13 +17,16 @@ use fleetyard_runtime::{
 use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
 use serde_json::Value;
 
+use crate::calibration::Calibration;
 use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::claims;
+use crate::error::BenchError;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo,
 };
+use crate::suite::Question;
 use crate::trial_error::TrialError;
 
 /// How many violations a record lists; all are counted.
@@ -36,6 +39,7 @@ pub struct Host {
     pub runtime: Runtime,
     budget: BudgetOptions,
     cores: Option<Result<Reservation, NoCores>>,
+    calibration: Calibration,
 }
 
 impl Host {
@@ -72,7 +76,20 @@ impl Host {
             runtime: Runtime::new(built_in, limits)?,
             budget,
             cores,
+            calibration: Calibration::default(),
         })
+    }
+
+    /// Takes empty calls of these attachments, by which round trips are corrected from now on.
+    /// No plugin of a stranger may run meanwhile.
+    pub(crate) fn calibrate(
+        &mut self,
+        questions: &[Question],
+        config: &SimConfig,
+        attachments: &[Attach],
+    ) -> Result<(), BenchError> {
+        self.calibration = Calibration::take(self, questions, config, attachments)?;
+        Ok(())
     }
 
     /// What every trial may use.
@@ -277,6 +294,7 @@ impl Trial<'_> {
                 &run,
                 plan.as_ref(),
                 verdict.valid,
+                attach,
                 prepared.map(|prepared| milliseconds(prepared.wall)),
             ),
             verdict,
@@ -438,6 +456,7 @@ impl Trial<'_> {
         run: &PlanRun,
         plan: Option<&GridPlan>,
         valid: bool,
+        attach: Attach,
         prepare_time_ms: Option<f64>,
     ) -> Metrics {
         // Lines have no times, and so no costs in steps.
@@ -479,6 +498,13 @@ impl Trial<'_> {
             waits: plan.filter(|_| timed).map(|_| of_plan.waits),
             planning_time_ms: milliseconds(run.planning),
             call_time_ms: run.call.map(milliseconds),
+            round_trip_ms: run.round_trip.map(milliseconds),
+            held_up_ms: run.held_up.map(milliseconds),
+            correction: plan.and_then(|plan| {
+                let cells: usize = plan.paths().map(<[_]>::len).sum();
+                let calibration = &self.host.calibration;
+                calibration.of(attach, self.instance.agents(), cells as u64)
+            }),
             prepare_time_ms,
             first_solution_ms: run
                 .incumbents

@@ -263,7 +263,7 @@ fn what_is_no_store_is_refused_and_left_as_it_is() {
         );
         assert!(fs::read(&path).unwrap() == content, "{name} was changed");
     }
-    refused(Store::open(folder.path()), "this is not a file");
+    refused(Store::open(folder.path()), "this is a folder, not a file");
     refused(
         Store::open_read_only(&PathBuf::from("/nowhere/s")),
         "no such store",

@@ -89,6 +89,8 @@ pub(crate) struct Answer {
     pub(crate) status: Status,
     pub(crate) message: Option<String>,
     pub(crate) said: Said,
+    /// What it reported of itself.
+    pub(crate) figures: BTreeMap<String, f64>,
     /// Wall time of the call.
     pub(crate) wall: Duration,
     /// How long after the deadline the call returned.
@@ -391,6 +393,7 @@ impl<'a> Trial<'a> {
             fault,
             incumbents,
             planning,
+            metrics,
             ..
         } = run;
         let (status, message) = match fault {
@@ -413,6 +416,7 @@ impl<'a> Trial<'a> {
             } else {
                 Said::Plans(plans)
             },
+            figures: metrics,
             wall: planning,
             late: planning.saturating_sub(call.wall),
             by_clock: is_long(planning, call.wall),
@@ -630,6 +634,7 @@ fn answered_by(said: Result<Said, Fault>, wall: Duration, call: &Call<'_>) -> St
         status,
         message,
         said,
+        figures: BTreeMap::new(),
         wall,
         late: wall.saturating_sub(call.wall),
         by_clock: is_long(wall, call.wall),

@@ -1,12 +1,93 @@
 //! Whole files in and out: bounded reading with helpful errors, and writing
 //! that never leaves half a file behind.
 
-use std::fs::{self, File};
+use std::fs::{self, File, FileType};
 use std::io::{self, Read, Write};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+
 use crate::InputError;
+
+/// Descriptors that a shell hands over by name: standard input, and process substitution.
+const HANDED_OVER: [&str; 3] = ["/dev/stdin", "/dev/fd", "/proc/self/fd"];
+
+/// Opens a file to be read, and nothing that somebody else may keep waiting: pipes and
+/// devices are refused, but for those that a shell hands over (`/dev/stdin`, `<(…)`).
+pub fn open_input(path: &Path) -> Result<File, InputError> {
+    open(
+        path,
+        HANDED_OVER.iter().any(|meant| path.starts_with(meant)),
+    )
+}
+
+/// Opens a file to be read from any place in it: no pipe will do.
+pub fn open_regular(path: &Path) -> Result<File, InputError> {
+    open(path, false)
+}
+
+fn open(path: &Path, streams: bool) -> Result<File, InputError> {
+    let failed = |error: io::Error| read_error(path, &error);
+    // Opening a pipe waits for who writes it, unless told not to.
+    let file = File::options()
+        .read(true)
+        .custom_flags(OFlags::NONBLOCK.bits().cast_signed())
+        .open(path)
+        .map_err(failed)?;
+    let kind = file.metadata().map_err(failed)?.file_type();
+    if kind.is_dir() {
+        let name = path.display().to_string();
+        return Err(InputError::new(name, "this is a folder, not a file")
+            .hint("name a file inside the folder"));
+    }
+    if !kind.is_file() && !streams {
+        let reason = format!("this is {}, not a file", in_words(kind));
+        return Err(InputError::new(path.display().to_string(), reason).hint(
+            "name a regular file; `/dev/stdin` and `<(…)` hand over a stream where one will do",
+        ));
+    }
+    wait_again(&file).map_err(failed)?;
+    Ok(file)
+}
+
+/// Opens a file to be written from its beginning. Devices and pipes are written as they
+/// are; a pipe that nobody reads is refused, and so is a disk.
+pub fn create_output(path: &Path) -> io::Result<File> {
+    let file = File::options()
+        .write(true)
+        .create(true)
+        .custom_flags(OFlags::NONBLOCK.bits().cast_signed())
+        .open(path)
+        .map_err(|error| match rustix::io::Errno::from_io_error(&error) {
+            Some(rustix::io::Errno::NXIO) => io::Error::other("nobody reads this pipe"),
+            _ => error,
+        })?;
+    let kind = file.metadata()?.file_type();
+    if kind.is_block_device() {
+        return Err(io::Error::other("this is a disk, not a file"));
+    }
+    wait_again(&file)?;
+    if kind.is_file() {
+        file.set_len(0)?;
+    }
+    Ok(file)
+}
+
+/// From here on reading and writing waits.
+fn wait_again(file: &File) -> io::Result<()> {
+    let flags = fcntl_getfl(file)?;
+    Ok(fcntl_setfl(file, flags.difference(OFlags::NONBLOCK))?)
+}
+
+fn in_words(kind: FileType) -> &'static str {
+    match kind {
+        _ if kind.is_fifo() => "a pipe",
+        _ if kind.is_socket() => "a socket",
+        _ => "a device",
+    }
+}
 
 /// Reads a file of at most `limit` bytes.
 ///
@@ -14,12 +95,8 @@ use crate::InputError;
 pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
     let name = path.display().to_string();
     let failed = |error: &io::Error| read_error(path, error);
-    let file = File::open(path).map_err(|error| failed(&error))?;
+    let file = open_input(path)?;
     let meta = file.metadata().map_err(|error| failed(&error))?;
-    if meta.is_dir() {
-        return Err(InputError::new(name, "this is a folder, not a file")
-            .hint("name a file inside the folder"));
-    }
     let mut bytes = Vec::new();
     if meta.len() <= limit {
         // The length is a guess (a pipe has none); `take` below is the guard.
@@ -126,7 +203,9 @@ impl Staged {
             return Err(write_error(path, &io::ErrorKind::IsADirectory.into()));
         }
         if old.as_ref().is_some_and(|meta| !meta.is_file()) {
-            fs::write(path, bytes).map_err(|error| write_error(path, &error))?;
+            create_output(path)
+                .and_then(|mut file| file.write_all(bytes))
+                .map_err(|error| write_error(path, &error))?;
             return Ok(Self {
                 path: path.to_owned(),
                 target: path.to_owned(),

@@ -31,7 +31,10 @@ pub use fleetyard_abi::{Heading, PathEncoding};
 
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
-pub use files::{read_file, shown, write_all_atomically, write_atomically};
+pub use files::{
+    create_output, open_input, open_regular, read_file, shown, write_all_atomically,
+    write_atomically,
+};
 pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{Connectivity, Grid, Role};
 pub use instance::{GridInstance, InstanceError};

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use fleetyard_abi::{Assignment, Motion};
 use fleetyard_core::json::{format, read_object};
-use fleetyard_core::{Digest, GridPlan, InputError, moves};
+use fleetyard_core::{Digest, GridPlan, InputError, create_output, moves, open_regular};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
@@ -199,7 +199,7 @@ pub struct Recorder {
 impl Recorder {
     /// Begins a new file.
     pub fn create(path: &Path, header: &Header) -> Result<Self, InputError> {
-        let file = File::create(path).map_err(|error| {
+        let file = create_output(path).map_err(|error| {
             cannot_write(&path.display().to_string(), &error)
                 .hint("does its folder exist, and may you write to it?")
         })?;
@@ -272,9 +272,7 @@ impl Recording {
     /// Reads a recording once, to know that it can be read.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let name = path.display().to_string();
-        let file = File::open(path).map_err(|error| {
-            InputError::new(name.as_str(), format!("cannot be read: {error}")).hint(HINT)
-        })?;
+        let file = open_regular(path)?;
         let mut lines = Lines {
             name: &name,
             file: &mut BufReader::new(file),
@@ -326,11 +324,8 @@ impl Recording {
                 }
             }
         }
-        let file = File::open(path).and_then(|mut file| {
-            file.seek(SeekFrom::Start(first))?;
-            Ok(file)
-        });
-        let file = file
+        let mut file = open_regular(path)?;
+        file.seek(SeekFrom::Start(first))
             .map_err(|error| InputError::new(name.as_str(), format!("cannot be read: {error}")))?;
         Ok(Self {
             header,

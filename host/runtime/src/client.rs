@@ -66,6 +66,11 @@ pub(crate) struct Client {
     call: CallLimits,
     stdout_open: bool,
     stderr_open: bool,
+    /// When the last request was about to be written, and when the last bytes arrived.
+    asked_ns: u64,
+    arrived_ns: u64,
+    /// How long messages were handled since then.
+    handled_ns: u64,
     /// Once broken, always broken.
     fault: Option<Fault>,
 }
@@ -153,6 +158,9 @@ impl Client {
             call,
             stdout_open: true,
             stderr_open: true,
+            asked_ns: 0,
+            arrived_ns: 0,
+            handled_ns: 0,
             fault: None,
         }
     }
@@ -189,6 +197,17 @@ impl Client {
         self.process.end(Duration::ZERO);
         self.drain_stderr();
         self.unsupervised(method).unwrap_or(fault)
+    }
+
+    /// Of the call that was answered last: from its request, ready to be written, until the
+    /// last byte of its answer had arrived, and for how long of it messages were handled, in
+    /// which nothing is read.
+    pub(crate) fn round_trip(&self) -> (Duration, Duration) {
+        let took_ns = self.arrived_ns.saturating_sub(self.asked_ns);
+        (
+            Duration::from_nanos(took_ns),
+            Duration::from_nanos(self.handled_ns),
+        )
     }
 
     /// The limit that the supervisor found exceeded.
@@ -239,6 +258,9 @@ impl Client {
     ) -> Result<String, Fault> {
         let grace_ns = self.limits.grace.as_nanos() as u64;
         let mut cancelled = false;
+        self.handled_ns = 0;
+        self.asked_ns = monotonic_ns();
+        let mut began = self.asked_ns;
         loop {
             if let Some(fault) = self.unsupervised(wait.method) {
                 self.drain_stderr();
@@ -248,6 +270,7 @@ impl Client {
                 return Ok(answer);
             }
             let now = monotonic_ns();
+            self.handled_ns += now - began;
             if now >= wait.deadline_ns.saturating_add(grace_ns) {
                 let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
                 return Err(self.stop(wait.method, Fault::TimedOut { during, limit_ms }));
@@ -269,6 +292,7 @@ impl Client {
                 wait.deadline_ns
             };
             self.poll_once(until - now);
+            began = monotonic_ns();
         }
     }
 
@@ -332,7 +356,10 @@ impl Client {
         for _ in 0..ROUNDS {
             match read_some(&mut self.process.stdout, &mut buffer) {
                 Some([]) => return,
-                Some(bytes) => self.receive(bytes),
+                Some(bytes) => {
+                    self.arrived_ns = monotonic_ns();
+                    self.receive(bytes);
+                }
                 None => {
                     self.stdout_open = false;
                     return;

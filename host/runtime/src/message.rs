@@ -4,6 +4,7 @@
 //! matters, or there is a reason why they break the protocol. Which answer is waited
 //! for, and what a notification means for the run, is the client's business.
 
+use fleetyard_abi::figures::check_figure;
 use fleetyard_abi::wire::{IncumbentParams, LogParams, MetricParams, RpcError};
 use serde::Deserialize;
 use serde_json::value::RawValue;
@@ -98,7 +99,11 @@ pub fn read(line: &[u8]) -> Result<Message<'_>, String> {
             let params: IncumbentParams<&RawValue> = payload("`incumbent`", params)?;
             Message::Incumbent(params.paths)
         }
-        "metric" => Message::Metric(payload("`metric`", params)?),
+        "metric" => {
+            let metric: MetricParams = payload("`metric`", params)?;
+            check_figure(&metric.name, metric.value)?;
+            Message::Metric(metric)
+        }
         "log" => Message::Log(payload("`log`", params)?),
         _ => Message::Ignored,
     })
@@ -234,6 +239,10 @@ mod tests {
             (
                 r#"{"jsonrpc":"2.0","method":"metric","params":{"name":"n"}}"#,
                 "`metric` is malformed: missing field `value`",
+            ),
+            (
+                r#"{"jsonrpc":"2.0","method":"metric","params":{"name":"expansions","value":-5}}"#,
+                "the figure `expansions` must be a whole number from 0, not -5",
             ),
             (
                 r#"{"jsonrpc":"2.0","method":"incumbent"}"#,

@@ -1,13 +1,13 @@
 //! A file that has plugins: what it is, and what its code is.
 
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use fleetyard_core::{Digest, Hasher};
+use fleetyard_core::{Digest, Hasher, open_regular};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
@@ -67,7 +67,8 @@ impl CodeFile {
     /// Reads the file and takes its digest.
     pub fn read(path: PathBuf) -> Result<Self, Fault> {
         let hash = || -> std::io::Result<String> {
-            let mut file = File::open(&path)?;
+            let mut file =
+                open_regular(&path).map_err(|error| std::io::Error::other(error.reason))?;
             let mut hasher = Sha256::new();
             let mut buffer = vec![0; 1 << 16];
             loop {
@@ -179,7 +180,9 @@ impl PluginFile {
     fn read_digest(&self) -> Option<Digest> {
         let mut hasher = Hasher::new("fleetyard plugin");
         for path in self.code_paths().ok()? {
-            hasher.bytes(&fs::read(path).ok()?);
+            let mut bytes = Vec::new();
+            open_regular(&path).ok()?.read_to_end(&mut bytes).ok()?;
+            hasher.bytes(&bytes);
         }
         Some(hasher.finish())
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use fleetyard_abi::figures::longest_call_ns;
 use fleetyard_abi::paths::{PathContext, WritePaths};
 use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Sink};
 use fleetyard_abi::wire::{
@@ -200,9 +201,14 @@ pub struct PlanRun {
     pub metrics: BTreeMap<String, f64>,
     /// Wall time of the call by the host's clock.
     pub planning: Duration,
-    /// Wall time of the call beside the plugin, in its process, without transport; absent
-    /// where nobody measures it.
+    /// Wall time of the call as the plugin's process claims it, without transport.
     pub call: Option<Duration>,
+    /// From the request, ready to be written, to the last byte of the answer, by the host's
+    /// clock; in process the call itself. Absent if there was no answer.
+    pub round_trip: Option<Duration>,
+    /// How much of it the host's own work and other processes may have taken: it handled
+    /// messages, and waited for a processor. Absent where the kernel does not count the latter.
+    pub held_up: Option<Duration>,
     /// What the plugin's processes used meanwhile.
     pub usage: CallUsage,
     /// Whether the plugin was stopped, rather than ending its call by itself.
@@ -228,6 +234,8 @@ impl PlanRun {
             metrics: BTreeMap::new(),
             planning: Duration::ZERO,
             call: None,
+            round_trip: None,
+            held_up: None,
         }
     }
 
@@ -644,6 +652,23 @@ impl Question<'_> {
     }
 }
 
+/// How long a call took.
+#[derive(Default)]
+struct Timing {
+    /// As the plugin says.
+    claimed: Option<Duration>,
+    round_trip: Option<Duration>,
+    /// For how long of it the host handled messages.
+    handled: Duration,
+}
+
+/// How long this thread was ready to run so far and had no processor; where the kernel counts.
+fn host_run_delay() -> Option<Duration> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let delay = text.split_whitespace().nth(1)?;
+    Some(Duration::from_nanos(delay.parse().ok()?))
+}
+
 /// The budget of a call that begins now.
 fn from_now(budget: &Budget) -> Budget {
     Budget {
@@ -784,10 +809,12 @@ impl Session {
         let environment = self.environment.as_deref();
         let cells = environment.and_then(|environment| environment.grid());
         let cells = cells.map_or(0, |grid| grid.rows.saturating_mul(grid.cols));
+        let waited = host_run_delay();
         let collector = Collector::new(instance, cells, &budget, &self.limits);
-        let mut call = None;
-        let called = self.call_solve(question, instance, &budget, &collector, &mut call);
+        let mut timing = Timing::default();
+        let called = self.call_solve(question, instance, &budget, &collector, &mut timing);
         let ended_ns = monotonic_ns();
+        let waited = host_run_delay().zip(waited).map(|(now, then)| now - then);
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
         // Whatever it answered: what nobody watched does not count.
         let (usage, called) = match self.finish(method) {
@@ -835,8 +862,9 @@ impl Session {
             late,
             metrics,
             planning,
-            // It cannot have worked for longer than the call took.
-            call: call.map(|call: Duration| call.min(planning)),
+            call: timing.claimed,
+            round_trip: timing.round_trip,
+            held_up: waited.map(|waited| waited + timing.handled),
             usage,
             stopped: false,
             limit: over.or((ended_ns > budget.deadline_monotonic_ns).then_some(Limit::Wall)),
@@ -873,7 +901,7 @@ impl Session {
         instance: &Instance,
         budget: &Budget,
         collector: &Collector,
-        call: &mut Option<Duration>,
+        timing: &mut Timing,
     ) -> Result<Outcome, Fault> {
         let method = question.method();
         let grid = self
@@ -899,7 +927,7 @@ impl Session {
                     }
                     _ => Err(wrong_object()),
                 };
-                *call = Some(Duration::from_nanos(monotonic_ns() - began_ns));
+                timing.round_trip = Some(Duration::from_nanos(monotonic_ns() - began_ns));
                 return match result {
                     Ok(()) => Ok(Outcome {
                         status: Status::Solved,
@@ -954,6 +982,9 @@ impl Session {
             }
         };
         let arrived_ns = monotonic_ns();
+        let (round_trip, handled) = client.round_trip();
+        timing.round_trip = Some(round_trip);
+        timing.handled = handled;
         let mut read = || -> Result<Outcome, String> {
             let PlanResult {
                 status,
@@ -961,7 +992,14 @@ impl Session {
                 paths,
                 call_ns,
             } = result(method, &answer)?;
-            *call = call_ns.map(Duration::from_nanos);
+            let took_ns = round_trip.as_nanos() as u64;
+            if let Some(call_ns) = call_ns.filter(|call_ns| *call_ns > longest_call_ns(took_ns)) {
+                return Err(format!(
+                    "it claims to have worked for {:?} on a call of {round_trip:?}",
+                    Duration::from_nanos(call_ns)
+                ));
+            }
+            timing.claimed = call_ns.map(Duration::from_nanos);
             if let Some(paths) = paths {
                 collector.accept(&decode(context, paths)?, arrived_ns)?;
             }

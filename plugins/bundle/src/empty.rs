@@ -1,17 +1,25 @@
 //! A planner that does nothing: everybody stays at their start.
 //!
-//! It measures what a call costs the host, and solves instances in which
-//! everybody has arrived already. Of all others it leaves the same plan and says
-//! that it gave up.
+//! It measures what a call costs the host, with an answer as long as one wishes, and
+//! solves instances in which everybody has arrived already. Of all others it leaves the
+//! same plan and says that it gave up.
 
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
+use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, Instance, Kind, PlanRef, SharedEnvironment,
     Status,
 };
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// Everybody stays.
-pub(crate) struct Empty;
+#[derive(Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Empty {
+    /// For how many steps everybody waits, so that an answer has its length.
+    #[schemars(range(max = 1_000_000))]
+    steps: u32,
+}
 
 impl Plugin for Empty {
     fn descriptor() -> Descriptor {
@@ -28,6 +36,7 @@ impl Plugin for Empty {
                 Capability::CollidingPlans,
                 Capability::Deterministic,
             ]),
+            options_schema: options_schema::<Self>(),
             ..Descriptor::new(
                 Kind::Planner,
                 "empty",
@@ -37,8 +46,7 @@ impl Plugin for Empty {
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
-        let _: std::collections::BTreeMap<String, ()> = options.parse()?;
-        Ok(Self)
+        options.parse()
     }
 }
 
@@ -48,8 +56,15 @@ impl Planner for Empty {
     }
 
     fn plan(&mut self, instance: &Instance, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
-        let offsets: Vec<u64> = (0..=instance.agents() as u64).collect();
-        if let Some(plan) = PlanRef::new(&offsets, &instance.starts) {
+        let length = 1 + self.steps as usize;
+        let offsets: Vec<u64> = (0..=instance.agents() as u64)
+            .map(|agent| agent * length as u64)
+            .collect();
+        let starts = instance.starts.iter();
+        let cells: Vec<u32> = starts
+            .flat_map(|at| std::iter::repeat_n(*at, length))
+            .collect();
+        if let Some(plan) = PlanRef::new(&offsets, &cells) {
             sink.submit_plan(plan)?;
         }
         let mut agents = instance.starts.iter().zip(instance.goals.iter());

@@ -84,7 +84,7 @@ metrics! {
     path_length_m: "path length", "m", LESS, known;
     expansions: "expansions", "", LESS, known;
     planning_time_ms: "planning time, host's clock", "ms", LESS, Some;
-    call_time_ms: "planning time, planner's process", "ms", LESS, known;
+    call_time_ms: "planning time that the planner claims", "ms", LESS, known;
     startup_time_ms: "start of the plugin", "ms", LESS, known;
     prepare_time_ms: "learning the map", "ms", LESS, known;
     cpu_time_ms: "processor time", "ms", LESS, known;
@@ -105,3 +105,11 @@ pub const SOLVE_TIME: Metric = METRICS[0];
 pub const PATH_LENGTH: Metric = METRICS[5];
 /// Expansions that planners claim.
 pub const EXPANSIONS: Metric = METRICS[7];
+/// How far off the time that planners are ranked by may be.
+pub(super) const UNCERTAINTY: Metric = Metric {
+    column: "correction_uncertainty_ms",
+    title: "uncertainty of the empty call",
+    unit: "ms",
+    higher_is_better: better::LESS,
+    read: |row| row.correction_uncertainty_ms,
+};

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Dimension, EXPANSIONS, Level, Metric, PATH_LENGTH, Planner, SOLVE_TIME, Trials, groups,
+    metric::UNCERTAINTY,
 };
 use crate::Row;
 use crate::statistics::{kendall_tau_b, mean, sorted};
@@ -31,16 +32,21 @@ impl Order {
         }
     }
 
-    /// For people.
-    pub fn description(self) -> &'static str {
-        match self {
-            Self::Text => {
-                "success rate (descending), then comparable mean time, mean expansions, overall mean time, name"
-            }
-            Self::Appendix => {
-                "success rate (descending), then comparable mean time, comparable mean length, mean expansions, overall mean time, name"
-            }
-        }
+    /// For people, with expansions or without.
+    pub fn description(self, by_expansions: bool) -> String {
+        let length = match self {
+            Self::Text => "",
+            Self::Appendix => "comparable mean length, ",
+        };
+        let expansions = if by_expansions {
+            "mean expansions, "
+        } else {
+            ""
+        };
+        format!(
+            "success rate (descending), then comparable mean time, {length}{expansions}overall mean \
+             time, name"
+        )
     }
 }
 
@@ -59,6 +65,10 @@ pub struct Ranked {
     pub success_rate: f64,
     /// Equation 20: mean time over shared successes; over all its cases if there are none.
     pub comparable_time_ms: Option<f64>,
+    /// How far off that may be: the mean uncertainty of the empty calls that are subtracted.
+    pub uncertainty_ms: Option<f64>,
+    /// Whether that time is no farther from that of the planner before than both uncertainties.
+    pub near: bool,
     /// Equation 21: mean length over shared successes; over its own if there are none.
     pub comparable_length_cells: Option<f64>,
     /// Equation 22: mean expansions over its successes.
@@ -78,6 +88,9 @@ pub struct Ranking {
     pub instances: usize,
     /// Whether comparable means are over shared successes; else there were none.
     pub over_shared: bool,
+    /// Whether expansions rank: only if every planner is a part of the host. Those of others
+    /// are their claim.
+    pub by_expansions: bool,
     /// Best first.
     pub planners: Vec<Ranked>,
 }
@@ -86,6 +99,7 @@ pub struct Ranking {
 /// those that have one.
 pub fn rank(trials: &Trials<'_>, order: Order) -> Ranking {
     let shared = trials.shared();
+    let by_expansions = trials.rows().all(|row| row.built_in == Some(true));
     let planners = trials.planners().iter();
     let mut ranked: Vec<Ranked> = planners.map(|planner| ranked(planner, &shared)).collect();
     ranked.sort_by(|a, b| {
@@ -100,24 +114,41 @@ pub fn rank(trials: &Trials<'_>, order: Order) -> Ranking {
             Order::Text => Ordering::Equal,
             Order::Appendix => ascending(|planner| planner.comparable_length_cells),
         };
+        let expansions = if by_expansions {
+            ascending(|planner| planner.expansions)
+        } else {
+            Ordering::Equal
+        };
         b.success_rate
             .total_cmp(&a.success_rate)
             .then(ascending(|planner| planner.comparable_time_ms))
             .then(length)
-            .then(ascending(|planner| planner.expansions))
+            .then(expansions)
             .then(ascending(|planner| planner.mean_time_ms))
             .then_with(|| a.planner.cmp(&b.planner))
     });
+    let mut before = None;
     for (at, planner) in ranked.iter_mut().enumerate() {
         planner.rank = at + 1;
+        let here = planner.comparable_time_ms.zip(planner.uncertainty_ms);
+        planner.near = before
+            .zip(here)
+            .is_some_and(|(before, here)| within(before, here));
+        before = here;
     }
     Ranking {
         order,
         shared: shared.len(),
         instances: trials.instances().len(),
         over_shared: !shared.is_empty(),
+        by_expansions,
         planners: ranked,
     }
+}
+
+/// Whether two times are no farther from each other than both uncertainties.
+fn within((a, by_a): (f64, f64), (b, by_b): (f64, f64)) -> bool {
+    (a - b).abs() <= by_a + by_b
 }
 
 /// Everything but the rank.
@@ -134,10 +165,17 @@ fn ranked(planner: &Planner<'_>, shared: &[usize]) -> Ranked {
             .filter_map(|case| case.any_value(&SOLVE_TIME))
             .collect(),
     );
+    let over = |metric: &Metric| {
+        if shared.is_empty() {
+            mean(planner.values(metric))
+        } else {
+            over_shared(metric)
+        }
+    };
     let (comparable_time_ms, comparable_length_cells) = if shared.is_empty() {
-        (mean_time_ms, mean(planner.values(&PATH_LENGTH)))
+        (mean_time_ms, over(&PATH_LENGTH))
     } else {
-        (over_shared(&SOLVE_TIME), over_shared(&PATH_LENGTH))
+        (over(&SOLVE_TIME), over(&PATH_LENGTH))
     };
     let (successes, cases) = (planner.successes().count(), planner.cases.len());
     Ranked {
@@ -147,6 +185,8 @@ fn ranked(planner: &Planner<'_>, shared: &[usize]) -> Ranked {
         cases,
         success_rate: successes as f64 / cases.max(1) as f64,
         comparable_time_ms,
+        uncertainty_ms: over(&UNCERTAINTY),
+        near: false,
         comparable_length_cells,
         expansions: mean(planner.values(&EXPANSIONS)),
         mean_time_ms,

@@ -131,6 +131,10 @@ pub struct PlannerSummary {
     pub unsteady: usize,
     /// Cases whose repeats have different plans.
     pub different_plans: usize,
+    /// Trials with claims that the host found to be false.
+    pub false_claims: usize,
+    /// The first of those.
+    pub false_claim: Option<String>,
     /// Trials that others disturbed.
     pub contended: usize,
     /// Trials that may not be compared.
@@ -201,6 +205,8 @@ impl PlannerSummary {
             reasons,
             unsteady: unsteady.count(),
             different_plans: different_plans.count(),
+            false_claims: count(|row| row.false_claims.is_some()),
+            false_claim: planner.rows().find_map(|row| row.false_claims.clone()),
             contended: count(|row| !row.contended.is_empty()),
             unranked: count(|row| !row.ranked),
             mean_time_of_all_ms: Summary::of(&times).map(|summary| summary.mean),

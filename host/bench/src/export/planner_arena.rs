@@ -7,7 +7,6 @@
 //! beyond the twelfth. Names of columns in different tables must differ, because it joins them.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, UNIX_EPOCH};
 
 use rusqlite::types::Value as Sql;
 use rusqlite::{Connection, params};
@@ -225,10 +224,7 @@ fn experiments<'a>(
 
 /// Such as `2026-02-26 12:00:00`, in UTC.
 fn date(unix_ms: u64) -> String {
-    // The year 9999, beyond which nothing is formatted.
-    const LAST_MS: u64 = 253_402_300_799_000;
-    let time = UNIX_EPOCH + Duration::from_millis(unix_ms.min(LAST_MS));
-    let text = humantime::format_rfc3339_seconds(time).to_string();
+    let text = super::rfc3339(unix_ms);
     text.replace('T', " ").replace('Z', "")
 }
 

@@ -33,9 +33,18 @@ pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
     );
     if overview.planners > 1 {
         story.push(format!(
-            "Ranked in {}: {}.",
+            "Ranked in {}: {}.{}",
             order_name(evaluation.ranking.order),
-            evaluation.ranking.order.description()
+            evaluation
+                .ranking
+                .order
+                .description(evaluation.ranking.by_expansions),
+            if evaluation.ranking.by_expansions {
+                ""
+            } else {
+                " Expansions are left out: those of a planner that is no part of the host are its \
+                 claim."
+            }
         ));
     }
     story
@@ -140,6 +149,13 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
         ));
     }
     for summary in &evaluation.planners {
+        if let Some(claim) = &summary.false_claim {
+            caveats.push(format!(
+                "{} claims in {} what the host found to be otherwise ({claim}). No claim ranks.",
+                summary.planner,
+                plural(summary.false_claims, "trial")
+            ));
+        }
         if summary.different_plans > 0 {
             caveats.push(format!(
                 "{} gave different plans for the same seed in {}: it is not deterministic.",
@@ -192,8 +208,10 @@ pub(super) fn methods() -> Vec<String> {
         "A trial succeeds when the planner ended as it should and the host's validator accepts its \
          plan, whatever the planner claims.",
         "Comparable means are over the instances that every planner solved.",
-        "Times are wall times of the call; which clock took them is in the suite. Expansions are \
-         the planner's claim.",
+        "Times are wall times of the call by the host's clock, or the round trip less that of an \
+         empty call where the suite asks for it; half of the range of nine of ten empty calls is \
+         the uncertainty. Expansions are the planner's claim, and rank only where all planners are \
+         parts of the host.",
         "Intervals of success rates are Wilson's score intervals, those of means Student's t \
          intervals, those of paired medians percentile bootstrap intervals of 40,000 resamples with \
          a fixed seed; all of 95 %. Quantiles are interpolated linearly (type 7).",

@@ -79,9 +79,15 @@ pub(super) fn ranking(evaluation: &Evaluation) -> Table {
          each planner."
             .to_owned()
     };
+    let near = if ranking.planners.iter().any(|ranked| ranked.near) {
+        " ≈ marks a comparable time that is no farther from the one before than the uncertainties \
+         of both."
+    } else {
+        ""
+    };
     let note = format!(
         "{comparable} Other times, lengths, costs and expansions are of the cases that succeeded; \
-         those that failed stand beside them."
+         those that failed stand beside them.{near}"
     );
     let head = [
         ("Rank", false),
@@ -103,6 +109,19 @@ pub(super) fn ranking(evaluation: &Evaluation) -> Table {
     table.without_empty()
 }
 
+/// With its uncertainty, where it has one.
+fn comparable(ranked: &Ranked) -> String {
+    let near = if ranked.near { "≈ " } else { "" };
+    match ranked.uncertainty_ms {
+        Some(by) => format!(
+            "{near}{} ± {}",
+            digits(ranked.comparable_time_ms),
+            three(by)
+        ),
+        None => digits(ranked.comparable_time_ms),
+    }
+}
+
 fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
     let of = |metric: &Metric| summary.metric(metric).map(|found| found.summary);
     let mean = |metric: &Metric| of(metric).map(|found| found.mean);
@@ -118,7 +137,7 @@ fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
             ranked.cases,
             interval(summary.success_interval.as_ref(), per_cent)
         ),
-        digits(ranked.comparable_time_ms),
+        comparable(ranked),
         time.map_or(NONE.to_owned(), |time| {
             format!("{} ± {}", three(time.mean), digits(time.standard_deviation))
         }),

@@ -2,10 +2,10 @@
 //! left nothing what Slurm says.
 
 use std::fmt;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use fleetyard_core::open_regular;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::job::{Job, Submission};
@@ -387,7 +387,7 @@ fn read<T: DeserializeOwned>(run: &Path, shard: u32, what: &str) -> Option<T> {
     const LIMIT: u64 = 1 << 12;
     let path = run.join(SHARDS).join(format!("{shard}.{what}"));
     let mut bytes = Vec::new();
-    File::open(path)
+    open_regular(&path)
         .ok()?
         .take(LIMIT)
         .read_to_end(&mut bytes)

@@ -106,13 +106,13 @@ pub enum Reuse {
     Planner,
 }
 
-/// Which time is compared.
+/// Which time is compared; the host takes either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clock {
-    /// The host's around the call, transport included.
+    /// Around the call, transport included.
     Host,
-    /// The one beside the plugin, in its process.
-    Call,
+    /// Less what an empty call takes.
+    LessEmpty,
 }
 
 macro_rules! names {
@@ -131,7 +131,7 @@ macro_rules! names {
 }
 
 names!(Reuse: Never = "never", Planner = "planner");
-names!(Clock: Host = "host", Call = "call");
+names!(Clock: Host = "host", LessEmpty = "call");
 
 /// A planner of a suite.
 #[derive(Debug, Clone)]

@@ -8,7 +8,9 @@ use std::sync::Arc;
 
 use clap::CommandFactory;
 use clap_complete::Shell;
-use fleetyard_core::{GridInstance, InputError, load_map, load_scen, write_atomically};
+use fleetyard_core::{
+    GridInstance, InputError, create_output, load_map, load_scen, write_atomically,
+};
 use fleetyard_sim::trace::TraceOptions;
 use fleetyard_sim::{TraceSink, TraceWriter};
 use fleetyard_view::{Picture, ViewError, png};
@@ -120,7 +122,7 @@ impl Unnamed {
             .as_ref()
             .is_some_and(|old| !old.is_file() && !old.is_dir())
         {
-            let file = File::options().write(true).open(path).map_err(failed)?;
+            let file = create_output(path).map_err(failed)?;
             return Ok(Self {
                 folder: PathBuf::new(),
                 file: Some(Content::Direct(file)),

@@ -4,14 +4,13 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
 
 use clap::{Args, ValueEnum};
 use fleetyard_bench::evaluate::{Order, RunComparison, TrialPair};
-use fleetyard_bench::export::{Format as Export, export};
+use fleetyard_bench::export::{Format as Export, export, rfc3339};
 use fleetyard_bench::report::{Report, Subject, Table, svg, two_runs};
 use fleetyard_bench::{Row, Store};
-use fleetyard_core::{InputError, nearest, write_all_atomically};
+use fleetyard_core::{InputError, nearest, read_file, write_all_atomically};
 use serde_json::json;
 
 use crate::args::Format;
@@ -127,6 +126,9 @@ fn is_store(name: &str) -> bool {
     Path::new(name).is_file()
 }
 
+/// The largest manifest that is shown, in bytes.
+const MANIFEST_LIMIT: u64 = 16 << 20;
+
 pub(super) struct Loaded {
     pub(super) subject: Subject,
     pub(super) rows: Vec<Row>,
@@ -157,8 +159,7 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
         }
         if !titles.contains(&meta.suite) {
             titles.push(meta.suite.clone());
-            let created = SystemTime::UNIX_EPOCH + Duration::from_millis(meta.created_unix_ms);
-            let created = humantime::format_rfc3339_seconds(created).to_string();
+            let created = rfc3339(meta.created_unix_ms);
             subject.facts.extend([
                 ("suite".to_owned(), meta.suite.clone()),
                 ("suite digest".to_owned(), meta.suite_digest.clone()),
@@ -178,7 +179,9 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
         }
         machines.extend(store.machines()?);
         let manifest = path.with_extension("manifest.json");
-        if let Ok(text) = fs::read_to_string(&manifest) {
+        if let Ok(bytes) = read_file(&manifest, MANIFEST_LIMIT)
+            && let Ok(text) = String::from_utf8(bytes)
+        {
             let name = format!("Manifest {}", file_name(&manifest));
             subject.texts.push((name, text));
         }

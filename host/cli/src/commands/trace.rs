@@ -7,7 +7,7 @@ use std::io::{self, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use fleetyard_bench::number;
-use fleetyard_core::InputError;
+use fleetyard_core::{InputError, open_input};
 use fleetyard_sim::trace::{Frame, Header, Scene, States, Summary, TraceContents};
 use fleetyard_sim::{Event, EventKind, Other, TraceReader, TraceSink};
 use serde::Serialize;
@@ -24,16 +24,7 @@ type Reader = TraceReader<BufReader<File>>;
 
 fn open(path: &Path) -> Result<Reader> {
     let name = path.display().to_string();
-    let unreadable = |error: io::Error| {
-        let reason = format!("cannot be read: {error}");
-        InputError::new(name.as_str(), reason).hint("name a trace file that you may read")
-    };
-    let file = File::open(path).map_err(unreadable)?;
-    if file.metadata().is_ok_and(|meta| meta.is_dir()) {
-        let error = InputError::new(name, "this is a folder, not a file");
-        return Err(error.hint("name a file inside the folder").into());
-    }
-    let input = BufReader::with_capacity(1 << 16, file);
+    let input = BufReader::with_capacity(1 << 16, open_input(path)?);
     Ok(TraceReader::open(input, name)?)
 }
 

@@ -134,6 +134,9 @@ cases! {
     "makespan", PLANNER, PEBBLES,
     "the other objective: a valid plan, or `unsupported`",
     answers::makespan;
+    "figures", PLANNER, PEBBLES,
+    "figures that it reports of itself are what they may be, and none contradicts its plan",
+    answers::figures;
     "node-limit", PLANNER, PEBBLES,
     "a limit of one node: a valid plan or none, and no harm",
     answers::node_limit;

@@ -166,6 +166,7 @@ function evaluate(rows, order) {
       success_rate: good.length / of.length,
       success_interval: wilson(good.length, of.length),
       comparable_time_ms: shared ? over('solve_time_ms') : overall,
+      uncertainty_ms: shared ? over('correction_uncertainty_ms') : steadyMean(found.known(good, 'correction_uncertainty_ms')),
       comparable_length_cells: shared ? over('path_length_cells') : length,
       expansions,
       mean_time_ms: overall,
@@ -178,13 +179,21 @@ function evaluate(rows, order) {
     };
   });
   const last = (value) => value ?? Infinity;
-  const keys = [(p) => -p.success_rate, (p) => last(p.comparable_time_ms), (p) => last(p.expansions), (p) => last(p.mean_time_ms)];
-  if (order === 'appendix') keys.splice(2, 0, (p) => last(p.comparable_length_cells));
+  const keys = [(p) => -p.success_rate, (p) => last(p.comparable_time_ms)];
+  if (order === 'appendix') keys.push((p) => last(p.comparable_length_cells));
+  // Expansions are claims: they rank only where every planner is a part of the host.
+  if (rows.every((i) => columns.built_in.numbers[i] === 1)) keys.push((p) => last(p.expansions));
+  keys.push((p) => last(p.mean_time_ms));
   planners.sort((a, b) => {
     for (const key of keys) if (key(a) !== key(b)) return key(a) - key(b);
     return a.name < b.name ? -1 : 1;
   });
-  planners.forEach((planner, i) => { planner.rank = i + 1; });
+  planners.forEach((planner, i) => {
+    planner.rank = i + 1;
+    const before = planners[i - 1];
+    const known = i && [planner, before].every((p) => p.comparable_time_ms !== null && p.uncertainty_ms !== null);
+    planner.near = Boolean(known) && Math.abs(planner.comparable_time_ms - before.comparable_time_ms) <= planner.uncertainty_ms + before.uncertainty_ms;
+  });
   return { rows, found, planners, order, shared, asked: sum(asked) };
 }
 
@@ -218,13 +227,15 @@ function showRanking() {
   const { planners, shared, asked } = story;
   const comparable = shared ? `Every planner solved ${plural(shared, 'instance')} of ${grouping(asked)}: comparable times are means over them.`
     : 'No instance was solved by every planner: comparable times are means over all cases of each planner.';
-  $('ranking-note').textContent = `${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`;
+  $('ranking-note').textContent = `${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`
+    + (planners.some((p) => p.near) ? ' ≈ marks a comparable time that is no farther from the one before than the uncertainties of both.' : '');
   showTable('ranking', useful([
     column('rank', 'Rank', 'Rank', (p) => p.rank, (p) => String(p.rank)),
     column('planner', 'Planner', 'Planner', (p) => p.name, (p) => named(p.slot), { text: true }),
     column('success', 'Success', 'Cases that succeeded, with the 95 % Wilson interval of their share', (p) => p.success_rate,
       (p) => [`${p.successes}/${p.cases} `, small(`${interval(p.success_interval, (x) => fixed(100 * x, 1))} %`)], { down: true }),
-    column('comparable', 'Comparable, ms', 'Mean time on the instances that every planner solved', (p) => p.comparable_time_ms, (p) => digits(p.comparable_time_ms)),
+    column('comparable', 'Comparable, ms', 'Mean time on the instances that every planner solved', (p) => p.comparable_time_ms,
+      (p) => p.uncertainty_ms === null ? digits(p.comparable_time_ms) : [`${p.near ? '≈ ' : ''}${digits(p.comparable_time_ms)}`, small(` ± ${digits(p.uncertainty_ms)}`)]),
     column('time', 'Time, ms', 'Mean and standard deviation over cases that succeeded', (p) => p.time?.mean ?? null,
       (p) => p.time ? [digits(p.time.mean), small(` ± ${digits(p.time.standard_deviation)}`)] : '–'),
     column('median', 'Median [IQR], ms', 'Median and interquartile range', (p) => p.time?.median ?? null,

@@ -1,0 +1,202 @@
+//! What a call takes in which nothing is done.
+//!
+//! The clock of rankings is the host's. Of calls of microseconds most of a round trip is
+//! transport, so that a suite may rank by the round trip less the empty one: that of the
+//! host's own planner `empty`, attached alike, in the same sandbox on the same processors,
+//! asked as many robots as the trial. It is taken before any other plugin is started, so
+//! that none can make it longer.
+
+use std::collections::BTreeMap;
+
+use fleetyard_check::{PathRule, metrics};
+use fleetyard_core::{GridInstance, GridPlan, InputError};
+use fleetyard_runtime::Attach;
+use fleetyard_sim::{NoTrace, SimConfig};
+use serde::Serialize;
+use serde_json::json;
+
+use crate::candidate::{Candidate, GivenOptions, Running};
+use crate::error::BenchError;
+use crate::statistics::{quantile, sorted};
+use crate::suite::Question;
+use crate::trial::{Host, Trial};
+use crate::trial_error::TrialError;
+
+/// The planner that answers at once.
+const PLANNER: &str = "empty";
+
+/// Empty calls of a kind that are taken, after some that are not counted.
+const CALLS: usize = 101;
+const FIRST: usize = 10;
+
+/// Most cells of their answers.
+const LONGEST: u64 = 1 << 22;
+
+/// Most numbers of agents for which they are.
+const SIZES: usize = 16;
+
+/// What is not the planner's of a round trip.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Correction {
+    /// The median of empty calls.
+    pub ms: f64,
+    /// Half of the range that holds nine of ten empty calls.
+    pub uncertainty_ms: f64,
+}
+
+/// Empty calls with answers of one length.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    /// Of an answer.
+    cells: u64,
+    correction: Correction,
+}
+
+/// Empty calls, by attachment and number of agents, with short answers and with long ones.
+#[derive(Debug, Default)]
+pub(crate) struct Calibration {
+    samples: BTreeMap<(bool, usize), [Sample; 2]>,
+}
+
+impl Calibration {
+    /// Of a call with that many agents whose answer had that many cells.
+    pub(crate) fn of(&self, attach: Attach, agents: usize, cells: u64) -> Option<Correction> {
+        // A call with fewer agents is shorter, if anything.
+        let direct = attach == Attach::InProcess;
+        let known = self.samples.range((direct, 0)..=(direct, agents));
+        let (_, [short, long]) = known.last()?;
+        let beyond = cells.clamp(short.cells, long.cells) - short.cells;
+        let share = beyond as f64 / (long.cells - short.cells).max(1) as f64;
+        let rise = (long.correction.ms - short.correction.ms).max(0.0);
+        Some(Correction {
+            ms: short.correction.ms + share * rise,
+            uncertainty_ms: short
+                .correction
+                .uncertainty_ms
+                .max(long.correction.uncertainty_ms),
+        })
+    }
+
+    /// Makes the empty calls for these questions.
+    pub(crate) fn take(
+        host: &Host,
+        questions: &[Question],
+        config: &SimConfig,
+        attachments: &[Attach],
+    ) -> Result<Self, BenchError> {
+        let mut sizes: BTreeMap<usize, &Question> = BTreeMap::new();
+        for question in questions {
+            sizes.entry(question.agents()).or_insert(question);
+        }
+        let all: Vec<&Question> = sizes.into_values().collect();
+        let chosen = all.len().min(SIZES);
+        let mut taken = Self::default();
+        for index in 0..chosen {
+            let instance = all[index * all.len() / chosen].instance()?;
+            let agents = instance.agents().max(1);
+            let bound = metrics(&instance, &GridPlan::default(), config.cell_size_m);
+            let steps = (bound.lower_bound_steps / agents as u64).min(LONGEST / agents as u64);
+            for attach in attachments {
+                let sample = |steps| sample(host, &instance, config, *attach, steps);
+                let samples = [sample(0)?, sample(steps)?];
+                let direct = *attach == Attach::InProcess;
+                taken.samples.insert((direct, agents), samples);
+            }
+        }
+        Ok(taken)
+    }
+}
+
+/// Takes empty calls as trials are made, with answers in which everybody waits for `steps`.
+fn sample(
+    host: &Host,
+    instance: &GridInstance,
+    config: &SimConfig,
+    attach: Attach,
+    steps: u64,
+) -> Result<Sample, BenchError> {
+    let failed = |error: TrialError| BenchError::Trial {
+        planner: format!("the host's planner `{PLANNER}`"),
+        error: Box::new(error),
+    };
+    let candidate = Candidate::built_in(&host.runtime, PLANNER).map_err(|f| failed(f.into()))?;
+    let options = json!({ "steps": steps });
+    let options = GivenOptions::Values(options.as_object().cloned().unwrap_or_default());
+    let trial = Trial {
+        host,
+        candidate: &candidate,
+        // Programs and adapters are spoken to as workers are.
+        attach: Some(if attach == Attach::InProcess {
+            Attach::InProcess
+        } else {
+            Attach::Worker
+        }),
+        options: &options,
+        instance,
+        scenario: "calibration",
+        path_rule: PathRule::Steps,
+        seed: 0,
+        config,
+        robots: None,
+    };
+    let mut running: Option<Running> = None;
+    let mut took_ms = Vec::with_capacity(CALLS);
+    for call in 0..FIRST + CALLS {
+        let outcome = trial
+            .run_again(&mut running, &mut NoTrace)
+            .map_err(failed)?;
+        match outcome.record.metrics.round_trip_ms {
+            Some(ms) if call >= FIRST => took_ms.push(ms),
+            Some(_) => {}
+            None => {
+                let fault = outcome.record.fault.unwrap_or_default();
+                let reason = format!("the empty call was not answered: {fault}");
+                return Err(InputError::new("calibration", reason)
+                    .hint("the budget has to be long enough for a call in which nothing is done")
+                    .into());
+            }
+        }
+    }
+    if let Some(running) = running {
+        running.close();
+    }
+    let took_ms = sorted(took_ms);
+    let at = |level| quantile(&took_ms, level).unwrap_or(0.0);
+    Ok(Sample {
+        cells: (1 + steps) * instance.agents() as u64,
+        correction: Correction {
+            ms: at(0.5),
+            uncertainty_ms: (at(0.95) - at(0.05)) / 2.0,
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_correction_grows_with_the_answer_up_to_what_was_taken() {
+        let sample = |cells: u64, ms: f64, uncertainty_ms: f64| Sample {
+            cells,
+            correction: Correction { ms, uncertainty_ms },
+        };
+        let mut taken = Calibration::default();
+        assert_eq!(taken.of(Attach::Worker, 1, 9), None);
+        let few = [sample(2, 1.0, 0.1), sample(102, 2.0, 0.2)];
+        taken.samples.insert((false, 2), few);
+        let many = [sample(50, 4.0, 0.5), sample(50, 3.0, 0.1)];
+        taken.samples.insert((false, 50), many);
+        let of = |attach, agents, cells| {
+            let found: Option<Correction> = taken.of(attach, agents, cells);
+            found.map(|found| (found.ms, found.uncertainty_ms))
+        };
+        assert_eq!(of(Attach::Worker, 2, 0), Some((1.0, 0.2)));
+        assert_eq!(of(Attach::Stdio, 2, 52), Some((1.5, 0.2)));
+        assert_eq!(of(Attach::Command, 49, 5000), Some((2.0, 0.2)));
+        assert_eq!(of(Attach::Worker, 70, 5000), Some((4.0, 0.5)));
+        // Nothing smaller was taken, and nothing in process.
+        assert_eq!(of(Attach::Worker, 1, 9), None);
+        assert_eq!(of(Attach::InProcess, 2, 9), None);
+    }
+}
