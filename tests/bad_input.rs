@@ -339,6 +339,57 @@ fn missing_files_and_folders() {
     assert_eq!(yard.files().len(), 2, "{:?}", yard.files());
 }
 
+#[test]
+fn pipes_and_devices_are_refused_and_not_waited_for() {
+    let yard = Yard::new();
+    yard.write("good.map", MAP);
+    yard.write("good.scen", good_scenario());
+    let made = Command::new("mkfifo").arg(yard.path("pipe")).status();
+    if !made.is_ok_and(|made| made.success()) {
+        eprintln!("skipped: there is no mkfifo");
+        return;
+    }
+    // For what is known by the end of its name.
+    for name in [
+        "p.so",
+        "p.py",
+        "planner.toml",
+        "s.sqlite",
+        "s.manifest.json",
+    ] {
+        std::os::unix::fs::symlink("pipe", yard.path(name)).unwrap();
+    }
+    for line in [
+        "maps info pipe",
+        "run --map pipe --scen good.scen --agents 1 --planner lacam",
+        "run --map good.map --scen pipe --agents 1 --planner lacam",
+        "run --map /dev/zero --scen good.scen --agents 1 --planner lacam",
+        "run --map good.map --scen good.scen --agents 1 --planner ./p.py",
+        "run --map good.map --scen good.scen --agents 1 --planner ./p.so",
+        "run --map good.map --scen good.scen --agents 1 --planner ./planner.toml",
+        "run --map good.map --scen good.scen --agents 1 --planner lacam --plan-out pipe",
+        "run --map good.map --scen good.scen --agents 1 --planner lacam --trace-out pipe",
+        "validate --map good.map --scen good.scen --agents 1 pipe",
+        "simulate --map good.map pipe",
+        "trace info pipe",
+        "fleet --replay pipe",
+        "bench pipe",
+        "store info s.sqlite",
+        "store info pipe",
+        "report pipe",
+        "store export pipe --csv t.csv",
+    ] {
+        let ended = yard.line(line);
+        let refused = ended
+            .code
+            .is_some_and(|code| code == INPUT || code == PLUGIN || code == USAGE);
+        assert!(refused, "{line}: {ended}");
+    }
+    for line in ["maps info pipe", "store info s.sqlite", "trace info pipe"] {
+        says(&yard.line(line), &["this is a pipe, not a file"]);
+    }
+}
+
 // ---- Plan files --------------------------------------------------------------------
 
 #[test]
@@ -1026,6 +1077,26 @@ fn answers_that_break_the_protocol() {
         ("two-results", &[Stdio], &["a second time"]),
         ("malformed", &[Stdio], &["a message is not JSON", "near"]),
         ("nan", &[Stdio], &["a message is not JSON", "NaN"]),
+        (
+            "negative-expansions",
+            ALL,
+            &["the figure `expansions` must be a whole number from 0, not -5"],
+        ),
+        (
+            "half-node",
+            ALL,
+            &["the figure `nodes` must be a whole number from 0, not 0.5"],
+        ),
+        (
+            "nan-bound",
+            LIBRARY,
+            &["the figure `lower_bound` must be a number from 0, not NaN"],
+        ),
+        (
+            "endless-call",
+            &[Stdio],
+            &["it claims to have worked for 1000000000s on a call of"],
+        ),
         ("deep", &[Stdio], &["broke the protocol during `plan`"]),
         ("no-version", &[Stdio], &["no \"jsonrpc\":\"2.0\""]),
         ("batch", &[Stdio], &["batches are not supported"]),

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Instant;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, is_ignored, root, until};
+use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, faulty_program, have, is_ignored, root, until};
 use fleetyard_bench::{Row, Store};
 
 /// A suite of two planners on a small map; `more` stands before its tables.
@@ -710,4 +710,63 @@ agents = [4, 8]
     let refused = yard.line("bench g.toml --store g.sqlite").expect(INPUT);
     assert!(refused.stderr.contains("g.toml:16:"), "{refused}");
     assert!(refused.stderr.contains("hint:"), "{refused}");
+}
+
+#[test]
+fn who_forges_its_time_does_not_rank_first_and_is_named() {
+    if !have("python3") {
+        eprintln!("skipped: there is no python3");
+        return;
+    }
+    let yard = Yard::new();
+    let text = suite("[1, 3]", "clock = \"call\"").replace("attach = \"in-process\"\n", "");
+    let forger = format!(
+        "[[planner]]\nlabel = \"forger\"\nplugin = \"{}\"\noptions = {{ fault = \"forged-time\" }}\n\n\
+         [[instances]]",
+        faulty_program().display()
+    );
+    yard.write("s.toml", text.replace("[[instances]]", &forger));
+    let report = yard
+        .line("bench s.toml --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(report["failed"], 0, "{report:#}");
+    let ranking = &report["evaluation"]["ranking"];
+    assert_eq!(ranking["planners"][2]["planner"], "forger", "{ranking:#}");
+    assert_eq!(ranking["by_expansions"], false);
+    for row in rows(&yard.path("small.sqlite")) {
+        let (empty, by) = (
+            row.correction_ms.unwrap(),
+            row.correction_uncertainty_ms.unwrap(),
+        );
+        let round_trip = row.round_trip_ms.unwrap();
+        assert!(empty > 0.0 && by >= 0.0 && row.solve_time_ms >= 0.0);
+        assert!(round_trip <= row.planning_time_ms);
+        let net = (round_trip - empty).max(0.0);
+        assert!((row.solve_time_ms - net).abs() < 1e-9, "{row:?}");
+        assert_eq!(row.built_in, Some(row.planner != "forger"));
+        if row.planner == "forger" {
+            assert_eq!(row.call_time_ms, Some(1e-6));
+            let claims = row.false_claims.unwrap();
+            assert!(
+                claims.starts_with("time of work: 0.000001 ms claimed"),
+                "{claims}"
+            );
+        }
+    }
+    let told = yard.line("report small.sqlite").expect(SUCCESS);
+    for part in [
+        "forger claims in 2 trials what the host found to be otherwise (time of work: 0.000001 ms",
+        "Expansions are left out",
+    ] {
+        assert!(told.stdout.contains(part), "no `{part}`: {told}");
+    }
+    // A comparison lists it as well.
+    let mut line = common::words("compare --no-execute --agents 1 --planner lacam --scen");
+    line.push(common::map("empty-8-8-random-1.scen"));
+    line.push("--planner".into());
+    line.push(faulty_program().display().to_string());
+    line.push("fault=forged-time".into());
+    let told = yard.run(&line).expect(SUCCESS);
+    assert!(told.stdout.contains("time of work"), "{told}");
 }

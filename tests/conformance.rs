@@ -526,6 +526,7 @@ fn faulty_planners_fail_what_they_break() {
         ("collide", expected(JUDGED)),
         ("bad-status", expected(ANSWERED)),
         ("claims-solved-without-plan", expected(ASKED)),
+        ("negative-expansions", expected(ASKED)),
         ("crash", crashed(ASKED)),
     ] {
         let code = if wanted.is_empty() { SUCCESS } else { PLUGIN };

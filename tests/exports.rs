@@ -100,3 +100,66 @@ fn what_cannot_be_written_is_refused() {
     assert!(before == fs::read(yard.path("a.sqlite")).unwrap());
     assert!(!yard.path("a.jsonl").exists());
 }
+
+#[test]
+fn extreme_values_of_a_store_are_shown() {
+    let yard = Yard::new();
+    let latest = u64::MAX >> 1;
+    let meta = Meta {
+        created_unix_ms: latest,
+        suite: "s\u{202e}".into(),
+        suite_values: "[".repeat(100_000),
+        ..Meta::default()
+    };
+    let mut store = Store::create(&yard.path("a.sqlite"), &meta).unwrap();
+    for trial in 0..4u64 {
+        let (number, real) = match trial {
+            0 => (latest, f64::MAX),
+            1 => (u64::MAX, f64::INFINITY),
+            2 => (1 << 63, -f64::MAX),
+            _ => (0, f64::NEG_INFINITY),
+        };
+        let row = Row {
+            key: trial.to_string(),
+            trial: number,
+            planner: ["fast", "slow"][trial as usize % 2].into(),
+            instance_digest: (trial / 2).to_string(),
+            success: true,
+            agents: number,
+            seed: number,
+            map_rows: u32::MAX,
+            maze_seed: Some(number),
+            maze_width: Some(u32::MAX),
+            maze_height: Some(0),
+            budget_ms: real,
+            solve_time_ms: real,
+            planning_time_ms: real,
+            correction_ms: Some(real),
+            correction_uncertainty_ms: Some(real),
+            expansions: Some(real),
+            peak_memory_kb: Some(number),
+            soc_steps: Some(number),
+            started_unix_ms: number,
+            incumbents: vec![fleetyard_bench::Incumbent {
+                time_ms: real,
+                soc_steps: Some(number),
+                valid: Some(true),
+            }],
+            ..Row::default()
+        };
+        store.insert(&row).unwrap();
+    }
+    drop(store);
+    for line in [
+        "store info a.sqlite",
+        "report a.sqlite --html a.html --markdown r.md --svg figures --csv r.csv",
+        "report a.sqlite --format json",
+        "report a.sqlite --compare fast slow",
+        "store export a.sqlite --csv a.csv --maze-csv m.csv --jsonl a.jsonl --parquet a.parquet \
+         --markdown a.md --planner-arena a.db",
+    ] {
+        yard.line(line).expect(SUCCESS);
+    }
+    let page = fs::read_to_string(yard.path("a.html")).unwrap();
+    assert!(page.contains("9999-12-31T23:59:59Z"));
+}

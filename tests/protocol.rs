@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use fleetyard_abi::figures::FIGURES;
 use fleetyard_abi::wire::Envelope;
 use fleetyard_runtime::Limits;
 use fleetyard_runtime::message::{self, Message};
@@ -181,11 +182,24 @@ fn limits() -> String {
     out
 }
 
+fn figures() -> String {
+    let mut out = String::from("\n| figure | is | meaning |\n| --- | --- | --- |\n");
+    for figure in FIGURES {
+        let (name, domain, about) = (figure.name, figure.domain.in_words(), figure.about);
+        let _ = writeln!(out, "| `{name}` | {domain} | {about} |");
+    }
+    out
+}
+
 /// The document with its generated sections made anew.
 fn generated(document: &str) -> String {
     let schema = schema();
     let mut out = document.to_owned();
-    for (name, text) in [("limits", limits()), ("fields", fields(&schema))] {
+    for (name, text) in [
+        ("figures", figures()),
+        ("limits", limits()),
+        ("fields", fields(&schema)),
+    ] {
         let begin = format!("<!-- generated: {name} -->\n");
         let (before, rest) = out.split_once(&begin).expect("a marker");
         let (_, after) = rest.split_once("<!-- end -->").expect("an end");

@@ -623,7 +623,8 @@ typedef struct FleetyardSink {
    */
   int32_t (*submit_instance)(void *context, const struct FleetyardInstance *instance);
   /*
-   `[thread-safe]` Reports a figure such as `expansions`, kept as a claim.
+   `[thread-safe]` Reports a figure such as `expansions`, kept as a claim. Some names have
+   a meaning and a domain (`docs/protocol.md`): another value breaks the contract.
    */
   void (*metric)(void *context, struct FleetyardStr name, double value);
   /*

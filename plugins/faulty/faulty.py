@@ -20,7 +20,7 @@ PLAN_FAULTS = """too-few-agents too-many-agents empty-path wrong-start not-at-go
     collide collide-parked swap leave-map through-obstacle""".split()
 ANSWER_FAULTS = """late twice two-results claims-solved-without-plan claims-infeasible
     bad-status huge-plan null-plan fails rpc-error bad-cells bad-moves exit-after-plan
-    crash-after thread-raises""".split()
+    crash-after thread-raises forged-time endless-call""".split()
 FAULTS = ["none", *PLAN_FAULTS, *ANSWER_FAULTS, *mischief.FAULTS]
 
 SCHEMA = {
@@ -247,6 +247,11 @@ def answer_plan(request, grid, params, fault, size):
         mischief.crash_later()
     if fault == "thread-raises":
         mischief.thread_raises()
+    if fault == "forged-time":
+        time.sleep(0.3)
+        return reply(status="solved", paths=paths, call_ns=1)
+    if fault == "endless-call":
+        return reply(status="solved", paths=paths, call_ns=10**18)
     if fault in ("twice", "two-results"):
         notify("incumbent", paths=paths)
         notify("incumbent", paths=paths)

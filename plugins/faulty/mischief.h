@@ -32,6 +32,8 @@
   /* output */                                                                         \
   F("garbage", garbage) F("flood", flood) F("flood-stderr", flood_stderr)              \
   F("log-flood", log_flood) F("nan", nan_metric) F("partial", partial)                 \
+  F("negative-expansions", negative_expansions) F("half-node", half_node)              \
+  F("nan-bound", nan_bound)                                                            \
   F("wrong-id", wrong_id) F("closes-stdio", closes_stdio)                              \
   F("closes-everything", closes_everything)                                            \
   /* files */                                                                          \
@@ -538,6 +540,23 @@ static void nan_metric(const Faulty *faulty, const FleetyardSink *sink) {
   volatile double zero = 0;
   metric(sink, "not-a-number", zero / zero);
   metric(sink, "infinity", 1 / zero);
+}
+
+/* Figures that the contract gives a meaning, and that cannot have this value. */
+static void negative_expansions(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  metric(sink, "expansions", -5);
+}
+
+static void half_node(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  metric(sink, "nodes", 0.5);
+}
+
+static void nan_bound(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  volatile double zero = 0;
+  metric(sink, "lower_bound", zero / zero);
 }
 
 /* Writes to every pipe and socket that the plugin was not given: the worker's way to

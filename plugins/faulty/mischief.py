@@ -499,6 +499,16 @@ def nan(call):
 
 
 @fault
+def negative_expansions(call):
+    call.notify("metric", name="expansions", value=-5)
+
+
+@fault
+def half_node(call):
+    call.notify("metric", name="nodes", value=0.5)
+
+
+@fault
 def malformed(call):
     call.write(b'{"jsonrpc":"2.0","id":,"result"}\n')
     sleep_for_ever()

@@ -77,8 +77,9 @@ class Context:
         return True
 
     def metric(self, name: str, value: float) -> None:
-        """Reports a figure such as ``expansions``. JSON has no infinities: a value
-        that is not finite is left out."""
+        """Reports a figure such as ``expansions``, a claim. Some have a domain, such as
+        whole numbers from 0: another value breaks the protocol. JSON has no infinities: a
+        value that is not finite is left out."""
         value = float(value)
         if math.isfinite(value):
             self._notify("metric", lambda: {"name": str(name), "value": value})

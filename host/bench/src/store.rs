@@ -40,6 +40,10 @@ const SYNC_EVERY: Duration = Duration::from_secs(1);
 /// How long to wait for a process that is just ending.
 const PATIENCE: Duration = Duration::from_millis(500);
 
+/// File systems on which a lock of the whole file and SQLite's locks of its parts are of one
+/// kind, and in each other's way: NFS, SMB and CIFS, 9p. Nothing but the name is locked there.
+const ONE_LOCK: [u32; 5] = [0x6969, 0x517b, 0xff53_4d42, 0xfe53_4d42, 0x0102_1997];
+
 /// Conflicts that an error names; all are counted.
 const NAMED: usize = 5;
 
@@ -183,7 +187,7 @@ pub fn schema() -> String {
 impl Store {
     /// A new store, to be written by this process. There must be nothing of that name.
     pub fn create(path: &Path, meta: &Meta) -> Result<Self> {
-        let lock = Lock::take(path)?;
+        let mut lock = Lock::take(path)?;
         if path.symlink_metadata().is_ok() {
             return Err(InputError::new(shown(path), "there is a file of this name")
                 .hint("name another store, or go on with this one by --resume"));
@@ -201,6 +205,7 @@ impl Store {
             let _ = remove(&draft);
             return Err(error);
         }
+        lock.hold(path)?;
         let mut store = Self::connect(path, Some(lock))?;
         store.begin_log()?;
         Ok(store)
@@ -883,8 +888,8 @@ fn no_space(path: &Path) -> bool {
 struct Lock {
     file: File,
     path: PathBuf,
-    /// The store itself, locked too where it has several names.
-    _store: Option<File>,
+    /// The store itself, locked too: it may have other names.
+    store: Option<File>,
 }
 
 impl Lock {
@@ -936,14 +941,14 @@ impl Lock {
                     .set_len(0)
                     .and_then(|()| file.rewind())
                     .and_then(|()| writeln!(file, "{}", std::process::id()));
-                let _store = match all_names(named, store) {
-                    Ok(lock) => lock,
-                    Err(error) => {
-                        let _ = fs::remove_file(&path);
-                        return Err(error);
-                    }
+                // Dropped, it is released.
+                let mut lock = Self {
+                    file,
+                    path,
+                    store: None,
                 };
-                return Ok(Self { file, path, _store });
+                lock.hold(named)?;
+                return Ok(lock);
             }
         }
     }
@@ -966,29 +971,35 @@ fn taken(store: &Path, who: &str) -> InputError {
         .hint("wait until it has ended, or name another store with --store")
 }
 
-/// Locks the file itself if it has several names: each of them has a lock beside it. Otherwise
-/// it is left alone, for there are file systems on which SQLite's locks are of the same kind.
-fn all_names(named: &Path, store: &Path) -> Result<Option<File>> {
-    if !fs::metadata(store).is_ok_and(|meta| meta.is_file() && meta.nlink() > 1) {
-        return Ok(None);
-    }
-    let file = open_regular(store)?;
-    let started = Instant::now();
-    loop {
-        match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
-            Ok(()) => return Ok(Some(file)),
-            Err(rustix::io::Errno::INTR) => {}
-            Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < PATIENCE => {
-                std::thread::sleep(Duration::from_millis(10));
-            }
-            Err(rustix::io::Errno::WOULDBLOCK) => {
-                return Err(taken(named, "another process, by another name,"));
-            }
-            Err(error) => {
-                return Err(InputError::new(
-                    shown(named),
-                    format!("cannot be locked: {error}"),
-                ));
+impl Lock {
+    /// Locks the store itself if it is there, so that another name of the file is no way round.
+    fn hold(&mut self, named: &Path) -> Result<()> {
+        if !fs::metadata(named).is_ok_and(|meta| meta.is_file()) {
+            return Ok(());
+        }
+        let file = open_regular(named)?;
+        if rustix::fs::fstatfs(&file).is_ok_and(|found| ONE_LOCK.contains(&(found.f_type as u32))) {
+            return Ok(());
+        }
+        let started = Instant::now();
+        loop {
+            match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
+                Ok(()) => {
+                    self.store = Some(file);
+                    return Ok(());
+                }
+                Err(rustix::io::Errno::INTR) => {}
+                Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                Err(rustix::io::Errno::WOULDBLOCK) => {
+                    return Err(taken(named, "another process, by another name,"));
+                }
+                Err(error) => {
+                    let reason = format!("cannot be locked: {error}");
+                    return Err(InputError::new(shown(named), reason)
+                        .hint("copy the store to a disk of this machine"));
+                }
             }
         }
     }

@@ -343,3 +343,59 @@ fn the_guide_has_every_column() {
         "docs/benchmarking.md has to have:\n{table}"
     );
 }
+
+#[test]
+fn a_second_writer_is_refused_whichever_name_it_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.sqlite");
+    let other = folder.path().join("other");
+    fs::create_dir(&other).unwrap();
+    for by_create in [true, false] {
+        let mut writer = if by_create {
+            Store::create(&path, &meta()).unwrap()
+        } else {
+            Store::open(&path).unwrap()
+        };
+        let links = ["soft.sqlite", "hard.sqlite"].map(|name| other.join(name));
+        std::os::unix::fs::symlink(&path, &links[0]).unwrap();
+        fs::hard_link(&path, &links[1]).unwrap();
+        std::os::unix::fs::symlink(folder.path(), other.join("folder")).unwrap();
+        for name in links.iter().chain([&path, &other.join("folder/s.sqlite")]) {
+            refused(Store::open(name), "is writing this store");
+            // Reading is for everybody.
+            Store::open_read_only(name).unwrap();
+        }
+        writer.insert(&row(u64::from(by_create))).unwrap();
+        drop(writer);
+        for name in &links {
+            drop(Store::open(name).unwrap());
+        }
+        fs::remove_dir_all(&other).unwrap();
+        fs::create_dir(&other).unwrap();
+    }
+    assert_eq!(Store::open(&path).unwrap().counts().unwrap(), (2, 0));
+}
+
+#[test]
+fn times_of_an_earlier_version_are_no_claims() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.sqlite");
+    let mut store = Store::create(&path, &meta()).unwrap();
+    for (trial, attach) in ["worker", "in-process"].into_iter().enumerate() {
+        let claimed = Row {
+            attach: attach.into(),
+            solve_time_ms: 1e-6,
+            call_time_ms: Some(1e-6),
+            planning_time_ms: 300.0,
+            ..row(trial as u64)
+        };
+        store.insert(&claimed).unwrap();
+    }
+    let times: Vec<f64> = store
+        .rows()
+        .unwrap()
+        .iter()
+        .map(|row| row.solve_time_ms)
+        .collect();
+    assert_eq!(times, [300.0, 1e-6]);
+}

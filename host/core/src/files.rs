@@ -343,3 +343,54 @@ pub(crate) fn cut(text: &str, longest: usize) -> String {
     }
     cut
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::fd::AsRawFd;
+
+    use super::*;
+
+    #[test]
+    fn a_stream_is_read_where_a_shell_handed_it_over() {
+        let (reader, mut writer) = io::pipe().unwrap();
+        writer.write_all(b"type octile").unwrap();
+        drop(writer);
+        let path = PathBuf::from(format!("/proc/self/fd/{}", reader.as_raw_fd()));
+        if !path.exists() {
+            return;
+        }
+        assert_eq!(
+            open_regular(&path).unwrap_err().reason,
+            "this is a pipe, not a file"
+        );
+        assert_eq!(read_file(&path, 100).unwrap(), b"type octile");
+    }
+
+    #[test]
+    fn a_device_is_no_file() {
+        let error = read_file(Path::new("/dev/zero"), 100).unwrap_err();
+        assert_eq!(error.reason, "this is a device, not a file");
+        assert!(error.hint.is_some());
+        // Writing to one may be meant.
+        write_atomically(Path::new("/dev/null"), b"text").unwrap();
+    }
+
+    #[test]
+    fn a_pipe_that_nobody_reads_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe");
+        let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+        rustix::fs::mkfifoat(rustix::fs::CWD, &path, mode).unwrap();
+        let error = write_atomically(&path, b"text").unwrap_err();
+        assert_eq!(error.reason, "cannot write: nobody reads this pipe");
+        assert_eq!(
+            read_file(&path, 100).unwrap_err().reason,
+            "this is a pipe, not a file"
+        );
+        let reader = open(&path, true).unwrap();
+        write_atomically(&path, b"text").unwrap();
+        let mut read = String::new();
+        (&reader).take(4).read_to_string(&mut read).unwrap();
+        assert_eq!(read, "text");
+    }
+}

@@ -19,6 +19,7 @@ fn row(planner: &str, instance: u64, time_ms: Option<f64>) -> Row {
         budget_ms: 10_000.0,
         trial: instance * 10,
         ranked: true,
+        built_in: Some(true),
         termination: if time_ms.is_some() {
             "completed"
         } else {
@@ -401,4 +402,37 @@ fn nothing_to_evaluate_is_no_problem() {
     let stability = rank_stability([], &[Dimension::Map], Order::Text);
     assert_eq!(stability.mean_tau, None);
     assert_eq!(compare_runs([], []).pairs, 0);
+}
+
+#[test]
+fn expansions_of_strangers_do_not_rank() {
+    let mut all = rows("a", &[Some(1.0)]);
+    all.extend(rows("b", &[Some(1.0)]));
+    all[1].expansions = Some(1.0);
+    let first = |all: &[Row]| {
+        let ranking = rank(&Trials::new(all), Order::Text);
+        (ranking.planners[0].planner.clone(), ranking.by_expansions)
+    };
+    assert_eq!(first(&all), ("b".to_owned(), true));
+    for stranger in [Some(false), None] {
+        all[1].built_in = stranger;
+        assert_eq!(first(&all), ("a".to_owned(), false));
+    }
+}
+
+#[test]
+fn who_cannot_be_told_from_the_one_before_is_marked() {
+    let mut all = Vec::new();
+    for (name, time) in [("a", 1.0), ("b", 1.2), ("c", 2.0), ("d", 2.1)] {
+        let mut some = rows(name, &[Some(time), Some(time)]);
+        for row in &mut some {
+            row.correction_uncertainty_ms = (name != "d").then_some(0.15);
+        }
+        all.extend(some);
+    }
+    let ranking = rank(&Trials::new(&all), Order::Text);
+    let near: Vec<bool> = ranking.planners.iter().map(|ranked| ranked.near).collect();
+    assert_eq!(near, [false, true, false, false]);
+    assert_eq!(ranking.planners[0].uncertainty_ms, Some(0.15));
+    assert_eq!(ranking.planners[3].uncertainty_ms, None);
 }
