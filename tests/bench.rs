@@ -746,7 +746,7 @@ fn who_forges_its_time_does_not_rank_first_and_is_named() {
         assert!((row.solve_time_ms - net).abs() < 1e-9, "{row:?}");
         assert_eq!(row.built_in, Some(row.planner != "forger"));
         if row.planner == "forger" {
-            assert_eq!(row.call_time_ms, Some(1e-6));
+            assert!(row.call_time_ms.is_some_and(|ms| ms < 2e-6), "{row:?}");
             let claims = row.false_claims.unwrap();
             assert!(
                 claims.starts_with("time of work: 0.000001 ms claimed"),
