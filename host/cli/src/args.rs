@@ -69,6 +69,10 @@ pub(crate) enum Command {
     Maps(Maps),
     /// Say what this machine grants to this user, and what to do about what it does not
     Doctor {
+        /// Say instead which promises about plugins hold on this machine, and what would
+        /// restore the others; the exit code is 1 when one is broken
+        #[arg(long)]
+        security: bool,
         /// The level that is needed; the exit code is 1 when it cannot be had
         #[arg(long, value_enum, default_value = "auto", value_name = "LEVEL")]
         sandbox: LevelArg,

@@ -65,7 +65,14 @@ fn dispatch(command: Command) -> Result<Exit> {
             out,
         }) => commands::maps::scenario(&map, agents, seed, &out),
         Command::Maps(Maps::Info { map, format }) => commands::maps::info(&map, format),
-        Command::Doctor { sandbox, format } => commands::doctor::doctor(sandbox, format),
+        Command::Doctor {
+            security: true,
+            sandbox,
+            format,
+        } => commands::security::security(sandbox, format),
+        Command::Doctor {
+            sandbox, format, ..
+        } => commands::doctor::doctor(sandbox, format),
         Command::Completions { shell } => commands::completions(shell),
     }
 }

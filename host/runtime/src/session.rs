@@ -1,6 +1,7 @@
 //! Sessions: one plugin, from its start to its end.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -31,7 +32,7 @@ use crate::message;
 use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
 use crate::process::Process;
 use crate::sandbox::jail::Launch;
-use crate::sandbox::{Filter, Grants, Level, Policy, Profile, SandboxReport};
+use crate::sandbox::{Attempt, Filter, Grants, Level, Policy, Profile, SandboxReport, Targets};
 use crate::supervisor::Target;
 use crate::{Attach, Fault, Library, PluginFile, Trust, selftest};
 
@@ -495,6 +496,31 @@ impl Runtime {
             });
         }
         Ok(report.sandbox)
+    }
+
+    /// Tries in a sandbox what a plugin must not get done, and says what it was made of
+    /// and which attempts succeeded.
+    pub fn attempts(&self) -> Result<(SandboxReport, Vec<Attempt>), Fault> {
+        let cannot = |reason: String| Fault::Spawn {
+            program: "a sandbox".into(),
+            reason,
+            hint: None,
+        };
+        let targets = Targets::make().map_err(|error| cannot(error.to_string()))?;
+        let launch = self.launch(Target::Attempts(targets.victims.clone()));
+        let mut process = Process::start(&self.executable, &launch)?;
+        let report = process.end(self.limits.startup);
+        let mut answer = Vec::new();
+        // All is there: the process has ended.
+        let _ = process.stdout.read_to_end(&mut answer);
+        let succeeded = serde_json::from_slice(&answer).map_err(|_| {
+            cannot(
+                report
+                    .start_error
+                    .unwrap_or_else(|| "what was tried in it gave no answer".into()),
+            )
+        })?;
+        Ok((report.sandbox, succeeded))
     }
 
     fn open_process(&self, file: &PluginFile) -> Result<Session, Fault> {

@@ -34,7 +34,7 @@ use crate::measure::{affinity, pin};
 use crate::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
 use crate::python::{self, Python};
 use crate::sandbox::jail::{self, Ended, Jail, Launch, News, NotStarted, ScratchFolder};
-use crate::sandbox::{Layer, SandboxReport};
+use crate::sandbox::{Layer, SandboxReport, Victims};
 use crate::state::Registered;
 use crate::{Fault, sandbox};
 
@@ -58,6 +58,8 @@ pub enum Target {
     Adapter(PathBuf),
     /// Nothing: to see which layers a machine grants.
     Nothing,
+    /// What a plugin must not get done, tried by the host itself.
+    Attempts(Victims),
 }
 
 impl Target {

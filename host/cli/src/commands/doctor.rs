@@ -142,7 +142,8 @@ fn examine() -> Result<Findings> {
     })
 }
 
-fn level(level: Level) -> Result<Runtime> {
+/// A runtime that tries a level of the sandbox.
+pub(crate) fn level(level: Level) -> Result<Runtime> {
     let policy = Policy {
         level,
         ..Policy::default()

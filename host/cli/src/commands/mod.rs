@@ -34,6 +34,7 @@ pub(crate) mod pin;
 pub(crate) mod plugins;
 pub(crate) mod report;
 pub(crate) mod run;
+pub(crate) mod security;
 mod show;
 pub(crate) mod simulate;
 pub(crate) mod store;

@@ -106,7 +106,7 @@ impl Grants {
             search.extend(found.parent().map(Path::to_owned));
         };
         match target {
-            Target::BuiltIn | Target::Nothing => {}
+            Target::BuiltIn | Target::Nothing | Target::Attempts(_) => {}
             Target::Library(path) => {
                 read.extend(around(path));
                 file = Some(path.clone());

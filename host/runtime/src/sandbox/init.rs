@@ -21,7 +21,7 @@ use super::jail::Launch;
 use super::link::{Ended, Packet, send};
 use super::lock::{Lock, drop_capabilities};
 use super::root::{INSIDE_USER, OF_KERNEL, OF_MACHINE, Root, SCRATCH, Trees, as_errno};
-use super::{Layer, Level, Refusal, bwrap};
+use super::{Layer, Level, Refusal, attempts, bwrap};
 use crate::state;
 use crate::supervisor::Target;
 use crate::tree::kill_descendants;
@@ -225,6 +225,10 @@ fn plugin(
     }
     match &launch.target {
         Target::Nothing => exit(0),
+        Target::Attempts(victims) => {
+            attempts::make(victims);
+            exit(0)
+        }
         Target::Program(argv) => {
             let program = grants.program.clone().unwrap_or_default();
             let mut command = Command::new(program);

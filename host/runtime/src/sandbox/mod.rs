@@ -13,6 +13,7 @@
 //! table of system calls, `grants` finds what a plugin needs to read,
 //! `bwrap` is the way in where only that program may make namespaces.
 
+mod attempts;
 mod bwrap;
 mod grants;
 mod init;
@@ -24,6 +25,8 @@ mod syscalls;
 
 use std::path::PathBuf;
 
+pub(crate) use attempts::Targets;
+pub use attempts::{Attempt, Victims};
 pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
 pub(crate) use grants::{Grants, find_program, interpreter};
 use rustix::io::Errno;
