@@ -10,7 +10,7 @@ use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_fleet::FleetError;
 use fleetyard_runtime::measure::{Cpus, Machine};
 use fleetyard_runtime::{
-    Attach, Discovery, Fault, Found, Level, Runtime, SandboxReport, Termination, Trust,
+    Attach, Discovery, Fault, Found, Runtime, SandboxReport, Termination, Trust,
 };
 use fleetyard_sim::NoTrace;
 use serde::Serialize;
@@ -20,7 +20,7 @@ use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::error::BenchError;
 use crate::fleet::{Crew, DriveError, blamed};
 use crate::plan::{Planned, Schedule};
-use crate::record::{Ending, Record};
+use crate::record::{self, Ending, Record};
 use crate::row::{Incumbent, Row};
 use crate::suite::{Clock, Contestant, MazeOrigin, Origin, Question, Reuse, Suite};
 use crate::trial::{Host, Trial, milliseconds};
@@ -208,6 +208,8 @@ impl<'s> Contest<'s> {
         };
         let origin = self.questions[planned.instance].origin();
         let entrant = &mut self.entrants[planned.planner];
+        let limits = self.host.runtime.limits();
+        let unranked = record::unranked(entrant.attach, limits, None, None);
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
@@ -217,8 +219,8 @@ impl<'s> Contest<'s> {
             planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
-            ranked: entrant.attach != Attach::InProcess
-                && self.host.runtime.limits().policy.level != Level::None,
+            ranked: unranked.is_none(),
+            unranked,
             instance_digest: instance.digest().to_string(),
             agents: instance.agents() as u64,
             connectivity: instance.connectivity().degree(),
@@ -293,6 +295,8 @@ impl<'s> Contest<'s> {
             return Err(InputError::new("suite", "there is no such fleet").into());
         };
         let agents = question.agents();
+        let limits = self.host.runtime.limits();
+        let unranked = record::unranked(entrant.attach, limits, None, None);
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
@@ -302,8 +306,8 @@ impl<'s> Contest<'s> {
             planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
-            ranked: entrant.attach != Attach::InProcess
-                && self.host.runtime.limits().policy.level != Level::None,
+            ranked: unranked.is_none(),
+            unranked,
             instance_digest: question.digest()?.to_string(),
             agents: agents as u64,
             connectivity: question.connectivity().degree(),
@@ -321,6 +325,8 @@ impl<'s> Contest<'s> {
         match crew.run(&self.host.runtime, planner, &grid, agents, planned.seed) {
             Ok(drive) => {
                 drive.fill(&mut row);
+                row.unranked = drive.unranked(entrant.attach, limits);
+                row.ranked = row.unranked.is_none();
                 entrant.sandbox = drive.sandbox.or(entrant.sandbox.take());
             }
             Err(DriveError::Trial(TrialError::Fault(fault))) => {
@@ -486,6 +492,9 @@ impl Row {
         let metrics = &record.metrics;
         self.termination = record.termination.to_string();
         self.fault.clone_from(&record.fault);
+        self.ranked = record.planner.ranked;
+        self.unranked.clone_from(&record.planner.unranked);
+        self.limits_watched = record::watched(record.sandbox.as_ref());
         self.limit_exceeded = record.limit.map(|limit| limit.to_string());
         self.claim = record.claim.map(|claim| claim.to_string());
         self.message.clone_from(&record.message);

@@ -11,7 +11,7 @@ use fleetyard_runtime::measure::{
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Closing, Fault, Level, Limits, LogLine, PlanRun, Runtime,
+    Attach, CallReport, CallUsage, Fault, Limits, LogLine, PlanRun, Runtime,
     Termination,
 };
 use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
@@ -22,7 +22,7 @@ use crate::claims;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
-    PlannerInfo, Record, VerdictInfo,
+    PlannerInfo, Record, VerdictInfo, unranked,
 };
 use crate::trial_error::TrialError;
 
@@ -197,6 +197,7 @@ impl Trial<'_> {
         let measurement = self.measurement(&run, prepared.as_ref(), startup, load);
         let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
         let attach = running.attach;
+        let sandbox = running.session.sandbox().cloned();
         // A planner that failed, or whose limits were exceeded, starts anew next time.
         let closing = if keep && run.fault.is_none() && run.limit.is_none() {
             *kept = Some(running);
@@ -240,14 +241,17 @@ impl Trial<'_> {
             validate_paths(self.instance, plan, self.path_rule, VIOLATIONS).into()
         });
         let over = closing.as_ref().and_then(|closing| closing.over);
+        let usage = closing.as_ref().and_then(|closing| closing.usage);
+        let limits = self.host.runtime.limits();
+        let unranked = unranked(attach, limits, sandbox.as_ref(), usage.as_ref());
         let mut record = Record {
             fleetyard: env!("CARGO_PKG_VERSION"),
             planner: PlannerInfo {
                 id: descriptor.id,
                 version: descriptor.version,
                 attach,
-                ranked: attach != Attach::InProcess
-                    && self.host.runtime.limits().policy.level != Level::None,
+                ranked: unranked.is_none(),
+                unranked,
                 path: self.candidate.path().map(|path| path.display().to_string()),
                 digest: self.candidate.digest(),
                 code: self.candidate.code().to_vec(),
@@ -280,9 +284,9 @@ impl Trial<'_> {
             verdict,
             claimed_metrics: run.metrics,
             claims: Vec::new(),
-            resources: None,
+            resources: usage,
             measurement,
-            sandbox: None,
+            sandbox,
             environment_digest: None,
             execution,
             instance_digest: self.instance.digest(),
@@ -291,15 +295,7 @@ impl Trial<'_> {
         record.claims = claims::of(&record);
         let (mut log, mut stderr) = (Vec::new(), String::new());
         if let Some(closing) = closing {
-            let Closing {
-                usage,
-                sandbox,
-                environment,
-                ..
-            } = closing;
-            record.resources = usage;
-            record.sandbox = sandbox;
-            record.environment_digest = environment;
+            record.environment_digest = closing.environment;
             (log, stderr) = (closing.log, closing.stderr);
         }
         Ok(Outcome {
@@ -369,6 +365,7 @@ impl Trial<'_> {
         let micros = |us: Option<u64>| us.map(Duration::from_micros);
         let call = |usage: &CallUsage| CallInfo {
             cpu_ms: micros(usage.cpu_us).map(milliseconds),
+            cpu_source: usage.cpu_source,
             run_delay_ms: micros(usage.run_delay_us).map(milliseconds),
         };
         let sum = |a: Option<u64>, b: Option<u64>| Some(a? + b?);

@@ -26,6 +26,7 @@ mod library;
 mod lock;
 mod log;
 pub mod measure;
+mod memory;
 pub mod message;
 mod monitor;
 mod options;
@@ -48,7 +49,7 @@ pub use log::LogLine;
 pub use monitor::{CallUsage, Limit, Source, Usage};
 pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
-pub use sandbox::{Layer, LayerState, Level, Policy, SandboxReport};
+pub use sandbox::{Keeper, Layer, LayerState, Level, LimitState, Policy, SandboxReport};
 pub use session::{
     CallReport, Closing, Contract, Incumbent, Introduction, Limits, PlanRun, Runtime, Session,
     Termination,

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use crate::Fault;
 use crate::monitor::{CallLimits, CallUsage, Limit};
+use crate::sandbox::SandboxReport;
 use crate::sandbox::jail::Launch;
 use crate::state::RUN;
 use crate::supervisor::{ARGUMENT, Message, Order, Report};
@@ -30,6 +31,7 @@ pub(crate) struct Process {
     pub(crate) stdin: Option<ChildStdin>,
     pub(crate) stdout: ChildStdout,
     pub(crate) stderr: ChildStderr,
+    sandbox: Option<SandboxReport>,
     report: Option<Report>,
     /// The limit that the supervisor says is exceeded, while the plugin has its grace.
     over: Option<Limit>,
@@ -96,6 +98,7 @@ impl Process {
             stdin: Some(stdin),
             stdout,
             stderr,
+            sandbox: None,
             report: None,
             over: None,
             used: None,
@@ -135,6 +138,11 @@ impl Process {
         self.used.take().or(stopped)
     }
 
+    /// The sandbox that it was started in, once the supervisor has said so.
+    pub(crate) fn sandbox(&self) -> Option<&SandboxReport> {
+        self.sandbox.as_ref()
+    }
+
     /// The limit that is exceeded, once the supervisor has said so.
     pub(crate) fn over(&self) -> Option<Limit> {
         let report = self.report.as_ref();
@@ -171,6 +179,7 @@ impl Process {
         while let Some(end) = self.received.iter().position(|byte| *byte == b'\n') {
             let line: Vec<u8> = self.received.drain(..=end).collect();
             match serde_json::from_slice(&line) {
+                Ok(Message::Started(sandbox)) => self.sandbox = Some(sandbox),
                 Ok(Message::Used(used)) => self.used = Some(used),
                 Ok(Message::Over(limit)) => self.over = Some(limit),
                 Ok(Message::Ended(report)) => self.report = Some(*report),

@@ -17,12 +17,39 @@ pub(crate) struct Member {
     reaped_ticks: u64,
     pub(crate) threads: u64,
     pub(crate) started_ticks: u64,
+    /// Addresses that are mapped, used or not.
+    pub(crate) mapped_bytes: u64,
     pub(crate) resident_pages: u64,
+    /// A thread that lives: its files show the memory of the process.
+    thread: i32,
 }
 
 impl Member {
     fn read(proc: &str, pid: i32) -> Option<Self> {
-        Self::parse(pid, &fs::read(format!("{proc}/{pid}/stat")).ok()?)
+        let mut member = Self::parse(pid, &fs::read(format!("{proc}/{pid}/stat")).ok()?)?;
+        // A process whose first thread has ended looks dead, and without memory.
+        if member.zombie && member.threads > 1 {
+            let threads = fs::read_dir(format!("{proc}/{pid}/task")).ok()?.flatten();
+            let mut threads = threads.filter_map(|thread| {
+                let number = thread.file_name().to_str()?.parse().ok()?;
+                Self::parse(number, &fs::read(thread.path().join("stat")).ok()?)
+            });
+            if let Some(living) = threads.find(|thread| !thread.zombie) {
+                member = Self {
+                    zombie: false,
+                    mapped_bytes: living.mapped_bytes,
+                    resident_pages: living.resident_pages,
+                    thread: living.pid,
+                    ..member
+                };
+            }
+        }
+        Some(member)
+    }
+
+    /// The folder with the files that show its memory.
+    pub(crate) fn folder(&self, proc: &str) -> String {
+        format!("{proc}/{}/task/{}", self.pid, self.thread)
     }
 
     fn parse(pid: i32, stat: &[u8]) -> Option<Self> {
@@ -42,7 +69,9 @@ impl Member {
             reaped_ticks: number(16)? + number(17)?,
             threads: number(20)?,
             started_ticks: number(22)?,
+            mapped_bytes: number(23)?,
             resident_pages: number(24)?,
+            thread: pid,
         })
     }
 }
@@ -61,7 +90,8 @@ pub(crate) enum View {
 pub(crate) struct Census {
     /// Living processes of the plugin, and where their files are.
     pub(crate) members: Vec<Member>,
-    /// Processes and threads that have not ended.
+    /// Processes and threads, with those that have ended and that nobody has waited for:
+    /// the kernel counts them too.
     pub(crate) tasks: u64,
     /// Processor time of all, dead ones included.
     pub(crate) ticks: u64,
@@ -96,8 +126,8 @@ impl View {
         };
         for member in members {
             census.ticks += member.own_ticks + member.reaped_ticks;
+            census.tasks += member.threads;
             if !member.zombie {
-                census.tasks += member.threads;
                 census.resident_pages += member.resident_pages;
                 census.members.push(member);
             }
@@ -169,7 +199,8 @@ mod tests {
         let member = Member::parse(7, stat).unwrap();
         assert_eq!(member.parent, 5);
         assert_eq!((member.own_ticks, member.reaped_ticks), (23, 27));
-        assert_eq!((member.threads, member.resident_pages), (3, 42));
+        assert_eq!((member.threads, member.started_ticks), (3, 99));
+        assert_eq!((member.mapped_bytes, member.resident_pages), (1000, 42));
         for end in 0..stat.len() {
             let _ = Member::parse(7, &stat[..end]);
         }
