@@ -144,8 +144,8 @@ fn the_limit_that_is_exceeded_is_named() {
             assert_eq!(record["stopped"], true, "{fault}: {ended}");
             // The kernel stops a file that grows too large at once, and memory where it
             // limits it.
-            let stopped_by_us = limit != "disk"
-                && (limit != "memory" || only_watched(&record, "memory"));
+            let stopped_by_us =
+                limit != "disk" && (limit != "memory" || only_watched(&record, "memory"));
             let latency = &record["kill_latency_ms"];
             assert!(latency.is_number() || !stopped_by_us, "{fault}: {ended}");
         }
@@ -185,17 +185,38 @@ fn everywhere(fault: &str, by: &str, arguments: &str, judge: impl Fn(&Value, &En
 #[test]
 fn memory_that_no_resident_set_shows_is_contained() {
     let cases = [
-        ("shared-anonymous", "cp", "--memory 128MiB --option size=536870912"),
-        ("page-tables", "c", "--memory 128MiB --option size=536870912"),
-        ("socket-buffers", "c", "--memory 128MiB --option size=536870912"),
-        ("pipe-buffers", "c", "--memory 64MiB --option size=134217728"),
+        (
+            "shared-anonymous",
+            "cp",
+            "--memory 128MiB --option size=536870912",
+        ),
+        (
+            "page-tables",
+            "c",
+            "--memory 128MiB --option size=536870912",
+        ),
+        (
+            "socket-buffers",
+            "c",
+            "--memory 128MiB --option size=536870912",
+        ),
+        (
+            "pipe-buffers",
+            "c",
+            "--memory 64MiB --option size=134217728",
+        ),
         ("headless", "c", "--memory 128MiB --option size=536870912"),
     ];
     for (fault, by, arguments) in cases {
-        everywhere(fault, by, &format!("--budget 60s {arguments}"), |record, ended| {
-            let refused = record["claimed_metrics"]["reached"] == 0.0;
-            assert!(refused || record["limit"] == "memory", "{fault}: {ended}");
-        });
+        everywhere(
+            fault,
+            by,
+            &format!("--budget 60s {arguments}"),
+            |record, ended| {
+                let refused = record["claimed_metrics"]["reached"] == 0.0;
+                assert!(refused || record["limit"] == "memory", "{fault}: {ended}");
+            },
+        );
     }
 }
 
@@ -206,7 +227,11 @@ fn processor_time_that_nobody_is_told_of_is_counted_or_the_result_is_unranked() 
         everywhere(fault, by, arguments, |record, ended| {
             let watched = only_watched(record, "cpu");
             assert_eq!(record["planner"]["ranked"], !watched, "{fault}: {ended}");
-            assert_eq!(record["planner"]["unranked"].is_string(), watched, "{ended}");
+            assert_eq!(
+                record["planner"]["unranked"].is_string(),
+                watched,
+                "{ended}"
+            );
             assert!(watched || record["limit"] == "cpu", "{fault}: {ended}");
             let exact = record["resources"]["cpu_source"] == "cgroup";
             assert!(exact || watched, "{fault}: {ended}");
@@ -492,7 +517,12 @@ fn launched(yard: &Yard, line: &[String], refused: bool, uid: u32) -> Option<End
         let script = root().join("scripts/isolation.py");
         let tried = Command::new("python3")
             .arg(script)
-            .args(["--launch", &wanted, env!("CARGO_BIN_EXE_fleetyard"), "--version"])
+            .args([
+                "--launch",
+                &wanted,
+                env!("CARGO_BIN_EXE_fleetyard"),
+                "--version",
+            ])
             .current_dir(yard.path(""))
             .output()
             .unwrap();
@@ -628,9 +658,7 @@ fn bwrap_makes_the_namespaces_where_only_it_may() {
         .args(words(
             "run --map empty-8-8.map --scen empty-8-8-random-1.scen --agents 3",
         ))
-        .args(words(
-            "--planner lacam --budget 30s --format json",
-        ))
+        .args(words("--planner lacam --budget 30s --format json"))
         .current_dir(folder.path())
         .env("PATH", format!("{}:/usr/bin:/bin", folder.path().display()))
         .env_remove("XDG_RUNTIME_DIR")

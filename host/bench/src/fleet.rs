@@ -8,9 +8,7 @@ use fleetyard_core::{Digest, Grid, Hasher};
 use fleetyard_fleet::{
     EventKind, FleetConfig, FleetError, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
 };
-use fleetyard_runtime::{
-    Attach, Closing, Discovery, Fault, Limits, Runtime, SandboxReport, Usage,
-};
+use fleetyard_runtime::{Attach, Closing, Discovery, Fault, Limits, Runtime, SandboxReport, Usage};
 use fleetyard_sim::{NoTrace, TraceSink};
 use serde_json::{Map, Value};
 

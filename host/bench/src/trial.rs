@@ -11,8 +11,7 @@ use fleetyard_runtime::measure::{
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Fault, Limits, LogLine, PlanRun, Runtime,
-    Termination,
+    Attach, CallReport, CallUsage, Fault, Limits, LogLine, PlanRun, Runtime, Termination,
 };
 use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
 use serde_json::Value;

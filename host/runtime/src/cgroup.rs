@@ -278,7 +278,10 @@ impl Cgroup {
     /// Whether the kernel ended processes because of the memory limit.
     pub(crate) fn out_of_memory(&self) -> bool {
         let ended = |memory: &Controller| {
-            memory.field(memory.either("memory.oom_control", "memory.events"), "oom_kill")
+            memory.field(
+                memory.either("memory.oom_control", "memory.events"),
+                "oom_kill",
+            )
         };
         self.memory.as_ref().and_then(ended).unwrap_or(0) > 0
     }
@@ -467,7 +470,8 @@ mod tests {
         let hybrid = "31 29 0:27 / /sys/fs/cgroup/memory rw - cgroup cgroup rw,memory\n\
                       32 29 0:28 / /sys/fs/cgroup/cpu,cpuacct rw - cgroup cgroup rw,cpu,cpuacct\n\
                       33 29 0:29 / /sys/fs/cgroup/unified rw,relatime shared:4 - cgroup2 cgroup2 rw\n";
-        let groups = "5:cpu,cpuacct:/\n4:memory:/somewhere\n1:name=systemd:/\n0::/user.slice/a.scope\n";
+        let groups =
+            "5:cpu,cpuacct:/\n4:memory:/somewhere\n1:name=systemd:/\n0::/user.slice/a.scope\n";
         let folder = |path: &str| PathBuf::from(format!("/sys/fs/cgroup/{path}"));
         assert_eq!(
             hierarchies(hybrid, groups),
@@ -542,7 +546,10 @@ mod tests {
         write("unified", "cpu.stat", times);
         assert!(group.limit_memory(4096) && group.out_of_memory());
         assert_eq!(group.memory_bytes(), Some(17));
-        assert_eq!((group.cpu_us(), group.cpu_parts_us()), (Some(12), Some((7, 5))));
+        assert_eq!(
+            (group.cpu_us(), group.cpu_parts_us()),
+            (Some(12), Some((7, 5)))
+        );
         assert_eq!(group.throttled_us(), None);
         std::mem::forget(group);
 
@@ -554,7 +561,11 @@ mod tests {
 
     #[test]
     fn memory_of_the_kernel_may_be_left_out_of_the_count() {
-        assert!(counts_no_kernel_memory("quiet cgroup.memory=nosocket,nokmem ro\n"));
-        assert!(!counts_no_kernel_memory("quiet cgroup.memory=nosocket ro\n"));
+        assert!(counts_no_kernel_memory(
+            "quiet cgroup.memory=nosocket,nokmem ro\n"
+        ));
+        assert!(!counts_no_kernel_memory(
+            "quiet cgroup.memory=nosocket ro\n"
+        ));
     }
 }

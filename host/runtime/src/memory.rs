@@ -18,17 +18,13 @@ use crate::tree::Census;
 /// How often proportional sets are read although no limit asks for it, at most.
 const SHARES_EVERY_NS: u64 = 100_000_000;
 
-/// Places for descriptors that processes may have together before they are looked at: a
-/// process has at least 64.
-const PLACES: u64 = 256;
-
 /// Sockets, and pipes, that do not count: honest programs have some, nearly empty.
 const FREE_BUFFERS: u64 = 64;
 
 /// What a pipe holds; plugins may not make them larger.
 const PIPE_KB: u64 = 64;
 
-/// What a socket is allowed to hold where the kernel does not say: its default.
+/// What a socket is allowed to hold where the kernel does not say.
 const SOCKET_BYTES: u64 = 212_992;
 
 /// Counts the memory of processes.
@@ -67,8 +63,11 @@ struct Share {
 }
 
 impl Memory {
-    pub(crate) fn new() -> Self {
-        let socket_bytes = fs::read_to_string("/proc/sys/net/core/wmem_max");
+    /// For a plugin that has the network or not: without, it may not make its sockets
+    /// larger than they are.
+    pub(crate) fn new(network: bool) -> Self {
+        let most = if network { "wmem_max" } else { "wmem_default" };
+        let socket_bytes = fs::read_to_string(format!("/proc/sys/net/core/{most}"));
         let socket_bytes = socket_bytes
             .ok()
             .and_then(|text| text.trim().parse().ok())
@@ -76,7 +75,7 @@ impl Memory {
         Self {
             page_kb: rustix::param::page_size() as u64 / 1024,
             shared_device: shared_device(),
-            // The kernel doubles what is asked for.
+            // The kernel doubles what is asked for, and takes in one message more than it is.
             socket_kb: 2 * socket_bytes / 1024,
             shared: BTreeMap::new(),
             unseen: Unseen::default(),
@@ -189,7 +188,7 @@ impl Memory {
         }
         self.shared = shared;
         unseen.shared_kb = self.shared.values().sum::<u64>() / 1024;
-        if places > PLACES {
+        if places > FREE_BUFFERS {
             unseen.kernel_kb += self.buffers_kb(proc, census);
         }
         unseen
@@ -302,7 +301,10 @@ mod tests {
         add_shared(maps, "00:01", &mut sizes);
         add_shared(maps, "00:01", &mut sizes);
         assert_eq!(sizes, BTreeMap::from([(77, 6 << 20), (78, 4096)]));
-        assert_eq!(field("VmPeak:\t 7 kB\nVmPTE:\t    52 kB\n", "VmPTE:"), Some(52));
+        assert_eq!(
+            field("VmPeak:\t 7 kB\nVmPTE:\t    52 kB\n", "VmPTE:"),
+            Some(52)
+        );
     }
 
     #[test]

@@ -153,6 +153,8 @@ pub(crate) struct Standing {
     pub(crate) files: u64,
     /// Whether the scratch folder is a file system of its own.
     pub(crate) own_disk: bool,
+    /// Whether the plugin has the network.
+    pub(crate) network: bool,
 }
 
 /// Processor time and delays so far.
@@ -189,7 +191,7 @@ impl Monitor {
             },
             at_start: Times::default(),
             tick_us: 1_000_000 / ticks,
-            memory: Memory::new(),
+            memory: Memory::new(standing.network),
             peak_memory_kb: 0,
             peak_tasks: 0,
             peak_disk_kb: 0,
@@ -358,13 +360,16 @@ impl Monitor {
         let cpu_lost = cpu_source == Source::Rusage
             && ended.is_some_and(|ended| ended.user_us + ended.system_us < self.last_cpu_us);
         let max_rss_kb = ended.map(|ended| ended.max_rss_kb);
-        let (peak_memory_kb, peak_memory_source) = match group.and_then(Cgroup::memory_peak_bytes) {
-            Some(bytes) => (bytes / 1024, Source::Cgroup),
-            None => match max_rss_kb {
-                Some(one) if one >= self.peak_memory_kb => (one, Source::Rusage),
-                _ => (self.peak_memory_kb, Source::Polled),
-            },
-        };
+        // Pages that were somebody else's before are in a resident set and not in the group.
+        let of_group = group.and_then(Cgroup::memory_peak_bytes);
+        let (peak_memory_kb, peak_memory_source) = [
+            (of_group.unwrap_or(0) / 1024, Source::Cgroup),
+            (max_rss_kb.unwrap_or(0), Source::Rusage),
+            (self.peak_memory_kb, Source::Polled),
+        ]
+        .into_iter()
+        .max_by_key(|(kb, source)| (*kb, *source == Source::Cgroup))
+        .unwrap_or((0, Source::Polled));
         Usage {
             user_us,
             system_us,

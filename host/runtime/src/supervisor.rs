@@ -304,6 +304,7 @@ fn watch(launch: &Launch, control: &mut Control, jail: &Jail) -> Report {
         disk_bytes: policy.disk_bytes,
         files: policy.files,
         own_disk: jail.report.has(Layer::MountNamespace),
+        network: policy.network,
     };
     let mut monitor = Monitor::new(standing, launch.memory_bytes);
     let mut report = Report {

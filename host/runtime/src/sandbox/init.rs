@@ -196,7 +196,8 @@ fn plugin(
             scratch,
             network: launch.policy.network,
             file_bytes: launch.policy.disk_bytes + (64 << 10),
-            processes: counts_alone(inside.wanted).then_some(u64::from(launch.policy.processes) + 2),
+            processes: counts_alone(inside.wanted)
+                .then_some(u64::from(launch.policy.processes) + 2),
             become_user: inside.become_user,
         }
         .apply()

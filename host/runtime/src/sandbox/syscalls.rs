@@ -204,9 +204,14 @@ fn programs(network: bool) -> Result<Vec<BpfProgram>, String> {
             rules.insert(libc::SYS_clone, any_flag(0, NAMESPACES)?);
             // Typing into the terminal of somebody else.
             let typing = [libc::TIOCSTI, libc::TIOCLINUX].map(|request| equals(1, request));
-            // What is in a pipe is in no process: it counts by its usual size.
+            // What is in pipes and sockets is in no process: it counts by their usual sizes.
             let larger = equals(1, libc::F_SETPIPE_SZ as u64)?;
             rules.insert(libc::SYS_fcntl, vec![larger]);
+            if !network {
+                let larger =
+                    all_equal(&[(1, libc::SOL_SOCKET as u64), (2, libc::SO_SNDBUF as u64)])?;
+                rules.insert(libc::SYS_setsockopt, vec![larger]);
+            }
             rules.insert(
                 libc::SYS_ioctl,
                 typing.into_iter().collect::<Result<_, _>>()?,
@@ -233,7 +238,18 @@ fn any_flag(argument: u8, flags: u64) -> Result<Vec<SeccompRule>, String> {
 }
 
 fn equals(argument: u8, value: u64) -> Result<SeccompRule, String> {
-    rule(argument, SeccompCmpOp::Eq, value)
+    all_equal(&[(argument, value)])
+}
+
+/// A rule that matches when each of the arguments has its value.
+fn all_equal(arguments: &[(u8, u64)]) -> Result<SeccompRule, String> {
+    let conditions = arguments.iter().map(|(argument, value)| {
+        SeccompCondition::new(*argument, SeccompCmpArgLen::Dword, SeccompCmpOp::Eq, *value)
+    });
+    let conditions = conditions.collect::<Result<_, _>>();
+    conditions
+        .and_then(SeccompRule::new)
+        .map_err(|error| error.to_string())
 }
 
 fn rule(argument: u8, operator: SeccompCmpOp, value: u64) -> Result<SeccompRule, String> {
