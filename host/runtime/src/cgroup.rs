@@ -355,9 +355,10 @@ fn hierarchies(mounts: &str, groups: &str) -> Vec<Hierarchy> {
         .filter_map(|line| {
             // number:controllers:group
             let (controllers, group) = line.split_once(':')?.1.split_once(':')?;
-            let version = match line.starts_with("0::") {
-                true => Version::Two,
-                false => Version::One,
+            let version = if line.starts_with("0::") {
+                Version::Two
+            } else {
+                Version::One
             };
             let controllers: Vec<String> = controllers
                 .split(',')

@@ -44,15 +44,15 @@ pub(crate) struct Memory {
     pub(crate) near: bool,
 }
 
-/// What resident sets do not show.
+/// What resident sets do not show, in KiB.
 #[derive(Debug, Clone, Copy, Default)]
 struct Unseen {
     /// Page tables, huge pages and buffers.
-    kernel_kb: u64,
+    kernel: u64,
     /// Shared memory without a file, each once.
-    shared_kb: u64,
+    shared: u64,
     /// Shared memory in the resident sets.
-    resident_shared_kb: u64,
+    resident_shared: u64,
 }
 
 /// What proportional sets show.
@@ -107,7 +107,7 @@ impl Memory {
         }
         let resident = Share {
             kb: census.resident_pages * self.page_kb,
-            shared_kb: self.unseen.resident_shared_kb,
+            shared_kb: self.unseen.resident_shared,
         };
         let most = self.unseen.beside(resident);
         // Half of the rest can be filled between two looks.
@@ -174,8 +174,8 @@ impl Memory {
             // Who has just ended has nothing.
             let status = fs::read_to_string(format!("{folder}/status")).unwrap_or_default();
             let number = |name: &str| field(&status, name).unwrap_or(0);
-            unseen.kernel_kb += number("VmPTE:") + number("HugetlbPages:");
-            unseen.resident_shared_kb += number("RssShmem:");
+            unseen.kernel += number("VmPTE:") + number("HugetlbPages:");
+            unseen.resident_shared += number("RssShmem:");
             places += number("FDSize:");
             if let Some(device) = &self.shared_device {
                 let maps = fs::read(format!("{folder}/maps")).unwrap_or_default();
@@ -187,9 +187,9 @@ impl Memory {
             *bytes = self.shared.get(inode).copied().unwrap_or(0).max(*bytes);
         }
         self.shared = shared;
-        unseen.shared_kb = self.shared.values().sum::<u64>() / 1024;
+        unseen.shared = self.shared.values().sum::<u64>() / 1024;
         if places > FREE_BUFFERS {
-            unseen.kernel_kb += self.buffers_kb(proc, census);
+            unseen.kernel += self.buffers_kb(proc, census);
         }
         unseen
     }
@@ -219,7 +219,7 @@ impl Memory {
 impl Unseen {
     /// All memory, with what sets of pages show.
     fn beside(self, seen: Share) -> u64 {
-        seen.kb + self.kernel_kb + self.shared_kb.saturating_sub(seen.shared_kb)
+        seen.kb + self.kernel + self.shared.saturating_sub(seen.shared_kb)
     }
 }
 
@@ -310,9 +310,9 @@ mod tests {
     #[test]
     fn what_is_resident_does_not_count_twice() {
         let unseen = Unseen {
-            kernel_kb: 10,
-            shared_kb: 100,
-            resident_shared_kb: 0,
+            kernel: 10,
+            shared: 100,
+            resident_shared: 0,
         };
         let with = |kb, shared_kb| unseen.beside(Share { kb, shared_kb });
         assert_eq!((with(50, 0), with(50, 30), with(500, 400)), (160, 130, 510));

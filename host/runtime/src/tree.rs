@@ -1,5 +1,6 @@
 //! The processes below one process, as `/proc` tells.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::PathBuf;
 
@@ -144,15 +145,18 @@ fn everybody(proc: &str) -> Vec<Member> {
 
 /// Everybody below a process, the process itself aside.
 fn below(top: i32, everybody: &[Member]) -> Vec<Member> {
-    let mut found: Vec<Member> = Vec::new();
+    let mut children: BTreeMap<i32, Vec<&Member>> = BTreeMap::new();
+    // Numbers are used again while the folder is being read: nobody twice, and no circles.
+    let mut seen = BTreeSet::from([top]);
+    for member in everybody.iter().filter(|member| seen.insert(member.pid)) {
+        children.entry(member.parent).or_default().push(member);
+    }
+    let mut found = Vec::new();
     let mut parents = vec![top];
     while let Some(parent) = parents.pop() {
-        for member in everybody.iter().filter(|member| member.parent == parent) {
-            // Numbers are used again while the folder is being read: no circles.
-            if member.pid != top && !found.iter().any(|known| known.pid == member.pid) {
-                found.push(*member);
-                parents.push(member.pid);
-            }
+        for member in children.remove(&parent).unwrap_or_default() {
+            found.push(*member);
+            parents.push(member.pid);
         }
     }
     found

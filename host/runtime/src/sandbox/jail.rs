@@ -301,7 +301,7 @@ fn is_root() -> bool {
 
 /// How one try ended.
 enum Tried {
-    Started(Jail),
+    Started(Box<Jail>),
     /// To be tried again without a layer.
     Refused(Refusal),
     /// Never mind the layers: this does not start.
@@ -346,7 +346,7 @@ pub(crate) fn start(
     // Every refusal takes a layer away, so this ends.
     loop {
         let refusal = match attempt.once(become_plugin) {
-            Tried::Started(jail) => return Ok(jail),
+            Tried::Started(jail) => return Ok(*jail),
             Tried::Hopeless(reason) => return Err(attempt.not_started(reason)),
             Tried::Refused(refusal) => refusal,
         };
@@ -577,7 +577,7 @@ impl Attempt<'_> {
             return Tried::Hopeless("the sandbox is gone".into());
         }
         child.init = None;
-        Tried::Started(Jail {
+        Tried::Started(Box::new(Jail {
             init,
             init_fd,
             link,
@@ -588,7 +588,7 @@ impl Attempt<'_> {
             view,
             scratch,
             _proc: proc,
-        })
+        }))
     }
 }
 
