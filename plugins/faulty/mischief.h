@@ -24,11 +24,15 @@
   /* processes and threads */                                                          \
   F("grandchild", leave_grandchild) F("daemon", leave_daemon) F("comet", comet)        \
   F("fork-bomb", fork_bomb) F("thread-bomb", thread_bomb)                              \
-  F("spin-processes", spin_processes)                                                  \
+  F("double-fork-bomb", double_fork_bomb) F("spin-processes", spin_processes)          \
+  F("autoreaped-children", autoreaped_children) F("no-child-wait", no_child_wait)      \
   /* memory */                                                                         \
   F("hog", hog) F("allocate", allocate) F("allocate-many", allocate_many)              \
   F("shared-memory", shared_memory) F("memfd", memfd) F("posix-shm", posix_shm)        \
   F("sysv-shm", sysv_shm) F("leaves-shm", leaves_shm)                                  \
+  F("shared-anonymous", shared_anonymous) F("page-tables", page_tables)                \
+  F("socket-buffers", socket_buffers) F("pipe-buffers", pipe_buffers)                  \
+  F("headless", headless)                                                              \
   /* output */                                                                         \
   F("garbage", garbage) F("flood", flood) F("flood-stderr", flood_stderr)              \
   F("log-flood", log_flood) F("nan", nan_metric) F("partial", partial)                 \
@@ -336,6 +340,34 @@ static void fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
   sleep_for_ever();
 }
 
+/* The same by children that end at once and that nobody waits for: what is left is
+ * somebody else's child, or dead and still counted by the kernel. */
+static void double_fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
+  uint32_t most = (uint32_t)or_else(faulty->count, 1000);
+  _Atomic uint32_t *counter = shared_counter();
+  (void)sink;
+  double end = now_s() + LIFETIME_S;
+  pid_t first = getpid();
+  while (counter && now_s() < end) {
+    if (*counter >= most) {
+      usleep(10000);
+      continue;
+    }
+    pid_t child = fork();
+    if (child == 0) {
+      if (fork() != 0)
+        _exit(0);
+      ++*counter;
+      take_name();
+    }
+    if (child < 0)
+      usleep(1000);
+  }
+  if (getpid() != first)
+    _exit(0);
+  sleep_for_ever();
+}
+
 static void *lingering_thread(void *unused) {
   (void)unused;
   sleep_for_ever();
@@ -374,6 +406,45 @@ static void spin_processes(const Faulty *faulty, const FleetyardSink *sink) {
       spin(faulty, sink);
     }
   sleep_for_ever();
+}
+
+static double processor_time_s(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
+}
+
+/* Children of 15 ms of CPU time each, `count` one after the other, whose end nobody is
+ * told: the kernel forgets what they used. */
+static void forgotten_children(const Faulty *faulty, const FleetyardSink *sink) {
+  uint64_t wanted = or_else(faulty->count, 200), made = 0;
+  for (; made < wanted; made++) {
+    pid_t child = fork();
+    if (child < 0)
+      break;
+    if (child == 0) {
+      take_name();
+      while (processor_time_s() < 0.015)
+        continue;
+      _exit(0);
+    }
+    while (waitpid(child, NULL, 0) < 0 && errno == EINTR)
+      continue;
+  }
+  took(sink, made, wanted, "children that nobody is told of");
+}
+
+static void autoreaped_children(const Faulty *faulty, const FleetyardSink *sink) {
+  signal(SIGCHLD, SIG_IGN);
+  forgotten_children(faulty, sink);
+}
+
+static void do_nothing(int number) { (void)number; }
+
+static void no_child_wait(const Faulty *faulty, const FleetyardSink *sink) {
+  struct sigaction action = {.sa_handler = do_nothing, .sa_flags = SA_NOCLDWAIT | SA_RESTART};
+  sigaction(SIGCHLD, &action, NULL);
+  forgotten_children(faulty, sink);
 }
 
 /* ---- Memory ---------------------------------------------------------------- */
@@ -485,6 +556,134 @@ static void sysv_shm(const Faulty *faulty, const FleetyardSink *sink) {
   touch(memory, size);
   took(sink, size, size, "System V shared memory");
   shmdt(memory);
+}
+
+/* Long enough to be seen by whoever looks now and then. */
+static void hold(void) { sleep_s(0.5); }
+
+/* Shared memory whose pages the process gives back: they stay in the memory. */
+static void shared_anonymous(const Faulty *faulty, const FleetyardSink *sink) {
+  uint64_t size = or_else(faulty->size, 8 * GIB), got = 0;
+  while (got < size) {
+    char *memory = anonymous(16 * MIB, MAP_SHARED);
+    if (!memory)
+      break;
+    touch(memory, 16 * MIB);
+    madvise(memory, 16 * MIB, MADV_DONTNEED);
+    got += 16 * MIB;
+  }
+  hold();
+  took(sink, got, size, "shared memory without pages of a process");
+}
+
+/* Reads one byte of every table's worth of addresses: the page of zeros is nobody's, and
+ * the tables are in no resident set. */
+static void page_tables(const Faulty *faulty, const FleetyardSink *sink) {
+  uint64_t size = or_else(faulty->size, GIB), tables = size / 4096;
+  uint64_t reach = 2 * MIB; /* what a table of 4096 bytes maps */
+  char *memory = mmap(NULL, tables * reach, PROT_READ,
+                      MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (memory == MAP_FAILED) {
+    took(sink, 0, size, "page tables");
+    return;
+  }
+  madvise(memory, tables * reach, MADV_NOHUGEPAGE);
+  for (uint64_t table = 0; table < tables; table++)
+    (void)((volatile char *)memory)[table * reach];
+  hold();
+  took(sink, size, size, "page tables");
+  munmap(memory, tables * reach);
+}
+
+/* Fills sockets or pipes, as many as processes may have, in as many processes as it
+ * takes: what is in them is in no process. */
+static void fill_buffers(const Faulty *faulty, const FleetyardSink *sink, bool sockets) {
+  enum { CHILDREN = 48 };
+  uint64_t size = or_else(faulty->size, GIB);
+  _Atomic uint64_t *got = (_Atomic uint64_t *)(void *)anonymous(4096, MAP_SHARED);
+  pid_t children[CHILDREN];
+  int count = 0;
+  for (; got && count < CHILDREN && got[0] < size; count++) {
+    children[count] = fork();
+    if (children[count] < 0)
+      break;
+    if (children[count] == 0) {
+      take_name();
+      int ends[2], most = 64 * (int)MIB;
+      while (got[0] < size) {
+        int made = sockets ? socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends)
+                           : pipe2(ends, O_NONBLOCK);
+        if (made != 0)
+          break;
+        for (int end = sockets ? 0 : 1; end < 2; end++) {
+          if (sockets)
+            setsockopt(ends[end], SOL_SOCKET, SO_SNDBUF, &most, sizeof most);
+          got[0] += fill(ends[end], UINT64_MAX);
+        }
+      }
+      ++got[1];
+      linger();
+    }
+    for (double end = now_s() + 20; got[1] <= (uint64_t)count && now_s() < end;)
+      sleep_s(0.005);
+  }
+  hold();
+  uint64_t held = got ? got[0] : 0;
+  while (count-- > 0) {
+    kill(children[count], SIGKILL);
+    waitpid(children[count], NULL, 0);
+  }
+  errno = EMFILE;
+  took(sink, held, size, sockets ? "buffers of sockets" : "buffers of pipes");
+}
+
+static void socket_buffers(const Faulty *faulty, const FleetyardSink *sink) {
+  fill_buffers(faulty, sink, true);
+}
+
+static void pipe_buffers(const Faulty *faulty, const FleetyardSink *sink) {
+  fill_buffers(faulty, sink, false);
+}
+
+/* What the thread of a process has whose first thread has ended. */
+static struct {
+  uint64_t size;
+  _Atomic uint32_t *done;
+} left_alone;
+
+static void *take_memory(void *unused) {
+  (void)unused;
+  char *memory = anonymous(left_alone.size, MAP_PRIVATE);
+  if (!memory)
+    _exit(1);
+  touch(memory, left_alone.size);
+  ++*left_alone.done;
+  linger();
+  return NULL;
+}
+
+/* Memory of a process whose first thread has ended: it looks dead, and without any. */
+static void headless(const Faulty *faulty, const FleetyardSink *sink) {
+  left_alone.size = or_else(faulty->size, 8 * GIB);
+  left_alone.done = shared_counter();
+  pid_t child = left_alone.done ? fork() : -1;
+  if (child == 0) {
+    take_name();
+    pthread_t thread;
+    if (pthread_create(&thread, NULL, take_memory, NULL) != 0)
+      _exit(1);
+    syscall(SYS_exit, 0);
+  }
+  for (double end = now_s() + 20; child > 0 && *left_alone.done == 0 && now_s() < end;)
+    sleep_s(0.01);
+  hold();
+  bool done = child > 0 && *left_alone.done > 0;
+  if (child > 0) {
+    kill(child, SIGKILL);
+    waitpid(child, NULL, 0);
+  }
+  errno = ENOMEM;
+  took(sink, done ? left_alone.size : 0, left_alone.size, "memory without a first thread");
 }
 
 /* What outlives every process: it has to go with the namespace, or not to come about. */

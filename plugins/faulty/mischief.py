@@ -6,6 +6,7 @@ What is left behind ends by itself after LIFETIME_S, bombs stop growing at `coun
 nothing is written over, and no attempt has an effect that lasts.
 """
 
+import contextlib
 import ctypes
 import errno
 import mmap
@@ -303,6 +304,31 @@ def fork_bomb(call):
 
 
 @fault
+def double_fork_bomb(call):
+    counter = mmap.mmap(-1, PAGE)
+    most, first = call.count(1000), os.getpid()
+    end = time.monotonic() + LIFETIME_S
+    while time.monotonic() < end:
+        if struct.unpack_from("I", counter)[0] >= most:
+            time.sleep(0.01)
+            continue
+        try:
+            if os.fork() == 0:
+                try:
+                    if os.fork() != 0:
+                        os._exit(0)
+                except OSError:
+                    os._exit(1)
+                take_name()
+                struct.pack_into("I", counter, 0, struct.unpack_from("I", counter)[0] + 1)
+        except OSError:
+            time.sleep(0.001)
+    if os.getpid() != first:
+        os._exit(0)
+    sleep_for_ever()
+
+
+@fault
 def thread_bomb(call):
     threading.stack_size(1 << 16)
     most, made = call.count(5000), 0
@@ -333,6 +359,26 @@ def spin_processes(call):
             while True:
                 pass
     sleep_for_ever()
+
+
+@fault
+def autoreaped_children(call):
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    wanted, made = call.count(200), 0
+    try:
+        while made < wanted:
+            child = os.fork()
+            if child == 0:
+                take_name()
+                while time.process_time() < 0.015:
+                    pass
+                os._exit(0)
+            made += 1
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(child, 0)
+    except OSError as error:
+        return call.took(made, wanted, "children that nobody is told of", error)
+    return call.took(made, wanted, "children that nobody is told of")
 
 
 # ---- Memory ----------------------------------------------------------------
@@ -401,6 +447,20 @@ def shared_memory(call):
     except OSError as error:
         return call.took(0, size, "shared memory", error)
     return sixteen(call, memory, size, size)
+
+
+@fault
+def shared_anonymous(call):
+    size, pieces = call.size(8 * GIB), []
+    try:
+        while len(pieces) * 16 * MIB < size:
+            pieces.append(mmap.mmap(-1, 16 * MIB))
+            touch(pieces[-1], 16 * MIB)
+            pieces[-1].madvise(mmap.MADV_DONTNEED)
+    except OSError as error:
+        return call.took(len(pieces) * 16 * MIB, size, "shared memory", error)
+    time.sleep(0.5)
+    return call.took(size, size, "shared memory without pages of a process")
 
 
 @fault

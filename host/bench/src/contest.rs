@@ -20,10 +20,10 @@ use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::error::BenchError;
 use crate::fleet::{Crew, DriveError, blamed};
 use crate::plan::{Planned, Schedule};
-use crate::record::{Ending, Record};
+use crate::record::{self, Ending, Record};
 use crate::row::{Incumbent, Row};
 use crate::suite::{Clock, Contestant, MazeOrigin, Origin, Question, Reuse, Suite};
-use crate::trial::{Host, Trial, milliseconds, unranked};
+use crate::trial::{Host, Trial, milliseconds};
 use crate::trial_error::TrialError;
 
 /// A suite with its planners and instances.
@@ -219,6 +219,8 @@ impl<'s> Contest<'s> {
         };
         let origin = self.questions[planned.instance].origin();
         let entrant = &mut self.entrants[planned.planner];
+        let limits = self.host.runtime.limits();
+        let unranked = record::unranked(entrant.attach, limits, None, None, []);
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
@@ -228,7 +230,8 @@ impl<'s> Contest<'s> {
             planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
-            ranked: unranked(&self.host.runtime, entrant.attach, []).is_none(),
+            ranked: unranked.is_none(),
+            unranked,
             built_in: Some(entrant.candidate.is_built_in()),
             instance_digest: instance.digest().to_string(),
             agents: instance.agents() as u64,
@@ -282,8 +285,8 @@ impl<'s> Contest<'s> {
                     }
                 };
                 if let TrialError::Fault(fault) = &error {
-                    row.ranked =
-                        unranked(&self.host.runtime, entrant.attach, [Some(fault)]).is_none();
+                    row.unranked = record::unranked(entrant.attach, limits, None, None, [fault]);
+                    row.ranked = row.unranked.is_none();
                 }
                 row.termination = termination.to_string();
                 row.fault = Some(error.to_string());
@@ -308,6 +311,8 @@ impl<'s> Contest<'s> {
             return Err(InputError::new("suite", "there is no such fleet").into());
         };
         let agents = question.agents();
+        let limits = self.host.runtime.limits();
+        let unranked = record::unranked(entrant.attach, limits, None, None, []);
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
@@ -317,7 +322,8 @@ impl<'s> Contest<'s> {
             planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
-            ranked: unranked(&self.host.runtime, entrant.attach, []).is_none(),
+            ranked: unranked.is_none(),
+            unranked,
             built_in: Some(entrant.candidate.is_built_in()),
             instance_digest: question.digest()?.to_string(),
             agents: agents as u64,
@@ -336,6 +342,8 @@ impl<'s> Contest<'s> {
         match crew.run(&self.host.runtime, planner, &grid, agents, planned.seed) {
             Ok(drive) => {
                 drive.fill(&mut row);
+                row.unranked = drive.unranked(entrant.attach, limits);
+                row.ranked = row.unranked.is_none();
                 entrant.sandbox = drive.sandbox.or(entrant.sandbox.take());
             }
             Err(DriveError::Trial(TrialError::Fault(fault))) => {
@@ -499,9 +507,11 @@ impl Row {
     /// What the record of the trial says.
     fn fill(&mut self, record: &Record, clock: Clock) {
         let metrics = &record.metrics;
-        self.ranked = record.planner.ranked;
         self.termination = record.termination.to_string();
         self.fault.clone_from(&record.fault);
+        self.ranked = record.planner.ranked;
+        self.unranked.clone_from(&record.planner.unranked);
+        self.limits_watched = record::watched(record.sandbox.as_ref());
         self.limit_exceeded = record.limit.map(|limit| limit.to_string());
         self.claim = record.claim.map(|claim| claim.to_string());
         self.message.clone_from(&record.message);

@@ -8,12 +8,15 @@ use fleetyard_core::{Digest, Grid, Hasher};
 use fleetyard_fleet::{
     EventKind, FleetConfig, FleetError, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
 };
-use fleetyard_runtime::{Closing, Discovery, Fault, Runtime, SandboxReport, Termination, Usage};
+use fleetyard_runtime::{
+    Attach, Closing, Discovery, Fault, Limits, Runtime, SandboxReport, Termination, Usage,
+};
 use fleetyard_sim::{NoTrace, TraceSink};
 use serde_json::{Map, Value};
 
 use crate::candidate::{Candidate, GivenOptions};
 use crate::error::BenchError;
+use crate::record::{unranked, watched};
 use crate::row::Row;
 use crate::suite::{FleetPlugin, FleetSetup};
 use crate::trial_error::TrialError;
@@ -146,7 +149,7 @@ impl Crew {
     pub(crate) fn run(
         &self,
         runtime: &Runtime,
-        planner: (&Candidate, Option<fleetyard_runtime::Attach>, &GivenOptions),
+        planner: (&Candidate, Option<Attach>, &GivenOptions),
         grid: &Arc<Grid>,
         agents: u32,
         seed: u64,
@@ -243,6 +246,13 @@ impl Watch for Ears {
 }
 
 impl Drive {
+    /// Why the row may not be compared with others; `None` when it may.
+    pub(crate) fn unranked(&self, attach: Attach, limits: &Limits) -> Option<String> {
+        let (sandbox, usage) = (self.sandbox.as_ref(), self.usage.as_ref());
+        let unranked = || unranked(attach, limits, sandbox, usage, []);
+        self.unsupervised.clone().or_else(unranked)
+    }
+
     /// What the row says of it. The trial succeeded if the fleet drove to the end and nobody
     /// touched anything.
     pub(crate) fn fill(&self, row: &mut Row) {
@@ -265,8 +275,8 @@ impl Drive {
             row.termination = Termination::Failed.to_string();
             row.fault = Some(what.clone());
             row.success = false;
-            row.ranked = false;
         }
+        row.limits_watched = watched(self.sandbox.as_ref());
         let times = &metrics.planner_time_ms;
         row.solve_time_ms = times.mean;
         row.planning_time_ms = times.mean * metrics.planner_calls as f64;

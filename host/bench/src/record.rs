@@ -7,7 +7,9 @@ use fleetyard_abi::Status;
 use fleetyard_check::{PathRule, Verdict, Violation};
 use fleetyard_core::Digest;
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
-use fleetyard_runtime::{Attach, CodeFile, Layer, Level, Limit, SandboxReport, Termination, Usage};
+use fleetyard_runtime::{
+    Attach, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source, Termination, Usage,
+};
 use fleetyard_sim::Policy;
 use serde::Serialize;
 
@@ -52,7 +54,8 @@ pub struct Record {
     pub resources: Option<Usage>,
     /// How times were taken.
     pub measurement: Measurement,
-    /// The layers that were active; absent in process, where there are none.
+    /// The layers that were active and the limits that were enforced; absent in process,
+    /// where there are none.
     pub sandbox: Option<SandboxReport>,
     /// Stands for the plugin's whole environment.
     pub environment_digest: Option<Digest>,
@@ -76,8 +79,8 @@ pub struct PlannerInfo {
     /// Whether the result may be compared with others.
     pub ranked: bool,
     /// Why it may not: nothing is isolated in the host's own process and without a sandbox,
-    /// and nobody was held to a limit whose supervisor was lost.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// nobody was held to a limit whose supervisor was lost, and processor time that is limited
+    /// has to be known.
     pub unranked: Option<String>,
     /// Its file; absent for built-ins.
     pub path: Option<String>,
@@ -122,6 +125,8 @@ pub struct Measurement {
 pub struct CallInfo {
     /// Processor time.
     pub cpu_ms: Option<f64>,
+    /// Where that comes from; it is a lower bound unless it is the control group.
+    pub cpu_source: Option<Source>,
     /// How long it was ready to run and had no processor.
     pub run_delay_ms: Option<f64>,
 }
@@ -290,10 +295,43 @@ pub struct ExecutionInfo {
     pub trace_digest: Digest,
 }
 
-/// Which layers were active, in one line.
+/// Why a result may not be compared with others; `None` when it may.
+pub(crate) fn unranked<'f>(
+    attach: Attach,
+    limits: &Limits,
+    sandbox: Option<&SandboxReport>,
+    usage: Option<&Usage>,
+    faults: impl IntoIterator<Item = &'f Fault>,
+) -> Option<String> {
+    let mut faults = faults.into_iter();
+    if let Some(lost) = faults.find(|fault| matches!(fault, Fault::Unsupervised { .. })) {
+        return Some(format!("it {lost}"));
+    }
+    if attach == Attach::InProcess {
+        return Some("it ran in the host's own process".into());
+    }
+    if limits.policy.level == Level::None {
+        return Some("it ran without a sandbox".into());
+    }
+    let cpu_is_limited = limits.cpu.is_some() || limits.prepare_cpu.is_some();
+    if cpu_is_limited && sandbox.is_some_and(|sandbox| sandbox.only_watches(Limit::Cpu)) {
+        return Some("its limit of processor time was only watched, not enforced".into());
+    }
+    let lost = usage.is_some_and(|usage| usage.cpu_lost);
+    lost.then(|| "processes of it ended without their processor time being known".into())
+}
+
+/// The limits that were only watched, if there are any.
+pub(crate) fn watched(sandbox: Option<&SandboxReport>) -> Option<String> {
+    let watched = sandbox.into_iter().flat_map(SandboxReport::watched);
+    let watched: Vec<String> = watched.map(|state| state.limit.to_string()).collect();
+    (!watched.is_empty()).then(|| watched.join(", "))
+}
+
+/// Which layers were active and which limits were only watched, in one line.
 fn sandbox_line(sandbox: &SandboxReport) -> String {
     if sandbox.level == Level::None {
-        return "none, unranked".into();
+        return "none".into();
     }
     let active = sandbox.layers.iter().filter(|state| state.active).count();
     let refused: Vec<&str> = sandbox
@@ -308,6 +346,9 @@ fn sandbox_line(sandbox: &SandboxReport) -> String {
     }
     if !refused.is_empty() {
         let _ = write!(text, "; refused: {}", refused.join(", "));
+    }
+    if let Some(limits) = watched(Some(sandbox)) {
+        let _ = write!(text, "; limits watched, not enforced: {limits}");
     }
     text
 }
@@ -375,7 +416,7 @@ impl Record {
             let _ = writeln!(out, "{name:<18}{value}");
         };
         let attach = match self.planner.attach {
-            Attach::InProcess => "in the host's process, unranked",
+            Attach::InProcess => "in the host's process",
             Attach::Worker => "worker process",
             Attach::Stdio => "JSON over stdio",
             Attach::Command => "command adapter",
@@ -453,7 +494,11 @@ impl Record {
             let cpu_us = usage
                 .user_us
                 .map(|user| user + usage.system_us.unwrap_or(0));
-            let cpu = cpu_us.map(|us| format!("{} ms CPU", number(us as f64 / 1000.0)));
+            let least = match usage.cpu_source {
+                Some(source) if source.is_lower_bound() => "at least ",
+                _ => "",
+            };
+            let cpu = cpu_us.map(|us| format!("{least}{} ms CPU", number(us as f64 / 1000.0)));
             let memory = usage
                 .peak_memory_kb
                 .map(|kb| format!("{:.0} MiB", kb as f64 / 1024.0));
@@ -462,6 +507,9 @@ impl Record {
         }
         if let Some(sandbox) = &self.sandbox {
             line("sandbox", sandbox_line(sandbox));
+        }
+        if let Some(reason) = &self.planner.unranked {
+            line("unranked", reason.clone());
         }
         for reason in &self.measurement.contended {
             line("contended", reason.to_string());

@@ -162,9 +162,13 @@ columns! {
     options: String,
     /// How the plugin was attached.
     attach: String,
-    /// Whether the result may be compared: not in the host's process, in a sandbox, and
-    /// supervised to the end.
+    /// Whether the result may be compared: not in the host's process, in a sandbox, supervised
+    /// to the end, and with all its processor time known where that is limited.
     ranked: bool,
+    /// Why it may not be compared.
+    unranked: Option<String>,
+    /// Limits that were only watched, not enforced.
+    limits_watched: Option<String>,
     /// Whether the planner is a part of the host, so that its figures may rank it.
     built_in: Option<bool>,
     /// Digest of the instance.
@@ -299,7 +303,8 @@ columns! {
     waiting_share: Option<f64>,
     /// Of a fleet: most actions in the graph at a time.
     adg_nodes_max: Option<u64>,
-    /// Processor time of the call, over all processes and threads.
+    /// Processor time of the call, over all processes and threads; a lower bound where
+    /// `limits_watched` has `cpu`.
     cpu_time_ms: Option<f64>,
     /// Largest resident memory of the plugin's processes together.
     peak_memory_kb: Option<u64>,

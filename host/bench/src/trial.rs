@@ -11,8 +11,7 @@ use fleetyard_runtime::measure::{
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Closing, Fault, Level, Limits, LogLine, PlanRun, Runtime,
-    Termination,
+    Attach, CallReport, CallUsage, Fault, Limits, LogLine, PlanRun, Runtime, Termination,
 };
 use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
 use serde_json::Value;
@@ -24,7 +23,7 @@ use crate::error::BenchError;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
-    PlannerInfo, Record, VerdictInfo,
+    PlannerInfo, Record, VerdictInfo, unranked,
 };
 use crate::suite::Question;
 use crate::trial_error::TrialError;
@@ -214,6 +213,7 @@ impl Trial<'_> {
         let measurement = self.measurement(&run, prepared.as_ref(), startup, load);
         let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
         let attach = running.attach;
+        let sandbox = running.session.sandbox().cloned();
         // A planner that failed, or whose limits were exceeded, starts anew next time.
         let closing = if keep && run.fault.is_none() && run.limit.is_none() {
             *kept = Some(running);
@@ -258,7 +258,14 @@ impl Trial<'_> {
         });
         let over = closing.as_ref().and_then(|closing| closing.over);
         let late = closing.as_ref().and_then(|closing| closing.fault.as_ref());
-        let unranked = unranked(&self.host.runtime, attach, [run.fault.as_ref(), late]);
+        let usage = closing.as_ref().and_then(|closing| closing.usage);
+        let unranked = unranked(
+            attach,
+            self.host.runtime.limits(),
+            sandbox.as_ref(),
+            usage.as_ref(),
+            run.fault.iter().chain(late),
+        );
         let mut record = Record {
             fleetyard: env!("CARGO_PKG_VERSION"),
             planner: PlannerInfo {
@@ -300,9 +307,9 @@ impl Trial<'_> {
             verdict,
             claimed_metrics: run.metrics,
             claims: Vec::new(),
-            resources: None,
+            resources: usage,
             measurement,
-            sandbox: None,
+            sandbox,
             environment_digest: None,
             execution,
             instance_digest: self.instance.digest(),
@@ -311,15 +318,7 @@ impl Trial<'_> {
         record.claims = claims::of(&record);
         let (mut log, mut stderr) = (Vec::new(), String::new());
         if let Some(closing) = closing {
-            let Closing {
-                usage,
-                sandbox,
-                environment,
-                ..
-            } = closing;
-            record.resources = usage;
-            record.sandbox = sandbox;
-            record.environment_digest = environment;
+            record.environment_digest = closing.environment;
             (log, stderr) = (closing.log, closing.stderr);
         }
         Ok(Outcome {
@@ -389,6 +388,7 @@ impl Trial<'_> {
         let micros = |us: Option<u64>| us.map(Duration::from_micros);
         let call = |usage: &CallUsage| CallInfo {
             cpu_ms: micros(usage.cpu_us).map(milliseconds),
+            cpu_source: usage.cpu_source,
             run_delay_ms: micros(usage.run_delay_us).map(milliseconds),
         };
         let sum = |a: Option<u64>, b: Option<u64>| Some(a? + b?);
@@ -514,22 +514,6 @@ impl Trial<'_> {
             late_plans: run.late,
         }
     }
-}
-
-/// Why results may not be compared with others; `None` when they may.
-pub(crate) fn unranked<'f>(
-    runtime: &Runtime,
-    attach: Attach,
-    faults: impl IntoIterator<Item = Option<&'f Fault>>,
-) -> Option<String> {
-    let mut faults = faults.into_iter().flatten();
-    if let Some(lost) = faults.find(|fault| matches!(fault, Fault::Unsupervised { .. })) {
-        return Some(format!("it {lost}"));
-    }
-    if attach == Attach::InProcess {
-        return Some("it ran in the host's own process".into());
-    }
-    (runtime.limits().policy.level == Level::None).then(|| "it ran without a sandbox".into())
 }
 
 /// A duration as records have it.

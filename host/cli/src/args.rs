@@ -281,7 +281,7 @@ fn variable(text: &str) -> Result<(String, String), String> {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum LevelArg {
-    /// Refuse to run unless every required layer is active
+    /// Refuse to run unless every required layer is active and the limit of memory enforced
     Strict,
     /// As many layers as the machine grants; each loss is in the record
     Auto,

@@ -20,7 +20,7 @@ use crate::log::Log;
 use crate::message::{self, Message};
 use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::process::Process;
-use crate::sandbox::Level;
+use crate::sandbox::{Level, SandboxReport};
 use crate::session::Limits;
 use crate::supervisor::Report;
 
@@ -208,6 +208,11 @@ impl Client {
             Duration::from_nanos(took_ns),
             Duration::from_nanos(self.handled_ns),
         )
+    }
+
+    /// The sandbox that the plugin was started in.
+    pub(crate) fn sandbox(&self) -> Option<&SandboxReport> {
+        self.process.sandbox()
     }
 
     /// The limit that the supervisor found exceeded.
@@ -545,7 +550,8 @@ impl Client {
                 sandbox,
                 ..
             } => {
-                let strict = sandbox.level == Level::Strict && sandbox.refused().next().is_some();
+                let strict = sandbox.level == Level::Strict
+                    && (sandbox.refused().next().is_some() || sandbox.only_watches(Limit::Memory));
                 let hint = if strict {
                     "`fleetyard doctor` says what to do; `--sandbox auto` runs with what there is"
                 } else {

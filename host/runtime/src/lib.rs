@@ -26,6 +26,7 @@ mod library;
 mod lock;
 mod log;
 pub mod measure;
+mod memory;
 pub mod message;
 mod monitor;
 mod options;
@@ -49,7 +50,9 @@ pub use log::LogLine;
 pub use monitor::{CallUsage, Limit, Source, Usage};
 pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
-pub use sandbox::{Filter, Layer, LayerState, Level, Policy, Profile, SandboxReport};
+pub use sandbox::{
+    Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Profile, SandboxReport,
+};
 pub use session::{
     CallReport, Closing, Contract, Incumbent, Introduction, Limits, PlanRun, Runtime, Session,
     Termination,

@@ -1,10 +1,9 @@
 //! Watches what a plugin uses, and says when it is too much.
 //!
 //! The kernel's own limits are the first line where they exist; this is what holds
-//! everywhere. Memory is the sum over all processes: resident sets first, which are
-//! cheap and count shared pages several times, and proportional sets when that sum is
-//! too large, so that sharing is not held against a plugin. What neither of them
-//! shows (memory files, System V memory) the sandbox refuses.
+//! everywhere. Without a control group memory is counted by `memory`, and processor time
+//! is what `/proc` shows of processes that live or were waited for: a lower bound, since
+//! nobody is told of those whose parents ignore their end.
 
 use std::fs;
 use std::os::fd::AsFd;
@@ -14,16 +13,14 @@ use fleetyard_abi::monotonic_ns;
 use serde::{Deserialize, Serialize};
 
 use crate::cgroup::Cgroup;
+use crate::memory::Memory;
 use crate::sandbox::jail::{Ended, Jail};
 use crate::tree::Census;
 
-/// How often proportional sets are read although no limit asks for it, at most.
-const SHARES_EVERY_NS: u64 = 100_000_000;
-
 /// What looking may take of a processor, as one part of so many: of a plugin that is far
 /// from its limits, and of one that comes near to one.
-const SHARE: u64 = 100;
-const SHARE_NEAR: u64 = 20;
+pub(crate) const SHARE: u64 = 100;
+pub(crate) const SHARE_NEAR: u64 = 20;
 
 /// How often a folder on somebody's disk is walked through.
 const FOLDER_EVERY_NS: u64 = 50_000_000;
@@ -71,6 +68,14 @@ pub enum Source {
     Polled,
 }
 
+impl Source {
+    /// Whether processor time from here is the least that it can have been: without a
+    /// control group, processes that nobody waited for are missing.
+    pub fn is_lower_bound(self) -> bool {
+        self != Self::Cgroup
+    }
+}
+
 /// What a plugin's processes used, as the kernel counted them. What is not known is
 /// absent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,9 +86,12 @@ pub struct Usage {
     /// Processor time in the kernel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub system_us: Option<u64>,
-    /// Where processor times come from.
+    /// Where processor times come from; they are a lower bound unless it is the group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_source: Option<Source>,
+    /// Whether processes are known to have ended whose processor time nobody was told.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub cpu_lost: bool,
     /// Most memory that was seen in use, over all processes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_memory_kb: Option<u64>,
@@ -122,6 +130,9 @@ pub struct CallUsage {
     /// Processor time of all processes and threads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_us: Option<u64>,
+    /// Where that comes from; it is a lower bound unless it is the group.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu_source: Option<Source>,
     /// Time in which they could have run but others did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run_delay_us: Option<u64>,
@@ -142,12 +153,15 @@ pub(crate) struct Standing {
     pub(crate) files: u64,
     /// Whether the scratch folder is a file system of its own.
     pub(crate) own_disk: bool,
+    /// Whether the plugin has the network.
+    pub(crate) network: bool,
 }
 
 /// Processor time and delays so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct Times {
     cpu_us: Option<u64>,
+    cpu_source: Option<Source>,
     run_delay_us: Option<u64>,
 }
 
@@ -156,17 +170,13 @@ pub(crate) struct Monitor {
     call: CallLimits,
     at_start: Times,
     tick_us: u64,
-    page_kb: u64,
+    memory: Memory,
     peak_memory_kb: u64,
     peak_tasks: u64,
     peak_disk_kb: u64,
     /// What the last look took, so that looking never takes much of a processor.
     cost_ns: u64,
-    /// Whether memory comes near to its limit.
-    near: bool,
     disk_looked_ns: u64,
-    /// When proportional sets may be read again.
-    shares_again_ns: u64,
     last_cpu_us: u64,
 }
 
@@ -181,14 +191,12 @@ impl Monitor {
             },
             at_start: Times::default(),
             tick_us: 1_000_000 / ticks,
-            page_kb: rustix::param::page_size() as u64 / 1024,
+            memory: Memory::new(standing.network),
             peak_memory_kb: 0,
             peak_tasks: 0,
             peak_disk_kb: 0,
             cost_ns: 0,
-            near: false,
             disk_looked_ns: 0,
-            shares_again_ns: 0,
             last_cpu_us: 0,
         }
     }
@@ -198,7 +206,7 @@ impl Monitor {
         const SHORTEST: u64 = 5_000_000;
         const LONGEST: u64 = 50_000_000;
         // More than its share only for very many processes.
-        let share = if self.near { SHARE_NEAR } else { SHARE };
+        let share = if self.memory.near { SHARE_NEAR } else { SHARE };
         Duration::from_nanos((self.cost_ns * share).clamp(SHORTEST, LONGEST))
     }
 
@@ -206,7 +214,8 @@ impl Monitor {
     pub(crate) fn begin(&mut self, jail: &Jail, call: CallLimits) {
         self.call = call;
         if let Some(group) = &jail.cgroup {
-            group.limit(call.memory_bytes, self.standing.processes as u32);
+            // Where more is in use already, that is seen at the next look.
+            group.limit_memory(call.memory_bytes);
         }
         self.at_start = self.times(jail, &jail.view.census());
     }
@@ -217,6 +226,7 @@ impl Monitor {
         let since = |now: Option<u64>, start: Option<u64>| Some(now?.saturating_sub(start?));
         let usage = CallUsage {
             cpu_us: since(now.cpu_us, self.at_start.cpu_us),
+            cpu_source: now.cpu_source,
             run_delay_us: since(now.run_delay_us, self.at_start.run_delay_us),
         };
         self.call.cpu_ns = 0;
@@ -240,7 +250,8 @@ impl Monitor {
     fn check(&mut self, jail: &Jail) -> Option<Limit> {
         let census = jail.view.census();
         self.peak_tasks = self.peak_tasks.max(census.tasks);
-        if census.tasks > self.standing.processes {
+        let refused = jail.cgroup.as_ref().is_some_and(Cgroup::out_of_processes);
+        if refused || census.tasks > self.standing.processes {
             return Some(Limit::Processes);
         }
         if self.memory_is_over(jail, &census) {
@@ -270,48 +281,12 @@ impl Monitor {
                 return limit_kb > 0 && bytes / 1024 > limit_kb;
             }
         }
-        let resident_kb = census.resident_pages * self.page_kb;
-        // Half of the rest can be filled between two looks.
-        self.near = limit_kb > 0 && resident_kb > limit_kb / 2;
-        if resident_kb <= self.peak_memory_kb && (limit_kb == 0 || resident_kb <= limit_kb) {
-            return false;
-        }
-        // Proportional sets are dear, some ten milliseconds for half a gibibyte: for the
-        // limit when need be, for the peak now and then.
-        let now = monotonic_ns();
-        let too_much = limit_kb > 0 && resident_kb > limit_kb;
-        if census.members.len() > 1 && !too_much && now < self.shares_again_ns {
-            return false;
-        }
-        let used = if census.members.len() > 1 {
-            let used = self.shares_kb(jail, census, if too_much { 3 } else { 1 });
-            let cost_ns = monotonic_ns() - now;
-            self.shares_again_ns = now + (cost_ns * SHARE).max(SHARES_EVERY_NS);
-            used
-        } else {
-            resident_kb
-        };
-        self.peak_memory_kb = self.peak_memory_kb.max(used);
-        limit_kb > 0 && used > limit_kb
-    }
-
-    /// The memory of all processes, what several of them have counted once.
-    ///
-    /// Shares are read one after the other while they change: whoever is the first to
-    /// touch common memory has all of it for a moment, and so has, for another moment,
-    /// the next. So every share is the least of a few readings; what really is too much
-    /// does not get less.
-    fn shares_kb(&self, jail: &Jail, census: &Census, readings: u32) -> u64 {
-        let folder = jail.view.folder();
-        let mut shares = vec![u64::MAX; census.members.len()];
-        for _ in 0..readings {
-            for (least, member) in shares.iter_mut().zip(&census.members) {
-                let share = proportional_kb(&folder, member.pid)
-                    .unwrap_or(member.resident_pages * self.page_kb);
-                *least = share.min(*least);
-            }
-        }
-        shares.into_iter().sum()
+        let proc = jail.view.folder();
+        let used = self
+            .memory
+            .look(&proc, census, self.peak_memory_kb, limit_kb);
+        self.peak_memory_kb = self.peak_memory_kb.max(used.unwrap_or(0));
+        limit_kb > 0 && used.is_some_and(|used| used > limit_kb)
     }
 
     fn disk_is_over(&mut self, jail: &Jail) -> bool {
@@ -367,6 +342,7 @@ impl Monitor {
         Times {
             // Of living threads the scheduler knows more than the ticks tell.
             cpu_us: Some(exact.unwrap_or_else(|| self.ticks_us(census).max(run_us))),
+            cpu_source: Some(exact.map_or(Source::Polled, |_| Source::Cgroup)),
             run_delay_us: delay_us,
         }
     }
@@ -374,29 +350,31 @@ impl Monitor {
     /// What was used in all, once everybody is gone.
     pub(crate) fn usage(&self, jail: &Jail, ended: Option<&Ended>) -> Usage {
         let group = jail.cgroup.as_ref();
-        let from_group = group.and_then(Cgroup::cpu_parts_us);
-        let (user_us, system_us, cpu_source) = match (ended, from_group) {
-            (Some(ended), _) => (
-                Some(ended.user_us),
-                Some(ended.system_us),
-                Some(Source::Rusage),
-            ),
-            (None, Some((user, system))) => (Some(user), Some(system), Some(Source::Cgroup)),
+        let (user_us, system_us, cpu_source) = match (jail.cpu_parts_us(), ended) {
+            (Some((user, system)), _) => (Some(user), Some(system), Source::Cgroup),
+            (None, Some(ended)) => (Some(ended.user_us), Some(ended.system_us), Source::Rusage),
             // The last look is the least that it can have been, in one sum.
-            (None, None) => (Some(self.last_cpu_us), None, Some(Source::Polled)),
+            (None, None) => (Some(self.last_cpu_us), None, Source::Polled),
         };
+        // Who was waited for has all its time in there: what was seen before is not more.
+        let cpu_lost = cpu_source == Source::Rusage
+            && ended.is_some_and(|ended| ended.user_us + ended.system_us < self.last_cpu_us);
         let max_rss_kb = ended.map(|ended| ended.max_rss_kb);
-        let (peak_memory_kb, peak_memory_source) = match group.and_then(Cgroup::memory_peak_bytes) {
-            Some(bytes) => (bytes / 1024, Source::Cgroup),
-            None => match max_rss_kb {
-                Some(one) if one >= self.peak_memory_kb => (one, Source::Rusage),
-                _ => (self.peak_memory_kb, Source::Polled),
-            },
-        };
+        // Pages that were somebody else's before are in a resident set and not in the group.
+        let of_group = group.and_then(Cgroup::memory_peak_bytes);
+        let (peak_memory_kb, peak_memory_source) = [
+            (of_group.unwrap_or(0) / 1024, Source::Cgroup),
+            (max_rss_kb.unwrap_or(0), Source::Rusage),
+            (self.peak_memory_kb, Source::Polled),
+        ]
+        .into_iter()
+        .max_by_key(|(kb, source)| (*kb, *source == Source::Cgroup))
+        .unwrap_or((0, Source::Polled));
         Usage {
             user_us,
             system_us,
-            cpu_source,
+            cpu_source: Some(cpu_source),
+            cpu_lost,
             peak_memory_kb: (peak_memory_kb > 0).then_some(peak_memory_kb),
             peak_memory_source: (peak_memory_kb > 0).then_some(peak_memory_source),
             max_rss_kb,
@@ -434,20 +412,6 @@ impl Walk {
             }
         }
     }
-}
-
-/// A process's share of the memory that it uses together with others; nothing once it
-/// has ended, and `None` where it may not be read.
-fn proportional_kb(proc: &str, pid: i32) -> Option<u64> {
-    let text = match fs::read_to_string(format!("{proc}/{pid}/smaps_rollup")) {
-        Ok(text) => text,
-        Err(error) => {
-            let gone = [Some(libc::ENOENT), Some(libc::ESRCH)].contains(&error.raw_os_error());
-            return gone.then_some(0);
-        }
-    };
-    let line = text.lines().find_map(|line| line.strip_prefix("Pss:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse().ok()
 }
 
 /// How long the threads of a process ran, and how long they waited for their turn.

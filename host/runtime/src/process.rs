@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use crate::Fault;
 use crate::fault::signal_name;
 use crate::monitor::{CallLimits, CallUsage, Limit};
+use crate::sandbox::SandboxReport;
 use crate::sandbox::jail::Launch;
 use crate::state::{self, RUN};
 use crate::supervisor::{ARGUMENT, Message, Order, Report};
@@ -39,6 +40,7 @@ pub(crate) struct Process {
     pub(crate) stdin: Option<ChildStdin>,
     pub(crate) stdout: ChildStdout,
     pub(crate) stderr: ChildStderr,
+    sandbox: Option<SandboxReport>,
     report: Option<Report>,
     /// The limit that the supervisor says is exceeded, while the plugin has its grace.
     over: Option<Limit>,
@@ -108,6 +110,7 @@ impl Process {
             stdin: Some(stdin),
             stdout,
             stderr,
+            sandbox: None,
             report: None,
             over: None,
             used: None,
@@ -145,6 +148,11 @@ impl Process {
         }
         let stopped = self.report.as_ref().and_then(|report| report.call);
         self.used.take().or(stopped)
+    }
+
+    /// The sandbox that it was started in, once the supervisor has said so.
+    pub(crate) fn sandbox(&self) -> Option<&SandboxReport> {
+        self.sandbox.as_ref()
     }
 
     /// The limit that is exceeded, once the supervisor has said so.
@@ -229,6 +237,7 @@ impl Process {
         while let Some(end) = self.received.iter().position(|byte| *byte == b'\n') {
             let line: Vec<u8> = self.received.drain(..=end).collect();
             match serde_json::from_slice(&line) {
+                Ok(Message::Started(sandbox)) => self.sandbox = Some(sandbox),
                 Ok(Message::Used(used)) => self.used = Some(used),
                 Ok(Message::Over(limit)) => self.over = Some(limit),
                 Ok(Message::Ended(report)) => self.ended(*report),

@@ -453,6 +453,7 @@ impl Runtime {
             threads: limits.threads,
             cpus: limits.cpus.clone(),
             memory_bytes,
+            cpu_is_limited: limits.cpu.is_some() || limits.prepare_cpu.is_some(),
             run,
         }
     }
@@ -713,6 +714,14 @@ impl Session {
     /// sandbox included.
     pub fn startup(&self) -> Duration {
         self.startup
+    }
+
+    /// The layers and the limits of its sandbox; absent in process.
+    pub fn sandbox(&self) -> Option<&SandboxReport> {
+        match &self.inner {
+            Inner::InProcess { .. } => None,
+            Inner::Process(client) => client.sandbox(),
+        }
     }
 
     /// Makes one plugin. Its options were checked against its schema.

@@ -9,6 +9,7 @@ use rustix::fs::{Mode, OFlags, fstat, mkdirat, open, openat};
 use rustix::process::geteuid;
 use serde::{Deserialize, Serialize};
 
+use crate::cgroup;
 use crate::tree::{self, started_ticks};
 
 /// The variable that all processes of a run have.
@@ -116,7 +117,8 @@ struct Entry {
     host: Identity,
     supervisor: Identity,
     scratch: PathBuf,
-    cgroup: Option<PathBuf>,
+    #[serde(default)]
+    cgroups: Vec<PathBuf>,
 }
 
 /// A run that is written down; the note is removed with the value.
@@ -127,12 +129,12 @@ pub(crate) struct Registered {
 impl Registered {
     /// Called by a supervisor. Where nothing can be written, nothing is: the
     /// supervisor ends everybody by itself, unless it is killed too.
-    pub(crate) fn write(run: &str, scratch: &Path, cgroup: Option<&Path>) -> Option<Self> {
+    pub(crate) fn write(run: &str, scratch: &Path, cgroups: &[PathBuf]) -> Option<Self> {
         let entry = Entry {
             host: Identity::of(std::os::unix::process::parent_id() as i32)?,
             supervisor: Identity::of(std::process::id() as i32)?,
             scratch: scratch.to_owned(),
-            cgroup: cgroup.map(Path::to_owned),
+            cgroups: cgroups.to_vec(),
         };
         let note = folder("runs").ok()?.path.join(format!("{run}.json"));
         fs::write(&note, serde_json::to_vec(&entry).ok()?).ok()?;
@@ -204,16 +206,11 @@ fn end(run: Option<&str>, entry: &Entry) {
     // A supervisor ends by itself when its host is gone; one that does not is
     // ended, and takes its sandbox along.
     tree::kill(entry.supervisor.pid, |_| entry.supervisor.is_alive());
-    if let Some(group) = &entry.cgroup {
-        let _ = fs::write(group.join("cgroup.kill"), "1");
-    }
+    cgroup::remove(&entry.cgroups);
     if let Some(run) = run {
         kill_marked(run);
     }
     let _ = fs::remove_dir_all(&entry.scratch);
-    if let Some(group) = &entry.cgroup {
-        let _ = fs::remove_dir(group);
-    }
 }
 
 /// Kills every process whose environment says that it belongs to a run.

@@ -96,6 +96,8 @@ pub(crate) enum Order {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Message {
+    /// The plugin has been started, in this sandbox.
+    Started(SandboxReport),
     /// What the call used.
     Used(CallUsage),
     /// A limit is exceeded; the plugin has its grace to stop.
@@ -311,9 +313,10 @@ fn run(
             };
         }
     };
-    let group = jail.cgroup.as_ref().map(Cgroup::folder);
-    let _registered = Registered::write(&launch.run, scratch.path(), group);
+    let groups = jail.cgroup.as_ref().map_or(&[][..], Cgroup::folders);
+    let _registered = Registered::write(&launch.run, scratch.path(), groups);
     release_stdio();
+    control.say(&Message::Started(jail.report.clone()));
     watch(launch, control, allowed, &jail)
 }
 
@@ -361,6 +364,7 @@ fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail)
         disk_bytes: policy.disk_bytes,
         files: policy.files,
         own_disk: jail.report.has(Layer::MountNamespace),
+        network: policy.network,
     };
     let mut monitor = Monitor::new(standing, launch.memory_bytes);
     let mut report = Report {
@@ -470,6 +474,7 @@ fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail)
     // The kernel may have stopped the plugin before we looked.
     let by_kernel = match ended.and_then(|ended| ended.signal) {
         _ if jail.cgroup.as_ref().is_some_and(Cgroup::out_of_memory) => Some(Limit::Memory),
+        _ if jail.cgroup.as_ref().is_some_and(Cgroup::out_of_processes) => Some(Limit::Processes),
         Some(libc::SIGXFSZ) => Some(Limit::Disk),
         Some(_) => None,
         _ => monitor.last_look(jail),

@@ -1,5 +1,6 @@
 //! The processes below one process, as `/proc` tells.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::PathBuf;
 
@@ -17,12 +18,39 @@ pub(crate) struct Member {
     reaped_ticks: u64,
     pub(crate) threads: u64,
     pub(crate) started_ticks: u64,
+    /// Addresses that are mapped, used or not.
+    pub(crate) mapped_bytes: u64,
     pub(crate) resident_pages: u64,
+    /// A thread that lives: its files show the memory of the process.
+    thread: i32,
 }
 
 impl Member {
     fn read(proc: &str, pid: i32) -> Option<Self> {
-        Self::parse(pid, &fs::read(format!("{proc}/{pid}/stat")).ok()?)
+        let mut member = Self::parse(pid, &fs::read(format!("{proc}/{pid}/stat")).ok()?)?;
+        // A process whose first thread has ended looks dead, and without memory.
+        if member.zombie && member.threads > 1 {
+            let threads = fs::read_dir(format!("{proc}/{pid}/task")).ok()?.flatten();
+            let mut threads = threads.filter_map(|thread| {
+                let number = thread.file_name().to_str()?.parse().ok()?;
+                Self::parse(number, &fs::read(thread.path().join("stat")).ok()?)
+            });
+            if let Some(living) = threads.find(|thread| !thread.zombie) {
+                member = Self {
+                    zombie: false,
+                    mapped_bytes: living.mapped_bytes,
+                    resident_pages: living.resident_pages,
+                    thread: living.pid,
+                    ..member
+                };
+            }
+        }
+        Some(member)
+    }
+
+    /// The folder with the files that show its memory.
+    pub(crate) fn folder(&self, proc: &str) -> String {
+        format!("{proc}/{}/task/{}", self.pid, self.thread)
     }
 
     fn parse(pid: i32, stat: &[u8]) -> Option<Self> {
@@ -42,7 +70,9 @@ impl Member {
             reaped_ticks: number(16)? + number(17)?,
             threads: number(20)?,
             started_ticks: number(22)?,
+            mapped_bytes: number(23)?,
             resident_pages: number(24)?,
+            thread: pid,
         })
     }
 }
@@ -61,7 +91,8 @@ pub(crate) enum View {
 pub(crate) struct Census {
     /// Living processes of the plugin, and where their files are.
     pub(crate) members: Vec<Member>,
-    /// Processes and threads that have not ended.
+    /// Processes and threads, with those that have ended and that nobody has waited for:
+    /// the kernel counts them too.
     pub(crate) tasks: u64,
     /// Processor time of all, dead ones included.
     pub(crate) ticks: u64,
@@ -96,8 +127,8 @@ impl View {
         };
         for member in members {
             census.ticks += member.own_ticks + member.reaped_ticks;
+            census.tasks += member.threads;
             if !member.zombie {
-                census.tasks += member.threads;
                 census.resident_pages += member.resident_pages;
                 census.members.push(member);
             }
@@ -114,15 +145,18 @@ fn everybody(proc: &str) -> Vec<Member> {
 
 /// Everybody below a process, the process itself aside.
 fn below(top: i32, everybody: &[Member]) -> Vec<Member> {
-    let mut found: Vec<Member> = Vec::new();
+    let mut children: BTreeMap<i32, Vec<&Member>> = BTreeMap::new();
+    // Numbers are used again while the folder is being read: nobody twice, and no circles.
+    let mut seen = BTreeSet::from([top]);
+    for member in everybody.iter().filter(|member| seen.insert(member.pid)) {
+        children.entry(member.parent).or_default().push(member);
+    }
+    let mut found = Vec::new();
     let mut parents = vec![top];
     while let Some(parent) = parents.pop() {
-        for member in everybody.iter().filter(|member| member.parent == parent) {
-            // Numbers are used again while the folder is being read: no circles.
-            if member.pid != top && !found.iter().any(|known| known.pid == member.pid) {
-                found.push(*member);
-                parents.push(member.pid);
-            }
+        for member in children.remove(&parent).unwrap_or_default() {
+            found.push(*member);
+            parents.push(member.pid);
         }
     }
     found
@@ -172,7 +206,8 @@ mod tests {
         let member = Member::parse(7, stat).unwrap();
         assert_eq!(member.parent, 5);
         assert_eq!((member.own_ticks, member.reaped_ticks), (23, 27));
-        assert_eq!((member.threads, member.resident_pages), (3, 42));
+        assert_eq!((member.threads, member.started_ticks), (3, 99));
+        assert_eq!((member.mapped_bytes, member.resident_pages), (1000, 42));
         for end in 0..stat.len() {
             let _ = Member::parse(7, &stat[..end]);
         }

@@ -121,7 +121,7 @@ pub struct Filter {
     pub planners: Vec<String>,
     /// Dimensions and the texts of the levels that pass.
     pub levels: Vec<(Dimension, Vec<String>)>,
-    /// Only those that may be compared: in a sandbox, and in a process of their own.
+    /// Only those that may be compared.
     pub ranked_only: bool,
     /// Only those that nobody disturbed.
     pub undisturbed_only: bool,

@@ -28,7 +28,7 @@ pub struct Overview {
     pub descriptive: bool,
     /// Trials that others disturbed.
     pub contended: usize,
-    /// Trials that may not be compared: in the host's process or without a sandbox.
+    /// Trials that may not be compared.
     pub unranked: usize,
     /// Digests of the machines, sorted.
     pub machines: Vec<String>,

@@ -1,9 +1,12 @@
 //! What a report says in sentences: what was run, who is best, and what to be careful with.
 
+use std::collections::BTreeSet;
+
 use super::Subject;
 use super::format::{digits, grouped};
 use super::table::{plural, share};
 use crate::evaluate::{Evaluation, Order, Overview, Ranked, Trials, rank};
+use crate::row::Row;
 
 /// The first sentences of a report.
 pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
@@ -136,10 +139,26 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
             plural(contended, "trial")
         ));
     }
+    let each = |of: fn(&Row) -> Option<&str>| -> Vec<&str> {
+        let texts: BTreeSet<&str> = trials.rows().filter_map(of).collect();
+        texts.into_iter().collect()
+    };
     if unranked > 0 {
+        let reasons = each(|row| row.unranked.as_deref()).join("; ");
+        let reasons = match reasons.as_str() {
+            "" => "in the host's process or without a sandbox",
+            reasons => reasons,
+        };
         caveats.push(format!(
-            "{} ran in the host's process or without a sandbox and may not be compared.",
+            "{} may not be compared: {reasons}.",
             plural(unranked, "trial")
+        ));
+    }
+    for limits in each(|row| row.limits_watched.as_deref()) {
+        let watched = |row: &&Row| row.limits_watched.as_deref() == Some(limits);
+        caveats.push(format!(
+            "In {} the machine only watched limits and did not enforce them: {limits}.",
+            plural(trials.rows().filter(watched).count(), "trial")
         ));
     }
     if machines.len() > 1 {

@@ -1,6 +1,6 @@
 //! `fleetyard compare`: several planners on the same instances.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -36,6 +36,10 @@ struct Row {
     contacts: Option<u64>,
     /// Trials whose times cannot be compared, because others were busy.
     contended: usize,
+    /// Limits that were only watched, not enforced.
+    limits_watched: BTreeSet<String>,
+    /// Why trials may not be compared with others.
+    unranked: BTreeSet<String>,
     /// How the trials that failed ended.
     failures: Vec<String>,
 }
@@ -176,6 +180,13 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let claims = gather(&labels, &trials);
     let rows = rows(&questions, &labels, &trials, &missed);
     let solved_all = rows.iter().all(|row| row.solved == row.trials);
+    let each = |of: fn(&Row) -> &BTreeSet<String>| -> Option<String> {
+        let texts: BTreeSet<&String> = rows.iter().flat_map(of).collect();
+        let texts: Vec<&str> = texts.into_iter().map(String::as_str).collect();
+        (!texts.is_empty()).then(|| texts.join(", "))
+    };
+    let unranked = each(|row| &row.unranked);
+    let watched = each(|row| &row.limits_watched);
     match arguments.format {
         Format::Text => {
             let text = format!("{}\n\n{}", table(&rows), claims.text());
@@ -190,6 +201,15 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
                 trials,
             })?;
         }
+    }
+    if let Some(reasons) = unranked {
+        output::warning(&format!("trials may not be compared: {reasons}"));
+    }
+    if let Some(limits) = watched {
+        output::note(&format!(
+            "this machine only watches limits, and does not enforce them: {limits}; \
+             `fleetyard doctor` says why"
+        ));
     }
     Ok(if solved_all {
         Exit::Success
@@ -329,6 +349,16 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
             .iter()
             .filter(|record| !record.measurement.contended.is_empty())
             .count(),
+        limits_watched: records
+            .iter()
+            .filter_map(|record| record.sandbox.as_ref())
+            .flat_map(|sandbox| sandbox.watched())
+            .map(|state| state.limit.to_string())
+            .collect(),
+        unranked: records
+            .iter()
+            .filter_map(|record| record.planner.unranked.clone())
+            .collect(),
         failures,
     }
 }

@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 use fleetyard_bench::milliseconds;
 use fleetyard_runtime::measure::{Cpus, Machine, Topology};
 use fleetyard_runtime::sandbox::Backend;
-use fleetyard_runtime::{Discovery, Filter, LayerState, Level, Policy, Runtime, Trust};
+use fleetyard_runtime::{
+    Discovery, Filter, Keeper, LayerState, Level, Limit, LimitState, Policy, Runtime, Trust,
+};
 use serde::Serialize;
 
 use crate::args::{Format, LevelArg};
@@ -37,6 +39,7 @@ struct Sandbox {
     /// The filter of system calls with `--sandbox strict`; absent where that does not run.
     seccomp: Option<Filter>,
     layers: Vec<Finding>,
+    limits: Vec<LimitState>,
     /// From start to end of a process that does nothing, median.
     spawn_ms: f64,
     /// The same without any layer.
@@ -88,7 +91,7 @@ pub(crate) fn doctor(level: LevelArg, format: Format) -> Result<Exit> {
     }
     let strict = matches!(level, LevelArg::Strict);
     if strict && !findings.sandbox.strict {
-        output::error("this machine does not grant every required layer to this user");
+        output::error("this machine does not grant every required layer and limit to this user");
         return Ok(Exit::NoPlan);
     }
     Ok(Exit::Success)
@@ -97,10 +100,12 @@ pub(crate) fn doctor(level: LevelArg, format: Format) -> Result<Exit> {
 fn examine() -> Result<Findings> {
     let sandboxed = level(Level::Auto)?;
     let report = sandboxed.probe()?;
+    let memory_is_watched = report.only_watches(Limit::Memory);
     let layers: Vec<Finding> = report.layers.into_iter().map(Finding::from).collect();
-    let strict = !layers
-        .iter()
-        .any(|finding| finding.required && !finding.state.active && finding.state.errno.is_some());
+    let strict = !memory_is_watched
+        && !layers.iter().any(|finding| {
+            finding.required && !finding.state.active && finding.state.errno.is_some()
+        });
     let seccomp = if strict {
         level(Level::Strict)?.probe()?.seccomp
     } else {
@@ -111,6 +116,7 @@ fn examine() -> Result<Findings> {
         backend: report.backend,
         seccomp,
         layers,
+        limits: report.limits,
         spawn_ms: spawn(&sandboxed)?,
         spawn_without_ms: spawn(&level(Level::None)?)?,
     };
@@ -243,6 +249,13 @@ fn advice(sandbox: &Sandbox, cores: &Cores, machine: &Machine, tools: &[Tool]) -
             advice.push(format!("{}: {text}", finding.state.layer));
         }
     }
+    for state in &sandbox.limits {
+        if let Some(text) = state.advice()
+            && !advice.iter().any(|known| known.ends_with(text))
+        {
+            advice.push(format!("limit of {}: {text}", state.limit));
+        }
+    }
     if let (false, Some(reason)) = (cores.reservable, &cores.reason) {
         advice.push(format!("cores: {reason}; times will vary more"));
     }
@@ -324,6 +337,20 @@ fn text(findings: &Findings) -> String {
         None if sandbox.strict => "would run".to_owned(),
         None => "would refuse to run".to_owned(),
     };
+    let limits = sandbox.limits.iter().map(|state| {
+        let held = match (state.enforced, state.by) {
+            (true, Keeper::Kernel) => "enforced by the kernel",
+            (true, Keeper::Host) => "enforced by the host",
+            (false, _) => "watched, not enforced",
+        };
+        let why = state.reason.clone().unwrap_or_default();
+        vec![state.limit.to_string(), held.into(), why]
+    });
+    parts.push(output::table(
+        &["limit", "how it holds", "why not better"],
+        limits.collect(),
+        &[],
+    ));
     parts.push(format!(
         "--sandbox strict {strict}; a sandbox takes {:.1} ms, a process without one {:.1} ms",
         sandbox.spawn_ms, sandbox.spawn_without_ms,

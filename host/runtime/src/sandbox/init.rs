@@ -198,7 +198,8 @@ fn plugin(
             profile: launch.filter.profile,
             alone: inside.wants(Layer::PidNamespace),
             file_bytes: launch.policy.disk_bytes + (64 << 10),
-            processes: counts_alone(inside).then_some(u64::from(launch.policy.processes) + 2),
+            processes: counts_alone(inside.wanted)
+                .then_some(u64::from(launch.policy.processes) + 2),
             become_user: inside.become_user,
         }
         .apply()
@@ -267,9 +268,9 @@ fn close_descriptors(flags: libc::c_uint) {
     unsafe { libc::syscall(libc::SYS_close_range, 3, u32::MAX, flags) };
 }
 
-/// Whether the kernel counts this sandbox's processes apart from all others of the
-/// user.
-fn counts_alone(inside: &Inside<'_>) -> bool {
+/// Whether the kernel counts the processes of a sandbox with these layers apart from all
+/// others of the user.
+pub(super) fn counts_alone(layers: &[Layer]) -> bool {
     let release = fs::read_to_string("/proc/sys/kernel/osrelease")
         .or_else(|_| {
             let name = rustix::system::uname();
@@ -280,7 +281,8 @@ fn counts_alone(inside: &Inside<'_>) -> bool {
         .split(['.', '-'])
         .map_while(|part| part.parse::<u32>().ok());
     let version = (numbers.next().unwrap_or(0), numbers.next().unwrap_or(0));
-    inside.wants(Layer::OwnUser) || (inside.wants(Layer::UserNamespace) && version >= (5, 14))
+    let has = |layer| layers.contains(&layer);
+    has(Layer::OwnUser) || (has(Layer::UserNamespace) && version >= (5, 14))
 }
 
 /// What may be read: everything in a tree that holds nothing else; otherwise what was

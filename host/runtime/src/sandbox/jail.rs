@@ -29,16 +29,17 @@ use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
 use super::grants::Grants;
-use super::init::{Inside, reap_descendants};
+use super::init::{Inside, counts_alone, reap_descendants};
 pub(crate) use super::link::Ended;
 use super::link::{Packet, receive};
 use super::root::{INSIDE_USER, Trees, as_errno, take_as_root};
 use super::{
-    Backend, Filter, Layer, LayerState, Level, Policy, Refusal, Remark, SandboxReport, bwrap,
-    errno_name,
+    Backend, Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Refusal, Remark,
+    SandboxReport, bwrap, errno_name,
 };
 use crate::cgroup::Cgroup;
 use crate::measure::Cpus;
+use crate::monitor::Limit;
 use crate::state;
 use crate::supervisor::Target;
 use crate::tree::View;
@@ -60,6 +61,8 @@ pub(crate) struct Launch {
     pub(crate) cpus: Option<Cpus>,
     /// The memory limit until a call has one of its own; 0 for none.
     pub(crate) memory_bytes: u64,
+    /// Whether any of its calls has a limit of processor time.
+    pub(crate) cpu_is_limited: bool,
     /// What it may read, and its environment: found by the host, whose environment does
     /// not come this far.
     pub(crate) grants: Grants,
@@ -74,6 +77,8 @@ pub(crate) struct Jail {
     link: OwnedFd,
     pub(crate) report: SandboxReport,
     pub(crate) cgroup: Option<Cgroup>,
+    /// Processor time of its group before the plugin began, in user mode and in the kernel.
+    cpu_before_us: Option<(u64, u64)>,
     /// Stands for the plugin's whole environment.
     pub(crate) environment: Digest,
     /// Where its processes are seen.
@@ -104,6 +109,17 @@ struct Attempt<'a> {
     scratch: &'a Path,
     trees: Trees,
     backend: Backend,
+    kept: Kept,
+}
+
+/// The limits that control groups hold.
+#[derive(Default)]
+struct Kept {
+    cpu: bool,
+    memory: bool,
+    processes: bool,
+    /// Why they do not hold the others.
+    why_not: String,
 }
 
 impl Attempt<'_> {
@@ -176,7 +192,111 @@ impl Attempt<'_> {
                 .wants(Layer::Seccomp)
                 .then(|| self.launch.filter.clone()),
             layers: layers.into(),
+            limits: self.limits(),
         }
+    }
+
+    /// How well each limit holds.
+    fn limits(&self) -> Vec<LimitState> {
+        let kept = &self.kept;
+        let state = |limit, by, watched: Option<String>| LimitState {
+            limit,
+            enforced: watched.is_none(),
+            by,
+            reason: watched,
+        };
+        let unless = |held: bool, why: &str| (!held).then(|| why.to_owned());
+        let cpu = format!(
+            "processes that nobody waits for are counted in a control group alone; {}",
+            kept.why_not
+        );
+        let memory = format!(
+            "the kernel limits memory in a control group alone; {}",
+            kept.why_not
+        );
+        let by_number = self.wants(Layer::ResourceLimits) && counts_alone(&self.wanted);
+        let own_disk = self.wants(Layer::MountNamespace) && self.backend == Backend::Own;
+        let by_kernel = |held| if held { Keeper::Kernel } else { Keeper::Host };
+        let processes = kept.processes || by_number;
+        vec![
+            state(Limit::Wall, Keeper::Host, None),
+            state(Limit::Cpu, Keeper::Host, unless(kept.cpu, &cpu)),
+            state(
+                Limit::Memory,
+                by_kernel(kept.memory),
+                unless(kept.memory, &memory),
+            ),
+            state(
+                Limit::Processes,
+                by_kernel(processes),
+                unless(
+                    processes,
+                    "the kernel does not count this plugin's processes apart from others",
+                ),
+            ),
+            state(Limit::Output, Keeper::Host, None),
+            state(
+                Limit::Disk,
+                by_kernel(own_disk),
+                unless(own_disk, "the scratch folder has no size of its own"),
+            ),
+        ]
+    }
+
+    /// Sets the limits that a group can hold, and notes which those are.
+    fn keep(&mut self, group: Option<&Cgroup>) {
+        let launch = self.launch;
+        let processes = u64::from(launch.policy.processes);
+        let (refused, left_out) = (&self.refused, &self.left_out);
+        let of_group = group.and_then(|group| group.refused().first());
+        let of_group = of_group.map(|(errno, why)| (errno.raw_os_error(), why.as_str()));
+        let of_layer = refused.iter().find(|known| known.layer == Layer::Cgroup);
+        let of_layer = of_layer.map(|known| (known.errno, known.reason.as_str()));
+        let not_asked = left_out.iter().find(|(layer, _)| *layer == Layer::Cgroup);
+        let why_not = match (of_group.or(of_layer), not_asked) {
+            (Some((errno, why)), _) => format!("{}, {why}", errno_name(errno)),
+            (None, Some((_, why))) => (*why).to_owned(),
+            (None, None) => "no group here has the controller".to_owned(),
+        };
+        self.kept = Kept {
+            cpu: group.is_some_and(|group| group.cpu_us().is_some()),
+            memory: group.is_some_and(|group| group.limit_memory(launch.memory_bytes)),
+            processes: group.is_some_and(|group| group.limit_processes(processes)),
+            why_not,
+        };
+    }
+
+    /// Why `strict` does not run here: required layers that were refused, and limits that
+    /// are only watched.
+    fn too_little(&self) -> Option<String> {
+        let layers: Vec<String> = self
+            .refused
+            .iter()
+            .filter(|refusal| refusal.layer.is_required())
+            .map(|refusal| {
+                let errno = errno_name(refusal.errno);
+                format!("{} ({errno}, {})", refusal.layer, refusal.reason)
+            })
+            .collect();
+        let limits: Vec<String> = self
+            .limits()
+            .into_iter()
+            .filter(|state| match state.limit {
+                Limit::Memory => !state.enforced,
+                Limit::Cpu => !state.enforced && self.launch.cpu_is_limited,
+                _ => false,
+            })
+            .map(|state| format!("{} ({})", state.limit, state.reason.unwrap_or_default()))
+            .collect();
+        let parts = [
+            ("refuses layers of the sandbox", layers),
+            ("only watches limits that it should enforce", limits),
+        ];
+        let parts = parts.into_iter().filter(|(_, which)| !which.is_empty());
+        let parts: Vec<String> = parts
+            .map(|(what, which)| format!("this machine {what}: {}", which.join("; ")))
+            .collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
     }
 
     fn not_started(&self, reason: impl Into<String>) -> NotStarted {
@@ -193,7 +313,7 @@ fn is_root() -> bool {
 
 /// How one try ended.
 enum Tried {
-    Started(Jail),
+    Started(Box<Jail>),
     /// To be tried again without a layer.
     Refused(Refusal),
     /// Never mind the layers: this does not start.
@@ -232,13 +352,14 @@ pub(crate) fn start(
         scratch,
         trees: Trees::new(),
         backend: Backend::Own,
+        kept: Kept::default(),
     };
     // What was refused to us before bwrap was tried.
     let mut own: Option<Refusal> = None;
     // Every refusal takes a layer away, so this ends.
     loop {
         let refusal = match attempt.once(become_plugin) {
-            Tried::Started(jail) => return Ok(jail),
+            Tried::Started(jail) => return Ok(*jail),
             Tried::Hopeless(reason) => return Err(attempt.not_started(reason)),
             Tried::Refused(refusal) => refusal,
         };
@@ -266,44 +387,28 @@ pub(crate) fn start(
         }
         if level == Level::Strict && refusal.layer.is_required() {
             attempt.leave_out(refusal);
-            return Err(attempt.not_started(missing(&attempt.refused)));
+            let reason = attempt.too_little().unwrap_or_default();
+            return Err(attempt.not_started(reason));
         }
         attempt.leave_out(refusal);
     }
-}
-
-/// What `strict` says.
-fn missing(refused: &[Refusal]) -> String {
-    let layers: Vec<String> = refused
-        .iter()
-        .filter(|refusal| refusal.layer.is_required())
-        .map(|refusal| {
-            let errno = errno_name(refusal.errno);
-            format!("{} ({errno}, {})", refusal.layer, refusal.reason)
-        })
-        .collect();
-    format!(
-        "this machine refuses layers of the sandbox: {}",
-        layers.join("; ")
-    )
 }
 
 impl Attempt<'_> {
     fn once(&mut self, become_plugin: &dyn Fn() -> std::convert::Infallible) -> Tried {
         let launch = self.launch;
         let own_user = FIRST_USER + std::process::id();
+        let mut group = None;
         if self.wants(Layer::Cgroup) {
             match Cgroup::create(&launch.run) {
-                Ok(group) => {
-                    group.limit(launch.memory_bytes, launch.policy.processes);
-                    return self.with_group(Some(group), own_user, become_plugin);
-                }
+                Ok(made) => group = Some(made),
                 Err((errno, reason)) => {
                     self.leave_out(Refusal::new(Layer::Cgroup, errno, reason));
                 }
             }
         }
-        self.with_group(None, own_user, become_plugin)
+        self.keep(group.as_ref());
+        self.with_group(group, own_user, become_plugin)
     }
 
     fn with_group(
@@ -380,8 +485,7 @@ impl Attempt<'_> {
             self.leave_out(refusal);
         }
         if let Some(group) = &cgroup
-            && !grouped
-            && let Err(error) = group.add(init.as_raw_nonzero().get())
+            && let Err(error) = group.add(init.as_raw_nonzero().get(), grouped)
         {
             return Tried::Refused(Refusal::new(
                 Layer::Cgroup,
@@ -487,12 +591,9 @@ impl Attempt<'_> {
                         self.leave_out(refusal);
                     }
                     if self.launch.policy.level == Level::Strict
-                        && self
-                            .refused
-                            .iter()
-                            .any(|refusal| refusal.layer.is_required())
+                        && let Some(reason) = self.too_little()
                     {
-                        return Tried::Hopeless(missing(&self.refused));
+                        return Tried::Hopeless(reason);
                     }
                     break;
                 }
@@ -514,21 +615,23 @@ impl Attempt<'_> {
         // From here on somebody may want to look into this process, or to write to its files
         // in `/proc`. Not before: telling the kernel who the init is needs the latter.
         let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
+        let cpu_before_us = cgroup.as_ref().and_then(Cgroup::cpu_parts_us);
         if rustix::io::write(gate, b"g").is_err() {
             return Tried::Hopeless("the sandbox is gone".into());
         }
         child.init = None;
-        Tried::Started(Jail {
+        Tried::Started(Box::new(Jail {
             init,
             init_fd,
             link,
             report: self.report(),
             environment: self.launch.grants.environment_digest(),
             cgroup,
+            cpu_before_us,
             view,
             scratch,
             _proc: proc,
-        })
+        }))
     }
 }
 
@@ -572,6 +675,15 @@ impl Jail {
             Some(_) => Ok(News::Other),
             None => Err(Gone),
         }
+    }
+
+    /// Processor time of the plugin in user mode and in the kernel, where its group
+    /// counts it.
+    pub(crate) fn cpu_parts_us(&self) -> Option<(u64, u64)> {
+        let (user, system) = self.cgroup.as_ref()?.cpu_parts_us()?;
+        let (user_before, system_before) = self.cpu_before_us?;
+        let since = |now: u64, before: u64| now.saturating_sub(before);
+        Some((since(user, user_before), since(system, system_before)))
     }
 
     /// Ends everybody: softly first, so that what they used is known, then hard.
@@ -628,14 +740,14 @@ pub(crate) enum News {
 /// The init is no more.
 pub(crate) struct Gone;
 
-/// Like `fork`, into new namespaces, and into the group at once where the kernel can:
-/// moving a process later makes it wait for every processor. Whether it is in the group
-/// comes with it.
+/// Like `fork`, into new namespaces, and into the group of version 2 at once where the
+/// kernel can: moving a process later makes it wait for every processor. Whether it is in
+/// that group comes with it.
 fn copy_process(flags: i32, cgroup: Option<&Cgroup>) -> Result<(i32, bool), Errno> {
     const INTO_CGROUP: u64 = 0x2_0000_0000;
     let group = cgroup.and_then(|group| {
         let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::CLOEXEC;
-        rustix::fs::open(group.folder(), flags, Mode::empty()).ok()
+        rustix::fs::open(group.unified()?, flags, Mode::empty()).ok()
     });
     if let Some(group) = &group {
         // SAFETY: zero is what all the other fields should be.

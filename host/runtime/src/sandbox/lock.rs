@@ -73,7 +73,8 @@ impl Lock<'_> {
         let limits = [
             (Resource::Core, 0),
             (Resource::Fsize, self.file_bytes),
-            (Resource::Nofile, 4096),
+            // What processes write into sockets is in no process: fewer hold less.
+            (Resource::Nofile, 1024),
             (Resource::Memlock, 64 << 10),
             (Resource::Msgqueue, 0),
             (Resource::Rtprio, 0),

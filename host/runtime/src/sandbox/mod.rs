@@ -32,13 +32,16 @@ pub(crate) use grants::{Grants, find_program, interpreter};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
+use crate::monitor::Limit;
+
 /// What to do about layers that the machine refuses.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum Level {
-    /// Refuse to run unless every required layer is active.
+    /// Refuse to run unless every required layer is active, and the kernel enforces the
+    /// limit of memory and counts processor time where that is limited.
     Strict,
     /// As many layers as the machine grants; each loss is recorded.
     #[default]
@@ -67,7 +70,8 @@ pub enum Layer {
     OwnProc,
     /// A user identifier that nobody else has, when the host is root.
     OwnUser,
-    /// A control group: exact accounting, and one switch that ends everybody.
+    /// Control groups: exact accounting, limits by the kernel where there are controllers,
+    /// and a way to end everybody.
     Cgroup,
     /// Limits on core files, file sizes, descriptors, processes, locked memory and pending
     /// signals; first to go when the machine's memory runs out.
@@ -145,8 +149,8 @@ impl Layer {
                  does not bind it"
             }
             Self::Cgroup => {
-                "processor time and memory are read from /proc every few milliseconds instead \
-                 of being counted by the kernel"
+                "limits of processor time and memory are watched, not enforced: /proc is read \
+                 every few milliseconds, and a plugin can hide from that"
             }
             Self::ResourceLimits => "core files and open descriptors are unlimited",
             Self::Capabilities => "the plugin keeps the rights of the host over the machine",
@@ -158,6 +162,10 @@ impl Layer {
         }
     }
 }
+
+/// How a user comes by a control group.
+const OWN_GROUP: &str = "start the host in a group of its own: \
+                         `systemd-run --user --scope -p Delegate=yes fleetyard ...`";
 
 impl Layer {
     /// What a user can do about a refusal by this error.
@@ -199,10 +207,7 @@ impl Layer {
                 "mount control groups of version 2: boot with \
                  `systemd.unified_cgroup_hierarchy=1`"
             }
-            (Self::Cgroup, _) => {
-                "start the host in a group of its own: \
-                 `systemd-run --user --scope -p Delegate=yes fleetyard ...`"
-            }
+            (Self::Cgroup, _) => OWN_GROUP,
             (Self::Landlock, _) => {
                 "a kernel of 5.13 or later with `landlock` in the list of its boot option \
                  `lsm=`; `cat /sys/kernel/security/lsm` shows the list"
@@ -277,7 +282,40 @@ impl Filter {
     }
 }
 
-/// The layers of one run.
+/// Who holds a limit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Keeper {
+    /// The kernel does not give more.
+    Kernel,
+    /// The host or the supervisor looks, and stops the plugin.
+    Host,
+}
+
+/// How well a limit holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LimitState {
+    /// The limit.
+    pub limit: Limit,
+    /// Whether nothing that a plugin does gets past it; otherwise it is watched as well as
+    /// this machine allows.
+    pub enforced: bool,
+    /// Who holds it.
+    pub by: Keeper,
+    /// Why it is only watched.
+    #[serde(default)]
+    pub reason: Option<String>,
+}
+
+impl LimitState {
+    /// What a user can do about a limit that is only watched, if anything.
+    pub fn advice(&self) -> Option<&'static str> {
+        let by_group = matches!(self.limit, Limit::Cpu | Limit::Memory);
+        (by_group && !self.enforced).then_some(OWN_GROUP)
+    }
+}
+
+/// The layers and the limits of one run.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SandboxReport {
     /// What was asked for.
@@ -290,6 +328,9 @@ pub struct SandboxReport {
     pub seccomp: Option<Filter>,
     /// Every layer, in the order of [`Layer::ALL`].
     pub layers: Vec<LayerState>,
+    /// Every limit, whether one was set or not.
+    #[serde(default)]
+    pub limits: Vec<LimitState>,
 }
 
 impl SandboxReport {
@@ -297,6 +338,16 @@ impl SandboxReport {
     pub fn has(&self, layer: Layer) -> bool {
         let mut layers = self.layers.iter();
         layers.any(|state| state.layer == layer && state.active)
+    }
+
+    /// The limits that are only watched.
+    pub fn watched(&self) -> impl Iterator<Item = &LimitState> {
+        self.limits.iter().filter(|state| !state.enforced)
+    }
+
+    /// Whether a limit is only watched.
+    pub fn only_watches(&self, limit: Limit) -> bool {
+        self.watched().any(|state| state.limit == limit)
     }
 
     /// The layers that were asked for and refused.

@@ -188,6 +188,8 @@ const TABLE: &[Group] = &[
             // Whoever opens the file waits for up to a minute.
             &[Is(1, libc::F_SETLEASE as u64)],
             &[Is(1, libc::F_NOTIFY as u64)],
+            // What is in pipes is in no process: it counts by their usual size.
+            &[Is(1, libc::F_SETPIPE_SZ as u64)],
         ]),
         reason: "signals about files, and leases that hold up others",
         calls: &[libc::SYS_fcntl],
@@ -448,7 +450,6 @@ const TABLE: &[Group] = &[
             libc::SYS_getsockname,
             libc::SYS_getpeername,
             libc::SYS_getsockopt,
-            libc::SYS_setsockopt,
         ],
     },
     // ---- What runtimes need ---------------------------------------------------------
@@ -693,18 +694,28 @@ const TABLE: &[Group] = &[
 
 /// For those who were not granted the network. A pair of sockets has no use for the
 /// last of these either.
-const WITHOUT_NETWORK: &[Group] = &[Group {
-    verdict: Refused(EPERM),
-    reason: "reaches others",
-    calls: &[
-        libc::SYS_socket,
-        libc::SYS_connect,
-        libc::SYS_bind,
-        libc::SYS_listen,
-        libc::SYS_accept,
-        libc::SYS_accept4,
-    ],
-}];
+const WITHOUT_NETWORK: &[Group] = &[
+    Group {
+        verdict: Refused(EPERM),
+        reason: "reaches others",
+        calls: &[
+            libc::SYS_socket,
+            libc::SYS_connect,
+            libc::SYS_bind,
+            libc::SYS_listen,
+            libc::SYS_accept,
+            libc::SYS_accept4,
+        ],
+    },
+    Group {
+        verdict: RefusedIf(&[&[
+            Is(1, libc::SOL_SOCKET as u64),
+            Is(2, libc::SO_SNDBUF as u64),
+        ]]),
+        reason: "what is in sockets is in no process: it counts by their usual size",
+        calls: &[libc::SYS_setsockopt],
+    },
+];
 
 /// For those who were.
 const WITH_NETWORK: &[Group] = &[
@@ -734,6 +745,7 @@ const WITH_NETWORK: &[Group] = &[
             libc::SYS_listen,
             libc::SYS_accept,
             libc::SYS_accept4,
+            libc::SYS_setsockopt,
         ],
     },
 ];
