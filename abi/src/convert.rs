@@ -23,12 +23,10 @@ pub const fn size_of<T>() -> u32 {
 /// Checks a pointer and the `struct_size` behind it.
 ///
 /// # Safety
-/// A pointer that is not null points to a structure that begins with a `u32`
+/// A pointer that is neither null nor misaligned points to a structure that begins with a `u32`
 /// `struct_size`, and that is at least as long as it says, for all of `'a`.
 pub unsafe fn checked<'a, T>(name: &str, pointer: *const T) -> Result<&'a T, String> {
-    if pointer.is_null() {
-        return Err(format!("{name} is null"));
-    }
+    can_be_read(name, pointer, 1)?;
     // SAFETY: not null, and the first field is a u32 by the caller's promise.
     let size = unsafe { pointer.cast::<u32>().read() };
     if size != size_of::<T>() {
@@ -41,15 +39,28 @@ pub unsafe fn checked<'a, T>(name: &str, pointer: *const T) -> Result<&'a T, Str
     Ok(unsafe { &*pointer })
 }
 
+/// Whether there may be so many elements behind a pointer at all.
+fn can_be_read<T>(name: &str, pointer: *const T, len: usize) -> Result<(), String> {
+    if pointer.is_null() {
+        return Err(format!("{name} is null"));
+    }
+    if !pointer.is_aligned() {
+        return Err(format!("{name} is not aligned"));
+    }
+    if len > isize::MAX as usize / std::mem::size_of::<T>() {
+        return Err(format!("{name} cannot have {len} elements"));
+    }
+    Ok(())
+}
+
 /// # Safety
-/// A pointer that is not null has `len` elements behind it for all of `'a`.
+/// A pointer that is neither null nor misaligned has `len` elements behind it for all of
+/// `'a`.
 unsafe fn slice<'a, T>(name: &str, pointer: *const T, len: usize) -> Result<&'a [T], String> {
     if len == 0 {
         return Ok(&[]);
     }
-    if pointer.is_null() {
-        return Err(format!("{name} is null"));
-    }
+    can_be_read(name, pointer, len)?;
     // SAFETY: by the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts(pointer, len) })
 }
@@ -63,10 +74,11 @@ unsafe fn copied<T: Copy>(name: &str, pointer: *const T, len: usize) -> Result<V
     if len == 0 {
         return Ok(Vec::new());
     }
-    if pointer.is_null() {
-        return Err(format!("{name} is null"));
-    }
-    let mut copy = Vec::with_capacity(len);
+    can_be_read(name, pointer, len)?;
+    let mut copy = Vec::new();
+    // A plugin that is wrong about its own lists must not end the host.
+    copy.try_reserve_exact(len)
+        .map_err(|_| format!("{name} has {len} elements, for which there is no memory"))?;
     // SAFETY: as promised, and the copy has room for them.
     unsafe {
         std::ptr::copy_nonoverlapping(pointer, copy.as_mut_ptr(), len);
@@ -220,7 +232,7 @@ unsafe fn headings_from_c(
         return Ok(None);
     }
     // SAFETY: by the caller's promise.
-    let codes = unsafe { slice("headings", pointer, agents)? };
+    let codes = unsafe { copied("headings", pointer, agents)? };
     let heading =
         |code: &i32| Heading::from_code(*code).ok_or_else(|| format!("heading {code} is unknown"));
     codes
@@ -230,6 +242,8 @@ unsafe fn headings_from_c(
         .map(Some)
 }
 
+/// Refuses lists of more than `max_cells` cells together before it looks at the cells.
+///
 /// # Safety
 /// `offsets` has `len + 1` elements behind it and `cells` as many as the last of
 /// them says.
@@ -238,14 +252,23 @@ unsafe fn goals_from_c(
     offsets: *const u64,
     cells: *const u32,
     len: usize,
+    max_cells: usize,
 ) -> Result<Goals, String> {
+    let disordered = || format!("the offsets of {name} are out of order");
     // SAFETY: by the caller's promise.
-    let offsets = unsafe { slice(name, offsets, len + 1)? };
-    let total = offsets[len] as usize;
+    let offsets = unsafe { copied(name, offsets, len + 1)? };
+    let total = offsets.last().copied().unwrap_or(0);
+    if offsets.first() != Some(&0) || !offsets.is_sorted() {
+        return Err(disordered());
+    }
+    if total > max_cells as u64 {
+        return Err(format!(
+            "{name} has {total} cells, more than the limit of {max_cells}"
+        ));
+    }
     // SAFETY: by the caller's promise.
-    let cells = unsafe { slice(name, cells, total)? };
-    Goals::from_flat(offsets.to_vec(), cells.to_vec())
-        .ok_or_else(|| format!("the offsets of {name} are out of order"))
+    let cells = unsafe { copied(name, cells, total as usize)? };
+    Goals::from_flat(offsets, cells).ok_or_else(disordered)
 }
 
 fn motion_from_c(code: i32) -> Result<Motion, String> {
@@ -308,17 +331,18 @@ impl CInstance {
 }
 
 impl Instance {
-    /// Copies from the C form, without the environment.
+    /// Copies from the C form, without the environment, then looks at the copies. Refuses
+    /// one with more than `max_cells` cells in its goals.
     ///
     /// # Safety
     /// As [`checked`], and the arrays are as long as the header says.
-    pub unsafe fn from_c(pointer: *const c::Instance) -> Result<Self, String> {
+    pub unsafe fn from_c(pointer: *const c::Instance, max_cells: usize) -> Result<Self, String> {
         // SAFETY: by the caller's promise, here and below.
-        let instance = unsafe { checked("instance", pointer)? };
+        let instance = unsafe { std::ptr::read(checked("instance", pointer)?) };
         let agents = instance.agents as usize;
         // SAFETY: as promised.
         let assignments = unsafe {
-            slice(
+            copied(
                 "instance.assignments",
                 instance.assignments,
                 instance.assignments_count as usize,
@@ -326,7 +350,7 @@ impl Instance {
         };
         Ok(Self {
             // SAFETY: as promised.
-            starts: unsafe { slice("instance.starts", instance.starts, agents)? }.to_vec(),
+            starts: unsafe { copied("instance.starts", instance.starts, agents)? },
             // SAFETY: as promised.
             headings: unsafe { headings_from_c(instance.headings, agents)? },
             // SAFETY: as promised.
@@ -336,6 +360,7 @@ impl Instance {
                     instance.goal_offsets,
                     instance.goals,
                     agents,
+                    max_cells,
                 )?
             },
             motion: motion_from_c(instance.motion)?,
@@ -488,6 +513,7 @@ impl FleetState {
                 state.task_offsets,
                 state.task_cells,
                 tasks,
+                usize::MAX,
             )?
         };
         Ok(Self {
@@ -497,7 +523,15 @@ impl FleetState {
             // SAFETY: as promised.
             headings: unsafe { headings_from_c(state.headings, agents)? },
             // SAFETY: as promised.
-            goals: unsafe { goals_from_c("state.goals", state.goal_offsets, state.goals, agents)? },
+            goals: unsafe {
+                goals_from_c(
+                    "state.goals",
+                    state.goal_offsets,
+                    state.goals,
+                    agents,
+                    usize::MAX,
+                )?
+            },
             tasks: ids
                 .iter()
                 .zip(lists.iter())
@@ -660,7 +694,7 @@ unsafe extern "C" fn submit_instance(pointer: *mut c_void, instance: *const c::I
     // SAFETY: as above.
     let context = unsafe { context(pointer) };
     // SAFETY: as above.
-    match unsafe { Instance::from_c(instance) } {
+    match unsafe { Instance::from_c(instance, context.max_cells) } {
         Ok(instance) => code(context.sink.submit_instance(&instance)),
         Err(fault) => context.broken(fault),
     }

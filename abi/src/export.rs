@@ -412,7 +412,7 @@ unsafe extern "C" fn plan(
         // SAFETY: as in `prepare`.
         let made = unsafe { Made::<dyn Planner>::of(context) };
         // SAFETY: as in `prepare`.
-        let instance = unsafe { Instance::from_c(instance) }.map_err(invalid)?;
+        let instance = unsafe { Instance::from_c(instance, usize::MAX) }.map_err(invalid)?;
         // SAFETY: as in `prepare`.
         let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
         made.prepared()?;
@@ -433,7 +433,7 @@ unsafe extern "C" fn recover(
         // SAFETY: as in `prepare`.
         let made = unsafe { Made::<dyn FailPolicy>::of(context) };
         // SAFETY: as in `prepare`.
-        let instance = unsafe { Instance::from_c(instance) }.map_err(invalid)?;
+        let instance = unsafe { Instance::from_c(instance, usize::MAX) }.map_err(invalid)?;
         // SAFETY: as in `prepare`.
         let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
         let failed = if failed_plan.is_null() {

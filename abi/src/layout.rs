@@ -81,6 +81,9 @@ pub enum LayoutCheck {
 /// `pointer` is what the plugin answered to [`RUST_LAYOUT_ID`]: it points to a
 /// [`RustLayout`] of whatever release.
 pub unsafe fn check(pointer: *const c_void) -> LayoutCheck {
+    if !pointer.cast::<RustLayout>().is_aligned() {
+        return LayoutCheck::NotComparable("its layout table is not aligned".into());
+    }
     // SAFETY: every release begins with the size.
     let size = unsafe { pointer.cast::<u32>().read() };
     if size != size_of::<RustLayout>() {

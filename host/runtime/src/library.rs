@@ -97,6 +97,11 @@ impl Library {
     /// # Safety
     /// As [`Library::from_raw`].
     unsafe fn add(&mut self, entry: *const c::PluginEntry, name: &str) -> Result<(), Fault> {
+        if !entry.is_aligned() {
+            return Err(Fault::refused(format!(
+                "{name}: fleetyard_plugin_entry_v1 is not aligned"
+            )));
+        }
         // The first eight bytes, size and version, are the same in all versions.
         // SAFETY: by the caller's promise.
         let (major, minor) = unsafe {
@@ -393,14 +398,13 @@ impl<T: Raw> Foreign<T> {
             .entry
             .get_factory
             .ok_or_else(|| internal("no factory"))?;
-        // SAFETY: the library was initialised, and the factory checked, when it
-        // was loaded.
+        // SAFETY: the library was initialised when it was loaded.
         let factory = unsafe { get_factory(c::Str::new(T::KIND.factory_id())) };
-        // SAFETY: as above.
-        let factory = unsafe { factory.cast::<T::Factory>().as_ref() };
-        let create = factory
-            .and_then(T::create_of)
-            .ok_or_else(|| internal("no factory"))?;
+        // It was checked then, but it need not be the same one.
+        // SAFETY: the pointer is the answer to that identifier.
+        let factory = unsafe { checked("factory", factory.cast::<T::Factory>()) };
+        let factory = factory.map_err(Failure::broke_contract)?;
+        let create = T::create_of(factory).ok_or_else(|| internal("no factory"))?;
         let context = SinkContext::new(sink, None, MOST_CELLS);
         let sink = context.to_c();
         let mut raw = T::empty();
@@ -429,7 +433,7 @@ impl<T: Raw> Foreign<T> {
         let prepare = prepare.ok_or_else(|| failure(Status::InternalError, "no `prepare`"))?;
         let environment = CEnvironment::new(environment);
         // SAFETY: all arguments live through the call.
-        self.ask(budget, sink, |context, budget, sink| unsafe {
+        self.ask(None, budget, sink, |context, budget, sink| unsafe {
             prepare(context, environment.raw(), budget, sink)
         })?;
         self.environment = Some(environment);
@@ -437,14 +441,16 @@ impl<T: Raw> Foreign<T> {
     }
 
     /// Makes a call that has a budget and a sink, and turns its status into a
-    /// result. `call` gets the context and both in their C form.
+    /// result. `call` gets the context and both in their C form. Plans are for `agents`
+    /// agents, where plans are asked for: others are refused before they are read.
     fn ask(
         &self,
+        agents: Option<usize>,
         budget: &Budget,
         sink: &dyn Sink,
         call: impl FnOnce(*mut c_void, &c::Budget, &c::Sink) -> i32,
     ) -> Result<(), Failure> {
-        let context = SinkContext::new(sink, None, MOST_CELLS);
+        let context = SinkContext::new(sink, agents, MOST_CELLS);
         let code = call(self.raw.context(), &budget.to_c(), &context.to_c());
         result(code, &context)
     }
@@ -500,9 +506,10 @@ impl Planner for Foreign<c::Planner> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let plan = self.raw.plan.ok_or_else(|| missing("plan"))?;
+        let agents = Some(instance.agents());
         let instance = CInstance::new(instance, self.environment()?);
         // SAFETY: all arguments live through the call.
-        self.ask(budget, sink, |context, budget, sink| unsafe {
+        self.ask(agents, budget, sink, |context, budget, sink| unsafe {
             plan(context, instance.raw(), budget, sink)
         })
     }
@@ -526,11 +533,12 @@ impl FailPolicy for Foreign<c::FailPolicy> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let recover = self.raw.recover.ok_or_else(|| missing("recover"))?;
+        let agents = Some(instance.agents());
         let instance = CInstance::new(instance, self.environment()?);
         let failed = failed.map(PlanRef::to_c);
         let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);
         // SAFETY: all arguments live through the call.
-        self.ask(budget, sink, |context, budget, sink| unsafe {
+        self.ask(agents, budget, sink, |context, budget, sink| unsafe {
             recover(context, instance.raw(), failed, budget, sink)
         })
     }
@@ -555,7 +563,7 @@ impl InstanceGenerator for Foreign<c::InstanceGenerator> {
         let generate = self.raw.generate.ok_or_else(|| missing("generate"))?;
         let state = CFleetState::new(state, self.environment()?);
         // SAFETY: all arguments live through the call.
-        self.ask(budget, sink, |context, budget, sink| unsafe {
+        self.ask(None, budget, sink, |context, budget, sink| unsafe {
             generate(context, state.raw(), budget, sink)
         })
     }
