@@ -152,6 +152,36 @@ fn a_killed_run_goes_on_as_if_nothing_had_been() {
 }
 
 #[test]
+fn a_planner_that_remembers_cannot_be_resumed_in_silence() {
+    for (fault, is_told) in [("none", false), ("remembers", true)] {
+        let yard = Yard::new();
+        let asked = format!("--duration 20s --option fault={fault} --record run");
+        let whole = yard.run(&run(&asked)).expect(SUCCESS).json();
+        let text = String::from_utf8(yard.read("run")).unwrap();
+        let lines: Vec<&str> = text.split_inclusive('\n').collect();
+        assert!(lines.len() > 8, "{text}");
+        yard.write("part", lines[..5].concat());
+        let resumed = yard
+            .line("fleet --resume part --format json")
+            .expect(SUCCESS);
+        let told = resumed.stderr.contains("answered otherwise than recorded");
+        assert_eq!(told, is_told, "{fault}: {resumed}");
+        let counts = &resumed.json()["metrics"]["event_counts"]["resumed-otherwise"];
+        assert_eq!(counts.as_u64(), is_told.then_some(1), "{fault}: {resumed}");
+        if !is_told {
+            assert_eq!(digest(&whole), digest(&resumed.json()), "{fault}");
+        }
+        // It stays in the recording.
+        let replayed = yard
+            .line("fleet --replay part --format json")
+            .expect(SUCCESS)
+            .json();
+        let again = &replayed["metrics"]["event_counts"]["resumed-otherwise"];
+        assert_eq!(again.as_u64(), is_told.then_some(1), "{fault}");
+    }
+}
+
+#[test]
 fn an_interrupted_run_has_results_and_can_go_on() {
     if is_ignored("INT") {
         return;

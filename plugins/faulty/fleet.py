@@ -84,7 +84,14 @@ class Planner(Faulty, fleetyard.Planner):
     description = "A planner that fails as asked."
     capabilities = CAPABILITIES
     options_schema = schema(
-        "crash", "late", "fails", "gives-up", "nonsense", "collide", "collide-and-give-up"
+        "crash",
+        "late",
+        "fails",
+        "gives-up",
+        "nonsense",
+        "collide",
+        "collide-and-give-up",
+        "remembers",
     )
 
     def plan(self, instance, budget, context):
@@ -98,7 +105,9 @@ class Planner(Faulty, fleetyard.Planner):
         if fault == "collide-and-give-up":
             context.incumbent(self.collide(instance))
             raise fleetyard.GaveUp("its paths collide")
-        return self.walk(instance)
+        # Robots wait longer from call to call.
+        waits = min(self.calls, 6) if fault == "remembers" else 0
+        return [path[:1] * waits + path for path in self.walk(instance)]
 
 
 class Alone(Planner):

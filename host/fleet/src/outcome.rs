@@ -47,6 +47,9 @@ pub enum EventKind {
     NotRestarted,
     /// Robots that would have moved round in a ring were held before it.
     RingsCut,
+    /// A planner that was started anew for a run that goes on answers otherwise than it did
+    /// when the run was recorded.
+    ResumedOtherwise,
 }
 
 impl EventKind {
@@ -66,6 +69,7 @@ impl EventKind {
             Self::Restarted => "restarted",
             Self::NotRestarted => "not-restarted",
             Self::RingsCut => "rings-cut",
+            Self::ResumedOtherwise => "resumed-otherwise",
         }
     }
 }

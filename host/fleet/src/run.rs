@@ -22,7 +22,7 @@ use crate::assign::{Assigner, Source};
 use crate::batch::{Batch, judge};
 use crate::call::{Answer, Desk, Question, ask};
 use crate::modules::{Module, ModuleInfo, Modules};
-use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
+use crate::recording::{By, End, Header, Notice, Recording, Round, from_moves, to_moves};
 use crate::series::Tally;
 use crate::{
     Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
@@ -87,6 +87,11 @@ pub trait Watch {
     fn end(&mut self, end: &End) -> Result<(), InputError> {
         let _ = end;
         Ok(())
+    }
+
+    /// What the rest of the run is worth less for.
+    fn doubt(&mut self, notice: &Notice) {
+        let _ = notice;
     }
 
     /// A plugin was ended.
@@ -200,6 +205,8 @@ struct Run<'a> {
     replays: bool,
     /// What is repeated: the recording and its next call.
     past: Option<(Recording, Option<Round>)>,
+    /// What is to be told with the first call after the recording.
+    doubts: Vec<Notice>,
     thread: Option<Thread>,
     /// Blocks in all, and of a planner's limit.
     blocks: u64,
@@ -263,6 +270,7 @@ impl<'a> Run<'a> {
             infos,
             replays: modules.is_none(),
             past,
+            doubts: Vec::new(),
             thread: None,
             blocks,
             block: 0,
@@ -431,29 +439,41 @@ impl<'a> Run<'a> {
             if round.effect != self.block {
                 return Ok(true);
             }
+            let again = asks_again(self.thread.as_ref(), recording, round);
             let round = std::mem::replace(next, recording.next()?).ok_or_else(broken)?;
+            if again {
+                let Some(answer) = self.wait(watch)? else {
+                    return Ok(false);
+                };
+                let doubt = self.doubt(&round, &answer);
+                if let Some(doubt) = &doubt {
+                    watch.doubt(doubt);
+                }
+                self.doubts.extend(doubt);
+            }
+            let (Some(under), Some((recording, _))) = (&self.under, &self.past) else {
+                return Err(broken());
+            };
             let batch = recorded_batch(self.ground.grid, self.config, &under.cut, &round)
                 .map_err(|reason| at(recording, &round, reason))?;
             self.under = None;
             self.effect(&round, batch)?;
             return Ok(true);
         }
-        let thread = self.thread.as_ref().ok_or_else(broken)?;
         let answer = match self.config.clock {
             Clock::Lockstep if self.block < under.block + self.limit => return Ok(true),
-            Clock::Lockstep => loop {
-                match thread.answers.recv_timeout(Duration::from_millis(100)) {
-                    Ok(answer) => break answer,
-                    Err(RecvTimeoutError::Timeout) if watch.is_interrupted() => return Ok(false),
-                    Err(RecvTimeoutError::Timeout) => {}
-                    Err(RecvTimeoutError::Disconnected) => return Err(broken()),
+            Clock::Lockstep => match self.wait(watch)? {
+                Some(answer) => answer,
+                None => return Ok(false),
+            },
+            Clock::Realtime => {
+                let thread = self.thread.as_ref().ok_or_else(broken)?;
+                match thread.answers.try_recv() {
+                    Ok(answer) => answer,
+                    Err(TryRecvError::Empty) => return Ok(true),
+                    Err(TryRecvError::Disconnected) => return Err(broken()),
                 }
-            },
-            Clock::Realtime => match thread.answers.try_recv() {
-                Ok(answer) => answer,
-                Err(TryRecvError::Empty) => return Ok(true),
-                Err(TryRecvError::Disconnected) => return Err(broken()),
-            },
+            }
         };
         let under = self.under.take().ok_or_else(broken)?;
         let mut notices = under.opening;
@@ -479,6 +499,42 @@ impl<'a> Run<'a> {
         watch.round(&round)?;
         self.effect(&round, answer.batch)?;
         Ok(true)
+    }
+
+    /// Waits for the answer to the call that is under way; none if the run was told to end.
+    fn wait(&self, watch: &mut dyn Watch) -> Result<Option<Answer>, FleetError> {
+        let thread = self.thread.as_ref().ok_or_else(broken)?;
+        loop {
+            match thread.answers.recv_timeout(Duration::from_millis(100)) {
+                Ok(answer) => return Ok(Some(answer)),
+                Err(RecvTimeoutError::Timeout) if watch.is_interrupted() => return Ok(None),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(broken()),
+            }
+        }
+    }
+
+    /// What is to be said of an answer that differs from the one that was recorded.
+    fn doubt(&self, round: &Round, answer: &Answer) -> Option<Notice> {
+        let plan = answer.batch.as_ref().map(Batch::plan);
+        let paths = plan.and_then(|plan| to_moves(plan, self.ground.grid.cols()));
+        let same = answer.by == round.by
+            && answer.assignments == round.assignments
+            && answer.window_steps == round.window_steps
+            && paths == round.paths;
+        (!same).then(|| Notice {
+            kind: EventKind::ResumedOtherwise,
+            module: self
+                .infos
+                .first()
+                .map_or("host".into(), |info| info.id.clone()),
+            message: format!(
+                "started anew and asked call {} again, it answered otherwise than recorded: the \
+                 planner or the generator remembers earlier calls, or depends on the clock, and \
+                 the run goes on otherwise than it would have",
+                round.call
+            ),
+        })
     }
 
     fn effect(&mut self, round: &Round, batch: Option<Batch>) -> Result<(), FleetError> {
@@ -538,7 +594,7 @@ impl<'a> Run<'a> {
         if self.thread.is_none() || self.block + self.limit >= self.blocks {
             return Ok(());
         }
-        let mut opening = Vec::new();
+        let mut opening = std::mem::take(&mut self.doubts);
         let invoke = self.calls == 0 || self.policy_invokes(&mut opening)?;
         let idle_s = (self.idle.saturating_sub(1)) as f64 * period_s;
         if !invoke && idle_s >= self.config.watchdog_s {
@@ -551,6 +607,7 @@ impl<'a> Run<'a> {
                 ),
             });
         } else if !invoke {
+            self.doubts = opening;
             return Ok(());
         }
         self.call(opening)
@@ -607,12 +664,15 @@ impl<'a> Run<'a> {
         let goals = self
             .assigner
             .upcoming(&cut.cells, &cut.next_goal, window_steps);
+        let mut asks = true;
         if let Some((recording, Some(round))) = &self.past {
             if round.state != state {
                 let reason = "the fleet is in another state than when this was recorded";
                 return Err(at(recording, round, reason.into()));
             }
-        } else {
+            asks = asks_again(self.thread.as_ref(), recording, round);
+        }
+        if asks {
             let question = Question {
                 number,
                 state: FleetState {
@@ -755,6 +815,13 @@ impl<'a> Run<'a> {
             waiting_s_per_cell,
         })
     }
+}
+
+/// Whether plugins that were started anew are asked a recorded call again: the last one, if
+/// the planner had answered it, so that the answers can be compared.
+fn asks_again(thread: Option<&Thread>, recording: &Recording, round: &Round) -> bool {
+    let is_last = round.call + 1 == recording.rounds();
+    thread.is_some() && is_last && round.by == By::Planner
 }
 
 /// The plan of a recorded call, judged anew: a file may say anything.

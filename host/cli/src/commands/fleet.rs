@@ -13,7 +13,7 @@ use fleetyard_core::formats::load_lorr_tasks;
 use fleetyard_core::{Grid, InputError, load_map};
 use fleetyard_fleet::{
     Allowance, CallTimes, End, Ended, FleetConfig, FleetOutcome, Ground, ModuleInfo, Modules,
-    Point, Recorder, Recording, Round, Watch, replay, resume, run,
+    Notice, Point, Recorder, Recording, Round, Watch, replay, resume, run,
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
 use fleetyard_sim::motion::load_fleet;
@@ -394,7 +394,14 @@ impl Watch for Watcher<'_> {
         }
     }
 
+    fn doubt(&mut self, notice: &Notice) {
+        output::warning(&format!("{}: {}", notice.module, notice.message));
+    }
+
     fn closed(&mut self, info: &ModuleInfo, closing: Closing) {
+        for promise in &closing.broken_promises {
+            output::warning(&format!("{}: {promise}", info.id));
+        }
         if !self.verbose {
             return;
         }
