@@ -1,13 +1,13 @@
 //! Whole files in and out: bounded reading with helpful errors, and writing
 //! that never leaves half a file behind.
 
-use std::fs::{self, File, FileType};
+use std::fs::{self, File, FileType, TryLockError};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 
-use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use rustix::fs::{AtFlags, CWD, Mode, OFlags, fcntl_getfl, fcntl_setfl};
 
 use crate::InputError;
 
@@ -160,8 +160,10 @@ fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
-/// Writes a file as a whole or not at all: the bytes go to a temporary file in
-/// the same folder, which then takes the name.
+/// Writes a file as a whole or not at all: the bytes go to a file without a name in the
+/// same folder, which then takes it. Where a file system has no such files, and for the
+/// moment in which an old file is replaced, it has a temporary name; what a killed process
+/// leaves of that is removed when the same file is written again.
 ///
 /// A reader sees the old content or the new, never a part. Existing permissions
 /// of a replaced file are kept.
@@ -184,18 +186,31 @@ struct Staged {
     /// As the user named it.
     path: PathBuf,
     target: PathBuf,
-    /// `None` once it has its name, or if it needs none.
-    temporary: Option<PathBuf>,
+    content: Content,
+}
+
+enum Content {
+    /// It is where it belongs.
+    There,
+    /// In a file without a name: nothing of it is left, however this process ends.
+    Unnamed(File),
+    /// In a file with a temporary name, locked as long as somebody needs it.
+    Temporary(File, PathBuf),
 }
 
 impl Staged {
     fn new(path: &Path, bytes: &[u8]) -> Result<Self, InputError> {
-        static SERIAL: AtomicU32 = AtomicU32::new(0);
-        let Some(file_name) = path.file_name() else {
+        if path.file_name().is_none() {
             return Err(InputError::new(
                 path.display().to_string(),
                 "this does not name a file",
             ));
+        }
+        let failed = |error: io::Error| write_error(path, &error);
+        let mut staged = Self {
+            path: path.to_owned(),
+            target: path.to_owned(),
+            content: Content::There,
         };
         // A device or a pipe (`/dev/stdout`) cannot be replaced by renaming.
         let old = fs::metadata(path).ok();
@@ -205,26 +220,21 @@ impl Staged {
         if old.as_ref().is_some_and(|meta| !meta.is_file()) {
             create_output(path)
                 .and_then(|mut file| file.write_all(bytes))
-                .map_err(|error| write_error(path, &error))?;
-            return Ok(Self {
-                path: path.to_owned(),
-                target: path.to_owned(),
-                temporary: None,
-            });
+                .map_err(failed)?;
+            return Ok(staged);
         }
         // Through a symbolic link, the file it points to is replaced.
-        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
-        let mut temporary_name = std::ffi::OsString::from(".");
-        temporary_name.push(file_name);
-        temporary_name.push(format!(".{}-{serial}.tmp", std::process::id()));
-        let temporary = folder_of(&target).join(temporary_name);
-        let mut file = File::create_new(&temporary).map_err(|error| write_error(path, &error))?;
-        // From here on, dropping it removes the temporary file.
-        let staged = Self {
-            path: path.to_owned(),
-            target,
-            temporary: Some(temporary),
+        if let Ok(target) = fs::canonicalize(path) {
+            staged.target = target;
+        }
+        staged.remove_abandoned();
+        // From here on, dropping it removes what has a temporary name.
+        staged.content = match unnamed(&folder_of(&staged.target)) {
+            Some(file) => Content::Unnamed(file),
+            None => staged.temporary(create_locked).map_err(failed)?,
+        };
+        let (Content::Unnamed(file) | Content::Temporary(file, _)) = &mut staged.content else {
+            return Ok(staged);
         };
         let written = (|| {
             file.write_all(bytes)?;
@@ -233,22 +243,124 @@ impl Staged {
             }
             file.sync_all()
         })();
-        written.map_err(|error| write_error(path, &error))?;
+        written.map_err(failed)?;
         Ok(staged)
     }
 
     fn commit(mut self) -> Result<(), InputError> {
-        if let Some(temporary) = &self.temporary {
-            fs::rename(temporary, &self.target).map_err(|error| write_error(&self.path, &error))?;
-            self.temporary = None;
+        self.take_name()
+            .map_err(|error| write_error(&self.path, &error))
+    }
+
+    fn take_name(&mut self) -> io::Result<()> {
+        if let Content::Unnamed(file) = &self.content {
+            match name(file, &self.target) {
+                // Nothing was there that would have to be replaced.
+                Ok(()) => {
+                    self.content = Content::There;
+                    return Ok(());
+                }
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+            }
+            // Nobody else takes it for abandoned.
+            let _ = file.try_lock();
+            self.content = self.temporary(|path| {
+                name(file, path)?;
+                file.try_clone()
+            })?;
         }
+        if let Content::Temporary(_, temporary) = &self.content {
+            fs::rename(temporary, &self.target)?;
+        }
+        self.content = Content::There;
         Ok(())
+    }
+
+    /// The temporary names that the file may have.
+    fn temporary_names(&self) -> impl Iterator<Item = PathBuf> + use<> {
+        /// Most processes that write one file at the same time.
+        const MOST: usize = 256;
+        let file_name = self.target.file_name().unwrap_or_default().to_owned();
+        let folder = folder_of(&self.target);
+        (0..MOST).map(move |number| {
+            let mut name = std::ffi::OsString::from(".");
+            name.push(&file_name);
+            name.push(format!(".{number}.tmp"));
+            folder.join(name)
+        })
+    }
+
+    /// Makes a file under the first temporary name that is free.
+    fn temporary(&self, make: impl Fn(&Path) -> io::Result<File>) -> io::Result<Content> {
+        for path in self.temporary_names() {
+            match make(&path) {
+                Ok(file) => return Ok(Content::Temporary(file, path)),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Err(io::ErrorKind::AlreadyExists.into())
+    }
+
+    /// Removes what processes that were killed have left of the file.
+    fn remove_abandoned(&self) {
+        for path in self.temporary_names() {
+            // Whatever else somebody has put there is not ours.
+            let Ok(file) = open_regular(&path) else {
+                return;
+            };
+            // Whoever is writing it has it locked.
+            if file.try_lock().is_ok() && is_at(&file, &path) {
+                let _ = fs::remove_file(&path);
+            }
+        }
+    }
+}
+
+/// A file without a name, where the system has them.
+fn unnamed(folder: &Path) -> Option<File> {
+    let flags = OFlags::TMPFILE | OFlags::WRONLY | OFlags::CLOEXEC;
+    let file = rustix::fs::open(folder, flags, Mode::from_raw_mode(0o666)).ok()?;
+    let file = File::from(file);
+    // It gets its name through there.
+    Path::new(&by_descriptor(&file)).exists().then_some(file)
+}
+
+fn by_descriptor(file: &File) -> String {
+    format!("/proc/self/fd/{}", file.as_raw_fd())
+}
+
+/// Gives a file a name that is free.
+fn name(file: &File, path: &Path) -> io::Result<()> {
+    let from = by_descriptor(file);
+    rustix::fs::linkat(CWD, from, CWD, path, AtFlags::SYMLINK_FOLLOW)?;
+    Ok(())
+}
+
+/// Makes a file that nobody takes for abandoned.
+fn create_locked(path: &Path) -> io::Result<File> {
+    let file = File::create_new(path)?;
+    // Where nothing can be locked, nothing is removed either.
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) || !is_at(&file, path) {
+        // Somebody was faster, and removes it.
+        return Err(io::ErrorKind::AlreadyExists.into());
+    }
+    Ok(file)
+}
+
+/// Whether the file is the one that has the name.
+fn is_at(file: &File, path: &Path) -> bool {
+    let identity = |meta: fs::Metadata| (meta.dev(), meta.ino());
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(file), Ok(there)) => identity(file) == identity(there),
+        _ => false,
     }
 }
 
 impl Drop for Staged {
     fn drop(&mut self) {
-        if let Some(temporary) = &self.temporary {
+        if let Content::Temporary(_, temporary) = &self.content {
             // Best effort: the error that is reported is the one that matters.
             let _ = fs::remove_file(temporary);
         }
@@ -346,8 +458,6 @@ pub(crate) fn cut(text: &str, longest: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::os::fd::AsRawFd;
-
     use super::*;
 
     #[test]
@@ -392,5 +502,68 @@ mod tests {
         let mut read = String::new();
         (&reader).take(4).read_to_string(&mut read).unwrap();
         assert_eq!(read, "text");
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn what_killed_processes_left_goes_when_the_file_is_written_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.json");
+        for number in 0..3 {
+            let name = format!(".out.json.{number}.tmp");
+            fs::write(folder.path().join(name), "half").unwrap();
+        }
+        // Somebody is still writing this one, and that one is of another file.
+        let busy = File::open(folder.path().join(".out.json.1.tmp")).unwrap();
+        busy.lock().unwrap();
+        fs::write(folder.path().join(".other.json.0.tmp"), "half").unwrap();
+        for text in ["one", "two"] {
+            write_atomically(&path, text.as_bytes()).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+            let left = [".other.json.0.tmp", ".out.json.1.tmp", "out.json"];
+            assert_eq!(names(folder.path()), left);
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_not_committed_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.json");
+        fs::write(&path, "old").unwrap();
+        drop(Staged::new(&path, b"new").unwrap());
+        // As where no file is without a name.
+        let mut staged = Staged::new(&path, b"").unwrap();
+        staged.content = staged.temporary(create_locked).unwrap();
+        assert_eq!(names(folder.path()), [".out.json.0.tmp", "out.json"]);
+        drop(staged);
+        assert_eq!(names(folder.path()), ["out.json"]);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+    }
+
+    #[test]
+    fn many_writers_of_one_file_leave_one_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out");
+        std::thread::scope(|scope| {
+            for writer in 0..8_u8 {
+                let path = &path;
+                scope.spawn(move || {
+                    for _ in 0..50 {
+                        write_atomically(path, &[writer; 4096]).unwrap();
+                    }
+                });
+            }
+        });
+        assert_eq!(names(folder.path()), ["out"]);
+        let bytes = fs::read(&path).unwrap();
+        assert!(bytes.len() == 4096 && bytes.iter().all(|byte| *byte == bytes[0]));
     }
 }
