@@ -194,6 +194,8 @@ GROUPS = {
                 ("many-files", "cpr", "count=100000", "--disk 16MiB"),
             ]
         ),
+        Behaviour("closed-folders", "c"),
+        Behaviour("closed-folders", "c", flags="--sandbox none"),
     ],
     "Files": [
         attempt("write-outside", "cpr", "target={precious}"),
@@ -263,6 +265,21 @@ GROUPS = {
         Behaviour("changes-plan-after", "c"),
         Behaviour("changes-plan-during", "c"),
         Behaviour("shrinks-plan", "c"),
+    ],
+    "Its process": [
+        # None of it is anybody else's; traps may end the worker, and so may the timer.
+        Behaviour("leaves-ftz", "c"),
+        Behaviour("leaves-rounding", "c"),
+        Behaviour("leaves-traps", "c"),
+        Behaviour("leaves-umask", "c"),
+        Behaviour("leaves-cwd", "c"),
+        Behaviour("leaves-signals", "c"),
+        Behaviour("leaves-locale", "c"),
+        Behaviour("leaves-limits", "c"),
+        Behaviour("leaves-environment", "c"),
+        Behaviour("leaves-timer", "c"),
+        Behaviour("leaves-streams", "c"),
+        Behaviour("leaves-thread", "c"),
     ],
     "While being loaded": [
         # The fault comes by the environment, so that it happens in a constructor.

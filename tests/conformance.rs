@@ -602,6 +602,18 @@ fn faulty_programs_fail_what_they_break() {
 }
 
 #[test]
+fn a_library_that_changes_the_hosts_process_fails_one_case() {
+    let library = faulty_library().display().to_string();
+    let some = "--attach in-process --only host-process --only one-cell --option";
+    for fault in ["leaves-umask", "leaves-signals"] {
+        let document = check(&library, &format!("{some} fault={fault}"), PLUGIN);
+        assert_eq!(bad(&document), expected("host-process"), "{fault}");
+    }
+    let document = check(&library, &format!("{some} fault=none"), SUCCESS);
+    assert_eq!(bad(&document), BTreeSet::new());
+}
+
+#[test]
 fn a_crash_in_the_hosts_own_process_takes_one_case_with_it() {
     let library = faulty_library().display().to_string();
     let arguments = "--attach in-process --option fault=crash --only handshake --only one-cell \

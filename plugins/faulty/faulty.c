@@ -43,6 +43,7 @@
 #include <inttypes.h>
 #include <linux/filter.h>
 #include <linux/perf_event.h>
+#include <locale.h>
 #include <netinet/in.h>
 #include <pthread.h>
 #include <pwd.h>

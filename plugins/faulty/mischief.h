@@ -42,7 +42,8 @@
   F("closes-everything", closes_everything)                                            \
   /* files */                                                                          \
   F("huge-file", huge_file) F("unlinked-file", unlinked_file)                          \
-  F("many-files", many_files) F("write-outside", write_outside)                        \
+  F("many-files", many_files) F("closed-folders", closed_folders)                      \
+  F("write-outside", write_outside)                                                    \
   F("remove-outside", remove_outside) F("read-file", read_file)                        \
   F("list-folder", list_folder) F("kernel-files", kernel_files)                        \
   F("inherited", inherited) F("getenv", own_environment)                               \
@@ -66,7 +67,14 @@
   F("realtime", realtime) F("raise-limits", raise_limits) F("aio", aio)                \
   F("personality", old_personality) F("memory-policy", memory_policy)                  \
   F("seccomp-listener", seccomp_listener) F("new-calls", new_calls)                    \
-  F("undumpable", undumpable) F("oom-score", oom_score) F("proc-files", proc_files)
+  F("undumpable", undumpable) F("oom-score", oom_score) F("proc-files", proc_files)\
+  /* what is its process's */                                                          \
+  F("leaves-ftz", leaves_ftz) F("leaves-rounding", leaves_rounding)                    \
+  F("leaves-traps", leaves_traps) F("leaves-umask", leaves_umask)                      \
+  F("leaves-cwd", leaves_cwd) F("leaves-signals", leaves_signals)                      \
+  F("leaves-locale", leaves_locale) F("leaves-limits", leaves_limits)                  \
+  F("leaves-environment", leaves_environment) F("leaves-timer", leaves_timer)          \
+  F("leaves-streams", leaves_streams) F("leaves-thread", leaves_thread)
 
 /* ---- Help for the faults --------------------------------------------------- */
 
@@ -840,6 +848,30 @@ static void many_files(const Faulty *faulty, const FleetyardSink *sink) {
   took(sink, made, wanted, folder);
 }
 
+/* Folders in each other, deeper than a path can be long, that let nobody in. */
+static void closed_folders(const Faulty *faulty, const FleetyardSink *sink) {
+  char name[101];
+  int at = open(scratch(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  (void)faulty;
+  memset(name, 'd', sizeof name - 1);
+  name[sizeof name - 1] = 0;
+  bool reached = at >= 0;
+  for (int depth = 0; depth < 200 && reached; depth++) {
+    int file = openat(at, "fy-file", O_WRONLY | O_CREAT | O_CLOEXEC, 0);
+    int inner = -1;
+    if (mkdirat(at, name, 0700) == 0)
+      inner = openat(at, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    reached = inner >= 0 && fchmod(at, 0) == 0;
+    if (file >= 0)
+      close(file);
+    close(at);
+    at = inner;
+  }
+  report(sink, reached, "closed folders");
+  if (at >= 0)
+    close(at);
+}
+
 static const char *target_or(const Faulty *faulty, const char *otherwise) {
   return *faulty->target ? faulty->target : otherwise;
 }
@@ -1504,6 +1536,118 @@ static void proc_files(const Faulty *faulty, const FleetyardSink *sink) {
   }
   errno = reason;
   report(sink, false, "files of the kernel in /proc");
+}
+
+/* ---- What is its process's ------------------------------------------------- */
+
+/* The bits are those of the register that says how numbers are computed. */
+static void compute_with(uint32_t on, uint32_t off) {
+#if defined(__x86_64__)
+  __builtin_ia32_ldmxcsr((__builtin_ia32_stmxcsr() | on) & ~off);
+#elif defined(__aarch64__)
+  uint64_t bits;
+  __asm__ volatile("mrs %0, fpcr" : "=r"(bits));
+  __asm__ volatile("msr fpcr, %0" : : "r"((bits | on) & ~(uint64_t)off));
+#endif
+}
+
+#if defined(__aarch64__)
+enum { FLUSHED = 1 << 24, UPWARDS = 1 << 22, MASKED = 0, TRAPPED = 0x9F00 };
+#else
+enum { FLUSHED = 0x8040, UPWARDS = 2 << 13, MASKED = 0x1F80, TRAPPED = 0 };
+#endif
+
+/* As a library does on being loaded when it was linked with -ffast-math. */
+static void leaves_ftz(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  (void)sink;
+  compute_with(FLUSHED, 0);
+}
+
+static void leaves_rounding(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  (void)sink;
+  compute_with(UPWARDS, 0);
+}
+
+/* Every result that is not exact is a signal from here on. */
+static void leaves_traps(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  (void)sink;
+  compute_with(TRAPPED, MASKED);
+}
+
+static void leaves_umask(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  (void)sink;
+  umask(0777);
+}
+
+static void leaves_cwd(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  report(sink, chdir("/") == 0, "another working directory");
+}
+
+static void leaves_signals(const Faulty *faulty, const FleetyardSink *sink) {
+  sigset_t all;
+  (void)faulty;
+  (void)sink;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, NULL);
+  signal(SIGINT, SIG_IGN);
+  signal(SIGTERM, SIG_IGN);
+}
+
+static void leaves_locale(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  bool process = setlocale(LC_ALL, "C.UTF-8") != NULL;
+  locale_t own = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+  bool thread = own && uselocale(own) != (locale_t)0;
+  report(sink, process || thread, "another locale");
+}
+
+static void leaves_limits(const Faulty *faulty, const FleetyardSink *sink) {
+  const int limits[] = {RLIMIT_FSIZE, RLIMIT_NOFILE};
+  bool reached = true;
+  (void)faulty;
+  for (size_t i = 0; i < sizeof limits / sizeof *limits; i++) {
+    struct rlimit limit;
+    long which = limits[i];
+    reached = syscall(SYS_prlimit64, 0L, which, NULL, &limit) == 0 && reached;
+    limit.rlim_cur = 0;
+    reached = syscall(SYS_prlimit64, 0L, which, &limit, NULL) == 0 && reached;
+  }
+  report(sink, reached, "lower limits");
+}
+
+static void leaves_environment(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  report(sink, setenv("FY_LEFT", "left", 1) == 0 && unsetenv("PATH") == 0, "another environment");
+}
+
+/* The signal ends whoever has no handler for it. */
+static void leaves_timer(const Faulty *faulty, const FleetyardSink *sink) {
+  const struct itimerval soon = {{0, 0}, {0, 100000}};
+  (void)faulty;
+  report(sink, setitimer(ITIMER_REAL, &soon, NULL) == 0, "a timer");
+}
+
+static void leaves_streams(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  report(sink, nothing >= 0 && dup2(nothing, 1) == 1, "another standard output");
+}
+
+static void leaves_thread(const Faulty *faulty, const FleetyardSink *sink) {
+  cpu_set_t cpus, one;
+  (void)faulty;
+  CPU_ZERO(&one);
+  sched_getaffinity(0, sizeof cpus, &cpus);
+  for (int cpu = 0; cpu < CPU_SETSIZE && CPU_COUNT(&one) == 0; cpu++)
+    if (CPU_ISSET(cpu, &cpus))
+      CPU_SET(cpu, &one);
+  prctl(PR_SET_NAME, "left");
+  report(sink, sched_setaffinity(0, sizeof one, &one) == 0, "one processor alone");
 }
 
 /* ---- The table ------------------------------------------------------------- */

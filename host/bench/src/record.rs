@@ -8,7 +8,7 @@ use fleetyard_check::{PathRule, Verdict, Violation};
 use fleetyard_core::Digest;
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{
-    Attach, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source, Termination, Usage,
+    Attach, BrokenPromise, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source, Termination, Usage,
 };
 use fleetyard_sim::Policy;
 use serde::Serialize;
@@ -50,6 +50,8 @@ pub struct Record {
     pub claimed_metrics: BTreeMap<String, f64>,
     /// What it claims, held against what the host found.
     pub claims: Vec<Claim>,
+    /// What of the host's process it did not leave as it was, where it was called there.
+    pub broken_promises: Vec<BrokenPromise>,
     /// What the plugin's processes used in all; absent in process, and while they are kept.
     pub resources: Option<Usage>,
     /// How times were taken.
@@ -462,6 +464,9 @@ impl Record {
         }
         for claim in self.disagreements() {
             line("false claim", claim.to_string());
+        }
+        for promise in &self.broken_promises {
+            line("broken promise", promise.to_string());
         }
         let metrics = &self.metrics;
         let bound = metrics.lower_bound_steps;

@@ -214,6 +214,8 @@ impl Trial<'_> {
         let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
         let attach = running.attach;
         let sandbox = running.session.sandbox().cloned();
+        // Now, so that nothing that it left is there while its plan is judged and executed.
+        let mut broken_promises = running.session.broken_promises().to_vec();
         // A planner that failed, or whose limits were exceeded, starts anew next time.
         let closing = if keep && run.fault.is_none() && run.limit.is_none() {
             *kept = Some(running);
@@ -233,6 +235,7 @@ impl Trial<'_> {
                     warnings.push(format!("after its answer the planner {late}"));
                 }
             }
+            broken_promises.clone_from(&closing.broken_promises);
             if closing.stray_lines > 0 {
                 let count = closing.stray_lines;
                 warnings.push(format!(
@@ -307,6 +310,7 @@ impl Trial<'_> {
             verdict,
             claimed_metrics: run.metrics,
             claims: Vec::new(),
+            broken_promises,
             resources: usage,
             measurement,
             sandbox,

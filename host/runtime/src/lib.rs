@@ -32,7 +32,9 @@ mod monitor;
 mod options;
 mod plugin_file;
 mod process;
+mod promises;
 mod python;
+mod remove;
 pub mod sandbox;
 mod selftest;
 mod session;
@@ -50,6 +52,7 @@ pub use log::LogLine;
 pub use monitor::{CallUsage, Limit, Source, Usage};
 pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
+pub use promises::BrokenPromise;
 pub use sandbox::{
     Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Profile, SandboxReport,
 };

@@ -31,6 +31,7 @@ use crate::measure::Cpus;
 use crate::message;
 use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
 use crate::process::Process;
+use crate::promises::{BrokenPromise, Promises};
 use crate::sandbox::jail::Launch;
 use crate::sandbox::{Attempt, Filter, Grants, Level, Policy, Profile, SandboxReport, Targets};
 use crate::supervisor::Target;
@@ -271,6 +272,8 @@ pub struct Closing {
     pub kill_latency: Option<Duration>,
     /// Stands for the plugin's whole environment; absent in process.
     pub environment: Option<Digest>,
+    /// What of the host's process it did not leave as it was; none in a process of its own.
+    pub broken_promises: Vec<BrokenPromise>,
 }
 
 /// What a plugin was built for, which is how it is spoken to.
@@ -399,10 +402,14 @@ impl Runtime {
             | (PluginFile::BuiltIn | PluginFile::Library(_), Attach::Worker)
             | (PluginFile::Adapter(_), Attach::Command) => self.open_process(file),
             (PluginFile::BuiltIn | PluginFile::Library(_), Attach::InProcess) => {
-                let library = match file {
-                    PluginFile::Library(path) => Library::open(path)?,
-                    _ => Library::from_entries(self.built_in)?,
-                };
+                let mut promises = Promises::new();
+                // Constructors are the first of its code that runs.
+                let library = promises.around("load", || match file {
+                    PluginFile::Library(path) => Library::open(path),
+                    _ => Library::from_entries(self.built_in),
+                });
+                promises.settle();
+                let library = library?;
                 let introduction = Introduction {
                     contract: contract(file, library.abi_version()),
                     descriptors: library.descriptors(),
@@ -411,6 +418,7 @@ impl Runtime {
                     library,
                     object: None,
                     log: Log::default(),
+                    promises,
                 };
                 Ok(Session {
                     inner,
@@ -646,6 +654,7 @@ enum Inner {
         library: Library,
         object: Option<Object>,
         log: Log,
+        promises: Promises,
     },
     Process(Box<Client>),
 }
@@ -744,10 +753,17 @@ impl Session {
                 library,
                 object,
                 log,
+                promises,
             } => {
                 let collector = Collector::idle();
-                *object = None;
-                let made = library.create(kind, id, Options::new(&options.to_string()), &collector);
+                if object.is_some() {
+                    promises.around("destroy", || *object = None);
+                }
+                let options = options.to_string();
+                let made = promises.around("create", || {
+                    library.create(kind, id, Options::new(&options), &collector)
+                });
+                promises.settle();
                 log.append(collector.into_log());
                 *object = Some(made.map_err(to_fault("create"))?);
                 Ok(())
@@ -775,16 +791,22 @@ impl Session {
         let budget = from_now(budget);
         let started = monotonic_ns();
         match &mut self.inner {
-            Inner::InProcess { object, log, .. } => {
+            Inner::InProcess {
+                object,
+                log,
+                promises,
+                ..
+            } => {
                 let collector = Collector::idle();
-                let result = match object {
+                let result = promises.around("prepare", || match object {
                     Some(Object::Planner(p)) => p.prepare(environment, &budget, &collector),
                     Some(Object::FailPolicy(p)) => p.prepare(environment, &budget, &collector),
                     Some(Object::InstanceGenerator(p)) => {
                         p.prepare(environment, &budget, &collector)
                     }
                     Some(Object::InvocationPolicy(_)) | None => Err(wrong_object()),
-                };
+                });
+                promises.settle();
                 log.append(collector.into_log());
                 result.map_err(to_fault("prepare"))?;
             }
@@ -951,18 +973,24 @@ impl Session {
             max_cells: self.limits.plan_cells,
         };
         let client = match &mut self.inner {
-            Inner::InProcess { object, .. } => {
-                let began_ns = monotonic_ns();
-                let result = match (object, question) {
-                    (Some(Object::Planner(planner)), Question::Plan) => {
-                        planner.plan(instance, budget, collector)
-                    }
-                    (Some(Object::FailPolicy(policy)), Question::Recover(failed)) => {
-                        policy.recover(instance, failed.map(Plan::as_ref), budget, collector)
-                    }
-                    _ => Err(wrong_object()),
-                };
-                timing.round_trip = Some(Duration::from_nanos(monotonic_ns() - began_ns));
+            Inner::InProcess {
+                object, promises, ..
+            } => {
+                let (result, taken_ns) = promises.around(method, || {
+                    // What stands around the call is not the plugin's time.
+                    let began_ns = monotonic_ns();
+                    let result = match (object, question) {
+                        (Some(Object::Planner(planner)), Question::Plan) => {
+                            planner.plan(instance, budget, collector)
+                        }
+                        (Some(Object::FailPolicy(policy)), Question::Recover(failed)) => {
+                            policy.recover(instance, failed.map(Plan::as_ref), budget, collector)
+                        }
+                        _ => Err(wrong_object()),
+                    };
+                    (result, monotonic_ns() - began_ns)
+                });
+                timing.round_trip = Some(Duration::from_nanos(taken_ns));
                 return match result {
                     Ok(()) => Ok(Outcome {
                         status: Status::Solved,
@@ -1053,10 +1081,12 @@ impl Session {
             Inner::InProcess {
                 object: Some(Object::InstanceGenerator(generator)),
                 log,
+                promises,
                 ..
             } => {
                 let collector = Collector::idle();
-                let result = generator.generate(state, &budget, &collector);
+                let result =
+                    promises.around(method, || generator.generate(state, &budget, &collector));
                 let collected = collector.into_inner();
                 log.append(collected.log);
                 result.map_err(to_fault(method))?;
@@ -1088,10 +1118,11 @@ impl Session {
             Inner::InProcess {
                 object: Some(Object::InvocationPolicy(policy)),
                 log,
+                promises,
                 ..
             } => {
                 let collector = Collector::idle();
-                let result = policy.should_invoke(status, &collector);
+                let result = promises.around(method, || policy.should_invoke(status, &collector));
                 log.append(collector.into_log());
                 result.map_err(to_fault(method))
             }
@@ -1107,12 +1138,31 @@ impl Session {
         }
     }
 
+    /// What of the host's process the plugin did not leave as it was, so far. From here on
+    /// all of it is as it was, where it could be put back.
+    pub fn broken_promises(&mut self) -> &[BrokenPromise] {
+        match &mut self.inner {
+            Inner::InProcess { promises, .. } => {
+                promises.settle();
+                promises.broken()
+            }
+            Inner::Process(_) => &[],
+        }
+    }
+
     /// Ends the plugin; nothing of it is left running.
     pub fn close(&mut self) -> Closing {
         match &mut self.inner {
-            Inner::InProcess { object, log, .. } => {
-                *object = None;
+            Inner::InProcess {
+                object,
+                log,
+                promises,
+                ..
+            } => {
+                promises.around("destroy", || *object = None);
+                promises.settle();
                 Closing {
+                    broken_promises: promises.broken().to_vec(),
                     usage: None,
                     fault: None,
                     stderr: String::new(),
@@ -1139,6 +1189,7 @@ impl Session {
                     over: report.over.filter(|_| report.killed),
                     kill_latency: report.kill_us.map(Duration::from_micros),
                     environment: report.environment,
+                    broken_promises: Vec::new(),
                 }
             }
         }

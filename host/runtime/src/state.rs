@@ -5,15 +5,50 @@ use std::fs;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
+use fleetyard_core::Hasher;
 use rustix::fs::{Mode, OFlags, fstat, mkdirat, open, openat};
-use rustix::process::geteuid;
+use rustix::process::{Resource, Rlimit, geteuid, getrlimit, setrlimit};
 use serde::{Deserialize, Serialize};
 
 use crate::cgroup;
+use crate::remove::remove_tree;
 use crate::tree::{self, started_ticks};
 
 /// The variable that all processes of a run have.
 pub(crate) const RUN: &str = "FLEETYARD_RUN";
+
+/// Marks this process, and all that come of it, as those of a run, by a limit that limits
+/// nothing: it goes with every `fork` and `exec`, also of a process that has cleared its
+/// environment, left its session and closed its descriptors; everybody may read it, and
+/// nobody may raise it without rights. Where something lower is set already, there is none.
+pub(crate) fn mark(run: &str) {
+    if getrlimit(Resource::Rttime).maximum.is_none() {
+        let mark = Some(mark_of(run));
+        let marked = Rlimit {
+            current: mark,
+            maximum: mark,
+        };
+        let _ = setrlimit(Resource::Rttime, marked);
+    }
+}
+
+/// More microseconds than a machine will run, and no two runs have the same.
+fn mark_of(run: &str) -> u64 {
+    const BASE: u64 = 1 << 62;
+    let mut hasher = Hasher::new("fleetyard.run/1");
+    hasher.bytes(run.as_bytes());
+    BASE + (hasher.finish().0 as u64 >> 4)
+}
+
+/// The mark that a process has, if it has one.
+fn mark_on(pid: i32) -> Option<u64> {
+    let limits = fs::read_to_string(format!("/proc/{pid}/limits")).ok()?;
+    let line = limits
+        .lines()
+        .find_map(|line| line.strip_prefix("Max realtime timeout"))?;
+    // The hard one: a process may set the other as it likes.
+    line.split_whitespace().nth(1)?.parse().ok()
+}
 
 /// A folder that only this user can write to.
 #[derive(Debug)]
@@ -194,7 +229,7 @@ pub(crate) fn end_run(run: &str) {
         // It was lost before it wrote anything down.
         kill_marked(run);
         if let Ok(folder) = folder("scratch") {
-            let _ = fs::remove_dir_all(folder.path.join(run));
+            let _ = remove_tree(&folder.path.join(run));
         }
     }
     if let Ok(note) = note {
@@ -210,13 +245,17 @@ fn end(run: Option<&str>, entry: &Entry) {
     if let Some(run) = run {
         kill_marked(run);
     }
-    let _ = fs::remove_dir_all(&entry.scratch);
+    let _ = remove_tree(&entry.scratch);
 }
 
-/// Kills every process whose environment says that it belongs to a run.
+/// Kills every process that says by its environment, or by its limits, that it belongs to
+/// a run.
 fn kill_marked(run: &str) {
-    let mark = format!("{RUN}={run}");
+    let (mark, number) = (format!("{RUN}={run}"), mark_of(run));
     let is_marked = |pid: i32| {
+        if mark_on(pid) == Some(number) {
+            return true;
+        }
         let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
         let mut variables = environment.split(|byte| *byte == 0);
         variables.any(|variable| variable == mark.as_bytes())

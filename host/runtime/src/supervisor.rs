@@ -35,7 +35,7 @@ use crate::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
 use crate::python::{self, Python};
 use crate::sandbox::jail::{self, Ended, Jail, Launch, News, NotStarted, ScratchFolder};
 use crate::sandbox::{Layer, SandboxReport, Victims};
-use crate::state::Registered;
+use crate::state::{self, Registered};
 use crate::{Fault, sandbox};
 
 /// First argument of a process that is a supervisor.
@@ -272,6 +272,8 @@ fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry])
     let Some(launch) = control.launch() else {
         std::process::exit(2)
     };
+    // Before anybody else is started.
+    state::mark(&launch.run);
     let report = run(&launch, &mut control, &allowed, built_in);
     control.say(&Message::Ended(Box::new(report)));
     std::process::exit(0)

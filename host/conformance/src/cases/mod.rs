@@ -99,6 +99,9 @@ cases! {
     "ending", ALL, NOTHING,
     "says nothing after its last answer and ends by itself when told to",
     start::ending;
+    "host-process", ALL, NOTHING,
+    "called in the host's process it leaves arithmetic, signals, files and limits as they were",
+    start::host_process;
 
     "one-cell", PLANS, PEBBLES,
     "a map of one cell and an agent that is there",

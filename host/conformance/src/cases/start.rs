@@ -297,3 +297,19 @@ pub(crate) fn ending(trial: &mut Trial<'_>) -> Step<()> {
     }
     Ok(())
 }
+
+pub(crate) fn host_process(trial: &mut Trial<'_>) -> Step<()> {
+    if !trial.is_in_process() {
+        return Err(Stop::Skipped(
+            "a plugin in a process of its own leaves nothing to the host; `--attach in-process` \
+             asks a library"
+                .into(),
+        ));
+    }
+    let broken = answers::work(trial)?.broken_promises;
+    if broken.is_empty() {
+        return Ok(());
+    }
+    let broken: Vec<String> = broken.iter().map(ToString::to_string).collect();
+    Err(Stop::Failed(broken.join("; ")))
+}

@@ -40,6 +40,7 @@ use super::{
 use crate::cgroup::Cgroup;
 use crate::measure::Cpus;
 use crate::monitor::Limit;
+use crate::remove::remove_tree;
 use crate::state;
 use crate::supervisor::Target;
 use crate::tree::View;
@@ -812,6 +813,7 @@ impl ScratchFolder {
 
 impl Drop for ScratchFolder {
     fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
+        // What could not be removed is tried again by nobody: it was not the plugin's.
+        let _ = remove_tree(&self.0);
     }
 }
