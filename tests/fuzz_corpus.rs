@@ -285,6 +285,12 @@ fn corpus_and_mutations(name: &str, mutations: usize, memory: usize) {
 }
 
 #[test]
+fn abi() {
+    // Of a thousand plugins each has its texts and its schema.
+    corpus_and_mutations("abi", 50_000, 64 << 20);
+}
+
+#[test]
 fn adapter() {
     // Patterns again, each of a megabyte at most.
     corpus_and_mutations("adapter", 30_000, 16 << 20);

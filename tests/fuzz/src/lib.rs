@@ -10,6 +10,7 @@
 //! takes a lot of memory (the test counts it; libFuzzer is given a limit), an error that
 //! points outside the text, a value that changes when it is written and read again.
 
+pub mod abi;
 pub mod adapter;
 pub mod fleet;
 pub mod formats;
@@ -31,6 +32,7 @@ pub type Target = fn(&[u8]);
 
 /// Every target with its name, which is also its folder in `corpus/`.
 pub const TARGETS: &[(&str, Target)] = &[
+    ("abi", abi::run),
     ("adapter", adapter::run),
     ("fleet", fleet::run),
     ("formats", formats::run),
