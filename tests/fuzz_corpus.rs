@@ -287,7 +287,7 @@ fn corpus_and_mutations(name: &str, mutations: usize, memory: usize) {
 #[test]
 fn abi() {
     // Of a thousand plugins each has its texts and its schema.
-    corpus_and_mutations("abi", 50_000, 64 << 20);
+    corpus_and_mutations("abi", 20_000, 64 << 20);
 }
 
 #[test]

@@ -1082,7 +1082,10 @@ fn a_daemon_without_an_environment_is_ended_at_the_next_start() {
     if !have("python3") {
         return;
     }
-    let yard = Yard::new();
+    // Of its own, so that no other command finds the run first.
+    let state = tempfile::tempdir().unwrap();
+    let runtime = state.path().display().to_string();
+    let yard = Yard::new().set("XDG_RUNTIME_DIR", &runtime);
     yard.write("hides.py", HIDES);
     let mut line = words("run --budget 60s --planner ./hides.py --format json --sandbox none");
     line.extend(instance("empty-8-8", 3));
@@ -1102,7 +1105,7 @@ fn a_daemon_without_an_environment_is_ended_at_the_next_start() {
     started.child.wait().unwrap();
     assert!(until(|| started.processes().is_empty()));
     assert_eq!(with_word(&word).len(), 1, "it ended by itself");
-    Yard::new().line("plugins list").expect(SUCCESS);
+    yard.line("plugins list").expect(SUCCESS);
     assert!(
         until(|| with_word(&word).is_empty()),
         "{:?}",

@@ -8,7 +8,8 @@ use fleetyard_check::{PathRule, Verdict, Violation};
 use fleetyard_core::Digest;
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{
-    Attach, BrokenPromise, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source, Termination, Usage,
+    Attach, BrokenPromise, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source,
+    Termination, Usage,
 };
 use fleetyard_sim::Policy;
 use serde::Serialize;
