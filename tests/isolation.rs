@@ -750,12 +750,12 @@ fn launched(
         .unwrap()
         .read_to_string(&mut stderr)
         .unwrap();
-    Ended {
+    Some(Ended {
         code: child.wait().unwrap().code(),
         stdout,
         stderr,
         left: Vec::new(),
-    }
+    })
 }
 
 #[test]

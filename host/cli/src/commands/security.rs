@@ -5,7 +5,7 @@
 //! the layers that were active and from who enforces the limits.
 
 use fleetyard_runtime::sandbox::Attempt;
-use fleetyard_runtime::{Layer, LayerState, SandboxReport};
+use fleetyard_runtime::{Layer, LayerState, Limit, SandboxReport};
 use serde::Serialize;
 
 use super::doctor::level;
@@ -114,12 +114,6 @@ const KEPT: &[Kept] = &[
         attempts: &[],
         layers: &[Layer::PidNamespace],
     },
-    Kept {
-        name: "disk",
-        promise: "A plugin writes no more than its disk limit.",
-        attempts: &[],
-        layers: &[Layer::MountNamespace, Layer::ResourceLimits],
-    },
 ];
 
 /// Promises that no machine takes away: the host keeps them by how it works.
@@ -130,18 +124,34 @@ const ALWAYS: &[(&str, &str)] = &[
          interpreter included; `--attach in-process` is the exception, and unranked.",
     ),
     (
-        "wall-time",
-        "A call ends with its wall-clock budget, by the host's clock.",
-    ),
-    (
-        "output",
-        "What a plugin writes is bounded, in the host's memory too.",
-    ),
-    (
         "figures",
         "Planners are ranked by what the host measured and judged, not by what they claim.",
     ),
 ];
+
+/// What is promised of a limit: its name, and the sentence.
+fn of_limit(limit: Limit) -> (&'static str, &'static str) {
+    match limit {
+        Limit::Wall => (
+            "wall-time",
+            "A call ends with its wall-clock budget, by the host's clock.",
+        ),
+        Limit::Cpu => (
+            "processor-time",
+            "A call ends with its limit of processor time, and all that it used is known.",
+        ),
+        Limit::Memory => ("memory", "A plugin has no more memory than its limit."),
+        Limit::Processes => (
+            "processes",
+            "A plugin has no more processes and threads than its limit.",
+        ),
+        Limit::Output => (
+            "output",
+            "What a plugin writes is bounded, in the host's memory too.",
+        ),
+        Limit::Disk => ("disk", "A plugin writes no more than its disk limit."),
+    }
+}
 
 #[derive(Serialize)]
 struct Findings {
@@ -217,6 +227,22 @@ fn promises(report: &SandboxReport, succeeded: &[Attempt]) -> Vec<Promise> {
             restore: restore(missing),
         }
     });
+    let limits = report.limits.iter().map(|state| {
+        let (name, promise) = of_limit(state.limit);
+        let reason = state.reason.as_deref().unwrap_or("nobody said why");
+        let watched = || format!("it is watched, not enforced: {reason}");
+        Promise {
+            name,
+            promise,
+            standing: if state.enforced {
+                Standing::Holds
+            } else {
+                Standing::Weaker
+            },
+            why: (!state.enforced).then(watched).into_iter().collect(),
+            restore: state.advice().map(str::to_owned).into_iter().collect(),
+        }
+    });
     let always = ALWAYS.iter().map(|(name, promise)| Promise {
         name,
         promise,
@@ -224,7 +250,7 @@ fn promises(report: &SandboxReport, succeeded: &[Attempt]) -> Vec<Promise> {
         why: Vec::new(),
         restore: Vec::new(),
     });
-    kept.chain(always).collect()
+    kept.chain(limits).chain(always).collect()
 }
 
 /// What to do about missing layers, each thing once.
