@@ -1076,6 +1076,11 @@ fn answers_that_break_the_protocol() {
         ),
         ("bad-status", &[Stdio], &["unknown variant `brilliant`"]),
         ("two-results", &[Stdio], &["a second time"]),
+        (
+            "answers-early",
+            &[Stdio],
+            &["during `plan`", "before it was asked"],
+        ),
         ("malformed", &[Stdio], &["a message is not JSON", "near"]),
         ("nan", &[Stdio], &["a message is not JSON", "NaN"]),
         (
@@ -1139,7 +1144,11 @@ fn too_much_of_it() {
     // Far more than it takes, and far less than it took when the time to cut the
     // flood into lines grew with its square.
     check(flood, "--budget 20s", NO_PLAN, "over-limit");
-    let huge: &[Case<'_>] = &[("huge-plan", &[Stdio], &["longer than 268435456 cells"])];
+    let texts = &[
+        "the plan is longer than",
+        "the most for 4 agents on this map",
+    ];
+    let huge: &[Case<'_>] = &[("huge-plan", &[Stdio], texts)];
     check(huge, "--option size=300000000", PLUGIN, "protocol-error");
     let huge: &[Case<'_>] = &[("huge-plan", LIBRARY, &["cells, more than the limit of"])];
     check(huge, "", PLUGIN, "protocol-error");

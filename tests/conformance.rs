@@ -575,6 +575,10 @@ fn faulty_programs_fail_what_they_break() {
         ("--option fault=none", expected("")),
         ("--option fault=two-results", expected("ending made-again")),
         (
+            "--option fault=answers-early",
+            expected("output ending one-cell made-again"),
+        ),
+        (
             "--option fault=nan",
             expected("output ending one-cell made-again"),
         ),

@@ -301,6 +301,86 @@ fn learning_the_map_has_limits_of_its_own() {
     Yard::new().run(&line).expect(SUCCESS);
 }
 
+// ---- The host's own memory ---------------------------------------------------------
+
+/// Runs to the end and says how much memory the host itself took at most, in MiB.
+fn with_peak(yard: &Yard, line: &[String]) -> (Ended, u64) {
+    let started = yard.start(line);
+    let status = format!("/proc/{}/status", started.child.id());
+    let watch = std::thread::spawn(move || {
+        let mut peak = 0;
+        // A process that has ended has no memory, also before it is waited for.
+        while let Some(kb) = fs::read_to_string(&status).ok().and_then(|status| {
+            let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+            line.split_whitespace().nth(1)?.parse::<u64>().ok()
+        }) {
+            peak = peak.max(kb >> 10);
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        peak
+    });
+    let ended = started.wait();
+    (ended, watch.join().unwrap())
+}
+
+/// Far more than the host takes for three agents, and far less than what is sent.
+const HOST_MIB: u64 = 256;
+
+#[test]
+fn a_huge_answer_takes_little_of_the_hosts_memory() {
+    for plugin in plugins("p") {
+        let line = faulty(
+            &plugin,
+            "huge-answer",
+            "--budget 60s --option size=120000000",
+        );
+        let (ended, peak) = with_peak(&Yard::new(), &line);
+        ended.expect(SUCCESS);
+        assert!(peak < HOST_MIB, "{peak} MiB");
+    }
+}
+
+#[test]
+fn a_plan_that_is_still_arriving_at_the_deadline_is_late() {
+    for plugin in plugins("p") {
+        let arguments = "--budget 300ms --option size=1";
+        let (ended, peak) = with_peak(
+            &Yard::new(),
+            &faulty(&plugin, "late-huge-answer", arguments),
+        );
+        let record = ended.expect(NO_PLAN).json();
+        assert_eq!(record["termination"], "timed-out", "{record}");
+        assert_eq!(record["limit"], "wall", "{record}");
+        assert_eq!(record["stopped"], true, "{record}");
+        assert!(peak < HOST_MIB, "{peak} MiB");
+
+        let arguments = format!("{arguments} --grace 60s");
+        let (ended, _) = with_peak(
+            &Yard::new(),
+            &faulty(&plugin, "late-huge-answer", &arguments),
+        );
+        let record = ended.expect(NO_PLAN).json();
+        assert_eq!(record["termination"], "timed-out", "{record}");
+        assert_eq!(record["metrics"]["late_plans"], 1, "{record}");
+        assert_eq!(record["stopped"], false, "{record}");
+    }
+}
+
+#[test]
+fn a_flood_of_plans_takes_little_of_the_hosts_memory() {
+    for plugin in plugins("p") {
+        let arguments = "--budget 60s --option size=40000000";
+        let (ended, peak) = with_peak(&Yard::new(), &faulty(&plugin, "incumbent-flood", arguments));
+        let record = ended.expect(SUCCESS).json();
+        let plans = record["metrics"]["incumbents"].as_array().unwrap();
+        assert!(plans.len() > 200, "{}", plans.len());
+        let forgotten = plans.iter().filter(|plan| plan["soc_steps"].is_null());
+        assert!(forgotten.count() > 0, "all are kept");
+        assert!(!plans[plans.len() - 1]["soc_steps"].is_null());
+        assert!(peak < HOST_MIB, "{peak} MiB");
+    }
+}
+
 // ---- Containment -------------------------------------------------------------------
 
 /// Runs an attempt that the sandbox must not let succeed.

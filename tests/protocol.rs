@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use fleetyard_abi::figures::FIGURES;
 use fleetyard_abi::wire::Envelope;
 use fleetyard_runtime::Limits;
+use fleetyard_runtime::bounds;
 use fleetyard_runtime::message::{self, Message};
 use serde_json::Value;
 
@@ -160,22 +161,38 @@ fn limits() -> String {
     for (what, limit) in [
         (
             "longest message until `initialize` is answered",
-            mib(limits.introduction_bytes),
+            mib(bounds::INTRODUCTION_BYTES),
         ),
-        ("longest message afterwards", mib(limits.line_bytes)),
+        (
+            "longest message afterwards, `paths` not counted",
+            mib(bounds::MESSAGE_BYTES),
+        ),
+        (
+            "an answer to `generate` may be longer by, for every agent",
+            format!("{} KiB", bounds::AGENT_BYTES >> 10),
+        ),
+        (
+            "cells of a plan, for every agent: those of the map for each of its goals, the \
+             window, and",
+            bounds::HORIZON_STEPS.to_string(),
+        ),
         (
             "cells of a plan, all paths together",
-            limits.plan_cells.to_string(),
+            bounds::PLAN_CELLS.to_string(),
         ),
         (
             "output that is no message, standard error included; `--output-limit` sets it",
             mib(limits.output_bytes as usize),
         ),
         (
-            "plans of one call that are kept; the last one always is",
-            limits.incumbents.to_string(),
+            "plans of one call whose arrival is kept; the last one always is",
+            bounds::INCUMBENTS.to_string(),
         ),
-        ("log that is kept", mib(limits.log_bytes)),
+        (
+            "memory of plans before the last one; beyond it the oldest are forgotten",
+            mib(bounds::OLDER_BYTES),
+        ),
+        ("log that is kept", mib(bounds::LOG_BYTES)),
     ] {
         let _ = writeln!(out, "| {what} | {limit} |");
     }

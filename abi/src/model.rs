@@ -944,6 +944,11 @@ impl Plan {
         self.end_path();
     }
 
+    /// The prefix sums of path lengths, and the cells.
+    pub fn into_parts(self) -> (Vec<u64>, Vec<u32>) {
+        (self.offsets, self.cells)
+    }
+
     /// The cells, the last ones those of the path that is being written.
     pub(crate) fn cells_mut(&mut self) -> &mut Vec<u32> {
         &mut self.cells

@@ -110,32 +110,67 @@ pub fn decode_into(
     cells: &mut Vec<u32>,
 ) -> Result<(), MoveError> {
     cells.reserve(moves.len() + 1);
-    let outside = cols == 0 || u64::from(start) >= u64::from(rows) * u64::from(cols);
-    let (mut row, mut col) = if outside {
-        (-1, -1)
-    } else {
-        (i64::from(start / cols), i64::from(start % cols))
-    };
-    let mut cell = if outside { OFF_MAP } else { start };
-    cells.push(cell);
+    let mut walk = Walk::new(start, rows, cols);
+    cells.push(walk.cell());
     for (position, letter) in moves.bytes().enumerate() {
+        let cell = walk.step(letter).ok_or(MoveError { position, letter })?;
+        cells.push(cell);
+    }
+    Ok(())
+}
+
+/// A walk over a map, a letter at a time. Obstacles are not looked at.
+#[derive(Debug, Clone, Copy)]
+pub struct Walk {
+    rows: u32,
+    cols: u32,
+    row: i64,
+    col: i64,
+    cell: u32,
+}
+
+impl Walk {
+    /// Begins at a cell of a map of `rows` × `cols` cells, or outside of it.
+    pub fn new(start: u32, rows: u32, cols: u32) -> Self {
+        let outside = cols == 0 || u64::from(start) >= u64::from(rows) * u64::from(cols);
+        let (row, col, cell) = if outside {
+            (-1, -1, OFF_MAP)
+        } else {
+            (i64::from(start / cols), i64::from(start % cols), start)
+        };
+        Self {
+            rows,
+            cols,
+            row,
+            col,
+            cell,
+        }
+    }
+
+    /// Where it is: [`OFF_MAP`] once it has left the map, for good.
+    pub fn cell(&self) -> u32 {
+        self.cell
+    }
+
+    /// Takes a step; `None` if the letter is no move.
+    pub fn step(&mut self, letter: u8) -> Option<u32> {
         let step = STEPS[usize::from(letter)];
         if step == NO_MOVE {
-            return Err(MoveError { position, letter });
+            return None;
         }
-        if cell != OFF_MAP {
-            row += i64::from(step.0);
-            col += i64::from(step.1);
-            let inside = (0..i64::from(rows)).contains(&row) && (0..i64::from(cols)).contains(&col);
-            cell = if inside {
-                (row * i64::from(cols) + col) as u32
+        if self.cell != OFF_MAP {
+            self.row += i64::from(step.0);
+            self.col += i64::from(step.1);
+            let inside = (0..i64::from(self.rows)).contains(&self.row)
+                && (0..i64::from(self.cols)).contains(&self.col);
+            self.cell = if inside {
+                (self.row * i64::from(self.cols) + self.col) as u32
             } else {
                 OFF_MAP
             };
         }
-        cells.push(cell);
+        Some(self.cell)
     }
-    Ok(())
 }
 
 /// The first letter that is not a move, if there is one.

@@ -12,12 +12,16 @@
 //! what it writes. Positions outside the map become [`OFF_MAP`], which is a
 //! fault of the plan and not of its encoding.
 
+mod reader;
+
 use serde::de::{self, DeserializeSeed, SeqAccess, Visitor};
 use serde::ser::SerializeSeq;
 use serde::{Deserializer, Serialize, Serializer};
 
 use crate::model::{PathEncoding, Plan, PlanRef};
 use crate::moves::{self, OFF_MAP};
+
+pub use reader::{PathsError, PathsReader};
 
 /// What is needed to read and write paths: the map's size, and where each agent
 /// starts (for moves).
@@ -31,6 +35,14 @@ pub struct PathContext<'a> {
     pub starts: &'a [u32],
     /// Most cells that a plan may have.
     pub max_cells: usize,
+}
+
+impl PathContext<'_> {
+    /// The sentence for a plan with more cells than [`Self::max_cells`].
+    pub fn too_long(&self, agent: usize) -> String {
+        let limit = self.max_cells;
+        format!("the plan is longer than {limit} cells in the path of agent {agent}")
+    }
 }
 
 /// Serialises the paths of a plan as a list with one entry per agent.
@@ -140,10 +152,7 @@ struct PathVisitor<'a> {
 
 impl PathVisitor<'_> {
     fn too_long<E: de::Error>(&self) -> E {
-        let (agent, limit) = (self.agent, self.context.max_cells);
-        E::custom(format_args!(
-            "the plan is longer than {limit} cells in the path of agent {agent}"
-        ))
+        E::custom(self.context.too_long(self.agent))
     }
 
     fn push<E: de::Error>(&mut self, cell: u32) -> Result<(), E> {
@@ -182,12 +191,8 @@ impl<'de> Visitor<'de> for PathVisitor<'_> {
             max_cells,
         } = self.context;
         let agent = self.agent;
-        let start = *starts.get(agent).ok_or_else(|| {
-            E::custom(format_args!(
-                "moves for agent {agent}, but there are {} agents",
-                starts.len()
-            ))
-        })?;
+        let no_agent = || E::custom(reader::no_agent(agent, starts.len()));
+        let start = *starts.get(agent).ok_or_else(no_agent)?;
         let cells = self.plan.cells_mut();
         if text.len() >= max_cells.saturating_sub(cells.len()) {
             return Err(self.too_long());
@@ -197,19 +202,8 @@ impl<'de> Visitor<'de> for PathVisitor<'_> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(mut self, mut seq: A) -> Result<(), A::Error> {
-        let PathContext { rows, cols, .. } = self.context;
-        let cells = u64::from(rows) * u64::from(cols);
         while let Some(position) = seq.next_element::<Position>()? {
-            let cell = match position {
-                Position::Cell(cell) if (cell as u64) < cells && cell >= 0 => cell as u32,
-                Position::Pair(row, col)
-                    if (0..i64::from(rows)).contains(&row)
-                        && (0..i64::from(cols)).contains(&col) =>
-                {
-                    (row * i64::from(cols) + col) as u32
-                }
-                Position::Cell(_) | Position::Pair(..) => OFF_MAP,
-            };
+            let cell = position.cell(&self.context);
             self.push(cell)?;
         }
         Ok(())
@@ -219,6 +213,23 @@ impl<'de> Visitor<'de> for PathVisitor<'_> {
 enum Position {
     Cell(i64),
     Pair(i64, i64),
+}
+
+impl Position {
+    /// The cell of a map; [`OFF_MAP`] outside of it.
+    fn cell(&self, context: &PathContext<'_>) -> u32 {
+        let PathContext { rows, cols, .. } = *context;
+        let cells = u64::from(rows) * u64::from(cols);
+        match *self {
+            Self::Cell(cell) if cell >= 0 && (cell as u64) < cells => cell as u32,
+            Self::Pair(row, col)
+                if (0..i64::from(rows)).contains(&row) && (0..i64::from(cols)).contains(&col) =>
+            {
+                (row * i64::from(cols) + col) as u32
+            }
+            Self::Cell(_) | Self::Pair(..) => OFF_MAP,
+        }
+    }
 }
 
 impl<'de> serde::Deserialize<'de> for Position {

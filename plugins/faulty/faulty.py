@@ -19,8 +19,9 @@ import mischief
 PLAN_FAULTS = """too-few-agents too-many-agents empty-path wrong-start not-at-goal teleport
     collide collide-parked swap leave-map through-obstacle""".split()
 ANSWER_FAULTS = """late twice two-results claims-solved-without-plan claims-infeasible
-    bad-status huge-plan null-plan fails rpc-error bad-cells bad-moves exit-after-plan
-    crash-after thread-raises forged-time endless-call""".split()
+    bad-status huge-plan huge-answer late-huge-answer incumbent-flood answers-early null-plan
+    fails rpc-error bad-cells bad-moves exit-after-plan crash-after thread-raises forged-time
+    endless-call""".split()
 FAULTS = ["none", *PLAN_FAULTS, *ANSWER_FAULTS, *mischief.FAULTS]
 
 SCHEMA = {
@@ -69,6 +70,16 @@ def send(message):
 
 def notify(method, **params):
     send({"jsonrpc": "2.0", "method": method, "params": params})
+
+
+def pad(head, tail, size, until=0):
+    """Writes a message with so many blanks in the middle, and more of them until then."""
+    write(head)
+    blanks = b" " * (1 << 20)
+    while size > 0 or time.monotonic_ns() < until:
+        write(blanks)
+        size -= len(blanks)
+    write(tail + b"\n")
 
 
 class Spoiled(Exception):
@@ -210,6 +221,12 @@ def plan_paths(grid, instance, fault):
     return paths
 
 
+def moves(path):
+    letters = {(0, 0): ".", (-1, 0): "N", (0, 1): "E", (1, 0): "S", (0, -1): "W"}
+    steps = zip(path, path[1:])
+    return "".join(letters[to[0] - of[0], to[1] - of[1]] for of, to in steps)
+
+
 def answer_plan(request, grid, params, fault, size):
     def reply(**result):
         send({"jsonrpc": "2.0", "id": request, "result": result})
@@ -240,6 +257,20 @@ def answer_plan(request, grid, params, fault, size):
     if fault == "late":
         left = params["budget"]["deadline_monotonic_ns"] - time.monotonic_ns()
         time.sleep(max(0, left) * 1e-9 + 0.5)
+    if fault in ("huge-answer", "late-huge-answer"):
+        until = 0
+        if fault == "late-huge-answer":
+            until = params["budget"]["deadline_monotonic_ns"] + 500_000_000
+        head = '{"jsonrpc":"2.0","id":%d,"result":{"status":"solved","paths":[' % request
+        tail = json.dumps(paths)[1:] + "}}"
+        return pad(head.encode(), tail.encode(), size, until)
+    if fault == "incumbent-flood":
+        longer = [moves(path) + "." * 50_000 for path in paths]
+        plan = {"jsonrpc": "2.0", "method": "incumbent", "params": {"paths": longer}}
+        line = json.dumps(plan).encode() + b"\n"
+        for _ in range(0, size, len(line)):
+            write(line)
+        write(b"\n" * (1 << 20))
     if fault == "exit-after-plan":
         notify("incumbent", paths=paths)
         sys.exit(0)
@@ -308,9 +339,14 @@ def main():
                 grid = params["environment"]
             failed = {"status": "internal-error", "message": "failed as asked"}
             result = failed if fault == "fails" else {"status": "solved"}
-        send({"jsonrpc": "2.0", "id": request, "result": result})
+        answer = {"jsonrpc": "2.0", "id": request, "result": result}
+        if method == "prepare" and options.get("fault") == "answers-early":
+            plan = {"jsonrpc": "2.0", "id": request + 1, "result": {"status": "gave-up"}}
+            write(b"".join(json.dumps(each).encode() + b"\n" for each in (answer, plan)))
+            continue
+        send(answer)
         if fault == "two-results":
-            send({"jsonrpc": "2.0", "id": request, "result": result})
+            send(answer)
 
 
 main()

@@ -34,6 +34,15 @@ impl GridPlan {
         }
     }
 
+    /// From flat arrays; `None` when the offsets do not begin with 0, decrease, or do not
+    /// end with the number of cells.
+    pub fn from_parts(offsets: Vec<usize>, cells: Vec<u32>) -> Option<Self> {
+        let fit = offsets.first() == Some(&0)
+            && offsets.last() == Some(&cells.len())
+            && offsets.is_sorted();
+        fit.then_some(Self { offsets, cells })
+    }
+
     /// Collects one path per agent.
     pub fn from_paths<P: AsRef<[u32]>>(paths: impl IntoIterator<Item = P>) -> Self {
         let mut plan = Self::default();

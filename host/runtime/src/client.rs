@@ -1,69 +1,85 @@
 //! The host's side of the JSON wire, over a supervised process.
 //!
-//! One thread, one `poll`: it writes the request, reads standard output and
-//! error as they come, and watches the deadline. Every byte that arrives is
-//! hostile.
+//! One thread, one wait: it writes the request, reads standard output and error as they
+//! come, and watches the deadline. Every byte that arrives is hostile, and none of it is
+//! looked at that came after the time of the call was over.
 
-use std::io::{ErrorKind, Read, Write};
-use std::os::fd::AsFd;
+use std::io::ErrorKind;
 use std::time::Duration;
 
 use fleetyard_abi::wire::{self, CancelParams, LogParams, MetricParams, Request, RpcError};
-use fleetyard_abi::{Budget, LogLevel, monotonic_ns};
-use rustix::event::{PollFd, PollFlags, poll};
-use rustix::time::Timespec;
+use fleetyard_abi::{Budget, LogLevel};
 use serde::Serialize;
-use serde_json::value::RawValue;
 
 use crate::Fault;
+use crate::bounds::{LOG_BYTES, STDERR_BYTES};
+use crate::incoming::{Expected, Incoming, Part, Read, Whole};
+use crate::link::{Interest, Link, Output};
 use crate::log::Log;
-use crate::message::{self, Message};
+use crate::message::Message;
 use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::process::Process;
 use crate::sandbox::{Level, SandboxReport};
 use crate::session::Limits;
 use crate::supervisor::Report;
 
-/// How often a pipe is read before the deadline is looked at again, so that a
-/// flood cannot hide it.
-const ROUNDS: usize = 64;
+/// How often a pipe is read before the rest is looked at again, so that a flood cannot
+/// hide it.
+const ROUNDS: usize = 16;
+
+/// How much is read at a time. What is made of it takes a few milliseconds at most, and
+/// then the clock is looked at again.
+const PIECE: usize = 1 << 16;
 
 /// How long a process that closed its output has to end by itself.
 const ENDING: Duration = Duration::from_millis(500);
 
+/// The first request: a worker that cannot load its library answers it without having
+/// read it.
+const FIRST_ID: u64 = 1;
+
+/// The number of a request is larger than the last one by up to this, at random. So
+/// nobody can answer what was not asked, and numbers stay exact in every language for
+/// some hundred million calls.
+const ID_STEP: u64 = 1 << 26;
+
 /// What a plugin says while a call is running.
-pub(crate) enum Notice<'a> {
-    /// A plan, its paths still as text, and when its last byte arrived.
-    Incumbent {
-        paths: &'a RawValue,
-        arrived_ns: u64,
-    },
+pub(crate) enum Notice {
+    /// A plan, the number of its paths, and when its last byte arrived.
+    Incumbent { read: Read, arrived_ns: u64 },
     /// A figure.
     Metric(MetricParams),
 }
 
+/// An answer.
+pub(crate) struct Reply {
+    /// The result as text, without the paths that were found in it.
+    pub(crate) result: String,
+    pub(crate) paths: Option<Read>,
+    /// When its last byte arrived.
+    pub(crate) arrived_ns: u64,
+}
+
 /// A connection to a plugin.
-pub(crate) struct Client {
-    process: Process,
+pub(crate) struct Client<L: Link = Process> {
+    link: L,
     limits: Limits,
-    next_id: u64,
+    /// Of the last request.
+    id: Option<u64>,
     unsent: Vec<u8>,
     /// Bytes of `unsent` that were written already.
     sent: usize,
-    received: Vec<u8>,
-    /// Bytes of `received` that were handled already. They are dropped many lines
-    /// at a time: dropping each line's would take time quadratic in a flood.
-    handled: usize,
-    /// Where in `received` the search for the next newline goes on.
-    searched: usize,
-    /// In the middle of a line that is too long to be kept and is no message.
-    skipping: bool,
-    stray_bytes: u64,
+    incoming: Incoming,
+    /// Where pieces are read into.
+    buffer: Vec<u8>,
+    /// What came in one piece with an answer, behind it.
+    behind: Vec<u8>,
     pub(crate) stray_lines: u64,
     pub(crate) log: Log,
     stderr: Tail,
     /// Of the call that is running, or of the last one.
     call: CallLimits,
+    stdin_open: bool,
     stdout_open: bool,
     stderr_open: bool,
     /// When the last request was about to be written, and when the last bytes arrived.
@@ -109,8 +125,8 @@ pub(crate) struct Deadline {
 }
 
 impl Deadline {
-    pub(crate) fn after(limit: Duration) -> Self {
-        let at_ns = monotonic_ns().saturating_add(limit.as_nanos() as u64);
+    pub(crate) fn after(now_ns: u64, limit: Duration) -> Self {
+        let at_ns = now_ns.saturating_add(limit.as_nanos() as u64);
         Self { at_ns, limit }
     }
 }
@@ -129,33 +145,37 @@ struct Wait<'a> {
     id: u64,
     method: &'a str,
     deadline_ns: u64,
+    /// When the plugin has to have answered, the grace included.
+    until_ns: u64,
     limit_ms: u64,
-    /// Longest message meanwhile.
-    line_bytes: usize,
+    expected: Expected<'a>,
+    /// The request was written, at least its beginning.
+    asked: bool,
 }
 
-impl Client {
-    pub(crate) fn new(process: Process, limits: Limits) -> Self {
+type Notify<'a> = &'a mut dyn FnMut(Notice) -> Result<(), String>;
+
+impl<L: Link> Client<L> {
+    pub(crate) fn new(link: L, limits: Limits) -> Self {
         // Until a call has limits of its own.
         let call = CallLimits {
             cpu_ns: 0,
             memory_bytes: limits.memory_bytes,
         };
         Self {
-            process,
+            link,
             limits,
-            next_id: 1,
+            id: None,
             unsent: Vec::new(),
             sent: 0,
-            received: Vec::new(),
-            handled: 0,
-            searched: 0,
-            skipping: false,
-            stray_bytes: 0,
+            incoming: Incoming::default(),
+            buffer: vec![0; PIECE],
+            behind: Vec::new(),
             stray_lines: 0,
             log: Log::default(),
             stderr: Tail::default(),
             call,
+            stdin_open: true,
             stdout_open: true,
             stderr_open: true,
             asked_ns: 0,
@@ -165,15 +185,19 @@ impl Client {
         }
     }
 
+    pub(crate) fn now_ns(&self) -> u64 {
+        self.link.now_ns()
+    }
+
     /// The next call has limits of its own, which count from here.
     pub(crate) fn begin(&mut self, call: CallLimits) {
         self.call = call;
-        self.process.begin(call, self.limits.grace);
+        self.link.begin(call, self.limits.grace);
     }
 
     /// What was used since then, if somebody watched to the end.
     pub(crate) fn finish(&mut self, method: &str) -> Result<CallUsage, Fault> {
-        let used = self.process.finish();
+        let used = self.link.finish();
         match self.unsupervised(method) {
             Some(fault) => {
                 self.fault = Some(fault.clone());
@@ -186,15 +210,15 @@ impl Client {
     /// Says so when the supervisor is gone or could not do its work. It comes before all
     /// that the plugin did: nobody held it to anything.
     fn unsupervised(&self, method: &str) -> Option<Fault> {
-        self.process.disturbed().map(|reason| Fault::Unsupervised {
+        self.link.disturbed().map(|reason| Fault::Unsupervised {
             during: method.to_owned(),
-            reason: reason.to_owned(),
+            reason,
         })
     }
 
     /// Ends the process for a fault; which one it is when that is done.
     fn stop(&mut self, method: &str, fault: Fault) -> Fault {
-        self.process.end(Duration::ZERO);
+        self.link.end(Duration::ZERO);
         self.drain_stderr();
         self.unsupervised(method).unwrap_or(fault)
     }
@@ -212,12 +236,12 @@ impl Client {
 
     /// The sandbox that the plugin was started in.
     pub(crate) fn sandbox(&self) -> Option<&SandboxReport> {
-        self.process.sandbox()
+        self.link.sandbox()
     }
 
     /// The limit that the supervisor found exceeded.
     pub(crate) fn over(&self) -> Option<Limit> {
-        self.process.over()
+        self.link.over()
     }
 
     /// Sends a request and waits for its answer, until the deadline plus the
@@ -228,26 +252,34 @@ impl Client {
         method: &str,
         params: P,
         deadline: Deadline,
-        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
-    ) -> Result<String, Fault> {
+        expected: Expected<'_>,
+        notify: Notify<'_>,
+    ) -> Result<Reply, Fault> {
         if let Some(fault) = &self.fault {
             return Err(fault.clone());
         }
-        let id = self.next_id;
-        self.next_id += 1;
-        self.unsent
-            .extend_from_slice(&wire::line(&Request::new(id, method, params)));
-        let wait = Wait {
+        let id = match self.id {
+            None => FIRST_ID,
+            Some(id) => id + 1 + self.link.secret() % ID_STEP,
+        };
+        let grace_ns = self.limits.grace.as_nanos() as u64;
+        let mut wait = Wait {
             id,
             method,
             deadline_ns: deadline.at_ns,
+            until_ns: deadline.at_ns.saturating_add(grace_ns),
             limit_ms: deadline.limit.as_millis() as u64,
-            line_bytes: match method {
-                "initialize" => self.limits.introduction_bytes,
-                _ => self.limits.line_bytes,
-            },
+            expected,
+            asked: false,
         };
-        let answer = self.wait(&wait, notice);
+        let request = wire::line(&Request::new(id, method, params));
+        let answer = self.hear_unasked(&wait, notify).and_then(|()| {
+            self.incoming.ask();
+            self.unsent.extend_from_slice(&request);
+            wait.asked = true;
+            self.wait(&wait, notify)
+        });
+        self.id = Some(id);
         if let Err(fault) = &answer
             && !fault.is_survivable()
         {
@@ -256,32 +288,30 @@ impl Client {
         answer
     }
 
-    fn wait(
-        &mut self,
-        wait: &Wait<'_>,
-        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
-    ) -> Result<String, Fault> {
-        let grace_ns = self.limits.grace.as_nanos() as u64;
+    /// Takes in what came before the request is written: none of it can be its answer.
+    fn hear_unasked(&mut self, wait: &Wait<'_>, notify: Notify<'_>) -> Result<(), Fault> {
+        let behind = std::mem::take(&mut self.behind);
+        let now = self.link.now_ns();
+        self.take(&behind, now, wait, notify)?;
+        self.read_stdout(wait, notify).map(drop)
+    }
+
+    fn wait(&mut self, wait: &Wait<'_>, notify: Notify<'_>) -> Result<Reply, Fault> {
         let mut cancelled = false;
         self.handled_ns = 0;
-        self.asked_ns = monotonic_ns();
-        let mut began = self.asked_ns;
+        self.asked_ns = self.link.now_ns();
         loop {
             if let Some(fault) = self.unsupervised(wait.method) {
                 self.drain_stderr();
                 return Err(fault);
             }
-            if let Some(answer) = self.take_answer(wait, notice)? {
-                return Ok(answer);
-            }
-            let now = monotonic_ns();
-            self.handled_ns += now - began;
-            if now >= wait.deadline_ns.saturating_add(grace_ns) {
+            let now = self.link.now_ns();
+            if now >= wait.until_ns {
                 let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
                 return Err(self.stop(wait.method, Fault::TimedOut { during, limit_ms }));
             }
             // With a grace, the supervisor says first that a limit is exceeded.
-            let told = now >= wait.deadline_ns || self.process.over().is_some();
+            let told = now >= wait.deadline_ns || self.link.over().is_some();
             if told && !cancelled {
                 cancelled = true;
                 let params = CancelParams { id: wait.id };
@@ -291,216 +321,188 @@ impl Client {
             if !self.stdout_open {
                 return Err(self.ended(wait.method));
             }
-            let until = if now >= wait.deadline_ns {
-                wait.deadline_ns.saturating_add(grace_ns)
-            } else {
-                wait.deadline_ns
+            let until = match now >= wait.deadline_ns {
+                true => wait.until_ns,
+                false => wait.deadline_ns,
             };
-            self.poll_once(until - now);
-            began = monotonic_ns();
+            let interest = Interest {
+                stdin: self.stdin_open && !self.unsent.is_empty(),
+                stdout: self.stdout_open,
+                stderr: self.stderr_open,
+            };
+            self.link.wait(interest, until - now);
+            self.write_some();
+            let answer = self.read_stdout(wait, notify)?;
+            self.drain_stderr();
+            if let Some(answer) = answer {
+                return Ok(answer);
+            }
         }
-    }
-
-    /// Reads and writes what can be read and written now, after waiting up to
-    /// `wait_ns`.
-    fn poll_once(&mut self, wait_ns: u64) {
-        // A minute at most, so that the sum below cannot overflow.
-        let wait_ns = wait_ns.min(60_000_000_000);
-        let timeout = Timespec {
-            tv_sec: (wait_ns / 1_000_000_000) as i64,
-            tv_nsec: (wait_ns % 1_000_000_000) as i64,
-        };
-        let stdin = self
-            .process
-            .stdin
-            .as_ref()
-            .filter(|_| !self.unsent.is_empty());
-        let mut waiting = Vec::with_capacity(4);
-        let control = self.process.control();
-        let has_control = control.is_some();
-        waiting.extend(control.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
-        if self.stdout_open {
-            waiting.push(PollFd::new(&self.process.stdout, PollFlags::IN));
-        }
-        if self.stderr_open {
-            waiting.push(PollFd::new(&self.process.stderr, PollFlags::IN));
-        }
-        if let Some(stdin) = stdin {
-            waiting.push(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::OUT));
-        }
-        // An interrupted poll is a spurious wake-up.
-        let _ = poll(&mut waiting, Some(&timeout));
-        let told = has_control && !waiting[0].revents().is_empty();
-        drop(waiting);
-        if told {
-            self.process.catch_up();
-        }
-        self.write_some();
-        self.read_stdout();
-        self.drain_stderr();
     }
 
     fn write_some(&mut self) {
-        while let Some(stdin) = &mut self.process.stdin
-            && self.sent < self.unsent.len()
-        {
-            match stdin.write(&self.unsent[self.sent..]) {
+        while self.stdin_open && self.sent < self.unsent.len() {
+            match self.link.write(&self.unsent[self.sent..]) {
                 Ok(written) => self.sent += written,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 // The plugin closed its input; its output tells the rest.
-                Err(_) => self.process.stdin = None,
+                Err(_) => self.close_stdin(),
             }
         }
         self.unsent.clear();
         self.sent = 0;
     }
 
-    fn read_stdout(&mut self) {
-        let mut buffer = [0; 1 << 14];
-        for _ in 0..ROUNDS {
-            match read_some(&mut self.process.stdout, &mut buffer) {
-                Some([]) => return,
-                Some(bytes) => {
-                    self.arrived_ns = monotonic_ns();
-                    self.receive(bytes);
-                }
-                None => {
-                    self.stdout_open = false;
-                    return;
-                }
-            }
-        }
+    fn close_stdin(&mut self) {
+        self.stdin_open = false;
+        self.link.close_stdin();
     }
 
-    /// Keeps bytes of possible messages, and drops those of long stray lines.
-    fn receive(&mut self, mut bytes: &[u8]) {
-        if self.skipping {
-            let end = bytes.iter().position(|byte| *byte == b'\n');
-            self.stray_bytes += end.unwrap_or(bytes.len()) as u64;
-            match end {
-                Some(end) => {
-                    self.skipping = false;
-                    bytes = &bytes[end + 1..];
+    /// Reads what has come, until the answer is there. What comes when the time is over is
+    /// not looked at.
+    fn read_stdout(&mut self, wait: &Wait<'_>, notify: Notify<'_>) -> Result<Option<Reply>, Fault> {
+        let mut buffer = std::mem::take(&mut self.buffer);
+        let mut outcome = Ok(None);
+        for _ in 0..ROUNDS {
+            let read = match read_some(&mut self.link, Output::Stdout, &mut buffer) {
+                Some([]) => break,
+                Some(bytes) => bytes,
+                None => {
+                    self.stdout_open = false;
+                    break;
                 }
-                None => return,
+            };
+            let arrived_ns = self.link.now_ns();
+            if arrived_ns >= wait.until_ns {
+                break;
             }
+            self.arrived_ns = arrived_ns;
+            outcome = self.take(read, arrived_ns, wait, notify);
+            if !matches!(outcome, Ok(None)) {
+                break;
+            }
+            self.handled_ns += self.link.now_ns().saturating_sub(arrived_ns);
         }
-        self.received.extend_from_slice(bytes);
+        self.buffer = buffer;
+        outcome
     }
 
     fn drain_stderr(&mut self) {
-        let mut buffer = [0; 1 << 14];
+        let mut buffer = std::mem::take(&mut self.buffer);
         for _ in 0..ROUNDS {
             if !self.stderr_open {
-                return;
+                break;
             }
-            match read_some(&mut self.process.stderr, &mut buffer) {
-                Some([]) => return,
-                Some(bytes) => self.stderr.push(bytes, self.limits.stderr_bytes),
+            match read_some(&mut self.link, Output::Stderr, &mut buffer) {
+                Some([]) => break,
+                Some(bytes) => self.stderr.push(bytes, STDERR_BYTES),
                 None => self.stderr_open = false,
             }
         }
+        self.buffer = buffer;
     }
 
-    /// Handles whole lines until one is the answer.
-    fn take_answer(
+    /// Takes bytes that arrived at a time, until the answer is among them.
+    fn take(
         &mut self,
+        mut bytes: &[u8],
+        arrived_ns: u64,
         wait: &Wait<'_>,
-        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
-    ) -> Result<Option<String>, Fault> {
-        loop {
-            let newline = self.received[self.searched..]
-                .iter()
-                .position(|byte| *byte == b'\n');
-            let Some(newline) = newline.map(|at| at + self.searched) else {
-                self.received.drain(..self.handled);
-                self.handled = 0;
-                self.searched = self.received.len();
-                return self.check_unfinished(wait).map(|()| None);
+        notify: Notify<'_>,
+    ) -> Result<Option<Reply>, Fault> {
+        while !bytes.is_empty() {
+            let (taken, line) = self.incoming.take(bytes, &wait.expected);
+            bytes = &bytes[taken..];
+            let outcome = match line {
+                Ok(None) => continue,
+                Ok(Some(line)) => self.handle_line(line, arrived_ns, wait, notify),
+                Err(reason) => Err(Broken::Protocol(reason)),
             };
-            if newline - self.handled > wait.line_bytes {
-                return Err(self.too_long(wait));
-            }
-            // Taken out for a moment: a line may be a gigabyte, too much to copy.
-            let received = std::mem::take(&mut self.received);
-            let outcome = self.handle_line(&received[self.handled..newline], wait, notice);
-            self.received = received;
-            self.handled = newline + 1;
-            self.searched = self.handled;
             match outcome {
                 Ok(None) => {}
-                Ok(answer) => return Ok(answer),
+                Ok(answer) => {
+                    self.behind = bytes.to_vec();
+                    return Ok(answer);
+                }
                 Err(Broken::Protocol(reason)) => return Err(self.broken(wait, reason)),
-                Err(Broken::Fault(fault)) if fault.is_survivable() => return Err(fault),
-                Err(Broken::Fault(fault)) => return Err(self.stop(wait.method, fault)),
+                Err(Broken::Fault(fault)) => {
+                    if fault.is_survivable() {
+                        self.behind = bytes.to_vec();
+                        return Err(fault);
+                    }
+                    return Err(self.stop(wait.method, fault));
+                }
             }
         }
-    }
-
-    /// A line without an end yet: is it too long, or no message anyway?
-    fn check_unfinished(&mut self, wait: &Wait<'_>) -> Result<(), Fault> {
-        let first = self
-            .received
-            .iter()
-            .find(|byte| !byte.is_ascii_whitespace());
-        if first.is_some_and(|first| *first != b'{') && self.received.len() > 1 << 16 {
-            self.stray_bytes += self.received.len() as u64;
-            self.stray(&self.received.clone());
-            self.received.clear();
-            self.searched = 0;
-            self.skipping = true;
-        }
-        if self.received.len() > wait.line_bytes {
-            return Err(self.too_long(wait));
-        }
-        if self.stray_bytes + self.stderr.total() > self.limits.output_bytes {
+        if self.incoming.stray_bytes + self.stderr.total() > self.limits.output_bytes {
             let fault = self.over_limit(Limit::Output, wait.method);
             return Err(self.stop(wait.method, fault));
         }
-        Ok(())
+        Ok(None)
     }
 
     fn handle_line(
         &mut self,
-        line: &[u8],
+        mut line: Whole,
+        arrived_ns: u64,
         wait: &Wait<'_>,
-        notice: &mut dyn FnMut(Notice<'_>) -> Result<(), String>,
-    ) -> Result<Option<String>, Broken> {
-        match message::read(line).map_err(Broken::Protocol)? {
+        notify: Notify<'_>,
+    ) -> Result<Option<Reply>, Broken> {
+        let asked = wait.asked && !line.is_early();
+        let (message, found) = line.read().map_err(Broken::Protocol)?;
+        let found = |wanted| {
+            found
+                .filter(|(part, _)| *part == wanted)
+                .map(|(_, read)| read)
+        };
+        match message {
             Message::Blank | Message::Ignored => {}
             Message::Stray => {
-                self.stray_bytes += line.len() as u64;
-                self.stray(line);
+                let text = format!("stdout: {}", line.text());
+                self.stray_lines += 1;
+                self.log.push(LogLevel::Info, &text, LOG_BYTES);
+            }
+            Message::Incumbent(_) if !asked => {
+                let reason = "it submitted a plan before it was asked for one";
+                return Err(Broken::Protocol(reason.into()));
             }
             Message::Incumbent(paths) => {
-                let arrived_ns = monotonic_ns();
-                notice(Notice::Incumbent { paths, arrived_ns }).map_err(Broken::Protocol)?;
+                let read = wait.expected.read(paths, found(Part::Params));
+                let notice = Notice::Incumbent { read, arrived_ns };
+                notify(notice).map_err(Broken::Protocol)?;
             }
             Message::Metric(metric) => {
-                notice(Notice::Metric(metric)).map_err(Broken::Protocol)?;
+                notify(Notice::Metric(metric)).map_err(Broken::Protocol)?;
             }
-            Message::Log(LogParams { level, text }) => {
-                self.log.push(level, &text, self.limits.log_bytes);
-            }
+            Message::Log(LogParams { level, text }) => self.log.push(level, &text, LOG_BYTES),
             Message::Answer { id, result } => {
-                return answer(id, result, wait).map(|result| Some(result.to_owned()));
+                self.check_id(id, asked, wait).map_err(Broken::Protocol)?;
+                let result = result.map_err(|error| failed(error, wait))?.to_owned();
+                return Ok(Some(Reply {
+                    result,
+                    paths: found(Part::Result),
+                    arrived_ns,
+                }));
             }
         }
         Ok(None)
     }
 
-    fn stray(&mut self, line: &[u8]) {
-        self.stray_lines += 1;
-        let shown = &line[..line.len().min(400)];
-        let text = String::from_utf8_lossy(shown).into_owned();
-        let text = format!("stdout: {text}");
-        self.log.push(LogLevel::Info, &text, self.limits.log_bytes);
-    }
-
-    fn too_long(&mut self, wait: &Wait<'_>) -> Fault {
-        let limit = wait.line_bytes >> 20;
-        self.broken(wait, format!("a message is longer than {limit} MiB"))
+    /// It is this request that was answered, after it was asked.
+    fn check_id(&self, id: Option<u64>, asked: bool, wait: &Wait<'_>) -> Result<(), String> {
+        match id {
+            Some(id) if Some(id) == self.id => {
+                Err(format!("it answered request {id} a second time"))
+            }
+            Some(id) if !asked => Err(format!("it answered request {id} before it was asked")),
+            Some(id) if id != wait.id => {
+                let asked = wait.id;
+                Err(format!("it answered request {id}, but was asked {asked}"))
+            }
+            None if !asked => Err("it sent an error before it was asked".into()),
+            _ => Ok(()),
+        }
     }
 
     fn broken(&mut self, wait: &Wait<'_>, reason: String) -> Fault {
@@ -532,14 +534,13 @@ impl Client {
 
     /// Standard output is closed: how did the process end?
     fn ended(&mut self, method: &str) -> Fault {
-        let report = self.process.end(ENDING);
+        let report = self.link.end(ENDING);
         self.drain_stderr();
         let during = method.to_owned();
+        if let Some(fault) = self.unsupervised(method) {
+            return fault;
+        }
         match report {
-            Report {
-                disturbed: Some(reason),
-                ..
-            } => Fault::Unsupervised { during, reason },
             Report {
                 over: Some(limit),
                 killed: true,
@@ -594,16 +595,32 @@ impl Client {
     pub(crate) fn close(&mut self, patience: Duration) -> (Report, Option<Fault>) {
         let mut fault = None;
         if self.fault.is_none() {
-            let deadline = Deadline::after(patience);
-            fault = self.call("shutdown", (), deadline, &mut |_| Ok(())).err();
+            let deadline = Deadline::after(self.link.now_ns(), patience);
+            let expected = Expected::NO_PLAN;
+            fault = self
+                .call("shutdown", (), deadline, expected, &mut |_| Ok(()))
+                .err();
             self.unsent
                 .extend_from_slice(&wire::line(&Request::notification("exit", ())));
             self.write_some();
-            self.process.stdin = None;
+            self.close_stdin();
         }
-        let report = self.process.end(patience);
+        let report = self.link.end(patience);
         self.drain_stderr();
         (report, self.unsupervised("shutdown").or(fault))
+    }
+
+    /// Why nothing more is asked.
+    #[cfg(test)]
+    pub(crate) fn fault(&self) -> Option<&Fault> {
+        self.fault.as_ref()
+    }
+
+    /// How much of what was sent and received is kept, plans aside.
+    #[cfg(test)]
+    pub(crate) fn held_bytes(&self) -> usize {
+        let buffers = self.buffer.len() + self.behind.len() + self.unsent.len();
+        buffers + self.incoming.held_bytes() + self.stderr.kept.len()
     }
 
     /// The end of what the plugin wrote to standard error, and how many bytes
@@ -618,9 +635,9 @@ impl Client {
 
 /// What can be read without waiting, if only nothing; `None` once the pipe is
 /// closed.
-fn read_some<'a>(pipe: &mut impl Read, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+fn read_some<'a, L: Link>(link: &mut L, output: Output, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     loop {
-        match pipe.read(buffer) {
+        match link.read(output, buffer) {
             Ok(0) => return None,
             Ok(read) => return Some(&buffer[..read]),
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -635,45 +652,26 @@ enum Broken {
     Fault(Fault),
 }
 
-/// The result of an answer, as text, if it is the one that is waited for.
-fn answer<'a>(
-    id: Option<u64>,
-    result: Result<&'a str, RpcError>,
-    wait: &Wait<'_>,
-) -> Result<&'a str, Broken> {
-    match id {
-        Some(id) if id < wait.id => {
-            return Err(Broken::Protocol(format!(
-                "it answered request {id} a second time"
-            )));
-        }
-        Some(id) if id > wait.id => {
-            let asked = wait.id;
-            return Err(Broken::Protocol(format!(
-                "it answered request {id}, but was asked {asked}"
-            )));
-        }
-        _ => {}
-    }
+/// The fault for which an answer is an error.
+fn failed(error: RpcError, wait: &Wait<'_>) -> Broken {
     let during = wait.method.to_owned();
-    result.map_err(|RpcError { code, message }| {
-        Broken::Fault(match code {
-            wire::REFUSED => {
-                let (reason, hint) = match message.split_once('\n') {
-                    Some((reason, hint)) => (reason.to_owned(), Some(hint.to_owned())),
-                    None => (message, None),
-                };
-                Fault::Refused { reason, hint }
-            }
-            wire::BROKE_CONTRACT => Fault::Protocol {
-                during,
-                reason: message,
-            },
-            _ => Fault::Reported {
-                status: fleetyard_abi::Status::InternalError,
-                during,
-                message,
-            },
-        })
+    let RpcError { code, message } = error;
+    Broken::Fault(match code {
+        wire::REFUSED => {
+            let (reason, hint) = match message.split_once('\n') {
+                Some((reason, hint)) => (reason.to_owned(), Some(hint.to_owned())),
+                None => (message, None),
+            };
+            Fault::Refused { reason, hint }
+        }
+        wire::BROKE_CONTRACT => Fault::Protocol {
+            during,
+            reason: message,
+        },
+        _ => Fault::Reported {
+            status: fleetyard_abi::Status::InternalError,
+            during,
+            message,
+        },
     })
 }

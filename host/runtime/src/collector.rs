@@ -7,10 +7,12 @@ use std::time::Duration;
 use fleetyard_abi::convert::wrong_agents;
 use fleetyard_abi::sdk::{Rejected, Sink};
 use fleetyard_abi::{Budget, Instance, LogLevel, Plan, PlanRef, monotonic_ns};
+use fleetyard_core::GridPlan;
 
+use crate::bounds::{INCUMBENTS, LOG_BYTES, METRIC_NAME_BYTES, METRICS, OLDER_BYTES, plan_bytes};
 use crate::convert::plan_from_abi;
 use crate::log::Log;
-use crate::session::{Incumbent, Limits};
+use crate::session::Incumbent;
 
 /// Takes what a plugin submits during a call, whichever way it comes.
 pub(crate) struct Collector {
@@ -19,16 +21,15 @@ pub(crate) struct Collector {
     pub(crate) started_ns: u64,
     deadline_ns: u64,
     agents: Option<usize>,
-    kept_cells: usize,
-    log_bytes: usize,
-    most_incumbents: usize,
     collected: Mutex<Collected>,
 }
 
 #[derive(Default)]
 pub(crate) struct Collected {
     pub(crate) incumbents: Vec<Incumbent>,
-    cells: usize,
+    /// The first of them that has its plan, and the memory of all plans but the last.
+    oldest: usize,
+    older_bytes: usize,
     pub(crate) late: u64,
     pub(crate) metrics: BTreeMap<String, f64>,
     pub(crate) log: Log,
@@ -37,15 +38,13 @@ pub(crate) struct Collected {
 }
 
 impl Collector {
-    pub(crate) fn new(instance: &Instance, cells: u32, budget: &Budget, limits: &Limits) -> Self {
+    /// For a call that began then.
+    pub(crate) fn new(instance: &Instance, cells: u32, budget: &Budget, started_ns: u64) -> Self {
         Self {
             cells,
-            started_ns: monotonic_ns(),
+            started_ns,
             deadline_ns: budget.deadline_monotonic_ns,
             agents: Some(instance.agents()),
-            kept_cells: limits.kept_cells,
-            log_bytes: limits.log_bytes,
-            most_incumbents: limits.incumbents,
             collected: Mutex::default(),
         }
     }
@@ -57,9 +56,6 @@ impl Collector {
             started_ns: monotonic_ns(),
             deadline_ns: u64::MAX,
             agents: None,
-            kept_cells: 0,
-            log_bytes: Limits::default().log_bytes,
-            most_incumbents: 0,
             collected: Mutex::default(),
         }
     }
@@ -81,39 +77,67 @@ impl Collector {
         self.into_inner().log
     }
 
-    /// Keeps a plan, or says why it breaks the protocol.
-    pub(crate) fn accept(&self, plan: &Plan, arrived_ns: u64) -> Result<(), String> {
-        self.accept_ref(plan.as_ref(), arrived_ns)
+    /// Keeps a plan that was read from so many paths on a map of this size, or says why it
+    /// breaks the protocol.
+    pub(crate) fn accept(&self, plan: Plan, paths: usize, arrived_ns: u64) -> Result<(), String> {
+        if !self.is_wanted(paths, arrived_ns)? {
+            return Ok(());
+        }
+        let (offsets, cells) = plan.into_parts();
+        let offsets = offsets.into_iter().map(|offset| offset as usize).collect();
+        let plan = GridPlan::from_parts(offsets, cells).unwrap_or_default();
+        self.keep(plan, arrived_ns);
+        Ok(())
     }
 
     fn accept_ref(&self, plan: PlanRef<'_>, arrived_ns: u64) -> Result<(), String> {
+        if self.is_wanted(plan.agents(), arrived_ns)? {
+            self.keep(plan_from_abi(plan, self.cells), arrived_ns);
+        }
+        Ok(())
+    }
+
+    /// A plan of so many paths counts, unless it is late or breaks the protocol.
+    fn is_wanted(&self, paths: usize, arrived_ns: u64) -> Result<bool, String> {
         let Some(agents) = self.agents else {
             return Err("a plan was submitted in a call that asks for none".into());
         };
-        if plan.agents() != agents {
-            return Err(wrong_agents(plan.agents(), agents));
+        if paths != agents {
+            return Err(wrong_agents(paths, agents));
         }
-        let mut collected = self.lock();
-        if arrived_ns > self.deadline_ns {
-            collected.late += 1;
-            return Ok(());
+        let late = arrived_ns > self.deadline_ns;
+        if late {
+            self.lock().late += 1;
         }
-        collected.cells += plan.cells().len();
-        if collected.cells > self.kept_cells {
-            for incumbent in &mut collected.incumbents {
-                incumbent.plan = None;
-            }
-            collected.cells = plan.cells().len();
-        }
+        Ok(!late)
+    }
+
+    fn keep(&self, plan: GridPlan, arrived_ns: u64) {
         let arrived = Duration::from_nanos(arrived_ns.saturating_sub(self.started_ns));
-        if collected.incumbents.len() >= self.most_incumbents {
-            collected.incumbents.pop();
+        self.lock().keep(arrived, plan);
+    }
+}
+
+impl Collected {
+    /// The last plan is kept whatever its size, and of the older ones as many as there is
+    /// memory for.
+    fn keep(&mut self, arrived: Duration, plan: GridPlan) {
+        let bytes = |plan: &GridPlan| plan_bytes(plan.agents(), plan.cells().len());
+        if self.incumbents.len() >= INCUMBENTS {
+            self.incumbents.pop();
+        } else if let Some(last) = self.incumbents.last() {
+            self.older_bytes += last.plan.as_ref().map_or(0, bytes);
         }
-        collected.incumbents.push(Incumbent {
+        while self.older_bytes > OLDER_BYTES
+            && let Some(oldest) = self.incumbents.get_mut(self.oldest)
+        {
+            self.older_bytes -= oldest.plan.take().as_ref().map_or(0, bytes);
+            self.oldest += 1;
+        }
+        self.incumbents.push(Incumbent {
             arrived,
-            plan: Some(plan_from_abi(plan, self.cells)),
+            plan: Some(plan),
         });
-        Ok(())
     }
 }
 
@@ -137,20 +161,17 @@ impl Sink for Collector {
     }
 
     fn metric(&self, name: &str, value: f64) {
-        const MOST: usize = 1000;
-        const LONGEST_NAME: usize = 256;
         let mut collected = self.lock();
         if value.is_finite()
-            && name.len() <= LONGEST_NAME
-            && (collected.metrics.len() < MOST || collected.metrics.contains_key(name))
+            && name.len() <= METRIC_NAME_BYTES
+            && (collected.metrics.len() < METRICS || collected.metrics.contains_key(name))
         {
             collected.metrics.insert(name.to_owned(), value);
         }
     }
 
     fn log(&self, level: LogLevel, text: &str) {
-        let mut collected = self.lock();
-        collected.log.push(level, text, self.log_bytes);
+        self.lock().log.push(level, text, LOG_BYTES);
     }
 
     fn progress(&self, _: u64, _: u64) {}

@@ -15,14 +15,17 @@
 #![allow(unsafe_code)]
 
 pub mod adapter;
+pub mod bounds;
 mod cgroup;
 mod client;
 mod collector;
 mod convert;
 mod discover;
 mod fault;
+mod incoming;
 mod interrupt;
 mod library;
+mod link;
 mod lock;
 mod log;
 pub mod measure;

@@ -18,13 +18,10 @@ use fleetyard_abi::{
 };
 
 use crate::Fault;
+use crate::bounds::{PLAN_CELLS, plan_cells};
 
 /// Most plugins of one kind that a library may claim to have.
 const MOST_PLUGINS: u32 = 1024;
-
-/// Most cells in one plan; the same as for plans that come over the wire. Without
-/// a limit a wrong length makes this process allocate until it is aborted.
-const MOST_CELLS: usize = 1 << 28;
 
 /// The plugins of one shared library, or of several entries that are linked in.
 pub struct Library {
@@ -363,6 +360,8 @@ raw!(InvocationPolicy, InvocationPolicyFactory, should_invoke);
 struct Foreign<T: Raw> {
     raw: T,
     environment: Option<CEnvironment>,
+    /// Of the map.
+    cells: usize,
 }
 
 // SAFETY: the contract lets an object be used from any one thread at a time.
@@ -405,7 +404,7 @@ impl<T: Raw> Foreign<T> {
         let factory = unsafe { checked("factory", factory.cast::<T::Factory>()) };
         let factory = factory.map_err(Failure::broke_contract)?;
         let create = T::create_of(factory).ok_or_else(|| internal("no factory"))?;
-        let context = SinkContext::new(sink, None, MOST_CELLS);
+        let context = SinkContext::new(sink, None, PLAN_CELLS);
         let sink = context.to_c();
         let mut raw = T::empty();
         // SAFETY: all arguments live through the call.
@@ -419,6 +418,7 @@ impl<T: Raw> Foreign<T> {
         Ok(Self {
             raw,
             environment: None,
+            cells: 0,
         })
     }
 
@@ -431,28 +431,38 @@ impl<T: Raw> Foreign<T> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let prepare = prepare.ok_or_else(|| failure(Status::InternalError, "no `prepare`"))?;
+        let cells = environment.grid().map_or(0, |grid| grid.passable.len());
         let environment = CEnvironment::new(environment);
         // SAFETY: all arguments live through the call.
         self.ask(None, budget, sink, |context, budget, sink| unsafe {
             prepare(context, environment.raw(), budget, sink)
         })?;
         self.environment = Some(environment);
+        self.cells = cells;
         Ok(())
     }
 
     /// Makes a call that has a budget and a sink, and turns its status into a
-    /// result. `call` gets the context and both in their C form. Plans are for `agents`
-    /// agents, where plans are asked for: others are refused before they are read.
+    /// result. `call` gets the context and both in their C form. Where plans are
+    /// asked for, they are for so many agents and have so many cells at most: others are
+    /// refused before they are read.
     fn ask(
         &self,
-        agents: Option<usize>,
+        plans: Option<(usize, usize)>,
         budget: &Budget,
         sink: &dyn Sink,
         call: impl FnOnce(*mut c_void, &c::Budget, &c::Sink) -> i32,
     ) -> Result<(), Failure> {
-        let context = SinkContext::new(sink, agents, MOST_CELLS);
+        let (agents, most_cells) = plans.unzip();
+        let context = SinkContext::new(sink, agents, most_cells.unwrap_or(PLAN_CELLS));
         let code = call(self.raw.context(), &budget.to_c(), &context.to_c());
         result(code, &context)
+    }
+
+    /// The agents of the plans that are asked for, and the most cells of one. Without that
+    /// limit a wrong length would make this process allocate until it is aborted.
+    fn plans(&self, instance: &Instance) -> Option<(usize, usize)> {
+        Some((instance.agents(), plan_cells(instance, self.cells)))
     }
 
     fn environment(&self) -> Result<*const c::Environment, Failure> {
@@ -506,10 +516,10 @@ impl Planner for Foreign<c::Planner> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let plan = self.raw.plan.ok_or_else(|| missing("plan"))?;
-        let agents = Some(instance.agents());
+        let plans = self.plans(instance);
         let instance = CInstance::new(instance, self.environment()?);
         // SAFETY: all arguments live through the call.
-        self.ask(agents, budget, sink, |context, budget, sink| unsafe {
+        self.ask(plans, budget, sink, |context, budget, sink| unsafe {
             plan(context, instance.raw(), budget, sink)
         })
     }
@@ -533,12 +543,12 @@ impl FailPolicy for Foreign<c::FailPolicy> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let recover = self.raw.recover.ok_or_else(|| missing("recover"))?;
-        let agents = Some(instance.agents());
+        let plans = self.plans(instance);
         let instance = CInstance::new(instance, self.environment()?);
         let failed = failed.map(PlanRef::to_c);
         let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);
         // SAFETY: all arguments live through the call.
-        self.ask(agents, budget, sink, |context, budget, sink| unsafe {
+        self.ask(plans, budget, sink, |context, budget, sink| unsafe {
             recover(context, instance.raw(), failed, budget, sink)
         })
     }
@@ -575,7 +585,7 @@ impl InvocationPolicy for Foreign<c::InvocationPolicy> {
             .raw
             .should_invoke
             .ok_or_else(|| missing("should_invoke"))?;
-        let context = SinkContext::new(sink, None, MOST_CELLS);
+        let context = SinkContext::new(sink, None, PLAN_CELLS);
         let (status, sink) = (status.to_c(), context.to_c());
         // SAFETY: all arguments live through the call.
         match unsafe { should_invoke(self.raw.context, &raw const status, &raw const sink) } {

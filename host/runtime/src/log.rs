@@ -50,11 +50,11 @@ impl Log {
         self.lines.push(line);
     }
 
-    /// Appends what another log kept.
-    pub(crate) fn append(&mut self, other: Self) {
-        self.bytes += other.bytes;
-        self.full |= other.full;
-        self.lines.extend(other.lines);
+    /// Appends what another log kept, as long as there is room for it.
+    pub(crate) fn append(&mut self, other: Self, limit: usize) {
+        for LogLine { level, text } in other.lines {
+            self.push(level, &text, limit);
+        }
     }
 
     /// Hands over what was kept.

@@ -57,8 +57,20 @@ struct Fields<'a> {
     error: Option<&'a RawValue>,
 }
 
+/// Bytes of a line that were taken out of it, and where: columns count them.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Cut {
+    pub(crate) at: usize,
+    pub(crate) bytes: u64,
+}
+
 /// Reads a line, without its newline, or says how it breaks the protocol.
 pub fn read(line: &[u8]) -> Result<Message<'_>, String> {
+    read_without(line, Cut::default())
+}
+
+/// As [`read`], of a line from which something was taken out.
+pub(crate) fn read_without(line: &[u8], cut: Cut) -> Result<Message<'_>, String> {
     let line = line.trim_ascii();
     match line {
         [] => return Ok(Message::Blank),
@@ -75,7 +87,7 @@ pub fn read(line: &[u8]) -> Result<Message<'_>, String> {
             let reason = without_place(&error);
             format!("a message is malformed: {reason}")
         } else {
-            not_json(text, &error)
+            not_json(text, &error, cut)
         }
     })?;
     let version: Option<String> = field("jsonrpc", fields.jsonrpc, "the text \"2.0\"")?;
@@ -167,10 +179,11 @@ fn in_words(expected: &str) -> &str {
 }
 
 /// Why a line is not JSON, with the place and what stands there.
-fn not_json(text: &str, error: &serde_json::Error) -> String {
+fn not_json(text: &str, error: &serde_json::Error, cut: Cut) -> String {
     // The reader counts bytes, from 1.
     let at = text.floor_char_boundary(error.column().saturating_sub(1));
-    let column = text[..at].chars().count() + 1;
+    let taken_out = if at >= cut.at { cut.bytes } else { 0 };
+    let column = text[..at].chars().count() as u64 + 1 + taken_out;
     let mut before = text[..at].char_indices().rev();
     let from = before.nth(9).map_or(0, |(index, _)| index);
     let near: String = text[from..].chars().take(30).collect();

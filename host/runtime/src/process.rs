@@ -1,16 +1,22 @@
 //! A supervised process: its pipes, its end, and what it used.
 
 use std::ffi::OsStr;
-use std::io::{ErrorKind, Read, Write};
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::hash::{BuildHasher, RandomState};
+use std::io::{self, ErrorKind, Read, Write};
+use std::os::fd::{AsRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use fleetyard_abi::monotonic_ns;
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::Timespec;
+
 use crate::Fault;
 use crate::fault::signal_name;
+use crate::link::{Interest, Link, Output};
 use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::sandbox::SandboxReport;
 use crate::sandbox::jail::Launch;
@@ -23,6 +29,9 @@ const SILENCE: Duration = Duration::from_secs(30);
 
 /// How long one that has closed its socket may take to end by itself.
 const ENDING: Duration = Duration::from_secs(1);
+
+/// The longest wait, so that it can be written as the system wants it.
+const LONGEST_WAIT_NS: u64 = 60_000_000_000;
 
 /// Where programs are, where state is kept, and what plugins are told anyway.
 fn is_for_supervisors(name: &OsStr) -> bool {
@@ -37,10 +46,12 @@ pub(crate) struct Process {
     run: String,
     control: UnixStream,
     received: Vec<u8>,
-    pub(crate) stdin: Option<ChildStdin>,
+    stdin: Option<ChildStdin>,
     pub(crate) stdout: ChildStdout,
     pub(crate) stderr: ChildStderr,
     sandbox: Option<SandboxReport>,
+    /// Makes numbers that nobody can guess, and how many it has made.
+    secret: (RandomState, u64),
     report: Option<Report>,
     /// The limit that the supervisor says is exceeded, while the plugin has its grace.
     over: Option<Limit>,
@@ -111,6 +122,7 @@ impl Process {
             stdout,
             stderr,
             sandbox: None,
+            secret: (RandomState::new(), 0),
             report: None,
             over: None,
             used: None,
@@ -127,51 +139,12 @@ impl Process {
         }
     }
 
-    /// To be polled: readable when the supervisor has something to say.
-    pub(crate) fn control(&self) -> Option<BorrowedFd<'_>> {
-        self.report.is_none().then_some(self.control.as_fd())
-    }
-
-    /// A call begins: its limits count from here.
-    pub(crate) fn begin(&mut self, limits: CallLimits, grace: Duration) {
-        self.over = None;
-        self.used = None;
-        let grace_ns = grace.as_nanos() as u64;
-        self.say(&Order::Begin { limits, grace_ns });
-    }
-
-    /// A call has ended: what it used, unless the process ended by itself with it.
-    pub(crate) fn finish(&mut self) -> Option<CallUsage> {
-        if self.report.is_none() {
-            self.say(&Order::Finish);
-            self.hear_until(|process| process.used.is_some());
-        }
-        let stopped = self.report.as_ref().and_then(|report| report.call);
-        self.used.take().or(stopped)
-    }
-
-    /// The sandbox that it was started in, once the supervisor has said so.
-    pub(crate) fn sandbox(&self) -> Option<&SandboxReport> {
-        self.sandbox.as_ref()
-    }
-
-    /// The limit that is exceeded, once the supervisor has said so.
-    pub(crate) fn over(&self) -> Option<Limit> {
-        let report = self.report.as_ref();
-        report.and_then(|report| report.over).or(self.over)
-    }
-
     /// Takes in what the supervisor has said already.
-    pub(crate) fn catch_up(&mut self) {
+    fn catch_up(&mut self) {
         if self.report.is_none() && self.control.set_nonblocking(true).is_ok() {
             while self.hear(SILENCE) && self.report.is_none() {}
             let _ = self.control.set_nonblocking(false);
         }
-    }
-
-    /// What kept the supervisor from its work, if something did.
-    pub(crate) fn disturbed(&self) -> Option<&str> {
-        self.report.as_ref()?.disturbed.as_deref()
     }
 
     /// Waits until the supervisor has said something or has ended. One that says nothing
@@ -259,10 +232,96 @@ impl Process {
         }
         self.report = Some(report);
     }
+}
 
-    /// Waits up to `patience` for the plugin to end by itself, then ends its whole
-    /// tree. Nothing of it is left when this returns.
-    pub(crate) fn end(&mut self, patience: Duration) -> Report {
+impl Link for Process {
+    fn now_ns(&self) -> u64 {
+        monotonic_ns()
+    }
+
+    fn secret(&mut self) -> u64 {
+        let (state, made) = &mut self.secret;
+        *made += 1;
+        state.hash_one(made)
+    }
+
+    fn wait(&mut self, interest: Interest, most_ns: u64) {
+        let most_ns = most_ns.min(LONGEST_WAIT_NS);
+        let timeout = Timespec {
+            tv_sec: (most_ns / 1_000_000_000) as i64,
+            tv_nsec: (most_ns % 1_000_000_000) as i64,
+        };
+        let mut waiting = Vec::with_capacity(4);
+        let hears = self.report.is_none();
+        if hears {
+            waiting.push(PollFd::new(&self.control, PollFlags::IN));
+        }
+        if interest.stdout {
+            waiting.push(PollFd::new(&self.stdout, PollFlags::IN));
+        }
+        if interest.stderr {
+            waiting.push(PollFd::new(&self.stderr, PollFlags::IN));
+        }
+        if let Some(stdin) = self.stdin.as_ref().filter(|_| interest.stdin) {
+            waiting.push(PollFd::new(stdin, PollFlags::OUT));
+        }
+        // An interrupted poll is a spurious wake-up.
+        let _ = poll(&mut waiting, Some(&timeout));
+        let told = hears && !waiting[0].revents().is_empty();
+        drop(waiting);
+        if told {
+            self.catch_up();
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.stdin {
+            Some(stdin) => stdin.write(bytes),
+            None => Err(ErrorKind::BrokenPipe.into()),
+        }
+    }
+
+    fn close_stdin(&mut self) {
+        self.stdin = None;
+    }
+
+    fn read(&mut self, output: Output, buffer: &mut [u8]) -> io::Result<usize> {
+        match output {
+            Output::Stdout => self.stdout.read(buffer),
+            Output::Stderr => self.stderr.read(buffer),
+        }
+    }
+
+    fn begin(&mut self, limits: CallLimits, grace: Duration) {
+        self.over = None;
+        self.used = None;
+        let grace_ns = grace.as_nanos() as u64;
+        self.say(&Order::Begin { limits, grace_ns });
+    }
+
+    fn finish(&mut self) -> Option<CallUsage> {
+        if self.report.is_none() {
+            self.say(&Order::Finish);
+            self.hear_until(|process| process.used.is_some());
+        }
+        let stopped = self.report.as_ref().and_then(|report| report.call);
+        self.used.take().or(stopped)
+    }
+
+    fn over(&self) -> Option<Limit> {
+        let report = self.report.as_ref();
+        report.and_then(|report| report.over).or(self.over)
+    }
+
+    fn sandbox(&self) -> Option<&SandboxReport> {
+        self.sandbox.as_ref()
+    }
+
+    fn disturbed(&self) -> Option<String> {
+        self.report.as_ref()?.disturbed.clone()
+    }
+
+    fn end(&mut self, patience: Duration) -> Report {
         let until = Instant::now() + patience;
         while self.report.is_none() {
             let left = until.saturating_duration_since(Instant::now());

@@ -12,6 +12,7 @@ use std::sync::OnceLock;
 
 use fleetyard_core::{Hasher, write_atomically};
 
+use crate::link::Link;
 use crate::process::Process;
 use crate::sandbox::{Filter, Profile, find_program};
 use crate::session::Runtime;

@@ -15,17 +15,19 @@ use fleetyard_abi::wire::{
     ShouldInvokeParams, ShouldInvokeResult,
 };
 use fleetyard_abi::{
-    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
-    SharedEnvironment, Status, c, monotonic_ns,
+    Budget, Descriptor, FleetState, FleetStatus, GridEnvironment, Instance, Kind, PathEncoding,
+    Plan, SharedEnvironment, Status, c, monotonic_ns,
 };
 use fleetyard_core::{Digest, GridPlan};
-use serde::de::{DeserializeOwned, DeserializeSeed};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::value::RawValue;
 
 use crate::adapter::FORMAT;
-use crate::client::{Client, Deadline, Notice};
+use crate::bounds::{INTRODUCTION_BYTES, LOG_BYTES, message_bytes, plan_cells};
+use crate::client::{Client, Deadline, Notice, Reply};
 use crate::collector::{Collected, Collector};
+use crate::incoming::Expected;
+use crate::link::Link;
 use crate::log::{Log, LogLine};
 use crate::measure::Cpus;
 use crate::message;
@@ -37,7 +39,8 @@ use crate::sandbox::{Attempt, Filter, Grants, Level, Policy, Profile, SandboxRep
 use crate::supervisor::Target;
 use crate::{Attach, Fault, Library, PluginFile, Trust, selftest};
 
-/// Limits that are not a call's budget.
+/// Limits that are not a call's budget. How much of what a plugin sends is kept is said in
+/// [`bounds`](crate::bounds).
 #[derive(Debug, Clone)]
 pub struct Limits {
     /// How long a plugin may take to start and introduce itself.
@@ -47,23 +50,8 @@ pub struct Limits {
     pub grace: Duration,
     /// How long a plugin may take to end when it is no longer needed.
     pub ending: Duration,
-    /// Longest message while a plugin introduces itself.
-    pub introduction_bytes: usize,
-    /// Longest message afterwards: a plan may be large.
-    pub line_bytes: usize,
     /// Most bytes on standard output and standard error that are no messages.
     pub output_bytes: u64,
-    /// How much of the end of standard error is kept.
-    pub stderr_bytes: usize,
-    /// How much of the log is kept.
-    pub log_bytes: usize,
-    /// Most cells in one plan.
-    pub plan_cells: usize,
-    /// Most incumbents that are kept; the last one always is.
-    pub incumbents: usize,
-    /// Most cells in all incumbents that are kept; beyond it older ones keep
-    /// their time of arrival alone.
-    pub kept_cells: usize,
     /// What the sandbox grants.
     pub policy: Policy,
     /// Whose code may be started.
@@ -87,14 +75,7 @@ impl Default for Limits {
             startup: Duration::from_mins(1),
             grace: Duration::ZERO,
             ending: Duration::from_secs(2),
-            introduction_bytes: 4 << 20,
-            line_bytes: 1 << 30,
             output_bytes: 64 << 20,
-            stderr_bytes: 64 << 10,
-            log_bytes: 4 << 20,
-            plan_cells: 1 << 28,
-            incumbents: 10_000,
-            kept_cells: 1 << 28,
             policy: Policy::default(),
             trust: Trust::default(),
             prepare_cpu: None,
@@ -566,7 +547,7 @@ impl Runtime {
 }
 
 /// Asks a plugin who it is.
-fn introduce(client: &mut Client, limits: &Limits) -> Result<String, Fault> {
+fn introduce(client: &mut Client, limits: &Limits) -> Result<Reply, Fault> {
     let params = InitializeParams {
         protocol_versions: vec![PROTOCOL_VERSION],
         host: Peer {
@@ -574,8 +555,13 @@ fn introduce(client: &mut Client, limits: &Limits) -> Result<String, Fault> {
             version: env!("CARGO_PKG_VERSION").into(),
         },
     };
-    let deadline = Deadline::after(limits.startup);
-    client.call("initialize", params, deadline, &mut |_| Ok(()))
+    let deadline = Deadline::after(client.now_ns(), limits.startup);
+    let expected = Expected {
+        bytes: INTRODUCTION_BYTES,
+        ..Expected::NO_PLAN
+    };
+    let figures = &mut nothing_but_figures;
+    client.call("initialize", params, deadline, expected, figures)
 }
 
 /// What the plugins of a file were built for.
@@ -623,12 +609,36 @@ fn protocol(during: &str, reason: impl Into<String>) -> Fault {
     }
 }
 
-fn read<T: DeserializeOwned>(method: &str, answer: &str) -> Result<T, Fault> {
-    result(method, answer).map_err(|reason| protocol(method, reason))
+fn read<T: DeserializeOwned>(method: &str, answer: &Reply) -> Result<T, Fault> {
+    result(method, &answer.result).map_err(|reason| protocol(method, reason))
+}
+
+/// In calls that ask for no plan, figures are nobody's, and a plan is a breach.
+fn nothing_but_figures(notice: Notice) -> Result<(), String> {
+    match notice {
+        Notice::Incumbent { read, .. } => read.map(drop),
+        Notice::Metric(_) => Ok(()),
+    }
 }
 
 fn result<'a, T: Deserialize<'a>>(method: &str, answer: &'a str) -> Result<T, String> {
     message::payload(&format!("the result of `{method}`"), answer)
+}
+
+/// Asks something whose answer is short and no plan.
+fn ask<L: Link>(
+    client: &mut Client<L>,
+    method: &str,
+    params: impl Serialize,
+    deadline: Deadline,
+) -> Result<Reply, Fault> {
+    client.call(
+        method,
+        params,
+        deadline,
+        Expected::NO_PLAN,
+        &mut nothing_but_figures,
+    )
 }
 
 fn reported(method: &str, status: Status, message: Option<String>) -> Fault {
@@ -649,14 +659,14 @@ fn to_fault(method: &str) -> impl Fn(Failure) -> Fault + '_ {
     }
 }
 
-enum Inner {
+enum Inner<L: Link = Process> {
     InProcess {
         library: Library,
         object: Option<Object>,
         log: Log,
         promises: Promises,
     },
-    Process(Box<Client>),
+    Process(Box<Client<L>>),
 }
 
 /// A running plugin.
@@ -705,10 +715,10 @@ fn host_run_delay() -> Option<Duration> {
     Some(Duration::from_nanos(delay.parse().ok()?))
 }
 
-/// The budget of a call that begins now.
-fn from_now(budget: &Budget) -> Budget {
+/// The budget of a call that begins then.
+fn from(now_ns: u64, budget: &Budget) -> Budget {
     Budget {
-        deadline_monotonic_ns: monotonic_ns().saturating_add(budget.wall_ns),
+        deadline_monotonic_ns: now_ns.saturating_add(budget.wall_ns),
         ..*budget
     }
 }
@@ -764,7 +774,7 @@ impl Session {
                     library.create(kind, id, Options::new(&options), &collector)
                 });
                 promises.settle();
-                log.append(collector.into_log());
+                log.append(collector.into_log(), LOG_BYTES);
                 *object = Some(made.map_err(to_fault("create"))?);
                 Ok(())
             }
@@ -774,8 +784,8 @@ impl Session {
                     plugin: id.into(),
                     options,
                 };
-                let deadline = Deadline::after(self.limits.startup);
-                let answer = client.call("create", params, deadline, &mut |_| Ok(()))?;
+                let deadline = Deadline::after(client.now_ns(), self.limits.startup);
+                let answer = ask(client, "create", params, deadline)?;
                 succeeded("create", read("create", &answer)?)
             }
         }
@@ -787,8 +797,8 @@ impl Session {
         environment: &SharedEnvironment,
         budget: &Budget,
     ) -> Result<CallReport, Fault> {
-        self.begin(budget, self.limits.prepare_cpu);
-        let budget = from_now(budget);
+        self.inner.begin(budget, self.limits.prepare_cpu);
+        let budget = from(self.inner.now_ns(), budget);
         let started = monotonic_ns();
         match &mut self.inner {
             Inner::InProcess {
@@ -807,7 +817,7 @@ impl Session {
                     Some(Object::InvocationPolicy(_)) | None => Err(wrong_object()),
                 });
                 promises.settle();
-                log.append(collector.into_log());
+                log.append(collector.into_log(), LOG_BYTES);
                 result.map_err(to_fault("prepare"))?;
             }
             Inner::Process(client) => {
@@ -816,32 +826,14 @@ impl Session {
                     environment: environment.as_ref().clone(),
                     budget,
                 };
-                let answer = client.call("prepare", params, deadline, &mut |_| Ok(()))?;
+                let answer = ask(client, "prepare", params, deadline)?;
                 succeeded("prepare", read("prepare", &answer)?)?;
             }
         }
         let wall = Duration::from_nanos(monotonic_ns() - started);
-        let usage = self.finish("prepare")?;
+        let usage = self.inner.finish("prepare")?;
         self.environment = Some(SharedEnvironment::clone(environment));
         Ok(CallReport { wall, usage })
-    }
-
-    /// A call begins, with the limits of its budget.
-    fn begin(&mut self, budget: &Budget, cpu: Option<Duration>) {
-        if let Inner::Process(client) = &mut self.inner {
-            client.begin(CallLimits {
-                cpu_ns: cpu.map_or(0, |cpu| cpu.as_nanos() as u64),
-                memory_bytes: budget.memory_bytes,
-            });
-        }
-    }
-
-    /// It has ended: what it used, if somebody watched it to the end.
-    fn finish(&mut self, method: &str) -> Result<CallUsage, Fault> {
-        match &mut self.inner {
-            Inner::InProcess { .. } => Ok(CallUsage::default()),
-            Inner::Process(client) => client.finish(method),
-        }
     }
 
     /// Asks a planner for a plan.
@@ -860,221 +852,18 @@ impl Session {
     }
 
     fn solve(&mut self, question: Question<'_>, instance: &Instance, budget: &Budget) -> PlanRun {
-        let method = question.method();
-        self.begin(budget, self.limits.cpu);
-        let budget = from_now(budget);
+        let cpu = self.limits.cpu;
         let environment = self.environment.as_deref();
-        let cells = environment.and_then(|environment| environment.grid());
-        let cells = cells.map_or(0, |grid| grid.rows.saturating_mul(grid.cols));
-        let waited = host_run_delay();
-        let collector = Collector::new(instance, cells, &budget, &self.limits);
-        let mut timing = Timing::default();
-        let called = self.call_solve(question, instance, &budget, &collector, &mut timing);
-        let ended_ns = monotonic_ns();
-        let waited = host_run_delay().zip(waited).map(|(now, then)| now - then);
-        let planning = Duration::from_nanos(ended_ns - collector.started_ns);
-        // Whatever it answered: what nobody watched does not count.
-        let (usage, called) = match self.finish(method) {
-            Ok(usage) => (usage, called),
-            Err(fault) => (CallUsage::default(), Err(fault)),
-        };
-        let over = match &self.inner {
-            Inner::InProcess { .. } => None,
-            Inner::Process(client) => client.over(),
-        };
-        // A library's plan is rejected after the deadline before it gets here; one
-        // that claims success all the same is late, not silent.
-        let overdue = ended_ns > budget.deadline_monotonic_ns;
-        let Collected {
-            incumbents,
-            late,
-            metrics,
-            log,
-            fault,
-            ..
-        } = collector.into_inner();
-        if let Inner::InProcess { log: kept, .. } = &mut self.inner {
-            kept.append(log);
-        }
-        let called = match (called, fault) {
-            (Err(fault @ Fault::Unsupervised { .. }), _) => Err(fault),
-            (Ok(_), Some(reason)) => Err(protocol(method, reason)),
-            (
-                Ok(Outcome {
-                    status: Status::Solved,
-                    ..
-                }),
-                None,
-            ) if incumbents.is_empty() && late == 0 && !overdue => {
-                Err(protocol(method, "it claims `solved` but submitted no plan"))
-            }
-            (called, _) => called,
-        };
-        let mut run = PlanRun {
-            termination: Termination::Completed,
-            claim: None,
-            message: None,
-            fault: None,
-            incumbents,
-            late,
-            metrics,
-            planning,
-            call: timing.claimed,
-            round_trip: timing.round_trip,
-            held_up: waited.map(|waited| waited + timing.handled),
-            usage,
-            stopped: false,
-            limit: over.or((ended_ns > budget.deadline_monotonic_ns).then_some(Limit::Wall)),
-        };
-        match called {
-            Ok(Outcome { status, message }) => {
-                run.claim = Some(status);
-                run.message = message;
-                if run.incumbents.is_empty() && (late > 0 || status == Status::Solved) {
-                    run.termination = Termination::TimedOut;
-                }
-                if matches!(
-                    status,
-                    Status::Unsupported | Status::InvalidInput | Status::InternalError
-                ) {
-                    let fault = reported(method, status, run.message.clone());
-                    run.termination = Termination::from(&fault);
-                    run.fault = Some(fault);
-                }
-            }
-            Err(fault) => {
-                run.stopped = fault.is_stop() && !matches!(self.inner, Inner::InProcess { .. });
-                run.limit = fault.limit();
-                run.termination = Termination::from(&fault);
-                run.fault = Some(fault);
-            }
-        }
-        run
-    }
-
-    fn call_solve(
-        &mut self,
-        question: Question<'_>,
-        instance: &Instance,
-        budget: &Budget,
-        collector: &Collector,
-        timing: &mut Timing,
-    ) -> Result<Outcome, Fault> {
-        let method = question.method();
-        let grid = self
-            .environment
-            .as_deref()
-            .and_then(|environment| environment.grid());
-        let grid = grid.ok_or_else(|| reported(method, Status::InvalidInput, None))?;
-        let context = PathContext {
-            rows: grid.rows,
-            cols: grid.cols,
-            starts: &instance.starts,
-            max_cells: self.limits.plan_cells,
-        };
-        let client = match &mut self.inner {
-            Inner::InProcess {
-                object, promises, ..
-            } => {
-                let (result, taken_ns) = promises.around(method, || {
-                    // What stands around the call is not the plugin's time.
-                    let began_ns = monotonic_ns();
-                    let result = match (object, question) {
-                        (Some(Object::Planner(planner)), Question::Plan) => {
-                            planner.plan(instance, budget, collector)
-                        }
-                        (Some(Object::FailPolicy(policy)), Question::Recover(failed)) => {
-                            policy.recover(instance, failed.map(Plan::as_ref), budget, collector)
-                        }
-                        _ => Err(wrong_object()),
-                    };
-                    (result, monotonic_ns() - began_ns)
-                });
-                timing.round_trip = Some(Duration::from_nanos(taken_ns));
-                return match result {
-                    Ok(()) => Ok(Outcome {
-                        status: Status::Solved,
-                        message: None,
-                    }),
-                    Err(failure) if failure.broke_contract => Err(to_fault(method)(failure)),
-                    Err(Failure {
-                        status, message, ..
-                    }) => Ok(Outcome {
-                        status,
-                        message: Some(message),
-                    }),
-                };
-            }
-            Inner::Process(client) => client,
-        };
-        let mut notice = |notice: Notice<'_>| match notice {
-            Notice::Incumbent { paths, arrived_ns } => {
-                collector.accept(&decode(context, paths)?, arrived_ns)
-            }
-            Notice::Metric(metric) => {
-                collector.metric(&metric.name, metric.value);
-                Ok(())
-            }
-        };
-        let deadline = Deadline::from(budget);
-        let (instance, budget) = (instance.clone(), *budget);
-        let answer = match question {
-            Question::Plan => client.call(
-                method,
-                PlanParams { instance, budget },
-                deadline,
-                &mut notice,
-            )?,
-            Question::Recover(failed) => {
-                let encoding = self.encoding;
-                let text = failed
-                    .map(|plan| WritePaths {
-                        plan: plan.as_ref(),
-                        context,
-                        encoding,
-                    })
-                    .map(|paths| serde_json::value::to_raw_value(&paths))
-                    .transpose()
-                    .map_err(|error| protocol(method, error.to_string()))?;
-                let params = RecoverParams {
-                    instance: instance.clone(),
-                    budget,
-                    failed_paths: text.as_deref(),
-                };
-                client.call(method, params, deadline, &mut notice)?
-            }
-        };
-        let arrived_ns = monotonic_ns();
-        let (round_trip, handled) = client.round_trip();
-        timing.round_trip = Some(round_trip);
-        timing.handled = handled;
-        let mut read = || -> Result<Outcome, String> {
-            let PlanResult {
-                status,
-                message,
-                paths,
-                call_ns,
-            } = result(method, &answer)?;
-            let took_ns = round_trip.as_nanos() as u64;
-            if let Some(call_ns) = call_ns.filter(|call_ns| *call_ns > longest_call_ns(took_ns)) {
-                return Err(format!(
-                    "it claims to have worked for {:?} on a call of {round_trip:?}",
-                    Duration::from_nanos(call_ns)
-                ));
-            }
-            timing.claimed = call_ns.map(Duration::from_nanos);
-            if let Some(paths) = paths {
-                collector.accept(&decode(context, paths)?, arrived_ns)?;
-            }
-            Ok(Outcome { status, message })
-        };
-        read().map_err(|reason| client.condemn(method, protocol(method, reason)))
+        let grid = environment.and_then(|environment| environment.grid());
+        let encoding = self.encoding;
+        self.inner
+            .solve(question, grid, encoding, instance, budget, cpu)
     }
 
     /// Asks an instance generator for the next instance.
     pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault> {
-        self.begin(budget, self.limits.cpu);
-        let budget = from_now(budget);
+        self.inner.begin(budget, self.limits.cpu);
+        let budget = from(self.inner.now_ns(), budget);
         let method = "generate";
         let missing = || protocol(method, "it claims success but submitted no instance");
         match &mut self.inner {
@@ -1088,7 +877,7 @@ impl Session {
                 let result =
                     promises.around(method, || generator.generate(state, &budget, &collector));
                 let collected = collector.into_inner();
-                log.append(collected.log);
+                log.append(collected.log, LOG_BYTES);
                 result.map_err(to_fault(method))?;
                 collected.instance.ok_or_else(missing)
             }
@@ -1099,7 +888,12 @@ impl Session {
                     state: state.clone(),
                     budget,
                 };
-                let answer = client.call(method, params, deadline, &mut |_| Ok(()))?;
+                let expected = Expected {
+                    bytes: message_bytes(state.cells.len()),
+                    ..Expected::NO_PLAN
+                };
+                let figures = &mut nothing_but_figures;
+                let answer = client.call(method, params, deadline, expected, figures)?;
                 let GenerateResult {
                     status,
                     message,
@@ -1123,16 +917,16 @@ impl Session {
             } => {
                 let collector = Collector::idle();
                 let result = promises.around(method, || policy.should_invoke(status, &collector));
-                log.append(collector.into_log());
+                log.append(collector.into_log(), LOG_BYTES);
                 result.map_err(to_fault(method))
             }
             Inner::InProcess { .. } => Err(to_fault(method)(wrong_object())),
             Inner::Process(client) => {
-                let deadline = Deadline::after(limit);
+                let deadline = Deadline::after(client.now_ns(), limit);
                 let params = ShouldInvokeParams {
                     status: status.clone(),
                 };
-                let answer = client.call(method, params, deadline, &mut |_| Ok(()))?;
+                let answer = ask(client, method, params, deadline)?;
                 read(method, &answer).map(|ShouldInvokeResult { invoke }| invoke)
             }
         }
@@ -1196,6 +990,260 @@ impl Session {
     }
 }
 
+impl<L: Link> Inner<L> {
+    fn now_ns(&self) -> u64 {
+        match self {
+            Self::InProcess { .. } => monotonic_ns(),
+            Self::Process(client) => client.now_ns(),
+        }
+    }
+
+    /// A call begins, with the limits of its budget.
+    fn begin(&mut self, budget: &Budget, cpu: Option<Duration>) {
+        if let Self::Process(client) = self {
+            client.begin(CallLimits {
+                cpu_ns: cpu.map_or(0, |cpu| cpu.as_nanos() as u64),
+                memory_bytes: budget.memory_bytes,
+            });
+        }
+    }
+
+    /// It has ended: what it used, if somebody watched it to the end.
+    fn finish(&mut self, method: &str) -> Result<CallUsage, Fault> {
+        match self {
+            Self::InProcess { .. } => Ok(CallUsage::default()),
+            Self::Process(client) => client.finish(method),
+        }
+    }
+
+    fn solve(
+        &mut self,
+        question: Question<'_>,
+        grid: Option<&GridEnvironment>,
+        encoding: PathEncoding,
+        instance: &Instance,
+        budget: &Budget,
+        cpu: Option<Duration>,
+    ) -> PlanRun {
+        let method = question.method();
+        self.begin(budget, cpu);
+        let began_ns = self.now_ns();
+        let budget = from(began_ns, budget);
+        let cells = grid.map_or(0, |grid| grid.rows.saturating_mul(grid.cols));
+        let collector = Collector::new(instance, cells, &budget, began_ns);
+        let context = grid.map(|grid| PathContext {
+            rows: grid.rows,
+            cols: grid.cols,
+            starts: &instance.starts,
+            max_cells: plan_cells(instance, cells as usize),
+        });
+        let waited = host_run_delay();
+        let mut timing = Timing::default();
+        let called = match context {
+            Some(context) => {
+                let asked = (question, context, encoding);
+                self.call_solve(asked, instance, &budget, &collector, &mut timing)
+            }
+            None => Err(reported(method, Status::InvalidInput, None)),
+        };
+        let ended_ns = self.now_ns();
+        let waited = host_run_delay().zip(waited).map(|(now, then)| now - then);
+        let planning = Duration::from_nanos(ended_ns - collector.started_ns);
+        // Whatever it answered: what nobody watched does not count.
+        let (usage, called) = match self.finish(method) {
+            Ok(usage) => (usage, called),
+            Err(fault) => (CallUsage::default(), Err(fault)),
+        };
+        let over = match self {
+            Self::InProcess { .. } => None,
+            Self::Process(client) => client.over(),
+        };
+        // A library's plan is rejected after the deadline before it gets here; one
+        // that claims success all the same is late, not silent.
+        let overdue = ended_ns > budget.deadline_monotonic_ns;
+        let Collected {
+            incumbents,
+            late,
+            metrics,
+            log,
+            fault,
+            ..
+        } = collector.into_inner();
+        if let Self::InProcess { log: kept, .. } = self {
+            kept.append(log, LOG_BYTES);
+        }
+        let called = match (called, fault) {
+            (Err(fault @ Fault::Unsupervised { .. }), _) => Err(fault),
+            (Ok(_), Some(reason)) => Err(protocol(method, reason)),
+            (
+                Ok(Outcome {
+                    status: Status::Solved,
+                    ..
+                }),
+                None,
+            ) if incumbents.is_empty() && late == 0 && !overdue => {
+                Err(protocol(method, "it claims `solved` but submitted no plan"))
+            }
+            (called, _) => called,
+        };
+        let mut run = PlanRun {
+            termination: Termination::Completed,
+            claim: None,
+            message: None,
+            fault: None,
+            incumbents,
+            late,
+            metrics,
+            planning,
+            call: timing.claimed,
+            round_trip: timing.round_trip,
+            held_up: waited.map(|waited| waited + timing.handled),
+            usage,
+            stopped: false,
+            limit: over.or((ended_ns > budget.deadline_monotonic_ns).then_some(Limit::Wall)),
+        };
+        match called {
+            Ok(Outcome { status, message }) => {
+                run.claim = Some(status);
+                run.message = message;
+                if run.incumbents.is_empty() && (late > 0 || status == Status::Solved) {
+                    run.termination = Termination::TimedOut;
+                }
+                if matches!(
+                    status,
+                    Status::Unsupported | Status::InvalidInput | Status::InternalError
+                ) {
+                    let fault = reported(method, status, run.message.clone());
+                    run.termination = Termination::from(&fault);
+                    run.fault = Some(fault);
+                }
+            }
+            Err(fault) => {
+                run.stopped = fault.is_stop() && !matches!(self, Self::InProcess { .. });
+                run.limit = fault.limit();
+                run.termination = Termination::from(&fault);
+                run.fault = Some(fault);
+            }
+        }
+        run
+    }
+
+    fn call_solve(
+        &mut self,
+        (question, context, encoding): (Question<'_>, PathContext<'_>, PathEncoding),
+        instance: &Instance,
+        budget: &Budget,
+        collector: &Collector,
+        timing: &mut Timing,
+    ) -> Result<Outcome, Fault> {
+        let method = question.method();
+        let client = match self {
+            Self::InProcess {
+                object, promises, ..
+            } => {
+                let (result, taken_ns) = promises.around(method, || {
+                    // What stands around the call is not the plugin's time.
+                    let began_ns = monotonic_ns();
+                    let result = match (object, question) {
+                        (Some(Object::Planner(planner)), Question::Plan) => {
+                            planner.plan(instance, budget, collector)
+                        }
+                        (Some(Object::FailPolicy(policy)), Question::Recover(failed)) => {
+                            policy.recover(instance, failed.map(Plan::as_ref), budget, collector)
+                        }
+                        _ => Err(wrong_object()),
+                    };
+                    (result, monotonic_ns() - began_ns)
+                });
+                timing.round_trip = Some(Duration::from_nanos(taken_ns));
+                return match result {
+                    Ok(()) => Ok(Outcome {
+                        status: Status::Solved,
+                        message: None,
+                    }),
+                    Err(failure) if failure.broke_contract => Err(to_fault(method)(failure)),
+                    Err(Failure {
+                        status, message, ..
+                    }) => Ok(Outcome {
+                        status,
+                        message: Some(message),
+                    }),
+                };
+            }
+            Self::Process(client) => client,
+        };
+        let mut notify = |notice: Notice| match notice {
+            Notice::Incumbent { read, arrived_ns } => {
+                let (plan, paths) = read?;
+                collector.accept(plan, paths, arrived_ns)
+            }
+            Notice::Metric(metric) => {
+                collector.metric(&metric.name, metric.value);
+                Ok(())
+            }
+        };
+        let deadline = Deadline::from(budget);
+        let expected = Expected {
+            paths: Some(context),
+            ..Expected::NO_PLAN
+        };
+        let (instance, budget) = (instance.clone(), *budget);
+        let answer = match question {
+            Question::Plan => {
+                let params = PlanParams { instance, budget };
+                client.call(method, params, deadline, expected, &mut notify)?
+            }
+            Question::Recover(failed) => {
+                let text = failed
+                    .map(|plan| WritePaths {
+                        plan: plan.as_ref(),
+                        context,
+                        encoding,
+                    })
+                    .map(|paths| serde_json::value::to_raw_value(&paths))
+                    .transpose()
+                    .map_err(|error| protocol(method, error.to_string()))?;
+                let params = RecoverParams {
+                    instance,
+                    budget,
+                    failed_paths: text.as_deref(),
+                };
+                client.call(method, params, deadline, expected, &mut notify)?
+            }
+        };
+        let Reply {
+            result: text,
+            paths: found,
+            arrived_ns,
+        } = answer;
+        let (round_trip, handled) = client.round_trip();
+        timing.round_trip = Some(round_trip);
+        timing.handled = handled;
+        let read = || -> Result<Outcome, String> {
+            let PlanResult {
+                status,
+                message,
+                paths,
+                call_ns,
+            } = result(method, &text)?;
+            let took_ns = round_trip.as_nanos() as u64;
+            if let Some(call_ns) = call_ns.filter(|call_ns| *call_ns > longest_call_ns(took_ns)) {
+                return Err(format!(
+                    "it claims to have worked for {:?} on a call of {round_trip:?}",
+                    Duration::from_nanos(call_ns)
+                ));
+            }
+            timing.claimed = call_ns.map(Duration::from_nanos);
+            if let Some(paths) = paths {
+                let (plan, paths) = expected.read(paths, found)?;
+                collector.accept(plan, paths, arrived_ns)?;
+            }
+            Ok(Outcome { status, message })
+        };
+        read().map_err(|reason| client.condemn(method, protocol(method, reason)))
+    }
+}
+
 fn wrong_object() -> Failure {
     Failure::new(
         Status::InvalidInput,
@@ -1210,8 +1258,5 @@ fn succeeded(method: &str, outcome: Outcome) -> Result<(), Fault> {
     }
 }
 
-fn decode(context: PathContext<'_>, paths: &RawValue) -> Result<Plan, String> {
-    context
-        .deserialize(&mut serde_json::Deserializer::from_str(paths.get()))
-        .map_err(|error| format!("the paths are malformed: {error}"))
-}
+#[cfg(test)]
+mod played;

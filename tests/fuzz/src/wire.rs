@@ -1,6 +1,6 @@
 //! The JSON wire: what the host reads of a plugin, and what a plugin reads of the host.
 
-use fleetyard_abi::paths::{PathContext, WritePaths};
+use fleetyard_abi::paths::{PathContext, PathsReader, WritePaths};
 use fleetyard_abi::wire::{
     self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
     InitializeParams, InitializeResult, LogParams, MetricParams, Outcome, PlanParams, PlanResult,
@@ -217,6 +217,7 @@ fn paths(text: &RawValue) {
             max_cells,
         });
         let cells = rows * cols;
+        pieces_are_the_whole(many, text.get());
         if let Ok(plan) = read(many, text.get()) {
             assert!(plan.as_ref().agents() <= text.get().len());
             assert!(plan.as_ref().cells().len() <= text.get().len());
@@ -242,6 +243,27 @@ fn paths(text: &RawValue) {
 
 fn read(context: PathContext<'_>, text: &str) -> serde_json::Result<Plan> {
     context.deserialize(&mut serde_json::Deserializer::from_str(text))
+}
+
+/// What comes in pieces is what comes at once, for the agents that there are.
+fn pieces_are_the_whole(context: PathContext<'_>, text: &str) {
+    let whole = read(context, text);
+    for size in [1, 13, usize::MAX] {
+        let mut paths = PathsReader::new();
+        let mut pieces = text.as_bytes().chunks(size);
+        let read = pieces.all(|piece| paths.feed(&context, piece) == Ok(piece.len()));
+        let found = (read && paths.is_done()).then(|| paths.finish());
+        match (&whole, found) {
+            (Ok(whole), Some(Ok((plan, paths)))) => {
+                let whole = whole.as_ref();
+                assert_eq!(paths, whole.agents());
+                let kept = whole.paths().take(context.starts.len());
+                assert_eq!(plan, Plan::from_paths(kept));
+            }
+            (Err(_), None | Some(Err(_))) => {}
+            (whole, found) => panic!("{text} by {size}: {whole:?} {found:?}"),
+        }
+    }
 }
 
 /// A plan is the same by every encoding, and by none at all as in process; positions

@@ -1,0 +1,71 @@
+//! What the client needs of a plugin's process and of the clock.
+//!
+//! [`Process`](crate::process::Process) is the real one. A test plays plugin, supervisor
+//! and clock by turns that a seed decides, thousands of times.
+
+use std::io;
+use std::time::Duration;
+
+use crate::monitor::{CallLimits, CallUsage, Limit};
+use crate::sandbox::SandboxReport;
+use crate::supervisor::Report;
+
+/// One of a plugin's two outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Output {
+    /// Messages.
+    Stdout,
+    /// Words for people.
+    Stderr,
+}
+
+/// What is waited for besides the supervisor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Interest {
+    /// The host has something to write.
+    pub(crate) stdin: bool,
+    /// The output is open.
+    pub(crate) stdout: bool,
+    pub(crate) stderr: bool,
+}
+
+/// A plugin's process under its supervisor, and a clock.
+pub(crate) trait Link {
+    /// The monotonic clock.
+    fn now_ns(&self) -> u64;
+
+    /// A number that the plugin cannot guess.
+    fn secret(&mut self) -> u64;
+
+    /// Waits until something of interest can be read or written, the supervisor has said
+    /// something, which is then taken in, the time is over, or for no reason.
+    fn wait(&mut self, interest: Interest, most_ns: u64);
+
+    /// Writes what can be written now to the plugin's input.
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize>;
+
+    /// Closes the plugin's input: there is nothing more to be written.
+    fn close_stdin(&mut self);
+
+    /// Reads what has come; 0 bytes once the output is closed.
+    fn read(&mut self, output: Output, buffer: &mut [u8]) -> io::Result<usize>;
+
+    /// A call begins: its limits count from here.
+    fn begin(&mut self, limits: CallLimits, grace: Duration);
+
+    /// A call has ended: what it used, unless the process ended by itself with it.
+    fn finish(&mut self) -> Option<CallUsage>;
+
+    /// The limit that is exceeded, once the supervisor has said so.
+    fn over(&self) -> Option<Limit>;
+
+    /// The sandbox that the plugin was started in, once the supervisor has said so.
+    fn sandbox(&self) -> Option<&SandboxReport>;
+
+    /// What kept the supervisor from its work, if something did.
+    fn disturbed(&self) -> Option<String>;
+
+    /// Waits up to `patience` for the plugin to end by itself, then ends its whole tree.
+    /// Nothing of it is left when this returns.
+    fn end(&mut self, patience: Duration) -> Report;
+}
