@@ -469,11 +469,22 @@ impl Gathered {
         }
         let given = policy.env.iter();
         env.extend(given.map(|(name, value)| (name.clone(), OsString::from(value))));
-        let hidden = Hidden::new(&policy.hidden, &self.left_out, &needed);
+        // What the host's user names is granted although it is closed or aside.
+        let named: Vec<PathBuf> = policy.read.iter().flat_map(|path| both(path)).collect();
+        let mut left_out = self.left_out;
+        left_out.retain(|path| {
+            let paths = both(path);
+            !paths
+                .iter()
+                .any(|path| named.iter().any(|named| path.starts_with(named)))
+        });
+        let hidden = Hidden::new(&policy.hidden, &left_out, &needed);
         let mut carved = Carved::default();
         for grant in tidy(self.grants) {
             carved.carve(grant, &hidden)?;
         }
+        // What stands for a folder may have been granted by itself as well.
+        carved.grants = tidy(carved.grants);
         let mut withheld = self.withheld;
         withheld.retain(|path| path.exists());
         Ok(Grants {
