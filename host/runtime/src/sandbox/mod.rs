@@ -28,7 +28,7 @@ use std::path::PathBuf;
 pub(crate) use attempts::Targets;
 pub use attempts::{Attempt, Victims};
 pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
-pub(crate) use grants::{Grants, Hidden, aside, own, python};
+pub(crate) use grants::{Grants, Hidden, aside, find_program, own, python};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
