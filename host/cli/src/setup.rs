@@ -71,11 +71,11 @@ fn sandbox(grants: &GrantArgs, pin: PinArg, hidden: Vec<PathBuf>) -> Result<Sand
 
 /// The lock that the arguments name, or the one that lies in the current folder.
 pub(crate) fn trust(arguments: &TrustArgs) -> Result<Trust> {
+    let usual = Path::new(LOCK_FILE);
+    let file = arguments.lock.as_deref();
+    let file = file.or_else(|| usual.exists().then_some(usual));
     Ok(Trust {
-        lock: lock_file(arguments)
-            .as_deref()
-            .map(Lock::read)
-            .transpose()?,
+        lock: file.map(Lock::read).transpose()?,
         locked: arguments.locked,
     })
 }

@@ -295,8 +295,8 @@ fn own_files(arguments: &Fleet) -> Vec<PathBuf> {
         &arguments.resume,
         &arguments.trace,
         &arguments.picture,
-        &arguments.tasks,
-        &arguments.fleet,
+        &arguments.asked.tasks,
+        &arguments.asked.fleet,
     ];
     files.into_iter().flatten().cloned().collect()
 }
