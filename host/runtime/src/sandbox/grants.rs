@@ -155,6 +155,9 @@ impl Grants {
                 }
                 if let Some(named) = named.filter(|named| python.is_none() || !named.searched) {
                     gathered.installed(&named.program, named.searched);
+                    if !named.searched {
+                        needed.push(named.program);
+                    }
                 }
                 if let Some(found) = &found {
                     let searched = argv.first().is_some_and(|name| !name.contains('/'));
@@ -205,8 +208,10 @@ impl Grants {
             }
         }
         env.extend(std::env::join_paths(search).map(|path| ("PATH".into(), path)));
+        // One that the plugin names is started by that name and no other.
+        let named = (!interpreter.searched).then(|| interpreter.program.clone());
         let program = Some(interpreter.program.clone());
-        gathered.finish(policy, env, program, Vec::new())
+        gathered.finish(policy, env, program, named.into_iter().collect())
     }
 
     /// Whether a path that somebody claims to need is among what was granted.
