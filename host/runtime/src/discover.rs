@@ -10,12 +10,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use fleetyard_abi::{Descriptor, Kind};
-use fleetyard_core::nearest;
+use fleetyard_core::{nearest, open_regular};
 use serde::Serialize;
 
 use crate::lock::Standing;
 use crate::plugin_file::{PluginFile, is_manifest};
-use crate::sandbox::open_file;
 use crate::session::Introduction;
 use crate::{Fault, Runtime};
 
@@ -305,9 +304,9 @@ fn candidate(path: &Path) -> Option<PluginFile> {
 /// executable. Scripts in Python may also be started by name.
 fn is_program(path: &Path) -> bool {
     let mut start = Vec::new();
-    let read = open_file(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    let read = open_regular(path).map(|file| file.take(4).read_to_end(&mut start));
     // One that cannot be read may be started all the same.
-    read.is_err()
+    !matches!(read, Ok(Ok(_)))
         || start.starts_with(b"\x7fELF")
         || start.starts_with(b"#!")
         || path.extension().is_some_and(|extension| extension == "py")
