@@ -1045,12 +1045,12 @@ fn launched(
         .unwrap()
         .read_to_string(&mut stderr)
         .unwrap();
-    Ended {
+    Some(Ended {
         code: child.wait().unwrap().code(),
         stdout,
         stderr,
         left: Vec::new(),
-    }
+    })
 }
 
 #[test]
@@ -1188,6 +1188,96 @@ fn bwrap_makes_the_namespaces_where_only_it_may() {
     assert!(active(&record, "pid-namespace") && active(&record, "mount-namespace"));
 }
 
+// ---- In the host's own process -----------------------------------------------------
+
+/// Runs a faulty library in the host's process and has its plan executed: the record, and
+/// the mode of the trace's file.
+fn beside_the_simulator(yard: &Yard, library: &Path, fault: &str) -> (Value, u32) {
+    let trace = yard.path("trace");
+    let more = format!(
+        "--attach in-process --budget 60s --trace-out {}",
+        trace.display()
+    );
+    let record = yard
+        .run(&faulty(library, fault, &more))
+        .expect(SUCCESS)
+        .json();
+    (record, fs::metadata(trace).unwrap().permissions().mode())
+}
+
+fn broken_promises(record: &Value) -> Vec<(&str, &str)> {
+    let broken = record["broken_promises"].as_array().unwrap();
+    let parts = broken.iter().map(|broken| {
+        assert_eq!(
+            (&broken["undone"], &broken["certain"]),
+            (&true.into(), &true.into())
+        );
+        (
+            broken["during"].as_str().unwrap(),
+            broken["what"].as_str().unwrap(),
+        )
+    });
+    parts.collect()
+}
+
+#[test]
+fn what_a_library_leaves_in_the_hosts_process_is_put_back_and_named() {
+    // Fault, and what of the promise that it breaks is named.
+    let cases = [
+        ("leaves-ftz", "flush-to-zero"),
+        ("leaves-rounding", "the rounding"),
+        ("leaves-traps", "the traps"),
+        ("leaves-umask", "the umask (0777"),
+        ("leaves-cwd", "the working directory"),
+        ("leaves-signals", "the handlers of SIGINT, SIGTERM"),
+        ("leaves-signals", "the signal mask"),
+        ("leaves-locale", "the thread's locale"),
+        ("leaves-limits", "the limit of open files"),
+        ("leaves-limits", "the limit of the size of files"),
+        (
+            "leaves-environment",
+            "the environment variable PATH and 1 more",
+        ),
+        ("leaves-timer", "the timer of wall time"),
+        ("leaves-streams", "standard output"),
+        ("leaves-thread", "the thread's name"),
+    ];
+    let library = faulty_library();
+    let (honest, mode) = beside_the_simulator(&Yard::new(), &library, "none");
+    assert!(broken_promises(&honest).is_empty(), "{honest}");
+    let digest = &honest["execution"]["trace_digest"];
+    assert!(digest.is_string(), "{honest}");
+    for (fault, what) in cases {
+        let arithmetic = what.starts_with("flush") || what == "the rounding" || what == "the traps";
+        if arithmetic && !cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
+            continue;
+        }
+        let (record, with) = beside_the_simulator(&Yard::new(), &library, fault);
+        assert_eq!(&record["execution"]["trace_digest"], digest, "{fault}");
+        assert_eq!(with, mode, "{fault}");
+        let broken = broken_promises(&record);
+        let named = |(during, found): &(&str, &str)| *during == "plan" && found.starts_with(what);
+        assert!(broken.iter().any(named), "{fault}: {broken:?}");
+        assert!(
+            broken.iter().all(|(during, _)| *during == "plan"),
+            "{broken:?}"
+        );
+    }
+}
+
+#[test]
+fn a_library_that_flushes_to_zero_on_being_loaded_is_found_out() {
+    if !cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
+        return;
+    }
+    // As one that was linked with -ffast-math.
+    let library = c_library("plugins/faulty/faulty.c", Some("CONSTRUCTOR_FAULT"));
+    let yard = Yard::new().set("FLEETYARD_FAULT", "leaves-ftz");
+    let (record, _) = beside_the_simulator(&yard, &library, "none");
+    let found = ("load", "flush-to-zero of denormal numbers");
+    assert_eq!(broken_promises(&record), [found], "{record}");
+}
+
 // ---- The end of the host -----------------------------------------------------------
 
 /// A planner that leaves a daemon behind when it is started, and then never answers.
@@ -1236,6 +1326,86 @@ fn a_killed_host_leaves_nothing() {
         assert!(gone, "{level}: {:?}", started.processes());
         assert_eq!(yard.files(), before);
     }
+}
+
+#[test]
+fn a_scratch_folder_that_lets_nobody_in_is_removed() {
+    for level in ["none", "auto"] {
+        let state = tempfile::tempdir().unwrap();
+        let yard = Yard::new().set("XDG_RUNTIME_DIR", &state.path().display().to_string());
+        let more = format!("--budget 60s --sandbox {level}");
+        let record = yard
+            .run(&faulty(&faulty_library(), "closed-folders", &more))
+            .expect(SUCCESS)
+            .json();
+        assert_eq!(
+            record["claimed_metrics"]["reached"], 1.0,
+            "{level}: {record}"
+        );
+        let left: Vec<_> = fs::read_dir(state.path().join("fleetyard/scratch"))
+            .unwrap()
+            .collect();
+        assert!(left.is_empty(), "{level}: {left:?}");
+    }
+}
+
+/// A planner that leaves a daemon behind as the one above, with an empty environment; and
+/// how it is found.
+const HIDES: &str = r"
+import os, sys, time
+if os.fork() == 0:
+    os.setsid()
+    if os.fork() != 0:
+        os._exit(0)
+    os.closerange(0, 64)
+    code = 'import time\nwhile True: time.sleep(60)'
+    os.execve(sys.executable, [sys.executable, '-c', code, 'hidden:' + os.path.abspath(__file__)], {})
+while True:
+    time.sleep(60)
+";
+
+/// The processes that have a word on their command line.
+fn with_word(word: &str) -> Vec<String> {
+    let entries = fs::read_dir("/proc").unwrap().flatten();
+    let lines = entries.filter_map(|entry| fs::read(entry.path().join("cmdline")).ok());
+    let words = lines.map(|line| String::from_utf8_lossy(&line).replace('\0', " "));
+    words.filter(|line| line.trim().ends_with(word)).collect()
+}
+
+#[test]
+fn a_daemon_without_an_environment_is_ended_at_the_next_start() {
+    if !have("python3") {
+        return;
+    }
+    // Of its own, so that no other command finds the run first.
+    let state = tempfile::tempdir().unwrap();
+    let runtime = state.path().display().to_string();
+    let yard = Yard::new().set("XDG_RUNTIME_DIR", &runtime);
+    yard.write("hides.py", HIDES);
+    let mut line = words("run --budget 60s --planner ./hides.py --format json --sandbox none");
+    line.extend(instance("empty-8-8", 3));
+    let mut started = yard.start(&line);
+    let word = format!("hidden:{}", yard.path("hides.py").display());
+    assert!(
+        until(|| !with_word(&word).is_empty()),
+        "{:?}",
+        started.processes()
+    );
+    let processes = started.processes();
+    for signal in ["STOP", "KILL"] {
+        for process in &processes {
+            process.signal(signal);
+        }
+    }
+    started.child.wait().unwrap();
+    assert!(until(|| started.processes().is_empty()));
+    assert_eq!(with_word(&word).len(), 1, "it ended by itself");
+    yard.line("plugins list").expect(SUCCESS);
+    assert!(
+        until(|| with_word(&word).is_empty()),
+        "{:?}",
+        with_word(&word)
+    );
 }
 
 #[test]
