@@ -206,6 +206,8 @@ GROUPS = {
         attempt("remove-outside", "cpr", "target={precious}"),
         attempt("read-file", "cpr", "target={secret}"),
         attempt("read-file", "cpr", "target=/etc/shadow"),
+        attempt("read-file", "cpr", "target={neighbour}"),
+        attempt("read-file", "cpr", "target={scenario}"),
         attempt("list-folder", "cpr", "target={folder}"),
         attempt("list-folder", "cpr", "target={home}"),
         attempt("kernel-files", "cp"),
@@ -576,7 +578,8 @@ class Yard:
 
     def __init__(self, fleetyard, libraries):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="fy-isolation-", dir="/var/tmp"))
-        # A plugin may read its folder: nothing that it must not read is in there.
+        # A plugin may read its folder: nothing that it must not read is in there, but for
+        # the instance. Another one's files are in the same project.
         host, plugins = self.folder / "host", self.folder / "plugins"
         host.mkdir()
         plugins.mkdir()
@@ -590,12 +593,19 @@ class Yard:
             self.plugins[letter] = plugins / files[0].name
         self.instance = []
         for flag, suffix in (("--map", ".map"), ("--scen", "-random-1.scen")):
-            copy = shutil.copy(f"{MAP}{suffix}", host)
+            copy = shutil.copy(f"{MAP}{suffix}", plugins)
             self.instance += [flag, copy]
+        self.neighbour = self.folder / "other" / "planner.py"
+        self.neighbour.parent.mkdir()
+        self.neighbour.write_text("the work of another team\n")
+        (self.folder / "pyproject.toml").touch()
         for path in [self.folder, *self.folder.rglob("*")]:
             os.chmod(path, 0o755)
         shown = [str(self.fleetyard), "run", "--help"]
         self.help = subprocess.run(shown, capture_output=True, text=True, check=True).stdout
+
+    def words(self):
+        return {"neighbour": self.neighbour, "scenario": self.instance[-1]}
 
     def knows(self, flag):
         return f"{flag} " in self.help or f"{flag}\n" in self.help
@@ -686,7 +696,7 @@ def run(yard, condition, words, env=None, descriptors=()):
 def trial(yard, condition, victims, behaviour, letter):
     """One behaviour, once: what was done wrong, and what the record says."""
     victims.renew()
-    words = victims.words()
+    words = victims.words() | yard.words()
     options = [option.format(**words) for option in behaviour.options.split()]
     command = [yard.fleetyard, "run", *yard.instance, "--agents", "4"]
     command += ["--planner", yard.plugins[letter], "--format", "json"]

@@ -428,3 +428,50 @@ fn a_lock_that_cannot_be_read_stops_everything() {
     let ended = yard.line("plugins pin lacam").expect(USAGE);
     says(&ended, &["`lacam` is built in"]);
 }
+
+#[test]
+fn a_changed_module_is_changed_code() {
+    if !have("python3") {
+        return;
+    }
+    let yard = Yard::new();
+    let example = root().join("plugins/examples/python/raw_protocol.py");
+    let example = fs::read_to_string(example).unwrap();
+    fs::create_dir_all(yard.path("mine/parts")).unwrap();
+    fs::create_dir_all(yard.path("mine/.git")).unwrap();
+    let (first, rest) = example.split_once('\n').unwrap();
+    program(
+        &yard.path("mine/planner.py"),
+        format!("{first}\nimport parts.helper\n{rest}"),
+    );
+    yard.write("mine/parts/helper.py", "answer = 42\n");
+    yard.write("mine/.git/HEAD", "one");
+    let ended = yard.line("plugins pin ./mine/planner.py").expect(SUCCESS);
+    assert!(ended.stdout.contains("2 files"), "{ended}");
+    let run = "run --map {maps}/empty-8-8.map --scen {maps}/empty-8-8-random-1.scen --agents 1 \
+               --locked --planner ./mine/planner.py --budget 60s";
+    yard.line(run).expect(SUCCESS);
+    // What is not granted is no part of it.
+    yard.write("mine/.git/HEAD", "another");
+    yard.line(run).expect(SUCCESS);
+    let helper = yard.write("mine/parts/helper.py", "answer = 43\n");
+    for line in [run, "plugins pin --check", "plugins pin ./mine/planner.py"] {
+        let ended = yard.line(line).expect(PLUGIN);
+        says(
+            &ended,
+            &["parts/helper.py has SHA-256", &sha256(&helper), "--update"],
+        );
+    }
+    yard.write("mine/parts/helper.py", "answer = 42\n");
+    yard.line(run).expect(SUCCESS);
+    let more = yard.write("mine/json.py", "");
+    let ended = yard.line(run).expect(PLUGIN);
+    says(
+        &ended,
+        &["now has", "mine/json.py, which fleetyard.lock does not pin"],
+    );
+    fs::remove_file(more).unwrap();
+    fs::remove_file(helper).unwrap();
+    let ended = yard.line(run).expect(PLUGIN);
+    says(&ended, &["no longer has", "parts/helper.py"]);
+}

@@ -681,6 +681,301 @@ fn grants_are_grants() {
     assert_eq!(ended.json()["claimed_metrics"]["reached"], 1.0, "{ended}");
 }
 
+// ---- What is started, and what is read ---------------------------------------------
+
+/// The first lines of a plugin that speaks the protocol; what comes before them is tried
+/// when it is started.
+fn python_plugin(before: &str) -> String {
+    let example = root().join("plugins/examples/python/raw_protocol.py");
+    let example = fs::read_to_string(example).unwrap();
+    let (first, rest) = example.split_once('\n').unwrap();
+    format!("{first}\n{before}\n{rest}")
+}
+
+fn executable(path: &Path, content: &str) {
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    fs::write(path, content).unwrap();
+    fs::set_permissions(path, fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+/// The interpreter itself, its version and where it is installed.
+fn real_python() -> Option<(String, String)> {
+    if !have("python3") {
+        return None;
+    }
+    let question = "import os, sys; v = sys.version_info; \
+                    print(os.path.realpath(sys.executable)); print(f'{v[0]}.{v[1]}')";
+    let output = Command::new("python3")
+        .args(["-c", question])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let (program, version) = text.trim().split_once('\n')?;
+    Some((program.to_owned(), version.to_owned()))
+}
+
+/// Every command that starts a plugin, or may be thought to.
+const STARTING: [&str; 8] = [
+    "plugins list",
+    "plugins info {plugin}",
+    "plugins pin {plugin}",
+    "plugins check {plugin} --only handshake",
+    "run --map {maps}/empty-8-8.map --scen {maps}/empty-8-8-random-1.scen --agents 2 \
+     --budget 60s --planner {plugin}",
+    "run --map {maps}/empty-8-8.map --scen {maps}/empty-8-8-random-1.scen --agents 2 \
+     --budget 60s --locked --planner {plugin}",
+    "compare --scen {maps}/empty-8-8-random-1.scen --map {maps} --agents 2 --budget 60s \
+     --planner {plugin}",
+    "bench suite.toml",
+];
+
+#[test]
+fn nothing_of_a_plugin_is_started_outside() {
+    let Some((program, version)) = real_python() else {
+        return;
+    };
+    let yard = Yard::new();
+    let outside = yard.path("outside");
+    fs::create_dir(&outside).unwrap();
+    fs::set_permissions(&outside, fs::Permissions::from_mode(0o777)).unwrap();
+    let mark = |name: &str| outside.join(name).display().to_string();
+    // An interpreter of the plugin's own, and a virtual environment with a file that is
+    // executed whenever its interpreter starts. Both try to leave a mark.
+    let own = yard.path("own");
+    let usual = "/usr/bin/python3";
+    let wrapper =
+        |leaves: &str| format!("#!/bin/sh\n({leaves}) 2>/dev/null\nexec {usual} \"$@\"\n");
+    let leaves = format!("echo >{}", mark("interpreter"));
+    executable(&own.join("tools/python3"), &wrapper(&leaves));
+    executable(
+        &own.join("planner.py"),
+        &python_plugin("").replace(
+            "/usr/bin/env python3",
+            &own.join("tools/python3").display().to_string(),
+        ),
+    );
+    let environment = yard.path("environment");
+    let (bin, site) = (
+        environment.join(".venv/bin"),
+        environment.join(format!(".venv/lib/python{version}/site-packages")),
+    );
+    fs::create_dir_all(&bin).unwrap();
+    fs::create_dir_all(&site).unwrap();
+    std::os::unix::fs::symlink(&program, bin.join("python3")).unwrap();
+    let home = Path::new(&program).parent().unwrap().display();
+    fs::write(
+        environment.join(".venv/pyvenv.cfg"),
+        format!("home = {home}\n"),
+    )
+    .unwrap();
+    let leaves = format!(
+        "import os; os.path.isdir({0:?}) and os.access({0:?}, os.W_OK) and open({1:?}, 'w')\n",
+        outside.display().to_string(),
+        mark("site"),
+    );
+    fs::write(site.join("leaves.pth"), leaves).unwrap();
+    fs::write(site.join("only_there.py"), "").unwrap();
+    executable(
+        &environment.join("planner.py"),
+        // What is installed there is found all the same.
+        &python_plugin("import only_there").replace(
+            "/usr/bin/env python3",
+            &bin.join("python3").display().to_string(),
+        ),
+    );
+    let mut folders = vec![environment];
+    if Path::new(usual).exists() {
+        folders.push(own);
+    }
+    for folder in &folders {
+        let plugin = folder.join("planner.py").display().to_string();
+        let suite = format!(
+            "name = \"s\"\n[budget]\nwall = \"60s\"\n[[planner]]\nplugin = \"{plugin}\"\n\
+             [[instances]]\nscen = [\"{}\"]\nagents = [2]\n",
+            common::map("empty-8-8-random-1.scen")
+        );
+        yard.write("suite.toml", suite);
+        let yard = &yard;
+        for line in STARTING {
+            let line = line.replace("{plugin}", &plugin);
+            let ended = yard
+                .line_with(&line, "FLEETYARD_PLUGIN_PATH", folder)
+                .expect(SUCCESS);
+            assert!(!ended.stdout.contains("refused"), "{line}: {ended}");
+            let marks = fs::read_dir(&outside).unwrap().count();
+            assert_eq!(marks, 0, "{line}: {ended}");
+        }
+        for name in ["fleetyard.lock", "s.sqlite"] {
+            fs::rename(
+                yard.path(name),
+                folder.join("..").join(format!("{name}.old")),
+            )
+            .unwrap();
+        }
+        // Where nothing but Landlock keeps it in.
+        let line = words(&format!("plugins info {plugin}"));
+        if let Some(ended) = in_a_container(yard, &line) {
+            ended.expect(SUCCESS);
+            assert_eq!(fs::read_dir(&outside).unwrap().count(), 0, "{plugin}");
+        }
+    }
+    // What is pinned is not started when its interpreter is another one.
+    if folders.len() < 2 {
+        return;
+    }
+    let plugin = yard.path("own/planner.py").display().to_string();
+    yard.line(&format!("plugins pin {plugin}")).expect(SUCCESS);
+    executable(
+        &yard.path("own/tools/python3"),
+        "#!/bin/sh\nkill -SEGV $$\n",
+    );
+    for line in ["plugins info {plugin}", STARTING[5]] {
+        let ended = yard.line(&line.replace("{plugin}", &plugin)).expect(PLUGIN);
+        assert!(
+            ended.stderr.contains("own/tools/python3 has SHA-256"),
+            "{ended}"
+        );
+    }
+}
+
+/// Whether a planner of one team reads a file.
+fn reads(yard: &Yard, plugin: &Path, target: &Path, more: &str, contained: bool) -> bool {
+    let more = format!("--budget 60s --option target={} {more}", target.display());
+    let line = faulty(plugin, "read-file", &more);
+    let ended = if contained {
+        in_a_container(yard, &line).unwrap()
+    } else {
+        yard.run(&line)
+    };
+    let record = ended.expect(SUCCESS).json();
+    record["claimed_metrics"]["reached"] == 1.0
+}
+
+#[test]
+fn a_team_reads_nothing_of_another_in_the_same_project() {
+    let yard = Yard::new();
+    let place = |name: &str, mode: u32| {
+        let path = yard.path(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, name).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+        path
+    };
+    place("project/pyproject.toml", 0o644);
+    place("project/.git/HEAD", 0o644);
+    let targets = [
+        place("project/.env", 0o600),
+        place("project/results.sqlite", 0o644),
+        place("project/easy.scen", 0o644),
+        place("project/b/planner.py", 0o600),
+        place("project/b/weights", 0o644),
+        // Beside the planner itself.
+        place("project/a/closed", 0o600),
+        place("project/a/.git/config", 0o644),
+    ];
+    let own = place("project/a/weights", 0o644);
+    let plugin = yard.path("project/a/planner.so");
+    fs::copy(faulty_library(), &plugin).unwrap();
+    fs::set_permissions(&plugin, fs::Permissions::from_mode(0o755)).unwrap();
+    for contained in [false, true] {
+        if contained && !have("python3") {
+            continue;
+        }
+        for target in &targets {
+            let read = reads(&yard, &plugin, target, "", contained);
+            assert!(!read, "{} in a container: {contained}", target.display());
+        }
+        assert!(reads(&yard, &plugin, &own, "", contained));
+        // By option more, but for what is the run's own.
+        let project = yard.path("project").display().to_string();
+        let plan = yard.path("project/results.sqlite");
+        let more = format!("--allow-read {project} --plan-out {}", plan.display());
+        assert!(reads(&yard, &plugin, &targets[4], &more, contained));
+        fs::write(&plan, "results").unwrap();
+        assert!(!reads(&yard, &plugin, &plan, &more, contained));
+    }
+}
+
+#[test]
+fn a_planner_reads_neither_suite_nor_store_nor_scenario_that_lie_beside_it() {
+    if !have("python3") {
+        return;
+    }
+    let yard = Yard::new();
+    let look = r"
+import os
+here = os.path.dirname(os.path.abspath(__file__))
+names = os.listdir(here)
+for name in names:
+    if name.endswith(('.scen', '.toml', '.lock')) or '.sqlite' in name:
+        try:
+            content = open(os.path.join(here, name), 'rb').read()
+        except OSError:
+            continue
+        raise SystemExit(f'it read {name}')
+if 'mine' not in names or open(os.path.join(here, 'mine')).read() != 'mine':
+    raise SystemExit('it did not find what is its own')
+";
+    executable(&yard.path("all/planner.py"), &python_plugin(look));
+    yard.write("all/mine", "mine");
+    for name in ["empty-8-8.map", "empty-8-8-random-1.scen"] {
+        fs::copy(common::map(name), yard.path("all").join(name)).unwrap();
+    }
+    let suite = "name = \"s\"\n[budget]\nwall = \"60s\"\n[protocol]\nrepeats = 2\n\
+                 [[planner]]\nplugin = \"./planner.py\"\n[[instances]]\n\
+                 scen = [\"empty-8-8-random-1.scen\"]\nagents = [2]\n";
+    yard.write("all/suite.toml", suite);
+    yard.write("all/fleetyard.lock", "{\"lock\": 1, \"pinned\": []}");
+    let lock = "--lock all/fleetyard.lock";
+    yard.line(&format!("plugins pin {} ./all/planner.py", lock))
+        .expect(PLUGIN);
+    let bench = format!("bench all/suite.toml --store all/s.sqlite {lock}");
+    let ended = yard.line(&bench).expect(SUCCESS);
+    assert!(
+        ended.stderr.is_empty() || !ended.stderr.contains("it read"),
+        "{ended}"
+    );
+    let run = format!(
+        "run --map all/empty-8-8.map --scen all/empty-8-8-random-1.scen --agents 2 --budget 60s \
+         --planner ./all/planner.py {lock}"
+    );
+    // The store and the suite are not this command's.
+    let ended = yard.line(&run).expect(PLUGIN);
+    assert!(ended.stderr.contains("it read s"), "{ended}");
+    for name in ["s.sqlite", "suite.toml"] {
+        fs::rename(yard.path("all").join(name), yard.path(name)).unwrap();
+    }
+    yard.line(&run).expect(SUCCESS);
+    let line = words(&run);
+    if let Some(ended) = in_a_container(&yard, &line) {
+        ended.expect(SUCCESS);
+    }
+}
+
+#[test]
+fn a_pipe_in_the_place_of_a_plugin_does_not_hang_the_host() {
+    let yard = Yard::new();
+    fs::create_dir_all(yard.path("plugins/adapter")).unwrap();
+    let pipe = yard.path("plugins/pipe").display().to_string();
+    for name in ["pipe", "planner.py", "library.so", "adapter/planner.toml"] {
+        let path = yard.path("plugins").join(name);
+        let made = Command::new("mkfifo").arg(path).status();
+        if !made.is_ok_and(|status| status.success()) {
+            eprintln!("skipped: there is no mkfifo");
+            return;
+        }
+    }
+    executable(&yard.path("plugins/names-it"), &format!("#!{pipe}\n"));
+    let manifest = "manifest = 1\nid = \"piped\"\n[program]\ncommand = \"../pipe\"\nargs = []\n\
+                    [output]\nformat = \"lacam\"\n";
+    yard.write("plugins/named.planner.toml", manifest);
+    let folder = yard.path("plugins");
+    let ended = yard
+        .line_with("plugins list", "FLEETYARD_PLUGIN_PATH", &folder)
+        .expect(SUCCESS);
+    assert!(ended.stderr.contains("names-it"), "{ended}");
+}
+
 // ---- Levels and records ------------------------------------------------------------
 
 #[test]

@@ -196,7 +196,8 @@ impl Yard {
             .current_dir(here)
             // Plugins of the person who runs the tests have no say.
             .env_remove("FLEETYARD_PLUGIN_PATH")
-            .env_remove("PYTHONPATH")
+            // As if the Python package were installed.
+            .env("PYTHONPATH", root().join("abi/python"))
             .env("HOME", here)
             .env("XDG_DATA_HOME", here)
             .env("XDG_DATA_DIRS", here)
@@ -227,6 +228,18 @@ impl Yard {
         let beside = Path::new(env!("CARGO_BIN_EXE_fleetyard")).parent().unwrap();
         let line = format!("PATH='{}':\"$PATH\"\n{line}", beside.display());
         self.start_program("sh", &["-c", &line]).wait()
+    }
+
+    /// The same with a path in a variable, for this one command.
+    pub(crate) fn line_with(&self, line: &str, variable: &str, path: &Path) -> Ended {
+        let here = self.folder.path().display().to_string();
+        let maps = root().join("maps").display().to_string();
+        let line = line.replace("{here}", &here).replace("{maps}", &maps);
+        let path = path.display().to_string();
+        let fleetyard = env!("CARGO_BIN_EXE_fleetyard");
+        let mut arguments = vec![format!("{variable}={path}"), fleetyard.to_owned()];
+        arguments.extend(words(&line));
+        self.start_program("env", &arguments).wait()
     }
 
     /// Runs `fleetyard` with a line of arguments; `{here}` stands for the folder,

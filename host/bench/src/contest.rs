@@ -10,7 +10,7 @@ use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_fleet::FleetError;
 use fleetyard_runtime::measure::{Cpus, Machine};
 use fleetyard_runtime::{
-    Attach, Discovery, Fault, Found, Runtime, SandboxReport, Termination, Trust,
+    Attach, Discovery, Fault, Found, Policy, Runtime, SandboxReport, Termination, Trust,
 };
 use fleetyard_sim::NoTrace;
 use serde::Serialize;
@@ -83,6 +83,7 @@ impl<'s> Contest<'s> {
             .all(|planner| planner.attach != Some(Attach::InProcess));
         let mut sandbox = suite.sandbox.clone();
         sandbox.trust = trust;
+        sandbox.policy.hidden.extend(suite.files()?);
         let mut host = Host::new(built_in, suite.budget.clone(), sandbox, apart)?;
         let lifelong = suite.planners.iter().any(|planner| planner.fleet.is_some());
         if suite.protocol.clock == Clock::LessEmpty && !lifelong {
@@ -453,10 +454,15 @@ impl Entrant {
 fn context(suite: &Suite) -> String {
     let sandbox = &suite.sandbox;
     let protocol = &suite.protocol;
+    // Where the host's own files lie is no part of the question.
+    let policy = Policy {
+        hidden: Vec::new(),
+        ..sandbox.policy.clone()
+    };
     format!(
         "{:?} {:?} {} {} {:?} {:?} {:?} {:?} {:?} {}",
         suite.budget,
-        sandbox.policy,
+        policy,
         sandbox.output_bytes,
         sandbox.pin,
         suite.config,

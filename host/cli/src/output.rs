@@ -1,9 +1,11 @@
 //! Printing: data on standard output, the rest on standard error.
 
+use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
+use fleetyard_core::is_unseen;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
@@ -22,26 +24,46 @@ pub(crate) fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Text that may come from a plugin or a file, safe for a terminal: control
-/// characters other than line ends and tabs are shown, not obeyed.
+/// Text that may come from a plugin or a file, safe for a terminal: characters that it would
+/// obey, or that change how others look, are shown; line ends and tabs are let through.
 pub(crate) fn plain(text: &str) -> String {
-    let obeyed = |c: char| c.is_control() && c != '\n' && c != '\t';
+    let obeyed = |c: char| is_unseen(c) && c != '\n' && c != '\t';
     if !text.contains(obeyed) {
         return text.to_owned();
     }
-    let shown = |c: char| {
-        if obeyed(c) {
-            c.escape_default().to_string()
-        } else {
-            c.to_string()
-        }
+    let shown = |c: char| match c {
+        '\r' => "\\r".to_owned(),
+        c if obeyed(c) => c.escape_unicode().to_string(),
+        c => c.to_string(),
     };
     text.chars().map(shown).collect()
 }
 
-/// Prints a JSON document.
+/// Prints a JSON document. What a terminal would obey is written by its number, which is
+/// the same document.
 pub(crate) fn print_json<T: Serialize>(value: &T) -> Result<()> {
-    print(&serde_json::to_string_pretty(value).map_err(internal)?)
+    let text = serde_json::to_string_pretty(value).map_err(internal)?;
+    print(&plain_json(&text))
+}
+
+fn plain_json(text: &str) -> String {
+    let obeyed = |c: char| is_unseen(c) && c != '\n';
+    if !text.contains(obeyed) {
+        return text.to_owned();
+    }
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        if obeyed(c) {
+            let mut units = [0; 2];
+            for unit in c.encode_utf16(&mut units) {
+                // Writing to a string cannot fail.
+                let _ = write!(shown, "\\u{unit:04x}");
+            }
+        } else {
+            shown.push(c);
+        }
+    }
+    shown
 }
 
 /// A note for people: on standard error, one line.
@@ -117,7 +139,7 @@ pub(crate) fn spinner() -> ProgressBar {
 
 #[cfg(test)]
 mod tests {
-    use super::plain;
+    use super::{plain, plain_json};
 
     #[test]
     fn control_characters_are_shown() {
@@ -126,5 +148,19 @@ mod tests {
             plain("\u{1b}[2Jgone\u{9b}1m\r"),
             "\\u{1b}[2Jgone\\u{9b}1m\\r"
         );
+    }
+
+    #[test]
+    fn text_cannot_turn_its_direction_or_hide_a_part() {
+        assert_eq!(
+            plain("best\u{202e}tsrow\u{2066}\u{200b}\u{2028}\u{e0041}"),
+            "best\\u{202e}tsrow\\u{2066}\\u{200b}\\u{2028}\\u{e0041}"
+        );
+        assert_eq!(plain("Größe 中 🤖"), "Größe 中 🤖");
+        let json = "{\n  \"name\": \"a\u{202e}b\u{9b}c\u{e0041}\"\n}";
+        let shown = plain_json(json);
+        assert!(shown.contains("a\\u202eb\\u009bc\\udb40\\udc41"), "{shown}");
+        let read = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap();
+        assert_eq!(read(&shown), read(json));
     }
 }

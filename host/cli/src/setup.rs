@@ -1,7 +1,7 @@
 //! From arguments to what runs: the runtime, the sandbox and its limits, plugins by
 //! name.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fleetyard_abi::Kind;
 use fleetyard_bench::{BudgetOptions, Candidate, Host, SandboxOptions, half_of_memory};
@@ -31,11 +31,16 @@ pub(crate) fn runtime_with(policy: Policy, trust: Trust) -> Result<Runtime> {
     Runtime::new(BUILT_IN, limits).map_err(internal)
 }
 
-/// Where trials run, with the limits that the arguments ask for.
-pub(crate) fn host(arguments: &BudgetArgs, attach: Option<Attach>) -> Result<Host> {
+/// Where trials run, with the limits that the arguments ask for. What the command itself
+/// reads and writes is `hidden` from planners.
+pub(crate) fn host(
+    arguments: &BudgetArgs,
+    attach: Option<Attach>,
+    hidden: Vec<PathBuf>,
+) -> Result<Host> {
     // In process the planner runs where the host does.
     let apart = attach != Some(Attach::InProcess);
-    let sandbox = sandbox(&arguments.sandbox.grants, arguments.sandbox.pin)?;
+    let sandbox = sandbox(&arguments.sandbox.grants, arguments.sandbox.pin, hidden)?;
     Host::new(BUILT_IN, budget(arguments), sandbox, apart).map_err(internal)
 }
 
@@ -55,9 +60,9 @@ fn budget(arguments: &BudgetArgs) -> BudgetOptions {
     }
 }
 
-fn sandbox(grants: &GrantArgs, pin: PinArg) -> Result<SandboxOptions> {
+fn sandbox(grants: &GrantArgs, pin: PinArg, hidden: Vec<PathBuf>) -> Result<SandboxOptions> {
     Ok(SandboxOptions {
-        policy: policy(grants)?,
+        policy: policy(grants, hidden)?,
         output_bytes: grants.output_limit,
         trust: trust(&grants.trust)?,
         pin: pin == PinArg::Auto,
@@ -75,8 +80,8 @@ pub(crate) fn trust(arguments: &TrustArgs) -> Result<Trust> {
     })
 }
 
-/// What the sandbox is to grant.
-pub(crate) fn policy(grants: &GrantArgs) -> Result<Policy> {
+/// What the sandbox is to grant, and what it is to hide.
+pub(crate) fn policy(grants: &GrantArgs, hidden: Vec<PathBuf>) -> Result<Policy> {
     for path in &grants.allow_read {
         if !path.exists() {
             let message = format!("{}: there is no such file or folder", path.display());
@@ -87,6 +92,7 @@ pub(crate) fn policy(grants: &GrantArgs) -> Result<Policy> {
     Ok(Policy {
         level: grants.sandbox.into(),
         read: grants.allow_read.clone(),
+        hidden,
         network: grants.allow_network,
         env: grants.env.clone(),
         processes: grants.processes,

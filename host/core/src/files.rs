@@ -433,6 +433,48 @@ pub(crate) fn column(line: &[u8], at: usize) -> u64 {
     String::from_utf8_lossy(before).chars().count() as u64 + 1
 }
 
+/// Characters that have no look of their own and change that of others, or are obeyed by a
+/// terminal: the general categories Cc (control), Cf (format), Zl and Zp (line and paragraph
+/// separators), and what else Unicode says to be ignorable by default (16.0,
+/// `UnicodeData.txt` and `DerivedCoreProperties.txt`). Marks that turn the direction of text
+/// are among them, and joiners of no width.
+pub fn is_unseen(c: char) -> bool {
+    const UNSEEN: [(char, char); 25] = [
+        ('\u{ad}', '\u{ad}'),
+        ('\u{34f}', '\u{34f}'),
+        ('\u{600}', '\u{605}'),
+        ('\u{61c}', '\u{61c}'),
+        ('\u{6dd}', '\u{6dd}'),
+        ('\u{70f}', '\u{70f}'),
+        ('\u{890}', '\u{891}'),
+        ('\u{8e2}', '\u{8e2}'),
+        ('\u{115f}', '\u{1160}'),
+        ('\u{17b4}', '\u{17b5}'),
+        ('\u{180b}', '\u{180f}'),
+        ('\u{200b}', '\u{200f}'),
+        ('\u{2028}', '\u{202e}'),
+        ('\u{2060}', '\u{206f}'),
+        ('\u{3164}', '\u{3164}'),
+        ('\u{fe00}', '\u{fe0f}'),
+        ('\u{feff}', '\u{feff}'),
+        ('\u{ffa0}', '\u{ffa0}'),
+        ('\u{fff0}', '\u{fffb}'),
+        ('\u{110bd}', '\u{110bd}'),
+        ('\u{110cd}', '\u{110cd}'),
+        ('\u{13430}', '\u{1343f}'),
+        ('\u{1bca0}', '\u{1bca3}'),
+        ('\u{1d173}', '\u{1d17a}'),
+        // Tags, and the variation selectors beyond the first sixteen.
+        ('\u{e0000}', '\u{e0fff}'),
+    ];
+    // Most text is none of this.
+    c.is_control()
+        || c > '\u{a0}'
+            && UNSEEN
+                .iter()
+                .any(|(first, last)| (*first..=*last).contains(&c))
+}
+
 /// Text from outside for a message: escaped, and cut when it is long.
 pub fn shown(text: &str) -> String {
     cut(text, 60)
@@ -565,5 +607,19 @@ mod tests {
         assert_eq!(names(folder.path()), ["out"]);
         let bytes = fs::read(&path).unwrap();
         assert!(bytes.len() == 4096 && bytes.iter().all(|byte| *byte == bytes[0]));
+    }
+
+    #[test]
+    fn what_changes_the_look_of_text_is_told_from_text() {
+        // Overrides and isolates of direction, joiners, separators, tags, fillers.
+        for c in "\u{202a}\u{202e}\u{2066}\u{2069}\u{61c}\u{200b}\u{200f}\u{feff}\u{ad}\u{2028}\
+                  \u{2029}\u{e0041}\u{e007f}\u{3164}\u{9b}\u{1b}\u{7f}\n"
+            .chars()
+        {
+            assert!(is_unseen(c), "{}", c.escape_unicode());
+        }
+        for c in "aé ß\u{a0}中Ж٣−→█\u{301}🤖".chars() {
+            assert!(!is_unseen(c), "{}", c.escape_unicode());
+        }
     }
 }

@@ -32,7 +32,7 @@ pub use fleetyard_abi::{Heading, PathEncoding};
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
 pub use files::{
-    create_output, open_input, open_regular, read_file, shown, write_all_atomically,
+    create_output, is_unseen, open_input, open_regular, read_file, shown, write_all_atomically,
     write_atomically,
 };
 pub use frame::{cell_center_m, cell_of_point};

@@ -1,7 +1,7 @@
 //! Where plugins are: by path, on the plugin path, or linked in.
 
 use std::fmt;
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use fleetyard_abi::{Descriptor, Kind};
-use fleetyard_core::nearest;
+use fleetyard_core::{nearest, open_regular};
 use serde::Serialize;
 
 use crate::lock::Standing;
@@ -304,12 +304,31 @@ fn candidate(path: &Path) -> Option<PluginFile> {
 /// executable. Scripts in Python may also be started by name.
 fn is_program(path: &Path) -> bool {
     let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    let read = open_regular(path).map(|file| file.take(4).read_to_end(&mut start));
     // One that cannot be read may be started all the same.
-    read.is_err()
+    !matches!(read, Ok(Ok(_)))
         || start.starts_with(b"\x7fELF")
         || start.starts_with(b"#!")
         || path.extension().is_some_and(|extension| extension == "py")
+}
+
+/// Whether a folder is one where plugins are searched, and has several: then it is no
+/// plugin's own, and what else is there is not for each of them.
+pub(crate) fn holds_several(folder: &Path) -> bool {
+    let searched = Discovery::from_environment().folders;
+    let real = fs::canonicalize(folder).ok();
+    let is_searched = real.is_some_and(|real| {
+        let mut searched = searched
+            .iter()
+            .filter_map(|other| fs::canonicalize(other).ok());
+        searched.any(|other| other == real)
+    });
+    if !is_searched {
+        return false;
+    }
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let plugins = entries.filter(|entry| candidate(&entry.path()).is_some());
+    plugins.take(2).count() == 2
 }
 
 fn unknown(all: &[Discovered], kind: Option<Kind>, name: &str) -> Fault {

@@ -5,6 +5,7 @@
 //! plugin has started: code that is not what was pinned gives no result. A file is known
 //! by its path, since what plugins it has is known only to who runs it.
 
+use std::collections::{BTreeMap, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Fault;
 use crate::plugin_file::{CodeFile, PluginFile};
+use crate::sandbox::Hidden;
 
 /// The name of a lock file in the folder where it applies.
 pub const LOCK_FILE: &str = "fleetyard.lock";
@@ -210,6 +212,24 @@ impl Lock {
         before - self.pinned.len()
     }
 
+    /// Whether a file and all that is its own is what is pinned. The lock is no part of it,
+    /// nor is what is `hidden` from plugins, pinned or not.
+    pub fn compare(
+        &self,
+        entry: &Pinned,
+        file: &PluginFile,
+        hidden: &[PathBuf],
+    ) -> Result<(), Fault> {
+        let mut entry = entry.clone();
+        let concealed = Hidden::new(hidden, &[], &[self.locate(&entry.path)]);
+        let folder = fs::canonicalize(&self.folder).unwrap_or_else(|_| self.folder.clone());
+        entry
+            .code
+            .retain(|code| !concealed.has_real(&folder.join(&code.path)));
+        let hidden: Vec<PathBuf> = hidden.iter().chain([&self.file]).cloned().collect();
+        self.check(&entry, &file.whole(&hidden)?)
+    }
+
     /// Whether code is what is pinned, file by file.
     pub fn check(&self, entry: &Pinned, code: &[CodeFile]) -> Result<(), Fault> {
         let name = self.locate(&entry.path);
@@ -225,37 +245,82 @@ impl Lock {
                 )),
             }
         };
-        for (index, pinned) in entry.code.iter().enumerate() {
-            let known = self.locate(&pinned.path);
-            let shown = known.display();
-            let Some(found) = code.get(index) else {
-                return Err(changed(format!(
-                    "{name} no longer has {shown}, which {lock} pins"
-                )));
-            };
-            // The same bytes may lie elsewhere: another machine's folders.
-            if found.sha256 != pinned.sha256 {
-                let moved = if found.path == known {
-                    String::new()
-                } else {
-                    format!(" instead of {shown}")
-                };
-                return Err(changed(format!(
-                    "{name} is not what {lock} pins: {}{moved} has SHA-256 {}, pinned is {}",
-                    found.path.display(),
-                    found.sha256,
-                    pinned.sha256
-                )));
-            }
+        // What belongs together moves together: files beside the first are known by where
+        // they are from there, others by their order.
+        let located = entry.code.iter().map(|code| CodeFile {
+            path: self.locate(&code.path),
+            ..code.clone()
+        });
+        let located: Vec<CodeFile> = located.collect();
+        let (pinned, pinned_others) = beside_first(&located);
+        let (found, found_others) = beside_first(code);
+        let mut pairs = Vec::new();
+        let mut by_name: BTreeMap<&Path, VecDeque<&CodeFile>> = BTreeMap::new();
+        for (name, found) in &found {
+            by_name.entry(name).or_default().push_back(found);
         }
-        if let Some(more) = code.get(entry.code.len()) {
-            let more = more.path.display();
-            return Err(changed(format!(
-                "{name} now has {more}, which {lock} does not pin"
-            )));
+        for (name, pinned) in &pinned {
+            let found = by_name
+                .get_mut(name.as_path())
+                .and_then(VecDeque::pop_front);
+            pairs.push((Some(*pinned), found));
+        }
+        pairs.extend(
+            by_name
+                .into_values()
+                .flatten()
+                .map(|found| (None, Some(found))),
+        );
+        let longer = pinned_others.len().max(found_others.len());
+        pairs.extend((0..longer).map(|at| {
+            let (pinned, found) = (pinned_others.get(at), found_others.get(at));
+            (pinned.copied(), found.copied())
+        }));
+        for pair in pairs {
+            let reason = match pair {
+                (Some(pinned), None) => {
+                    let shown = pinned.path.display();
+                    format!("{name} no longer has {shown}, which {lock} pins")
+                }
+                (None, Some(more)) => {
+                    let more = more.path.display();
+                    format!("{name} now has {more}, which {lock} does not pin")
+                }
+                // The same bytes may lie elsewhere: another machine's folders.
+                (Some(pinned), Some(found)) if found.sha256 != pinned.sha256 => {
+                    let moved = if found.path == pinned.path {
+                        String::new()
+                    } else {
+                        format!(" instead of {}", pinned.path.display())
+                    };
+                    format!(
+                        "{name} is not what {lock} pins: {}{moved} has SHA-256 {}, pinned is {}",
+                        found.path.display(),
+                        found.sha256,
+                        pinned.sha256
+                    )
+                }
+                _ => continue,
+            };
+            return Err(changed(reason));
         }
         Ok(())
     }
+}
+
+/// Files in the folder of the first, by their path there, and all others.
+fn beside_first(code: &[CodeFile]) -> (Vec<(PathBuf, &CodeFile)>, Vec<&CodeFile>) {
+    let folder = code.first().and_then(|first| first.path.parent());
+    let mut beside = Vec::new();
+    let mut others = Vec::new();
+    for file in code {
+        let inside = folder.and_then(|folder| file.path.strip_prefix(folder).ok());
+        match inside {
+            Some(name) => beside.push((name.to_owned(), file)),
+            None => others.push(file),
+        }
+    }
+    (beside, others)
 }
 
 /// What a file is to the lock.
@@ -292,7 +357,8 @@ impl Trust {
 
     /// Refuses what may not be started, without starting anything. Called once more
     /// after the start, it finds what was put into the place of the file meanwhile.
-    pub(crate) fn admit(&self, file: &PluginFile) -> Result<(), Fault> {
+    /// `hidden` is what no plugin is granted, and so is no part of one.
+    pub(crate) fn admit(&self, file: &PluginFile, hidden: &[PathBuf]) -> Result<(), Fault> {
         if *file == PluginFile::BuiltIn {
             return Ok(());
         }
@@ -301,7 +367,7 @@ impl Trust {
             .as_ref()
             .and_then(|lock| Some((lock, lock.entry(file)?)));
         match entry {
-            Some((lock, entry)) => lock.check(entry, &file.code()?),
+            Some((lock, entry)) => lock.compare(entry, file, hidden),
             None if self.locked => {
                 let name = file.path().unwrap_or(Path::new("")).display();
                 let reason = match &self.lock {

@@ -35,9 +35,11 @@ use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
 use crate::process::Process;
 use crate::promises::{BrokenPromise, Promises};
 use crate::sandbox::jail::Launch;
-use crate::sandbox::{Attempt, Filter, Grants, Level, Policy, Profile, SandboxReport, Targets};
+use crate::sandbox::{
+    self, Attempt, Filter, Grants, Level, Policy, Profile, SandboxReport, Targets,
+};
 use crate::supervisor::Target;
-use crate::{Attach, Fault, Library, PluginFile, Trust, selftest};
+use crate::{Attach, Fault, Library, PluginFile, Trust, python, selftest};
 
 /// Limits that are not a call's budget. How much of what a plugin sends is kept is said in
 /// [`bounds`](crate::bounds).
@@ -301,9 +303,15 @@ impl Runtime {
     /// the same entries first of all.
     pub fn new(
         built_in: &'static [&'static c::PluginEntry],
-        limits: Limits,
+        mut limits: Limits,
     ) -> std::io::Result<Self> {
         crate::state::reap_orphans();
+        let lock = limits
+            .trust
+            .lock
+            .as_ref()
+            .map(|lock| lock.file().to_owned());
+        limits.policy.hidden.extend(lock);
         // Through /proc, so that a binary replaced meanwhile is still this one.
         let executable = PathBuf::from("/proc/self/exe");
         let executable = if executable.exists() {
@@ -340,10 +348,11 @@ impl Runtime {
 
     /// Starts a plugin and lets it introduce itself, if the lock allows it.
     pub fn open(&self, file: &PluginFile, attach: Attach) -> Result<Session, Fault> {
-        self.limits.trust.admit(file)?;
+        let hidden = &self.limits.policy.hidden;
+        self.limits.trust.admit(file, hidden)?;
         let mut session = self.start(file, attach)?;
         // What was put into the file's place between the look and the start.
-        if let Err(fault) = self.limits.trust.admit(file) {
+        if let Err(fault) = self.limits.trust.admit(file, hidden) {
             session.close();
             return Err(fault);
         }
@@ -413,18 +422,33 @@ impl Runtime {
         }
     }
 
-    fn launch(&self, target: Target) -> Launch {
+    fn launch(&self, target: Target) -> Result<Launch, Fault> {
         let limits = &self.limits;
-        let filter = match limits.policy.level {
+        let policy = &limits.policy;
+        let filter = match policy.level {
             Level::Strict => selftest::strictest(self),
             Level::Auto | Level::None => Filter::of(Profile::DenyList),
         };
-        self.launch_filtered(target, limits.policy.clone(), filter, limits.memory_bytes)
+        let launched = |target: Target, grants: Grants| {
+            let memory_bytes = limits.memory_bytes;
+            self.launch_granted(target, grants, policy.clone(), filter.clone(), memory_bytes)
+        };
+        let asked = sandbox::python(&target).map(|interpreter| {
+            let grants = Grants::to_ask(&interpreter, &target, policy, limits.threads)?;
+            let name = interpreter.program.to_string_lossy().into_owned();
+            let question = [name, "-c".into(), python::QUESTION.into()];
+            let launch = launched(Target::Program(question.into()), grants);
+            Ok(python::ask(&self.executable, &launch))
+        });
+        let python = asked.transpose()?.flatten();
+        let grants = Grants::new(&target, policy, limits.threads, python.as_ref())?;
+        Ok(launched(target, grants))
     }
 
-    fn launch_filtered(
+    fn launch_granted(
         &self,
         target: Target,
+        grants: Grants,
         policy: Policy,
         filter: Filter,
         memory_bytes: u64,
@@ -435,9 +459,14 @@ impl Runtime {
         let run = format!("{}-{serial}-{:x}", std::process::id(), monotonic_ns());
         let limits = &self.limits;
         Launch {
-            grants: Grants::new(&target, &policy, limits.threads),
+            grants,
             target,
-            policy,
+            policy: Policy {
+                // Said by the grants; nobody else needs to know of them.
+                read: Vec::new(),
+                hidden: Vec::new(),
+                ..policy
+            },
             filter,
             threads: limits.threads,
             cpus: limits.cpus.clone(),
@@ -454,7 +483,8 @@ impl Runtime {
             level: Level::Strict,
             ..Policy::default()
         };
-        let launch = self.launch_filtered(target, policy, filter, 0);
+        let grants = Grants::new(&target, &policy, self.limits.threads, None)?;
+        let launch = self.launch_granted(target, grants, policy, filter, 0);
         Process::start(&self.executable, &launch)
     }
 
@@ -466,10 +496,19 @@ impl Runtime {
         client.close(self.limits.ending).1.map_or(Ok(()), Err)
     }
 
+    /// What a plugin may read besides the system's files and what variables of the host name,
+    /// without starting it: its own folder, its interpreter, what it declares. Places of a
+    /// Python interpreter are found when it is started.
+    pub fn readable(&self, file: &PluginFile) -> Result<Vec<PathBuf>, Fault> {
+        let limits = &self.limits;
+        let grants = Grants::new(&file.target(), &limits.policy, limits.threads, None)?;
+        Ok(grants.for_the_plugin())
+    }
+
     /// What a sandbox would be made of on this machine, for this user: all of it is
     /// set up, and nothing is started in it.
     pub fn probe(&self) -> Result<SandboxReport, Fault> {
-        let launch = self.launch(Target::Nothing);
+        let launch = self.launch(Target::Nothing)?;
         let mut process = Process::start(&self.executable, &launch)?;
         let report = process.end(self.limits.startup);
         if let Some(reason) = report.disturbed {
@@ -497,7 +536,7 @@ impl Runtime {
             hint: None,
         };
         let targets = Targets::make().map_err(|error| cannot(error.to_string()))?;
-        let launch = self.launch(Target::Attempts(targets.victims.clone()));
+        let launch = self.launch(Target::Attempts(targets.victims.clone()))?;
         let mut process = Process::start(&self.executable, &launch)?;
         let report = process.end(self.limits.startup);
         let mut answer = Vec::new();
@@ -514,12 +553,13 @@ impl Runtime {
     }
 
     fn open_process(&self, file: &PluginFile) -> Result<Session, Fault> {
-        let launch = self.launch(file.target());
+        let launch = self.launch(file.target())?;
+        let withheld = launch.grants.withheld.clone();
         let started = monotonic_ns();
         let process = Process::start(&self.executable, &launch)?;
         let mut client = Client::new(process, self.limits.clone());
         let called = introduce(&mut client, &self.limits);
-        let answer = called.map_err(|fault| explain_start(fault, file, &client))?;
+        let answer = called.map_err(|fault| explain_start(fault, file, &client, &withheld))?;
         let InitializeResult {
             protocol_version,
             plugins,
@@ -578,7 +618,7 @@ fn contract(file: &PluginFile, abi_version: Option<[u16; 2]>) -> Contract {
 }
 
 /// A program that dies at once has usually said why on standard error.
-fn explain_start(fault: Fault, file: &PluginFile, client: &Client) -> Fault {
+fn explain_start(fault: Fault, file: &PluginFile, client: &Client, withheld: &[PathBuf]) -> Fault {
     let shown = file.path().map_or("the built-in plugins".into(), |path| {
         path.display().to_string()
     });
@@ -588,15 +628,22 @@ fn explain_start(fault: Fault, file: &PluginFile, client: &Client) -> Fault {
         .rev()
         .find(|line| !line.trim().is_empty())
         .unwrap_or_default();
+    // What it names and may not read is what it lacks first of all.
+    let lacks = withheld.first().map(|path| {
+        let path = path.display();
+        format!(
+            "it was not given {path}, which is closed to others: `--allow-read {path}` gives it"
+        )
+    });
     match fault {
         Fault::Spawn { reason, hint, .. } => Fault::Spawn {
             program: shown,
             reason,
-            hint,
+            hint: lacks.or(hint),
         },
         Fault::Exited { .. } | Fault::Crashed { .. } | Fault::TimedOut { .. } => Fault::Refused {
             reason: format!("{shown} is no plugin that speaks the protocol: it {fault}"),
-            hint: (!last.is_empty()).then(|| format!("its last words were: {last}")),
+            hint: lacks.or((!last.is_empty()).then(|| format!("its last words were: {last}"))),
         },
         other => other,
     }

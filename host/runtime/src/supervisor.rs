@@ -32,7 +32,6 @@ use crate::cgroup::Cgroup;
 use crate::library::Library;
 use crate::measure::{affinity, pin};
 use crate::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
-use crate::python::{self, Python};
 use crate::sandbox::jail::{self, Ended, Jail, Launch, News, NotStarted, ScratchFolder};
 use crate::sandbox::{Layer, SandboxReport, Victims};
 use crate::state::{self, Registered};
@@ -63,18 +62,16 @@ pub enum Target {
 }
 
 impl Target {
-    /// The interpreter that starts it, if it is a Python program.
-    pub(crate) fn python(&self) -> Option<Python> {
-        let Self::Program(argv) = self else {
-            return None;
-        };
-        let program = sandbox::find_program(argv.first()?)?;
-        let interpreter = if python::is_python(&program) {
-            program
-        } else {
-            sandbox::interpreter(&program).filter(|program| python::is_python(program))?
-        };
-        python::ask(&interpreter)
+    /// The plugin's file; of a program that is started by an interpreter, the script.
+    pub(crate) fn file(&self) -> Option<PathBuf> {
+        match self {
+            Self::BuiltIn | Self::Nothing | Self::Attempts(_) => None,
+            Self::Library(path) | Self::Adapter(path) => Some(path.clone()),
+            Self::Program(argv) => {
+                let named = argv.iter().take(2).find(|name| name.starts_with('/'));
+                named.map(PathBuf::from)
+            }
+        }
     }
 }
 

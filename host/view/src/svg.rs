@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
+use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m, is_unseen};
 use fleetyard_sim::trace::Outline;
 
 use crate::glyph;
@@ -476,8 +476,9 @@ pub fn escape(text: &str) -> String {
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
-            // Neither XML nor HTML can hold these in any form.
-            c if c.is_control() && !matches!(c, '\n' | '\t') => out.push('\u{fffd}'),
+            // Neither XML nor HTML can hold control characters in any form, and nobody is to
+            // read other text than there is.
+            c if is_unseen(c) && !matches!(c, '\n' | '\t') => out.push('\u{fffd}'),
             '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
             c => out.push(c),
         }

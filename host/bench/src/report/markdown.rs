@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use fleetyard_core::is_unseen;
+
 use super::{Figure, Table};
 
 /// Text that Markdown and the HTML in it take for nothing else.
@@ -13,7 +15,7 @@ fn escaped(text: &str) -> String {
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '&' => out.push_str("&amp;"),
-            c if c.is_control() => out.push(' '),
+            c if is_unseen(c) => out.push(' '),
             c => out.push(c),
         }
     }

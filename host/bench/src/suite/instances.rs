@@ -74,6 +74,22 @@ pub(super) struct InstanceSet {
     pub(super) place: Place,
 }
 
+impl InstanceSet {
+    /// The files that it names; a folder of maps may hold anything.
+    pub(super) fn files(&self) -> Result<Vec<PathBuf>, InputError> {
+        let (named, maps) = match &self.kind {
+            Kind::Files { files, maps } => (files.as_slice(), maps.as_slice()),
+            Kind::Maps(maps) => (maps.as_slice(), &[][..]),
+            Kind::Mazes(_) | Kind::Generated(_) => (&[][..], &[][..]),
+        };
+        let mut files: Vec<PathBuf> = maps.iter().filter(|map| map.is_file()).cloned().collect();
+        for named in named {
+            files.extend(expand(named)?);
+        }
+        Ok(files)
+    }
+}
+
 /// What the bases of a set are.
 #[derive(Debug, Clone)]
 pub(super) enum Kind {

@@ -189,6 +189,19 @@ impl Suite {
         read::suite(source, text, settings, &read::Paths { folder, variable })
     }
 
+    /// The files that the suite names and that say what planners will be asked: they are not
+    /// for planners to read.
+    pub fn files(&self) -> Result<Vec<PathBuf>, InputError> {
+        let mut files = Vec::new();
+        for set in &self.sets {
+            files.extend(set.files()?);
+        }
+        if let Some(Robots::File(name, _)) = &self.robots {
+            files.push(name.into());
+        }
+        Ok(files)
+    }
+
     /// What the suite says as JSON, without comments and with keys in order: the values
     /// of the command line are in it, defaults are not.
     pub fn normal(&self) -> String {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fleetyard_check::PathRule;
 use fleetyard_core::document::{Document, Setting, Table, Value};
-use fleetyard_core::{Connectivity, InputError, shown};
+use fleetyard_core::{Connectivity, InputError, is_unseen, shown};
 use fleetyard_runtime::Attach;
 use fleetyard_sim::SimConfig;
 use fleetyard_world::{
@@ -371,7 +371,7 @@ fn planners(
         let label = match table.get("label") {
             Some(label) => {
                 let text = label.nonempty()?;
-                if text.contains(char::is_control) || text.chars().count() > 100 {
+                if text.contains(is_unseen) || text.chars().count() > 100 {
                     let reason = format!("\"{}\" cannot be a label", shown(text));
                     return Err(label
                         .error(reason)

@@ -98,11 +98,14 @@ fn setting(text: &str) -> std::result::Result<Setting, String> {
 }
 
 pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
-    let suite = Suite::load_with(&arguments.suite, &arguments.settings)?;
+    let mut suite = Suite::load_with(&arguments.suite, &arguments.settings)?;
     let place = arguments
         .store
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{}.sqlite", suite.name)));
+    let hidden = &mut suite.sandbox.policy.hidden;
+    hidden.extend([arguments.suite.clone(), place.clone()]);
+    hidden.extend(arguments.progress_file.clone());
     match arguments.executor {
         Executor::Slurm if !arguments.dry_run => return on_cluster(arguments, &suite, &place),
         Executor::Local if arguments.cluster != ClusterArgs::default() => {

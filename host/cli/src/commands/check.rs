@@ -101,7 +101,10 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
         startup: arguments.startup,
     };
     let limits = Limits {
-        policy: policy(&arguments.grants)?,
+        policy: policy(
+            &arguments.grants,
+            arguments.report_to.iter().cloned().collect(),
+        )?,
         trust: trust(&arguments.grants.trust)?,
         output_bytes: arguments.grants.output_limit,
         memory_bytes: half_of_memory(),

@@ -99,7 +99,9 @@ impl Question {
 
 pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let questions = questions(arguments)?;
-    let host = host(&arguments.budget, None)?;
+    let maps = arguments.map.iter().filter(|map| map.is_file());
+    let hidden = arguments.scen.iter().chain(maps).cloned().collect();
+    let host = host(&arguments.budget, None, hidden)?;
     let config = sim_config(&arguments.world);
     let contestants = &arguments.planners.0;
     let candidates: Vec<Candidate> = contestants

@@ -286,6 +286,21 @@ fn with_host(mut config: FleetConfig, arguments: &Fleet) -> FleetConfig {
     config
 }
 
+/// What the command itself reads and writes.
+fn own_files(arguments: &Fleet) -> Vec<PathBuf> {
+    let files = [
+        &arguments.map,
+        &arguments.record,
+        &arguments.replay,
+        &arguments.resume,
+        &arguments.trace,
+        &arguments.picture,
+        &arguments.asked.tasks,
+        &arguments.asked.fleet,
+    ];
+    files.into_iter().flatten().cloned().collect()
+}
+
 /// Starts the plugins.
 fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Modules> {
     let allowance = &config.allowance;
@@ -296,7 +311,7 @@ fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Mod
         ..BudgetOptions::default()
     };
     let sandbox = SandboxOptions {
-        policy: policy(&arguments.grants)?,
+        policy: policy(&arguments.grants, own_files(arguments))?,
         output_bytes: arguments.grants.output_limit,
         trust: trust(&arguments.grants.trust)?,
         pin: false,

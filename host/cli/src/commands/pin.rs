@@ -4,14 +4,14 @@
 use std::path::Path;
 
 use fleetyard_runtime::{
-    Discovery, LOCK_FILE, Lock, Pinned, PinnedPlugin, PluginFile, Runtime, Trust,
+    Discovery, LOCK_FILE, Lock, Pinned, PinnedPlugin, PluginFile, Policy, Runtime, Trust,
 };
 use serde::Serialize;
 
 use crate::args::{Format, Pin};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use crate::setup::runtime;
+use crate::setup::{runtime, runtime_with};
 
 /// What became of an entry of the lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -24,6 +24,9 @@ enum State {
     /// Its code is not what is pinned, or is not there.
     Changed,
 }
+
+/// How many files of a plugin are shown by name; the lock has them all.
+const SHOWN: usize = 6;
 
 #[derive(Serialize)]
 struct Line {
@@ -92,7 +95,7 @@ fn table(lines: &[Line]) -> String {
             .iter()
             .map(|PinnedPlugin { kind, id, version }| format!("{kind} {id} {version}"))
             .collect();
-        for (index, code) in entry.code.iter().enumerate() {
+        for (index, code) in entry.code.iter().take(SHOWN).enumerate() {
             let state = match (state, index) {
                 (Some(State::Pinned), 0) => "pinned",
                 (Some(State::Updated), 0) => "updated",
@@ -109,6 +112,13 @@ fn table(lines: &[Line]) -> String {
             let path = code.path.display().to_string();
             rows.push(vec![state.to_owned(), plugins, code.sha256.clone(), path]);
         }
+        let all = entry.code.len();
+        let told = match all {
+            1 => "this file alone".to_owned(),
+            2..=SHOWN => format!("{all} files"),
+            _ => format!("and {} more, {all} files", all - SHOWN),
+        };
+        rows.push(vec![String::new(), String::new(), String::new(), told]);
     }
     output::table(&["", "plugin", "sha256", "file"], rows, &[])
 }
@@ -117,7 +127,7 @@ fn table(lines: &[Line]) -> String {
 fn check(lock: &Lock) -> Vec<Line> {
     let state = |entry: &Pinned| {
         let file = PluginFile::at(&lock.locate(&entry.path));
-        let checked = file.and_then(|file| lock.check(entry, &file.code()?));
+        let checked = file.and_then(|file| lock.compare(entry, &file, &[]));
         match checked {
             Ok(()) => Line::new(State::Unchanged, entry),
             Err(fault) => Line {
@@ -162,19 +172,24 @@ fn remove(lock: &mut Lock, names: &[String]) -> Result<Vec<Line>> {
 
 fn add(lock: &mut Lock, arguments: &Pin) -> Result<Vec<Line>> {
     // To describe what is being pinned, it has to be started.
-    let trusting = runtime(Trust::default())?;
+    let policy = Policy {
+        hidden: vec![lock.file().to_owned()],
+        ..Policy::default()
+    };
+    let trusting = runtime_with(policy, Trust::default())?;
     let mut lines = Vec::new();
     for name in &arguments.plugins {
         let file = file_of(lock, name)?;
         let before = lock.entry(&file).cloned();
-        let code = file.code()?;
         if let Some(entry) = &before
             && !arguments.update
         {
-            lock.check(entry, &code)?;
+            lock.compare(entry, &file, &[])?;
         }
+        let hidden = [lock.file().to_owned()];
+        let code = file.whole(&hidden)?;
         let introduction = trusting.describe(&file)?;
-        if file.code()? != code {
+        if file.whole(&hidden)? != code {
             let message = format!("`{name}` was changed meanwhile");
             return Err(Failure::new(Exit::Plugin, message).hint("run the command again"));
         }

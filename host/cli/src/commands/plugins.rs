@@ -156,7 +156,12 @@ struct Described {
     contract: Contract,
     digest: Option<Digest>,
     code: Vec<CodeFile>,
+    /// What it may read besides the system's files.
+    reads: Vec<String>,
 }
+
+/// How many paths are shown as text.
+const READS: usize = 20;
 
 pub(crate) fn info(name: &str, arguments: &TrustArgs, format: Format) -> Result<Exit> {
     let runtime = runtime(trust(arguments)?)?;
@@ -177,14 +182,18 @@ fn describe(runtime: &Runtime, name: &str) -> Result<Vec<Described>> {
     if name.contains('/') || path.is_file() {
         let file = PluginFile::at(path)?;
         let introduction = runtime.describe(&file)?;
-        return Ok(described(&file, introduction, |_| true));
+        return described(runtime, &file, introduction, |_| true);
     }
     let all = Discovery::from_environment().scan(runtime);
-    let named: Vec<Described> = all
-        .iter()
-        .filter_map(|found| Some((&found.file, found.plugins.clone().ok()?)))
-        .flat_map(|(file, introduction)| described(file, introduction, |id| id == name))
-        .collect();
+    let mut named = Vec::new();
+    for found in &all {
+        if let Ok(introduction) = &found.plugins {
+            let introduction = introduction.clone();
+            named.extend(described(runtime, &found.file, introduction, |id| {
+                id == name
+            })?);
+        }
+    }
     if named.is_empty() {
         // Says what is known, or why the one that is meant was refused.
         by_name(runtime, &all, None, name)?;
@@ -193,17 +202,30 @@ fn describe(runtime: &Runtime, name: &str) -> Result<Vec<Described>> {
 }
 
 fn described(
+    runtime: &Runtime,
     file: &PluginFile,
     introduction: Introduction,
     wanted: impl Fn(&str) -> bool,
-) -> Vec<Described> {
+) -> Result<Vec<Described>> {
     let Introduction {
         contract,
         descriptors,
     } = introduction;
-    let chosen = descriptors.into_iter().filter(|plugin| wanted(&plugin.id));
-    chosen
+    let mut chosen = descriptors
+        .into_iter()
+        .filter(|plugin| wanted(&plugin.id))
+        .peekable();
+    let reads = match chosen.peek() {
+        Some(_) => runtime.readable(file)?,
+        None => Vec::new(),
+    };
+    let reads: Vec<String> = reads
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    let described = chosen
         .map(|descriptor| Described {
+            reads: reads.clone(),
             descriptor,
             path: file.path().map(|path| path.display().to_string()),
             attach: file.default_attach(),
@@ -211,7 +233,8 @@ fn described(
             digest: file.digest(),
             code: file.code().unwrap_or_default(),
         })
-        .collect()
+        .collect();
+    Ok(described)
 }
 
 fn text(described: &Described) -> String {
@@ -231,6 +254,16 @@ fn text(described: &Described) -> String {
     let _ = writeln!(out, "from: {from} ({})", described.contract);
     for CodeFile { path, sha256 } in &described.code {
         let _ = writeln!(out, "code: {sha256}  {}", path.display());
+    }
+    for path in described.reads.iter().take(READS) {
+        let _ = writeln!(out, "reads: {path}");
+    }
+    if let Some(more) = described.reads.len().checked_sub(READS + 1) {
+        let _ = writeln!(
+            out,
+            "reads: and {} more, as `--format json` has them",
+            more + 1
+        );
     }
     let options = plugin
         .options_schema

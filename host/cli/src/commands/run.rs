@@ -1,6 +1,6 @@
 //! `fleetyard run`: one planner on one instance.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fleetyard_abi::Status;
 use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial};
@@ -26,7 +26,17 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         check_folder(path)?;
     }
     let attach = arguments.attach.map(Into::into);
-    let host = host(&arguments.budget, attach)?;
+    let outputs = [
+        &arguments.plan_out,
+        &arguments.trace_out,
+        &arguments.picture,
+    ];
+    let mut hidden: Vec<PathBuf> = outputs.into_iter().flatten().cloned().collect();
+    hidden.extend([
+        arguments.instance.scen.clone(),
+        arguments.instance.map.map.clone(),
+    ]);
+    let host = host(&arguments.budget, attach, hidden)?;
     let candidate = candidate(&host.runtime, &arguments.planner)?;
     let mut trace = arguments
         .trace_out

@@ -27,7 +27,7 @@ use std::time::Instant;
 
 use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Sink};
 use fleetyard_abi::{Descriptor, Kind, LogLevel, Status};
-use fleetyard_core::{InputError, read_file};
+use fleetyard_core::{InputError, is_unseen, read_file};
 
 pub(crate) use manifest::FORMAT;
 pub use manifest::{MANIFEST_LIMIT, Manifest};
@@ -52,6 +52,9 @@ struct Installed {
     manifest: Manifest,
     folder: PathBuf,
     program: PathBuf,
+    /// Whether the variable or the search path of the host's user says where that is,
+    /// rather than the manifest.
+    chosen_by_host: bool,
 }
 
 impl Adapter {
@@ -71,12 +74,14 @@ impl Adapter {
             .map_err(refused)?;
         let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let folder = absolute.parent().unwrap_or(Path::new("/")).to_owned();
-        let program = find_program(&manifest, &folder, &source).map_err(refused)?;
+        let (program, chosen_by_host) =
+            find_program(&manifest, &folder, &source).map_err(refused)?;
         Ok(Self {
             installed: Arc::new(Installed {
                 manifest,
                 folder,
                 program,
+                chosen_by_host,
             }),
             version: OnceLock::new(),
         })
@@ -85,6 +90,12 @@ impl Adapter {
     /// The program that is started.
     pub fn program(&self) -> &Path {
         &self.installed.program
+    }
+
+    /// Whether the host's user says where the program is, by a variable or the search path,
+    /// rather than the manifest by a path.
+    pub fn is_chosen_by_host(&self) -> bool {
+        self.installed.chosen_by_host
     }
 
     /// What the manifest says that the solver must be able to read, besides itself
@@ -161,7 +172,7 @@ impl Adapter {
             Some(text.trim().chars().take(LONGEST).collect::<String>())
         });
         version
-            .filter(|text| !text.is_empty() && !text.contains(char::is_control))
+            .filter(|text| !text.is_empty() && !text.contains(is_unseen))
             .ok_or_else(|| format!("it {}, and the pattern found nothing", ended.end))
     }
 }
@@ -171,8 +182,13 @@ fn is_executable(path: &Path) -> bool {
         .is_ok_and(|meta| meta.is_file() && meta.permissions().mode() & 0o111 != 0)
 }
 
-/// The program of a manifest: where its variable says, else where its command says.
-fn find_program(manifest: &Manifest, folder: &Path, source: &str) -> Result<PathBuf, InputError> {
+/// The program of a manifest: where its variable says, else where its command says. And
+/// whether it was the host's user who said so.
+fn find_program(
+    manifest: &Manifest,
+    folder: &Path,
+    source: &str,
+) -> Result<(PathBuf, bool), InputError> {
     let program = &manifest.program;
     let command = program.command.as_str();
     let refused = |reason: String| {
@@ -185,7 +201,7 @@ fn find_program(manifest: &Manifest, folder: &Path, source: &str) -> Result<Path
     {
         let path = std::path::absolute(&value).unwrap_or_else(|_| value.into());
         if is_executable(&path) {
-            return Ok(path);
+            return Ok((path, true));
         }
         let shown = path.display();
         return Err(refused(format!("{name} is {shown}, which is no program")));
@@ -194,7 +210,7 @@ fn find_program(manifest: &Manifest, folder: &Path, source: &str) -> Result<Path
         let path = folder.join(command);
         let path = std::path::absolute(&path).unwrap_or(path);
         if is_executable(&path) {
-            return Ok(path);
+            return Ok((path, false));
         }
         let wrong = if path.exists() {
             "is no program that may be executed"
@@ -208,6 +224,7 @@ fn find_program(manifest: &Manifest, folder: &Path, source: &str) -> Result<Path
         .filter(|folder| folder.is_absolute())
         .map(|folder| folder.join(command))
         .find(|path| is_executable(path))
+        .map(|path| (path, true))
         .ok_or_else(|| {
             let error = refused(format!("the program `{command}` is not on PATH"));
             if folder.join(command).exists() {

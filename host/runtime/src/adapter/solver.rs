@@ -239,6 +239,7 @@ impl Solver {
             manifest,
             folder,
             program,
+            ..
         } = &*self.installed;
         let scratch = self.scratch.path();
         let time = self.time(instance, budget);

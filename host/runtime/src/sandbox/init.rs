@@ -193,6 +193,12 @@ fn plugin(
     } else {
         Lock {
             read: &readable(inside),
+            // A tree that holds nothing else is readable as a whole.
+            list: if inside.wants(Layer::MountNamespace) {
+                &[]
+            } else {
+                &grants.list
+            },
             scratch,
             network: launch.policy.network,
             profile: launch.filter.profile,
@@ -205,8 +211,10 @@ fn plugin(
         .apply()
     };
     if inside.wants(Layer::OwnUser)
-        && let Some(file) = &grants.file
-        && rustix::fs::access(file, Access::READ_OK) == Err(Errno::ACCESS)
+        && let Some(file) = grants
+            .needed
+            .iter()
+            .find(|file| rustix::fs::access(file.as_path(), Access::READ_OK) == Err(Errno::ACCESS))
     {
         let reason = format!("{} cannot be read by another user", file.display());
         inside.fail(Refusal::new(Layer::OwnUser, Errno::ACCESS, reason));

@@ -422,7 +422,7 @@ impl Attempt<'_> {
         let hopeless = |error: Errno| Tried::Hopeless(error.to_string());
         if root && self.wants(Layer::OwnUser) {
             if self.wants(Layer::MountNamespace) && self.trees.is_empty() {
-                self.trees = take_as_root(&self.launch.grants.read, own_user);
+                self.trees = take_as_root(&self.launch.grants, own_user);
             }
             // Where files are not remapped, the scratch folder has to be theirs.
             let _ = std::os::unix::fs::chown(self.scratch, Some(own_user), Some(own_user));

@@ -16,6 +16,8 @@ use super::{Layer, Profile, Refusal, Remark, syscalls};
 pub(super) struct Lock<'a> {
     /// Paths that may be read and executed, folders with what is in them.
     pub(super) read: &'a [PathBuf],
+    /// Folders whose names may be listed.
+    pub(super) list: &'a [PathBuf],
     /// The folder that may be written to.
     pub(super) scratch: &'a Path,
     pub(super) network: bool,
@@ -172,8 +174,11 @@ impl Lock<'_> {
         let device =
             AccessFs::ReadFile | AccessFs::WriteFile | AccessFs::Truncate | AccessFs::IoctlDev;
         let mut allow = |path: &Path, access: BitFlags<AccessFs>| {
-            // What does not exist need not be allowed.
-            let Ok(fd) = PathFd::new(path) else {
+            // What does not exist need not be allowed, and what a link leads to is granted
+            // by itself or not at all.
+            let link = path.symlink_metadata().is_ok_and(|meta| meta.is_symlink());
+            let followed = !link || path.starts_with("/proc");
+            let Some(fd) = PathFd::new(path).ok().filter(|_| followed) else {
                 return Ok(());
             };
             let access = if path.is_dir() {
@@ -189,6 +194,9 @@ impl Lock<'_> {
         // call, and the rest is how the kernel is to treat it.
         for path in self.read {
             allow(path, AccessFs::from_read(abi))?;
+        }
+        for path in self.list {
+            allow(path, AccessFs::ReadDir.into())?;
         }
         allow(self.scratch, AccessFs::from_all(abi))?;
         for path in DEVICES {

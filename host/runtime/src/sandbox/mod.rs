@@ -28,7 +28,7 @@ use std::path::PathBuf;
 pub(crate) use attempts::Targets;
 pub use attempts::{Attempt, Victims};
 pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
-pub(crate) use grants::{Grants, find_program, interpreter};
+pub(crate) use grants::{Grants, Hidden, aside, find_program, own, python};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
@@ -374,6 +374,10 @@ pub struct Policy {
     pub level: Level,
     /// Files and folders that the plugin may read, beside its own and the system's.
     pub read: Vec<PathBuf>,
+    /// What the host itself reads and writes: a store, a suite, scenarios, results. Not
+    /// granted, wherever it lies; nor are its journals and the parts that are being
+    /// written, whose names begin with its own.
+    pub hidden: Vec<PathBuf>,
     /// Whether it may use the network.
     pub network: bool,
     /// Environment variables beside the fixed ones.
@@ -391,6 +395,7 @@ impl Default for Policy {
         Self {
             level: Level::default(),
             read: Vec::new(),
+            hidden: Vec::new(),
             network: false,
             env: Vec::new(),
             processes: 256,

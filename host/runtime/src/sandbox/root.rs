@@ -14,6 +14,7 @@ use rustix::mount::{
     mount_change, move_mount, open_tree, unmount,
 };
 
+use super::grants::Grants;
 use super::lock::DEVICES;
 use super::{Layer, Refusal};
 
@@ -81,6 +82,8 @@ pub(super) struct Root<'a> {
 /// A copy of what is mounted at a path, attached nowhere.
 fn take(path: &Path) -> Result<OwnedFd, Errno> {
     let flags = OpenTreeFlags::OPEN_TREE_CLONE | OpenTreeFlags::OPEN_TREE_CLOEXEC;
+    // A link that somebody put there since the grants were found leads nowhere.
+    let flags = flags | OpenTreeFlags::AT_SYMLINK_NOFOLLOW;
     open_tree(CWD, path, flags | OpenTreeFlags::AT_RECURSIVE)
 }
 
@@ -119,14 +122,15 @@ fn set_attributes(
 
 const HARMLESS: u64 = libc::MOUNT_ATTR_RDONLY | libc::MOUNT_ATTR_NOSUID;
 
-/// Takes the mounts of the plugin's own paths as root, shown as files of `user`:
-/// otherwise a plugin below a folder that only root may enter could not be read by
-/// the user that it runs as. Paths that cannot be taken are left to be taken from
-/// inside.
-pub(super) fn take_as_root(read: &[PathBuf], user: u32) -> Trees {
+/// Takes the mounts of the plugin's own paths as root: otherwise a plugin below a folder
+/// that only root may enter could not be read by the user that it runs as. What the grants
+/// say to be somebody's is shown as files of `user`; of all else that user may read what
+/// anybody may. Paths that cannot be taken are left to be taken from inside.
+pub(super) fn take_as_root(grants: &Grants, user: u32) -> Trees {
     let mut trees = Trees::new();
     let mut mappings: BTreeMap<u32, Option<OwnedFd>> = BTreeMap::new();
-    for path in read.iter().filter(|path| !super::grants::is_system(path)) {
+    for path in grants.beyond_the_system() {
+        let path = &path;
         let Ok(meta) = fs::symlink_metadata(path) else {
             continue;
         };
@@ -134,10 +138,10 @@ pub(super) fn take_as_root(read: &[PathBuf], user: u32) -> Trees {
             continue;
         }
         let Ok(tree) = take(path) else { continue };
-        let owner = std::os::unix::fs::MetadataExt::uid(&meta);
-        let namespace = mappings
-            .entry(owner)
-            .or_insert_with(|| mapping(owner, user));
+        let namespace = grants.owners.get(path).and_then(|owner| {
+            let made = mappings.entry(*owner);
+            made.or_insert_with(|| mapping(*owner, user)).as_ref()
+        });
         if let Some(namespace) = namespace {
             // Not every file system can show other owners; whoever may read a file
             // anyway still can.
