@@ -133,13 +133,11 @@ impl PathsReader {
     /// The plan and the number of its paths, or why it is none. Where there are more paths
     /// than agents, the plan has only theirs.
     pub fn finish(mut self) -> Result<(Plan, usize), String> {
-        match self.wrong.take() {
-            Some(wrong) => Err(wrong),
-            None => {
-                self.plan.cells_mut().shrink_to_fit();
-                Ok((self.plan, self.paths))
-            }
+        if let Some(wrong) = self.wrong.take() {
+            return Err(wrong);
         }
+        self.plan.cells_mut().shrink_to_fit();
+        Ok((self.plan, self.paths))
     }
 
     /// Reads on, up to the end of the list: how many of the bytes belonged to it.

@@ -321,9 +321,10 @@ impl<L: Link> Client<L> {
             if !self.stdout_open {
                 return Err(self.ended(wait.method));
             }
-            let until = match now >= wait.deadline_ns {
-                true => wait.until_ns,
-                false => wait.deadline_ns,
+            let until = if now >= wait.deadline_ns {
+                wait.until_ns
+            } else {
+                wait.deadline_ns
             };
             let interest = Interest {
                 stdin: self.stdin_open && !self.unsent.is_empty(),

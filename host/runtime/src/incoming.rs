@@ -450,13 +450,14 @@ mod tests {
             let (_, line) = incoming.take(bytes, &expected());
             (incoming.line.kept.len(), line.map(drop))
         };
-        assert_eq!(feed(&[b' '; 1 << 16]), (0, Ok(())));
-        assert_eq!(feed(&[b'x'; 1 << 16]), (STRAY_KEPT, Ok(())));
+        assert_eq!(feed(&vec![b' '; 1 << 16]), (0, Ok(())));
+        assert_eq!(feed(&vec![b'x'; 1 << 16]), (STRAY_KEPT, Ok(())));
         assert_eq!(incoming.stray_bytes, 2 << 16);
 
         let mut incoming = Incoming::default();
         let head = br#"{"jsonrpc":"2.0","id":7,"result":{"paths":["#;
-        for piece in [&head[..], &[b' '; 1 << 16], &[b' '; 1 << 16]] {
+        let blanks = vec![b' '; 1 << 16];
+        for piece in [&head[..], &blanks, &blanks] {
             let (_, line) = incoming.take(piece, &expected());
             assert!(line.is_ok_and(|line| line.is_none()));
             assert!(incoming.line.kept.len() < 64);

@@ -461,8 +461,8 @@ impl<T: Raw> Foreign<T> {
 
     /// The agents of the plans that are asked for, and the most cells of one. Without that
     /// limit a wrong length would make this process allocate until it is aborted.
-    fn plans(&self, instance: &Instance) -> Option<(usize, usize)> {
-        Some((instance.agents(), plan_cells(instance, self.cells)))
+    fn plans(&self, instance: &Instance) -> (usize, usize) {
+        (instance.agents(), plan_cells(instance, self.cells))
     }
 
     fn environment(&self) -> Result<*const c::Environment, Failure> {
@@ -516,7 +516,7 @@ impl Planner for Foreign<c::Planner> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let plan = self.raw.plan.ok_or_else(|| missing("plan"))?;
-        let plans = self.plans(instance);
+        let plans = Some(self.plans(instance));
         let instance = CInstance::new(instance, self.environment()?);
         // SAFETY: all arguments live through the call.
         self.ask(plans, budget, sink, |context, budget, sink| unsafe {
@@ -543,7 +543,7 @@ impl FailPolicy for Foreign<c::FailPolicy> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let recover = self.raw.recover.ok_or_else(|| missing("recover"))?;
-        let plans = self.plans(instance);
+        let plans = Some(self.plans(instance));
         let instance = CInstance::new(instance, self.environment()?);
         let failed = failed.map(PlanRef::to_c);
         let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);

@@ -1094,7 +1094,9 @@ impl<L: Link> Inner<L> {
             None => Err(reported(method, Status::InvalidInput, None)),
         };
         let ended_ns = self.now_ns();
-        let waited = host_run_delay().zip(waited).map(|(now, then)| now - then);
+        let waited = host_run_delay()
+            .zip(waited)
+            .map(|(now, then)| now.saturating_sub(then));
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
         // Whatever it answered: what nobody watched does not count.
         let (usage, called) = match self.finish(method) {

@@ -286,18 +286,20 @@ impl State {
 
     fn answer(&mut self, id: u64) {
         let plan = self.dice.one_in(2);
-        let paths = match plan {
-            true => format!(",\"paths\":{}", self.paths(STARTS.len())),
-            false => String::new(),
+        let paths = if plan {
+            format!(",\"paths\":{}", self.paths(STARTS.len()))
+        } else {
+            String::new()
         };
         // Fields in any order.
         let (id_field, result) = (
             format!("\"id\":{id}"),
             format!("\"result\":{{\"status\":\"gave-up\"{paths}}}"),
         );
-        let text = match self.dice.one_in(2) {
-            true => format!("{{\"jsonrpc\":\"2.0\",{id_field},{result}}}"),
-            false => format!("{{{result},{id_field},\"jsonrpc\":\"2.0\"}}"),
+        let text = if self.dice.one_in(2) {
+            format!("{{\"jsonrpc\":\"2.0\",{id_field},{result}}}")
+        } else {
+            format!("{{{result},{id_field},\"jsonrpc\":\"2.0\"}}")
         };
         let error = false;
         self.say(&text, What::Answer { id, plan, error });
@@ -521,10 +523,11 @@ impl Link for World {
         state.now_ns = state.now_ns.max(until);
         state.supervise();
         let now_ns = state.now_ns;
-        if let Some((at_ns, limit)) = state.over.filter(|(ns, _)| *ns <= now_ns) {
-            if state.grace_ns > 0 && state.lost_ns.is_none_or(|lost_ns| lost_ns > at_ns) {
-                state.told = Some(limit);
-            }
+        if let Some((at_ns, limit)) = state.over.filter(|(ns, _)| *ns <= now_ns)
+            && state.grace_ns > 0
+            && state.lost_ns.is_none_or(|lost_ns| lost_ns > at_ns)
+        {
+            state.told = Some(limit);
         }
         if state.lost_ns.is_some_and(|ns| ns <= now_ns) && state.report.is_none() {
             state.report = Some(Report::default());
@@ -697,7 +700,7 @@ struct Play {
 impl Play {
     fn new(seed: u64) -> Self {
         let world = World::new(seed);
-        let grace = [0, 10 * MS][(seed % 3 == 0) as usize];
+        let grace = if seed.is_multiple_of(3) { 10 * MS } else { 0 };
         let limits = Limits {
             grace: Duration::from_nanos(grace),
             output_bytes: OUTPUT,
@@ -743,9 +746,12 @@ impl Play {
                 break;
             }
             self.taken += 1;
-            let mut arrives = || match at_ns <= deadline_ns {
-                true => times.push(at_ns),
-                false => late += 1,
+            let mut arrives = || {
+                if at_ns <= deadline_ns {
+                    times.push(at_ns);
+                } else {
+                    late += 1;
+                }
             };
             match line.what {
                 What::Other => {}
@@ -779,11 +785,9 @@ impl Play {
         let read_all = state.pieces.is_empty() && state.closes_ns.is_some();
         let right = match (expected, fault) {
             (_, Some(Fault::Unsupervised { .. })) => lost,
-            (Expectation::Answered { error: false }, None) => true,
-            (Expectation::Answered { error: true }, Some(Fault::Reported { .. })) => true,
-            (Expectation::Answered { .. }, _) => false,
-            (Expectation::Broken, Some(Fault::Protocol { .. })) => true,
-            (Expectation::Broken, _) => false,
+            (Expectation::Answered { error: false }, None)
+            | (Expectation::Answered { error: true }, Some(Fault::Reported { .. }))
+            | (Expectation::Broken, Some(Fault::Protocol { .. })) => true,
             (Expectation::Nothing, Some(fault)) => match fault {
                 Fault::TimedOut { .. } => state.now_ns >= until_ns,
                 Fault::OverLimit {
@@ -798,7 +802,8 @@ impl Play {
                 Fault::Protocol { reason, .. } => read_all && reason.contains("went on running"),
                 _ => false,
             },
-            (Expectation::Nothing, None) => false,
+            (Expectation::Nothing, None)
+            | (Expectation::Answered { .. } | Expectation::Broken, _) => false,
         };
         assert!(right, "{expected:?} is {fault:?}");
         // Half a second for a plugin that closed its output, and whatever the host stalls.
