@@ -335,6 +335,7 @@ impl<L: Link> Client<L> {
             self.write_some();
             let answer = self.read_stdout(wait, notify)?;
             self.drain_stderr();
+            self.check_output(wait.method)?;
             if let Some(answer) = answer {
                 return Ok(answer);
             }
@@ -436,11 +437,16 @@ impl<L: Link> Client<L> {
                 }
             }
         }
-        if self.incoming.stray_bytes + self.stderr.total() > self.limits.output_bytes {
-            let fault = self.over_limit(Limit::Output, wait.method);
-            return Err(self.stop(wait.method, fault));
-        }
         Ok(None)
+    }
+
+    /// Stops a plugin that wrote too much that is no message, also if it has answered.
+    fn check_output(&mut self, method: &str) -> Result<(), Fault> {
+        if self.incoming.stray_bytes + self.stderr.total() <= self.limits.output_bytes {
+            return Ok(());
+        }
+        let fault = self.over_limit(Limit::Output, method);
+        Err(self.stop(method, fault))
     }
 
     fn handle_line(

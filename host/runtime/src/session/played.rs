@@ -125,6 +125,8 @@ struct State {
     /// The last line has no end yet.
     half: bool,
     idle_bytes: u64,
+    /// How much the host read of standard error.
+    errors_read: u64,
     read_bytes: u64,
     /// How much was read by when: the time that the host saw on its clock next.
     reads: Vec<(u64, u64)>,
@@ -162,6 +164,7 @@ impl World {
             written_bytes: 0,
             half: false,
             idle_bytes: 0,
+            errors_read: 0,
             read_bytes: 0,
             reads: Vec::new(),
             asked: Vec::new(),
@@ -594,8 +597,9 @@ impl Link for World {
         if read == 0 && (!pieces.is_empty() || closes_ns.is_none_or(|ns| ns > *now_ns)) {
             return Err(io::ErrorKind::WouldBlock.into());
         }
-        if output == Output::Stdout {
-            state.read_bytes += read as u64;
+        match output {
+            Output::Stdout => state.read_bytes += read as u64,
+            Output::Stderr => state.errors_read += read as u64,
         }
         Ok(read)
     }
@@ -678,8 +682,8 @@ impl Link for World {
 enum Expectation {
     /// One of them breaks the protocol.
     Broken,
-    /// One is the answer: an error, or not.
-    Answered { error: bool },
+    /// One is the answer: an error, or not, and whether a plan in it is in time.
+    Answered { error: bool, arrives: Option<bool> },
     /// None is.
     Nothing,
 }
@@ -761,10 +765,11 @@ impl Play {
                     plan,
                     error,
                 } if !early && answered == id => {
-                    if plan && plans && !error {
+                    let arrives = (plan && plans && !error).then(|| {
                         arrives();
-                    }
-                    return (Expectation::Answered { error }, times, late);
+                        at_ns <= deadline_ns
+                    });
+                    return (Expectation::Answered { error, arrives }, times, late);
                 }
                 What::Plan { .. } | What::Answer { .. } | What::Broken => {
                     return (Expectation::Broken, times, late);
@@ -785,9 +790,16 @@ impl Play {
         let read_all = state.pieces.is_empty() && state.closes_ns.is_some();
         let right = match (expected, fault) {
             (_, Some(Fault::Unsupervised { .. })) => lost,
-            (Expectation::Answered { error: false }, None)
-            | (Expectation::Answered { error: true }, Some(Fault::Reported { .. }))
+            (Expectation::Answered { error: false, .. }, None)
+            | (Expectation::Answered { error: true, .. }, Some(Fault::Reported { .. }))
             | (Expectation::Broken, Some(Fault::Protocol { .. })) => true,
+            (
+                Expectation::Answered { .. },
+                Some(Fault::OverLimit {
+                    limit: Limit::Output,
+                    ..
+                }),
+            ) => state.idle_bytes > OUTPUT,
             (Expectation::Nothing, Some(fault)) => match fault {
                 Fault::TimedOut { .. } => state.now_ns >= until_ns,
                 Fault::OverLimit {
@@ -806,6 +818,8 @@ impl Play {
             | (Expectation::Answered { .. } | Expectation::Broken, _) => false,
         };
         assert!(right, "{expected:?} is {fault:?}");
+        let evaded = fault.is_none() && state.errors_read > OUTPUT;
+        assert!(!evaded, "a limit is evaded in silence");
         // Half a second for a plugin that closed its output, and whatever the host stalls.
         let most_ns = until_ns + 500 * MS + 100 * MS;
         assert!(state.now_ns <= most_ns, "it took too long");
@@ -861,7 +875,17 @@ impl Play {
         let deadline_ns = asked.and_then(|asked| asked.deadline_ns);
         // One that the plugin was not told was not much later.
         let deadline_ns = deadline_ns.unwrap_or(earliest_ns);
-        let (expected, times, late) = self.expect(deadline_ns, true);
+        let (expected, mut times, mut late) = self.expect(deadline_ns, true);
+        if let (Expectation::Answered { arrives, .. }, Some(Fault::OverLimit { .. })) =
+            (&expected, &solve.fault)
+        {
+            // It was stopped with its answer.
+            match arrives {
+                Some(true) => drop(times.pop()),
+                Some(false) => late -= 1,
+                None => {}
+            }
+        }
         let until_ns = deadline_ns + self.grace_ns;
         self.check_fault(solve.fault.as_ref(), &expected, until_ns);
         let arrived = solve
