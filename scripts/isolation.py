@@ -199,7 +199,6 @@ GROUPS = {
             ]
         ),
         Behaviour("closed-folders", "c"),
-        Behaviour("closed-folders", "c", flags="--sandbox none"),
     ],
     "Files": [
         attempt("write-outside", "cpr", "target={precious}"),

@@ -166,7 +166,7 @@ impl Memory {
         // SAFETY: there is room for so many bytes, of which the first are the size.
         unsafe {
             ptr::copy_nonoverlapping((&raw const value).cast(), room, bytes);
-            room.cast::<u32>().write(size);
+            ptr::copy_nonoverlapping((&raw const size).cast(), room, size_of::<u32>());
         }
         room.cast_const().cast()
     }
@@ -408,25 +408,28 @@ fn expect<T>(what: Option<T>, code: i32, of: impl FnOnce(&mut Expected) -> &mut 
         if code != right {
             expected.wrong = Some(format!("the host answered {code} and not {right}"));
         }
-        match what {
-            Some(taken) => of(expected).push(taken),
+        if let Some(taken) = what {
+            of(expected).push(taken);
+        } else {
             // It says so in the log.
-            None => {
-                expected.broken = true;
-                expected.logs += 1;
-            }
+            expected.broken = true;
+            expected.logs += 1;
         }
     });
 }
 
+/// Offsets and cells.
+type Flat = (Vec<u64>, Vec<u32>);
+
 /// Lists in one, of `agents`: where they begin, and all that is in them, as long as
-/// declared; none if they may not be read.
+/// declared; and what the host has to read, if it may. None if it would believe more than
+/// there can be.
 fn lists(
     memory: &mut Memory,
     line: &Line,
     agents: usize,
     (offsets, cells): (&str, &str),
-) -> Option<(*const u64, *const u32, Option<(Vec<u64>, Vec<u32>)>)> {
+) -> Option<(*const u64, *const u32, Option<Flat>)> {
     let mut begin: Vec<u64> = list(line, offsets);
     begin.resize(agents + 1, begin.last().copied().unwrap_or(0));
     let to_begin = to(line, &format!("{offsets}_to"));
