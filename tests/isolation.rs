@@ -615,6 +615,7 @@ fn launched(folder: &Path, host: &Path, refused: bool, user: u32, line: &[String
         stdout,
         stderr,
         left: Vec::new(),
+        hanging: Vec::new(),
     }
 }
 

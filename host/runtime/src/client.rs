@@ -343,8 +343,13 @@ impl Client {
                 Ok(written) => self.sent += written,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                // The plugin closed its input; its output tells the rest.
-                Err(_) => self.process.stdin = None,
+                Err(error) => {
+                    // A plugin that closed its input says the rest by its output.
+                    self.process.stdin = None;
+                    if error.kind() != ErrorKind::BrokenPipe {
+                        self.lose(format!("cannot write to the plugin: {error}"));
+                    }
+                }
             }
         }
         self.unsent.clear();
@@ -355,17 +360,27 @@ impl Client {
         let mut buffer = [0; 1 << 14];
         for _ in 0..ROUNDS {
             match read_some(&mut self.process.stdout, &mut buffer) {
-                Some([]) => return,
-                Some(bytes) => {
+                Ok(Some([])) => return,
+                Ok(Some(bytes)) => {
                     self.arrived_ns = monotonic_ns();
                     self.receive(bytes);
                 }
-                None => {
+                Ok(None) => {
                     self.stdout_open = false;
+                    return;
+                }
+                Err(error) => {
+                    self.lose(format!("cannot read what the plugin says: {error}"));
                     return;
                 }
             }
         }
+    }
+
+    /// The host cannot go on with this process.
+    fn lose(&mut self, reason: String) {
+        self.process.give_up(reason);
+        self.stdout_open = false;
     }
 
     /// Keeps bytes of possible messages, and drops those of long stray lines.
@@ -391,9 +406,10 @@ impl Client {
                 return;
             }
             match read_some(&mut self.process.stderr, &mut buffer) {
-                Some([]) => return,
-                Some(bytes) => self.stderr.push(bytes, self.limits.stderr_bytes),
-                None => self.stderr_open = false,
+                Ok(Some([])) => return,
+                Ok(Some(bytes)) => self.stderr.push(bytes, self.limits.stderr_bytes),
+                // What it says there decides nothing.
+                Ok(None) | Err(_) => self.stderr_open = false,
             }
         }
     }
@@ -536,6 +552,10 @@ impl Client {
                 ..
             } => Fault::Unsupervised { during, reason },
             Report {
+                host_error: Some(reason),
+                ..
+            } => Fault::Host { reason },
+            Report {
                 over: Some(limit),
                 killed: true,
                 ..
@@ -612,14 +632,14 @@ impl Client {
 
 /// What can be read without waiting, if only nothing; `None` once the pipe is
 /// closed.
-fn read_some<'a>(pipe: &mut impl Read, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+fn read_some<'a>(pipe: &mut impl Read, buffer: &'a mut [u8]) -> std::io::Result<Option<&'a [u8]>> {
     loop {
         match pipe.read(buffer) {
-            Ok(0) => return None,
-            Ok(read) => return Some(&buffer[..read]),
+            Ok(0) => return Ok(None),
+            Ok(read) => return Ok(Some(&buffer[..read])),
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) if error.kind() == ErrorKind::WouldBlock => return Some(&[]),
-            Err(_) => return None,
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(Some(&[])),
+            Err(error) => return Err(error),
         }
     }
 }

@@ -88,6 +88,8 @@ pub(crate) struct Jail {
 pub(crate) struct NotStarted {
     pub(crate) report: SandboxReport,
     pub(crate) reason: String,
+    /// Whether it is what the caller asked for, rather than something that failed.
+    pub(crate) by_policy: bool,
 }
 
 /// What is being tried.
@@ -179,10 +181,11 @@ impl Attempt<'_> {
         }
     }
 
-    fn not_started(&self, reason: impl Into<String>) -> NotStarted {
+    fn not_started(&self, reason: impl Into<String>, by_policy: bool) -> NotStarted {
         NotStarted {
             report: self.report(),
             reason: reason.into(),
+            by_policy,
         }
     }
 }
@@ -196,6 +199,8 @@ enum Tried {
     Started(Jail),
     /// To be tried again without a layer.
     Refused(Refusal),
+    /// Without these layers it must not start.
+    TooLittle(String),
     /// Never mind the layers: this does not start.
     Hopeless(String),
 }
@@ -239,7 +244,8 @@ pub(crate) fn start(
     loop {
         let refusal = match attempt.once(become_plugin) {
             Tried::Started(jail) => return Ok(jail),
-            Tried::Hopeless(reason) => return Err(attempt.not_started(reason)),
+            Tried::TooLittle(reason) => return Err(attempt.not_started(reason, true)),
+            Tried::Hopeless(reason) => return Err(attempt.not_started(reason, false)),
             Tried::Refused(refusal) => refusal,
         };
         let first = !attempt
@@ -262,11 +268,11 @@ pub(crate) fn start(
         }
         let refusal = if namespace { own.take() } else { None }.unwrap_or(refusal);
         if !attempt.wants(refusal.layer) {
-            return Err(attempt.not_started(refusal.reason));
+            return Err(attempt.not_started(refusal.reason, false));
         }
         if level == Level::Strict && refusal.layer.is_required() {
             attempt.leave_out(refusal);
-            return Err(attempt.not_started(missing(&attempt.refused)));
+            return Err(attempt.not_started(missing(&attempt.refused), true));
         }
         attempt.leave_out(refusal);
     }
@@ -470,7 +476,9 @@ impl Attempt<'_> {
             };
             match packet {
                 Packet::Failed(refusal) => return Tried::Refused(refusal),
-                Packet::CannotStart(reason) => return Tried::Hopeless(reason),
+                Packet::CannotStart(reason) | Packet::HostFailed(reason) => {
+                    return Tried::Hopeless(reason);
+                }
                 Packet::Ended(_) => {
                     return Tried::Hopeless("the plugin ended before it began".into());
                 }
@@ -492,7 +500,7 @@ impl Attempt<'_> {
                             .iter()
                             .any(|refusal| refusal.layer.is_required())
                     {
-                        return Tried::Hopeless(missing(&self.refused));
+                        return Tried::TooLittle(missing(&self.refused));
                     }
                     break;
                 }
@@ -569,6 +577,7 @@ impl Jail {
         match receive(&self.link) {
             Some((Packet::Ended(ended), _)) => Ok(News::Ended(ended)),
             Some((Packet::CannotStart(reason), _)) => Ok(News::CannotStart(reason)),
+            Some((Packet::HostFailed(reason), _)) => Ok(News::HostFailed(reason)),
             Some(_) => Ok(News::Other),
             None => Err(Gone),
         }
@@ -622,6 +631,7 @@ impl Jail {
 pub(crate) enum News {
     Ended(Ended),
     CannotStart(String),
+    HostFailed(String),
     Other,
 }
 
