@@ -243,7 +243,10 @@ pub(crate) fn end_run(run: &str) {
             let _ = fs::remove_dir_all(folder.path.join(run));
         }
     }
-    if let Ok(note) = note {
+    // A group whose processes are just dying is left to the next host.
+    if let Ok(note) = note
+        && entry.as_ref().is_none_or(Entry::is_gone)
+    {
         let _ = fs::remove_file(note);
     }
 }
