@@ -1130,6 +1130,7 @@ fn launched(
         stdout,
         stderr,
         left: Vec::new(),
+        hanging: Vec::new(),
     })
 }
 

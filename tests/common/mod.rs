@@ -15,7 +15,7 @@ use std::fs;
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -80,6 +80,8 @@ pub(crate) struct Ended {
     pub(crate) stderr: String,
     /// Processes that the command left running. They were killed.
     pub(crate) left: Vec<String>,
+    /// What its processes were doing when they were taken to hang, and killed.
+    pub(crate) hanging: Vec<String>,
 }
 
 impl Ended {
@@ -186,6 +188,16 @@ impl Yard {
     }
 
     fn start_program<S: AsRef<OsStr>>(&self, program: &str, arguments: &[S]) -> Started {
+        self.start_with(program, arguments, |_| ())
+    }
+
+    /// Starts the command after a last word about how.
+    pub(crate) fn start_with<S: AsRef<OsStr>>(
+        &self,
+        program: &str,
+        arguments: &[S],
+        last: impl FnOnce(&mut Command),
+    ) -> Started {
         static SERIAL: AtomicU32 = AtomicU32::new(0);
         let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
         let mark = format!("{}-{serial}", std::process::id());
@@ -212,9 +224,11 @@ impl Yard {
         if self.own_group {
             command.process_group(0);
         }
+        last(&mut command);
         Started {
             child: command.spawn().unwrap(),
             mark,
+            hanging: Vec::new(),
         }
     }
 
@@ -256,35 +270,62 @@ impl Yard {
 pub(crate) struct Started {
     pub(crate) child: Child,
     mark: String,
+    hanging: Vec<String>,
 }
 
 impl Started {
-    pub(crate) fn wait(mut self) -> Ended {
+    pub(crate) fn wait(self) -> Ended {
+        let ended = self.wait_by(|started| {
+            let mut status = None;
+            until(|| {
+                status = started.child.try_wait().unwrap();
+                status.is_some()
+            });
+            if status.is_none() {
+                started.stop();
+                status = started.child.wait().ok();
+            }
+            status
+        });
+        assert!(ended.hanging.is_empty(), "the command hangs: {ended}");
+        ended
+    }
+
+    /// Ends a command that hangs: all its processes, with a note of where each was.
+    pub(crate) fn stop(&mut self) {
+        for process in self.processes() {
+            let where_it_is = |name: &str| {
+                let path = format!("/proc/{}/{name}", process.id);
+                fs::read_to_string(path)
+                    .unwrap_or_default()
+                    .trim()
+                    .to_owned()
+            };
+            let call = where_it_is("syscall");
+            self.hanging
+                .push(format!("{process} in {} ({call})", where_it_is("wchan")));
+            process.signal("KILL");
+        }
+    }
+
+    /// Collects what the command says while `wait` waits for its end.
+    pub(crate) fn wait_by(mut self, wait: impl FnOnce(&mut Self) -> Option<ExitStatus>) -> Ended {
         let stdout = reader(self.child.stdout.take().unwrap());
         let stderr = reader(self.child.stderr.take().unwrap());
-        let mut status = None;
-        until(|| {
-            status = self.child.try_wait().unwrap();
-            status.is_some()
-        });
-        if status.is_none() {
-            let _ = self.child.kill();
-            let _ = self.child.wait();
-        }
+        let status = wait(&mut self);
         let left = self.processes();
         // What is left may hold the pipes open.
         for process in &left {
             process.signal("KILL");
         }
         let (stdout, stderr) = (stdout.join().unwrap(), stderr.join().unwrap());
-        let ended = Ended {
+        Ended {
             code: status.and_then(|status| status.code()),
             stdout,
             stderr,
             left: left.iter().map(ToString::to_string).collect(),
-        };
-        assert!(status.is_some(), "the command hangs: {ended}");
-        ended
+            hanging: self.hanging,
+        }
     }
 
     /// Every living process that inherited this command's mark, the command included.

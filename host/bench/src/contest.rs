@@ -275,7 +275,7 @@ impl<'s> Contest<'s> {
             }
             Err(error) => {
                 let termination = match &error {
-                    TrialError::Fault(fault) => Termination::from(fault),
+                    TrialError::Fault(fault) if !fault.is_of_host() => Termination::from(fault),
                     TrialError::Incapable { .. } => Termination::Unsupported,
                     _ => {
                         let planner = entrant.label.clone();
@@ -347,11 +347,13 @@ impl<'s> Contest<'s> {
                 row.ranked = row.unranked.is_none();
                 entrant.sandbox = drive.sandbox.or(entrant.sandbox.take());
             }
-            Err(DriveError::Trial(TrialError::Fault(fault))) => {
+            Err(DriveError::Trial(TrialError::Fault(fault))) if !fault.is_of_host() => {
                 row.termination = Termination::from(&fault).to_string();
                 row.fault = Some(fault.to_string());
             }
-            Err(DriveError::Fleet(FleetError::Start { kind, name, fault })) => {
+            Err(DriveError::Fleet(FleetError::Start { kind, name, fault }))
+                if !fault.is_of_host() =>
+            {
                 row.termination = Termination::from(&fault).to_string();
                 row.fault = Some(format!("{kind} `{name}` {fault}"));
             }
@@ -401,12 +403,14 @@ impl Entrant {
         keep: bool,
     ) -> Result<Self, BenchError> {
         let place = &contestant.plugin_place;
-        let blamed = |error: TrialError| {
-            let place = match error {
-                TrialError::Options(_) => &contestant.options_place,
-                _ => place,
-            };
-            blamed(place, &error)
+        let blamed = |error: TrialError| match &error {
+            // No line of the suite is the cause.
+            TrialError::Fault(fault) if fault.is_of_host() => BenchError::Trial {
+                planner: contestant.label.clone(),
+                error: Box::new(error),
+            },
+            TrialError::Options(_) => blamed(&contestant.options_place, &error),
+            _ => blamed(place, &error),
         };
         let found = found.map_err(|fault| blamed(fault.into()))?;
         let candidate = Candidate::new(runtime, found, Kind::Planner, &contestant.plugin)

@@ -209,6 +209,11 @@ impl Trial<'_> {
         let before = Snapshot::take(watched.as_ref());
         let startup = (running.trials == 0).then(|| running.session.startup());
         let (run, prepared) = self.plan(&mut running, &environment);
+        // That is no trial of the planner.
+        if let Some(fault) = run.fault.as_ref().filter(|fault| fault.is_of_host()) {
+            running.close();
+            return Err(fault.clone().into());
+        }
         let load = Snapshot::take(watched.as_ref()).since(&before);
         let measurement = self.measurement(&run, prepared.as_ref(), startup, load);
         let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
@@ -232,7 +237,12 @@ impl Trial<'_> {
                     termination = Termination::from(late);
                     fault = Some(late.to_string());
                 } else {
-                    warnings.push(format!("after its answer the planner {late}"));
+                    let who = if late.is_of_host() {
+                        ""
+                    } else {
+                        "the planner "
+                    };
+                    warnings.push(format!("after its answer {who}{late}"));
                 }
             }
             broken_promises.clone_from(&closing.broken_promises);

@@ -135,6 +135,7 @@ impl From<Fault> for Failure {
         // An unknown name is the user's mistake, a bad file the plugin's.
         let exit = match &fault {
             Fault::Unknown { .. } => Exit::Usage,
+            Fault::Host { .. } => Exit::Internal,
             _ => Exit::Plugin,
         };
         Self {
@@ -174,6 +175,7 @@ impl From<FleetError> for Failure {
             FleetError::Input(error) => return error.into(),
             FleetError::Sim(error) => return error.into(),
             FleetError::Config { .. } => Exit::Usage,
+            FleetError::Start { fault, .. } if fault.is_of_host() => Exit::Internal,
             FleetError::Start { .. } => Exit::Plugin,
             FleetError::Incapable { .. } => Exit::NoPlan,
             FleetError::Broken(_) => Exit::Internal,

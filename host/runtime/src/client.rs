@@ -348,8 +348,13 @@ impl<L: Link> Client<L> {
                 Ok(written) => self.sent += written,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                // The plugin closed its input; its output tells the rest.
-                Err(_) => self.close_stdin(),
+                Err(error) => {
+                    // A plugin that closed its input says the rest by its output.
+                    self.close_stdin();
+                    if error.kind() != ErrorKind::BrokenPipe {
+                        self.lose(format!("cannot write to the plugin: {error}"));
+                    }
+                }
             }
         }
         self.unsent.clear();
@@ -361,6 +366,12 @@ impl<L: Link> Client<L> {
         self.link.close_stdin();
     }
 
+    /// The host cannot go on with this process.
+    fn lose(&mut self, reason: String) {
+        self.link.give_up(reason);
+        self.stdout_open = false;
+    }
+
     /// Reads what has come, until the answer is there. What comes when the time is over is
     /// not looked at.
     fn read_stdout(&mut self, wait: &Wait<'_>, notify: Notify<'_>) -> Result<Option<Reply>, Fault> {
@@ -368,10 +379,14 @@ impl<L: Link> Client<L> {
         let mut outcome = Ok(None);
         for _ in 0..ROUNDS {
             let read = match read_some(&mut self.link, Output::Stdout, &mut buffer) {
-                Some([]) => break,
-                Some(bytes) => bytes,
-                None => {
+                Ok(Some([])) => break,
+                Ok(Some(bytes)) => bytes,
+                Ok(None) => {
                     self.stdout_open = false;
+                    break;
+                }
+                Err(error) => {
+                    self.lose(format!("cannot read what the plugin says: {error}"));
                     break;
                 }
             };
@@ -397,9 +412,10 @@ impl<L: Link> Client<L> {
                 break;
             }
             match read_some(&mut self.link, Output::Stderr, &mut buffer) {
-                Some([]) => break,
-                Some(bytes) => self.stderr.push(bytes, STDERR_BYTES),
-                None => self.stderr_open = false,
+                Ok(Some([])) => break,
+                Ok(Some(bytes)) => self.stderr.push(bytes, STDERR_BYTES),
+                // What it says there decides nothing.
+                Ok(None) | Err(_) => self.stderr_open = false,
             }
         }
         self.buffer = buffer;
@@ -549,6 +565,10 @@ impl<L: Link> Client<L> {
         }
         match report {
             Report {
+                host_error: Some(reason),
+                ..
+            } => Fault::Host { reason },
+            Report {
                 over: Some(limit),
                 killed: true,
                 ..
@@ -642,14 +662,18 @@ impl<L: Link> Client<L> {
 
 /// What can be read without waiting, if only nothing; `None` once the pipe is
 /// closed.
-fn read_some<'a, L: Link>(link: &mut L, output: Output, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+fn read_some<'a, L: Link>(
+    link: &mut L,
+    output: Output,
+    buffer: &'a mut [u8],
+) -> std::io::Result<Option<&'a [u8]>> {
     loop {
         match link.read(output, buffer) {
-            Ok(0) => return None,
-            Ok(read) => return Some(&buffer[..read]),
+            Ok(0) => return Ok(None),
+            Ok(read) => return Ok(Some(&buffer[..read])),
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) if error.kind() == ErrorKind::WouldBlock => return Some(&[]),
-            Err(_) => return None,
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(Some(&[])),
+            Err(error) => return Err(error),
         }
     }
 }

@@ -4,7 +4,7 @@ use fleetyard_abi::Status;
 
 use crate::monitor::Limit;
 
-/// What went wrong with a plugin. The host itself is fine.
+/// What went wrong with a plugin; [`Fault::Host`] alone is not its doing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
     /// The file is no plugin that this host can use.
@@ -32,6 +32,12 @@ pub enum Fault {
         reason: String,
         /// What the user can do.
         hint: Option<String>,
+    },
+    /// The host could not do its part: the plugin is not to blame.
+    #[error("the host failed: {reason}")]
+    Host {
+        /// What it could not do, and the system's reason.
+        reason: String,
     },
     /// A signal ended the process.
     #[error("crashed with {} (signal {signal}) during `{during}`", signal_name(*signal))]
@@ -105,6 +111,18 @@ impl Fault {
         }
     }
 
+    /// The host could not do something.
+    pub(crate) fn host(what: impl std::fmt::Display, error: impl std::fmt::Display) -> Self {
+        Self::Host {
+            reason: format!("{what}: {error}"),
+        }
+    }
+
+    /// Whether the plugin has nothing to do with it, so that it says nothing of the plugin.
+    pub fn is_of_host(&self) -> bool {
+        matches!(self, Self::Host { .. })
+    }
+
     /// Whether the plugin is still there to be asked again: it failed one call and
     /// said so.
     pub(crate) fn is_survivable(&self) -> bool {
@@ -141,6 +159,7 @@ impl Fault {
                 "its result does not count; if nobody ended the supervisor on purpose, \
                  `fleetyard doctor` says which layers keep a plugin away from it here",
             ),
+            Self::Host { .. } => Some("run it again when the machine has what was missing"),
             _ => None,
         }
     }

@@ -62,6 +62,9 @@ pub(crate) trait Link {
     /// The sandbox that the plugin was started in, once the supervisor has said so.
     fn sandbox(&self) -> Option<&SandboxReport>;
 
+    /// The host can go on no more: everybody is ended, and for this reason.
+    fn give_up(&mut self, reason: String);
+
     /// What kept the supervisor from its work, if something did.
     fn disturbed(&self) -> Option<String>;
 

@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, ErrorKind, Read, Write};
-use std::os::fd::{AsRawFd, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use rustix::pipe::fcntl_setpipe_size;
 use rustix::time::Timespec;
 
 use crate::Fault;
@@ -62,10 +64,8 @@ impl Process {
     /// Starts what is to be launched under a supervisor; `executable` calls
     /// [`intercept`](crate::supervisor::intercept) first of all.
     pub(crate) fn start(executable: &Path, launch: &Launch) -> Result<Self, Fault> {
-        let spawn_fault = |error: &dyn std::fmt::Display| Fault::Spawn {
-            program: executable.display().to_string(),
-            reason: error.to_string(),
-            hint: None,
+        let spawn_fault = |error: &dyn std::fmt::Display| {
+            Fault::host(format!("cannot start {}", executable.display()), error)
         };
         let (control, theirs) = UnixStream::pair().map_err(|error| spawn_fault(&error))?;
         let theirs = OwnedFd::from(theirs);
@@ -102,14 +102,13 @@ impl Process {
         let (Some(stdin), Some(stdout), Some(stderr)) = streams else {
             return Err(spawn_fault(&"the pipes are missing"));
         };
-        for descriptor in [stdin.as_raw_fd(), stdout.as_raw_fd(), stderr.as_raw_fd()] {
-            // SAFETY: plain system calls on descriptors that we own.
-            unsafe {
-                let flags = libc::fcntl(descriptor, libc::F_GETFL);
-                libc::fcntl(descriptor, libc::F_SETFL, flags | libc::O_NONBLOCK);
-                // Larger pipes mean fewer wake-ups; refusal costs only speed.
-                libc::fcntl(descriptor, libc::F_SETPIPE_SZ, 1 << 20);
-            }
+        let mut unready = None;
+        for pipe in [stdin.as_fd(), stdout.as_fd(), stderr.as_fd()] {
+            let made =
+                fcntl_getfl(pipe).and_then(|flags| fcntl_setfl(pipe, flags | OFlags::NONBLOCK));
+            unready = unready.or(made.err());
+            // Larger pipes mean fewer wake-ups; refusal costs only speed.
+            let _ = fcntl_setpipe_size(pipe, 1 << 20);
         }
         // What cannot be said in time is said to nobody.
         let _ = control.set_write_timeout(Some(SILENCE));
@@ -127,6 +126,11 @@ impl Process {
             over: None,
             used: None,
         };
+        // A pipe that waits would outwait every deadline.
+        if let Some(error) = unready {
+            process.end(Duration::ZERO);
+            return Err(Fault::host("cannot use the plugin's pipes", error));
+        }
         process.say(launch);
         Ok(process)
     }
@@ -135,8 +139,23 @@ impl Process {
     fn say(&mut self, what: &impl serde::Serialize) {
         if let Ok(mut text) = serde_json::to_vec(what) {
             text.push(b'\n');
-            let _ = self.control.write_all(&text);
+            match self.control.write_all(&text) {
+                Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+                    self.abandon(format!("cannot tell the supervisor what to do: {error}"));
+                }
+                _ => {}
+            }
         }
+    }
+
+    /// The host can go on no more: the supervisor ends everybody, and what it would say
+    /// does not matter.
+    fn abandon(&mut self, reason: String) {
+        let _ = self.control.shutdown(std::net::Shutdown::Both);
+        self.report.get_or_insert_with(|| Report {
+            host_error: Some(reason),
+            ..Report::default()
+        });
     }
 
     /// Takes in what the supervisor has said already.
@@ -198,6 +217,10 @@ impl Process {
             match self.control.read(&mut buffer) {
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return false,
+                Err(error) if error.kind() != ErrorKind::ConnectionReset => {
+                    self.abandon(format!("cannot hear the supervisor: {error}"));
+                    return false;
+                }
                 Ok(0) | Err(_) => break 0,
                 Ok(read) => break read,
             }
@@ -222,7 +245,8 @@ impl Process {
 
     /// The supervisor has reported.
     fn ended(&mut self, mut report: Report) {
-        if report.start_error.is_none() && report.sandbox.layers.is_empty() {
+        let said = report.start_error.is_some() || report.host_error.is_some();
+        if !said && report.sandbox.layers.is_empty() {
             let reason = "its supervisor says nothing of the sandbox";
             report.disturbed.get_or_insert(reason.into());
         }
@@ -315,6 +339,10 @@ impl Link for Process {
 
     fn sandbox(&self) -> Option<&SandboxReport> {
         self.sandbox.as_ref()
+    }
+
+    fn give_up(&mut self, reason: String) {
+        self.abandon(reason);
     }
 
     fn disturbed(&self) -> Option<String> {

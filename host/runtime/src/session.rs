@@ -152,6 +152,7 @@ impl From<&Fault> for Termination {
             | Fault::Unknown { .. }
             | Fault::Spawn { .. }
             | Fault::Unsupervised { .. }
+            | Fault::Host { .. }
             | Fault::Reported { .. } => Self::Failed,
         }
     }
@@ -511,6 +512,9 @@ impl Runtime {
         let launch = self.launch(Target::Nothing)?;
         let mut process = Process::start(&self.executable, &launch)?;
         let report = process.end(self.limits.startup);
+        if let Some(reason) = report.host_error {
+            return Err(Fault::Host { reason });
+        }
         if let Some(reason) = report.disturbed {
             return Err(Fault::Unsupervised {
                 during: "start".into(),

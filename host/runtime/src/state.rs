@@ -69,16 +69,30 @@ pub(crate) struct NoFolder {
 /// session agree: `$XDG_RUNTIME_DIR/fleetyard/NAME`, `/run/user/UID/fleetyard/NAME`,
 /// `/tmp/fleetyard-UID/NAME`.
 pub(crate) fn folder(name: &str) -> Result<Folder, NoFolder> {
+    let mut places = places();
+    let last = places.pop();
+    for (base, ours, private) in places {
+        if let Ok(folder) = below(&base, &ours, name, private) {
+            return Ok(folder);
+        }
+    }
+    let (base, ours, private) = last.unwrap_or_default();
+    below(&base, &ours, name, private)
+}
+
+/// Where folders may be, best first: below which, called how, and whether the former must be
+/// ours.
+fn places() -> Vec<(PathBuf, String, bool)> {
     let user = geteuid().as_raw();
     let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     let runtime = runtime.filter(|path| path.is_absolute());
     let usual = PathBuf::from(format!("/run/user/{user}"));
-    for base in runtime.into_iter().chain([usual]) {
-        if let Ok(folder) = below(&base, "fleetyard", name, true) {
-            return Ok(folder);
-        }
-    }
-    below(Path::new("/tmp"), &format!("fleetyard-{user}"), name, false)
+    let private = runtime.into_iter().chain([usual]);
+    let mut places: Vec<_> = private
+        .map(|base| (base, "fleetyard".to_owned(), true))
+        .collect();
+    places.push(("/tmp".into(), format!("fleetyard-{user}"), false));
+    places
 }
 
 /// `BASE/OURS/NAME`, made if need be; `private` when the base must be ours as well.
@@ -156,38 +170,70 @@ struct Entry {
     cgroups: Vec<PathBuf>,
 }
 
-/// A run that is written down; the note is removed with the value.
+impl Entry {
+    /// Whether nothing is left that would have to be removed.
+    fn is_gone(&self) -> bool {
+        let gone = |path: &PathBuf| {
+            let found = path.symlink_metadata();
+            found.is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
+        };
+        gone(&self.scratch) && self.cgroups.iter().all(gone)
+    }
+}
+
+/// A run that is written down; the note is removed with the value, when what it names is gone.
 pub(crate) struct Registered {
     note: PathBuf,
+    entry: Entry,
 }
 
 impl Registered {
     /// Called by a supervisor. Where nothing can be written, nothing is: the
     /// supervisor ends everybody by itself, unless it is killed too.
-    pub(crate) fn write(run: &str, scratch: &Path, cgroups: &[PathBuf]) -> Option<Self> {
+    pub(crate) fn write(run: &str, scratch: &Path) -> Option<Self> {
         let entry = Entry {
             host: Identity::of(std::os::unix::process::parent_id() as i32)?,
             supervisor: Identity::of(std::process::id() as i32)?,
             scratch: scratch.to_owned(),
-            cgroups: cgroups.to_vec(),
+            cgroups: Vec::new(),
         };
         let note = folder("runs").ok()?.path.join(format!("{run}.json"));
-        fs::write(&note, serde_json::to_vec(&entry).ok()?).ok()?;
-        Some(Self { note })
+        if fs::write(&note, serde_json::to_vec(&entry).ok()?).is_err() {
+            // A note that says nothing would stay.
+            let _ = fs::remove_file(&note);
+            return None;
+        }
+        Some(Self { note, entry })
+    }
+
+    /// The run has control groups as well.
+    pub(crate) fn add(&mut self, cgroups: &[PathBuf]) {
+        self.entry.cgroups = cgroups.to_vec();
+        if let Ok(text) = serde_json::to_vec(&self.entry) {
+            let _ = fs::write(&self.note, text);
+        }
     }
 }
 
 impl Drop for Registered {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.note);
+        // What could not be removed is left to the next host, which finds it by the note.
+        if self.entry.is_gone() {
+            let _ = fs::remove_file(&self.note);
+        }
     }
 }
 
 /// Ends what hosts that were killed have left, and says how many runs that were.
 pub(crate) fn reap_orphans() -> usize {
-    let Ok(runs) = folder("runs") else { return 0 };
+    // Wherever it was written down: a better place may have been refused just then.
+    let there = places()
+        .into_iter()
+        .filter(|(base, ours, _)| base.join(ours).join("runs").is_dir());
+    let runs = there.filter_map(|(base, ours, private)| below(&base, &ours, "runs", private).ok());
     let mut reaped = 0;
-    for note in fs::read_dir(runs.path).into_iter().flatten().flatten() {
+    let notes = runs.flat_map(|runs| fs::read_dir(runs.path).into_iter().flatten().flatten());
+    for note in notes {
         let path = note.path();
         let entry = fs::read(&path)
             .ok()
@@ -209,7 +255,9 @@ pub(crate) fn reap_orphans() -> usize {
         }
         let run = path.file_stem().and_then(|name| name.to_str());
         end(run, &entry);
-        let _ = fs::remove_file(&path);
+        if entry.is_gone() {
+            let _ = fs::remove_file(&path);
+        }
         reaped += 1;
     }
     reaped
@@ -232,7 +280,10 @@ pub(crate) fn end_run(run: &str) {
             let _ = remove_tree(&folder.path.join(run));
         }
     }
-    if let Ok(note) = note {
+    // A group whose processes are just dying is left to the next host.
+    if let Ok(note) = note
+        && entry.as_ref().is_none_or(Entry::is_gone)
+    {
         let _ = fs::remove_file(note);
     }
 }
@@ -293,6 +344,32 @@ mod tests {
         assert!(below(base.path(), "link", "runs", true).is_err());
         // Anybody may write there.
         assert!(below(Path::new("/tmp"), "ours", "runs", true).is_err());
+    }
+
+    #[test]
+    fn a_run_whose_scratch_folder_could_not_be_removed_stays_written_down() {
+        let base = tempfile::tempdir().unwrap();
+        let scratch = base.path().join("scratch");
+        fs::create_dir(&scratch).unwrap();
+        let me = Identity::of(std::process::id() as i32).unwrap();
+        let note = base.path().join("run.json");
+        let registered = || {
+            fs::write(&note, "{}").unwrap();
+            Registered {
+                note: note.clone(),
+                entry: Entry {
+                    host: me,
+                    supervisor: me,
+                    scratch: scratch.clone(),
+                    cgroups: Vec::new(),
+                },
+            }
+        };
+        drop(registered());
+        assert!(note.exists());
+        fs::remove_dir(&scratch).unwrap();
+        drop(registered());
+        assert!(!note.exists());
     }
 
     #[test]

@@ -122,6 +122,9 @@ pub struct Report {
     /// it or the sandbox's first process. What it says of the rest is then worth nothing.
     #[serde(default)]
     pub disturbed: Option<String>,
+    /// What the host, the supervisor or the inside of the sandbox could not do for it.
+    #[serde(default)]
+    pub host_error: Option<String>,
     /// What the whole tree used.
     pub usage: Option<Usage>,
     /// What the call used in which it was stopped.
@@ -133,6 +136,14 @@ pub struct Report {
 }
 
 impl Report {
+    /// The host could not do something before there was a plugin.
+    fn failed(what: &str, error: &dyn std::fmt::Display) -> Self {
+        Self {
+            host_error: Some(format!("{what}: {error}")),
+            ..Self::default()
+        }
+    }
+
     /// Of a supervisor that could not do its work.
     pub(crate) fn disturbed(reason: String) -> Self {
         Self {
@@ -194,6 +205,8 @@ enum Heard {
     Nothing,
     /// The host wants an end, or is gone.
     Stop,
+    /// It cannot be heard.
+    Deaf(std::io::Error),
 }
 
 impl Control {
@@ -204,12 +217,11 @@ impl Control {
         }
     }
 
-    fn say(&mut self, message: &Message) {
-        if let Ok(mut text) = serde_json::to_vec(message) {
-            text.push(b'\n');
-            // A host that is gone needs to hear nothing.
-            let _ = self.stream.write_all(&text);
-        }
+    /// A host that does not hear what it waits for would wait for ever.
+    fn say(&mut self, message: &Message) -> std::io::Result<()> {
+        let mut text = serde_json::to_vec(message)?;
+        text.push(b'\n');
+        self.stream.write_all(&text)
     }
 
     fn line(&mut self) -> Option<Vec<u8>> {
@@ -223,30 +235,36 @@ impl Control {
             if let Some(line) = self.line() {
                 return serde_json::from_slice(&line).ok();
             }
-            self.read().then_some(())?;
+            self.read().ok()?.then_some(())?;
         }
     }
 
     /// Reads what is there, waiting for it if need be; false at the end.
-    fn read(&mut self) -> bool {
+    fn read(&mut self) -> std::io::Result<bool> {
         let mut buffer = [0; 4096];
         loop {
             match self.stream.read(&mut buffer) {
-                Ok(0) => return false,
+                Ok(0) => return Ok(false),
                 Ok(read) => {
                     self.received.extend_from_slice(&buffer[..read]);
-                    return true;
+                    return Ok(true);
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(_) => return false,
+                // A host that is gone did not read everything.
+                Err(error) if error.kind() == ErrorKind::ConnectionReset => return Ok(false),
+                Err(error) => return Err(error),
             }
         }
     }
 
     /// Call when there is something to be read, then until nothing is left.
     fn hear(&mut self, readable: bool) -> Heard {
-        if readable && !self.read() {
-            return Heard::Stop;
+        if readable {
+            match self.read() {
+                Ok(true) => {}
+                Ok(false) => return Heard::Stop,
+                Err(error) => return Heard::Deaf(error),
+            }
         }
         match self.line() {
             Some(line) => serde_json::from_slice(&line).map_or(Heard::Stop, Heard::Order),
@@ -257,7 +275,10 @@ impl Control {
 
 fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry]) -> ! {
     // SAFETY: a plain system call that makes orphans ours.
-    unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) };
+    let reaps = unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) } == 0;
+    let reaps = reaps
+        .then_some(())
+        .ok_or_else(std::io::Error::last_os_error);
     // What the terminal, or `timeout`, sends to the whole process group is for the
     // host, which then closes the socket. A supervisor that died of it would leave
     // daemons of the plugin behind.
@@ -271,8 +292,12 @@ fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry])
     };
     // Before anybody else is started.
     state::mark(&launch.run);
-    let report = run(&launch, &mut control, &allowed, built_in);
-    control.say(&Message::Ended(Box::new(report)));
+    let report = match reaps {
+        Ok(()) => run(&launch, &mut control, &allowed, built_in),
+        Err(error) => Report::failed("orphans of a plugin cannot be found", &error),
+    };
+    // A host that is gone needs to hear nothing.
+    let _ = control.say(&Message::Ended(Box::new(report)));
     std::process::exit(0)
 }
 
@@ -284,13 +309,10 @@ fn run(
 ) -> Report {
     let scratch = match ScratchFolder::create(&launch.run) {
         Ok(scratch) => scratch,
-        Err(error) => {
-            return Report {
-                start_error: Some(format!("there is no scratch folder for it: {error}")),
-                ..Report::default()
-            };
-        }
+        Err(error) => return Report::failed("there is no scratch folder for it", &error),
     };
+    // From here on there is something to be removed.
+    let mut registered = Registered::write(&launch.run, scratch.path());
     // Inherited by everybody who is started from here, until this process goes back to
     // where the host is. Where it is refused, the record's load shows who else was there.
     let own = affinity(None);
@@ -304,19 +326,30 @@ fn run(
     }
     let jail = match started {
         Ok(jail) => jail,
-        Err(NotStarted { report, reason }) => {
+        Err(NotStarted {
+            report,
+            reason,
+            by_policy,
+        }) => {
+            drop(scratch);
             return Report {
-                start_error: Some(reason),
+                start_error: by_policy.then(|| reason.clone()),
+                host_error: (!by_policy).then_some(reason),
                 sandbox: report,
                 ..Report::default()
             };
         }
     };
-    let groups = jail.cgroup.as_ref().map_or(&[][..], Cgroup::folders);
-    let _registered = Registered::write(&launch.run, scratch.path(), groups);
+    if let (Some(registered), Some(group)) = (&mut registered, &jail.cgroup) {
+        registered.add(group.folders());
+    }
     release_stdio();
-    control.say(&Message::Started(jail.report.clone()));
-    watch(launch, control, allowed, &jail)
+    let _ = control.say(&Message::Started(jail.report.clone()));
+    let report = watch(launch, control, allowed, &jail);
+    // The note goes last: what could not be removed is found by it.
+    drop((jail, scratch));
+    drop(registered);
+    report
 }
 
 /// What this process was allowed to use when it began. Who may set the limits of others
@@ -408,6 +441,7 @@ fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail)
                     break Some(ended);
                 }
                 Ok(News::CannotStart(reason)) => report.start_error = Some(reason),
+                Ok(News::HostFailed(reason)) => report.host_error = Some(reason),
                 Ok(News::Other) => {}
                 Err(jail::Gone) => {
                     jail.bury();
@@ -419,7 +453,7 @@ fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail)
                 }
             }
         }
-        let mut stop = report.disturbed.is_some();
+        let mut stop = report.disturbed.is_some() || report.host_error.is_some();
         // Whoever cannot count says nothing of what was used.
         let mut heard = if stop {
             Heard::Nothing
@@ -438,8 +472,16 @@ fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail)
                 }
                 Heard::Order(Order::Finish) => {
                     let used = monitor.finish(jail);
-                    control.say(&Message::Used(used));
+                    if let Err(error) = control.say(&Message::Used(used)) {
+                        failed(&mut report, "the supervisor cannot answer", &error);
+                        stop = true;
+                    }
                     until = None;
+                }
+                Heard::Deaf(error) => {
+                    failed(&mut report, "the supervisor cannot hear the host", &error);
+                    stop = true;
+                    break;
                 }
                 Heard::Nothing => break,
                 Heard::Stop => {
@@ -453,8 +495,9 @@ fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail)
             let now = monotonic_ns();
             report.over.get_or_insert(limit);
             if limit == Limit::Cpu && grace_ns > 0 {
+                // A host that does not hear it in time hears it in the report.
                 if until.is_none() {
-                    control.say(&Message::Over(limit));
+                    let _ = control.say(&Message::Over(limit));
                 }
                 stop = now >= *until.get_or_insert(now.saturating_add(grace_ns));
             } else {
@@ -488,12 +531,22 @@ fn watch(launch: &Launch, control: &mut Control, allowed: &Allowed, jail: &Jail)
     report
 }
 
+/// The supervisor can go on no more, for no fault of the plugin.
+fn failed(report: &mut Report, what: &str, error: &dyn std::fmt::Display) {
+    report
+        .host_error
+        .get_or_insert_with(|| format!("{what}: {error}"));
+}
+
 /// Runs in the plugin's process before any of its code.
-pub(crate) fn child_setup() {
+pub(crate) fn child_setup() -> std::io::Result<()> {
     // SAFETY: plain system calls on this process. Ignored and blocked signals would
     // be inherited, and so would the host's terminal.
     unsafe {
-        libc::setsid();
+        // Who may signal a group must not be in the host's.
+        if libc::setsid() < 0 {
+            return Err(std::io::Error::last_os_error());
+        }
         for signal in FOR_THE_HOST.into_iter().chain([libc::SIGXFSZ]) {
             libc::signal(signal, libc::SIG_DFL);
         }
@@ -501,6 +554,7 @@ pub(crate) fn child_setup() {
         libc::sigemptyset(&raw mut none);
         libc::sigprocmask(libc::SIG_SETMASK, &raw const none, std::ptr::null_mut());
     }
+    Ok(())
 }
 
 /// Becomes the worker: serves a library's plugins on private descriptors.

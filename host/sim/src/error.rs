@@ -69,7 +69,7 @@ pub enum SimError {
     Contact(#[from] ContactError),
     #[error("{threads} threads could not be started: {reason}")]
     Threads { threads: usize, reason: String },
-    #[error("the trace could not be written")]
+    #[error("the trace could not be written: {0}")]
     Trace(#[from] io::Error),
 }
 

@@ -7,6 +7,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Access, Mode, OFlags};
@@ -56,7 +57,8 @@ impl Inside<'_> {
         // user was mapped, which needs to.
         let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
         if self.wants(Layer::UserNamespace) && trees.is_some() {
-            become_mapped_user().unwrap_or_else(|refusal| self.fail(refusal));
+            become_mapped_user(self.wants(Layer::OwnUser))
+                .unwrap_or_else(|refusal| self.fail(refusal));
         }
         let mount = self.wants(Layer::MountNamespace);
         let mut lost = Vec::new();
@@ -90,29 +92,46 @@ impl Inside<'_> {
         };
         let new_proc = self.wants(Layer::OwnProc) && lost.is_empty();
         let proc = new_proc.then(|| open(Path::new("/proc")).ok()).flatten();
-        let folder = open(scratch).ok();
-        let descriptors: Vec<BorrowedFd<'_>> = [proc.as_ref(), folder.as_ref()]
-            .into_iter()
-            .flatten()
-            .map(AsFd::as_fd)
-            .collect();
-        send(self.link, &Packet::Ready(lost), &descriptors);
+        let folder = match open(scratch) {
+            Ok(folder) => folder,
+            // Below a folder that nobody but the host's user may enter.
+            Err(Errno::ACCESS) if self.wants(Layer::OwnUser) => {
+                let reason = format!("{} cannot be entered by another user", scratch.display());
+                self.fail(Refusal::new(Layer::OwnUser, Errno::ACCESS, reason))
+            }
+            Err(error) => self.give_up("opening the scratch folder", &error),
+        };
+        let descriptors: Vec<BorrowedFd<'_>> =
+            proc.iter().chain([&folder]).map(AsFd::as_fd).collect();
+        if !send(self.link, &Packet::Ready(lost), &descriptors) {
+            exit(1);
+        }
     }
 
     fn fail(&self, refusal: Refusal) -> ! {
-        send(self.link, &Packet::Failed(refusal), &[]);
+        let _ = send(self.link, &Packet::Failed(refusal), &[]);
+        exit(1)
+    }
+
+    /// Something failed without which there is no sandbox, and it is no layer.
+    fn give_up(&self, what: &str, error: &dyn std::fmt::Display) -> ! {
+        let _ = send(
+            self.link,
+            &Packet::HostFailed(format!("{what}: {error}")),
+            &[],
+        );
         exit(1)
     }
 }
 
 /// Becomes the user that was mapped, for a host that is root: until then this is
-/// nobody in the new namespace, and still in root's groups.
-fn become_mapped_user() -> Result<(), Refusal> {
+/// nobody in the new namespace, and still in root's groups. `of_root` when it is one, and has to
+/// leave them; others may not, and their groups are their own.
+fn become_mapped_user(of_root: bool) -> Result<(), Refusal> {
     // SAFETY: plain system calls; this process has one thread.
     let changed = unsafe {
-        // Refused to those who are not root, whose groups are their own.
-        libc::setgroups(0, std::ptr::null());
-        libc::setresgid(INSIDE_USER, INSIDE_USER, INSIDE_USER) == 0
+        (libc::setgroups(0, std::ptr::null()) == 0 || !of_root)
+            && libc::setresgid(INSIDE_USER, INSIDE_USER, INSIDE_USER) == 0
             && libc::setresuid(INSIDE_USER, INSIDE_USER, INSIDE_USER) == 0
     };
     if changed {
@@ -153,14 +172,15 @@ fn start_plugin(
 ) -> ! {
     // SAFETY: plain system call that makes orphans ours where there is no
     // namespace that does.
-    unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) };
+    if unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) } != 0 {
+        inside.give_up("orphans cannot be found", &std::io::Error::last_os_error());
+    }
     // SAFETY: this process has one thread, so the copy may do anything.
     match unsafe { libc::fork() } {
-        -1 => {
-            let reason = std::io::Error::last_os_error().to_string();
-            send(inside.link, &Packet::CannotStart(reason), &[]);
-            exit(1)
-        }
+        -1 => inside.give_up(
+            "making the plugin's process",
+            &std::io::Error::last_os_error(),
+        ),
         0 => plugin(inside, scratch, become_plugin),
         child => {
             crate::supervisor::release_stdio();
@@ -185,7 +205,9 @@ fn plugin(
 ) -> ! {
     let launch = inside.launch;
     let grants = &launch.grants;
-    crate::supervisor::child_setup();
+    if let Err(error) = crate::supervisor::child_setup() {
+        inside.give_up("making a session for the plugin", &error);
+    }
     // Relative paths of a plugin mean its scratch folder.
     let _ = std::env::set_current_dir(scratch);
     let (refused, remarks) = if launch.policy.level == Level::None {
@@ -219,9 +241,11 @@ fn plugin(
         let reason = format!("{} cannot be read by another user", file.display());
         inside.fail(Refusal::new(Layer::OwnUser, Errno::ACCESS, reason));
     }
-    send(inside.link, &Packet::Locked(refused, remarks), &[]);
-    if !wait_at(inside.gate) {
+    if !send(inside.link, &Packet::Locked(refused, remarks), &[]) {
         exit(1);
+    }
+    if !wait_at(inside.gate) {
+        inside.give_up("waiting for the supervisor", &"it does not answer");
     }
     let mut env = grants.env.clone();
     env.insert(state::RUN.into(), OsString::from(&launch.run));
@@ -245,10 +269,11 @@ fn plugin(
             if let Some(name) = argv.first() {
                 command.arg0(name);
             }
-            close_descriptors(libc::CLOSE_RANGE_CLOEXEC);
+            close_descriptors(libc::CLOSE_RANGE_CLOEXEC)
+                .unwrap_or_else(|error| inside.give_up("closing descriptors", &error));
             // Only returns when it failed; the link closes when it did not.
             let error = command.exec();
-            send(inside.link, &Packet::CannotStart(error.to_string()), &[]);
+            let _ = send(inside.link, &Packet::CannotStart(error.to_string()), &[]);
             exit(127)
         }
         Target::Library(_) | Target::BuiltIn | Target::Adapter(_) => {
@@ -262,7 +287,8 @@ fn plugin(
                     std::env::set_var(name, value);
                 }
             }
-            close_descriptors(0);
+            close_descriptors(0)
+                .unwrap_or_else(|error| inside.give_up("closing descriptors", &error));
             match become_plugin() {}
         }
     }
@@ -270,10 +296,13 @@ fn plugin(
 
 /// Closes everything but the standard streams: the plugin must not speak for its init,
 /// nor hold on to what the supervisor has open.
-fn close_descriptors(flags: libc::c_uint) {
+fn close_descriptors(flags: libc::c_uint) -> std::io::Result<()> {
     // SAFETY: this process ends without using any of them again, but for sending
     // that a program could not be started, for which they are still open.
-    unsafe { libc::syscall(libc::SYS_close_range, 3, u32::MAX, flags) };
+    if unsafe { libc::syscall(libc::SYS_close_range, 3, u32::MAX, flags) } == 0 {
+        return Ok(());
+    }
+    Err(std::io::Error::last_os_error())
 }
 
 /// Whether the kernel counts the processes of a sandbox with these layers apart from all
@@ -356,11 +385,13 @@ fn init(child: i32, link: &OwnedFd) -> ! {
                 }
             }
             Err(Errno::INTR) => {}
-            Err(_) => break,
+            // The plugin goes on whatever keeps this process from waiting; looking has to do.
+            Err(_) => std::thread::sleep(Duration::from_millis(2)),
         }
     }
     reap_descendants(Some(&mut status));
-    send(link, &Packet::Ended(status.ended()), &[]);
+    // Who does not hear it sees that this process ends.
+    let _ = send(link, &Packet::Ended(status.ended()), &[]);
     exit(0)
 }
 
@@ -447,7 +478,7 @@ pub(super) fn reap_descendants(status: Option<&mut Status>) {
                 return;
             }
             // Killed processes need a moment to die.
-            std::thread::sleep(std::time::Duration::from_micros(200));
+            std::thread::sleep(Duration::from_micros(200));
         }
     }
 }

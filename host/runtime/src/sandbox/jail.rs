@@ -94,6 +94,8 @@ pub(crate) struct Jail {
 pub(crate) struct NotStarted {
     pub(crate) report: SandboxReport,
     pub(crate) reason: String,
+    /// Whether it is what the caller asked for, rather than something that failed.
+    pub(crate) by_policy: bool,
 }
 
 /// What is being tried.
@@ -300,10 +302,11 @@ impl Attempt<'_> {
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 
-    fn not_started(&self, reason: impl Into<String>) -> NotStarted {
+    fn not_started(&self, reason: impl Into<String>, by_policy: bool) -> NotStarted {
         NotStarted {
             report: self.report(),
             reason: reason.into(),
+            by_policy,
         }
     }
 }
@@ -317,6 +320,8 @@ enum Tried {
     Started(Box<Jail>),
     /// To be tried again without a layer.
     Refused(Refusal),
+    /// Without these layers it must not start.
+    TooLittle(String),
     /// Never mind the layers: this does not start.
     Hopeless(String),
 }
@@ -361,7 +366,8 @@ pub(crate) fn start(
     loop {
         let refusal = match attempt.once(become_plugin) {
             Tried::Started(jail) => return Ok(*jail),
-            Tried::Hopeless(reason) => return Err(attempt.not_started(reason)),
+            Tried::TooLittle(reason) => return Err(attempt.not_started(reason, true)),
+            Tried::Hopeless(reason) => return Err(attempt.not_started(reason, false)),
             Tried::Refused(refusal) => refusal,
         };
         let first = !attempt
@@ -384,12 +390,12 @@ pub(crate) fn start(
         }
         let refusal = if namespace { own.take() } else { None }.unwrap_or(refusal);
         if !attempt.wants(refusal.layer) {
-            return Err(attempt.not_started(refusal.reason));
+            return Err(attempt.not_started(refusal.reason, false));
         }
         if level == Level::Strict && refusal.layer.is_required() {
             attempt.leave_out(refusal);
             let reason = attempt.too_little().unwrap_or_default();
-            return Err(attempt.not_started(reason));
+            return Err(attempt.not_started(reason, true));
         }
         attempt.leave_out(refusal);
     }
@@ -575,7 +581,9 @@ impl Attempt<'_> {
             };
             match packet {
                 Packet::Failed(refusal) => return Tried::Refused(refusal),
-                Packet::CannotStart(reason) => return Tried::Hopeless(reason),
+                Packet::CannotStart(reason) | Packet::HostFailed(reason) => {
+                    return Tried::Hopeless(reason);
+                }
                 Packet::Ended(_) => {
                     return Tried::Hopeless("the plugin ended before it began".into());
                 }
@@ -594,7 +602,7 @@ impl Attempt<'_> {
                     if self.launch.policy.level == Level::Strict
                         && let Some(reason) = self.too_little()
                     {
-                        return Tried::Hopeless(reason);
+                        return Tried::TooLittle(reason);
                     }
                     break;
                 }
@@ -673,6 +681,7 @@ impl Jail {
         match receive(&self.link) {
             Some((Packet::Ended(ended), _)) => Ok(News::Ended(ended)),
             Some((Packet::CannotStart(reason), _)) => Ok(News::CannotStart(reason)),
+            Some((Packet::HostFailed(reason), _)) => Ok(News::HostFailed(reason)),
             Some(_) => Ok(News::Other),
             None => Err(Gone),
         }
@@ -735,6 +744,7 @@ impl Jail {
 pub(crate) enum News {
     Ended(Ended),
     CannotStart(String),
+    HostFailed(String),
     Other,
 }
 

@@ -27,6 +27,8 @@ pub(super) enum Packet {
     Locked(Vec<Refusal>, Vec<Remark>),
     /// The plugin could not be started.
     CannotStart(String),
+    /// A call that the sandbox itself needs failed.
+    HostFailed(String),
     /// Nobody is left.
     Ended(Ended),
 }
@@ -45,22 +47,29 @@ pub(crate) struct Ended {
     pub(crate) major_faults: u64,
 }
 
-/// Sends a packet. A supervisor that is gone is noticed elsewhere.
-pub(super) fn send(link: &OwnedFd, packet: &Packet, descriptors: &[BorrowedFd<'_>]) {
+/// Sends a packet; false when it could not be sent. Who waits for it sees then that nobody
+/// speaks any more, if the sender ends.
+#[must_use]
+pub(super) fn send(link: &OwnedFd, packet: &Packet, descriptors: &[BorrowedFd<'_>]) -> bool {
     let Ok(text) = serde_json::to_vec(packet) else {
-        return;
+        return false;
     };
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(2))];
     let mut ancillary = SendAncillaryBuffer::new(&mut space);
     if !descriptors.is_empty() {
         ancillary.push(SendAncillaryMessage::ScmRights(descriptors));
     }
-    let _ = sendmsg(
-        link,
-        &[IoSlice::new(&text)],
-        &mut ancillary,
-        SendFlags::NOSIGNAL,
-    );
+    loop {
+        match sendmsg(
+            link,
+            &[IoSlice::new(&text)],
+            &mut ancillary,
+            SendFlags::NOSIGNAL,
+        ) {
+            Err(Errno::INTR) => {}
+            sent => return sent.is_ok(),
+        }
+    }
 }
 
 /// Waits for a packet; `None` when the other side is gone.

@@ -10,6 +10,7 @@ use rustix::io::Errno;
 use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 use rustix::thread::{CapabilitySet, CapabilitySets, capabilities, set_capabilities};
 
+use super::root::as_errno;
 use super::{Layer, Profile, Refusal, Remark, syscalls};
 
 /// What is to be locked.
@@ -221,11 +222,18 @@ pub(super) const DEVICES: [&str; 5] = [
 /// Gives up every capability, and the means to get one by starting a program.
 pub(super) fn drop_capabilities() -> Result<(), Refusal> {
     let refused = Refusal::of(Layer::Capabilities, "giving up capabilities");
-    // Fails without CAP_SETPCAP; whoever has none has nothing to bound.
-    for capability in 0..64 {
+    let had = capabilities(None).map_err(&refused)?;
+    // Whoever may not bound has nothing to bound.
+    let may_bound = had.effective.contains(CapabilitySet::SETPCAP);
+    let mut bounded = Ok(());
+    for capability in (0..64).take_while(|_| may_bound) {
         // SAFETY: a plain system call on this process.
         if unsafe { libc::prctl(libc::PR_CAPBSET_DROP, capability, 0, 0, 0) } != 0 {
-            break;
+            match as_errno(&std::io::Error::last_os_error()) {
+                // The kernel knows no more.
+                Errno::INVAL => break,
+                error => bounded = Err(refused(error)),
+            }
         }
     }
     let none = CapabilitySets {
@@ -236,7 +244,7 @@ pub(super) fn drop_capabilities() -> Result<(), Refusal> {
     set_capabilities(None, none).map_err(&refused)?;
     let left = capabilities(None).map_err(&refused)?;
     if left.permitted.is_empty() {
-        Ok(())
+        bounded
     } else {
         Err(refused(Errno::PERM))
     }

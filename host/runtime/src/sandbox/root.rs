@@ -234,8 +234,10 @@ impl Root<'_> {
         }
         let mut devices = Vec::new();
         for path in DEVICES {
-            if let Ok(tree) = take(Path::new(path)) {
-                devices.push((path, tree));
+            match take(Path::new(path)) {
+                Ok(tree) => devices.push((path, tree)),
+                Err(Errno::ACCESS | Errno::NOENT) => {}
+                Err(errno) => return Err(refused("taking devices")(errno)),
             }
         }
         let base = Path::new(SCRATCH);

@@ -627,6 +627,10 @@ impl Link for World {
         report.and_then(|report| report.over).or(state.told)
     }
 
+    fn give_up(&mut self, reason: String) {
+        unreachable!("a pipe of this world failed: {reason}");
+    }
+
     fn sandbox(&self) -> Option<&SandboxReport> {
         None
     }
