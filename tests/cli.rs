@@ -526,6 +526,10 @@ fn plugins_are_listed_and_described() {
     // The same but for the place.
     by_id[0]["path"] = of_file[0]["path"].clone();
     by_id[0]["code"][0]["path"] = of_file[0]["code"][0]["path"].clone();
+    // It is alone in its folder, and the other in a build folder has none of its own.
+    assert_eq!(of_file[0]["reads"], serde_json::json!([path]));
+    assert_eq!(by_id[0]["reads"], serde_json::json!([folder]));
+    by_id[0]["reads"] = of_file[0]["reads"].clone();
     assert_eq!(of_file, by_id);
 }
 
