@@ -522,7 +522,7 @@ fn nobody_reaches_up_where_namespaces_are_refused() {
     ];
     let attempts: Vec<(&str, &str)> = attempts.into_iter().chain(more).collect();
     let line = |(fault, option): &(&str, &str)| {
-        let words = public.faulty(fault, &format!("--budget 60s {option}"));
+        let words = Public::faulty(fault, &format!("--budget 60s {option}"));
         format!("./fleetyard {}\n", words.join(" "))
     };
     let script: String = attempts.iter().map(line).collect();
@@ -927,7 +927,7 @@ if 'mine' not in names or open(os.path.join(here, 'mine')).read() != 'mine':
     yard.write("all/suite.toml", suite);
     yard.write("all/fleetyard.lock", "{\"lock\": 1, \"pinned\": []}");
     let lock = "--lock all/fleetyard.lock";
-    yard.line(&format!("plugins pin {} ./all/planner.py", lock))
+    yard.line(&format!("plugins pin {lock} ./all/planner.py"))
         .expect(PLUGIN);
     let bench = format!("bench all/suite.toml --store all/s.sqlite {lock}");
     let ended = yard.line(&bench).expect(SUCCESS);
@@ -1050,7 +1050,7 @@ impl Public {
     }
 
     /// As [`faulty`], from here.
-    fn faulty(&self, fault: &str, more: &str) -> Vec<String> {
+    fn faulty(fault: &str, more: &str) -> Vec<String> {
         words(&format!(
             "run --map empty-8-8.map --scen empty-8-8-random-1.scen --agents 3 --planner \
              ./plugins/faulty.so --option fault={fault} --format json {more}"

@@ -93,7 +93,7 @@ fn what_is_no_trace_is_refused() {
     newer[8] = 9;
     yard.write("newer.fyt", newer);
     for (file, reason) in [
-        ("none.fyt", "none.fyt: cannot be read"),
+        ("none.fyt", "none.fyt: no such file"),
         (".", "a folder"),
         ("empty.fyt", "empty.fyt: the file is empty"),
         ("a.map", "a.map: this is not a trace file"),

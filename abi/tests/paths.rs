@@ -85,9 +85,10 @@ fn in_pieces(context: PathContext<'_>, text: &str, size: usize) -> Result<(Plan,
             Err(error) => return Err(format!("{error:?}")),
         }
     }
-    match paths.is_done() {
-        true => paths.finish(),
-        false => Err("ends".into()),
+    if paths.is_done() {
+        paths.finish()
+    } else {
+        Err("ends".into())
     }
 }
 

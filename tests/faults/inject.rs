@@ -353,7 +353,7 @@ impl<'a> Tracer<'a> {
             supervisors: 0,
         };
         tracer.adopt(root, 0, true);
-        tracer.go_on(root, 0);
+        go_on(root, 0);
         Ok(tracer)
     }
 
@@ -434,12 +434,7 @@ impl<'a> Tracer<'a> {
         {
             return self.leave(pid, deliver);
         }
-        self.go_on(pid, deliver);
-    }
-
-    fn go_on(&self, pid: pid_t, signal: c_int) {
-        // One that was killed meanwhile is reported as such.
-        let _ = ptrace(libc::PTRACE_SYSCALL as c_int, pid, 0, signal as usize);
+        go_on(pid, deliver);
     }
 
     /// Follows somebody no longer.
@@ -496,7 +491,7 @@ impl<'a> Tracer<'a> {
             if self.spoiled {
                 self.leave(child, 0);
             } else {
-                self.go_on(child, 0);
+                go_on(child, 0);
             }
         }
     }
@@ -586,11 +581,17 @@ impl<'a> Tracer<'a> {
     }
 }
 
+/// Lets a process go on to its next system call.
+fn go_on(pid: pid_t, signal: c_int) {
+    // One that was killed meanwhile is reported as such.
+    let _ = ptrace(libc::PTRACE_SYSCALL as c_int, pid, 0, signal as usize);
+}
+
 /// Leaves out memory that is no file's, and the eight bytes by which the standard library hears
 /// whether a process could be started: it takes no error for an answer.
 fn is_ours(number: i64, entry: &libc::__c_anonymous_ptrace_syscall_info_entry) -> bool {
     match number {
-        number::mmap => entry.args[4] as i32 >= 0,
+        number::mmap => i32::try_from(entry.args[4] as u32).is_ok(),
         number::recvfrom => entry.args[2] != 8,
         _ => true,
     }

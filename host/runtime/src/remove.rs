@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     fn close_to_all(path: &Path) {
-        fs::set_permissions(path, fs::Permissions::from_mode(0)).unwrap();
+        fs::set_permissions(path, fs::Permissions::from_mode(0o0)).unwrap();
     }
 
     #[test]

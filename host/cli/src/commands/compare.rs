@@ -354,7 +354,7 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
         limits_watched: records
             .iter()
             .filter_map(|record| record.sandbox.as_ref())
-            .flat_map(|sandbox| sandbox.watched())
+            .flat_map(fleetyard_runtime::SandboxReport::watched)
             .map(|state| state.limit.to_string())
             .collect(),
         unranked: records

@@ -55,7 +55,7 @@ const CPP_SDK: &[(&str, &str)] =
 
 const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
     "c.rs" "clock.rs" "convert.rs" "export.rs" "figures.rs" "layout.rs" "lib.rs" "model.rs" "moves.rs"
-    "paths.rs" "sdk.rs" "serve.rs" "wire.rs");
+    "paths.rs" "paths/reader.rs" "sdk.rs" "serve.rs" "wire.rs");
 
 const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
     "__init__.py" "_model.py" "_paths.py" "_plugins.py" "_server.py" "py.typed");
@@ -372,14 +372,24 @@ mod tests {
     #[test]
     fn the_sdks_are_whole() {
         for (folder, files) in [("src", RUST_SDK), ("python/fleetyard", PYTHON_SDK)] {
-            let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+            let top = Path::new(env!("CARGO_MANIFEST_DIR"))
                 .join("../../abi")
                 .join(folder);
-            let there: BTreeSet<String> = fs::read_dir(folder)
-                .unwrap()
-                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-                .filter(|name| name != "__pycache__")
-                .collect();
+            let (mut there, mut folders) = (BTreeSet::new(), vec![top.clone()]);
+            while let Some(folder) = folders.pop() {
+                for entry in fs::read_dir(folder).unwrap() {
+                    let path = entry.unwrap().path();
+                    if path.ends_with("__pycache__") {
+                        continue;
+                    }
+                    if path.is_dir() {
+                        folders.push(path);
+                    } else {
+                        let name = path.strip_prefix(&top).unwrap();
+                        there.insert(name.to_str().unwrap().to_owned());
+                    }
+                }
+            }
             let here = files.iter().map(|(name, _)| (*name).to_owned()).collect();
             assert_eq!(there, here);
         }

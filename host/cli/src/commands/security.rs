@@ -40,7 +40,7 @@ impl Standing {
 struct Promise {
     name: &'static str,
     /// The promise in a sentence.
-    promise: &'static str,
+    sentence: &'static str,
     standing: Standing,
     /// What is missing or was got past, one sentence each.
     why: Vec<String>,
@@ -51,7 +51,7 @@ struct Promise {
 /// A promise that a sandbox keeps.
 struct Kept {
     name: &'static str,
-    promise: &'static str,
+    sentence: &'static str,
     /// What a plugin must not get done.
     attempts: &'static [Attempt],
     /// What keeps it from that.
@@ -61,14 +61,14 @@ struct Kept {
 const KEPT: &[Kept] = &[
     Kept {
         name: "files",
-        promise: "A plugin reads the system, its own folder and its interpreter, and writes to \
+        sentence: "A plugin reads the system, its own folder and its interpreter, and writes to \
                   its scratch folder alone.",
         attempts: &[Attempt::ReadFile, Attempt::WriteFile, Attempt::ListFolder],
         layers: &[Layer::MountNamespace, Layer::Landlock],
     },
     Kept {
         name: "network",
-        promise: "A plugin reaches no network and no socket of anybody else.",
+        sentence: "A plugin reaches no network and no socket of anybody else.",
         attempts: &[
             Attempt::ConnectTcp,
             Attempt::ConnectUdp,
@@ -79,7 +79,7 @@ const KEPT: &[Kept] = &[
     },
     Kept {
         name: "other-processes",
-        promise: "A plugin neither sees nor touches a process that is not its own.",
+        sentence: "A plugin neither sees nor touches a process that is not its own.",
         attempts: &[
             Attempt::SeeProcess,
             Attempt::Signal,
@@ -91,26 +91,26 @@ const KEPT: &[Kept] = &[
     },
     Kept {
         name: "rights",
-        promise: "A plugin has no rights over the machine and no way to get some.",
+        sentence: "A plugin has no rights over the machine and no way to get some.",
         attempts: &[Attempt::Capability, Attempt::Namespace],
         layers: &[Layer::Capabilities, Layer::NoNewPrivileges, Layer::Seccomp],
     },
     Kept {
         name: "kernel",
-        promise: "Rarely used parts of the kernel, and what outlives a process in it, are closed \
+        sentence: "Rarely used parts of the kernel, and what outlives a process in it, are closed \
                   to a plugin.",
         attempts: &[Attempt::Kernel, Attempt::SystemV, Attempt::Keys],
         layers: &[Layer::Seccomp, Layer::IpcNamespace],
     },
     Kept {
         name: "first-to-go",
-        promise: "When the machine runs out of memory, the plugin goes first.",
+        sentence: "When the machine runs out of memory, the plugin goes first.",
         attempts: &[Attempt::OutOfMemory],
         layers: &[Layer::ResourceLimits],
     },
     Kept {
         name: "nothing-left",
-        promise: "When a call or the host ends, however it ends, no process of the plugin is left.",
+        sentence: "When a call or the host ends, however it ends, no process of the plugin is left.",
         attempts: &[],
         layers: &[Layer::PidNamespace],
     },
@@ -217,7 +217,7 @@ fn promises(report: &SandboxReport, succeeded: &[Attempt]) -> Vec<Promise> {
         }));
         Promise {
             name: kept.name,
-            promise: kept.promise,
+            sentence: kept.sentence,
             standing: match (through.is_empty(), missing.is_empty()) {
                 (false, _) => Standing::Broken,
                 (true, false) => Standing::Weaker,
@@ -228,12 +228,12 @@ fn promises(report: &SandboxReport, succeeded: &[Attempt]) -> Vec<Promise> {
         }
     });
     let limits = report.limits.iter().map(|state| {
-        let (name, promise) = of_limit(state.limit);
+        let (name, sentence) = of_limit(state.limit);
         let reason = state.reason.as_deref().unwrap_or("nobody said why");
         let watched = || format!("it is watched, not enforced: {reason}");
         Promise {
             name,
-            promise,
+            sentence,
             standing: if state.enforced {
                 Standing::Holds
             } else {
@@ -243,9 +243,9 @@ fn promises(report: &SandboxReport, succeeded: &[Attempt]) -> Vec<Promise> {
             restore: state.advice().map(str::to_owned).into_iter().collect(),
         }
     });
-    let always = ALWAYS.iter().map(|(name, promise)| Promise {
+    let always = ALWAYS.iter().map(|(name, sentence)| Promise {
         name,
-        promise,
+        sentence,
         standing: Standing::Holds,
         why: Vec::new(),
         restore: Vec::new(),
@@ -277,7 +277,7 @@ fn text(findings: &Findings) -> String {
         let standing = promise.standing.as_str();
         lines.push(format!(
             "{standing:<7} {:<16} {}",
-            promise.name, promise.promise
+            promise.name, promise.sentence
         ));
         lines.extend(promise.why.iter().map(|why| format!("{:<24} {why}", "")));
         for text in &promise.restore {

@@ -24,7 +24,12 @@ type Reader = TraceReader<BufReader<File>>;
 
 fn open(path: &Path) -> Result<Reader> {
     let name = path.display().to_string();
-    let input = BufReader::with_capacity(1 << 16, open_input(path)?);
+    let file = open_input(path).map_err(|mut error| {
+        let written = "`fleetyard run --trace FILE` writes one";
+        error.hint.get_or_insert_with(|| written.into());
+        error
+    })?;
+    let input = BufReader::with_capacity(1 << 16, file);
     Ok(TraceReader::open(input, name)?)
 }
 

@@ -164,66 +164,66 @@ impl Attempt {
             Self::OutOfMemory => "avoid being the first to go when memory runs out",
         }
     }
+}
 
-    /// Tries it in this process; true when it succeeded.
-    fn succeeds(self, victims: &Victims) -> bool {
-        let pid = victims.pid;
-        match self {
-            Self::ReadFile => fs::read(&victims.file).is_ok(),
-            Self::WriteFile => OpenOptions::new().append(true).open(&victims.file).is_ok(),
-            Self::ListFolder => {
-                fs::read_dir(&victims.folder).is_ok_and(|mut entries| entries.next().is_some())
-            }
-            Self::ConnectTcp => {
-                TcpStream::connect_timeout(&victims.tcp, Duration::from_secs(1)).is_ok()
-            }
-            Self::ConnectUdp => UdpSocket::bind("127.0.0.1:0")
-                .and_then(|socket| socket.send_to(b"?", victims.tcp))
-                .is_ok_and(|_| shares_the_network(victims)),
-            Self::ConnectUnix => UnixStream::connect(&victims.unix).is_ok(),
-            Self::ConnectAbstract => LocalAddress::from_abstract_name(&victims.name)
-                .and_then(|address| UnixStream::connect_addr(&address))
-                .is_ok(),
-            Self::SeeProcess => fs::metadata(format!("/proc/{pid}")).is_ok(),
-            // SAFETY: signal 0 asks whether one may be sent.
-            Self::Signal => unsafe { libc::kill(pid, 0) == 0 },
-            Self::Trace => traces(pid),
-            Self::Limits => {
-                // SAFETY: an all-zero structure is valid, and the call fills it in.
-                let result = unsafe {
-                    let mut old: libc::rlimit64 = std::mem::zeroed();
-                    libc::prlimit64(pid, libc::RLIMIT_CORE, std::ptr::null(), &raw mut old)
-                };
-                result == 0
-            }
-            // SAFETY: plain system calls; the priority is set to what it is.
-            Self::Priority => unsafe {
-                let now = libc::getpriority(libc::PRIO_PROCESS, pid as libc::id_t);
-                libc::setpriority(libc::PRIO_PROCESS, pid as libc::id_t, now) == 0
-            },
-            // SAFETY: this process has one thread, and ends soon.
-            Self::Namespace => unsafe { libc::unshare(libc::CLONE_NEWUSER) == 0 },
-            Self::Capability => capabilities(None).is_ok_and(|sets| !sets.permitted.is_empty()),
-            Self::Kernel => [
-                libc::SYS_bpf,
-                libc::SYS_perf_event_open,
-                libc::SYS_userfaultfd,
-                libc::SYS_io_uring_setup,
-            ]
-            .into_iter()
-            .any(is_open),
-            // SAFETY: a segment of its own, removed at once.
-            Self::SystemV => unsafe {
-                let segment = libc::shmget(libc::IPC_PRIVATE, 4096, libc::IPC_CREAT | 0o600);
-                segment >= 0 && libc::shmctl(segment, libc::IPC_RMID, std::ptr::null_mut()) == 0
-            },
-            // SAFETY: asks for the number of the session's keyring; makes none.
-            Self::Keys => unsafe { libc::syscall(libc::SYS_keyctl, 0, -3, 0) >= 0 },
-            Self::OutOfMemory => {
-                let lowered = fs::write("/proc/self/oom_score_adj", "0").is_ok();
-                let score = fs::read_to_string("/proc/self/oom_score_adj");
-                lowered || score.is_ok_and(|score| score.trim() != "1000")
-            }
+/// Tries one in this process; true when it succeeded.
+fn succeeds(attempt: Attempt, victims: &Victims) -> bool {
+    let pid = victims.pid;
+    match attempt {
+        Attempt::ReadFile => fs::read(&victims.file).is_ok(),
+        Attempt::WriteFile => OpenOptions::new().append(true).open(&victims.file).is_ok(),
+        Attempt::ListFolder => {
+            fs::read_dir(&victims.folder).is_ok_and(|mut entries| entries.next().is_some())
+        }
+        Attempt::ConnectTcp => {
+            TcpStream::connect_timeout(&victims.tcp, Duration::from_secs(1)).is_ok()
+        }
+        Attempt::ConnectUdp => UdpSocket::bind("127.0.0.1:0")
+            .and_then(|socket| socket.send_to(b"?", victims.tcp))
+            .is_ok_and(|_| shares_the_network(victims)),
+        Attempt::ConnectUnix => UnixStream::connect(&victims.unix).is_ok(),
+        Attempt::ConnectAbstract => LocalAddress::from_abstract_name(&victims.name)
+            .and_then(|address| UnixStream::connect_addr(&address))
+            .is_ok(),
+        Attempt::SeeProcess => fs::metadata(format!("/proc/{pid}")).is_ok(),
+        // SAFETY: signal 0 asks whether one may be sent.
+        Attempt::Signal => unsafe { libc::kill(pid, 0) == 0 },
+        Attempt::Trace => traces(pid),
+        Attempt::Limits => {
+            // SAFETY: an all-zero structure is valid, and the call fills it in.
+            let result = unsafe {
+                let mut old: libc::rlimit64 = std::mem::zeroed();
+                libc::prlimit64(pid, libc::RLIMIT_CORE, std::ptr::null(), &raw mut old)
+            };
+            result == 0
+        }
+        // SAFETY: plain system calls; the priority is set to what it is.
+        Attempt::Priority => unsafe {
+            let now = libc::getpriority(libc::PRIO_PROCESS, pid as libc::id_t);
+            libc::setpriority(libc::PRIO_PROCESS, pid as libc::id_t, now) == 0
+        },
+        // SAFETY: this process has one thread, and ends soon.
+        Attempt::Namespace => unsafe { libc::unshare(libc::CLONE_NEWUSER) == 0 },
+        Attempt::Capability => capabilities(None).is_ok_and(|sets| !sets.permitted.is_empty()),
+        Attempt::Kernel => [
+            libc::SYS_bpf,
+            libc::SYS_perf_event_open,
+            libc::SYS_userfaultfd,
+            libc::SYS_io_uring_setup,
+        ]
+        .into_iter()
+        .any(is_open),
+        // SAFETY: a segment of its own, removed at once.
+        Attempt::SystemV => unsafe {
+            let segment = libc::shmget(libc::IPC_PRIVATE, 4096, libc::IPC_CREAT | 0o600);
+            segment >= 0 && libc::shmctl(segment, libc::IPC_RMID, std::ptr::null_mut()) == 0
+        },
+        // SAFETY: asks for the number of the session's keyring; makes none.
+        Attempt::Keys => unsafe { libc::syscall(libc::SYS_keyctl, 0, -3, 0) >= 0 },
+        Attempt::OutOfMemory => {
+            let lowered = fs::write("/proc/self/oom_score_adj", "0").is_ok();
+            let score = fs::read_to_string("/proc/self/oom_score_adj");
+            lowered || score.is_ok_and(|score| score.trim() != "1000")
         }
     }
 }
@@ -260,7 +260,7 @@ fn is_open(call: libc::c_long) -> bool {
 pub(super) fn make(victims: &Victims) {
     let succeeded: Vec<Attempt> = Attempt::ALL
         .into_iter()
-        .filter(|attempt| attempt.succeeds(victims))
+        .filter(|attempt| succeeds(*attempt, victims))
         .collect();
     if let Ok(text) = serde_json::to_string(&succeeded) {
         // A host that is gone needs no answer.
