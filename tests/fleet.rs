@@ -420,6 +420,20 @@ fn recordings_are_not_trusted() {
         *path = "NNNNNNNNNNNNNNNNNNNNNNNNN".into();
     }
     refused(with(1, &round.to_string()), &["bad:2: ", "hint: "]);
+    let changed = |number: usize, key: &str, value: Value| {
+        let mut round: Value = serde_json::from_str(lines[number]).unwrap();
+        round["round"][key] = value;
+        round.to_string()
+    };
+    // An answer that nobody lives to see, in a recording without an end.
+    let far = changed(2, "effect", (1_u64 << 62).into());
+    let cut = format!("{}\n{}\n{far}\n", lines[0], lines[1]);
+    refused(cut, &["bad: it goes on after the time", "hint: "]);
+    let faster = changed(1, "planner_ms", (-5).into());
+    refused(
+        with(1, &faster),
+        &["bad:2: planner_ms of call 0 is -5", "hint: "],
+    );
 }
 
 #[test]

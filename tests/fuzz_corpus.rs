@@ -308,6 +308,12 @@ fn formats() {
 }
 
 #[test]
+fn league() {
+    // Of tasks so many may be known at a time.
+    corpus_and_mutations("league", 10_000, 1 << 20);
+}
+
+#[test]
 fn lock() {
     corpus_and_mutations("lock", 50_000, 1 << 20);
 }
@@ -335,6 +341,18 @@ fn plane() {
 }
 
 #[test]
+fn recording() {
+    // A replay has a simulator, and an assigner of tasks.
+    corpus_and_mutations("recording", 1_000, 32 << 20);
+}
+
+#[test]
+fn rows() {
+    // A page of a report has its program in it.
+    corpus_and_mutations("rows", 500, 32 << 20);
+}
+
+#[test]
 fn scen() {
     corpus_and_mutations("scen", 150_000, 1 << 20);
 }
@@ -349,6 +367,11 @@ fn suite() {
 fn trace() {
     // A group of states may be of a few megabytes on either side.
     corpus_and_mutations("trace", 20_000, 32 << 20);
+}
+
+#[test]
+fn values() {
+    corpus_and_mutations("values", 100_000, 1 << 20);
 }
 
 #[test]

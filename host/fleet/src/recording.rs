@@ -6,6 +6,7 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use fleetyard_abi::{Assignment, Motion};
@@ -18,6 +19,9 @@ use crate::{EventKind, FleetConfig, ModuleInfo};
 
 /// What the first line says it is.
 pub const RECORDING_FORMAT: &str = "fleetyard.fleet-recording/1";
+
+/// What a call can have taken, in milliseconds: no run takes longer than a year.
+const CALL_MS: RangeInclusive<f64> = 0.0..=366.0 * 86_400_000.0;
 
 /// The longest line that is read: a batch of a million robots.
 const LINE_LIMIT: u64 = 1 << 30;
@@ -264,6 +268,8 @@ pub struct Recording {
     bytes: u64,
     line: u64,
     rounds: u64,
+    /// The block at whose beginning the last answer took effect.
+    effect: u64,
     end: Option<End>,
     torn: bool,
 }
@@ -312,6 +318,17 @@ impl Recording {
                             round.call, round.block, round.effect
                         )));
                     }
+                    for (key, time_ms) in [
+                        ("planner_ms", round.planner_ms),
+                        ("recovery_ms", round.recovery_ms),
+                    ] {
+                        if let Some(time_ms) = time_ms.filter(|time| !CALL_MS.contains(time)) {
+                            return Err(wrong(format!(
+                                "{key} of call {} is {time_ms}",
+                                round.call
+                            )));
+                        }
+                    }
                     last = Some((round.call, round.effect));
                     rounds += 1;
                     bytes += text.len() as u64;
@@ -334,6 +351,7 @@ impl Recording {
             bytes,
             line: 1,
             rounds,
+            effect: last.map_or(0, |(_, effect)| effect),
             end,
             torn,
             name,
@@ -363,6 +381,11 @@ impl Recording {
     /// How many calls there are.
     pub fn rounds(&self) -> u64 {
         self.rounds
+    }
+
+    /// The block at which the run was that was recorded, as far as the recording says.
+    pub(crate) fn last_block(&self) -> u64 {
+        self.end.map_or(self.effect, |end| end.blocks)
     }
 
     /// The end, if the run came to one.

@@ -46,7 +46,9 @@ impl Ground<'_> {
         // Their only form without ambiguity; numbers are written to the last bit.
         hasher.bytes(format!("{:?}", self.fleet.map(Fleet::profiles)).as_bytes());
         hasher.u32s(self.fleet.map_or(&[], Fleet::profile_of));
-        hasher.bytes(format!("{:?}", self.tasks).as_bytes());
+        // A file of tasks is the same wherever it lies.
+        let tasks = self.tasks.map(|list| &list.tasks);
+        hasher.bytes(format!("{tasks:?}").as_bytes());
         hasher.finish()
     }
 
@@ -281,20 +283,20 @@ impl<'a> Run<'a> {
             idle: 0,
             pace: None,
         };
+        if let Some((recording, _)) = &run.past {
+            // An answer that is in effect after the last block is never waited for.
+            if recording.last_block() > blocks {
+                let reason = "it goes on after the time that the run was to take";
+                return Err(InputError::new(recording.name(), reason)
+                    .hint("the file was changed after it was written")
+                    .into());
+            }
+        }
         if let Some(modules) = modules {
             run.thread = Some(run.start(modules)?);
         } else if let Some((recording, _)) = &run.past {
             // Without plugins there is nothing behind the recording.
-            run.blocks = match recording.end() {
-                Some(end) if end.blocks > blocks => {
-                    let reason = "it ended after the time that the run was to take";
-                    return Err(InputError::new(recording.name(), reason)
-                        .hint("the file was changed after it was written")
-                        .into());
-                }
-                Some(end) => end.blocks,
-                None => u64::MAX,
-            };
+            run.blocks = recording.end().map_or(u64::MAX, |end| end.blocks);
         }
         Ok(run)
     }

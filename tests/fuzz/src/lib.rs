@@ -14,14 +14,18 @@ pub mod abi;
 pub mod adapter;
 pub mod fleet;
 pub mod formats;
+pub mod league;
 pub mod lock;
 pub mod map;
 pub mod options;
 pub mod plan;
 pub mod plane;
+pub mod recording;
+pub mod rows;
 pub mod scen;
 pub mod suite;
 pub mod trace;
+pub mod values;
 pub mod wire;
 pub mod world;
 
@@ -36,14 +40,18 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("adapter", adapter::run),
     ("fleet", fleet::run),
     ("formats", formats::run),
+    ("league", league::run),
     ("lock", lock::run),
     ("map", map::run),
     ("options", options::run),
     ("plan", plan::run),
     ("plane", plane::run),
+    ("recording", recording::run),
+    ("rows", rows::run),
     ("scen", scen::run),
     ("suite", suite::run),
     ("trace", trace::run),
+    ("values", values::run),
     ("wire", wire::run),
     ("world", world::run),
 ];
