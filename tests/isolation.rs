@@ -1135,6 +1135,34 @@ fn launched(
 }
 
 #[test]
+fn the_doctor_tries_what_is_promised_and_says_what_does_not_hold() {
+    let standing = |findings: &Value, name: &str| {
+        let promises = findings["promises"].as_array().unwrap();
+        let promise = promises.iter().find(|promise| promise["name"] == name);
+        promise.unwrap()["standing"].as_str().unwrap().to_owned()
+    };
+    let line = words("doctor --security --format json");
+    if refused().is_none() {
+        let findings = Yard::new().run(&line).expect(SUCCESS).json();
+        for name in ["files", "network", "other-processes", "rights", "kernel"] {
+            assert_eq!(standing(&findings, name), "holds", "{findings:#}");
+        }
+    }
+    // Without a namespace of processes the others can be seen, and that is said.
+    let Some(ended) = in_a_container(&Yard::new(), &line) else {
+        return;
+    };
+    let findings = ended.expect(NO_PLAN).json();
+    assert_eq!(standing(&findings, "other-processes"), "broken");
+    assert_eq!(standing(&findings, "files"), "weaker");
+    assert!(
+        findings["promises"]
+            .to_string()
+            .contains("see another process")
+    );
+}
+
+#[test]
 fn what_a_container_refuses_is_in_the_record_not_hidden() {
     let yard = Yard::new();
     let line = faulty(&faulty_library(), "none", "--budget 30s");

@@ -104,20 +104,20 @@ fn whole(instance: &LorrInstance, folder: &Path) {
     assert_eq!(cells(&again.agents, &again.grid), (starts, goals));
     assert_eq!(again.passed_over, 0);
     let list = load_lorr_tasks(folder.join(TASKS), grid).expect("what was read before");
-    deal(grid.clone(), &list);
+    deal(grid, &list);
 }
 
 /// Tasks on a small map.
 fn tasks(data: &[u8]) {
     let grid = read_map("a.map", MAP).expect("a map");
     match read_lorr_tasks(TASKS, data, &grid) {
-        Ok(list) => deal(grid, &list),
+        Ok(list) => deal(&grid, &list),
         Err(error) => check_error(&error, TASKS, data),
     }
 }
 
 /// Robots get tasks and do them, in any order.
-fn deal(grid: Grid, list: &TaskList) {
+fn deal(grid: &Grid, list: &TaskList) {
     assert!(!list.tasks.is_empty() && list.tasks.len() == list.lines.len());
     assert!(list.lines.is_sorted_by(|one, next| one < next));
     let free = |cell: &u32| grid.is_passable(*cell);
