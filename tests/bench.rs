@@ -47,24 +47,8 @@ fn rows(path: &Path) -> Vec<Row> {
     Store::open_read_only(path).unwrap().rows().unwrap()
 }
 
-/// What of a row does not depend on the clock.
 fn lasting(rows: &[Row]) -> Vec<String> {
-    rows.iter()
-        .map(|row| {
-            format!(
-                "{} {} {} {} {} {} {:?} {:?} {:?}",
-                row.key,
-                row.trial,
-                row.planner,
-                row.agents,
-                row.termination,
-                row.success,
-                row.soc_steps,
-                row.plan_digest,
-                row.trace_digest
-            )
-        })
-        .collect()
+    rows.iter().map(common::lasting).collect()
 }
 
 #[test]

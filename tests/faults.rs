@@ -329,19 +329,7 @@ fn lost(record: &Value) -> Vec<&str> {
 
 /// What of a row does not depend on the clock.
 fn lasting(row: &Row) -> String {
-    format!(
-        "{} {} {} {} {} {} {:?} {:?} {:?} {:?}",
-        row.key,
-        row.trial,
-        row.planner,
-        row.agents,
-        row.termination,
-        row.success,
-        row.soc_steps,
-        row.plan_digest,
-        row.trace_digest,
-        row.fault,
-    )
+    format!("{} {:?}", common::lasting(row), row.fault)
 }
 
 fn rows(yard: &Yard) -> Result<Vec<String>, String> {

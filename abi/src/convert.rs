@@ -39,7 +39,7 @@ pub unsafe fn checked<'a, T>(name: &str, pointer: *const T) -> Result<&'a T, Str
     Ok(unsafe { &*pointer })
 }
 
-/// Whether there may be so many elements behind a pointer at all.
+/// Refuses a list of which no memory can have so many elements behind that pointer.
 fn can_be_read<T>(name: &str, pointer: *const T, len: usize) -> Result<(), String> {
     if pointer.is_null() {
         return Err(format!("{name} is null"));

@@ -1,4 +1,4 @@
-//! What figures may be that a plugin reports of itself.
+//! Figures that a plugin reports of itself, and the values that they may have.
 //!
 //! A figure is a claim, and any name may be given to one. Those of [`FIGURES`] have a
 //! meaning in the contract, and with it the values that they may have: one outside of them
@@ -18,9 +18,9 @@ pub enum Domain {
 pub struct Figure {
     /// Its name.
     pub name: &'static str,
-    /// What it may be.
+    /// Its values.
     pub domain: Domain,
-    /// What it means.
+    /// Its meaning.
     pub about: &'static str,
 }
 

@@ -147,7 +147,7 @@ impl Walk {
         }
     }
 
-    /// Where it is: [`OFF_MAP`] once it has left the map, for good.
+    /// Its cell: [`OFF_MAP`] once it has left the map, for good.
     pub fn cell(&self) -> u32 {
         self.cell
     }

@@ -323,11 +323,12 @@ static void comet(const Faulty *faulty, const FleetyardSink *sink) {
   say(sink, child > 0 ? "sent a comet" : "could not fork");
 }
 
-/* Everybody forks until there are `count`, and goes on trying where that is refused. */
-static void fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
+/* Everybody forks until there are `count`, and goes on trying where that is refused.
+ * `twice` goes by children that end at once and that nobody waits for: what is left is
+ * somebody else's child, or dead and still counted by the kernel. */
+static void bomb(const Faulty *faulty, bool twice) {
   uint32_t most = (uint32_t)or_else(faulty->count, 1000);
   _Atomic uint32_t *counter = shared_counter();
-  (void)sink;
   double end = now_s() + LIFETIME_S;
   pid_t first = getpid();
   while (counter && now_s() < end) {
@@ -337,6 +338,8 @@ static void fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
     }
     pid_t child = fork();
     if (child == 0) {
+      if (twice && fork() != 0)
+        _exit(0);
       ++*counter;
       take_name();
     }
@@ -348,32 +351,14 @@ static void fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
   sleep_for_ever();
 }
 
-/* The same by children that end at once and that nobody waits for: what is left is
- * somebody else's child, or dead and still counted by the kernel. */
-static void double_fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
-  uint32_t most = (uint32_t)or_else(faulty->count, 1000);
-  _Atomic uint32_t *counter = shared_counter();
+static void fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
   (void)sink;
-  double end = now_s() + LIFETIME_S;
-  pid_t first = getpid();
-  while (counter && now_s() < end) {
-    if (*counter >= most) {
-      usleep(10000);
-      continue;
-    }
-    pid_t child = fork();
-    if (child == 0) {
-      if (fork() != 0)
-        _exit(0);
-      ++*counter;
-      take_name();
-    }
-    if (child < 0)
-      usleep(1000);
-  }
-  if (getpid() != first)
-    _exit(0);
-  sleep_for_ever();
+  bomb(faulty, false);
+}
+
+static void double_fork_bomb(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)sink;
+  bomb(faulty, true);
 }
 
 static void *lingering_thread(void *unused) {

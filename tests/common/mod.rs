@@ -600,3 +600,19 @@ pub(crate) fn is_ignored(signal: &str) -> bool {
     }
     ignored
 }
+
+/// The part of a row that does not depend on the clock.
+pub(crate) fn lasting(row: &fleetyard_bench::Row) -> String {
+    format!(
+        "{} {} {} {} {} {} {:?} {:?} {:?}",
+        row.key,
+        row.trial,
+        row.planner,
+        row.agents,
+        row.termination,
+        row.success,
+        row.soc_steps,
+        row.plan_digest,
+        row.trace_digest
+    )
+}

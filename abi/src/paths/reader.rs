@@ -13,14 +13,14 @@ use crate::paths::{Coordinate, PathContext, Position};
 /// The longest number that is looked at. JSON allows any length.
 const LONGEST_NUMBER: usize = 40;
 
-/// Why the reading of paths ends before they do.
+/// An end of reading before the paths have ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PathsError {
     /// This is not JSON: the reason, and the offset among the bytes that were given last.
     Syntax {
         /// Offset of the byte that cannot stand there.
         at: usize,
-        /// What is wrong with it.
+        /// The mistake.
         reason: &'static str,
     },
     /// There are more cells than the context allows.
@@ -30,7 +30,7 @@ pub enum PathsError {
     },
 }
 
-/// What stands where, from outside to inside.
+/// A place in the text, from outside to inside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     Path,

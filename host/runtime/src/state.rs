@@ -171,6 +171,11 @@ struct Entry {
 }
 
 impl Entry {
+    /// Reads a note; `None` when it is not there or only half of it is.
+    fn read(note: &Path) -> Option<Self> {
+        serde_json::from_slice(&fs::read(note).ok()?).ok()
+    }
+
     /// Whether nothing is left that would have to be removed.
     fn is_gone(&self) -> bool {
         let gone = |path: &PathBuf| {
@@ -235,10 +240,7 @@ pub(crate) fn reap_orphans() -> usize {
     let notes = runs.flat_map(|runs| fs::read_dir(runs.path).into_iter().flatten().flatten());
     for note in notes {
         let path = note.path();
-        let entry = fs::read(&path)
-            .ok()
-            .and_then(|text| serde_json::from_slice::<Entry>(&text).ok());
-        let Some(entry) = entry else {
+        let Some(entry) = Entry::read(&path) else {
             // Half-written by somebody who was killed, or being written right now:
             // only the former is old.
             let old = note
@@ -266,11 +268,7 @@ pub(crate) fn reap_orphans() -> usize {
 /// Ends what is left of a run whose supervisor cannot, and removes what it made.
 pub(crate) fn end_run(run: &str) {
     let note = folder("runs").map(|runs| runs.path.join(format!("{run}.json")));
-    let entry = note
-        .as_ref()
-        .ok()
-        .and_then(|note| fs::read(note).ok())
-        .and_then(|text| serde_json::from_slice::<Entry>(&text).ok());
+    let entry = note.as_ref().ok().and_then(|note| Entry::read(note));
     if let Some(entry) = &entry {
         end(Some(run), entry);
     } else {
