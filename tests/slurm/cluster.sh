@@ -146,7 +146,7 @@ stop() {
     fi
     exit "${1:-0}"
 }
-trap 'stop 1' EXIT
+trap 'stop $?' EXIT
 trap 'stop 0' INT TERM HUP
 
 export SLURM_CONF=$folder/slurm.conf
@@ -173,6 +173,8 @@ for _ in 1 2 3; do
     wait "${daemons[1]}" "${daemons[2]}" 2>/dev/null
     daemons=("${daemons[0]}")
 done
+[ -n "$up" ] || ! grep -q "Unable to initialize cgroup plugin" "$folder/log/slurmd" ||
+    lack "Slurm's node needs control groups that this machine does not have"
 [ -n "$up" ] || fail "the node does not come up" "$folder/log/slurmd"
 
 printf 'export SLURM_CONF=%q\n' "$SLURM_CONF"
