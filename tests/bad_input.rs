@@ -1362,7 +1362,7 @@ fn a_fault_does_not_spoil_a_comparison() {
         .map(|row| &row["failures"])
         .collect();
     assert_eq!(failures[0].as_array().unwrap().len(), 0, "{ended}");
-    assert_eq!(failures[2][0], "invalid-plan", "{ended}");
+    assert_eq!(failures[2][0], "invalid plan", "{ended}");
 }
 
 #[test]

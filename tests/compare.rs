@@ -149,7 +149,8 @@ def plan(instance):
             print(json.dumps({"jsonrpc": "2.0", "method": "metric", "params": params}))
     if claim == "infeasible":
         return {"status": "infeasible"}
-    return {"status": "solved", "paths": [path[:1] if claim == "arrived" else path]}
+    status = "timed-out" if claim == "late" else "solved"
+    return {"status": status, "paths": [path[:1] if claim in ("arrived", "late") else path]}
 
 for line in sys.stdin:
     message = json.loads(line)
@@ -218,7 +219,9 @@ fn claims_are_held_against_what_was_found() {
         .line(&format!("{} --format json", line(&all)))
         .expect(NO_PLAN)
         .json();
-    assert_eq!(rows(&json, &["failures"])[..2], [r#"["infeasible"]"#, "[]"]);
+    let failures = rows(&json, &["failures"]);
+    assert_eq!(failures[..2], [r#"["no plan: infeasible"]"#, "[]"]);
+    assert_eq!(failures[4], r#"["invalid plan"]"#);
     let claims = &json["claims"];
     assert_eq!(
         (&claims["agree"], &claims["unchecked"]),
@@ -232,6 +235,21 @@ fn claims_are_held_against_what_was_found() {
     let cheap = &json["trials"][3]["claims"];
     assert_eq!(cheap.as_array().unwrap().len(), 3, "{cheap}");
     assert_eq!(cheap[1]["agrees"], false, "{cheap}");
+
+    // Who was late and leaves its best effort claims no plan that could be invalid.
+    let late = line(&["late"]).replace("compare", "run");
+    let ended = yard.line(&late).expect(NO_PLAN);
+    assert!(
+        ended.stderr.contains("no plan within the budget"),
+        "{ended}"
+    );
+    assert!(
+        ended.stdout.contains("no plan; what the planner left"),
+        "{ended}"
+    );
+    let ended = yard.line(&format!("{} --format json", line(&["late"])));
+    let json = ended.expect(NO_PLAN).json();
+    assert_eq!(rows(&json, &["failures"]), [r#"["timed-out"]"#]);
 
     // Nobody contradicts it.
     let ended = yard.line(&line(&["infeasible"])).expect(NO_PLAN);

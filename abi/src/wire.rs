@@ -215,11 +215,13 @@ pub struct CreateParams {
     pub options: serde_json::Value,
 }
 
-/// Parameters of `prepare`.
+/// Parameters of `prepare`. As for all that have something large, a host may have written that
+/// before the clock of the call began.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-pub struct PrepareParams {
+#[schemars(rename = "PrepareParams")]
+pub struct PrepareParams<E = Environment> {
     /// The map.
-    pub environment: Environment,
+    pub environment: E,
     /// Limits of this call.
     pub budget: Budget,
 }
@@ -236,9 +238,10 @@ pub struct Outcome {
 
 /// Parameters of `plan`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-pub struct PlanParams {
+#[schemars(rename = "PlanParams")]
+pub struct PlanParams<I = Instance> {
     /// What to solve.
-    pub instance: Instance,
+    pub instance: I,
     /// Limits of this call.
     pub budget: Budget,
 }
@@ -246,9 +249,10 @@ pub struct PlanParams {
 /// Parameters of `recover`. On the way in `failed_paths` is read by
 /// [`crate::paths::PathContext`], so that it may have any encoding.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub struct RecoverParams<'a> {
+#[schemars(rename = "RecoverParams")]
+pub struct RecoverParams<'a, I = Instance> {
     /// What was to be solved.
-    pub instance: Instance,
+    pub instance: I,
     /// Limits of this call.
     pub budget: Budget,
     /// What the planner left, collisions and all: one path per agent.
@@ -298,9 +302,10 @@ pub enum WirePath {
 
 /// Parameters of `generate`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-pub struct GenerateParams {
+#[schemars(rename = "GenerateParams")]
+pub struct GenerateParams<S = FleetState> {
     /// The fleet and its tasks.
-    pub state: FleetState,
+    pub state: S,
     /// Limits of this call.
     pub budget: Budget,
 }
@@ -320,9 +325,10 @@ pub struct GenerateResult {
 
 /// Parameters of `should_invoke`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-pub struct ShouldInvokeParams {
+#[schemars(rename = "ShouldInvokeParams")]
+pub struct ShouldInvokeParams<S = FleetStatus> {
     /// The fleet.
-    pub status: FleetStatus,
+    pub status: S,
 }
 
 /// Result of `should_invoke`.

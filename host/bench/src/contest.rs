@@ -14,7 +14,7 @@ use fleetyard_runtime::{
 };
 use fleetyard_sim::NoTrace;
 use serde::Serialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::error::BenchError;
@@ -439,14 +439,14 @@ impl Entrant {
     }
 
     /// Stands for the planner as it is asked in this suite.
-    fn digest(&self, context: &str) -> Digest {
-        let mut hasher = Hasher::new("fleetyard.entrant/1");
+    fn digest(&self, context: &Value) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.entrant/2");
         let code = self.candidate.digest();
         hasher.bytes(&code.map_or([0; 16], |digest| digest.0.to_le_bytes()));
         hasher.bytes(self.descriptor.id.as_bytes());
         hasher.bytes(name(&self.attach).as_bytes());
         hasher.bytes(Value::Object(self.options.clone()).to_string().as_bytes());
-        hasher.bytes(context.as_bytes());
+        hasher.value(context);
         if let Some(crew) = &self.crew {
             hasher.bytes(&crew.digest().0.to_le_bytes());
         }
@@ -455,7 +455,7 @@ impl Entrant {
 }
 
 /// All of a suite that results may depend on, beside planners, instances, seeds and repeats.
-fn context(suite: &Suite) -> String {
+fn context(suite: &Suite) -> Value {
     let sandbox = &suite.sandbox;
     let protocol = &suite.protocol;
     // Where the host's own files lie is no part of the question.
@@ -463,19 +463,18 @@ fn context(suite: &Suite) -> String {
         hidden: Vec::new(),
         ..sandbox.policy.clone()
     };
-    format!(
-        "{:?} {:?} {} {} {:?} {:?} {:?} {:?} {:?} {}",
-        suite.budget,
-        policy,
-        sandbox.output_bytes,
-        sandbox.pin,
-        suite.config,
-        suite.robots,
-        protocol.reuse,
-        protocol.clock,
-        protocol.path_rule,
-        protocol.warm_ups,
-    )
+    json!({
+        "budget": suite.budget,
+        "policy": policy,
+        "output_bytes": sandbox.output_bytes,
+        "pin": sandbox.pin,
+        "config": suite.config,
+        "robots": suite.robots,
+        "reuse": protocol.reuse.name(),
+        "clock": protocol.clock.name(),
+        "path_rule": protocol.path_rule,
+        "warm_ups": protocol.warm_ups,
+    })
 }
 
 /// A name as it is in JSON.

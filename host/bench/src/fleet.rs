@@ -101,8 +101,8 @@ impl Crew {
 
     /// Stands for all that results depend on, but map, agents, seed, planner and budget.
     pub(crate) fn digest(&self) -> Digest {
-        let mut hasher = Hasher::new("fleetyard.crew/1");
-        hasher.bytes(format!("{:?} {:?}", self.asked(), self.setup.robots).as_bytes());
+        let mut hasher = Hasher::new("fleetyard.crew/2");
+        hasher.value(&(self.asked(), &self.setup.robots));
         for member in &self.members {
             let code = member.candidate.digest();
             hasher.bytes(&code.map_or([0; 16], |digest| digest.0.to_le_bytes()));

@@ -10,6 +10,7 @@ mod contest;
 mod error;
 pub mod evaluate;
 pub mod export;
+mod failure;
 mod fleet;
 mod manifest;
 mod options;

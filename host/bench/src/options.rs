@@ -9,9 +9,10 @@ use fleetyard_runtime::{Limits, Policy, Trust};
 use fleetyard_sim::motion::{FleetError, FleetFile, Model, MotionError};
 use fleetyard_sim::{Fleet, Profile, SimConfig};
 use fleetyard_world::Footprint;
+use serde::Serialize;
 
 /// The budget of every call of a trial.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BudgetOptions {
     /// Wall clock of a plan.
     pub wall: Duration,
@@ -101,7 +102,8 @@ impl Default for SandboxOptions {
 }
 
 /// Which robots execute a plan.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Robots {
     /// Points of a radius that follow the plan exactly.
     #[default]

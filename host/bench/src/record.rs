@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::calibration::Correction;
 use crate::claims::Claim;
+use crate::failure::INVALID_PLAN;
 
 /// Everything there is to say about one run. Values that do not exist are
 /// absent, never zero.
@@ -382,29 +383,6 @@ pub enum Ending {
 }
 
 impl Record {
-    /// How the trial ended.
-    pub fn ending(&self) -> Ending {
-        match self.termination {
-            Termination::Crashed
-            | Termination::Exited
-            | Termination::ProtocolError
-            | Termination::Failed => Ending::Plugin,
-            Termination::Unsupported => Ending::NoPlan,
-            Termination::Completed | Termination::TimedOut | Termination::OverLimit => {
-                match self.plan_digest {
-                    None => Ending::NoPlan,
-                    Some(_) if self.verdict.valid => Ending::Success,
-                    Some(_) => Ending::InvalidPlan,
-                }
-            }
-        }
-    }
-
-    /// Whether it ended with a valid plan.
-    pub fn succeeded(&self) -> bool {
-        self.ending() == Ending::Success
-    }
-
     /// Claims that are not what the host found.
     pub fn disagreements(&self) -> impl Iterator<Item = &Claim> {
         let claims = self.claims.iter();
@@ -451,16 +429,19 @@ impl Record {
             };
             line("exceeded", format!("{limit} limit ({how})"));
         }
-        match (
-            self.plan_digest,
-            self.verdict.valid,
-            self.verdict.violation_count,
-        ) {
-            (None, ..) => line("verdict", "no plan".into()),
-            (_, true, _) => line("verdict", "valid".into()),
-            (.., count) => line("verdict", format!("INVALID, {count} violations")),
-        }
-        for violation in self.verdict.violations.iter().take(5) {
+        let count = self.verdict.violation_count;
+        let is_wrong = self.failure().as_deref() == Some(INVALID_PLAN);
+        line(
+            "verdict",
+            match self.plan_digest {
+                None => "no plan".into(),
+                Some(_) if self.verdict.valid => "valid".into(),
+                Some(_) if is_wrong => format!("INVALID, {count} violations"),
+                Some(_) => format!("no plan; what the planner left has {count} violations"),
+            },
+        );
+        let sentences = self.verdict.violations.iter().take(5);
+        for violation in sentences.filter(|_| is_wrong) {
             line("", violation.sentence.clone());
         }
         for claim in self.disagreements() {

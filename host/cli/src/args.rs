@@ -202,13 +202,27 @@ pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     Ok(duration)
 }
 
+// Headings of the help, each of them named at each of its arguments: one that is set for a whole
+// structure would hold for all that follow, too.
+const INSTANCE: &str = "Instance";
+const PLANNER: &str = "Planner";
+const BUDGET: &str = "Budget";
+const EXECUTION: &str = "Execution";
+const RECORDS: &str = "Results and records";
+const LIMITS: &str = "Sandbox and limits";
+/// What may run at all.
+const TRUST: &str = "Trust";
+const FLEET: &str = "Planning";
+const GOALS: &str = "Goals";
+const ROBOTS: &str = "Robots";
+
 #[derive(Debug, Args)]
 pub(crate) struct MapArgs {
     /// MovingAI map file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
     pub(crate) map: PathBuf,
     /// Neighbours of a cell: 4 or 8
-    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    #[arg(long, help_heading = INSTANCE, value_name = "N", default_value = "4", value_parser = connectivity)]
     pub(crate) connectivity: Connectivity,
 }
 
@@ -217,37 +231,37 @@ pub(crate) struct InstanceArgs {
     #[command(flatten)]
     pub(crate) map: MapArgs,
     /// MovingAI scenario file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
     pub(crate) scen: PathBuf,
     /// How many of the scenario's entries to use, from the first
-    #[arg(long, value_name = "N")]
+    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N")]
     pub(crate) agents: usize,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct BudgetArgs {
     /// Wall-clock budget of a plan
-    #[arg(long, value_name = "DURATION", default_value = "10s", value_parser = duration)]
+    #[arg(long, short, help_heading = BUDGET, value_name = "DURATION", default_value = "10s", value_parser = duration)]
     pub(crate) budget: Duration,
     /// Wall-clock budget for learning the map [default: the plan's]
-    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration)]
     pub(crate) prepare_budget: Option<Duration>,
     /// How long a planner may take to start and be made
-    #[arg(long, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    #[arg(long, help_heading = BUDGET, value_name = "DURATION", default_value = "1m", value_parser = duration)]
     pub(crate) startup: Duration,
     /// How long a planner may go on after the deadline once it was told to stop;
     /// plans that come meanwhile do not count
-    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration)]
     pub(crate) grace: Option<Duration>,
     /// Most search nodes, for planners that count them [default: no limit]
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) nodes: u64,
     /// Most threads a planner may use
-    #[arg(long, value_name = "N", default_value_t = 1,
+    #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = 1,
           value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) threads: u32,
     /// Seed of every random choice
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) sandbox: SandboxArgs,
@@ -307,12 +321,6 @@ pub(crate) enum PinArg {
     /// Let the kernel move the planner
     Off,
 }
-
-/// Where the help shows what follows; a heading of the whole would go on after it.
-const LIMITS: &str = "Sandbox and limits";
-
-/// The same for what may run at all.
-const TRUST: &str = "Trust";
 
 /// What a plugin may use and see.
 #[derive(Debug, Args)]
@@ -381,23 +389,23 @@ pub(crate) struct GrantArgs {
 #[derive(Debug, Args)]
 pub(crate) struct WorldArgs {
     /// Side of a cell in metres
-    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = 1.0)]
     pub(crate) cell_size: f64,
     /// Duration of one step of a plan in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = 1.0)]
     pub(crate) step: f64,
     /// Radius of an agent in metres [default: 0.35 cells; of robots with a model the
     /// preset's footprint, or 0.3 cells]
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, help_heading = EXECUTION, value_name = "METRES")]
     pub(crate) radius: Option<f64>,
     /// Simulator ticks per second
-    #[arg(long, value_name = "N", default_value_t = 60)]
+    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = 60)]
     pub(crate) ticks_hz: u32,
     /// Substeps per tick
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = 4)]
     pub(crate) substeps: u32,
     /// How bodies move and contacts are found
-    #[arg(long, value_enum, default_value = "kinematic")]
+    #[arg(long, help_heading = EXECUTION, value_enum, default_value = "kinematic")]
     pub(crate) tier: TierArg,
 }
 
@@ -406,38 +414,39 @@ pub(crate) struct WorldArgs {
 pub(crate) struct Run {
     #[command(flatten)]
     pub(crate) instance: InstanceArgs,
-    /// A plugin's identifier, or the path of a library or program; PATH:ID picks
-    /// one of several
-    #[arg(long, value_name = "PLUGIN")]
-    pub(crate) planner: String,
+    /// A plugin's identifier, or the path of a library, a program or their folder; PATH:ID
+    /// picks one of several. Its options may follow
+    #[arg(long, short, help_heading = PLANNER, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1.., required = true,
+          action = ArgAction::Set)]
+    pub(crate) planner: Vec<String>,
     /// An option of the planner; may be given several times
-    #[arg(long = "option", value_name = "NAME=VALUE")]
+    #[arg(long = "option", help_heading = PLANNER, value_name = "NAME=VALUE")]
     pub(crate) options: Vec<String>,
     /// What may lie between two cells of a path
-    #[arg(long, value_enum, default_value = "steps")]
+    #[arg(long, help_heading = INSTANCE, value_enum, default_value = "steps")]
     pub(crate) path_rule: PathRuleArg,
     #[command(flatten)]
     pub(crate) budget: BudgetArgs,
     /// How the plugin is attached [default: worker for libraries, stdio for
     /// programs, command for a planner.toml]
-    #[arg(long, value_enum)]
+    #[arg(long, help_heading = PLANNER, value_enum)]
     pub(crate) attach: Option<AttachArg>,
     /// Execute the plan in the simulator
-    #[arg(long)]
+    #[arg(long, help_heading = EXECUTION)]
     pub(crate) execute: bool,
     #[command(flatten)]
     pub(crate) world: WorldArgs,
     /// Write the plan to a file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     pub(crate) plan_out: Option<PathBuf>,
     /// How paths are written in the plan file
-    #[arg(long, value_enum, default_value = "pairs")]
+    #[arg(long, help_heading = RECORDS, value_enum, default_value = "pairs")]
     pub(crate) plan_encoding: EncodingArg,
     /// Write the execution's trace to a file (implies --execute)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     pub(crate) trace_out: Option<PathBuf>,
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
     /// Show what the planner wrote to its log and to standard error
     #[arg(long, short)]
@@ -537,18 +546,6 @@ impl From<AssignArg> for Assign {
     }
 }
 
-/// Where the help shows what follows.
-const FLEET: &str = "Planning";
-
-/// Where the help shows what follows.
-const GOALS: &str = "Goals";
-
-/// Where the help shows what follows.
-const ROBOTS: &str = "Robots";
-
-/// Where the help shows what follows.
-const RECORDS: &str = "Results and records";
-
 /// Run a fleet that never ends: robots drive, reach goals and get new ones, while a planner
 /// plans their next ways.
 ///
@@ -558,7 +555,7 @@ const RECORDS: &str = "Results and records";
 #[derive(Debug, Args)]
 pub(crate) struct Fleet {
     /// MovingAI or LSMART map [with --replay and --resume: the one that was recorded]
-    #[arg(long, value_name = "FILE", required_unless_present_any = ["replay", "resume"])]
+    #[arg(long, short, value_name = "FILE", required_unless_present_any = ["replay", "resume"])]
     pub(crate) map: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) asked: FleetAsked,
@@ -601,7 +598,7 @@ pub(crate) struct Fleet {
 #[derive(Debug, Args)]
 pub(crate) struct FleetAsked {
     /// Number of robots
-    #[arg(long, value_name = "N", required_unless_present_any = ["replay", "resume"],
+    #[arg(long, short = 'n', value_name = "N", required_unless_present_any = ["replay", "resume"],
           value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) agents: Option<u32>,
     /// How long to go on, in simulated time
@@ -610,20 +607,23 @@ pub(crate) struct FleetAsked {
     /// Seed of every random choice: starts, goals, plugins, disturbances
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// The planner: a plugin's identifier, or the path of a library or program; PATH:ID picks one
-    /// of several
-    #[arg(long, help_heading = FLEET, value_name = "PLUGIN",
-          required_unless_present_any = ["replay", "resume"])]
-    pub(crate) planner: Option<String>,
+    /// The planner: a plugin's identifier, or the path of a library, a program or their folder;
+    /// PATH:ID picks one of several. Its options may follow
+    #[arg(long, short, help_heading = FLEET, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, required_unless_present_any = ["replay", "resume"])]
+    pub(crate) planner: Vec<String>,
     /// The instance generator: who is sent where
-    #[arg(long, help_heading = FLEET, value_name = "PLUGIN", default_value = "windowed-multi-goals")]
-    pub(crate) generator: String,
+    #[arg(long, help_heading = FLEET, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, default_value = "windowed-multi-goals")]
+    pub(crate) generator: Vec<String>,
     /// The invocation policy: when to plan
-    #[arg(long, help_heading = FLEET, value_name = "PLUGIN", default_value = "periodic")]
-    pub(crate) invocation: String,
+    #[arg(long, help_heading = FLEET, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, default_value = "periodic")]
+    pub(crate) invocation: Vec<String>,
     /// The fail policy: what to do without a plan
-    #[arg(long, help_heading = FLEET, value_name = "PLUGIN", default_value = "pibt")]
-    pub(crate) fail_policy: String,
+    #[arg(long, help_heading = FLEET, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, default_value = "pibt")]
+    pub(crate) fail_policy: Vec<String>,
     /// Time between two calls, for an invocation policy with the option `period_s`
     /// [default: the policy's]
     #[arg(long, help_heading = FLEET, value_name = "DURATION", value_parser = positive_seconds)]
@@ -758,20 +758,20 @@ pub(crate) enum LibraryAttachArg {
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
     /// MovingAI scenario files, of one map or of several
-    #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", required = true, num_args = 1..)]
     pub(crate) scen: Vec<PathBuf>,
     /// Where the maps are that the scenarios name: map files, or folders with NAME.map
     /// [default: the folder of each scenario]
-    #[arg(long, value_name = "PATH", num_args = 1..)]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "PATH", num_args = 1..)]
     pub(crate) map: Vec<PathBuf>,
     /// Neighbours of a cell: 4 or 8
-    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    #[arg(long, help_heading = INSTANCE, value_name = "N", default_value = "4", value_parser = connectivity)]
     pub(crate) connectivity: Connectivity,
     /// Team sizes
-    #[arg(long, value_name = "N,…", required = true, value_delimiter = ',')]
+    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N,…", required = true, value_delimiter = ',')]
     pub(crate) agents: Vec<usize>,
     /// What may lie between two cells of a path
-    #[arg(long, value_enum, default_value = "steps")]
+    #[arg(long, help_heading = INSTANCE, value_enum, default_value = "steps")]
     pub(crate) path_rule: PathRuleArg,
     #[command(flatten)]
     pub(crate) planners: Contestants,
@@ -780,14 +780,14 @@ pub(crate) struct Compare {
     #[command(flatten)]
     pub(crate) world: WorldArgs,
     /// Do not execute the plans: no real-time factor, no contacts
-    #[arg(long)]
+    #[arg(long, help_heading = EXECUTION)]
     pub(crate) no_execute: bool,
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     pub(crate) format: Format,
 }
 
-/// A planner that is compared, and its options.
+/// A plugin that is asked for, and its options.
 #[derive(Debug, Clone)]
 pub(crate) struct Contestant {
     pub(crate) plugin: String,
@@ -804,21 +804,37 @@ impl Contestants {
     const ID: &str = "planner";
 }
 
+impl Contestant {
+    /// The words after `--planner` or its like, and options that were given otherwise.
+    pub(crate) fn new(words: &[String], options: &[String]) -> Result<Self, exit::Failure> {
+        let (plugin, own) = words
+            .split_first()
+            .map_or(("", words), |(first, own)| (&**first, own));
+        if let Some(wrong) = own.iter().find(|option| !option.contains('=')) {
+            let message = format!("`{wrong}` after the plugin `{plugin}` is no option NAME=VALUE");
+            let hint = "`fleetyard compare` runs several, and every planner has a --planner of its \
+                        own";
+            return Err(exit::Failure::new(exit::Exit::Usage, message).hint(hint));
+        }
+        Ok(Self {
+            plugin: plugin.to_owned(),
+            options: own.iter().chain(options).cloned().collect(),
+        })
+    }
+}
+
 impl FromArgMatches for Contestants {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let given = matches.get_occurrences::<String>(Self::ID);
         let mut contestants = Vec::new();
-        for mut words in given.into_iter().flatten() {
-            let plugin = words.next().cloned().unwrap_or_default();
-            let options: Vec<String> = words.cloned().collect();
-            if let Some(wrong) = options.iter().find(|option| !option.contains('=')) {
-                let message = format!(
-                    "`{wrong}` after `--planner {plugin}` is no option NAME=VALUE\n\n  tip: every \
-                     planner has a --planner of its own\n"
-                );
-                return Err(clap::Error::raw(ErrorKind::ValueValidation, message));
-            }
-            contestants.push(Contestant { plugin, options });
+        for words in given.into_iter().flatten() {
+            let words: Vec<String> = words.cloned().collect();
+            let contestant = Contestant::new(&words, &[]).map_err(|failure| {
+                let hint = failure.hint.unwrap_or_default();
+                let message = format!("{}\n\n  tip: {hint}\n", failure.message);
+                clap::Error::raw(ErrorKind::ValueValidation, message)
+            })?;
+            contestants.push(contestant);
         }
         Ok(Self(contestants))
     }
@@ -834,6 +850,8 @@ impl Args for Contestants {
         command.arg(
             Arg::new(Self::ID)
                 .long(Self::ID)
+                .short('p')
+                .help_heading(PLANNER)
                 .value_names(["PLUGIN", "NAME=VALUE"])
                 .num_args(1..)
                 .action(ArgAction::Append)
@@ -1036,21 +1054,18 @@ impl From<PolicyArg> for Policy {
     }
 }
 
-/// Where the help shows what follows.
-const CONDUCT: &str = "Execution";
-
 /// What goes wrong meanwhile.
 #[derive(Debug, Args)]
 pub(crate) struct DisturbanceArgs {
     /// How robots are late: none, bernoulli:P,SECONDS, uniform:MIN,MAX,
     /// gaussian:MEAN,STD or bursts:RATE,SECONDS
-    #[arg(long, help_heading = CONDUCT, value_name = "DELAY", default_value = "none")]
+    #[arg(long, help_heading = EXECUTION, value_name = "DELAY", default_value = "none")]
     pub(crate) delay: Delay,
     /// How uneven speeds are: STD,FLOOR as parts of the speed [default: even]
-    #[arg(long, help_heading = CONDUCT, value_name = "STD,FLOOR")]
+    #[arg(long, help_heading = EXECUTION, value_name = "STD,FLOOR")]
     pub(crate) velocity_noise: Option<VelocityNoise>,
     /// How long messages take and how many are lost: MIN,MAX,LOSS [default: none and none]
-    #[arg(long, help_heading = CONDUCT, value_name = "MIN,MAX,LOSS")]
+    #[arg(long, help_heading = EXECUTION, value_name = "MIN,MAX,LOSS")]
     pub(crate) messages: Option<Messages>,
 }
 
@@ -1070,31 +1085,31 @@ impl DisturbanceArgs {
 #[derive(Debug, Args)]
 pub(crate) struct ConductArgs {
     /// When a robot may go on
-    #[arg(long, help_heading = CONDUCT, value_enum, default_value = "time")]
+    #[arg(long, help_heading = EXECUTION, value_enum, default_value = "time")]
     pub(crate) policy: PolicyArg,
     #[command(flatten)]
     pub(crate) disturbance: DisturbanceArgs,
     /// Seconds between two exchanges of messages
-    #[arg(long, help_heading = CONDUCT, value_name = "SECONDS", default_value_t = 0.1)]
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = 0.1)]
     pub(crate) message_period: f64,
     /// Metres that robots keep from each other's ways beyond what their controllers need
-    #[arg(long, help_heading = CONDUCT, value_name = "METRES", default_value_t = 0.0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = 0.0)]
     pub(crate) margin: f64,
     /// Seed of all delays, noise and losses
-    #[arg(long, help_heading = CONDUCT, value_name = "N", default_value_t = 0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Go on until everybody has arrived (always so with --policy adg)
-    #[arg(long, help_heading = CONDUCT)]
+    #[arg(long, help_heading = EXECUTION)]
     pub(crate) until_done: bool,
     /// End at this simulated time at the latest
-    #[arg(long, help_heading = CONDUCT, value_name = "SECONDS")]
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS")]
     pub(crate) time_limit: Option<f64>,
     /// Heading of robots at the start, in degrees from east, where the plan gives none
-    #[arg(long, help_heading = CONDUCT, value_name = "DEGREES", default_value_t = 90.0,
+    #[arg(long, help_heading = EXECUTION, value_name = "DEGREES", default_value_t = 90.0,
           allow_negative_numbers = true)]
     pub(crate) start_heading: f64,
     /// Execute also what begins with robots in obstacles or in each other
-    #[arg(long, help_heading = CONDUCT)]
+    #[arg(long, help_heading = EXECUTION)]
     pub(crate) allow_overlaps: bool,
 }
 

@@ -85,6 +85,19 @@ impl Hasher {
         self.u64(value.to_bits());
     }
 
+    /// A value as files have it: its JSON, numbers to the last bit. The names of the code are no
+    /// part of that, and those of fields are what stored files hold.
+    pub fn value(&mut self, value: &impl Serialize) {
+        match serde_json::to_vec(value) {
+            Ok(json) => self.bytes(&json),
+            // Only maps fail, by keys that are no texts, and there are none.
+            Err(error) => {
+                debug_assert!(false, "{error}");
+                self.bytes(error.to_string().as_bytes());
+            }
+        }
+    }
+
     /// The digest of everything fed so far.
     pub fn finish(&self) -> Digest {
         Digest(self.0.digest128())

@@ -42,13 +42,12 @@ pub struct Ground<'a> {
 impl Ground<'_> {
     /// Digest of robots and tasks.
     pub fn digest(&self) -> Digest {
-        let mut hasher = Hasher::new("fleetyard.ground/1");
-        // Their only form without ambiguity; numbers are written to the last bit.
-        hasher.bytes(format!("{:?}", self.fleet.map(Fleet::profiles)).as_bytes());
+        let mut hasher = Hasher::new("fleetyard.ground/2");
+        hasher.value(&self.fleet.map(Fleet::profiles));
         hasher.u32s(self.fleet.map_or(&[], Fleet::profile_of));
         // A file of tasks is the same wherever it lies.
         let tasks = self.tasks.map(|list| &list.tasks);
-        hasher.bytes(format!("{tasks:?}").as_bytes());
+        hasher.value(&tasks);
         hasher.finish()
     }
 

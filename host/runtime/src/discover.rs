@@ -14,7 +14,7 @@ use fleetyard_core::{nearest, open_regular};
 use serde::Serialize;
 
 use crate::lock::Standing;
-use crate::plugin_file::{PluginFile, is_manifest};
+use crate::plugin_file::{MANIFEST, PluginFile, is_manifest};
 use crate::session::Introduction;
 use crate::{Fault, Runtime};
 
@@ -147,14 +147,7 @@ impl Discovery {
                 continue;
             }
             searched.push(real);
-            let mut paths: Vec<PathBuf> = fs::read_dir(folder)
-                .into_iter()
-                .flatten()
-                .flatten()
-                .map(|entry| entry.path())
-                .collect();
-            paths.sort();
-            let files = paths.iter().filter_map(|path| candidate(path));
+            let files = candidates_in(folder).into_iter();
             found.extend(files.map(|file| (file, Origin::Folder(folder.clone()))));
         }
         found
@@ -240,7 +233,7 @@ fn by_path(name: &str) -> Option<Result<Found, Fault>> {
         Some((path, id)) if !id.contains('/') => (path, Some(id.to_owned())),
         _ => (name, None),
     };
-    let is_path = name.contains('/') || Path::new(path).is_file();
+    let is_path = name.contains('/') || matches!(path, "." | "..") || Path::new(path).is_file();
     is_path.then(|| {
         PluginFile::at(Path::new(path)).map(|file| Found {
             file,
@@ -287,11 +280,22 @@ pub fn by_name(
     })
 }
 
-/// Whether a file of a plugin folder may be a plugin: what is no library, manifest or
-/// program is there for people.
+/// The files of a folder that may be plugins, by name.
+pub(crate) fn candidates_in(folder: &Path) -> Vec<PluginFile> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    paths.sort();
+    paths.iter().filter_map(|path| candidate(path)).collect()
+}
+
+/// A file of a plugin folder that may be a plugin: what is no library, manifest or program is
+/// there for people.
 fn candidate(path: &Path) -> Option<PluginFile> {
     let hidden = path.file_name()?.as_encoded_bytes().starts_with(b".");
-    let file = PluginFile::at(path).ok().filter(|_| !hidden)?;
+    // A folder within the folder has its own only where it says so.
+    let manifest = path.is_dir().then(|| path.join(MANIFEST));
+    let file = PluginFile::at(manifest.as_deref().unwrap_or(path)).ok();
+    let file = file.filter(|_| !hidden)?;
     let may_be = match &file {
         PluginFile::Adapter(manifest) => is_manifest(manifest),
         PluginFile::Program(program, _) => is_program(program),
@@ -326,9 +330,7 @@ pub(crate) fn holds_several(folder: &Path) -> bool {
     if !is_searched {
         return false;
     }
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let plugins = entries.filter(|entry| candidate(&entry.path()).is_some());
-    plugins.take(2).count() == 2
+    candidates_in(folder).len() > 1
 }
 
 fn unknown(all: &[Discovered], kind: Option<Kind>, name: &str) -> Fault {

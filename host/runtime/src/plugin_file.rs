@@ -16,11 +16,12 @@ use sha2::{Digest as _, Sha256};
 
 use crate::Fault;
 use crate::adapter::Adapter;
+use crate::discover::candidates_in;
 use crate::sandbox::{Hidden, aside, own};
 use crate::supervisor::Target;
 
 /// The name of a manifest, alone or after a name and a dot.
-const MANIFEST: &str = "planner.toml";
+pub(crate) const MANIFEST: &str = "planner.toml";
 
 /// Whether a file's name says that it is a manifest; a folder may hold other TOML
 /// files.
@@ -186,14 +187,13 @@ impl PluginFile {
                 "a plugin is a shared library, a program or a planner.toml",
             )
         })?;
+        if meta.is_dir() {
+            return Self::in_folder(path);
+        }
         if !meta.is_file() {
-            let manifest = path.join(MANIFEST);
-            if manifest.is_file() {
-                return Self::at(&manifest);
-            }
             return Err(refused(
                 format!("{shown} is not a file"),
-                "name the plugin's file itself, or a folder with a planner.toml",
+                "name the plugin's file itself, or its folder",
             ));
         }
         // The loader searches its own path for a name without a slash.
@@ -213,6 +213,40 @@ impl PluginFile {
                 "`chmod +x` a program; a library's name ends in .so",
             )),
         }
+    }
+
+    /// The plugin of a folder: its `planner.toml`, or the only library or program that it has,
+    /// built by cargo or not.
+    fn in_folder(folder: &Path) -> Result<Self, Fault> {
+        let manifest = folder.join(MANIFEST);
+        if manifest.is_file() {
+            return Self::at(&manifest);
+        }
+        let mut found = candidates_in(folder);
+        if found.is_empty() && folder.join("Cargo.toml").is_file() {
+            found = candidates_in(&folder.join("target/release"));
+            found.retain(|file| matches!(file, Self::Library(_)));
+        }
+        let shown = folder.display();
+        let (reason, hint) = match &found[..] {
+            [only] => return Ok(only.clone()),
+            [] => (
+                format!("{shown} has no plugin: no planner.toml, library or program"),
+                "build it first, or name the plugin's file",
+            ),
+            several => {
+                let paths = several.iter().filter_map(Self::path);
+                let paths: Vec<String> = paths.map(|path| path.display().to_string()).collect();
+                (
+                    format!("{shown} has several plugins: {}", paths.join(", ")),
+                    "name the file of one",
+                )
+            }
+        };
+        Err(Fault::Refused {
+            reason,
+            hint: Some(hint.into()),
+        })
     }
 
     /// What the supervisor starts.

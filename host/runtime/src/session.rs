@@ -16,11 +16,12 @@ use fleetyard_abi::wire::{
 };
 use fleetyard_abi::{
     Budget, Descriptor, FleetState, FleetStatus, GridEnvironment, Instance, Kind, PathEncoding,
-    Plan, SharedEnvironment, Status, c, monotonic_ns,
+    Plan, PlanRef, SharedEnvironment, Status, c, monotonic_ns,
 };
 use fleetyard_core::{Digest, GridPlan};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::value::{RawValue, to_raw_value};
 
 use crate::adapter::FORMAT;
 use crate::bounds::{INTRODUCTION_BYTES, LOG_BYTES, message_bytes, plan_cells};
@@ -740,14 +741,25 @@ enum Question<'a> {
     Recover(Option<&'a Plan>),
 }
 
-impl Question<'_> {
+impl<'a> Question<'a> {
     fn method(self) -> &'static str {
         match self {
             Self::Plan => "plan",
             Self::Recover(_) => "recover",
         }
     }
+
+    /// What the planner left.
+    fn left(self) -> Option<PlanRef<'a>> {
+        match self {
+            Self::Plan => None,
+            Self::Recover(left) => left.map(Plan::as_ref),
+        }
+    }
 }
+
+/// A part of a request as text.
+type Written = Option<Box<RawValue>>;
 
 /// How long a call took.
 #[derive(Default)]
@@ -848,6 +860,7 @@ impl Session {
         environment: &SharedEnvironment,
         budget: &Budget,
     ) -> Result<CallReport, Fault> {
+        let written = self.inner.write("prepare", environment.as_ref())?;
         self.inner.begin(budget, self.limits.prepare_cpu);
         let budget = from(self.inner.now_ns(), budget);
         let started = monotonic_ns();
@@ -874,7 +887,7 @@ impl Session {
             Inner::Process(client) => {
                 let deadline = Deadline::from(&budget);
                 let params = PrepareParams {
-                    environment: environment.as_ref().clone(),
+                    environment: written,
                     budget,
                 };
                 let answer = ask(client, "prepare", params, deadline)?;
@@ -913,9 +926,10 @@ impl Session {
 
     /// Asks an instance generator for the next instance.
     pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault> {
+        let method = "generate";
+        let written = self.inner.write(method, state)?;
         self.inner.begin(budget, self.limits.cpu);
         let budget = from(self.inner.now_ns(), budget);
-        let method = "generate";
         let missing = || protocol(method, "it claims success but submitted no instance");
         match &mut self.inner {
             Inner::InProcess {
@@ -936,7 +950,7 @@ impl Session {
             Inner::Process(client) => {
                 let deadline = Deadline::from(&budget);
                 let params = GenerateParams {
-                    state: state.clone(),
+                    state: written,
                     budget,
                 };
                 let expected = Expected {
@@ -959,6 +973,7 @@ impl Session {
     /// Asks an invocation policy whether to call the planner now.
     pub fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault> {
         let method = "should_invoke";
+        let written = self.inner.write(method, status)?;
         match &mut self.inner {
             Inner::InProcess {
                 object: Some(Object::InvocationPolicy(policy)),
@@ -974,9 +989,7 @@ impl Session {
             Inner::InProcess { .. } => Err(to_fault(method)(wrong_object())),
             Inner::Process(client) => {
                 let deadline = Deadline::after(client.now_ns(), limit);
-                let params = ShouldInvokeParams {
-                    status: status.clone(),
-                };
+                let params = ShouldInvokeParams { status: written };
                 let answer = ask(client, method, params, deadline)?;
                 read(method, &answer).map(|ShouldInvokeResult { invoke }| invoke)
             }
@@ -1067,6 +1080,20 @@ impl<L: Link> Inner<L> {
         }
     }
 
+    /// Something large as it goes to the plugin's process, written before the clock of a call
+    /// begins; none where the plugin is called directly.
+    fn write(&self, method: &str, what: &impl Serialize) -> Result<Written, Fault> {
+        match self {
+            Self::InProcess { .. } => Ok(None),
+            Self::Process(_) => match to_raw_value(what) {
+                Ok(written) => Ok(Some(written)),
+                Err(error) => Err(Fault::Host {
+                    reason: format!("`{method}` cannot be written: {error}"),
+                }),
+            },
+        }
+    }
+
     fn solve(
         &mut self,
         question: Question<'_>,
@@ -1077,25 +1104,35 @@ impl<L: Link> Inner<L> {
         cpu: Option<Duration>,
     ) -> PlanRun {
         let method = question.method();
-        self.begin(budget, cpu);
-        let began_ns = self.now_ns();
-        let budget = from(began_ns, budget);
         let cells = grid.map_or(0, |grid| grid.rows.saturating_mul(grid.cols));
-        let collector = Collector::new(instance, cells, &budget, began_ns);
         let context = grid.map(|grid| PathContext {
             rows: grid.rows,
             cols: grid.cols,
             starts: &instance.starts,
             max_cells: plan_cells(instance, cells as usize),
         });
+        let written = context.map_or(Ok((None, None)), |context| {
+            let left = question.left().map(|plan| WritePaths {
+                plan,
+                context,
+                encoding,
+            });
+            let left = left.map(|left| self.write(method, &left)).transpose()?;
+            Ok((self.write(method, instance)?, left.flatten()))
+        });
+        self.begin(budget, cpu);
+        let began_ns = self.now_ns();
+        let budget = from(began_ns, budget);
+        let collector = Collector::new(instance, cells, &budget, began_ns);
         let waited = host_run_delay();
         let mut timing = Timing::default();
-        let called = match context {
-            Some(context) => {
-                let asked = (question, context, encoding);
+        let called = match (context, written) {
+            (Some(context), Ok(written)) => {
+                let asked = (question, context, written);
                 self.call_solve(asked, instance, &budget, &collector, &mut timing)
             }
-            None => Err(reported(method, Status::InvalidInput, None)),
+            (None, _) => Err(reported(method, Status::InvalidInput, None)),
+            (_, Err(fault)) => Err(fault),
         };
         let ended_ns = self.now_ns();
         let waited = host_run_delay()
@@ -1183,7 +1220,7 @@ impl<L: Link> Inner<L> {
 
     fn call_solve(
         &mut self,
-        (question, context, encoding): (Question<'_>, PathContext<'_>, PathEncoding),
+        (question, context, written): (Question<'_>, PathContext<'_>, (Written, Written)),
         instance: &Instance,
         budget: &Budget,
         collector: &Collector,
@@ -1240,26 +1277,17 @@ impl<L: Link> Inner<L> {
             paths: Some(context),
             ..Expected::NO_PLAN
         };
-        let (instance, budget) = (instance.clone(), *budget);
+        let ((instance, left), budget) = (written, *budget);
         let answer = match question {
             Question::Plan => {
                 let params = PlanParams { instance, budget };
                 client.call(method, params, deadline, expected, &mut notify)?
             }
-            Question::Recover(failed) => {
-                let text = failed
-                    .map(|plan| WritePaths {
-                        plan: plan.as_ref(),
-                        context,
-                        encoding,
-                    })
-                    .map(|paths| serde_json::value::to_raw_value(&paths))
-                    .transpose()
-                    .map_err(|error| protocol(method, error.to_string()))?;
+            Question::Recover(_) => {
                 let params = RecoverParams {
                     instance,
                     budget,
-                    failed_paths: text.as_deref(),
+                    failed_paths: left.as_deref(),
                 };
                 client.call(method, params, deadline, expected, &mut notify)?
             }

@@ -244,7 +244,7 @@ impl SimConfig {
             overlapping_starts: _,
             memory_limit_bytes: _,
         } = self;
-        let mut hasher = Hasher::new("fleetyard.simulation/1");
+        let mut hasher = Hasher::new("fleetyard.simulation/2");
         for value in [
             *cell_size_m,
             *step_s,
@@ -268,8 +268,7 @@ impl SimConfig {
         }
         hasher.bytes(tier.name().as_bytes());
         hasher.bytes(policy.name().as_bytes());
-        // Its only form without ambiguity; numbers are written to the last bit.
-        hasher.bytes(format!("{disturbance:?}").as_bytes());
+        hasher.value(disturbance);
         hasher.finish()
     }
 

@@ -213,10 +213,9 @@ impl Setup<'_> {
 
 /// Digest of who is who and moves how.
 fn fleet_digest(fleet: &Fleet) -> Digest {
-    let mut hasher = Hasher::new("fleetyard.fleet/1");
+    let mut hasher = Hasher::new("fleetyard.fleet/2");
     for profile in fleet.profiles() {
-        // Its derived form says everything, numbers to the last bit.
-        hasher.bytes(format!("{profile:?}").as_bytes());
+        hasher.value(profile);
     }
     hasher.u32s(fleet.profile_of());
     hasher.finish()

@@ -106,15 +106,22 @@ function knotAt(i, time, guess) {
   return low;
 }
 
-const MOVING = 0, TURNING = 1, WAITING = 2;
-const STATES = ['moving', 'turning', 'waiting'];
+const MOVING = 0, TURNING = 1, WAITING = 2, PARKED = 3;
+const STATES = ['moving', 'turning', 'waiting', 'parked'];
 
 /** Calls `visit(from, to, state)` for the stretches of an agent's time, in order. */
 function stretches(i, visit) {
+  // Whoever has arrived waits for nothing.
+  const arrived = meta.arrivals[i] ?? Infinity;
   let since = 0, state = -1;
+  const tell = (from, until, what) => {
+    if (what !== WAITING || until <= arrived) return visit(from, until, what);
+    if (from < arrived) visit(from, arrived, WAITING);
+    visit(Math.max(from, arrived), until, PARKED);
+  };
   const put = (until, next) => {
     if (next !== state) {
-      if (until > since && state >= 0) visit(since, until, state);
+      if (until > since && state >= 0) tell(since, until, state);
       if (until > since || state < 0) since = until;
       state = next;
     }
@@ -129,7 +136,7 @@ function stretches(i, visit) {
   }
   const last = tracks.time[tracks.first[i + 1] - 1];
   if (last < end) put(last, WAITING);
-  if (state >= 0 && end > since) visit(since, end, state);
+  if (state >= 0 && end > since) tell(since, end, state);
 }
 
 function distance(i) {
@@ -184,7 +191,7 @@ let dirty = true, groundDrawn = null, settle = 0;
 
 function readTheme() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ['page', 'card', 'ground', 'solid', 'roadmap', 'ink', 'halo', 'contact', 'moving', 'turning', 'waiting']) {
+  for (const name of ['page', 'card', 'ground', 'solid', 'roadmap', 'ink', 'halo', 'contact', 'moving', 'turning', 'waiting', 'parked']) {
     theme[name] = style.getPropertyValue('--' + name).trim();
   }
   groundDrawn = null;
@@ -672,7 +679,7 @@ function describe() {
   $('agent-some').hidden = selected < 0;
   if (selected < 0) return;
   const i = selected, id = meta.ids[i];
-  const spent = [0, 0, 0], parts = [];
+  const spent = STATES.map(() => 0), parts = [];
   stretches(i, (from, to, state) => {
     spent[state] += to - from;
     parts.push([from, to, state]);
@@ -699,13 +706,14 @@ function describe() {
   put('moving', share(spent[MOVING]), 'moving');
   if (meta.headings) put('turning', share(spent[TURNING]), 'turning');
   put('waiting', share(spent[WAITING]), 'waiting');
+  if (meta.arrivals.length) put('parked', share(spent[PARKED]), 'parked');
   put('in contact', own.length ? `${shown(touched)} in ${own.length} contact${own.length > 1 ? 's' : ''}` : 'never', 'contact');
   const arrived = meta.arrivals[i];
   if (meta.arrivals.length) put('arrived', arrived === null ? 'never' : `at ${shown(arrived)}`);
   put('travelled', `${distance(i).toFixed(1)} m`);
   const near = put('nearest', '…');
   $('timeline').setAttribute('aria-label', `Agent ${id} over time: moving ${share(spent[MOVING])}, ` +
-    `turning ${share(spent[TURNING])}, waiting ${share(spent[WAITING])}, ${own.length} contacts`);
+    `turning ${share(spent[TURNING])}, waiting ${share(spent[WAITING])}, parked ${share(spent[PARKED])}, ${own.length} contacts`);
   // Long recordings of many agents take a moment.
   setTimeout(() => {
     if (selected !== i) return;
@@ -730,7 +738,7 @@ function drawTimeline() {
   const [c, w, h] = sized($('timeline'));
   c.clearRect(0, 0, w, h);
   const at = (time) => end ? time / end * w : 0;
-  const tall = [1, 0.65, 0.3].map((part) => part * 0.72 * h);
+  const tall = [1, 0.65, 0.3, 0.12].map((part) => part * 0.72 * h);
   for (const [from, to, state] of timeline.parts) {
     c.fillStyle = theme[STATES[state]];
     c.fillRect(at(from), h - tall[state], Math.max(at(to) - at(from), 0.5), tall[state]);
@@ -763,7 +771,7 @@ function drawFleet() {
       stretches(i, (from, to, state) => put(row, from, to, rgb[state]));
     }
     for (const contact of contacts) {
-      for (const i of both(contact).filter((i) => i < count)) put(Math.min(h - 1, Math.floor(i * h / count)), contact.from, contact.to, rgb[3]);
+      for (const i of both(contact).filter((i) => i < count)) put(Math.min(h - 1, Math.floor(i * h / count)), contact.from, contact.to, rgb[STATES.length]);
     }
   }
   c.putImageData(image, 0, 0);

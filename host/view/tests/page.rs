@@ -164,6 +164,6 @@ fn everything_on_the_page_works_in_a_browser() {
         let report = selftest(browser, folder.path(), &file, size);
         assert!(!report.contains("FAILED"), "{size}: {report}");
         assert!(report.ends_with("\"errors\":[]}"), "{size}: {report}");
-        assert_eq!(report.matches("\"ok\"").count(), 40, "{size}: {report}");
+        assert_eq!(report.matches("\"ok\"").count(), 41, "{size}: {report}");
     }
 }

@@ -99,6 +99,7 @@
     $('pick').value = '2';
     $('pick').dispatchEvent(new Event('change', { bubbles: true }));
     check('arrival', /arrivedat 8\.0 s/.test($('figures').textContent), $('figures').textContent);
+    check('who has arrived waits no more', /waiting8\.0 s \(80 %\)/.test($('figures').textContent) && /parked2\.0 s \(20 %\)/.test($('figures').textContent), $('figures').textContent);
     key('Escape');
     check('releases', replay.state.agent === null && $('agent-some').hidden);
 

@@ -16,12 +16,14 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
+use serde::Serialize;
 
 use crate::canvas::{Canvas, at_least, check_size};
 use crate::{PythonRandom, SeededRandom};
 
 /// How a maze is carved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum MazeAlgorithm {
     /// Depth-first: long winding corridors. The next cell is uniform among the
     /// neighbours that were not visited yet.
@@ -43,7 +45,8 @@ impl MazeAlgorithm {
 }
 
 /// Where a maze's random numbers come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum MazeRandom {
     /// Those of this project's other generators ([`SeededRandom`]).
     #[default]
@@ -403,7 +406,7 @@ impl Frontier {
 /// the usual lattice, (2H + 1) × (2W + 1) for H × W maze cells
 /// ([`MazeSpec::lattice`]); with 32, 32 and 4 it is shaped like MovingAI's
 /// `maze-32-32-4`, which has no walls at its south and east edges.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct MazeSpec {
     /// Rows of the map.
     pub rows: u32,

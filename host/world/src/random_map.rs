@@ -1,13 +1,14 @@
 //! Obstacles strewn at random, with the free cells in one piece.
 
 use fleetyard_core::{Grid, InputError};
+use serde::Serialize;
 
 use crate::SeededRandom;
 use crate::canvas::Canvas;
 
 /// A map with single-cell obstacles at random places, like MovingAI's
 /// `random-*` but with all free cells connected.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RandomSpec {
     /// Rows of the map.
     pub rows: u32,

@@ -1,6 +1,7 @@
 //! Rooms in rows and columns with doors between them.
 
 use fleetyard_core::{Grid, InputError};
+use serde::Serialize;
 
 use crate::SeededRandom;
 use crate::canvas::{Canvas, at_least};
@@ -9,7 +10,7 @@ use crate::canvas::{Canvas, at_least};
 /// rows and columns whose number is a multiple of the room size. Every wall
 /// between two rooms has doors of one cell, so all rooms are connected; the
 /// outer walls have none.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct RoomSpec {
     /// Rows of the map.
     pub rows: u32,

@@ -1,12 +1,13 @@
 //! One type for every generator, for callers that let users choose.
 
 use fleetyard_core::{Grid, InputError};
+use serde::Serialize;
 
 use crate::canvas::Canvas;
 use crate::{MazeSpec, RandomSpec, RoomSpec, WarehouseSpec};
 
 /// A map without obstacles.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct EmptySpec {
     /// Rows of the map.
     pub rows: u32,
@@ -27,7 +28,8 @@ impl EmptySpec {
 }
 
 /// Any generator with its parameters.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum MapSpec {
     /// No obstacles.
     Empty(EmptySpec),

@@ -11,11 +11,12 @@
 //! shelves are endpoints, and workstations stand at the left and right borders.
 
 use fleetyard_core::{Grid, InputError, Role};
+use serde::Serialize;
 
 use crate::canvas::{Canvas, at_least};
 
 /// The parameters of a warehouse. There is nothing random in it.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct WarehouseSpec {
     /// Blocks of shelves beside each other (A).
     pub blocks_across: u32,

@@ -32,7 +32,7 @@ pub use ranking::{Order, RankStability, Ranked, Ranking, rank, rank_stability};
 pub use runs::{
     Digests, MetricDifference, PlannerDifference, RunComparison, TrialPair, compare_runs,
 };
-pub use summary::{FailureCount, MetricSummary, Overview, PlannerSummary, failure};
+pub use summary::{FailureCount, MetricSummary, Overview, PlannerSummary};
 pub use trials::{Case, Planner, Trials};
 
 use serde::Serialize;

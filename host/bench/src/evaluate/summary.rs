@@ -57,32 +57,10 @@ impl Overview {
     }
 }
 
-/// Why a trial failed, in a few words that many trials share; `None` if it succeeded.
-pub fn failure(row: &Row) -> Option<String> {
-    if row.success {
-        return None;
-    }
-    // What stopped the planner says more than that it was stopped.
-    let limit = row
-        .limit_exceeded
-        .as_deref()
-        .filter(|limit| !limit.is_empty());
-    Some(match (row.termination.as_str(), limit) {
-        ("over-limit", Some(limit)) => format!("over limit: {limit}"),
-        ("completed" | "timed-out", _) if row.violations > 0 => "invalid plan".into(),
-        ("completed", _) => match row.claim.as_deref() {
-            // It says that it has a plan.
-            None | Some("solved" | "optimal") => "no plan".into(),
-            Some(claim) => format!("no plan: {claim}"),
-        },
-        (termination, _) => termination.into(),
-    })
-}
-
 /// How many trials failed for a reason.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FailureCount {
-    /// As [`failure`] says it.
+    /// As [`Row::failure`] says it.
     pub reason: String,
     /// Trials.
     pub trials: usize,
@@ -156,7 +134,7 @@ impl PlannerSummary {
         let cases = planner.cases.len();
         let successes = planner.successes().count();
         let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
-        for reason in planner.rows().filter_map(failure) {
+        for reason in planner.rows().filter_map(Row::failure) {
             *reasons.entry(reason).or_default() += 1;
         }
         let mut reasons: Vec<FailureCount> = reasons

@@ -192,12 +192,17 @@ fn reasons_say_what_happened() {
         let mut row = row("a", 0, None);
         row.termination = termination.into();
         edit(&mut row);
-        failure(&row).unwrap()
+        row.failure().unwrap()
     };
     assert_eq!(failed("timed-out", |_| {}), "timed-out");
+    assert_eq!(failed("timed-out", |row| row.violations = 2), "timed-out");
     assert_eq!(
-        failed("timed-out", |row| row.violations = 2),
+        failed("completed", |row| row.violations = 2),
         "invalid plan"
+    );
+    assert_eq!(
+        failed("completed", |row| row.fleet = Some("of discs".into())),
+        "contacts"
     );
     assert_eq!(
         failed("completed", |row| row.claim = Some("infeasible".into())),
@@ -209,7 +214,7 @@ fn reasons_say_what_happened() {
         "over limit: memory"
     );
     assert_eq!(failed("crashed", |row| row.violations = 1), "crashed");
-    assert_eq!(failure(&row("a", 0, Some(1.0))), None);
+    assert_eq!(row("a", 0, Some(1.0)).failure(), None);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use fleetyard_core::InputError;
 
 use super::ExportError;
 use super::columns::{INCUMBENTS, Plan, field, plans};
-use crate::evaluate::failure;
+use crate::failure::INVALID_PLAN;
 use crate::{COLUMNS, Column, ColumnType, Row, Value};
 
 /// The columns of the maze paper's file, in its order, with ours that they are; the
@@ -71,10 +71,13 @@ pub(super) fn maze_csv(rows: &[&Row]) -> Result<Vec<u8>, ExportError> {
 
 /// What the paper calls the error: nothing if the trial succeeded.
 fn why(row: &Row) -> String {
-    let Some(reason) = failure(row) else {
+    let Some(reason) = row.failure() else {
         return String::new();
     };
-    let details = [&row.first_violation, &row.message, &row.fault];
+    // What is wrong with a plan is no detail of another reason.
+    let violation = row.first_violation.as_ref();
+    let violation = violation.filter(|_| reason == INVALID_PLAN);
+    let details = [violation, row.message.as_ref(), row.fault.as_ref()];
     let detail = details.into_iter().flatten().find(|text| !text.is_empty());
     detail.map_or_else(|| reason.clone(), |detail| format!("{reason}: {detail}"))
 }

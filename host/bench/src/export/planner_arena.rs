@@ -13,7 +13,7 @@ use rusqlite::{Connection, params};
 
 use super::ExportError;
 use crate::Row;
-use crate::evaluate::{METRICS, Metric, SOLVE_TIME, failure};
+use crate::evaluate::{METRICS, Metric, SOLVE_TIME};
 
 /// What OMPL calls otherwise, or in other units.
 const RENAMED: [(&str, &str, f64); 3] = [
@@ -230,7 +230,7 @@ fn date(unix_ms: u64) -> String {
 
 /// How a run ended, in words.
 fn status(row: &Row) -> String {
-    failure(row).unwrap_or_else(|| "solved".into())
+    row.failure().unwrap_or_else(|| "solved".into())
 }
 
 fn statuses(connection: &Connection, rows: &[&Row]) -> Result<BTreeMap<String, i64>, ExportError> {

@@ -15,7 +15,7 @@ use super::figures::{Quantity, moments};
 use super::palette::COLORS;
 use super::story::methods;
 use super::table;
-use crate::evaluate::{METRICS, Order, best_of, failure};
+use crate::evaluate::{METRICS, Order, best_of};
 use crate::statistics::Interval;
 use crate::{COLUMNS, ColumnType, Row};
 
@@ -102,7 +102,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
     let booleans = COLUMNS.iter().filter(|c| c.kind == ColumnType::Boolean);
     let mut rows: Vec<&Row> = report.trials.rows().collect();
     rows.sort_by_key(|row| (row.trial, row.repeat, &row.planner, &row.key));
-    let outcomes = rows.iter().map(|row| failure(row));
+    let outcomes = rows.iter().map(|row| row.failure());
     let planners = report.planners();
     let slot = |at: usize| {
         let ranked = report.evaluation.ranking.planners.get(at)?;

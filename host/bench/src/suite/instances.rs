@@ -384,7 +384,7 @@ impl Recipe {
 
     /// What makes a base what it is: equal ones have equal starts, goals and maps.
     fn identity(&self, base: u64) -> Digest {
-        let mut hasher = Hasher::new("fleetyard.base/1");
+        let mut hasher = Hasher::new("fleetyard.base/2");
         match self {
             Self::Maps(maps) => {
                 let path = &maps[base as usize].0;
@@ -396,12 +396,11 @@ impl Recipe {
             }
             Self::Made { made, .. } => match made {
                 Made::Mazes(mazes) => {
-                    hasher.bytes(format!("{:?}", mazes.spec(base).0).as_bytes());
+                    hasher.value(&mazes.spec(base).0);
                 }
                 Made::Generated { generated, most } => {
                     let (map_seed, seed) = generated.seeds(base);
-                    let text = format!("{:?} {map_seed:?} {seed} {most}", generated.map);
-                    hasher.bytes(text.as_bytes());
+                    hasher.value(&(&generated.map, map_seed, seed, most));
                 }
             },
         }

@@ -8,7 +8,6 @@ use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::statistics::{mean, median, sorted};
 use fleetyard_bench::{Candidate, GivenOptions, Host, Record, Robots, Trial, number};
 use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
-use fleetyard_runtime::Termination;
 use fleetyard_sim::{NoTrace, SimConfig};
 use serde::Serialize;
 
@@ -317,16 +316,9 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
         solved.iter().filter_map(|record| value(record)).collect()
     };
     let median_of = |value: &dyn Fn(&Record) -> Option<f64>| median(&sorted(values(value)));
-    let failed = records.iter().filter(|record| !record.succeeded());
-    let mut failures: Vec<String> = failed
-        .map(|record| match (record.plan_digest, record.claim) {
-            (Some(_), _) if !record.verdict.valid => "invalid-plan".into(),
-            // It returned in time, without a plan.
-            (None, Some(claim)) if record.termination == Termination::Completed => {
-                claim.to_string()
-            }
-            _ => record.termination.to_string(),
-        })
+    let mut failures: Vec<String> = records
+        .iter()
+        .filter_map(|record| record.failure())
         .chain(std::iter::repeat_n("not-started".to_owned(), missed))
         .collect();
     failures.sort();

@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
 use super::{TraceFile, draw_document};
-use crate::args::{Cli, Fleet, FleetAsked, Format, LibraryAttachArg};
+use crate::args::{Cli, Contestant, Fleet, FleetAsked, Format, LibraryAttachArg};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::setup::{candidate_of, policy, trust};
 use crate::{BUILT_IN, output};
@@ -83,7 +83,7 @@ pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
                     .hint("it was not recorded by `fleetyard fleet --record`")
             })?
         }
-        None => asked_setup(&arguments.asked),
+        None => asked_setup(&arguments.asked)?,
     };
     if let Some(map) = &arguments.map {
         setup.map.clone_from(map);
@@ -176,39 +176,42 @@ fn about(recording: &Recording) {
     }
 }
 
-fn asked_setup(asked: &FleetAsked) -> Setup {
-    let plugin = |kind, name: &str, options: &[String]| Plugin {
-        kind,
-        name: name.to_owned(),
-        options: options.to_vec(),
+fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
+    let plugin = |kind, words: &[String], options: &[String]| {
+        let Contestant { plugin, options } = Contestant::new(words, options)?;
+        Ok(Plugin {
+            kind,
+            name: plugin,
+            options,
+        })
     };
     let mut invocation_options = asked.invocation_options.clone();
     invocation_options.extend(asked.period.map(|period| format!("period_s={period}")));
-    Setup {
+    let plugins = [
+        (Kind::Planner, &asked.planner, &asked.options),
+        (
+            Kind::InstanceGenerator,
+            &asked.generator,
+            &asked.generator_options,
+        ),
+        (
+            Kind::InvocationPolicy,
+            &asked.invocation,
+            &invocation_options,
+        ),
+        (Kind::FailPolicy, &asked.fail_policy, &asked.fail_options),
+    ];
+    let plugins = plugins
+        .into_iter()
+        .map(|(kind, words, options)| plugin(kind, words, options));
+    Ok(Setup {
         map: PathBuf::new(),
         model: asked.model.clone(),
         fleet: asked.fleet.as_deref().map(absolute),
         tasks: asked.tasks.as_deref().map(absolute),
         in_process: asked.attach == LibraryAttachArg::InProcess,
-        plugins: vec![
-            plugin(
-                Kind::Planner,
-                asked.planner.as_deref().unwrap_or_default(),
-                &asked.options,
-            ),
-            plugin(
-                Kind::InstanceGenerator,
-                &asked.generator,
-                &asked.generator_options,
-            ),
-            plugin(
-                Kind::InvocationPolicy,
-                &asked.invocation,
-                &invocation_options,
-            ),
-            plugin(Kind::FailPolicy, &asked.fail_policy, &asked.fail_options),
-        ],
-    }
+        plugins: plugins.collect::<Result<_>>()?,
+    })
 }
 
 fn robots(setup: &Setup) -> Result<Robots> {

@@ -12,12 +12,13 @@ use fleetyard_sim::NoTrace;
 use fleetyard_view::{Picture, World};
 
 use super::{TraceFile, draw, file_name, load_instance};
-use crate::args::{Format, Run};
+use crate::args::{Contestant, Format, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::setup::{candidate, host, sim_config};
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
+    let planner = Contestant::new(&arguments.planner, &arguments.options)?;
     let instance = load_instance(&arguments.instance)?;
     for path in [&arguments.plan_out, &arguments.picture]
         .into_iter()
@@ -37,7 +38,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         arguments.instance.map.map.clone(),
     ]);
     let host = host(&arguments.budget, attach, hidden)?;
-    let candidate = candidate(&host.runtime, &arguments.planner)?;
+    let candidate = candidate(&host.runtime, &planner.plugin)?;
     let mut trace = arguments
         .trace_out
         .as_deref()
@@ -48,7 +49,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         host: &host,
         candidate: &candidate,
         attach,
-        options: &GivenOptions::Texts(arguments.options.clone()),
+        options: &GivenOptions::Texts(planner.options),
         instance: &instance,
         scenario: &file_name(&arguments.instance.scen),
         path_rule: arguments.path_rule.into(),

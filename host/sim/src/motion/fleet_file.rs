@@ -23,10 +23,10 @@ use std::path::Path;
 
 use fleetyard_core::json::{self, json_error, read_object, with_hint};
 use fleetyard_core::{InputError, read_file, shown};
-use serde::Deserialize;
 use serde::de::{
     DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
 };
+use serde::{Deserialize, Serialize};
 
 use super::fleet::{Fleet, FleetError, Profile};
 
@@ -39,7 +39,7 @@ pub const FLEET_FILE_LIMIT: u64 = 1 << 28;
 const HINT: &str = "a fleet file is a JSON object with format, profiles and agents";
 
 /// What a fleet file says.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FleetFile {
     /// The kinds of robots with their names, in the order of the file.
     pub profiles: Vec<(String, Profile)>,
@@ -48,7 +48,8 @@ pub struct FleetFile {
 }
 
 /// Which agent has which profile, as indices.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Assignment {
     /// One entry per agent.
     Each(Vec<u32>),
