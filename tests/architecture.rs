@@ -361,3 +361,89 @@ fn simulation_and_judgement_use_no_float_function_of_the_platform() {
         assert_eq!(lines_with(&files, &texts), [""; 0]);
     }
 }
+
+#[test]
+fn links_and_anchors_of_the_documentation_lead_somewhere() {
+    let root = root();
+    let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"]
+        .map(|name| root.join(name))
+        .to_vec();
+    for folder in [
+        "docs",
+        "docs/results",
+        "docs/tutorials",
+        "abi",
+        "plugins",
+        "maps",
+    ] {
+        let entries = fs::read_dir(root.join(folder)).unwrap();
+        let paths = entries.map(|entry| entry.unwrap().path());
+        pages.extend(paths.filter(|path| path.extension().is_some_and(|end| end == "md")));
+    }
+    let mut dead = Vec::new();
+    for page in &pages {
+        for target in links(&fs::read_to_string(page).unwrap()) {
+            let (path, anchor) = target.split_once('#').unwrap_or((&target, ""));
+            let there = match path {
+                "" => page.clone(),
+                path => page.parent().unwrap().join(path),
+            };
+            let is_page = there.extension().is_some_and(|end| end == "md");
+            let leads = there.exists()
+                && (anchor.is_empty()
+                    || !is_page
+                    || anchors(&fs::read_to_string(&there).unwrap()).contains(anchor));
+            if !leads {
+                dead.push(format!("{}: {target}", page.display()));
+            }
+        }
+    }
+    assert_eq!(dead, [""; 0]);
+}
+
+/// Lines of a page that are no code.
+fn prose(page: &str) -> impl Iterator<Item = &str> {
+    let mut code = false;
+    page.lines().filter(move |line| {
+        let fence = line.trim_start().starts_with("```");
+        code ^= fence;
+        !code && !fence
+    })
+}
+
+/// Where a page links to within the repository.
+fn links(page: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for line in prose(page) {
+        // Of what stands between backticks nothing is a link.
+        let text: String = line.split('`').step_by(2).collect::<Vec<_>>().join("`");
+        let targets = text
+            .split("](")
+            .skip(1)
+            .filter_map(|rest| rest.split_once(')'));
+        let inside = targets
+            .map(|(target, _)| target)
+            .filter(|target| !target.contains("://"));
+        found.extend(inside.map(str::to_owned));
+    }
+    found
+}
+
+/// The anchors of a page's headings, as GitHub makes them.
+fn anchors(page: &str) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    for heading in prose(page).filter(|line| line.starts_with('#')) {
+        let text = heading.trim_start_matches('#').trim().to_lowercase();
+        let kept = text
+            .chars()
+            .filter(|c| c.is_alphanumeric() || matches!(c, '-' | '_' | ' '));
+        let name: String = kept.map(|c| if c == ' ' { '-' } else { c }).collect();
+        let mut number = 0;
+        let mut unique = name.clone();
+        while !found.insert(unique.clone()) {
+            number += 1;
+            unique = format!("{name}-{number}");
+        }
+    }
+    found
+}

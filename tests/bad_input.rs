@@ -611,7 +611,23 @@ fn bad_command_lines() {
             &["telepathy", "worker"],
         ),
         (&format!("{run} --format xml"), &["xml", "json"]),
+        (
+            &format!("{run} --picture plan.jpg"),
+            &["plan.jpg", ".svg or .png"],
+        ),
+        (
+            "fleet --map good.map --agents 2 --planner pibt --delay bernoulli:0.1",
+            &["bernoulli:0.1", "for example bernoulli:0.1,2s"],
+        ),
+        (
+            &format!("{run} anytime"),
+            &["`anytime` after the plugin `lacam` is no option NAME=VALUE"],
+        ),
         // Options of a planner.
+        (
+            &format!("{run} anytme=true"),
+            &["anytme", "did you mean `anytime`?"],
+        ),
         (
             &format!("{run} --option anytme=true"),
             &["anytme", "did you mean `anytime`?"],
@@ -746,7 +762,7 @@ fn files_that_are_no_plugins() {
         ("./nothing.so", &["nothing.so: No such file", "hint: "]),
         (
             "{here}",
-            &["is not a file", "name the plugin's file itself"],
+            &["has several plugins", "short.so", "name the file of one"],
         ),
         (
             "./notes.txt",
@@ -1351,7 +1367,7 @@ fn a_fault_does_not_spoil_a_comparison() {
     let record = yard.run(&line).expect(SUCCESS).json();
     assert_eq!(record["rows"].as_array().unwrap().len(), 2);
 
-    // Everybody stays: a plan, but no valid one.
+    // Everybody stays, which the planner does not call a plan.
     line.extend(words("--planner empty"));
     let ended = yard.run(&line).expect(NO_PLAN);
     let record = ended.json();
@@ -1362,7 +1378,7 @@ fn a_fault_does_not_spoil_a_comparison() {
         .map(|row| &row["failures"])
         .collect();
     assert_eq!(failures[0].as_array().unwrap().len(), 0, "{ended}");
-    assert_eq!(failures[2][0], "invalid plan", "{ended}");
+    assert_eq!(failures[2][0], "no plan: gave-up", "{ended}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, have, root};
+use common::{INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, USAGE, Yard, have, root};
 use serde_json::Value;
 
 #[test]
@@ -237,8 +237,16 @@ fn claims_are_held_against_what_was_found() {
     assert_eq!(cheap[1]["agrees"], false, "{cheap}");
 
     // Who was late and leaves its best effort claims no plan that could be invalid.
-    let late = line(&["late"]).replace("compare", "run");
-    let ended = yard.line(&late).expect(NO_PLAN);
+    let run = |claim: &str| {
+        let line = line(&[claim]).replace("compare", "run");
+        yard.line(
+            &line
+                .replace("--no-execute", "")
+                .replace("{maps}", "{maps}/empty-8-8.map"),
+        )
+    };
+    run("arrived").expect(INVALID_PLAN);
+    let ended = run("late").expect(NO_PLAN);
     assert!(
         ended.stderr.contains("no plan within the budget"),
         "{ended}"

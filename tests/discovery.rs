@@ -148,6 +148,42 @@ fn every_plugin_says_where_it_is_from_and_what_it_was_built_for() {
 }
 
 #[test]
+fn a_folder_stands_for_the_plugin_in_it() {
+    let yard = Yard::new();
+    let run = |planner: &str| {
+        let mut line = words("run --budget 60s --planner");
+        line.push(planner.to_owned());
+        line.extend(instance("empty-8-8", 1));
+        yard.run(&line)
+    };
+    fs::create_dir(yard.path("mine")).unwrap();
+    says(
+        &run("./mine").expect(PLUGIN),
+        &["mine has no plugin", "build it first"],
+    );
+    fs::copy(faulty_library(), yard.path("mine/faulty.so")).unwrap();
+    // What is no program is there for people.
+    yard.write("mine/notes.txt", "how to build it\n");
+    yard.write("mine/tests.py", "# not started\n");
+    let listed = yard.line("plugins info ./mine").expect(SUCCESS);
+    assert!(listed.stdout.contains("faulty"), "{listed}");
+    let here = yard
+        .shell("cd mine && fleetyard plugins info .")
+        .expect(SUCCESS);
+    assert!(here.stdout.contains("faulty"), "{here}");
+    fs::copy(faulty_library(), yard.path("mine/other.so")).unwrap();
+    says(
+        &run("./mine").expect(PLUGIN),
+        &[
+            "mine has several plugins",
+            "faulty.so",
+            "other.so",
+            "name the file of one",
+        ],
+    );
+}
+
+#[test]
 fn the_first_of_several_with_a_name_is_used() {
     let yard = yard_with(&["second", "missing", "first", "second"]);
     for name in ["first", "second"] {

@@ -215,8 +215,10 @@ pub struct CreateParams {
     pub options: serde_json::Value,
 }
 
-/// Parameters of `prepare`. As for all that have something large, a host may have written that
-/// before the clock of the call began.
+// Something large may be text already that a host has written before the clock of the call
+// began: that is what the types of these parameters are open for.
+
+/// Parameters of `prepare`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "PrepareParams")]
 pub struct PrepareParams<E = Environment> {

@@ -38,6 +38,8 @@ pub struct Record {
     pub stopped: bool,
     /// The limit that it exceeded, whether it was stopped for it or not.
     pub limit: Option<Limit>,
+    /// The budget of wall time was spent, or nearly: another run may end with another plan.
+    pub ended_by_clock: bool,
     /// From the decision to stop it until nobody was left.
     pub kill_latency_ms: Option<f64>,
     /// What the planner claims.
@@ -428,6 +430,11 @@ impl Record {
                 (false, _) => "it stopped by itself".to_owned(),
             };
             line("exceeded", format!("{limit} limit ({how})"));
+        }
+        if self.ended_by_clock {
+            let why =
+                "it decided: another run may end with another plan; a budget of --nodes does not";
+            line("clock", why.into());
         }
         let count = self.verdict.violation_count;
         let is_wrong = self.failure().as_deref() == Some(INVALID_PLAN);

@@ -11,7 +11,7 @@ use fleetyard_runtime::measure::{
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Fault, Limits, LogLine, PlanRun, Runtime, Termination,
+    Attach, CallReport, CallUsage, Fault, Limit, Limits, LogLine, PlanRun, Runtime, Termination,
 };
 use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
 use serde_json::Value;
@@ -30,6 +30,9 @@ use crate::trial_error::TrialError;
 
 /// How many violations a record lists; all are counted.
 const VIOLATIONS: usize = 20;
+
+/// Planners that watch the clock end a little before their budget does.
+const NEARLY: f64 = 0.9;
 
 /// Where trials run: the runtime with its limits, and the cores that are theirs.
 #[derive(Debug)]
@@ -305,6 +308,8 @@ impl Trial<'_> {
             fault,
             stopped: run.stopped || over.is_some(),
             limit: run.limit.or(over),
+            ended_by_clock: run.limit == Some(Limit::Wall)
+                || run.planning.as_secs_f64() >= NEARLY * self.host.budget.wall.as_secs_f64(),
             kill_latency_ms: closing
                 .as_ref()
                 .and_then(|closing| closing.kill_latency.map(milliseconds)),

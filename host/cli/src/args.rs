@@ -1,6 +1,8 @@
 //! The command line, defined once: help, completions and checks follow from it.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::time::Duration;
 
 use bytesize::ByteSize;
@@ -17,7 +19,7 @@ use fleetyard_core::formats::Format as FileFormat;
 use fleetyard_fleet::{Assign, Clock, CutBy};
 use fleetyard_runtime::{Attach, Level};
 use fleetyard_sim::noise::{Delay, Disturbance, Messages, VelocityNoise};
-use fleetyard_sim::{Policy, Tier};
+use fleetyard_sim::{Policy, SimError, Tier};
 
 use crate::commands::bench::Bench;
 use crate::commands::jobs::Jobs;
@@ -190,6 +192,17 @@ fn file_format(text: &str) -> Result<FileFormat, String> {
         let known: Vec<&str> = FileFormat::ALL.iter().map(|format| format.name()).collect();
         format!("formats are {}", known.join(", "))
     })
+}
+
+/// A file for a picture; its name says the format.
+fn picture(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let known = |end: &OsStr| end.eq_ignore_ascii_case("svg") || end.eq_ignore_ascii_case("png");
+    if path.extension().is_none_or(known) {
+        Ok(path)
+    } else {
+        Err("pictures are drawn as .svg or .png".into())
+    }
 }
 
 pub(crate) fn duration(text: &str) -> Result<Duration, String> {
@@ -446,7 +459,7 @@ pub(crate) struct Run {
     #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     pub(crate) trace_out: Option<PathBuf>,
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
-    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture)]
     pub(crate) picture: Option<PathBuf>,
     /// Show what the planner wrote to its log and to standard error
     #[arg(long, short)]
@@ -575,7 +588,7 @@ pub(crate) struct Fleet {
     #[arg(long, help_heading = RECORDS, value_name = "N", default_value_t = 1, requires = "trace")]
     pub(crate) trace_every: u32,
     /// Draw throughput over time, and where robots waited, to a file, SVG or PNG by its name
-    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture)]
     pub(crate) picture: Option<PathBuf>,
     /// Show what plugins wrote to their logs and to standard error
     #[arg(long, short)]
@@ -915,6 +928,9 @@ pub(crate) struct Validate {
     pub(crate) step: f64,
     /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
+    /// List every violation, not only the first
+    #[arg(long)]
+    pub(crate) all: bool,
     /// The format of the plan [default: what the file looks like]
     #[arg(long, value_name = "FORMAT", value_parser = file_format)]
     pub(crate) from: Option<FileFormat>,
@@ -982,6 +998,9 @@ pub(crate) struct Simulate {
     pub(crate) workspace: Option<PathBuf>,
     /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
+    /// List every violation, not only the first
+    #[arg(long)]
+    pub(crate) all: bool,
     /// The format of the plan [default: what the file looks like]
     #[arg(long, value_name = "FORMAT", value_parser = file_format)]
     pub(crate) from: Option<FileFormat>,
@@ -1008,7 +1027,7 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "FILE")]
     pub(crate) events: Option<PathBuf>,
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = picture)]
     pub(crate) picture: Option<PathBuf>,
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
@@ -1059,14 +1078,25 @@ impl From<PolicyArg> for Policy {
 pub(crate) struct DisturbanceArgs {
     /// How robots are late: none, bernoulli:P,SECONDS, uniform:MIN,MAX,
     /// gaussian:MEAN,STD or bursts:RATE,SECONDS
-    #[arg(long, help_heading = EXECUTION, value_name = "DELAY", default_value = "none")]
+    #[arg(long, help_heading = EXECUTION, value_name = "DELAY", default_value = "none",
+          value_parser = disturbance::<Delay>)]
     pub(crate) delay: Delay,
     /// How uneven speeds are: STD,FLOOR as parts of the speed [default: even]
-    #[arg(long, help_heading = EXECUTION, value_name = "STD,FLOOR")]
+    #[arg(long, help_heading = EXECUTION, value_name = "STD,FLOOR",
+          value_parser = disturbance::<VelocityNoise>)]
     pub(crate) velocity_noise: Option<VelocityNoise>,
     /// How long messages take and how many are lost: MIN,MAX,LOSS [default: none and none]
-    #[arg(long, help_heading = EXECUTION, value_name = "MIN,MAX,LOSS")]
+    #[arg(long, help_heading = EXECUTION, value_name = "MIN,MAX,LOSS",
+          value_parser = disturbance::<Messages>)]
     pub(crate) messages: Option<Messages>,
+}
+
+/// What goes wrong, from its text; an error says how to write it.
+fn disturbance<T: FromStr<Err = SimError>>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|error: SimError| match error.hint() {
+        Some(hint) => format!("{error}; {hint}"),
+        None => error.to_string(),
+    })
 }
 
 impl DisturbanceArgs {

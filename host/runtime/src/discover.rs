@@ -227,7 +227,7 @@ impl Discovery {
 }
 
 /// The plugin at a path; nothing if the name is an identifier.
-fn by_path(name: &str) -> Option<Result<Found, Fault>> {
+pub fn by_path(name: &str) -> Option<Result<Found, Fault>> {
     // `path:id` picks one of several plugins of a file.
     let (path, id) = match name.rsplit_once(':') {
         Some((path, id)) if !id.contains('/') => (path, Some(id.to_owned())),

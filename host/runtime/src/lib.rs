@@ -46,7 +46,7 @@ pub mod supervisor;
 mod tree;
 
 pub use convert::{environment, environment_of, instance, plan_from_abi};
-pub use discover::{Discovered, Discovery, Found, Origin, by_name, first_with};
+pub use discover::{Discovered, Discovery, Found, Origin, by_name, by_path, first_with};
 pub use fault::Fault;
 pub use interrupt::on_interrupt;
 pub use library::Library;

@@ -227,6 +227,11 @@ impl PluginFile {
             found = candidates_in(&folder.join("target/release"));
             found.retain(|file| matches!(file, Self::Library(_)));
         }
+        // A script that cannot be started by itself may be a plugin, or a module of one.
+        let is_module = |file: &Self| matches!(file, Self::Program(_, argv) if argv.len() > 1);
+        if found.len() > 1 {
+            found.retain(|file| !is_module(file));
+        }
         let shown = folder.display();
         let (reason, hint) = match &found[..] {
             [only] => return Ok(only.clone()),

@@ -210,77 +210,77 @@ fn pushing(mut world: World) -> World {
 type Case = (&'static str, fn() -> World, &'static str);
 
 const WORLDS: &[Case] = &[
-    ("valid plan", valid, "99e96f3a5e733db6bee01da7d0a1a0be"),
+    ("valid plan", valid, "0e11fc11c59a491bb2704891405affe6"),
     (
         "collisions, odd parameters",
         collisions,
-        "de81c2827fdcd6a636cc95e7ada66d55",
+        "e3a37496d9768b74e37dec7de91e9525",
     ),
     (
         "teleports through walls",
         teleports,
-        "b4f8e6d55896fd4338ba6f79c8762b94",
+        "7bfdaed548ea4168fcf13d13df407c9e",
     ),
-    ("crowd", crowd, "52a524aaa2530b6b594caf3bbba9ad74"),
+    ("crowd", crowd, "a3f4827c967c093b94d1d881b8c19218"),
     (
         "differential drives by time",
         || driven("agv", Policy::Time),
-        "12719ef114b562227d181e0f38620075",
+        "90fbf4e0d332ee5f751f05aafee4c55f",
     ),
     (
         "differential drives by order",
         || driven("agv", Policy::Adg),
-        "6b52f92a8ac4ef8f3baa35de6639b9bf",
+        "a0cff36455b73be379e17fa10f8494e9",
     ),
     (
         "disturbed, bernoulli",
         || disturbed("agv", "bernoulli:0.2,3s"),
-        "d472ee54ec0174fcb7e177810bf5b9e4",
+        "a8b064489a1219099ec0b4be69e98724",
     ),
     (
         "disturbed, gaussian",
         || disturbed("holonomic", "gaussian:0.5s,0.5s"),
-        "c9af4ec0c86accb6fd4b4503cf60d027",
+        "901966c54c3f06ea7cd573aef2a63de7",
     ),
     (
         "disturbed, bursts",
         || disturbed("unicycle-1", "bursts:0.05,4s"),
-        "121589adedd4b8d9b7dff14de89cf838",
+        "a834fb914198547da425ac39ae4ed9b6",
     ),
     (
         "disturbed pebbles",
         || disturbed("pebble", "uniform:0s,2s"),
-        "8edcecb73cccd39688c8a3f17eac5b9a",
+        "b99e887a4aeb457ef8e9579ba23a43f5",
     ),
     (
         "mixed fleet by time",
         mixed_fleet,
-        "7566cce24d148d3ccec3af387d12cb3b",
+        "fb96294ec79048940601bcd5e42340da",
     ),
     (
         "trajectories among polygons",
         in_the_plane,
-        "1d7703e746fd1682d4b9f3f09a586d4c",
+        "f96b8fdea3edbb3ea3d46801d23bcf99",
     ),
     (
         "contact tier, valid plan",
         || pushing(valid()),
-        "1bd764278b4389e72e1d212f5c20542f",
+        "a98d0d306427487c5185c6a288b14782",
     ),
     (
         "contact tier, collisions",
         || pushing(collisions()),
-        "364fe3aa7ce149bfa566db5b9788fcfc",
+        "2a1f1978b4b323db3205cbd3622958c7",
     ),
     (
         "contact tier, mixed fleet",
         || pushing(mixed_fleet()),
-        "44c7df71ecac111a52d965bef9f1e37a",
+        "37603af1c5b87bcb8f9d47ad85cb452b",
     ),
     (
         "contact tier, by order",
         || pushing(driven("agv", Policy::Adg)),
-        "55ac33eb0da1fefeb7e34cb6861f6f57",
+        "9ce941ce564ef3fcd3630e9a24c899bd",
     ),
 ];
 

@@ -75,7 +75,9 @@ pub fn run(data: &[u8]) {
     assert_eq!(normal["name"], suite.name);
     // Line ends and comments say nothing.
     if settings.is_empty() && !text.contains('\r') {
-        let other = format!("# A suite.\n{}\n", text.replace('\n', "\r\n"));
+        // The mark of UTF-8 may only come first.
+        let body = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let other = format!("# A suite.\n{}\n", body.replace('\n', "\r\n"));
         let again = read(&other, &[]);
         let same = |again: Suite| {
             again.digest() == suite.digest() || text.contains("\"\"\"") || text.contains("'''")

@@ -106,25 +106,34 @@ pub fn read_csv(source: &str, bytes: &[u8]) -> Result<Vec<Row>, InputError> {
     };
     let mut reader = csv::Reader::from_reader(bytes);
     let header = reader.headers().map_err(|error| malformed(&error))?.clone();
+    // Blank lines may come first.
+    let first = header.position().map_or(1, |at| line_at(bytes, at));
     for (at, name) in header.iter().enumerate() {
         let known = || COLUMNS.iter().map(|column| column.name).chain([INCUMBENTS]);
         let before = header.iter().take(at);
         let column = 1 + before
             .map(|name| name.chars().count() as u64 + 1)
             .sum::<u64>();
+        // Columns of the file's line, unless a name goes over several.
+        let blame = |reason: String| {
+            let error = InputError::new(source, reason);
+            if header.iter().take(at + 1).any(|name| name.contains('\n')) {
+                error.at_line(first)
+            } else {
+                error.at(first, column)
+            }
+        };
         if !known().any(|known| known == name) {
             let nearest = known().min_by_key(|known| strsim::damerau_levenshtein(name, known));
             let reason = format!("there is no column `{}`", fleetyard_core::shown(name));
-            let error = InputError::new(source, reason).at(1, column);
+            let error = blame(reason);
             return Err(match nearest {
                 Some(nearest) => error.hint(format!("did you mean `{nearest}`?")),
                 None => error,
             });
         }
         if header.iter().take(at).any(|other| other == name) {
-            return Err(
-                InputError::new(source, format!("there are two columns `{name}`")).at(1, column),
-            );
+            return Err(blame(format!("there are two columns `{name}`")));
         }
     }
     let place = |name: &str| header.iter().position(|column| column == name);
@@ -132,7 +141,7 @@ pub fn read_csv(source: &str, bytes: &[u8]) -> Result<Vec<Row>, InputError> {
     for (column, place) in COLUMNS.iter().zip(&places) {
         if place.is_none() && !column.optional {
             let reason = format!("the column `{}` is missing", column.name);
-            return Err(InputError::new(source, reason).at_line(1));
+            return Err(InputError::new(source, reason).at_line(first));
         }
     }
     let of_plans = place(INCUMBENTS);

@@ -1,19 +1,18 @@
 //! `fleetyard plugins list` and `info`: what is there, and what it can do.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use fleetyard_abi::{Capability, Descriptor};
 use fleetyard_core::Digest;
 use fleetyard_runtime::{
-    Attach, CodeFile, Contract, Discovered, Discovery, Introduction, PluginFile, Runtime, Standing,
-    by_name, first_with,
+    Attach, CodeFile, Contract, Discovered, Discovery, Found, Introduction, PluginFile, Runtime,
+    Standing, by_name, by_path, first_with,
 };
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::args::{Format, TrustArgs};
-use crate::exit::{Exit, Result};
+use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::{runtime, trust, unreadable};
 
@@ -178,11 +177,18 @@ pub(crate) fn info(name: &str, arguments: &TrustArgs, format: Format) -> Result<
 
 /// The plugins that a name stands for: all of a file, or all with an identifier.
 fn describe(runtime: &Runtime, name: &str) -> Result<Vec<Described>> {
-    let path = Path::new(name);
-    if name.contains('/') || path.is_file() {
-        let file = PluginFile::at(path)?;
+    if let Some(found) = by_path(name) {
+        let Found { file, id, .. } = found?;
         let introduction = runtime.describe(&file)?;
-        return described(runtime, &file, introduction, |_| true);
+        let is_meant = |other: &str| id.as_deref().is_none_or(|id| id == other);
+        let named = described(runtime, &file, introduction, is_meant)?;
+        return match id {
+            Some(id) if named.is_empty() => Err(Failure::new(
+                Exit::Usage,
+                format!("there is no plugin `{id}` in `{name}`"),
+            )),
+            _ => Ok(named),
+        };
     }
     let all = Discovery::from_environment().scan(runtime);
     let mut named = Vec::new();

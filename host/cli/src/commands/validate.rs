@@ -17,8 +17,14 @@ use crate::args::{Format, Validate};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 
-/// How many violations are listed.
-pub(super) const LISTED: usize = 100;
+/// How many violations are listed: as many as people read, or programs may be after.
+pub(super) fn listed(arguments: &Validate) -> usize {
+    match (arguments.all, arguments.format) {
+        (true, _) => 1_000_000,
+        (false, Format::Text) => 20,
+        (false, Format::Json) => 100,
+    }
+}
 
 #[derive(Serialize)]
 struct Report {
@@ -85,7 +91,7 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     file.check_for(&instance)?;
     let figures = metrics(&instance, &file.plan, arguments.cell_size);
     let report = Report {
-        verdict: validate_paths(&instance, &file.plan, rule, LISTED),
+        verdict: validate_paths(&instance, &file.plan, rule, listed(arguments)),
         metrics: Figures {
             soc_steps: figures.sum_of_costs,
             makespan_steps: figures.makespan,
@@ -128,7 +134,7 @@ fn text(report: &Report, rule: PathRule) -> String {
             .violation_count
             .saturating_sub(verdict.violations.len() as u64);
         if unlisted > 0 {
-            let _ = writeln!(out, "  … and {unlisted} more");
+            let _ = writeln!(out, "  … and {unlisted} more; --all lists them");
         }
     }
     let Figures {

@@ -16,7 +16,7 @@ use fleetyard_world::exact::Obstacles;
 use fleetyard_world::{Bounds, Footprint, Pose, Shape, load_workspace};
 use serde::Serialize;
 
-use super::validate::{LISTED, one_agent};
+use super::validate::{listed, one_agent};
 use crate::args::{Format, Validate};
 use crate::exit::{Exit, Result};
 use crate::output;
@@ -95,7 +95,7 @@ pub(super) fn validate(
     };
     let arrivals = || plan.paths().map(|knots| knots.time_s[knots.arrival()]);
     let report = Report {
-        verdict: validate_trajectories(plan, &task, LISTED),
+        verdict: validate_trajectories(plan, &task, listed(arguments)),
         metrics: Figures {
             sum_of_costs_s: arrivals().sum(),
             makespan_s: arrivals().fold(0.0, f64::max),
@@ -105,7 +105,7 @@ pub(super) fn validate(
     };
     match arguments.format {
         Format::Json => output::print_json(&report)?,
-        Format::Text => output::print(&text(&report))?,
+        Format::Text => output::print(&text(&report, listed(arguments)))?,
     }
     Ok(if report.verdict.valid {
         Exit::Success
@@ -184,7 +184,7 @@ impl Robots {
     }
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &Report, listed: usize) -> String {
     let Report {
         verdict, metrics, ..
     } = report;
@@ -194,10 +194,13 @@ fn text(report: &Report) -> String {
         let _ = writeln!(out, "valid");
     } else {
         let count = verdict.violations.len();
-        let or_more = if count >= LISTED { " or more" } else { "" };
+        let or_more = if count >= listed { " or more" } else { "" };
         let _ = writeln!(out, "INVALID: {count}{or_more} violations");
         for violation in &verdict.violations {
             let _ = writeln!(out, "  {}: {}", violation.rule.name(), violation.sentence);
+        }
+        if count >= listed {
+            let _ = writeln!(out, "  … and maybe more; --all lists them");
         }
     }
     let Figures {
