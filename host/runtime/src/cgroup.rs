@@ -11,6 +11,7 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::io::Errno;
 
@@ -323,14 +324,17 @@ fn kill(folders: &[PathBuf]) {
 
 /// Ends everybody in groups and removes them.
 pub(crate) fn remove(folders: &[PathBuf]) {
-    // Groups with dying processes in them are busy for a moment.
-    for _ in 0..50 {
-        let left = |folder: &&PathBuf| fs::remove_dir(folder).is_err() && folder.exists();
-        if folders.iter().filter(left).count() == 0 {
+    // Groups with dying processes in them are busy for a moment, on a busy machine for longer:
+    // two seconds in all.
+    for attempt in 0..100 {
+        let is_busy = |folder: &&PathBuf| {
+            fs::remove_dir(folder).is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
+        };
+        if folders.iter().filter(is_busy).count() == 0 {
             return;
         }
         kill(folders);
-        std::thread::sleep(std::time::Duration::from_millis(1));
+        std::thread::sleep(Duration::from_millis(1 << (attempt / 10).min(5)));
     }
 }
 
