@@ -58,8 +58,8 @@ impl Row {
         let has_plan = self.plan_digest.is_some() || self.violations > 0;
         let trial = Trial {
             termination: &self.termination,
-            limit: given(&self.limit_exceeded),
-            claim: given(&self.claim),
+            limit: given(self.limit_exceeded.as_deref()),
+            claim: given(self.claim.as_deref()),
             valid: has_plan.then_some(false),
         };
         trial.failure()
@@ -67,8 +67,8 @@ impl Row {
 }
 
 /// Rows that come from CSV may have empty texts.
-fn given(text: &Option<String>) -> Option<&str> {
-    text.as_deref().filter(|text| !text.is_empty())
+fn given(text: Option<&str>) -> Option<&str> {
+    text.filter(|text| !text.is_empty())
 }
 
 impl Record {
