@@ -767,10 +767,13 @@ fn no_plan_within_the_budget_is_not_the_plugins_fault() {
     // Everybody but the empty planner's agents would have moved; it says that it gave up.
     let mut line = words("run --planner empty --format json");
     line.extend(instance("empty-8-8", 2));
-    Yard::new().run(&line).expect(NO_PLAN);
+    let ended = Yard::new().run(&line).expect(NO_PLAN);
+    assert_eq!(ended.json()["ended_by_clock"], false, "{ended}");
     let mut line = words("run --budget 300ms --prepare-budget 60s --option fault=never --planner");
     line.push(faulty_library().display().to_string());
     line.extend(instance("empty-8-8", 2));
     let ended = Yard::new().run(&line).expect(NO_PLAN);
     assert!(ended.stdout.contains("timed-out"), "{ended}");
+    let told = "another run may end with another plan";
+    assert!(ended.stdout.contains(told), "{ended}");
 }
