@@ -1,4 +1,4 @@
-//! Why a trial failed, in a few words that many trials share.
+//! The reason of a failed trial, in a few words that many trials share.
 //!
 //! A failure has one reason, the first of these that there is: what ended the run; what the
 //! planner itself says of it; what is wrong with a plan that it claims to be a solution. What a
@@ -12,7 +12,7 @@ use crate::row::Row;
 
 pub(crate) const INVALID_PLAN: &str = "invalid plan";
 
-/// What decides how a trial ended.
+/// The facts that decide how a trial ended.
 struct Trial<'a> {
     termination: &'a str,
     limit: Option<&'a str>,
@@ -44,7 +44,7 @@ impl Trial<'_> {
 }
 
 impl Row {
-    /// Why the trial failed; `None` if it succeeded.
+    /// The reason if the trial failed.
     pub fn failure(&self) -> Option<String> {
         if self.success {
             return None;
@@ -72,7 +72,7 @@ fn given(text: Option<&str>) -> Option<&str> {
 }
 
 impl Record {
-    /// Why the trial failed; `None` if it succeeded.
+    /// The reason if the trial failed.
     pub fn failure(&self) -> Option<String> {
         let limit = self.limit.map(|limit| limit.to_string());
         let claim = self.claim.map(|claim| claim.to_string());
@@ -84,10 +84,8 @@ impl Record {
         };
         trial.failure()
     }
-}
 
-impl Record {
-    /// How the trial ended, as exit codes tell it.
+    /// The end of the trial, as exit codes tell it.
     pub fn ending(&self) -> Ending {
         match self.termination {
             Termination::Crashed
@@ -105,7 +103,7 @@ impl Record {
         }
     }
 
-    /// Whether it ended with a valid plan.
+    /// True if it ended with a valid plan.
     pub fn succeeded(&self) -> bool {
         self.ending() == Ending::Success
     }

@@ -223,7 +223,7 @@ const BUDGET: &str = "Budget";
 const EXECUTION: &str = "Execution";
 const RECORDS: &str = "Results and records";
 const LIMITS: &str = "Sandbox and limits";
-/// What may run at all.
+/// For arguments that decide which code may run.
 const TRUST: &str = "Trust";
 const FLEET: &str = "Planning";
 const GOALS: &str = "Goals";
@@ -928,7 +928,7 @@ pub(crate) struct Validate {
     pub(crate) step: f64,
     /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
-    /// List every violation, not only the first
+    /// List all violations, not only the first of them
     #[arg(long)]
     pub(crate) all: bool,
     /// The format of the plan [default: what the file looks like]
@@ -998,9 +998,6 @@ pub(crate) struct Simulate {
     pub(crate) workspace: Option<PathBuf>,
     /// The plan, in any format that `fleetyard convert --list` lists
     pub(crate) plan: PathBuf,
-    /// List every violation, not only the first
-    #[arg(long)]
-    pub(crate) all: bool,
     /// The format of the plan [default: what the file looks like]
     #[arg(long, value_name = "FORMAT", value_parser = file_format)]
     pub(crate) from: Option<FileFormat>,
@@ -1091,7 +1088,7 @@ pub(crate) struct DisturbanceArgs {
     pub(crate) messages: Option<Messages>,
 }
 
-/// What goes wrong, from its text; an error says how to write it.
+/// A disturbance from its text; an error says how to write it.
 fn disturbance<T: FromStr<Err = SimError>>(text: &str) -> Result<T, String> {
     text.parse().map_err(|error: SimError| match error.hint() {
         Some(hint) => format!("{error}; {hint}"),

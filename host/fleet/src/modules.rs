@@ -37,7 +37,7 @@ pub struct Module {
     capabilities: Capabilities,
     start: Box<Start>,
     session: Option<Session>,
-    /// Whether the plugin of this session knows the map.
+    /// True once the plugin that runs has learnt the map.
     prepared: bool,
     /// The first time that nobody watched it to the end.
     unsupervised: Option<Fault>,

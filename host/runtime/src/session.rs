@@ -1085,12 +1085,9 @@ impl<L: Link> Inner<L> {
     fn write(&self, method: &str, what: &impl Serialize) -> Result<Written, Fault> {
         match self {
             Self::InProcess { .. } => Ok(None),
-            Self::Process(_) => match to_raw_value(what) {
-                Ok(written) => Ok(Some(written)),
-                Err(error) => Err(Fault::Host {
-                    reason: format!("`{method}` cannot be written: {error}"),
-                }),
-            },
+            Self::Process(_) => to_raw_value(what)
+                .map(Some)
+                .map_err(|error| Fault::host(format!("cannot write `{method}`"), error)),
         }
     }
 
