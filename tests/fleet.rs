@@ -6,8 +6,9 @@
 mod common;
 
 use std::fs;
+use std::process::Command;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, is_ignored, root, until, words};
+use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, have, is_ignored, root, until, words};
 use serde_json::Value;
 
 /// Arguments of a run on a small map whose modules are all in the file of faulty ones,
@@ -443,5 +444,147 @@ fn throughput_and_waiting_are_drawn() {
         yard.run(&run(&format!("--duration 6s --picture {name}")))
             .expect(SUCCESS);
         assert!(yard.read(name).starts_with(magic), "{name}");
+    }
+}
+
+/// Experiment 6 came out the other way round while `pp` charged pebbles for turns.
+#[test]
+fn the_setups_of_lsmart_are_those_of_its_paper() {
+    for name in ["models", "windows", "generators", "policies"] {
+        let file = root().join(format!("scripts/suites/lsmart-{name}.toml"));
+        let suite = fs::read_to_string(&file).unwrap();
+        assert!(suite.contains("\ncut = \"actions\"\n"), "{name}");
+        let setups: Vec<&str> = suite.split("[[planner]]").skip(1).collect();
+        assert!(setups.len() >= 4, "{name}");
+        for setup in setups {
+            let charges = ["\"pbs\"", "\"pp\""]
+                .iter()
+                .any(|id| setup.contains(&format!("plugin = {id}")));
+            let free = setup.contains("turn_charge = 0, lane_charge = 0");
+            let keeps_away =
+                setup.contains("windowed-multi-goals") && !setup.contains("spacing = 0");
+            assert!((!charges || free) && !keeps_away, "{name}: {setup}");
+        }
+        let file = file.display().to_string();
+        Yard::new()
+            .run(&["bench", &file, "--dry-run"])
+            .expect(SUCCESS);
+    }
+}
+
+/// The page about LSMART made of these rows, a row of CSV each: setup, map, robots, seed, goals
+/// per second and share of failed calls.
+fn page_of(rows: &[(&str, &str, u32, u32, f64, f64)]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let mut csv =
+        "planner,map,agents,seed,throughput_per_s,goals_committed,simulated_s,planner_calls,\
+                   fail_policy_ratio,contacts,success,rtf,contended,machine,trace_digest\n"
+            .to_owned();
+    for (setup, map, agents, seed, throughput, failed) in rows {
+        csv += &format!(
+            "{setup},{map},{agents},{seed},{throughput},0,300,300,{failed},0,1,9,,machine,digest\n"
+        );
+    }
+    fs::write(folder.path().join("reduced-windows.csv"), csv).unwrap();
+    let folder = folder.path().to_str().unwrap();
+    lsmart_page(folder, folder)
+}
+
+fn lsmart_page(stores: &str, kept: &str) -> String {
+    let output = Command::new("python3")
+        .arg(root().join("scripts/lsmart_page.py"))
+        .args([stores, "reduced", kept])
+        .env_remove("FLEETYARD_DATA")
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Claims about several maps were called confirmed by one of them, and places and seeds were taken
+/// for the same.
+#[test]
+fn verdicts_on_lsmart_follow_from_seeds_and_from_the_maps_that_are_named() {
+    if !have("python3") {
+        return;
+    }
+    let mut rows = Vec::new();
+    for (seed, wobble) in [(1, 0.99), (2, 1.0), (3, 1.01)] {
+        for (agents, short) in [(50, 1.2), (200, 0.8)] {
+            rows.push(("3", "warehouse-33-36", agents, seed, short * wobble, 0.0));
+            rows.push(("7", "warehouse-33-36", agents, seed, 1.0, 0.0));
+        }
+        // The same on average, but far apart by seeds.
+        rows.push(("3", "room-64-64-16", 50, seed, 1.0, 0.0));
+        rows.push((
+            "4",
+            "room-64-64-16",
+            50,
+            seed,
+            1.0 + 20.0 * (wobble - 1.0),
+            0.0,
+        ));
+    }
+    let page = page_of(&rows);
+    let line = |claim: &str| {
+        let found = page.lines().find(|line| line.contains(claim));
+        found
+            .unwrap_or_else(|| panic!("no {claim} on\n{page}"))
+            .to_owned()
+    };
+    let few = line("With few robots");
+    assert!(few.contains("**confirmed** (+20 % ["), "{few}");
+    assert!(few.contains("over 1 place, 3 seeds"), "{few}");
+    assert!(line("With many").contains("**confirmed** (+2"), "{page}");
+    let similar = line("In room-64-64-16 and warehouse-10-20-10-2-1 both policies are similar");
+    assert!(
+        similar.contains("**undecided** (there is nothing from warehouse-10-20-10-2-1"),
+        "{similar}"
+    );
+    assert!(similar.contains("seeds would decide"), "{similar}");
+    assert!(
+        line("In random-64-64-10 with W = 1 s").contains("**not measured**"),
+        "{page}"
+    );
+}
+
+/// Figures on the page are those of the rows beside it.
+#[test]
+fn the_page_about_lsmart_is_what_its_rows_say() {
+    if !have("python3") {
+        return;
+    }
+    let kept = tempfile::tempdir().unwrap();
+    let rows = root().join("docs/results/lsmart");
+    for file in fs::read_dir(&rows).unwrap() {
+        let file = file.unwrap();
+        fs::copy(file.path(), kept.path().join(file.file_name())).unwrap();
+    }
+    let made = lsmart_page("/nowhere", kept.path().to_str().unwrap());
+    let page = fs::read_to_string(root().join("docs/results/lsmart.md")).unwrap();
+    // What follows is read from the figures of others, which are not in the repository.
+    let ours = |line: &&str| !line.starts_with("## Beside LSMART");
+    let lines = page
+        .lines()
+        .take_while(ours)
+        .zip(made.lines().take_while(ours));
+    for (number, (page, made)) in (1..).zip(lines) {
+        assert_eq!(
+            page, made,
+            "line {number}: `scripts/lsmart page` makes it anew"
+        );
+    }
+    for file in fs::read_dir(rows).unwrap() {
+        let file = file.unwrap();
+        let again = fs::read(kept.path().join(file.file_name())).unwrap();
+        assert!(
+            again == fs::read(file.path()).unwrap(),
+            "{}",
+            file.path().display()
+        );
     }
 }

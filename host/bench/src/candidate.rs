@@ -22,7 +22,7 @@ pub struct Candidate {
     kind: Kind,
     file: PluginFile,
     id: Option<String>,
-    digest: Option<Digest>,
+    digest: Digest,
     code: Vec<CodeFile>,
     standing: Standing,
 }
@@ -69,7 +69,7 @@ impl Candidate {
             (Origin::Path, Some(stem)) => stem.to_string_lossy().into_owned(),
             _ => name.to_owned(),
         };
-        let digest = file.digest();
+        let digest = file.digest()?;
         let code = file.code()?;
         let standing = runtime.limits().trust.standing(&file);
         Ok(Self {
@@ -100,7 +100,7 @@ impl Candidate {
     }
 
     /// Digest of its code; of this program, for built-ins.
-    pub fn digest(&self) -> Option<Digest> {
+    pub fn digest(&self) -> Digest {
         self.digest
     }
 
@@ -173,7 +173,7 @@ impl Candidate {
             id: id.clone(),
             version: descriptor.version,
             attach: attach.name().to_owned(),
-            digest: self.digest,
+            digest: Some(self.digest),
             options: options.clone(),
         };
         let (runtime, file) = (runtime.clone(), self.file.clone());

@@ -19,11 +19,10 @@ pub fn changes(
     let planners = store.planners()?;
     let code = store.code()?;
     for entrant in contest.entrants() {
-        let (Some(known), Some(now)) = (planners.get(&entrant.label), entrant.candidate.digest())
-        else {
+        let Some(known) = planners.get(&entrant.label) else {
             continue;
         };
-        let now = now.to_string();
+        let now = entrant.candidate.digest().to_string();
         if known.contains(&now) || known.is_empty() {
             continue;
         }

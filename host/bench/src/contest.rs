@@ -8,7 +8,7 @@ use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_check::metrics;
 use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_fleet::FleetError;
-use fleetyard_runtime::measure::{Cpus, Machine};
+use fleetyard_runtime::measure::{Cpus, Machine, Reason};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, Policy, Runtime, SandboxReport, Termination, Trust,
 };
@@ -228,7 +228,7 @@ impl<'s> Contest<'s> {
             planner: entrant.label.clone(),
             planner_id: entrant.descriptor.id.clone(),
             planner_version: entrant.descriptor.version.clone(),
-            planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
+            planner_digest: Some(entrant.candidate.digest().to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
             ranked: unranked.is_none(),
@@ -320,7 +320,7 @@ impl<'s> Contest<'s> {
             planner: entrant.label.clone(),
             planner_id: entrant.descriptor.id.clone(),
             planner_version: entrant.descriptor.version.clone(),
-            planner_digest: entrant.candidate.digest().map(|digest| digest.to_string()),
+            planner_digest: Some(entrant.candidate.digest().to_string()),
             options: Value::Object(entrant.options.clone()).to_string(),
             attach: name(&entrant.attach),
             ranked: unranked.is_none(),
@@ -441,8 +441,7 @@ impl Entrant {
     /// Stands for the planner as it is asked in this suite.
     fn digest(&self, context: &Value) -> Digest {
         let mut hasher = Hasher::new("fleetyard.entrant/2");
-        let code = self.candidate.digest();
-        hasher.bytes(&code.map_or([0; 16], |digest| digest.0.to_le_bytes()));
+        hasher.bytes(&self.candidate.digest().0.to_le_bytes());
         hasher.bytes(self.descriptor.id.as_bytes());
         hasher.bytes(name(&self.attach).as_bytes());
         hasher.bytes(Value::Object(self.options.clone()).to_string().as_bytes());
@@ -513,6 +512,12 @@ impl Row {
         self.maze_algorithm = Some(algorithm.name().to_owned());
     }
 
+    /// Why its times cannot be compared with others.
+    pub(crate) fn found_contended(&mut self, reasons: &[Reason]) {
+        let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
+        self.contended = reasons.join("; ");
+    }
+
     /// What the record of the trial says.
     fn fill(&mut self, record: &Record, clock: Clock) {
         let metrics = &record.metrics;
@@ -567,9 +572,7 @@ impl Row {
         self.cpu_time_ms = record.measurement.plan.cpu_ms;
         let usage = record.resources.as_ref();
         self.peak_memory_kb = usage.and_then(|usage| usage.peak_memory_kb);
-        let contended = record.measurement.contended.iter();
-        let contended: Vec<String> = contended.map(ToString::to_string).collect();
-        self.contended = contended.join("; ");
+        self.found_contended(&record.measurement.contended);
         self.plan_digest = record.plan_digest.map(|digest| digest.to_string());
         self.incumbents = metrics
             .incumbents

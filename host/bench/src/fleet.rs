@@ -1,6 +1,7 @@
 //! A trial of a lifelong fleet: four plugins, a map and robots, for as long as the suite says.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use fleetyard_abi::Kind;
 use fleetyard_core::document::Place;
@@ -8,6 +9,7 @@ use fleetyard_core::{Digest, Grid, Hasher};
 use fleetyard_fleet::{
     EventKind, FleetConfig, FleetError, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
 };
+use fleetyard_runtime::measure::{Reason, Snapshot, Spent, contended};
 use fleetyard_runtime::{
     Attach, Closing, Discovery, Fault, Limits, Runtime, SandboxReport, Termination, Usage,
 };
@@ -104,8 +106,7 @@ impl Crew {
         let mut hasher = Hasher::new("fleetyard.crew/2");
         hasher.value(&(self.asked(), &self.setup.robots));
         for member in &self.members {
-            let code = member.candidate.digest();
-            hasher.bytes(&code.map_or([0; 16], |digest| digest.0.to_le_bytes()));
+            hasher.bytes(&member.candidate.digest().0.to_le_bytes());
             hasher.bytes(member.id.as_bytes());
             hasher.bytes(Value::Object(member.options.clone()).to_string().as_bytes());
         }
@@ -178,8 +179,19 @@ impl Crew {
             tasks: None,
         };
         let mut ears = Ears::default();
+        let before = Snapshot::take(None);
         let outcome = run(&ground, &config, modules, &mut ears)?;
+        // Modules compute on any core, by turns with the simulator: what they waited for is known of
+        // the machine alone.
+        let load = Snapshot::take(None).since(&before);
+        let spent = Spent {
+            wall: Duration::from_secs_f64(load.elapsed_ms / 1e3),
+            cpu: None,
+            run_delay: None,
+            threads: config.allowance.threads,
+        };
         Ok(Drive {
+            contended: contended(&load, &spent),
             outcome,
             usage: ears.usage,
             sandbox: ears.sandbox,
@@ -216,6 +228,8 @@ pub(crate) struct Drive {
     pub(crate) sandbox: Option<SandboxReport>,
     /// Which module ran without its supervisor, and what became of that.
     unsupervised: Option<String>,
+    /// Why times cannot be compared.
+    contended: Vec<Reason>,
 }
 
 /// Hears what the planner used.
@@ -277,6 +291,7 @@ impl Drive {
             row.success = false;
         }
         row.limits_watched = watched(self.sandbox.as_ref());
+        row.found_contended(&self.contended);
         let times = &metrics.planner_time_ms;
         row.solve_time_ms = times.mean;
         row.planning_time_ms = times.mean * metrics.planner_calls as f64;

@@ -64,7 +64,7 @@ struct Planner {
     version: String,
     attach: Attach,
     path: Option<PathBuf>,
-    digest: Option<Digest>,
+    digest: Digest,
     code: Vec<CodeFile>,
     options: Map<String, Value>,
     /// The layers around it, once a process of it has ended.

@@ -91,7 +91,7 @@ pub struct PlannerInfo {
     /// Its file; absent for built-ins.
     pub path: Option<String>,
     /// Of the plugin's code; of this program, for built-ins.
-    pub digest: Option<Digest>,
+    pub digest: Digest,
     /// Its files with their SHA-256; none for built-ins.
     pub code: Vec<CodeFile>,
     /// Whether the lock file has just this code.

@@ -6,7 +6,7 @@ use std::fs::{self, Metadata};
 use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
-use std::path::{Path, PathBuf};
+use std::path::{Display, Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -275,23 +275,30 @@ impl PluginFile {
 
     /// Stands for the content of the code; of the built-ins, for this program. It
     /// identifies, and is no defence: [`code`](Self::code) is.
-    pub fn digest(&self) -> Option<Digest> {
+    pub fn digest(&self) -> Result<Digest, Fault> {
         // This program does not change while it runs, and is large.
-        static BUILT_IN: OnceLock<Option<Digest>> = OnceLock::new();
-        match self {
-            Self::BuiltIn => *BUILT_IN.get_or_init(|| self.read_digest()),
-            _ => self.read_digest(),
+        static BUILT_IN: OnceLock<Digest> = OnceLock::new();
+        if *self != Self::BuiltIn {
+            return self.read_digest(|file, error| Fault::refused(format!("{file}: {error}")));
         }
+        if let Some(known) = BUILT_IN.get() {
+            return Ok(*known);
+        }
+        let read = self.read_digest(|_, error| Fault::host("reading this program", error))?;
+        Ok(*BUILT_IN.get_or_init(|| read))
     }
 
-    fn read_digest(&self) -> Option<Digest> {
+    fn read_digest(&self, failed: impl Fn(Display<'_>, String) -> Fault) -> Result<Digest, Fault> {
         let mut hasher = Hasher::new("fleetyard plugin");
-        for path in self.code_paths().ok()? {
+        for path in self.code_paths()? {
             let mut bytes = Vec::new();
-            open_regular(&path).ok()?.read_to_end(&mut bytes).ok()?;
+            let mut file =
+                open_regular(&path).map_err(|error| failed(path.display(), error.reason))?;
+            file.read_to_end(&mut bytes)
+                .map_err(|error| failed(path.display(), error.to_string()))?;
             hasher.bytes(&bytes);
         }
-        Some(hasher.finish())
+        Ok(hasher.finish())
     }
 
     /// Every file that is started as the plugin, and what is in it: a library, a program or

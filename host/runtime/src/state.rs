@@ -1,9 +1,9 @@
 //! What has to outlive a host: which runs there are, so that the next host can end
 //! what a killed one left, and where their scratch folders are.
 
-use std::fs;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use fleetyard_core::Hasher;
 use rustix::fs::{Mode, OFlags, fstat, mkdirat, open, openat};
@@ -158,6 +158,10 @@ impl Identity {
     fn is_alive(self) -> bool {
         started_ticks(self.pid) == Some(self.started_ticks)
     }
+
+    fn is_gone(self) -> bool {
+        tree::is_gone(self.pid, self.started_ticks)
+    }
 }
 
 /// What is written down about a run.
@@ -168,12 +172,25 @@ struct Entry {
     scratch: PathBuf,
     #[serde(default)]
     cgroups: Vec<PathBuf>,
+    /// The namespace that the processes' numbers are of: folders may be shared with others.
+    #[serde(default)]
+    namespace: Option<PathBuf>,
+}
+
+/// The namespace of processes that this one is in.
+fn namespace() -> Option<PathBuf> {
+    fs::read_link("/proc/self/ns/pid").ok()
 }
 
 impl Entry {
-    /// Reads a note; `None` when it is not there or only half of it is.
-    fn read(note: &Path) -> Option<Self> {
-        serde_json::from_slice(&fs::read(note).ok()?).ok()
+    /// Reads a note; `None` when only half of it is there.
+    fn read(note: &Path) -> io::Result<Option<Self>> {
+        Ok(serde_json::from_slice(&fs::read(note)?).ok())
+    }
+
+    /// Nobody is left who would end this run: its host is surely gone.
+    fn is_orphan(&self) -> bool {
+        self.namespace == namespace() && self.host.is_gone()
     }
 
     /// Whether nothing is left that would have to be removed.
@@ -201,6 +218,7 @@ impl Registered {
             supervisor: Identity::of(std::process::id() as i32)?,
             scratch: scratch.to_owned(),
             cgroups: Vec::new(),
+            namespace: namespace(),
         };
         let note = folder("runs").ok()?.path.join(format!("{run}.json"));
         if fs::write(&note, serde_json::to_vec(&entry).ok()?).is_err() {
@@ -240,7 +258,11 @@ pub(crate) fn reap_orphans() -> usize {
     let notes = runs.flat_map(|runs| fs::read_dir(runs.path).into_iter().flatten().flatten());
     for note in notes {
         let path = note.path();
-        let Some(entry) = Entry::read(&path) else {
+        // One that cannot be read now is left to a host that can.
+        let Ok(entry) = Entry::read(&path) else {
+            continue;
+        };
+        let Some(entry) = entry else {
             // Half-written by somebody who was killed, or being written right now:
             // only the former is old.
             let old = note
@@ -252,7 +274,7 @@ pub(crate) fn reap_orphans() -> usize {
             }
             continue;
         };
-        if entry.host.is_alive() {
+        if !entry.is_orphan() {
             continue;
         }
         let run = path.file_stem().and_then(|name| name.to_str());
@@ -268,18 +290,20 @@ pub(crate) fn reap_orphans() -> usize {
 /// Ends what is left of a run whose supervisor cannot, and removes what it made.
 pub(crate) fn end_run(run: &str) {
     let note = folder("runs").map(|runs| runs.path.join(format!("{run}.json")));
-    let entry = note.as_ref().ok().and_then(|note| Entry::read(note));
-    if let Some(entry) = &entry {
+    let entry = note.as_ref().ok().map(|note| Entry::read(note));
+    let written = entry.and_then(Result::ok);
+    if let Some(Some(entry)) = &written {
         end(Some(run), entry);
     } else {
-        // It was lost before it wrote anything down.
+        // It was lost before it wrote anything down, or what it wrote cannot be read.
         kill_marked(run);
         if let Ok(folder) = folder("scratch") {
             let _ = remove_tree(&folder.path.join(run));
         }
     }
-    // A group whose processes are just dying is left to the next host.
-    if let Ok(note) = note
+    // A group whose processes are just dying is left to the next host, and so is a note that
+    // this one cannot read: it may name groups.
+    if let (Ok(note), Some(entry)) = (note, written)
         && entry.as_ref().is_none_or(Entry::is_gone)
     {
         let _ = fs::remove_file(note);
@@ -360,6 +384,7 @@ mod tests {
                     supervisor: me,
                     scratch: scratch.clone(),
                     cgroups: Vec::new(),
+                    namespace: namespace(),
                 },
             }
         };
@@ -379,5 +404,16 @@ mod tests {
             ..me
         };
         assert!(!other.is_alive());
+        assert!(other.is_gone() && !me.is_gone());
+        let run = |namespace: Option<PathBuf>| Entry {
+            host: other,
+            supervisor: other,
+            scratch: PathBuf::new(),
+            cgroups: Vec::new(),
+            namespace,
+        };
+        assert!(run(namespace()).is_orphan());
+        // Where numbers mean other processes, nobody here can tell.
+        assert!(!run(Some("pid:[1]".into())).is_orphan());
     }
 }

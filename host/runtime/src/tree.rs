@@ -1,9 +1,10 @@
 //! The processes below one process, as `/proc` tells.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::PathBuf;
+use std::{fs, io};
 
+use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// One process.
@@ -196,9 +197,48 @@ pub(crate) fn started_ticks(pid: i32) -> Option<u64> {
     Member::read("/proc", pid).map(|member| member.started_ticks)
 }
 
+/// Nobody is the process of that number that was started then: there is none, or it is
+/// another. Where that cannot be found out, as when this process has no descriptor left, it
+/// is taken to live.
+pub(crate) fn is_gone(pid: i32, started_ticks: u64) -> bool {
+    match fs::read(format!("/proc/{pid}/stat")) {
+        Ok(stat) => {
+            Member::parse(pid, &stat).is_some_and(|member| member.started_ticks != started_ticks)
+        }
+        Err(error) => means_gone(&error),
+    }
+}
+
+/// The process ended before its file was opened, or between that and reading it.
+fn means_gone(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::NotFound
+        || error.raw_os_error() == Some(Errno::SRCH.raw_os_error())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_cannot_be_looked_at_is_not_gone() {
+        let me = std::process::id() as i32;
+        let started = started_ticks(me).unwrap();
+        assert!(!is_gone(me, started));
+        assert!(is_gone(me, started + 1));
+        assert!(is_gone(i32::MAX, started));
+        for errno in [Errno::NOENT, Errno::SRCH] {
+            assert!(means_gone(&errno.into()));
+        }
+        for errno in [
+            Errno::MFILE,
+            Errno::NFILE,
+            Errno::IO,
+            Errno::NOMEM,
+            Errno::ACCESS,
+        ] {
+            assert!(!means_gone(&errno.into()), "{errno}");
+        }
+    }
 
     #[test]
     fn names_cannot_forge_fields() {

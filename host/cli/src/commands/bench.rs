@@ -276,9 +276,7 @@ fn begin(contest: &Contest<'_>, meta: &Meta, there: Option<Store>, place: &Path)
         &serde_json::to_string(fleetyard_runtime::measure::Machine::here()).map_err(internal)?,
     )?;
     for entrant in contest.entrants() {
-        if let Some(digest) = entrant.candidate.digest() {
-            store.add_code(digest, entrant.candidate.code())?;
-        }
+        store.add_code(entrant.candidate.digest(), entrant.candidate.code())?;
     }
     Ok(Begun {
         store: SharedStore::new(store),

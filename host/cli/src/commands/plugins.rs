@@ -64,7 +64,7 @@ fn listed(all: &[Discovered], found: &Discovered) -> Listed {
         contract,
         plugins,
         lock: found.standing,
-        digest: found.file.digest(),
+        digest: found.file.digest().ok(),
         code: found.file.code().unwrap_or_default(),
         refused: fault.map(ToString::to_string),
         hint: fault.and_then(|fault| fault.hint().map(str::to_owned)),
@@ -236,7 +236,7 @@ fn described(
             path: file.path().map(|path| path.display().to_string()),
             attach: file.default_attach(),
             contract: contract.clone(),
-            digest: file.digest(),
+            digest: file.digest().ok(),
             code: file.code().unwrap_or_default(),
         })
         .collect();
