@@ -3,8 +3,10 @@
 mod python;
 
 use fleetyard_bench::statistics::{
-    BOOTSTRAP_SEED, Interval, RESAMPLES, Summary, bootstrap_mean, bootstrap_median, holm,
-    kendall_tau_b, mean_interval, median, quantile, sign_test, sorted, standard_deviation, wilson,
+    BOOTSTRAP_SEED, Interval, RESAMPLES, Summary, Survival, Time, bayesian_signed_rank,
+    bootstrap_clusters, bootstrap_mean, bootstrap_median, holm, kendall_tau_b, log_rank_test,
+    mean_interval, median, median_interval, paired_rate_difference, quantile, sign_flip_test,
+    sign_test, sorted, standard_deviation, wilson,
 };
 use fleetyard_world::SeededRandom;
 use serde_json::{Value, json};
@@ -181,6 +183,244 @@ fn the_bootstrap_is_the_same_every_time() {
         bootstrap_median(&values, 2000, 7),
         bootstrap_median(&reversed, 2000, 7)
     );
+}
+
+#[test]
+fn paired_rates_give_published_values() {
+    // Newcombe, "Improved confidence intervals for the difference between binomial proportions based on
+    // paired data" (1998), Table II, method 10.
+    let (difference, interval) = paired_rate_difference(36, 12, 2, 0).unwrap();
+    close(difference, 0.2, 1e-12);
+    assert!((interval.low - 0.0569).abs() < 5e-5, "{interval:?}");
+    assert!((interval.high - 0.3404).abs() < 5e-5, "{interval:?}");
+    // Who solve the same cases differ by nothing, and by no more than their rates may be off.
+    let (difference, interval) = paired_rate_difference(50, 0, 0, 0).unwrap();
+    assert!(
+        difference == 0.0 && interval.low < 0.0 && interval.high > 0.0,
+        "{interval:?}"
+    );
+    assert_eq!(paired_rate_difference(0, 0, 0, 0), None);
+}
+
+#[test]
+fn the_interval_of_a_median_is_exact() {
+    // From binomial tails, as SciPy 1.17 has them.
+    for (n, k, coverage) in [
+        (6, 1, 0.968_75),
+        (9, 2, 0.960_937_5),
+        (20, 6, 0.958_610_534_667_968_8),
+        (100, 40, 0.964_799_799_782_295_1),
+    ] {
+        let values: Vec<f64> = (1..=n).map(f64::from).collect();
+        let (found, share) = median_interval(&values).unwrap();
+        assert_eq!(
+            found,
+            Interval {
+                low: f64::from(k),
+                high: f64::from(n + 1 - k)
+            }
+        );
+        close(share, coverage, 1e-12);
+    }
+    // "95 %" of so few values would cover 49 % with two of them.
+    for n in 0..6 {
+        assert_eq!(median_interval(&vec![1.0; n]), None);
+    }
+}
+
+#[test]
+fn clusters_count_and_not_what_is_in_them() {
+    let clusters = [1.0, 2.0, 4.0, 8.0, 3.0, 5.0, 6.0];
+    let mean_of = |copies: usize| {
+        bootstrap_clusters(clusters.len(), 4_000, 1, |drawn| {
+            let values = || clusters.iter().zip(drawn);
+            let sum: f64 = values()
+                .map(|(value, times)| value * f64::from(*times) * copies as f64)
+                .sum();
+            Some(sum / (drawn.iter().sum::<u32>() as usize * copies) as f64)
+        })
+    };
+    let one = mean_of(1).unwrap();
+    let plain = bootstrap_mean(&clusters, 40_000, 1).unwrap();
+    assert!(
+        (one.low - plain.low).abs() < 0.15 && (one.high - plain.high).abs() < 0.15,
+        "{one:?} {plain:?}"
+    );
+    // Values that repeat within clusters say nothing more.
+    let twenty = mean_of(20).unwrap();
+    close(twenty.low, one.low, 1e-12);
+    close(twenty.high, one.high, 1e-12);
+    assert_eq!(bootstrap_clusters(5, 100, 1, |_| Some(1.0)), None);
+}
+
+#[test]
+fn sign_flips_give_exact_values() {
+    // scipy.stats.permutation_test (1.17), all flips.
+    let differences = [0.3, -0.1, 0.25, 0.4, 0.05, 0.12, -0.02, 0.33];
+    let p = |values: &[f64]| sign_flip_test(values, 1);
+    close(p(&differences).unwrap(), 0.054_687_5, 1e-12);
+    // Six clusters of one sign are the fewest that can be below 5 %.
+    assert_eq!(p(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some(2.0 / 64.0));
+    assert_eq!(p(&[1.0; 5]), None);
+    assert_eq!(p(&[0.0; 6]), Some(1.0));
+    // Drawn above twenty: as all flips say, to the error of drawing, and never zero.
+    let many: Vec<f64> = (0..24)
+        .map(|at| if at % 3 == 0 { -1.0 } else { 1.0 })
+        .collect();
+    let wanted = sign_test(16, 8);
+    let found = p(&many).unwrap();
+    assert!((found - wanted).abs() < 0.01, "{found} is not {wanted}");
+    assert!(p(&[1.0; 40]).unwrap() > 0.0);
+}
+
+/// Freireich et al., Blood 21 (1963): weeks in remission with 6-MP and with placebo, as in every
+/// textbook on the subject.
+fn remissions() -> [Vec<Time>; 2] {
+    let treated = [
+        (6, 1),
+        (6, 1),
+        (6, 1),
+        (6, 0),
+        (7, 1),
+        (9, 0),
+        (10, 1),
+        (10, 0),
+        (11, 0),
+        (13, 1),
+        (16, 1),
+        (17, 0),
+        (19, 0),
+        (20, 0),
+        (22, 1),
+        (23, 1),
+        (25, 0),
+        (32, 0),
+        (32, 0),
+        (34, 0),
+        (35, 0),
+    ];
+    let placebo = [
+        1, 1, 2, 2, 3, 4, 4, 5, 5, 8, 8, 8, 8, 11, 11, 12, 12, 15, 17, 22, 23,
+    ];
+    let time = |(weeks, ended): (i32, i32)| Time {
+        value: f64::from(weeks),
+        ended: ended == 1,
+    };
+    [
+        treated.into_iter().map(time).collect(),
+        placebo.into_iter().map(|weeks| time((weeks, 1))).collect(),
+    ]
+}
+
+#[test]
+fn survival_gives_published_values() {
+    let [treated, placebo] = remissions();
+    let survival = Survival::of(&treated);
+    let found: Vec<(f64, f64)> = survival
+        .steps
+        .iter()
+        .map(|step| (step.time, step.survival))
+        .collect();
+    // lifelines 0.30.3, KaplanMeierFitter.
+    let wanted = [
+        (6.0, 0.857_143),
+        (7.0, 0.806_723),
+        (10.0, 0.752_941),
+        (13.0, 0.690_196),
+        (16.0, 0.627_451),
+        (22.0, 0.537_815),
+        (23.0, 0.448_179),
+    ];
+    assert_eq!(found.len(), wanted.len());
+    for (found, wanted) in found.iter().zip(wanted) {
+        close(found.0, wanted.0, 0.0);
+        close(found.1, wanted.1, 1e-5);
+    }
+    // lifelines' restricted_mean_survival_time.
+    close(
+        survival.restricted_mean(20.0).0,
+        16.116_526_610_644_254,
+        1e-9,
+    );
+    close(
+        survival.restricted_mean(30.0).0,
+        21.046_498_599_439_77,
+        1e-9,
+    );
+    // lifelines' logrank_test: χ² = 16.7929.
+    close(
+        log_rank_test(&treated, &placebo),
+        4.168_809_109_334_511e-5,
+        1e-9,
+    );
+    close(
+        log_rank_test(&placebo, &treated),
+        4.168_809_109_334_511e-5,
+        1e-9,
+    );
+    close(log_rank_test(&placebo, &placebo), 1.0, 1e-12);
+}
+
+#[test]
+fn without_censoring_the_restricted_mean_is_the_mean() {
+    let [_, placebo] = remissions();
+    let capped: Vec<f64> = placebo.iter().map(|time| time.value.min(20.0)).collect();
+    let n = capped.len() as f64;
+    let mean = capped.iter().sum::<f64>() / n;
+    let variance = capped
+        .iter()
+        .map(|value| (value - mean).powi(2))
+        .sum::<f64>()
+        / n;
+    let (found, interval) = Survival::of(&placebo).restricted_mean(20.0);
+    close(found, mean, 1e-12);
+    // Greenwood's variance is then that of the values, divided by n.
+    close(
+        interval.high - found,
+        1.959_963_984_540_054 * (variance / n).sqrt(),
+        1e-9,
+    );
+    // Nobody ended: all that is known is the budget.
+    let stopped = [Time {
+        value: 5.0,
+        ended: false,
+    }; 3];
+    let (found, interval) = Survival::of(&stopped).restricted_mean(5.0);
+    assert_eq!(
+        (found, interval),
+        (
+            5.0,
+            Interval {
+                low: 5.0,
+                high: 5.0
+            }
+        )
+    );
+    close(log_rank_test(&stopped, &stopped), 1.0, 0.0);
+}
+
+#[test]
+fn the_bayesian_signed_rank_test_gives_values_of_baycomp() {
+    let differences = [0.3, -0.1, 0.25, 0.4, 0.05, 0.12, -0.02, 0.33, 0.21, 0.5];
+    // baycomp 1.0.3, SignedRankTest with 200,000 draws.
+    for (rope, below, equivalent, above) in [
+        (0.0, 0.001, 0.0, 0.999),
+        (0.1, 0.0, 0.0526, 0.9474),
+        (0.2, 0.0, 0.5347, 0.4653),
+    ] {
+        let found = bayesian_signed_rank(&differences, rope, 50_000, 1).unwrap();
+        let wanted = [below, equivalent, above];
+        for (found, wanted) in [found.below, found.equivalent, found.above]
+            .iter()
+            .zip(wanted)
+        {
+            assert!(
+                (found - wanted).abs() < 0.01,
+                "{rope}: {found} is not {wanted}"
+            );
+        }
+    }
+    assert_eq!(bayesian_signed_rank(&[], 0.1, 100, 1), None);
 }
 
 #[test]

@@ -70,12 +70,21 @@ pub fn bootstrap_mean(values: &[f64], resamples: usize, seed: u64) -> Option<Int
     percentiles(&sorted(means))
 }
 
-fn percentiles(ascending: &[f64]) -> Option<Interval> {
+pub(super) fn percentiles(ascending: &[f64]) -> Option<Interval> {
     let outside = f64::midpoint(1.0, -CONFIDENCE);
     Some(Interval {
         low: quantile(ascending, outside)?,
         high: quantile(ascending, 1.0 - outside)?,
     })
+}
+
+/// A gamma variable of any positive shape: one of the next shape times U^(1/shape), as Marsaglia and
+/// Tsang have it in section 6.
+pub(super) fn gamma_of_any_shape(random: &mut SeededRandom, shape: f64) -> f64 {
+    if shape >= 1.0 {
+        return gamma(random, shape);
+    }
+    gamma(random, shape + 1.0) * random.unit().powf(1.0 / shape)
 }
 
 /// A gamma variable of a shape of at least 1 and scale 1: Marsaglia and Tsang, "A simple
@@ -105,7 +114,7 @@ fn normal(random: &mut SeededRandom) -> f64 {
 
 /// Numbers below a bound, two of each number of the stream: Lemire, "Fast random integer
 /// generation in an interval", ACM Transactions on Modeling and Computer Simulation 29 (2019).
-struct Draws {
+pub(super) struct Draws {
     random: SeededRandom,
     bound: u32,
     /// The half that is left.
@@ -113,7 +122,7 @@ struct Draws {
 }
 
 impl Draws {
-    fn new(random: SeededRandom, bound: u32) -> Self {
+    pub(super) fn new(random: SeededRandom, bound: u32) -> Self {
         Self {
             random,
             bound,
@@ -121,7 +130,7 @@ impl Draws {
         }
     }
 
-    fn next(&mut self) -> usize {
+    pub(super) fn next(&mut self) -> usize {
         loop {
             let half = self.rest.take().unwrap_or_else(|| {
                 let both = self.random.next_u64();

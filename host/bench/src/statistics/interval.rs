@@ -1,7 +1,7 @@
 //! Confidence intervals by formula.
 
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal, StudentsT};
 
 use super::{mean, standard_deviation};
 
@@ -44,6 +44,60 @@ pub fn wilson(successes: u64, trials: u64) -> Option<Interval> {
         (center + half) / scale
     };
     Some(Interval { low, high })
+}
+
+/// Distribution-free interval of the median of ascending values: from the k-th smallest to the k-th
+/// largest, with the largest k for which P(k ≤ B < n + 1 − k) ≥ 95 %, B binomial with n and ½. Under
+/// six values there is none. The second value is that probability.
+///
+/// David and Nagaraja, "Order statistics", 3rd ed. (2003), section 7.1.
+pub fn median_interval(ascending: &[f64]) -> Option<(Interval, f64)> {
+    let n = ascending.len();
+    let binomial = Binomial::new(0.5, n as u64).ok()?;
+    let coverage = |k: usize| 1.0 - 2.0 * binomial.cdf(k as u64 - 1);
+    let k = (1..=n / 2)
+        .take_while(|k| coverage(*k) >= CONFIDENCE)
+        .last()?;
+    let (low, high) = (ascending[k - 1], ascending[n - k]);
+    Some((Interval { low, high }, coverage(k)))
+}
+
+/// 95 % interval of the difference of two rates over the same cases, from how many both, the first
+/// alone, the second alone and neither solved: the difference of the rates with the square-and-add
+/// combination of their Wilson intervals, and the correlation of the pairs.
+///
+/// Newcombe, "Improved confidence intervals for the difference between binomial proportions based on
+/// paired data", Statistics in Medicine 17 (1998), method 10.
+pub fn paired_rate_difference(
+    both: u64,
+    first: u64,
+    second: u64,
+    neither: u64,
+) -> Option<(f64, Interval)> {
+    let n = both + first + second + neither;
+    let (one, other) = (wilson(both + first, n)?, wilson(both + second, n)?);
+    let [both, first, second, neither] = [both, first, second, neither].map(|count| count as f64);
+    let (p1, p2) = ((both + first) / n as f64, (both + second) / n as f64);
+    let margins = (both + first) * (second + neither) * (both + second) * (first + neither);
+    let cross = both * neither - first * second;
+    // With a correction for continuity where pairs agree more often than by chance.
+    let numerator = if cross > 0.0 {
+        (cross - n as f64 / 2.0).max(0.0)
+    } else {
+        cross
+    };
+    let correlation = if margins > 0.0 {
+        numerator / margins.sqrt()
+    } else {
+        0.0
+    };
+    let reach = |a: f64, b: f64| (a * a - 2.0 * correlation * a * b + b * b).max(0.0).sqrt();
+    let difference = p1 - p2;
+    let interval = Interval {
+        low: difference - reach(p1 - one.low, other.high - p2),
+        high: difference + reach(one.high - p1, p2 - other.low),
+    };
+    Some((difference, interval))
 }
 
 /// 95 % interval of the mean: x̄ ± t₍n−1₎·s/√n with Student's quantile; of two values or more.

@@ -4,14 +4,22 @@
 //! one where two are needed) returns `None`. Nothing here knows what a trial is:
 //! `evaluate` asks, this answers. `docs/statistics.md` says when each is used.
 
+mod bayes;
 mod bootstrap;
+mod cluster;
 mod describe;
 mod interval;
 mod paired;
 mod rank;
+mod survival;
 
+pub use bayes::{Posterior, bayesian_signed_rank};
 pub use bootstrap::{BOOTSTRAP_SEED, RESAMPLES, bootstrap_mean, bootstrap_median};
+pub use cluster::{MIN_CLUSTERS, bootstrap_clusters, sign_flip_test};
 pub use describe::{Summary, mean, median, quantile, sorted, standard_deviation};
-pub use interval::{CONFIDENCE, Interval, mean_interval, wilson};
+pub use interval::{
+    CONFIDENCE, Interval, mean_interval, median_interval, paired_rate_difference, wilson,
+};
 pub use paired::{holm, sign_test};
 pub use rank::kendall_tau_b;
+pub use survival::{Survival, SurvivalStep, Time, log_rank_test};
