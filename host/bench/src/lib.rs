@@ -34,7 +34,7 @@ pub use contest::{Contest, Entrant, Pin, now_unix_ms};
 pub use error::BenchError;
 pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
-pub use plan::{Planned, Schedule, Shard, Step};
+pub use plan::{Planned, Schedule, Shard, Step, in_turn};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, number,

@@ -1,8 +1,9 @@
 //! Which trials a suite is, and in which order they are made.
 //!
 //! Every planner is asked every instance with every seed, as often as the suite repeats it.
-//! Trials of one instance follow each other, so that its map is learnt once, and in each round
-//! of planners another one is first. Warm-ups of an instance come before its trials.
+//! Trials of one instance follow each other, so that its map is learnt once. Rounds of planners are
+//! the rows of a Williams design ([`in_turn`]): each is first as often as any other, and after any
+//! other as often. Warm-ups of an instance come before its trials.
 //!
 //! A trial is known by its key: a digest of all that its result may depend on. Its number is
 //! its place in the suite, by instance, then seed, repeat and planner, whatever the order in
@@ -187,16 +188,40 @@ impl Schedule {
             .flat_map(move |(turn, instance)| {
                 let first = turn + (shard.index - 1) as usize;
                 let round = move |round: u64, offset: usize| {
-                    (0..planners).map(move |place| {
-                        let planner = (first + offset + place) % planners;
-                        self.planned(instance, round, planner)
-                    })
+                    in_turn(first + offset, planners)
+                        .map(move |planner| self.planned(instance, round, planner))
                 };
                 let warm_ups = (0..self.warm_ups as usize).flat_map(move |offset| round(0, offset));
                 let trials = (0..self.rounds()).flat_map(move |index| round(index, index as usize));
                 warm_ups.map(Step::WarmUp).chain(trials.map(Step::Trial))
             })
     }
+}
+
+/// The planners of a round in their order: the row of a Williams design with that number, after whose
+/// last row comes the first. Over all rows (as many as planners where that is even, else twice
+/// as many) every planner stands at every place, and comes directly after every other, equally often:
+/// what a trial leaves behind (caches, clocks, heat) meets nobody more than others.
+///
+/// Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
+/// Australian Journal of Scientific Research A 2 (1949).
+pub fn in_turn(row: usize, planners: usize) -> impl Iterator<Item = usize> {
+    // With an odd number each row is needed in reverse as well.
+    let reversed = planners % 2 == 1 && (row / planners.max(1)) % 2 == 1;
+    (0..planners).map(move |place| {
+        let place = if reversed {
+            planners - 1 - place
+        } else {
+            place
+        };
+        // 0, 1, n − 1, 2, n − 2, …: neighbours differ by every amount.
+        let zigzag = if place % 2 == 1 {
+            place.div_ceil(2)
+        } else {
+            planners - place / 2
+        };
+        (zigzag + row) % planners
+    })
 }
 
 impl Shard {
@@ -287,6 +312,41 @@ mod tests {
             assert_eq!(all.len(), 3);
         }
         assert_eq!(first, [4, 4, 4]);
+    }
+
+    /// In an order that merely rotates, a planner comes after the same one nearly always.
+    #[test]
+    fn every_planner_follows_every_other_equally_often() {
+        for planners in 1..=13 {
+            let rows = if planners % 2 == 0 {
+                planners
+            } else {
+                2 * planners
+            };
+            let mut follows = BTreeMap::new();
+            let mut stands = BTreeMap::new();
+            for row in 0..rows {
+                let round: Vec<usize> = in_turn(row, planners).collect();
+                for pair in round.windows(2) {
+                    *follows.entry((pair[0], pair[1])).or_insert(0) += 1;
+                }
+                for (place, planner) in round.into_iter().enumerate() {
+                    *stands.entry((place, planner)).or_insert(0) += 1;
+                }
+            }
+            let times = rows / planners;
+            assert_eq!(stands.len(), planners * planners);
+            assert!(
+                stands.values().all(|count| *count == times),
+                "{planners}: {stands:?}"
+            );
+            assert_eq!(follows.len(), planners * (planners - 1));
+            assert!(
+                follows.values().all(|count| *count == times),
+                "{planners}: {follows:?}"
+            );
+        }
+        assert_eq!(in_turn(3, 0).count(), 0);
     }
 
     #[test]

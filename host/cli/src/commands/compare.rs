@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::statistics::{mean, median, sorted};
-use fleetyard_bench::{Candidate, GivenOptions, Host, Record, Robots, Trial, number};
+use fleetyard_bench::{Candidate, GivenOptions, Host, Record, Robots, Trial, in_turn, number};
 use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
 use fleetyard_sim::{NoTrace, SimConfig};
 use serde::Serialize;
@@ -139,9 +139,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let mut trials: Vec<(usize, Record)> = Vec::new();
     let mut missed: Vec<Missed> = Vec::new();
     for (number, question) in questions.iter().enumerate() {
-        for turn in 0..candidates.len() {
-            // The order rotates, so that no planner is always first.
-            let which = (number + turn) % candidates.len();
+        for which in in_turn(number, candidates.len()) {
             let what = format!(
                 "{} on {} with {} agents",
                 labels[which], question.scenario, question.agents
