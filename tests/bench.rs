@@ -696,6 +696,37 @@ agents = [4, 8]
     assert!(refused.stderr.contains("hint:"), "{refused}");
 }
 
+/// By the host's clock a planner looked slow whose core others burnt.
+#[test]
+fn by_processor_time_a_trial_is_ranked_where_all_of_it_is_known() {
+    let yard = Yard::new();
+    let text = suite("[1, 3]", "clock = \"cpu\"").replace("attach = \"in-process\"\n", "");
+    yard.write("s.toml", text);
+    yard.line("bench s.toml").expect(SUCCESS);
+    for row in rows(&yard.path("small.sqlite")) {
+        assert_eq!(row.clock.as_deref(), Some("cpu"));
+        assert_eq!(
+            (row.threads, row.reuse.as_deref()),
+            (Some(1), Some("planner"))
+        );
+        let total = row.total_time_ms.unwrap();
+        let parts = row.planning_time_ms
+            + row.startup_time_ms.unwrap_or_default()
+            + row.prepare_time_ms.unwrap_or_default();
+        assert!((total - parts).abs() < 1e-9, "{row:?}");
+        let counted = !row
+            .limits_watched
+            .iter()
+            .any(|limits| limits.contains("cpu"));
+        let known = row.cpu_time_ms.filter(|_| counted);
+        assert_eq!(row.ranked, known.is_some(), "{row:?}");
+        match known {
+            Some(cpu_ms) => assert_eq!(row.solve_time_ms.to_bits(), cpu_ms.to_bits()),
+            None => assert!(row.unranked.unwrap().contains("not known in full")),
+        }
+    }
+}
+
 #[test]
 fn who_forges_its_time_does_not_rank_first_and_is_named() {
     if !have("python3") {

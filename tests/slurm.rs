@@ -128,12 +128,13 @@ fn suite(yard: &Yard, name: &str, planners: &[&str], agents: &str) {
 /// What is the same wherever and whenever a trial is made. Slurm's daemons may be in other
 /// control groups than this test: which limits the kernel enforces is the place's.
 fn lasting(store: &Path) -> Vec<String> {
-    const OF_THE_PLACE: [&str; 5] = [
+    const OF_THE_PLACE: [&str; 6] = [
         "rtf",
         "peak_memory_kb",
         "contended",
         "machine",
         "limits_watched",
+        "cpus",
     ];
     let of_the_moment = |name: &str| name.ends_with("_ms") || OF_THE_PLACE.contains(&name);
     let line = |row: Row| {

@@ -10,7 +10,7 @@ use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_fleet::FleetError;
 use fleetyard_runtime::measure::{Cpus, Machine, Reason};
 use fleetyard_runtime::{
-    Attach, Discovery, Fault, Found, Policy, Runtime, SandboxReport, Termination, Trust,
+    Attach, Discovery, Fault, Found, Limit, Policy, Runtime, SandboxReport, Termination, Trust,
 };
 use fleetyard_sim::NoTrace;
 use serde::Serialize;
@@ -240,6 +240,8 @@ impl<'s> Contest<'s> {
             map_rows: instance.grid().rows(),
             map_cols: instance.grid().cols(),
             budget_ms: milliseconds(self.host.budget().wall),
+            threads: Some(self.host.budget().threads),
+            reuse: Some(self.suite.protocol.reuse.name().to_owned()),
             seed: planned.seed,
             repeat: planned.repeat,
             machine: Machine::here().digest().to_string(),
@@ -512,6 +514,12 @@ impl Row {
         self.maze_algorithm = Some(algorithm.name().to_owned());
     }
 
+    /// It may not be compared, for this reason if there is none yet.
+    fn unrank(&mut self, reason: &str) {
+        self.ranked = false;
+        self.unranked.get_or_insert_with(|| reason.to_owned());
+    }
+
     /// Why its times cannot be compared with others.
     pub(crate) fn found_contended(&mut self, reasons: &[Reason]) {
         let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
@@ -540,11 +548,30 @@ impl Row {
         let correction = metrics.correction.filter(|_| clock == Clock::LessEmpty);
         self.correction_ms = correction.map(|correction| correction.ms);
         self.correction_uncertainty_ms = correction.map(|correction| correction.uncertainty_ms);
+        let measurement = &record.measurement;
+        self.clock = Some(clock.name().to_owned());
         self.solve_time_ms = match metrics.round_trip_ms.zip(correction) {
             Some((round_trip_ms, correction)) => (round_trip_ms - correction.ms).max(0.0),
             // Without an answer there is nothing that could be the transport's.
             None => metrics.planning_time_ms,
         };
+        if clock == Clock::Cpu {
+            let whole = record
+                .sandbox
+                .as_ref()
+                .is_some_and(|sandbox| !sandbox.only_watches(Limit::Cpu));
+            match measurement.plan.cpu_ms.filter(|_| whole) {
+                Some(cpu_ms) => self.solve_time_ms = cpu_ms,
+                None => self.unrank("its processor time, which is compared, is not known in full"),
+            }
+        }
+        self.total_time_ms = Some(
+            metrics.planning_time_ms
+                + measurement.startup_ms.unwrap_or_default()
+                + metrics.prepare_time_ms.unwrap_or_default(),
+        );
+        self.run_delay_ms = measurement.plan.run_delay_ms;
+        self.cpus = measurement.cpus.as_ref().map(ToString::to_string);
         let claims: Vec<String> = record.disagreements().map(ToString::to_string).collect();
         self.false_claims = (!claims.is_empty()).then(|| claims.join("; "));
         self.startup_time_ms = record.measurement.startup_ms;

@@ -20,7 +20,7 @@ use crate::candidate::{Candidate, GivenOptions};
 use crate::error::BenchError;
 use crate::record::{unranked, watched};
 use crate::row::Row;
-use crate::suite::{FleetPlugin, FleetSetup};
+use crate::suite::{Clock, FleetPlugin, FleetSetup};
 use crate::trial_error::TrialError;
 
 /// The plugins of a setup beside its planner, found and started once.
@@ -291,6 +291,7 @@ impl Drive {
             row.success = false;
         }
         row.limits_watched = watched(self.sandbox.as_ref());
+        row.clock = Some(Clock::Host.name().to_owned());
         row.found_contended(&self.contended);
         let times = &metrics.planner_time_ms;
         row.solve_time_ms = times.mean;

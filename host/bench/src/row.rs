@@ -221,9 +221,11 @@ columns! {
     first_violation: Option<String>,
     /// Whether the trial succeeded: the planner ended as it should and its plan is valid.
     success: bool,
-    /// The time that is compared, by the host's clock: that of the call, or the round trip less
-    /// the correction, as the suite says; of a fleet, the mean over its planner's calls.
+    /// The time that is compared: that of the call by the host's clock, the round trip less the
+    /// correction, or processor time, as `clock` says; of a fleet, the mean over its planner's calls.
     solve_time_ms: f64,
+    /// Which time is compared, in the suite's words.
+    clock: Option<String>,
     /// Wall time of the call by the host's clock, transport included; of a fleet, of all calls of
     /// its planner together.
     planning_time_ms: f64,
@@ -240,6 +242,9 @@ columns! {
     startup_time_ms: Option<f64>,
     /// Wall time of learning the map; absent when it was known.
     prepare_time_ms: Option<f64>,
+    /// Start, learning the map and the call together, so far as they were made for this trial: what
+    /// plugins of different attachments do at different times is all in it.
+    total_time_ms: Option<f64>,
     /// From the start of the call to the first plan, by the host's clock.
     first_solution_ms: Option<f64>,
     /// Sum over agents of the last arrival at the goal.
@@ -308,6 +313,14 @@ columns! {
     cpu_time_ms: Option<f64>,
     /// Largest resident memory of the plugin's processes together.
     peak_memory_kb: Option<u64>,
+    /// How long threads of the call were ready to run and did not.
+    run_delay_ms: Option<f64>,
+    /// How many threads the planner was allowed.
+    threads: Option<u32>,
+    /// What a trial kept of the one before: nothing (`never`), or the planner's process.
+    reuse: Option<String>,
+    /// The processors that the plugin had to itself; absent where it had none.
+    cpus: Option<String>,
     /// Why the times cannot be compared with others; empty when they can.
     contended: String,
     /// Digest of the machine's description.

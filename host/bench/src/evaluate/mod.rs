@@ -30,7 +30,8 @@ pub(crate) use quality::best_of;
 pub use quality::{Quality, QualityPoint, Reference, log_spaced, quality_over_time};
 pub use ranking::{Order, RankStability, Ranked, Ranking, rank, rank_stability};
 pub use runs::{
-    Digests, MetricDifference, PlannerDifference, RunComparison, TrialPair, compare_runs,
+    Digests, MetricDifference, PlannerDifference, RunComparison, SettingDifference, TrialPair,
+    compare_runs,
 };
 pub use summary::{FailureCount, MetricSummary, Overview, PlannerSummary};
 pub use trials::{Case, Planner, Trials};

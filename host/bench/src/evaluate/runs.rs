@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
@@ -17,9 +17,38 @@ pub struct RunComparison {
     /// Whether they ran on machines of the same description: their times can be compared
     /// otherwise only with care.
     pub same_machines: bool,
+    /// What trials were made with, where that differs: a setting and its values in either run.
+    pub settings: Vec<SettingDifference>,
     /// Planners of both, by label.
     pub planners: Vec<PlannerDifference>,
 }
+
+/// A setting that is not the same in both runs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SettingDifference {
+    /// The column that has it.
+    pub name: &'static str,
+    /// Every value in the first run.
+    pub a: Vec<String>,
+    /// Every value in the second run.
+    pub b: Vec<String>,
+}
+
+/// What trials are made with, on which times depend: columns that tell it.
+type Setting = (&'static str, fn(&Row) -> Option<String>);
+const SETTINGS: [Setting; 5] = [
+    ("clock", |row| row.clock.clone()),
+    ("threads", |row| {
+        row.threads.map(|threads| threads.to_string())
+    }),
+    ("reuse", |row| row.reuse.clone()),
+    ("attach", |row| Some(row.attach.clone())),
+    // Which processors is chance; having some is not.
+    ("cpus", |row| {
+        let own = row.clock.is_some().then_some(row.cpus.is_some())?;
+        Some(if own { "of its own" } else { "shared" }.to_owned())
+    }),
+];
 
 /// A planner in both runs, over the trials that both have.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -114,6 +143,18 @@ pub fn compare_runs<'a>(
         machines.dedup();
         machines
     };
+    let settings = SETTINGS.iter().filter_map(|(name, of)| {
+        let values = |which: fn(&(&'a Row, &'a Row)) -> &'a Row| -> Vec<String> {
+            let rows = pairs.values().flatten().map(which);
+            let values: BTreeSet<String> = rows.filter_map(of).collect();
+            values.into_iter().collect()
+        };
+        let (a, b) = (values(|pair| pair.0), values(|pair| pair.1));
+        // Rows of an earlier version do not say.
+        let differs = !a.is_empty() && !b.is_empty() && a != b;
+        differs.then_some(SettingDifference { name, a, b })
+    });
+    let settings = settings.collect();
     let mut planners: Vec<PlannerDifference> = pairs
         .into_iter()
         .map(|(planner, mut pairs)| {
@@ -131,6 +172,7 @@ pub fn compare_runs<'a>(
         only_in_a: a.len() - count,
         only_in_b: b.len() - count,
         same_machines: machines(&a) == machines(&b),
+        settings,
         planners,
     }
 }

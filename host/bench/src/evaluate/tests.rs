@@ -365,7 +365,25 @@ fn two_runs_of_a_suite_are_compared() {
         row.trial += u64::from(row.solve_time_ms > 1.0) * 100;
     }
     b[1].plan_digest = Some("other".into());
+    assert_eq!(
+        compare_runs(&a, &b).settings,
+        [],
+        "rows of an earlier version do not say"
+    );
+    for row in a.iter_mut().chain(&mut b) {
+        (row.threads, row.clock) = (Some(1), Some("host".into()));
+    }
+    for row in &mut b {
+        row.threads = Some(4);
+    }
     let found = compare_runs(&a, &b);
+    let [threads] = &found.settings[..] else {
+        panic!("{:?}", found.settings);
+    };
+    assert_eq!(
+        (threads.name, &threads.a[..], &threads.b[..]),
+        ("threads", &["1".to_owned()][..], &["4".to_owned()][..])
+    );
     assert_eq!((found.pairs, found.only_in_a, found.only_in_b), (4, 0, 1));
     let planner = &found.planners[0];
     assert_eq!((planner.successes_a, planner.successes_b), (3, 3));

@@ -227,8 +227,8 @@ pub(super) fn methods() -> Vec<String> {
         "A trial succeeds when the planner ended as it should and the host's validator accepts its \
          plan, whatever the planner claims.",
         "Comparable means are over the instances that every planner solved.",
-        "Times are wall times of the call by the host's clock, or the round trip less that of an \
-         empty call where the suite asks for it; half of the range of nine of ten empty calls is \
+        "Times are wall times of the call by the host's clock; where the suite asks for it, the round \
+         trip less that of an empty call, or processor time; half of the range of nine of ten empty calls is \
          the uncertainty. Expansions are the planner's claim, and rank only where all planners are \
          parts of the host.",
         "Intervals of success rates are Wilson's score intervals, those of means Student's t \

@@ -296,8 +296,27 @@ pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Tabl
     } else {
         "They ran on different machines: times can be compared only with care."
     };
+    let settings: Vec<String> = comparison
+        .settings
+        .iter()
+        .map(|one| {
+            format!(
+                "{} ({}; in B {})",
+                one.name,
+                one.a.join(", "),
+                one.b.join(", ")
+            )
+        })
+        .collect();
+    let settings = match &settings[..] {
+        [] => String::new(),
+        some => format!(
+            " They were measured otherwise, so that times cannot be compared: {}.",
+            some.join(", ")
+        ),
+    };
     let note = format!(
-        "A is {a}, B is {b}. {} in both, {} only in A, {} only in B. {machines}",
+        "A is {a}, B is {b}. {} in both, {} only in A, {} only in B. {machines}{settings}",
         plural(comparison.pairs, "trial"),
         grouped(comparison.only_in_a as u64),
         grouped(comparison.only_in_b as u64),

@@ -106,13 +106,15 @@ pub enum Reuse {
     Planner,
 }
 
-/// Which time is compared; the host takes either.
+/// Which time is compared; none is the plugin's word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clock {
     /// Around the call, transport included.
     Host,
     /// Less what an empty call takes.
     LessEmpty,
+    /// Processor time of the call, whatever else the machine did.
+    Cpu,
 }
 
 macro_rules! names {
@@ -131,7 +133,7 @@ macro_rules! names {
 }
 
 names!(Reuse: Never = "never", Planner = "planner");
-names!(Clock: Host = "host", LessEmpty = "call");
+names!(Clock: Host = "host", LessEmpty = "call", Cpu = "cpu");
 
 /// A planner of a suite.
 #[derive(Debug, Clone)]
