@@ -109,7 +109,7 @@ impl CodeFile {
     pub fn read(path: PathBuf) -> Result<Self, Fault> {
         match Self::sha256(&path) {
             Ok(sha256) => Ok(Self { path, sha256 }),
-            Err(error) => Err(Fault::refused(format!("{}: {error}", path.display()))),
+            Err(error) => Err(Fault::file(&path, error)),
         }
     }
 
@@ -142,8 +142,7 @@ impl CodeFile {
 
     /// Where a link leads stands for it.
     fn of_link(path: PathBuf) -> Result<Self, Fault> {
-        let target = fs::read_link(&path)
-            .map_err(|error| Fault::refused(format!("{}: {error}", path.display())))?;
+        let target = fs::read_link(&path).map_err(|error| Fault::file(&path, error))?;
         let mut hasher = Sha256::new();
         hasher.update(target.as_os_str().as_bytes());
         let sha256 = hexadecimal(hasher);
@@ -181,11 +180,9 @@ impl PluginFile {
             reason,
             hint: Some(hint.into()),
         };
-        let meta = fs::metadata(path).map_err(|error| {
-            refused(
-                format!("{shown}: {error}"),
-                "a plugin is a shared library, a program or a planner.toml",
-            )
+        let meta = fs::metadata(path).map_err(|error| Fault::File {
+            reason: format!("{shown}: {error}"),
+            hint: Some("a plugin is a shared library, a program or a planner.toml".into()),
         })?;
         if meta.is_dir() {
             return Self::in_folder(path);
@@ -373,7 +370,7 @@ impl Walk {
 
     /// Takes in what is at `path`, which without links is `real`.
     fn enter(&mut self, path: &Path, real: &Path, hidden: &Hidden) -> Result<(), Fault> {
-        let failed = |error| Fault::refused(format!("{}: {error}", path.display()));
+        let failed = |error| Fault::file(path, error);
         if hidden.has_real(real) {
             return Ok(());
         }
