@@ -448,13 +448,13 @@ impl<'a> Watch<'a> {
             let text = format!("{} on {}: {fault}", row.planner, place_of(row));
             self.bar.suspend(|| output::warning(&text));
         }
-        self.bar.set_position(*done);
         let said = output::with_left(*left, &format!("{failed} failed"));
         if self.bar.is_hidden() && self.said.elapsed() >= EVERY {
             self.said = Instant::now();
             output::note(&format!("{done} of {total} trials, {said}"));
         }
         self.bar.set_message(said);
+        self.bar.set_position(*done);
         let due = self.told.is_none_or(|told| told.elapsed() >= FILE_EVERY);
         if due || done == total {
             self.tell(*done, *total);
