@@ -8,7 +8,7 @@ mod common;
 
 use std::path::PathBuf;
 
-use common::{Ended, NO_PLAN, PLUGIN, SUCCESS, Yard, instance, root, words};
+use common::{Ended, INPUT, NO_PLAN, SUCCESS, Yard, instance, root, words};
 use fleetyard_runtime::adapter::Adapter;
 use serde_json::Value;
 
@@ -228,7 +228,7 @@ fn a_missing_program_comes_with_a_way_to_get_it() {
         let yard = Yard::new().set("PATH", "/nonexistent");
         let yard = yard.set(solver.variable, "");
         let ended = yard.run(&["plugins", "info", &solver.manifest()]);
-        let ended = ended.expect(PLUGIN);
+        let ended = ended.expect(INPUT);
         let told = format!("the program `{}` is not on PATH", solver.name);
         assert!(ended.stderr.contains(&told), "{ended}");
         let hint = ended.stderr.split_once("hint: ");

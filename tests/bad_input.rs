@@ -759,7 +759,6 @@ fn files_that_are_no_plugins() {
             "text.so",
             &["text.so is no shared library that can be loaded"],
         ),
-        ("./nothing.so", &["nothing.so: No such file", "hint: "]),
         (
             "{here}",
             &["has several plugins", "short.so", "name the file of one"],
@@ -818,6 +817,43 @@ fn files_that_are_no_plugins() {
         );
     }
     assert_eq!(yard.files(), before);
+}
+
+/// A script has to tell who is to mend it: the one who typed, the one who put files there, or
+/// the plugin's author.
+#[test]
+fn exit_codes_tell_a_missing_plugin_a_broken_manifest_and_an_unknown_name_apart() {
+    let yard = Yard::new();
+    yard.write("good.map", MAP);
+    yard.write("good.scen", good_scenario());
+    yard.write("bad.planner.toml", "format = [");
+    yard.write("text.so", "This is no library.\n");
+    let suite = "name = \"s\"\n[budget]\nwall = \"1s\"\n[[planner]]\nplugin = \"PLANNER\"\n\
+                 [[instances]]\nscen = [\"good.scen\"]\nmap = \"good.map\"\nagents = [2]\n";
+    let library = faulty_library().display().to_string();
+    for (planner, code) in [
+        ("./nothing.so", INPUT),
+        ("nothing/", INPUT),
+        ("./bad.planner.toml", INPUT),
+        ("no-such-planner", USAGE),
+        (&format!("{library}:nobody"), USAGE),
+        ("./text.so", PLUGIN),
+    ] {
+        let instance = "--map good.map --scen good.scen --agents 2";
+        for line in [
+            format!("run {instance} --planner {planner}"),
+            format!("compare {instance} --planner {planner} --planner lacam"),
+            format!("fleet --map good.map --agents 2 --duration 1s --planner {planner}"),
+        ] {
+            let ended = yard.line(&line).expect(code);
+            says(&ended, &["error: "]);
+        }
+        let named = yard.line(&format!("plugins info {planner}"));
+        assert_eq!(named.code, Some(code), "{planner}: {named}");
+        // Here the suite's line is wrong.
+        yard.write("s.toml", suite.replace("PLANNER", planner));
+        says(&yard.line("bench s.toml").expect(INPUT), &["s.toml"]);
+    }
 }
 
 /// Libraries that are faulty before there is a planner.
@@ -930,8 +966,9 @@ fn attachments_that_do_not_fit() {
             &["--attach", "in-process"],
             &["cannot be loaded", "--attach stdio"],
         ),
-        (&nobody, &[], &["has no planner `nobody`", "it has faulty"]),
     ];
+    let ended = yard.run(&planner(&nobody, &[])).expect(USAGE);
+    says(&ended, &["has no planner `nobody`", "it has faulty"]);
     for (name, arguments, texts) in cases {
         says(&yard.run(&planner(name, arguments)).expect(PLUGIN), texts);
     }

@@ -161,8 +161,48 @@ fn a_dry_run_shows_the_plan_and_writes_nothing() {
         .expect(SUCCESS)
         .stdout;
     assert!(text.contains("trials     4 in shard 1/3"), "{text}");
+    // It has tried nothing, and so it knows no better.
+    let budgets = "if every trial spends its whole budget";
+    assert!(text.contains(budgets), "{text}");
     assert!(text.contains("warm-up  pibt"), "{text}");
     assert_eq!(yard.files(), BTreeSet::from(["s.toml".into()]));
+}
+
+/// What a report says of making a trial again has the files in it.
+#[test]
+fn a_store_knows_where_its_files_were() {
+    let yard = Yard::new();
+    let maps = root().join("maps");
+    for name in ["empty-8-8.map", "empty-8-8-random-1.scen"] {
+        fs::create_dir_all(yard.path("far away")).unwrap();
+        fs::copy(maps.join(name), yard.path("far away").join(name)).unwrap();
+    }
+    let suite = suite("[2]", "").replace(&maps.display().to_string(), "far away");
+    yard.write("s.toml", suite);
+    yard.line("bench s.toml").expect(SUCCESS);
+    let meta = Store::open_read_only(&yard.path("small.sqlite")).unwrap();
+    let places = meta.meta().unwrap().places;
+    let [place] = &places.scenarios[..] else {
+        panic!("{places:?}");
+    };
+    assert_eq!(
+        (place.map.as_str(), place.scenario.as_str()),
+        ("empty-8-8", "empty-8-8-random-1.scen")
+    );
+    let folder = fs::canonicalize(yard.path("far away")).unwrap();
+    for (file, name) in [
+        (&place.map_file, "empty-8-8.map"),
+        (&place.scenario_file, "empty-8-8-random-1.scen"),
+    ] {
+        assert!(file.is_absolute(), "{}", file.display());
+        assert_eq!(fs::canonicalize(file).unwrap(), folder.join(name));
+    }
+    // Built-in planners are known by their names.
+    assert!(places.planners.is_empty(), "{places:?}");
+    yard.line("report small.sqlite --html r.html")
+        .expect(SUCCESS);
+    let page = String::from_utf8(yard.read("r.html")).unwrap();
+    assert!(page.contains("far away/empty-8-8-random-1.scen"));
 }
 
 #[test]

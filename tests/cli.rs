@@ -721,6 +721,129 @@ fn nothing_outlives_a_process_group_that_is_told_to_end() {
     }
 }
 
+/// Starts a run of a planner that hangs once the host has read its plan, and waits until then.
+/// Nothing keeps the planner from its file there.
+fn hanging_with_a_plan(yard: &Yard) -> Started {
+    let read = yard.path("read");
+    let mut line = words("run --budget 10m --sandbox none --plan-out plan.json --format json");
+    line.extend(["--planner".into(), faulty_program().display().to_string()]);
+    line.extend(["fault=hangs-after-plan".into()]);
+    line.extend([format!("target={}", read.display())]);
+    line.extend(instance("empty-8-8", 2));
+    let started = yard.start(&line);
+    assert!(until(|| read.exists()));
+    started
+}
+
+#[test]
+fn an_interrupt_keeps_the_best_plan_until_then() {
+    if !have("python3") {
+        return;
+    }
+    for (signal, number) in [("INT", 2), ("TERM", 15)] {
+        if is_ignored(signal) {
+            continue;
+        }
+        let yard = Yard::new().in_own_group();
+        let started = hanging_with_a_plan(&yard);
+        let host = started.child.id();
+        let processes = started.processes();
+        let host = processes.iter().find(|process| process.id == host).unwrap();
+        host.signal_group(signal);
+        let ended = started.wait().expect(128 + number);
+        let record = ended.json();
+        assert_eq!(at(&record, "termination"), "interrupted");
+        assert_eq!(at(&record, "verdict.valid"), true);
+        assert_eq!(at(&record, "ended_by_clock"), true);
+        let said = "note: interrupted; this is the best plan until then";
+        assert!(ended.stderr.contains(said), "{ended}");
+        assert!(!ended.stderr.contains("error:"), "{ended}");
+        let mut line = words("validate plan.json");
+        line.extend(instance("empty-8-8", 2));
+        yard.run(&line).expect(SUCCESS);
+    }
+}
+
+#[test]
+fn a_second_interrupt_ends_a_run_whose_planner_hears_nothing() {
+    if is_ignored("INT") {
+        return;
+    }
+    let yard = Yard::new();
+    let mut line = words("run --budget 10m --attach in-process --option fault=never --planner");
+    line.push(faulty_library().display().to_string());
+    line.extend(instance("empty-8-8", 2));
+    let mut started = yard.start(&line);
+    let ended = until(|| {
+        let host = started.child.id();
+        let processes = started.processes();
+        if let Some(host) = processes.iter().find(|process| process.id == host) {
+            host.signal("INT");
+        }
+        started.child.try_wait().unwrap().is_some()
+    });
+    assert!(ended, "{:?}", started.processes());
+}
+
+#[test]
+fn an_interrupt_before_there_is_a_plan_ends_the_run_without_one() {
+    if is_ignored("INT") {
+        return;
+    }
+    let yard = Yard::new().in_own_group();
+    let mut started = hanging(&yard, &faulty_library(), "never");
+    let host = started.child.id();
+    let processes = started.processes();
+    let host = processes.iter().find(|process| process.id == host).unwrap();
+    host.signal_group("INT");
+    // Before the call there is nobody to end but the command itself.
+    assert_eq!(started.child.wait().unwrap().code(), Some(130));
+    assert!(until(|| started.processes().is_empty()));
+    assert!(yard.files().is_empty(), "{:?}", yard.files());
+}
+
+#[test]
+fn the_command_draws_nothing_where_there_is_no_terminal() {
+    let yard = Yard::new();
+    let mut line = words("run --planner lacam anytime=false --trace-out t.fyt");
+    line.extend(instance("empty-8-8", 2));
+    let run = yard.run(&line).expect(SUCCESS);
+    assert_eq!(run.stderr, "", "{run}");
+    for line in [
+        "trace info t.fyt",
+        "trace diff t.fyt t.fyt",
+        "trace export t.fyt --html t.html",
+    ] {
+        let ended = yard.line(line).expect(SUCCESS);
+        assert_eq!(ended.stderr, "", "{ended}");
+    }
+}
+
+#[test]
+fn long_work_on_a_terminal_says_what_is_going_on() {
+    if !have("script") {
+        return;
+    }
+    let yard = Yard::new();
+    let on_a_terminal = |line: &str| {
+        let line = format!("script --quiet --return --command '{line}' typescript");
+        yard.shell(&line).expect(SUCCESS).stdout
+    };
+    let instance = instance("empty-8-8", 2).join(" ");
+    let run = format!("fleetyard run --planner lacam anytime=false --trace-out t.fyt {instance}");
+    let shown = on_a_terminal(&run);
+    let expected = "lacam on empty-8-8-random-1.scen, 2 agents, 0s elapsed";
+    assert!(shown.contains(expected), "{shown}");
+    for line in [
+        "trace info t.fyt",
+        "trace diff t.fyt t.fyt",
+        "trace export t.fyt --html t.html",
+    ] {
+        let shown = on_a_terminal(&format!("fleetyard {line}"));
+        assert!(shown.contains(" read, 0s elapsed"), "{shown}");
+    }
+}
+
 #[test]
 fn nothing_outlives_a_host_that_is_killed_while_a_plugin_starts() {
     let library = c_library("plugins/faulty/faulty.c", Some("CONSTRUCTOR_HANG"));

@@ -115,6 +115,37 @@ fn python() {
     }
 }
 
+/// The class was called after the template, whatever the plugin was called.
+#[test]
+fn a_python_plugin_and_its_test_go_by_the_plugins_name() {
+    if !have_all(&["python3"]) {
+        return;
+    }
+    let yard = Yard::new();
+    for kind in KINDS {
+        let name = format!("my-own_{kind}");
+        yard.line(&format!("plugins new {name} --lang python --kind {kind}"))
+            .expect(SUCCESS);
+        let words = name.split(['-', '_']);
+        let class: String = words
+            .map(|word| word[..1].to_uppercase() + &word[1..])
+            .collect();
+        let read = |file: &str| fs::read_to_string(yard.path(&name).join(file)).unwrap();
+        let module = name.replace('-', "_");
+        let plugin = read(&format!("{module}.py"));
+        assert!(
+            plugin.contains(&format!("class {class}(fleetyard.")),
+            "{plugin}"
+        );
+        let test = read("tests/test_plugin.py");
+        assert!(test.contains(&format!("{module}.{class}(")), "{test}");
+        let ran = yard.shell(&format!("python3 -m unittest discover {name}/tests"));
+        let ran = ran.expect(SUCCESS);
+        assert!(ran.stderr.contains("\nOK"), "{ran}");
+        assert!(!ran.stderr.contains("Ran 0 tests"), "{ran}");
+    }
+}
+
 #[test]
 fn command() {
     if have_all(&["python3"]) {

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Ended, INPUT, SUCCESS, USAGE, Yard};
+use common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard};
 
 /// Two agents that meet in a crossing, the second a step later.
 fn yard() -> Yard {
@@ -65,6 +65,35 @@ fn order_keeps_robots_apart() {
         let other = json(&yard, &options.replace("--seed 7", "--seed 8"));
         assert_ne!(by_order["trace_digest"], other["trace_digest"], "{model}");
     }
+}
+
+#[test]
+fn a_script_can_fail_on_what_may_not_happen() {
+    let yard = yard();
+    // The plan without trouble.
+    simulate(&yard, "--fail-on contacts,unfinished").expect(SUCCESS);
+    let touch = "--model agv --start-heading -70 --until-done";
+    // Asked for nothing, it only tells.
+    simulate(&yard, touch).expect(SUCCESS);
+    for what in ["contacts", "agent-contacts", "unfinished,agent-contacts"] {
+        let ended = simulate(&yard, &format!("{touch} --fail-on {what}")).expect(INVALID_PLAN);
+        assert!(ended.stdout.contains("contacts"), "{ended}");
+        assert!(
+            ended.stderr.contains("error: the execution had "),
+            "{ended}"
+        );
+    }
+    simulate(
+        &yard,
+        &format!("{touch} --fail-on obstacle-contacts,unfinished"),
+    )
+    .expect(SUCCESS);
+    let late = simulate(&yard, "--model agv --fail-on unfinished").expect(INVALID_PLAN);
+    let told = "that did not arrive";
+    assert!(late.stderr.contains(told), "{late}");
+    let wrong = simulate(&yard, "--fail-on collisions").expect(USAGE);
+    let allowed = "[possible values: contacts, agent-contacts, obstacle-contacts, unfinished]";
+    assert!(wrong.stderr.contains(allowed), "{wrong}");
 }
 
 #[test]

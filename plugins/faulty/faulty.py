@@ -8,9 +8,12 @@ others stand. Faults of plans begin with that honest plan and add one wrong thin
 in faulty.c. What it does to its process and to the machine stands in mischief.py.
 """
 
+import array
+import fcntl
 import json
 import os
 import sys
+import termios
 import time
 from collections import deque
 
@@ -20,7 +23,7 @@ PLAN_FAULTS = """too-few-agents too-many-agents empty-path wrong-start not-at-go
     collide collide-parked swap leave-map through-obstacle""".split()
 ANSWER_FAULTS = """late twice two-results claims-solved-without-plan claims-infeasible
     bad-status huge-plan huge-answer late-huge-answer incumbent-flood answers-early null-plan
-    fails rpc-error bad-cells bad-moves exit-after-plan crash-after thread-raises forged-time
+    fails rpc-error bad-cells bad-moves exit-after-plan hangs-after-plan crash-after thread-raises forged-time
     endless-call""".split()
 FAULTS = ["none", *PLAN_FAULTS, *ANSWER_FAULTS, *mischief.FAULTS]
 
@@ -227,7 +230,17 @@ def moves(path):
     return "".join(letters[to[0] - of[0], to[1] - of[1]] for of, to in steps)
 
 
-def answer_plan(request, grid, params, fault, size):
+def hang_once_read(target):
+    """Makes the file when the host has read all that was written, and does nothing more."""
+    unread = array.array("i", [1])
+    while unread[0]:
+        fcntl.ioctl(1, termios.FIONREAD, unread)
+    open(target, "w").close()
+    while True:
+        time.sleep(60)
+
+
+def answer_plan(request, grid, params, fault, size, target):
     def reply(**result):
         send({"jsonrpc": "2.0", "id": request, "result": result})
 
@@ -274,6 +287,9 @@ def answer_plan(request, grid, params, fault, size):
     if fault == "exit-after-plan":
         notify("incumbent", paths=paths)
         sys.exit(0)
+    if fault == "hangs-after-plan":
+        notify("incumbent", paths=paths)
+        hang_once_read(target)
     if fault == "crash-after":
         mischief.crash_later()
     if fault == "thread-raises":
@@ -328,7 +344,8 @@ def main():
             }
             result = {"protocol_version": 1, "plugins": [about]}
         elif method == "plan":
-            answer_plan(request, grid, params, fault, options.get("size", 1 << 30))
+            size, target = options.get("size", 1 << 30), options.get("target")
+            answer_plan(request, grid, params, fault, size, target)
             continue
         elif method == "shutdown":
             result = None

@@ -186,17 +186,7 @@ impl<'s> Contest<'s> {
                 .into_iter()
                 .fold(Duration::ZERO, Duration::saturating_add);
         }
-        let grace = budget.grace.unwrap_or(Duration::ZERO);
-        let ending = self.host.runtime.limits().ending;
-        [
-            budget.startup,
-            budget.prepare_wall(),
-            budget.wall,
-            grace,
-            ending,
-        ]
-        .into_iter()
-        .fold(Duration::ZERO, Duration::saturating_add)
+        self.host.longest()
     }
 
     /// Makes a trial. What goes wrong with a planner is in the row; an error is something

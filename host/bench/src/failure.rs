@@ -26,8 +26,10 @@ impl Trial<'_> {
     fn failure(&self) -> Option<String> {
         let is = |termination: Termination| self.termination == termination.to_string();
         let claims = |status: Status| self.claim == Some(&*status.to_string());
-        let may_count =
-            is(Termination::Completed) || is(Termination::TimedOut) || is(Termination::OverLimit);
+        let may_count = is(Termination::Completed)
+            || is(Termination::TimedOut)
+            || is(Termination::Interrupted)
+            || is(Termination::OverLimit);
         if may_count && self.valid == Some(true) {
             return None;
         }
@@ -92,6 +94,7 @@ impl Record {
             | Termination::Exited
             | Termination::ProtocolError
             | Termination::Failed => Ending::Plugin,
+            Termination::Interrupted => Ending::Interrupted,
             Termination::Completed
             | Termination::TimedOut
             | Termination::OverLimit

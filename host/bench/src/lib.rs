@@ -8,12 +8,14 @@ mod changes;
 pub mod claims;
 mod contest;
 mod error;
+mod estimate;
 pub mod evaluate;
 pub mod export;
 mod failure;
 mod fleet;
 mod manifest;
 mod options;
+mod places;
 mod plan;
 mod record;
 pub mod report;
@@ -32,15 +34,17 @@ pub use candidate::{Candidate, GivenOptions, Running};
 pub use changes::changes;
 pub use contest::{Contest, Entrant, Pin, now_unix_ms};
 pub use error::BenchError;
+pub use estimate::{Estimate, Left, rough};
 pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
+pub use places::{Places, ScenarioPlace};
 pub use plan::{Planned, Schedule, Shard, Step, in_turn};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, number,
 };
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
-pub use run::{Left, Progress, Ran, SharedStore, rough, run};
+pub use run::{Progress, Ran, SharedStore, run};
 pub use store::{Asked, Merged, Meta, Store, schema};
 pub use trial::{Host, Outcome, Trial, execute, milliseconds};
 pub use trial_error::TrialError;

@@ -382,6 +382,8 @@ pub enum Ending {
     InvalidPlan,
     /// The plugin crashed, broke the protocol or reported an error.
     Plugin,
+    /// Before its time, because somebody told the host to end.
+    Interrupted,
 }
 
 impl Record {

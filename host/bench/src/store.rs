@@ -26,6 +26,7 @@ use rusqlite::types::{ToSqlOutput, ValueRef};
 use rusqlite::{Connection, ErrorCode, OpenFlags, ToSql, Transaction, TransactionBehavior};
 use rustix::fs::FlockOperation;
 
+use crate::places::Places;
 use crate::row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
 
 /// Says in the header of the file whose it is: `FlYd`.
@@ -87,6 +88,8 @@ pub struct Meta {
     pub fleetyard: String,
     /// When the store was made, in milliseconds since 1970.
     pub created_unix_ms: u64,
+    /// Where the suite's files were, when the store was written last; unknown in older stores.
+    pub places: Places,
 }
 
 /// A trial that the suite asks for, as far as a store has to know it.
@@ -499,6 +502,9 @@ impl Store {
             created_unix_ms: value("created_unix_ms")?
                 .parse()
                 .map_err(|_| damaged(&self.path, "`created_unix_ms` of `meta` is no number"))?,
+            places: (value("places").ok())
+                .and_then(|text| serde_json::from_str(&text).ok())
+                .unwrap_or_default(),
         })
     }
 
@@ -718,6 +724,8 @@ impl Store {
 
 fn put_meta(transaction: &Transaction<'_>, meta: &Meta) -> rusqlite::Result<()> {
     let created = meta.created_unix_ms.to_string();
+    // Names that are no text are not kept.
+    let places = serde_json::to_string(&meta.places).unwrap_or_default();
     let pairs = [
         ("suite", &meta.suite),
         ("suite_text", &meta.suite_text),
@@ -725,6 +733,7 @@ fn put_meta(transaction: &Transaction<'_>, meta: &Meta) -> rusqlite::Result<()> 
         ("suite_digest", &meta.suite_digest),
         ("fleetyard", &meta.fleetyard),
         ("created_unix_ms", &created),
+        ("places", &places),
     ];
     for (name, value) in pairs {
         transaction.execute("INSERT OR REPLACE INTO meta VALUES (?1, ?2)", (name, value))?;

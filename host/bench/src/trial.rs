@@ -99,6 +99,20 @@ impl Host {
         &self.budget
     }
 
+    /// The longest that a planner may take for a trial, if it has to be started for it.
+    pub fn longest(&self) -> Duration {
+        let budget = &self.budget;
+        [
+            budget.startup,
+            budget.prepare_wall(),
+            budget.wall,
+            budget.grace.unwrap_or(Duration::ZERO),
+            self.runtime.limits().ending,
+        ]
+        .into_iter()
+        .fold(Duration::ZERO, Duration::saturating_add)
+    }
+
     fn reserved(&self) -> Option<&Reservation> {
         self.cores.as_ref()?.as_ref().ok()
     }
@@ -309,6 +323,7 @@ impl Trial<'_> {
             stopped: run.stopped || over.is_some(),
             limit: run.limit.or(over),
             ended_by_clock: run.limit == Some(Limit::Wall)
+                || run.termination == Termination::Interrupted
                 || run.planning.as_secs_f64() >= NEARLY * self.host.budget.wall.as_secs_f64(),
             kill_latency_ms: closing
                 .as_ref()

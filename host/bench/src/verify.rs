@@ -5,12 +5,15 @@
 //! that used nearly all of its budget, may have got further on another day.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
 use crate::error::BenchError;
+use crate::estimate::Estimate;
 use crate::plan::{Planned, Schedule, Shard};
 use crate::row::Row;
+use crate::run::Progress;
 
 /// A call that took this share of its budget was ended by it, whatever it claims.
 const SPENT: f64 = 0.9;
@@ -78,14 +81,16 @@ impl What {
 }
 
 /// Makes trials of a store again: all whose keys the schedule has, or `sample` of them, which
-/// are spread evenly over planners and instances. `watch` hears how many of how many were made.
+/// are spread evenly over planners and instances. None takes longer than `longest`; `watch` hears
+/// how far it is after each.
 pub fn verify(
     schedule: &Schedule,
     shard: Shard,
     rows: &[Row],
     sample: Option<u64>,
+    longest: Duration,
     trial: &mut dyn FnMut(&Planned) -> Result<Row, BenchError>,
-    watch: &mut dyn FnMut(u64, u64),
+    watch: &mut dyn FnMut(&Progress),
 ) -> Result<Verified, BenchError> {
     let mut verified = Verified::default();
     let recorded: BTreeMap<&str, &Row> = rows.iter().map(|row| (row.key.as_str(), row)).collect();
@@ -100,9 +105,20 @@ pub fn verify(
     }
     let chosen = chosen(&mut again, sample);
     verified.left_out = (again.len() - chosen.len()) as u64;
+    let mut estimate = Estimate::new(longest);
+    for (planned, _) in &chosen {
+        estimate.expect(planned.planner);
+    }
     for (done, (planned, row)) in chosen.iter().enumerate() {
+        let started = Instant::now();
         let now = trial(planned)?;
-        watch(done as u64 + 1, chosen.len() as u64);
+        estimate.ended(planned.planner, started.elapsed());
+        watch(&Progress {
+            done: done as u64 + 1,
+            total: chosen.len() as u64,
+            failed: verified.differ.len() as u64,
+            left: estimate.left(),
+        });
         if !comparable(&now) {
             verified.not_comparable += 1;
             continue;
@@ -227,11 +243,12 @@ mod tests {
                 Shard::ALL,
                 &rows,
                 sample,
+                Duration::from_mins(1),
                 &mut |planned| {
                     asked.push(*planned);
                     Ok(made(planned, &schedule, day))
                 },
-                &mut |_, _| {},
+                &mut |_| {},
             );
             (verified.unwrap(), asked)
         };

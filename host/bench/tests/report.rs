@@ -10,8 +10,8 @@ use std::fs;
 use std::process::Command;
 
 use browser::{chromium, selftest, with_user};
-use fleetyard_bench::Row;
 use fleetyard_bench::report::{Marks, Report, Subject, svg};
+use fleetyard_bench::{Row, ScenarioPlace};
 use serde_json::json;
 use support::{Shape, rows};
 
@@ -25,6 +25,17 @@ fn subject(title: &str) -> Subject {
         texts: vec![("Suite".to_owned(), "name = \"suite\"".to_owned())],
         ..Subject::default()
     }
+}
+
+/// Where maps and scenarios are, in folders whose names a shell would take apart.
+fn places(rows: &[Row]) -> Vec<ScenarioPlace> {
+    let place = |row: &Row| ScenarioPlace {
+        map: row.map.clone(),
+        scenario: row.scenario.clone(),
+        map_file: format!("/far away/{}.map", row.map).into(),
+        scenario_file: format!("/far away/{}", row.scenario).into(),
+    };
+    rows.iter().map(place).collect()
 }
 
 fn usual() -> Vec<Row> {
@@ -104,6 +115,50 @@ fn suites() -> Vec<(&'static str, Vec<Row>)> {
         ("one", usual().into_iter().take(1).collect()),
         ("none", Vec::new()),
     ]
+}
+
+/// A winner was announced whose own test said p = 1.
+#[test]
+fn no_headline_says_more_than_its_test() {
+    let rows = usual();
+    let report = Report::new(subject("s"), &rows);
+    let numbers = report.json().unwrap();
+    let headline = numbers["headline"].as_str().unwrap();
+    let lead = &numbers["lead"];
+    let rivals = lead["rivals"].as_array().unwrap();
+    let shown = rivals.iter().all(|rival| rival["behind"] == true);
+    let story = report.story().join(" ");
+    assert!(story.contains(headline), "{story}");
+    let first = lead["planner"].as_str().unwrap();
+    if shown {
+        assert_eq!(headline, format!("{first} ranks first"));
+    } else {
+        let start = format!("No planner is shown to be the best: tests do not put {first} before ");
+        assert!(headline.starts_with(&start), "{headline}");
+        assert!(!story.contains("ranks first"), "{story}");
+    }
+    // Each planner against itself under another name: no test tells them apart.
+    let mut twins = rows.clone();
+    twins.retain(|row| row.planner == first);
+    let others: Vec<Row> = twins
+        .iter()
+        .map(|row| Row {
+            planner: "twin".into(),
+            key: format!("twin {}", row.key),
+            ..row.clone()
+        })
+        .collect();
+    twins.extend(others);
+    let report = Report::new(subject("twins"), &twins);
+    let [a, b] = report.planners()[..] else {
+        panic!("two planners");
+    };
+    let (a, b) = if a < b { (a, b) } else { (b, a) };
+    let expected = format!(
+        "No planner is shown to be the best: tests do not put {a} before {b} \
+         (instances solved: p = 1.000; times: p = 1.000)"
+    );
+    assert_eq!(report.json().unwrap()["headline"], expected.as_str());
 }
 
 #[test]
@@ -201,7 +256,11 @@ fn everything_on_the_page_works_in_a_browser() {
     };
     let folder = tempfile::tempdir().unwrap();
     for (name, rows) in suites() {
-        let report = Report::new(subject(name), &rows);
+        let mut subject = subject(name);
+        if name == "usual" {
+            subject.places.scenarios = places(&rows);
+        }
+        let report = Report::new(subject, &rows);
         let mut expected = report.json().unwrap();
         let tables = report.tables();
         let tables = tables

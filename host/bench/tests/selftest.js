@@ -42,6 +42,7 @@
     } else {
       check('ranking', cells('ranking')[0][0] === 'No trials.', cells('ranking'));
     }
+    check('headline', $('ranking-note').textContent.startsWith(EXPECTED.headline ? `${EXPECTED.headline}. ` : ''), [$('ranking-note').textContent, EXPECTED.headline]);
     if (EXPECTED.overview.planners > 1) {
       check('paired', sameText(cells('paired'), paired.rows) && sameText(heads('paired'), paired.head), [cells('paired'), paired.rows]);
     } else {
@@ -101,7 +102,10 @@
         await new Promise((done) => setTimeout(done, 80));
         check('opens a trial from a plot', $('trial').open && location.hash.startsWith('#trial='), location.hash);
         check('shows every column', document.querySelectorAll('#trial-body dl dt').length === report.data.columns.length);
-        check('says how to run it again', document.querySelector('#trial-body code').textContent.startsWith('fleetyard '));
+        const commands = document.querySelector('#trial-body code').textContent;
+        const again = commands.startsWith('fleetyard bench ') || /^fleetyard run .* --trace-out (trial-\d+)\.fyt\nfleetyard trace export \1\.fyt --html \1\.html$/m.test(commands);
+        const placed = !report.data.places.scenarios.length || /--map '\/far away\/(.+)\.map' --scen '\/far away\/\1-random-\d+\.scen' /.test(commands);
+        check('says how to run it again and watch it', again && placed, commands);
         $('trial-close').click();
         await new Promise((done) => setTimeout(done, 50));
         check('closes', !$('trial').open && location.hash === '', location.hash);

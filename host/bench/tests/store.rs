@@ -1,10 +1,11 @@
 //! The store: what it keeps, what it refuses, and what it leaves alone.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fleetyard_bench::{Asked, COLUMNS, ColumnType, Incumbent, Meta, Row, Store};
+use fleetyard_bench::{Asked, COLUMNS, ColumnType, Incumbent, Meta, Places, Row, Store};
 use fleetyard_core::{Digest, InputError};
 use fleetyard_runtime::CodeFile;
 
@@ -16,6 +17,10 @@ fn meta() -> Meta {
         suite_digest: "d".into(),
         fleetyard: "0.0.0".into(),
         created_unix_ms: 7,
+        places: Places {
+            planners: BTreeMap::from([("mine".into(), "/plugins/mine.so".into())]),
+            ..Places::default()
+        },
     }
 }
 

@@ -1026,9 +1026,25 @@ pub(crate) struct Simulate {
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, value_name = "FILE", value_parser = picture)]
     pub(crate) picture: Option<PathBuf>,
+    /// End with exit code 4 when one of these happened; several are separated by commas
+    #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
+    pub(crate) fail_on: Vec<Mishap>,
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     pub(crate) format: Format,
+}
+
+/// Something in an execution that its user may not want.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mishap {
+    /// Somebody touched somebody or something
+    Contacts,
+    /// Two agents touched
+    AgentContacts,
+    /// An agent touched an obstacle, one that stands or one that moves
+    ObstacleContacts,
+    /// An agent did not arrive
+    Unfinished,
 }
 
 /// What is on the move.

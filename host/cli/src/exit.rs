@@ -5,7 +5,7 @@ use std::fmt;
 use fleetyard_bench::{BenchError, Ending, TrialError, slurm};
 use fleetyard_core::InputError;
 use fleetyard_fleet::FleetError;
-use fleetyard_runtime::{Fault, OptionError};
+use fleetyard_runtime::{Fault, OptionError, interrupted_by};
 use fleetyard_sim::SimError;
 
 /// Exit codes. They are documented in `fleetyard help` and stay as they are.
@@ -16,16 +16,29 @@ pub(crate) enum Exit {
     /// The planner found no plan within its budget, proved that there is none, or
     /// does not support the instance.
     NoPlan = 1,
-    /// The command line is wrong.
+    /// The command line is wrong, or names a plugin that there is not.
     Usage = 2,
     /// A file is missing, malformed or contradicts another.
     Input = 3,
-    /// The plan breaks a rule.
+    /// The plan breaks a rule, or something happened in its execution that may not.
     InvalidPlan = 4,
     /// The plugin crashed, broke the protocol, reported an error or is none.
     Plugin = 5,
     /// The host failed.
     Internal = 70,
+    /// Somebody ended the command, here as Ctrl-C does; see [`Exit::code`].
+    Interrupted = 130,
+}
+
+impl Exit {
+    /// The exit code: after an interrupt, as a shell says it of a process that a signal has
+    /// ended.
+    pub(crate) fn code(self) -> i32 {
+        match (self, interrupted_by()) {
+            (Self::Interrupted, Some(signal)) => 128 + signal,
+            (exit, _) => exit as i32,
+        }
+    }
 }
 
 /// The table for the help text.
@@ -33,11 +46,12 @@ pub(crate) const HELP: &str = "\
 Exit codes:
    0  a valid plan, or nothing to complain about
    1  no plan within the budget, none exists, or the planner does not support the instance
-   2  the command line is wrong
-   3  a file is missing, malformed or contradicts another
-   4  the plan breaks a rule
+   2  the command line is wrong, or no plugin has the name
+   3  a file is missing, malformed or contradicts another, a plugin's file too
+   4  the plan breaks a rule, or something happened that --fail-on names
    5  the plugin crashed, broke the protocol, reported an error or is none
   70  internal error of the host
+ 130  interrupted (128 and the number of the signal)
 
 Environment:
   FLEETYARD_PLUGIN_PATH  folders with plugins, separated by colons
@@ -129,17 +143,23 @@ impl From<SimError> for Failure {
     }
 }
 
+impl From<&Fault> for Exit {
+    fn from(fault: &Fault) -> Self {
+        match fault {
+            Fault::Unknown { .. } => Self::Usage,
+            Fault::File { .. } => Self::Input,
+            Fault::Host { .. } => Self::Internal,
+            Fault::Interrupted { .. } => Self::Interrupted,
+            _ => Self::Plugin,
+        }
+    }
+}
+
 impl From<Fault> for Failure {
     fn from(fault: Fault) -> Self {
         let hint = fault.hint().map(str::to_owned);
-        // An unknown name is the user's mistake, a bad file the plugin's.
-        let exit = match &fault {
-            Fault::Unknown { .. } => Exit::Usage,
-            Fault::Host { .. } => Exit::Internal,
-            _ => Exit::Plugin,
-        };
         Self {
-            exit,
+            exit: Exit::from(&fault),
             message: fault.to_string(),
             hint,
         }
@@ -155,7 +175,11 @@ impl From<TrialError> for Failure {
             TrialError::Options(error) => return error.into(),
             TrialError::Fault(fault) => return fault.into(),
             TrialError::Simulation(error) => return error.into(),
-            TrialError::Robots(_) | TrialError::SeveralPlugins { .. } => Exit::Usage,
+            TrialError::Robots(_)
+            | TrialError::SeveralPlugins { .. }
+            | TrialError::NoPlugin {
+                wanted: Some(_), ..
+            } => Exit::Usage,
             TrialError::NoPlugin { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
             TrialError::Incapable { .. } => Exit::NoPlan,
         };
@@ -175,8 +199,7 @@ impl From<FleetError> for Failure {
             FleetError::Input(error) => return error.into(),
             FleetError::Sim(error) => return error.into(),
             FleetError::Config { .. } => Exit::Usage,
-            FleetError::Start { fault, .. } if fault.is_of_host() => Exit::Internal,
-            FleetError::Start { .. } => Exit::Plugin,
+            FleetError::Start { fault, .. } => Exit::from(&fault),
             FleetError::Incapable { .. } => Exit::NoPlan,
             FleetError::Broken(_) => Exit::Internal,
         };
@@ -209,6 +232,7 @@ impl From<Ending> for Exit {
             Ending::NoPlan => Self::NoPlan,
             Ending::InvalidPlan => Self::InvalidPlan,
             Ending::Plugin => Self::Plugin,
+            Ending::Interrupted => Self::Interrupted,
         }
     }
 }

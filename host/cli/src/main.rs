@@ -28,7 +28,7 @@ fn main() {
             failure.exit
         }
     };
-    std::process::exit(exit as i32);
+    std::process::exit(exit.code());
 }
 
 fn dispatch(command: Command) -> Result<Exit> {

@@ -2,14 +2,19 @@
 
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
 
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
+use fleetyard_bench::Left;
 use fleetyard_core::is_unseen;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::exit::{Result, internal};
+
+/// How often a spinner moves.
+const TICK: Duration = Duration::from_millis(200);
 
 /// Prints text and a newline. A reader that went away is not an error.
 pub(crate) fn print(text: &str) -> Result<()> {
@@ -106,32 +111,54 @@ pub(crate) fn table(header: &[&str], rows: Vec<Vec<String>>, numbers: &[usize]) 
 }
 
 /// A progress bar of trials when standard error is a terminal.
-pub(crate) fn progress(total: u64) -> ProgressBar {
+pub(crate) fn trials(total: u64) -> ProgressBar {
     bar(
         total,
-        "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left  {msg}",
+        "{bar:30} {pos}/{len} trials, {elapsed} elapsed  {msg}",
     )
+}
+
+/// What is said beside a bar of trials: how long the rest takes, once that is known.
+pub(crate) fn with_left(left: Option<Left>, what: &str) -> String {
+    match left {
+        Some(left) => plain(&format!("{left}, {what}")),
+        None => plain(what),
+    }
 }
 
 /// A progress bar that looks like `template`, when standard error is a terminal.
 pub(crate) fn bar(total: u64, template: &str) -> ProgressBar {
-    if !io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(total);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
+    shown(|| ProgressBar::new(total), template)
+}
+
+/// The same of bytes that are read.
+pub(crate) fn bytes(total: u64) -> ProgressBar {
+    bar(
+        total,
+        "{bar:30} {bytes}/{total_bytes} read, {elapsed} elapsed",
+    )
+}
+
+/// The same for work whose end is not known. It moves by itself.
+pub(crate) fn spinner(what: &str) -> ProgressBar {
+    let bar = shown(
+        ProgressBar::new_spinner,
+        "{spinner} {msg}, {elapsed} elapsed",
+    );
+    if !bar.is_hidden() {
+        bar.set_message(plain(what));
+        bar.tick();
+        bar.enable_steady_tick(TICK);
     }
     bar
 }
 
-/// The same for work whose end is not known.
-pub(crate) fn spinner() -> ProgressBar {
+fn shown(make: impl FnOnce() -> ProgressBar, template: &str) -> ProgressBar {
     if !io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new_spinner();
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed} elapsed") {
+    let bar = make();
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     bar

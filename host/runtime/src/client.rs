@@ -310,6 +310,10 @@ impl<L: Link> Client<L> {
                 let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
                 return Err(self.stop(wait.method, Fault::TimedOut { during, limit_ms }));
             }
+            if self.link.interrupted() {
+                let during = wait.method.to_owned();
+                return Err(self.stop(wait.method, Fault::Interrupted { during }));
+            }
             // With a grace, the supervisor says first that a limit is exceeded.
             let told = now >= wait.deadline_ns || self.link.over().is_some();
             if told && !cancelled {

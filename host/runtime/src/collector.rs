@@ -11,6 +11,7 @@ use fleetyard_core::GridPlan;
 
 use crate::bounds::{INCUMBENTS, LOG_BYTES, METRIC_NAME_BYTES, METRICS, OLDER_BYTES, plan_bytes};
 use crate::convert::plan_from_abi;
+use crate::interrupt::interrupted_by;
 use crate::log::Log;
 use crate::session::Incumbent;
 
@@ -177,6 +178,6 @@ impl Sink for Collector {
     fn progress(&self, _: u64, _: u64) {}
 
     fn cancelled(&self) -> bool {
-        monotonic_ns() >= self.deadline_ns
+        monotonic_ns() >= self.deadline_ns || interrupted_by().is_some()
     }
 }

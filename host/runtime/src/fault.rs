@@ -1,16 +1,26 @@
 //! Every way in which a plugin can fail its host, told apart.
 
+use std::path::Path;
+
 use fleetyard_abi::Status;
 
 use crate::monitor::Limit;
 
-/// What went wrong with a plugin; [`Fault::Host`] alone is not its doing.
+/// What went wrong with a plugin; [`Fault::Host`] and [`Fault::Interrupted`] are not its doing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
     /// The file is no plugin that this host can use.
     #[error("{reason}")]
     Refused {
         /// Why.
+        reason: String,
+        /// What the user can do.
+        hint: Option<String>,
+    },
+    /// A file of a plugin is missing, cannot be read, or says what it may not.
+    #[error("{reason}")]
+    File {
+        /// Which, and why.
         reason: String,
         /// What the user can do.
         hint: Option<String>,
@@ -63,6 +73,12 @@ pub enum Fault {
         /// The budget.
         limit_ms: u64,
     },
+    /// Somebody told the host to end, and the process was killed.
+    #[error("was interrupted during `{during}`")]
+    Interrupted {
+        /// The call that was running.
+        during: String,
+    },
     /// The plugin used more of a resource than it may, and was stopped.
     #[error("exceeded its {limit} limit of {allowed} during `{during}` and was stopped")]
     OverLimit {
@@ -111,6 +127,14 @@ impl Fault {
         }
     }
 
+    /// A file of a plugin cannot be read.
+    pub(crate) fn file(path: &Path, error: impl std::fmt::Display) -> Self {
+        Self::File {
+            reason: format!("{}: {error}", path.display()),
+            hint: None,
+        }
+    }
+
     /// The host could not do something.
     pub(crate) fn host(what: impl std::fmt::Display, error: impl std::fmt::Display) -> Self {
         Self::Host {
@@ -134,6 +158,7 @@ impl Fault {
         matches!(
             self,
             Self::TimedOut { .. }
+                | Self::Interrupted { .. }
                 | Self::OverLimit { .. }
                 | Self::Protocol { .. }
                 | Self::Unsupervised { .. }
@@ -152,9 +177,10 @@ impl Fault {
     /// What the user can do, where there is something.
     pub fn hint(&self) -> Option<&str> {
         match self {
-            Self::Refused { hint, .. } | Self::Unknown { hint, .. } | Self::Spawn { hint, .. } => {
-                hint.as_deref()
-            }
+            Self::Refused { hint, .. }
+            | Self::File { hint, .. }
+            | Self::Unknown { hint, .. }
+            | Self::Spawn { hint, .. } => hint.as_deref(),
             Self::Unsupervised { .. } => Some(
                 "its result does not count; if nobody ended the supervisor on purpose, \
                  `fleetyard doctor` says which layers keep a plugin away from it here",

@@ -48,7 +48,7 @@ mod tree;
 pub use convert::{environment, environment_of, instance, plan_from_abi};
 pub use discover::{Discovered, Discovery, Found, Origin, by_name, by_path, first_with};
 pub use fault::Fault;
-pub use interrupt::on_interrupt;
+pub use interrupt::{interrupt_calls, interrupted_by, on_interrupt};
 pub use library::Library;
 pub use lock::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
 pub use log::LogLine;

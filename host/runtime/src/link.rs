@@ -38,8 +38,12 @@ pub(crate) trait Link {
     fn secret(&mut self) -> u64;
 
     /// Waits until something of interest can be read or written, the supervisor has said
-    /// something, which is then taken in, the time is over, or for no reason.
+    /// something, which is then taken in, the call is interrupted, the time is over, or for no
+    /// reason.
     fn wait(&mut self, interest: Interest, most_ns: u64);
+
+    /// True once somebody has told the host to end.
+    fn interrupted(&self) -> bool;
 
     /// Writes what can be written now to the plugin's input.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize>;

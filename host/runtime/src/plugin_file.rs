@@ -6,7 +6,7 @@ use std::fs::{self, Metadata};
 use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
-use std::path::{Display, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -109,7 +109,7 @@ impl CodeFile {
     pub fn read(path: PathBuf) -> Result<Self, Fault> {
         match Self::sha256(&path) {
             Ok(sha256) => Ok(Self { path, sha256 }),
-            Err(error) => Err(Fault::refused(format!("{}: {error}", path.display()))),
+            Err(error) => Err(Fault::file(&path, error)),
         }
     }
 
@@ -142,8 +142,7 @@ impl CodeFile {
 
     /// Where a link leads stands for it.
     fn of_link(path: PathBuf) -> Result<Self, Fault> {
-        let target = fs::read_link(&path)
-            .map_err(|error| Fault::refused(format!("{}: {error}", path.display())))?;
+        let target = fs::read_link(&path).map_err(|error| Fault::file(&path, error))?;
         let mut hasher = Sha256::new();
         hasher.update(target.as_os_str().as_bytes());
         let sha256 = hexadecimal(hasher);
@@ -181,11 +180,9 @@ impl PluginFile {
             reason,
             hint: Some(hint.into()),
         };
-        let meta = fs::metadata(path).map_err(|error| {
-            refused(
-                format!("{shown}: {error}"),
-                "a plugin is a shared library, a program or a planner.toml",
-            )
+        let meta = fs::metadata(path).map_err(|error| Fault::File {
+            reason: format!("{shown}: {error}"),
+            hint: Some("a plugin is a shared library, a program or a planner.toml".into()),
         })?;
         if meta.is_dir() {
             return Self::in_folder(path);
@@ -279,7 +276,7 @@ impl PluginFile {
         // This program does not change while it runs, and is large.
         static BUILT_IN: OnceLock<Digest> = OnceLock::new();
         if *self != Self::BuiltIn {
-            return self.read_digest(|file, error| Fault::refused(format!("{file}: {error}")));
+            return self.read_digest(|file, error| Fault::file(file, error));
         }
         if let Some(known) = BUILT_IN.get() {
             return Ok(*known);
@@ -288,14 +285,13 @@ impl PluginFile {
         Ok(*BUILT_IN.get_or_init(|| read))
     }
 
-    fn read_digest(&self, failed: impl Fn(Display<'_>, String) -> Fault) -> Result<Digest, Fault> {
+    fn read_digest(&self, failed: impl Fn(&Path, String) -> Fault) -> Result<Digest, Fault> {
         let mut hasher = Hasher::new("fleetyard plugin");
         for path in self.code_paths()? {
             let mut bytes = Vec::new();
-            let mut file =
-                open_regular(&path).map_err(|error| failed(path.display(), error.reason))?;
+            let mut file = open_regular(&path).map_err(|error| failed(&path, error.reason))?;
             file.read_to_end(&mut bytes)
-                .map_err(|error| failed(path.display(), error.to_string()))?;
+                .map_err(|error| failed(&path, error.to_string()))?;
             hasher.bytes(&bytes);
         }
         Ok(hasher.finish())
@@ -380,7 +376,7 @@ impl Walk {
 
     /// Takes in what is at `path`, which without links is `real`.
     fn enter(&mut self, path: &Path, real: &Path, hidden: &Hidden) -> Result<(), Fault> {
-        let failed = |error| Fault::refused(format!("{}: {error}", path.display()));
+        let failed = |error| Fault::file(path, error);
         if hidden.has_real(real) {
             return Ok(());
         }

@@ -18,6 +18,7 @@ use rustix::time::Timespec;
 
 use crate::Fault;
 use crate::fault::signal_name;
+use crate::interrupt;
 use crate::link::{Interest, Link, Output};
 use crate::monitor::{CallLimits, CallUsage, Limit};
 use crate::sandbox::SandboxReport;
@@ -275,7 +276,8 @@ impl Link for Process {
             tv_sec: (most_ns / 1_000_000_000) as i64,
             tv_nsec: (most_ns % 1_000_000_000) as i64,
         };
-        let mut waiting = Vec::with_capacity(4);
+        let wakes = interrupt::wakes();
+        let mut waiting = Vec::with_capacity(5);
         let hears = self.report.is_none();
         if hears {
             waiting.push(PollFd::new(&self.control, PollFlags::IN));
@@ -289,6 +291,9 @@ impl Link for Process {
         if let Some(stdin) = self.stdin.as_ref().filter(|_| interest.stdin) {
             waiting.push(PollFd::new(stdin, PollFlags::OUT));
         }
+        if let Some(wakes) = &wakes {
+            waiting.push(PollFd::new(wakes, PollFlags::IN));
+        }
         // An interrupted poll is a spurious wake-up.
         let _ = poll(&mut waiting, Some(&timeout));
         let told = hears && !waiting[0].revents().is_empty();
@@ -296,6 +301,10 @@ impl Link for Process {
         if told {
             self.catch_up();
         }
+    }
+
+    fn interrupted(&self) -> bool {
+        interrupt::interrupted_by().is_some()
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

@@ -28,6 +28,7 @@ use crate::bounds::{INTRODUCTION_BYTES, LOG_BYTES, message_bytes, plan_cells};
 use crate::client::{Client, Deadline, Notice, Reply};
 use crate::collector::{Collected, Collector};
 use crate::incoming::Expected;
+use crate::interrupt::{Interruptible, interrupted_by};
 use crate::link::Link;
 use crate::log::{Log, LogLine};
 use crate::measure::Cpus;
@@ -107,6 +108,8 @@ pub enum Termination {
     Completed,
     /// The wall-clock budget ended first.
     TimedOut,
+    /// Somebody told the host to end.
+    Interrupted,
     /// The plugin used more of another resource than it may, and was stopped.
     OverLimit,
     /// A signal ended the plugin.
@@ -127,6 +130,7 @@ impl std::fmt::Display for Termination {
         f.pad(match self {
             Self::Completed => "completed",
             Self::TimedOut => "timed-out",
+            Self::Interrupted => "interrupted",
             Self::OverLimit => "over-limit",
             Self::Crashed => "crashed",
             Self::Exited => "exited",
@@ -143,6 +147,7 @@ impl From<&Fault> for Termination {
             Fault::Crashed { .. } => Self::Crashed,
             Fault::Exited { .. } => Self::Exited,
             Fault::TimedOut { .. } => Self::TimedOut,
+            Fault::Interrupted { .. } => Self::Interrupted,
             Fault::OverLimit { .. } => Self::OverLimit,
             Fault::Protocol { .. } => Self::ProtocolError,
             Fault::Reported {
@@ -150,6 +155,7 @@ impl From<&Fault> for Termination {
                 ..
             } => Self::Unsupported,
             Fault::Refused { .. }
+            | Fault::File { .. }
             | Fault::Unknown { .. }
             | Fault::Spawn { .. }
             | Fault::Unsupervised { .. }
@@ -1118,6 +1124,7 @@ impl<L: Link> Inner<L> {
             Ok((self.write(method, instance)?, left.flatten()))
         });
         self.begin(budget, cpu);
+        let interruptible = Interruptible::begin();
         let began_ns = self.now_ns();
         let budget = from(began_ns, budget);
         let collector = Collector::new(instance, cells, &budget, began_ns);
@@ -1132,6 +1139,7 @@ impl<L: Link> Inner<L> {
             (_, Err(fault)) => Err(fault),
         };
         let ended_ns = self.now_ns();
+        drop(interruptible);
         let waited = host_run_delay()
             .zip(waited)
             .map(|(now, then)| now.saturating_sub(then));
@@ -1161,6 +1169,12 @@ impl<L: Link> Inner<L> {
         }
         let called = match (called, fault) {
             (Err(fault @ Fault::Unsupervised { .. }), _) => Err(fault),
+            // One that ended by itself because it was told to.
+            _ if matches!(self, Self::InProcess { .. }) && interrupted_by().is_some() => {
+                Err(Fault::Interrupted {
+                    during: method.into(),
+                })
+            }
             (Ok(_), Some(reason)) => Err(protocol(method, reason)),
             (
                 Ok(Outcome {

@@ -11,6 +11,7 @@
 
 mod curves;
 mod groups;
+mod lead;
 mod metric;
 mod paired;
 mod quality;
@@ -24,6 +25,7 @@ pub use curves::{
     scatter,
 };
 pub use groups::{Dimension, Filter, Group, Level, groups};
+pub use lead::{Lead, Rival};
 pub use metric::{EXPANSIONS, METRICS, Metric, PATH_LENGTH, SOLVE_TIME};
 pub use paired::{Comparison, Paired, compare_with};
 pub(crate) use quality::best_of;
@@ -45,6 +47,8 @@ pub struct Evaluation {
     pub overview: Overview,
     /// Planners in the order of their ranks.
     pub ranking: Ranking,
+    /// What tests say of the first of them; absent with one planner, and where nothing was solved.
+    pub lead: Option<Lead>,
     /// One per planner, in the order of their ranks.
     pub planners: Vec<PlannerSummary>,
     /// Every planner's solve times against those of the best; absent with one planner.
@@ -66,6 +70,7 @@ impl Evaluation {
             .and_then(|best| compare_with(trials, &best.planner, &SOLVE_TIME));
         Self {
             overview: Overview::of(trials),
+            lead: Lead::of(trials, &ranking),
             ranking,
             planners,
             comparison,

@@ -87,6 +87,52 @@ fn table_four_of_the_maze_paper_comes_out() {
 }
 
 #[test]
+fn nobody_leads_whom_no_test_puts_first() {
+    let lead = |all: &[Row]| {
+        let lead = Evaluation::of(&Trials::new(all), Order::Text).lead;
+        lead.unwrap()
+    };
+    let times = |count: u32, time: f64| -> Vec<Option<f64>> {
+        (0..count).map(|at| Some(time + f64::from(at))).collect()
+    };
+    // Faster on two of three: it ranks first, and a sign test gives p = 1.
+    let mut all = rows("a", &[Some(1.0), Some(1.0), Some(3.0)]);
+    all.extend(rows("b", &[Some(2.0), Some(2.0), Some(2.9)]));
+    let found = lead(&all);
+    assert_eq!(found.planner, "a");
+    assert_eq!((found.rivals[0].slower, found.rivals[0].faster), (2, 1));
+    assert_eq!(found.rivals[0].p_time, 1.0);
+    assert!(!found.is_shown());
+    // Faster on all of twenty, and both solve all.
+    let mut all = rows("a", &times(20, 1.0));
+    all.extend(rows("b", &times(20, 1.5)));
+    let found = lead(&all);
+    assert!(found.is_shown());
+    // Two tests: 2 · 2 · 2⁻²⁰.
+    assert!((found.rivals[0].p_time * 2f64.powi(20) - 4.0).abs() < 1e-9);
+    // It solves eight more than one, and is told from that alone; another solves as many in
+    // times that are no others.
+    let mut few = times(20, 0.5);
+    few[..12].fill(None);
+    all.retain(|row| row.planner == "a");
+    all.extend(rows("b", &few));
+    all.extend(rows("c", &times(20, 1.0)));
+    let found = lead(&all);
+    let of = |planner: &str| found.rivals.iter().find(|rival| rival.planner == planner);
+    assert!(of("b").unwrap().behind && !of("c").unwrap().behind);
+    assert_eq!((of("b").unwrap().lost, of("b").unwrap().won), (12, 0));
+    assert!(!found.is_shown());
+    // Faster, but on those that both solved alone: it solves fewer there.
+    let mut fewer = times(20, 1.0);
+    fewer[0] = None;
+    let mut all = rows("fast", &fewer);
+    all.extend(rows("sure", &times(20, 1.5)));
+    let found = lead(&all);
+    assert_eq!(found.planner, "sure");
+    assert!(!found.is_shown());
+}
+
+#[test]
 fn both_orders_of_the_paper_rank_differently_and_failures_come_first() {
     let mut all = rows("a", &[Some(1.0), Some(3.0), Some(2.0)]);
     all.extend(rows("b", &[Some(3.0), Some(1.0), Some(2.0)]));

@@ -23,11 +23,11 @@ pub use figure::{Axis, Figure, Marks, Series};
 pub use svg::svg;
 pub use table::Table;
 
-use crate::Row;
 use crate::evaluate::{
     Dimension, Evaluation, METRICS, Order, RankStability, Trials, compare_runs, compare_with,
     groups, rank_stability,
 };
+use crate::{Places, Row};
 use figures::Maker;
 
 /// What a report is about.
@@ -41,6 +41,8 @@ pub struct Subject {
     pub order: Order,
     /// The rule that paths were judged by, if it is not the usual one.
     pub path_rule: Option<String>,
+    /// Where the files of suites were, for commands that make a trial again.
+    pub places: Places,
     /// Where the trials come from: names and values.
     pub facts: Vec<(String, String)>,
     /// Longer texts: names and what they say, such as the suite's file.
@@ -61,6 +63,8 @@ pub struct Report<'a> {
 struct Numbers<'a> {
     title: &'a str,
     story: Vec<String>,
+    /// What the story and the page say of who is best.
+    headline: Option<String>,
     caveats: Vec<String>,
     facts: &'a [(String, String)],
     #[serde(flatten)]
@@ -167,6 +171,7 @@ impl<'a> Report<'a> {
         serde_json::to_value(Numbers {
             title: &self.subject.title,
             story: self.story(),
+            headline: self.evaluation.lead.as_ref().map(story::headline),
             caveats: self.caveats(),
             facts: &self.subject.facts,
             evaluation: &self.evaluation,

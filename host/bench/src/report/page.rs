@@ -17,7 +17,7 @@ use super::story::methods;
 use super::table;
 use crate::evaluate::{METRICS, Order, best_of};
 use crate::statistics::Interval;
-use crate::{COLUMNS, ColumnType, Row};
+use crate::{COLUMNS, ColumnType, Places, Row};
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
@@ -46,6 +46,7 @@ struct Data<'a> {
     planners: Vec<&'a str>,
     order: Order,
     path_rule: Option<&'a str>,
+    places: &'a Places,
     metrics: Vec<Quantity>,
     colors: [&'static str; COLORS.len()],
     paired: Option<Paired<'a>>,
@@ -119,6 +120,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
         scatter: [slot(0).unwrap_or(0), slot(1).unwrap_or(0)],
         order: report.subject.order,
         path_rule: report.subject.path_rule.as_deref(),
+        places: &report.subject.places,
         metrics: METRICS.iter().map(Quantity::of).collect(),
         colors: COLORS,
         paired: report

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::Subject;
-use super::format::{digits, grouped};
+use super::format::{digits, grouped, probability};
 use super::table::{plural, share};
-use crate::evaluate::{Evaluation, Order, Overview, Ranked, Trials, rank};
+use crate::evaluate::{Evaluation, Lead, Order, Overview, Ranked, Rival, Trials, rank};
 use crate::row::Row;
 
 /// The first sentences of a report.
@@ -61,6 +61,43 @@ pub(super) fn order_name(order: Order) -> &'static str {
     }
 }
 
+/// Planners that are named where tests do not put the first before them.
+const NAMED: usize = 3;
+
+/// Who is best, if tests say so, and else before whom they do not put the first.
+pub(super) fn headline(lead: &Lead) -> String {
+    let Lead { planner, rivals } = lead;
+    if lead.is_shown() {
+        return format!("{planner} ranks first");
+    }
+    let p = |p: f64| match probability(p) {
+        tiny if tiny.starts_with('<') => format!("p {tiny}"),
+        p => format!("p = {p}"),
+    };
+    let open: Vec<&Rival> = rivals.iter().filter(|rival| !rival.behind).collect();
+    let mut named: Vec<String> = open
+        .iter()
+        .take(NAMED)
+        .map(|rival| {
+            format!(
+                "{} (instances solved: {}; times: {})",
+                rival.planner,
+                p(rival.p_solved),
+                p(rival.p_time)
+            )
+        })
+        .collect();
+    if open.len() > NAMED {
+        named.push(format!("{} more", open.len() - NAMED));
+    }
+    let last = named.pop().unwrap_or_default();
+    let named = match named.join(", ") {
+        others if others.is_empty() => last,
+        others => format!("{others} and {last}"),
+    };
+    format!("No planner is shown to be the best: tests do not put {planner} before {named}")
+}
+
 fn best(evaluation: &Evaluation) -> String {
     let ranking = &evaluation.ranking;
     let overview = &evaluation.overview;
@@ -78,14 +115,15 @@ fn best(evaluation: &Evaluation) -> String {
     if overview.failures == overview.trials {
         return "All of them failed.".to_owned();
     }
-    let Some(second) = rest.first() else {
+    let (Some(second), Some(lead)) = (rest.first(), &evaluation.lead) else {
         return format!("{} solved {}.", first.planner, solved(first));
     };
     let time = |ranked: &Ranked| format!("{} ms", digits(ranked.comparable_time_ms));
     let means = if ranking.over_shared {
         format!(
-            "on the {} that all planners solved it takes {} on average, {} takes {}.",
+            "on the {} that all planners solved {} takes {} on average, {} takes {}.",
             plural(ranking.shared, "instance"),
+            first.planner,
             time(first),
             second.planner,
             time(second)
@@ -93,13 +131,14 @@ fn best(evaluation: &Evaluation) -> String {
     } else {
         "no instance was solved by all planners.".to_owned()
     };
-    format!(
-        "{} ranks first: it solved {}; {} is next with {}; {means}",
-        first.planner,
-        solved(first),
-        second.planner,
-        solved(second),
-    )
+    let (name, next) = (&first.planner, &second.planner);
+    let (solved, next_solved) = (solved(first), solved(second));
+    let headline = headline(lead);
+    if lead.is_shown() {
+        format!("{headline}: it solved {solved}; {next} is next with {next_solved}; {means}")
+    } else {
+        format!("{headline}. {name} solved {solved}, {next} {next_solved}; {means}")
+    }
 }
 
 /// What to be careful with.
@@ -236,6 +275,9 @@ pub(super) fn methods() -> Vec<String> {
          a fixed seed; all of 95 %. Quantiles are interpolated linearly (type 7).",
         "Paired comparisons are exact two-sided sign tests with Holm's correction; pairs without a \
          difference are left out of the test.",
+        "A planner is said to rank first where such tests at 5 % put it before every other: it \
+         solved more instances, or was faster on those that both solved and solved no fewer. All \
+         of these tests are corrected together.",
         "Where trials are filtered on the page, intervals of paired medians come from the exact \
          distribution that resamples have, so that they may differ from drawn ones in the last \
          digit.",

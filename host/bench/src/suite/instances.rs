@@ -178,6 +178,8 @@ impl Library {
 #[derive(Debug)]
 pub(super) struct Loaded {
     path: PathBuf,
+    /// The file of its map, if it has one of its own.
+    map: Option<PathBuf>,
     instance: Arc<GridInstance>,
 }
 
@@ -370,7 +372,7 @@ impl Recipe {
                 maze: None,
             },
             Self::Loaded(loaded) => {
-                let Loaded { path, instance } = &loaded[base as usize];
+                let Loaded { path, instance, .. } = &loaded[base as usize];
                 let file = path.file_name().unwrap_or(path.as_os_str());
                 Origin {
                     map: instance.grid().name().to_owned(),
@@ -379,6 +381,17 @@ impl Recipe {
                 }
             }
             Self::Made { made, .. } => made.origin(base),
+        }
+    }
+
+    /// The map and the scenario of a base, if each is a file.
+    pub(super) fn files(&self, base: u64) -> Option<[&Path; 2]> {
+        match self {
+            Self::Loaded(loaded) => {
+                let Loaded { path, map, .. } = &loaded[base as usize];
+                Some([map.as_deref()?, path])
+            }
+            Self::Maps(_) | Self::Made { .. } => None,
         }
     }
 
@@ -507,17 +520,18 @@ impl InstanceSet {
                 }
             }
         };
-        let grid = if let Some(grid) = parts.grid() {
-            grid
+        let (map, grid) = if let Some(grid) = parts.grid() {
+            (None, grid)
         } else {
             let nameless = || file.place.error(format!("{source}: the file names no map"));
             let name = parts.map_name().ok_or_else(nameless)?;
             let map = find_map(name, &path, maps, "`map`").map_err(blamed)?;
-            library.map(map).map_err(blamed)?
+            (Some(map.clone()), library.map(map).map_err(blamed)?)
         };
         let instance = parts.instance(grid, agents).map_err(blamed)?;
         Ok(Some(Loaded {
             path,
+            map,
             instance: Arc::new(instance),
         }))
     }

@@ -1,6 +1,7 @@
 //! One instance of a suite, made when it is asked for.
 
 use std::fmt;
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use fleetyard_core::{Connectivity, Digest, Grid, GridInstance, Hasher, InputError, Role};
@@ -88,6 +89,11 @@ impl Question {
         } else {
             origin
         }
+    }
+
+    /// The files of its map and its scenario, if it was read from two.
+    pub fn files(&self) -> Option<[&Path; 2]> {
+        self.recipe.files(self.base)
     }
 
     /// The map.

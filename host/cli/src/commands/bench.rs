@@ -10,8 +10,8 @@ use clap::{Args, ValueEnum};
 use fleetyard_bench::evaluate::{Evaluation, PlannerSummary, SOLVE_TIME, Trials};
 use fleetyard_bench::suite::Suite;
 use fleetyard_bench::{
-    Asked, Contest, Counts, Manifest, Meta, Planned, Progress, Ran, Row, Shard, SharedStore, Step,
-    Store, Verified, changes, now_unix_ms, rough, run, verify,
+    Asked, Contest, Counts, Manifest, Meta, Places, Planned, Progress, Ran, Row, Shard,
+    SharedStore, Step, Store, Verified, changes, now_unix_ms, rough, run, verify,
 };
 use fleetyard_core::document::Setting;
 use fleetyard_core::{InputError, quoted, shown, write_atomically};
@@ -237,6 +237,7 @@ fn meta(contest: &Contest<'_>, there: Option<&Store>) -> Result<Meta> {
             Some(store) => store.meta()?.created_unix_ms,
             None => now_unix_ms(),
         },
+        places: Places::of(contest),
     })
 }
 
@@ -424,10 +425,7 @@ struct Told {
 impl<'a> Watch<'a> {
     fn new(arguments: &'a Bench, total: u64) -> Self {
         Self {
-            bar: output::bar(
-                total,
-                "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {msg}",
-            ),
+            bar: output::trials(total),
             file: arguments.progress_file.as_deref(),
             said: Instant::now(),
             told: None,
@@ -448,14 +446,13 @@ impl<'a> Watch<'a> {
             let text = format!("{} on {}: {fault}", row.planner, place_of(row));
             self.bar.suspend(|| output::warning(&text));
         }
-        self.bar.set_position(*done);
-        self.bar.set_message(format!("{failed} failed, {left}"));
+        let said = output::with_left(*left, &format!("{failed} failed"));
         if self.bar.is_hidden() && self.said.elapsed() >= EVERY {
             self.said = Instant::now();
-            output::note(&format!(
-                "{done} of {total} trials, {failed} failed, {left}"
-            ));
+            output::note(&format!("{done} of {total} trials, {said}"));
         }
+        self.bar.set_message(said);
+        self.bar.set_position(*done);
         let due = self.told.is_none_or(|told| told.elapsed() >= FILE_EVERY);
         if due || done == total {
             self.tell(*done, *total);
@@ -721,7 +718,11 @@ fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exi
             if plan.warm_ups > 0 {
                 let _ = write!(text, "\nwarm-ups   {}", plan.warm_ups);
             }
-            let _ = write!(text, "\ntime       at most {}", rough(at_most));
+            let _ = write!(
+                text,
+                "\ntime       {} if every trial spends its whole budget",
+                rough(at_most)
+            );
             let lines = plan.first.iter().map(|next| {
                 vec![
                     if next.warm_up {
@@ -777,19 +778,19 @@ fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> 
     for line in &changed {
         output::note(&format!("changed since the store was written: {line}"));
     }
-    let bar = output::bar(
-        0,
-        "{bar:30} {pos}/{len} trials, {elapsed} elapsed, {eta} left",
-    );
+    let (bar, longest) = (output::trials(0), contest.longest());
     let verified = verify(
         &schedule,
         arguments.shard,
         &rows,
         arguments.verify_sample,
+        longest,
         &mut |planned| contest.trial(planned),
-        &mut |done, of| {
-            bar.set_length(of);
-            bar.set_position(done);
+        &mut |progress| {
+            bar.set_length(progress.total);
+            bar.set_position(progress.done);
+            let differ = format!("{} differ", progress.failed);
+            bar.set_message(output::with_left(progress.left, &differ));
         },
     );
     bar.finish_and_clear();

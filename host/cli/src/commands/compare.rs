@@ -3,10 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::statistics::{mean, median, sorted};
-use fleetyard_bench::{Candidate, GivenOptions, Host, Record, Robots, Trial, in_turn, number};
+use fleetyard_bench::{
+    Candidate, Estimate, GivenOptions, Host, Record, Robots, Trial, in_turn, number,
+};
 use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
 use fleetyard_sim::{NoTrace, SimConfig};
 use serde::Serialize;
@@ -135,7 +138,11 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             ask.trial(which, first).check()?;
         }
     }
-    let bar = output::progress((questions.len() * candidates.len()) as u64);
+    let bar = output::trials((questions.len() * candidates.len()) as u64);
+    let mut estimate = Estimate::new(host.longest());
+    for _ in &questions {
+        (0..candidates.len()).for_each(|which| estimate.expect(which));
+    }
     let mut trials: Vec<(usize, Record)> = Vec::new();
     let mut missed: Vec<Missed> = Vec::new();
     for (number, question) in questions.iter().enumerate() {
@@ -144,7 +151,8 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
                 "{} on {} with {} agents",
                 labels[which], question.scenario, question.agents
             );
-            bar.set_message(what.clone());
+            bar.set_message(output::with_left(estimate.left(), &what));
+            let started = Instant::now();
             let outcome = ask.trial(which, question).run(&mut NoTrace);
             let failed = match outcome.map_err(Failure::from) {
                 Ok(outcome) => {
@@ -167,6 +175,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             if let Some(fault) = failed {
                 bar.suspend(|| output::warning(&format!("{what}: {fault}")));
             }
+            estimate.ended(which, started.elapsed());
             bar.inc(1);
         }
     }

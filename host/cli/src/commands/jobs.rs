@@ -2,11 +2,11 @@
 //! `fleetyard bench … --executor slurm`.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::{Args, Subcommand};
-use fleetyard_bench::rough;
 use fleetyard_bench::slurm::{Request, Resources, Run, Shard, ShardState, Slurm, Status};
+use fleetyard_bench::{Estimate, rough};
 use fleetyard_core::quoted;
 use serde::Serialize;
 
@@ -375,13 +375,20 @@ fn advise(run: &Run, status: &Status) {
 /// Waits and shows how far it is; success if all shards came to their end.
 fn wait_for(run: &Run, slurm: &Slurm) -> Result<Exit> {
     let before = run.status(slurm);
-    let bar = output::progress(before.trials());
-    // What was done before says nothing about how fast it goes now.
+    let bar = output::trials(before.trials());
     bar.set_position(before.done());
-    bar.reset_eta();
+    // Nodes make trials side by side: what counts is how many of them end in a time.
+    let mut estimate = Estimate::new(Duration::MAX);
+    (before.done()..before.trials()).for_each(|_| estimate.expect(0));
+    let (mut done, mut since) = (before.done(), Instant::now());
     let status = run.wait(slurm, |status| {
+        let made = status.done().saturating_sub(done);
+        if let Some(each) = since.elapsed().checked_div(made as u32) {
+            (0..made).for_each(|_| estimate.ended(0, each));
+            (done, since) = (status.done(), Instant::now());
+        }
         bar.set_position(status.done());
-        bar.set_message(output::plain(&status.summary()));
+        bar.set_message(output::with_left(estimate.left(), &status.summary()));
     })?;
     bar.finish_and_clear();
     if status.is_complete() {

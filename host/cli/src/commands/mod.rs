@@ -196,11 +196,6 @@ impl Write for Unnamed {
 }
 
 impl<'a> TraceFile<'a> {
-    fn create(path: &'a Path) -> Result<Self> {
-        // Every tick: the trace is what other tools replay.
-        Self::with_options(path, TraceOptions::default())
-    }
-
     fn with_options(path: &'a Path, options: TraceOptions) -> Result<Self> {
         let out = BufWriter::new(Unnamed::beside(path)?);
         Ok(Self {

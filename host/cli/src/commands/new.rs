@@ -88,6 +88,8 @@ struct Name {
     id: String,
     /// Files, a Rust crate, a Python module.
     module: String,
+    /// A class in Python.
+    class: String,
 }
 
 pub(crate) fn new(arguments: &New) -> Result<Exit> {
@@ -148,17 +150,27 @@ impl Name {
             ))
             .hint(format!("for example `my-{id}`")));
         }
-        Ok(Self { id, module })
+        let words = id.split(['-', '_']);
+        let class = words.map(capitalised).collect();
+        Ok(Self { id, module, class })
     }
 
     /// Gives a template the name, which may have the template's in it.
     fn put(&self, text: &str) -> String {
         let pieces = text.split("example-plugin");
         let pieces: Vec<String> = pieces
-            .map(|piece| piece.replace("example_plugin", &self.module))
+            .map(|piece| {
+                let piece = piece.replace("example_plugin", &self.module);
+                piece.replace("ExamplePlugin", &self.class)
+            })
             .collect();
         pieces.join(&self.id)
     }
+}
+
+fn capitalised(word: &str) -> String {
+    let (first, rest) = word.split_at(word.len().min(1));
+    first.to_ascii_uppercase() + rest
 }
 
 fn title(lang: LangArg) -> &'static str {
@@ -401,6 +413,10 @@ mod tests {
         assert_eq!(odd.put("<example-plugin>"), "<my-example_plugin>");
         let name = Name::new("My-Planner_2", LangArg::Rust).unwrap();
         assert_eq!((&*name.id, &*name.module), ("my-planner_2", "my_planner_2"));
+        assert_eq!(
+            name.put("class ExamplePlugin(Planner):"),
+            "class MyPlanner2(Planner):"
+        );
         assert_eq!(
             name.put("example_plugin.c is example-plugin"),
             "my_planner_2.c is my-planner_2"

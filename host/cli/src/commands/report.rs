@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use fleetyard_bench::evaluate::{Order, RunComparison, TrialPair};
 use fleetyard_bench::export::{Format as Export, export, rfc3339};
 use fleetyard_bench::report::{Report, Subject, Table, svg, two_runs};
-use fleetyard_bench::{Row, Store};
+use fleetyard_bench::{Places, Row, Store};
 use fleetyard_core::{InputError, nearest, read_file, write_all_atomically};
 use serde_json::json;
 
@@ -172,6 +172,12 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
                 let text = values["description"].as_str();
                 subject.description = text.map(str::to_owned);
             }
+            let Places {
+                scenarios,
+                planners,
+            } = meta.places;
+            subject.places.scenarios.extend(scenarios);
+            subject.places.planners.extend(planners);
             let rule = values["protocol"]["path_rule"].as_str();
             subject.path_rule = rule.filter(|rule| *rule != "steps").map(str::to_owned);
             let ranking = &values["protocol"]["ranking"];

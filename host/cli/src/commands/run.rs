@@ -7,11 +7,12 @@ use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial};
 use fleetyard_core::InputError;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
-use fleetyard_runtime::LogLine;
-use fleetyard_sim::NoTrace;
+use fleetyard_runtime::{LogLine, interrupt_calls, interrupted_by};
+use fleetyard_sim::trace::TraceOptions;
 use fleetyard_view::{Picture, World};
 
-use super::{TraceFile, draw, file_name, load_instance};
+use super::simulate::Sinks;
+use super::{draw, file_name, load_instance};
 use crate::args::{Contestant, Format, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
@@ -39,11 +40,16 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     ]);
     let host = host(&arguments.budget, attach, hidden)?;
     let candidate = candidate(&host.runtime, &planner.plugin)?;
-    let mut trace = arguments
-        .trace_out
-        .as_deref()
-        .map(TraceFile::create)
-        .transpose()?;
+    let bar = output::spinner(&format!(
+        "{} on {}, {} agents",
+        candidate.name,
+        file_name(&arguments.instance.scen),
+        arguments.instance.agents
+    ));
+    // Every tick: the trace is what other tools replay.
+    let trace = arguments.trace_out.as_deref();
+    let trace = trace.map(|path| (path, TraceOptions::default()));
+    let mut sinks = Sinks::create(trace, None, bar.clone())?;
     let execute = arguments.execute || arguments.trace_out.is_some();
     let trial = Trial {
         host: &host,
@@ -57,10 +63,13 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         config: &sim_config(&arguments.world),
         robots: execute.then_some(&Robots::Pebbles),
     };
-    let outcome = match &mut trace {
-        Some(trace) => trial.run(trace.sink())?,
-        None => trial.run(&mut NoTrace)?,
-    };
+    if let Err(error) = interrupt_calls() {
+        output::warning(&format!(
+            "an interrupt will end the run without its plan: {error}"
+        ));
+    }
+    let outcome = trial.run(&mut sinks)?;
+    bar.finish_and_clear();
     let Outcome { record, plan, .. } = &outcome;
     if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {
         let mut file = PlanFile::new(&instance, plan.trimmed());
@@ -68,8 +77,8 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         file.encoding = arguments.plan_encoding.into();
         save_plan(&file, path)?;
     }
-    if let (Some(trace), Some(_)) = (trace, &record.execution) {
-        trace.finish()?;
+    if record.execution.is_some() {
+        sinks.finish()?;
     }
     if let Some(path) = &arguments.picture {
         let grid = instance.grid();
@@ -85,12 +94,24 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         Format::Text => output::print(&output::plain(&record.text()))?,
         Format::Json => output::print_json(record)?,
     }
-    let exit = record.ending().into();
-    if let Some(fault) = &record.fault {
+    // Also when the planner had just answered.
+    let interrupted = interrupted_by().is_some();
+    let exit = match interrupted {
+        true => Exit::Interrupted,
+        false => record.ending().into(),
+    };
+    if interrupted {
+        output::note(match &plan {
+            Some(_) => "interrupted; this is the best plan until then",
+            None => "interrupted; there was no plan until then",
+        });
+    } else if let Some(fault) = &record.fault {
         output::error(&format!("planner `{}` {fault}", record.planner.id));
     } else if exit == Exit::NoPlan {
         output::error(&no_plan(record, arguments));
-    } else if let Some(first) = record.verdict.violations.first() {
+    }
+    let judged = interrupted || exit == Exit::InvalidPlan;
+    if let (true, Some(first)) = (judged, record.verdict.violations.first()) {
         let count = record.verdict.violation_count;
         output::error(&format!(
             "the plan is invalid ({count} violations): {}",

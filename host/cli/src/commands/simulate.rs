@@ -18,7 +18,7 @@ use indicatif::ProgressBar;
 
 use super::validate::one_agent;
 use super::{TraceFile, Unnamed, cannot_write, draw};
-use crate::args::{Format, Simulate};
+use crate::args::{Format, Mishap, Simulate};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::sim_config;
@@ -44,7 +44,15 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     if let Some(fleet) = &fleet {
         simulator = simulator.with_fleet(fleet);
     }
-    let mut sinks = Sinks::create(arguments)?;
+    let options = TraceOptions {
+        every: arguments.trace_every,
+        ..TraceOptions::default()
+    };
+    let mut sinks = Sinks::create(
+        arguments.trace.as_deref().map(|path| (path, options)),
+        arguments.events.as_deref(),
+        output::spinner("0 s simulated"),
+    )?;
     let executed = lines.as_ref().map_or(plan_of(&plan), Plan::Trajectories);
     let execution = execute(&simulator, executed, &mut sinks)?;
     sinks.finish()?;
@@ -67,7 +75,37 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
             execution.arrived, execution.agents
         ));
     }
-    Ok(Exit::Success)
+    let happened: Vec<String> = arguments
+        .fail_on
+        .iter()
+        .filter_map(|mishap| happened(*mishap, &execution))
+        .collect();
+    if happened.is_empty() {
+        return Ok(Exit::Success);
+    }
+    output::error(&format!("the execution had {}", happened.join(" and ")));
+    Ok(Exit::InvalidPlan)
+}
+
+/// How much there was of what may not happen, if there was some.
+fn happened(mishap: Mishap, execution: &ExecutionInfo) -> Option<String> {
+    let (count, what) = match mishap {
+        Mishap::Contacts => (execution.contacts, "contact"),
+        Mishap::AgentContacts => (execution.contacts_agent_agent, "contact between agents"),
+        Mishap::ObstacleContacts => (execution.contacts_agent_obstacle, "contact with obstacles"),
+        Mishap::Unfinished => (
+            u64::from(execution.agents - execution.arrived),
+            "robot that did not arrive",
+        ),
+    };
+    let what = match count {
+        0 => return None,
+        1 => what.to_owned(),
+        _ => what
+            .replacen("contact", "contacts", 1)
+            .replacen("robot", "robots", 1),
+    };
+    Some(format!("{count} {what}"))
 }
 
 /// The plan, of which one on a grid has to fit the map.
@@ -210,7 +248,7 @@ fn bounds(plan: &AnyPlan) -> Bounds {
 }
 
 /// What is told to files and to a terminal while an execution goes on.
-struct Sinks<'a> {
+pub(super) struct Sinks<'a> {
     trace: Option<TraceFile<'a>>,
     events: Option<(&'a Path, BufWriter<Unnamed>)>,
     bar: ProgressBar,
@@ -219,26 +257,24 @@ struct Sinks<'a> {
 }
 
 impl<'a> Sinks<'a> {
-    fn create(arguments: &'a Simulate) -> Result<Self> {
-        let options = TraceOptions {
-            every: arguments.trace_every,
-            ..TraceOptions::default()
-        };
-        let trace = arguments.trace.as_deref();
-        let events = arguments.events.as_deref();
+    pub(super) fn create(
+        trace: Option<(&'a Path, TraceOptions)>,
+        events: Option<&'a Path>,
+        bar: ProgressBar,
+    ) -> Result<Self> {
         Ok(Self {
             trace: trace
-                .map(|path| TraceFile::with_options(path, options))
+                .map(|(path, options)| TraceFile::with_options(path, options))
                 .transpose()?,
             events: events
                 .map(|path| Ok::<_, Failure>((path, BufWriter::new(Unnamed::beside(path)?))))
                 .transpose()?,
-            bar: output::spinner(),
+            bar,
             ticks_hz: Cell::new(1.0),
         })
     }
 
-    fn finish(self) -> Result<()> {
+    pub(super) fn finish(self) -> Result<()> {
         self.bar.finish_and_clear();
         if let Some((path, events)) = self.events {
             let file = events.into_inner();

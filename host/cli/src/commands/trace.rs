@@ -3,13 +3,14 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Write};
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use fleetyard_bench::number;
 use fleetyard_core::{InputError, open_input};
 use fleetyard_sim::trace::{Frame, Header, Scene, States, Summary, TraceContents};
 use fleetyard_sim::{Event, EventKind, Other, TraceReader, TraceSink};
+use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -20,16 +21,37 @@ use crate::args::{Format, TraceDiff, TraceExport};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 
-type Reader = TraceReader<BufReader<File>>;
+type Reader = TraceReader<BufReader<Watched>>;
 
-fn open(path: &Path) -> Result<Reader> {
+/// A file whose bytes a bar counts.
+struct Watched {
+    file: File,
+    bar: ProgressBar,
+}
+
+impl Read for Watched {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.file.read(buffer)?;
+        self.bar.inc(read as u64);
+        Ok(read)
+    }
+}
+
+/// A bar of the bytes that these have together.
+fn watch(paths: &[&Path]) -> ProgressBar {
+    let bytes = |path: &&Path| std::fs::metadata(path).map_or(0, |meta| meta.len());
+    output::bytes(paths.iter().map(bytes).sum())
+}
+
+fn open(path: &Path, bar: &ProgressBar) -> Result<Reader> {
     let name = path.display().to_string();
     let file = open_input(path).map_err(|mut error| {
         let written = "`fleetyard run --trace FILE` writes one";
         error.hint.get_or_insert_with(|| written.into());
         error
     })?;
-    let input = BufReader::with_capacity(1 << 16, file);
+    let bar = bar.clone();
+    let input = BufReader::with_capacity(1 << 16, Watched { file, bar });
     Ok(TraceReader::open(input, name)?)
 }
 
@@ -100,7 +122,9 @@ impl TraceSink for Counts {
 pub(crate) fn info(path: &Path, format: Format) -> Result<Exit> {
     let mut counts = Counts::default();
     let bytes = std::fs::metadata(path).map_or(0, |meta| meta.len());
-    let contents = open(path)?.replay(&mut counts).map_err(internal)?;
+    let bar = watch(&[path]);
+    let contents = open(path, &bar)?.replay(&mut counts).map_err(internal)?;
+    bar.finish_and_clear();
     match format {
         Format::Json => output::print_json(&json!({
             "file": path.display().to_string(),
@@ -307,15 +331,17 @@ const DIGESTS: [&str; 3] = ["states_digest", "events_digest", "trace_digest"];
 
 pub(crate) fn diff(arguments: &TraceDiff) -> Result<Exit> {
     let TraceDiff { a, b, .. } = arguments;
-    let (mut one, mut other) = (open(a)?, open(b)?);
+    // Twice: states and events need not lie beside each other alike.
+    let bar = watch(&[a, b, a, b]);
+    let (mut one, mut other) = (open(a, &bar)?, open(b, &bar)?);
     let mut difference = Difference {
         header: header_differences(one.header(), other.header()),
         ..Difference::default()
     };
     compare_states(&mut one, &mut other, arguments.tolerance, &mut difference)?;
-    // A second pass: states and events need not lie beside each other alike.
-    let (mut one, mut other) = (open(a)?, open(b)?);
+    let (mut one, mut other) = (open(a, &bar)?, open(b, &bar)?);
     compare_events(&mut one, &mut other, arguments.tolerance, &mut difference)?;
+    bar.finish_and_clear();
     let describes = |field: &FieldDifference| DESCRIPTION.contains(&field.field.as_str());
     let same = difference.header.iter().all(describes)
         && difference.summary.is_empty()
@@ -803,7 +829,8 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
     for path in [csv, events, json, svg, png, html].into_iter().flatten() {
         refuse_input(path, &[file.as_path()])?;
     }
-    let reader = open(file)?;
+    let bar = watch(&[file]);
+    let reader = open(file, &bar)?;
     let mut exporter = Exporter {
         every: u64::from(*every),
         ticks_hz: reader.header().ticks_hz,
@@ -832,6 +859,7 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
     for target in [csv, events].into_iter().flatten() {
         target.finish()?;
     }
+    bar.finish_and_clear();
     Ok(verdict(&contents))
 }
 

@@ -8,7 +8,7 @@ Put your own algorithm into `recover`.
 import fleetyard
 
 
-class SafePrefix(fleetyard.FailPolicy):
+class ExamplePlugin(fleetyard.FailPolicy):
     """Keeps what is free of collisions at the beginning of the failed paths."""
 
     id = "example-plugin"
@@ -52,4 +52,4 @@ class SafePrefix(fleetyard.FailPolicy):
 
 
 if __name__ == "__main__":
-    fleetyard.run(SafePrefix)
+    fleetyard.run(ExamplePlugin)

@@ -7,7 +7,7 @@ Tasks are given away in the order in which they came. Put your own rule into `ge
 import fleetyard
 
 
-class NearestIdle(fleetyard.InstanceGenerator):
+class ExamplePlugin(fleetyard.InstanceGenerator):
     """Gives each open task to the nearest agent that has nothing to do."""
 
     id = "example-plugin"
@@ -66,4 +66,4 @@ class NearestIdle(fleetyard.InstanceGenerator):
 
 
 if __name__ == "__main__":
-    fleetyard.run(NearestIdle)
+    fleetyard.run(ExamplePlugin)

@@ -7,7 +7,7 @@ Put your own rule into `should_invoke`.
 import fleetyard
 
 
-class Periodic(fleetyard.InvocationPolicy):
+class ExamplePlugin(fleetyard.InvocationPolicy):
     """Calls the planner periodically, and when an agent has nothing left to do."""
 
     id = "example-plugin"
@@ -32,4 +32,4 @@ class Periodic(fleetyard.InvocationPolicy):
 
 
 if __name__ == "__main__":
-    fleetyard.run(Periodic)
+    fleetyard.run(ExamplePlugin)

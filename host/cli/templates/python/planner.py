@@ -8,7 +8,7 @@ simple, and neither complete nor optimal. Put your own algorithm into `plan`.
 import fleetyard
 
 
-class Prioritized(fleetyard.Planner):
+class ExamplePlugin(fleetyard.Planner):
     """Prioritized planning, in another order when an agent finds no path."""
 
     id = "example-plugin"
@@ -81,4 +81,4 @@ def positions(paths, time):
 
 
 if __name__ == "__main__":
-    fleetyard.run(Prioritized)
+    fleetyard.run(ExamplePlugin)

@@ -60,7 +60,7 @@ struct Installed {
 impl Adapter {
     /// Reads the manifest at `path` and finds its program. Starts nothing.
     pub fn open(path: &Path) -> Result<Self, Fault> {
-        let refused = |error: InputError| Fault::Refused {
+        let refused = |error: InputError| Fault::File {
             reason: error.to_string(),
             hint: error.hint,
         };

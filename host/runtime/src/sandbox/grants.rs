@@ -120,23 +120,21 @@ impl Grants {
         let mut variables: Vec<String> = Vec::new();
         match target {
             Target::BuiltIn | Target::Nothing | Target::Attempts(_) | Target::Library(_) => {}
-            // A manifest that cannot be read is refused by whoever reads it next.
             Target::Adapter(path) => {
-                if let Ok(adapter) = Adapter::open(path) {
-                    let solver = adapter.program();
-                    if adapter.is_chosen_by_host() {
-                        gathered.place(solver);
-                    }
-                    if let Some(interpreter) = interpreter(solver) {
-                        gathered.installed(&interpreter.program, interpreter.searched);
-                    }
-                    gathered.installed(solver, adapter.is_chosen_by_host());
-                    for path in adapter.readable() {
-                        gathered.declared(&path);
-                    }
-                    let names = adapter.variables();
-                    variables = names.iter().map(ToString::to_string).collect();
+                let adapter = Adapter::open(path)?;
+                let solver = adapter.program();
+                if adapter.is_chosen_by_host() {
+                    gathered.place(solver);
                 }
+                if let Some(interpreter) = interpreter(solver) {
+                    gathered.installed(&interpreter.program, interpreter.searched);
+                }
+                gathered.installed(solver, adapter.is_chosen_by_host());
+                for path in adapter.readable() {
+                    gathered.declared(&path);
+                }
+                let names = adapter.variables();
+                variables = names.iter().map(ToString::to_string).collect();
             }
             Target::Program(argv) => {
                 let mut found = argv.first().and_then(|name| find_program(name));

@@ -136,6 +136,8 @@ struct State {
     /// The supervisor has said so, or it is gone.
     told: Option<Limit>,
     lost_ns: Option<u64>,
+    /// When somebody tells the host to end.
+    interrupted_ns: Option<u64>,
     grace_ns: u64,
     report: Option<Report>,
 }
@@ -149,6 +151,7 @@ impl World {
         let mut dice = Dice(seed);
         let now_ns = 1 + dice.below(1 << 40);
         let lost = dice.one_in(12).then(|| now_ns + dice.below(60 * MS));
+        let interrupted = dice.one_in(12).then(|| now_ns + dice.below(200 * MS));
         Self(Rc::new(RefCell::new(State {
             dice,
             now_ns,
@@ -171,6 +174,7 @@ impl World {
             over: None,
             told: None,
             lost_ns: lost,
+            interrupted_ns: interrupted,
             grace_ns: 0,
             report: None,
         })))
@@ -519,6 +523,7 @@ impl Link for World {
             .filter(|_| state.told.is_none());
         let gone = state.lost_ns.filter(|_| state.report.is_none());
         until = until.min(said.unwrap_or(until)).min(gone.unwrap_or(until));
+        until = until.min(state.interrupted_ns.unwrap_or(until));
         if state.dice.one_in(20) && until > state.now_ns {
             let most_ns = until - state.now_ns;
             until = state.now_ns + state.dice.below(most_ns);
@@ -619,6 +624,11 @@ impl Link for World {
             return None;
         }
         Some(CallUsage::default())
+    }
+
+    fn interrupted(&self) -> bool {
+        let state = self.0.borrow();
+        state.interrupted_ns.is_some_and(|ns| ns <= state.now_ns)
     }
 
     fn over(&self) -> Option<Limit> {
@@ -806,6 +816,9 @@ impl Play {
             ) => state.idle_bytes > OUTPUT,
             (Expectation::Nothing, Some(fault)) => match fault {
                 Fault::TimedOut { .. } => state.now_ns >= until_ns,
+                Fault::Interrupted { .. } => {
+                    state.interrupted_ns.is_some_and(|ns| ns <= state.now_ns)
+                }
                 Fault::OverLimit {
                     limit: Limit::Output,
                     ..
@@ -966,5 +979,5 @@ fn whatever_the_order_of_things_a_call_ends_rightly() {
     }
     println!("{ends:?}");
     // All but what a plugin claims that can do nothing.
-    assert!(!many || ends.len() == 7, "{ends:?}");
+    assert!(!many || ends.len() == 8, "{ends:?}");
 }

@@ -197,6 +197,47 @@ function evaluate(rows, order) {
   return { rows, found, planners, order, shared, asked: sum(asked) };
 }
 
+/** Whether tests put the planner that ranks first before every other (see evaluate/lead.rs). */
+function leadOf({ found, planners }) {
+  const [first, ...rest] = planners;
+  if (!rest.length || !first.successes) return null;
+  const time = found.any('solve_time_ms'), ours = new Int32Array(instances.groups).fill(-1);
+  for (const c of first.all) ours[instanceOfCase[c]] = c;
+  const rivals = rest.map(({ name, all }) => {
+    let lost = 0, won = 0, slower = 0, faster = 0;
+    for (const c of all) {
+      const own = ours[instanceOfCase[c]];
+      if (own < 0) continue;
+      if (found.success[own] && !found.success[c]) lost++;
+      if (found.success[c] && !found.success[own]) won++;
+      // What has no time is neither.
+      if (found.success[c] && found.success[own]) {
+        if (time[c] > time[own]) slower++;
+        if (time[c] < time[own]) faster++;
+      }
+    }
+    return { name, lost, won, slower, faster };
+  });
+  const tests = holm(rivals.flatMap(({ lost, won, slower, faster }) => [signTest(lost, won), signTest(slower, faster)]));
+  rivals.forEach((rival, i) => {
+    [rival.p_solved, rival.p_time] = [tests[2 * i], tests[2 * i + 1]];
+    rival.behind = rival.p_solved < 0.05 && rival.lost > rival.won
+      || rival.p_time < 0.05 && rival.slower > rival.faster && rival.lost >= rival.won;
+  });
+  return { name: first.name, rivals };
+}
+
+/** What the story says of who is best (see story.rs). */
+function headlineOf(lead) {
+  const open = lead.rivals.filter(({ behind }) => !behind);
+  if (!open.length) return `${lead.name} ranks first`;
+  const p = (value) => probability(value).replace(/^(?!<)/, '= ');
+  const named = open.slice(0, 3).map((rival) => `${rival.name} (instances solved: p ${p(rival.p_solved)}; times: p ${p(rival.p_time)})`);
+  if (open.length > 3) named.push(`${open.length - 3} more`);
+  const last = named.pop();
+  return `No planner is shown to be the best: tests do not put ${lead.name} before ${named.length ? `${named.join(', ')} and ${last}` : last}`;
+}
+
 /** Every planner's solve times against those of one, on the instances that both solved. */
 function pair({ found, planners }, baseline) {
   const time = found.any('solve_time_ms'), of = new Float64Array(instances.groups).fill(NaN);
@@ -227,7 +268,8 @@ function showRanking() {
   const { planners, shared, asked } = story;
   const comparable = shared ? `Every planner solved ${plural(shared, 'instance')} of ${grouping(asked)}: comparable times are means over them.`
     : 'No instance was solved by every planner: comparable times are means over all cases of each planner.';
-  $('ranking-note').textContent = `${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`
+  const lead = leadOf(story);
+  $('ranking-note').textContent = `${lead ? `${headlineOf(lead)}. ` : ''}${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`
     + (planners.some((p) => p.near) ? ' ≈ marks a comparable time that is no farther from the one before than the uncertainties of both.' : '');
   showTable('ranking', useful([
     column('rank', 'Rank', 'Rank', (p) => p.rank, (p) => String(p.rank)),
@@ -247,7 +289,7 @@ function showRanking() {
     column('failures', 'Failed', 'Cases left out of times, lengths, costs and expansions', (p) => p.failures, (p) => String(p.failures), { down: true }),
   ], planners), planners);
   const choose = $('baseline'), chosen = choose.picked;
-  choose.replaceChildren(...planners.map((p, i) => make('option', { value: p.slot }, i ? p.name : `${p.name} (best)`)));
+  choose.replaceChildren(...planners.map((p, i) => make('option', { value: p.slot }, i ? p.name : `${p.name} (ranked first)`)));
   if (planners.length) choose.value = planners.some(({ slot }) => slot === chosen) ? chosen : planners[0].slot;
 }
 

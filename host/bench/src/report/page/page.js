@@ -363,7 +363,7 @@ const quoted = (word) => /^[\w@%+=:,./-]+$/.test(word) ? word : `'${String(word)
 function showTrial(i) {
   const at = (name) => columns[name].at(i);
   $('trial-title').textContent = `Trial ${at('trial')}: ${at('planner')}, ${outcomes.values[outcomes.of[i]]}`;
-  const command = commandOf(i);
+  const command = commandsOf(i);
   const copy = make('button', { type: 'button', onclick: async () => {
     try {
       await navigator.clipboard.writeText(command);
@@ -388,36 +388,42 @@ function showTrial(i) {
       make('dd', {}, column.at(i) === null ? '–' : text(booleans.has(column.name) ? column.at(i) === 1 : column.at(i)), small(column.doc)));
   }
   $('trial-body').replaceChildren(
-    make('h3', {}, 'Run it again'), make('div', { class: 'command' }, code, copy),
+    make('h3', {}, 'Run it again and watch it'), make('div', { class: 'command' }, code, copy),
     make('h3', {}, `On the same instance and seed (${same.length})`), make('div', { class: 'scroll', tabindex: 0, role: 'region', 'aria-label': 'Trials on the same instance' }, others),
     make('h3', {}, 'All columns'), facts);
 }
 
-/** How to run this trial by itself. Limits and sandbox are in the suite. */
-function commandOf(i) {
+/** How to make this trial again by itself, and the replay of its execution. Limits, sandbox and robots are in the suite. */
+function commandsOf(i) {
   const at = (name) => columns[name].at(i);
   const line = (words) => words.map((word) => quoted(String(word))).join(' ');
-  let map = at('map'), scenario = at('scenario'), first = '';
+  let map = `${at('map')}.map`, scenario = at('scenario');
+  const lines = [];
   if (at('maze_seed') !== null) {
     const random = /^python\b/.test(scenario) ? 'python' : 'chacha', [rows, cols] = [at('map_rows'), at('map_cols')];
-    first = `${line(['fleetyard', 'maps', 'generate', 'maze', '--width', at('maze_width'), '--height', at('maze_height'),
-      '--algorithm', at('maze_algorithm'), '--random', random, '--seed', at('maze_seed'), '--scenario'])}\n`;
-    map = `maze-${rows}-${cols}-1${random === 'python' ? `-${at('maze_algorithm')}-${at('maze_seed')}` : ''}`;
-    scenario = `${map}.scen`;
+    lines.push(line(['fleetyard', 'maps', 'generate', 'maze', '--width', at('maze_width'), '--height', at('maze_height'),
+      '--algorithm', at('maze_algorithm'), '--random', random, '--seed', at('maze_seed'), '--scenario']));
+    const name = `maze-${rows}-${cols}-1${random === 'python' ? `-${at('maze_algorithm')}-${at('maze_seed')}` : ''}`;
+    [map, scenario] = [`${name}.map`, `${name}.scen`];
   } else if (!/\.scen$/.test(scenario)) {
     return 'fleetyard bench SUITE.toml --verify   # the suite makes this instance itself';
+  } else {
+    const place = data.places.scenarios.find((place) => place.map === at('map') && place.scenario === scenario);
+    if (place) [map, scenario] = [place.map_file, place.scenario_file];
   }
-  const words = ['fleetyard', 'run', '--map', `${map}.map`, '--scen', scenario, '--agents', at('agents')];
+  const words = ['fleetyard', 'run', '--map', map, '--scen', scenario, '--agents', at('agents')];
   if (at('connectivity') !== 4) words.push('--connectivity', at('connectivity'));
   if (data.path_rule) words.push('--path-rule', data.path_rule);
-  words.push('--planner', at('planner_id'));
+  const file = data.places.planners[at('planner')];
+  words.push('--planner', file ? `${file}:${at('planner_id')}` : at('planner_id'));
   let options = {};
   try {
     options = JSON.parse(at('options') || '{}');
   } catch { /* They are shown as they are among the columns. */ }
   for (const [name, value] of Object.entries(options)) words.push('--option', `${name}=${typeof value === 'string' ? value : JSON.stringify(value)}`);
-  words.push('--seed', at('seed'), '--budget', `${at('budget_ms')}ms`);
-  return first + line(words);
+  const trace = `trial-${at('trial')}.fyt`, replay = `trial-${at('trial')}.html`;
+  words.push('--seed', at('seed'), '--budget', `${at('budget_ms')}ms`, '--trace-out', trace);
+  return [...lines, line(words), line(['fleetyard', 'trace', 'export', trace, '--html', replay])].join('\n');
 }
 
 // ---- Beginning --------------------------------------------------------------------

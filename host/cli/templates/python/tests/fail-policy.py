@@ -7,13 +7,13 @@ from unittest.mock import Mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 
+import example_plugin
 import fleetyard
-from example_plugin import SafePrefix
 
 
 def recover(row, failed_paths, **options):
     """What the policy answers, without a host."""
-    policy = SafePrefix(SafePrefix.complete(options))
+    policy = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     policy.grid = fleetyard.Grid.from_rows([row])
     starts = [0, len(row) - 1]
     instance = fleetyard.Instance(starts, [[goal] for goal in reversed(starts)])

@@ -7,13 +7,13 @@ from unittest.mock import Mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 
+import example_plugin
 import fleetyard
-from example_plugin import NearestIdle
 
 
 def generate(row, cells, goals, tasks, **options):
     """The goals that the generator gives, without a host."""
-    generator = NearestIdle(NearestIdle.complete(options))
+    generator = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     generator.grid = fleetyard.Grid.from_rows([row])
     tasks = [fleetyard.Task(number, task) for number, task in enumerate(tasks)]
     state = fleetyard.FleetState(0.0, cells, goals, tasks)

@@ -7,8 +7,8 @@ from unittest.mock import Mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 
+import example_plugin
 import fleetyard
-from example_plugin import Periodic
 
 
 def should_invoke(since_s, actions_left, **options):
@@ -20,7 +20,7 @@ def should_invoke(since_s, actions_left, **options):
         action_s=0.5,
         actions_left=actions_left,
     )
-    return Periodic(Periodic.complete(options)).should_invoke(status, Mock())
+    return example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options)).should_invoke(status, Mock())
 
 
 class Invokes(unittest.TestCase):

@@ -7,13 +7,13 @@ from unittest.mock import Mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 
+import example_plugin
 import fleetyard
-from example_plugin import Prioritized
 
 
 def plan(rows, starts, goals, **options):
     """What the planner answers, without a host."""
-    planner = Prioritized(Prioritized.complete(options))
+    planner = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     planner.grid = fleetyard.Grid.from_rows(rows)
     instance = fleetyard.Instance(starts, [[goal] for goal in goals])
     budget = fleetyard.Budget(deadline_monotonic_ns=2**63, wall_ns=10**9, seed=1)

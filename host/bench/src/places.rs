@@ -1,0 +1,71 @@
+//! Where the files of a suite were, so that a trial can be made again by itself.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::contest::Contest;
+
+/// Files that a suite and its planners were read from, with their whole paths.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Places {
+    /// Scenarios and their maps; none that shares both names with another one.
+    pub scenarios: Vec<ScenarioPlace>,
+    /// Files of planners by their labels; none of built-in ones.
+    pub planners: BTreeMap<String, PathBuf>,
+}
+
+/// A scenario and its map, by the names that trials have.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ScenarioPlace {
+    /// Name of the map.
+    pub map: String,
+    /// Name of the scenario.
+    pub scenario: String,
+    /// The map's file.
+    pub map_file: PathBuf,
+    /// The scenario's file.
+    pub scenario_file: PathBuf,
+}
+
+impl Places {
+    /// Of a suite that is ready to run.
+    pub fn of(contest: &Contest<'_>) -> Self {
+        let mut scenarios: BTreeMap<(String, String), Vec<[PathBuf; 2]>> = BTreeMap::new();
+        for question in contest.questions() {
+            if let Some(files) = question.files() {
+                let origin = question.origin();
+                let known = scenarios.entry((origin.map, origin.scenario)).or_default();
+                let files = files.map(whole);
+                if !known.contains(&files) {
+                    known.push(files);
+                }
+            }
+        }
+        let scenarios = scenarios
+            .into_iter()
+            .filter_map(|((map, scenario), files)| {
+                let [[map_file, scenario_file]] = <[[PathBuf; 2]; 1]>::try_from(files).ok()?;
+                Some(ScenarioPlace {
+                    map,
+                    scenario,
+                    map_file,
+                    scenario_file,
+                })
+            });
+        let planners = contest.entrants().iter().filter_map(|entrant| {
+            let file = entrant.candidate.path()?;
+            Some((entrant.label.clone(), whole(&file)))
+        });
+        Self {
+            scenarios: scenarios.collect(),
+            planners: planners.collect(),
+        }
+    }
+}
+
+fn whole(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
