@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Reads a trace file (docs/traces.md) and prints where every body is at every tick, as CSV.
+"""Reads a trace file (docs/traces.md) and prints where every body is at every tick, as CSV;
+events, and what a fleet did, go to standard error.
 
 The whole format in one page, to be read beside the specification. It needs Python 3.14
 (compression.zstd) or the package zstandard, and nothing of Fleetyard. Checks are not
@@ -97,6 +98,56 @@ class Track:
         return value
 
 
+class Rows:
+    """What the rows of a frame of the journal or of remarks are made of."""
+
+    def __init__(self, data):
+        self.data = data
+
+    def take(self, count):
+        part, self.data = self.data[:count], self.data[count:]
+        return part
+
+    def number(self):
+        value = shift = 0
+        while True:
+            (byte,) = self.take(1)
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+
+    def numbers(self, count):
+        return [self.number() for _ in range(count)]
+
+    def text(self):
+        return self.take(self.number()).decode()
+
+    def entry(self):
+        kind = self.number()
+        if kind == 0:
+            agent, number, cell, of = self.numbers(4)
+            at, task = self.numbers(2) if of else (0, None)
+            errand = f", {at + 1} of {of} of task {task}" if of else ""
+            return f"agent {agent} has goal {number}, cell {cell}{errand}"
+        if kind == 1:
+            return "agent {} has reached goal {}".format(*self.numbers(2))
+        if kind == 2:
+            return f"call {self.number()} is asked"
+        if kind == 3:
+            by = ["planner", "fail policy", "nobody"]
+            return f"call {self.number()} is answered by {by[self.number()]}"
+        number, call = self.numbers(2)
+        return f"call {call}, notice {number}: {self.text()} of {self.text()}"
+
+    def remark(self):
+        if self.number() == 0:
+            call = self.number()
+            planner, fail_policy = struct.unpack("<dd", self.take(16))
+            return f"call {call} took {planner!r} and {fail_policy!r} ms"
+        return f"notice {self.number()} says {self.text()!r}"
+
+
 def main():
     header, tracks, progress = None, [], []
     for kind, payload in frames(open(sys.argv[1], "rb")):
@@ -144,6 +195,18 @@ def main():
                 kind = ["begin", "end", "arrive"][kind]
                 tag = ["agent", "cell", "polygon", "mover", "goal"][tag]
                 print(f"{time_s!r} s: agent {agent} {kind} {tag} {other}", file=sys.stderr)
+        elif kind in (b"j", b"r"):
+            flags, count, _ = struct.unpack_from("<BII", payload)
+            if flags & 1:
+                continue  # a recap of what was there before
+            rows, tick = Rows(decompress(payload[9:])), 0
+            for _ in range(count):
+                if kind == b"r":
+                    print(f"remark: {rows.remark()}", file=sys.stderr)
+                    continue
+                tick += rows.number()
+                time_s = tick / header["ticks_hz"]
+                print(f"{time_s!r} s: {rows.entry()}", file=sys.stderr)
 
 
 if __name__ == "__main__":

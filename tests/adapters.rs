@@ -4,6 +4,7 @@
 mod common;
 
 use common::{INPUT, NO_PLAN, PLUGIN, SUCCESS, Yard, have, instance, root, words};
+use fleetyard_core::formats::Format;
 use fleetyard_runtime::adapter::Manifest;
 use serde_json::Value;
 
@@ -11,7 +12,7 @@ use serde_json::Value;
 /// arguments are `name=value`; `style` is how it writes its answer, or how it
 /// misbehaves.
 const SOLVER: &str = r##"#!/usr/bin/env python3
-import os, signal, sys, time
+import json, os, signal, sys, time
 from collections import deque
 
 if "--version" in sys.argv:
@@ -84,6 +85,29 @@ elif style == "paths-txt":
     answer = ""
     for agent, path in enumerate(paths):
         answer += f"Agent {agent}: " + "".join(f"({r},{c})->" for r, c in path) + "\n"
+elif style == "mapf-visualizer":
+    answer = ""
+    for t in range(longest):
+        answer += f"{t}:" + "".join(f"({c},{r},Y_PLUS)," for r, c in (path[t] for path in full)) + "\n"
+elif style == "libmrp-schedule":
+    answer = "schedule:\n"
+    for agent, path in enumerate(paths):
+        answer += f"  agent{agent}:\n"
+        for t, (r, c) in enumerate(path):
+            answer += f"    - x: {c}\n      y: {r}\n      t: {t}\n"
+elif style == "planviz":
+    letters = {(0, 0): "W", (-1, 0): "U", (1, 0): "D", (0, -1): "L", (0, 1): "R"}
+    moves = lambda path: ",".join(letters[(b[0] - a[0], b[1] - a[1])] for a, b in zip(path, path[1:]))
+    answer = json.dumps({
+        "actionModel": "MAPF", "teamSize": len(paths),
+        "start": [[*path[0], "E"] for path in paths], "actualPaths": [moves(path) for path in paths],
+    })
+elif style == "plan":
+    answer = json.dumps({"format": "fleetyard.plan/1", "rows": height, "cols": width, "paths": paths})
+elif style == "rows":
+    answer = "agent,t,x,y\n"
+    for agent, path in reversed(list(enumerate(paths))):
+        answer += "".join(f"{agent},{t},{c},{r}\n" for t, (r, c) in enumerate(path))
 elif style == "cells":
     answer = "".join(" ".join(str(r * width + c + 1) for r, c in path) + "\n" for path in paths)
     answer = f"PATHS\n{answer}DONE {cost}\n"
@@ -218,14 +242,16 @@ fn every_format_is_read() {
     let stdout = "format = \"custom\"\nfrom = \"stdout\"\n[output.custom]\nlayout = \"agent-major\"\n\
                   line = \"#{agent}: [{path}]\"\nposition = \"{row} {col}\"\nseparator = \";\"\n\
                   index_from = 1\nbegin = '^BEGIN$'";
+    let rows =
+        "format = \"custom\"\n[output.custom]\nlayout = \"rows\"\norder = \"x-y\"\nskip_lines = 1";
+    let described = [("cells", cells), ("stdout", stdout), ("rows", rows)];
+    // Whatever plan on a grid commands read, an adapter reads.
+    let named = Format::ALL.iter().filter(|format| format.carries_plan());
+    let named = named.map(|format| (format.name(), format!("format = \"{format}\"")));
+    let described = described.map(|(style, output)| (style, output.to_owned()));
     let mut digests = Vec::new();
-    for (style, output) in [
-        ("lacam", "format = \"lacam\""),
-        ("paths-txt", "format = \"paths-txt\""),
-        ("cells", cells),
-        ("stdout", stdout),
-    ] {
-        let record = run(&manifest(style, output, ""), "", SUCCESS);
+    for (style, output) in named.chain(described) {
+        let record = run(&manifest(style, &output, ""), "", SUCCESS);
         assert_eq!(record["verdict"]["valid"], true, "{style}");
         assert_eq!(record["claim"], "solved");
         assert_eq!(record["planner"]["id"], "test-solver");
@@ -242,6 +268,7 @@ fn every_format_is_read() {
         digests.push(record["plan_digest"].clone());
     }
     // The same solver, so the same plan, however it is written.
+    assert_eq!(digests.len(), 9);
     digests.dedup();
     assert_eq!(digests.len(), 1);
 }

@@ -644,3 +644,88 @@ fn the_page_about_lsmart_is_what_its_rows_say() {
         );
     }
 }
+
+#[test]
+fn the_trace_of_a_fleet_tells_of_goals_tasks_calls_and_what_went_wrong() {
+    let yard = Yard::new();
+    yard.write("list.tasks", "3\n0,7\n9,18,36\n63\n");
+    let map = common::map("empty-8-8.map");
+    let asked = "--duration 40s --agents 3 --option fault=gives-up --option every=3 --fail-option fault=fails \
+                 --fail-option every=2 --tasks list.tasks --assign tasks";
+    let line = format!("{asked} --map {map} --record run --trace run.fyt");
+    let outcome = yard.run(&run(&line)).expect(SUCCESS).json();
+    let info = yard
+        .line("trace info run.fyt --format json")
+        .expect(SUCCESS);
+    let fleet = &info.json()["counts"]["fleet"];
+    for (counted, figure) in [
+        ("goals_reached", "goals_reached"),
+        ("tasks_done", "tasks_done"),
+        ("answered_by_nobody", "all_waits"),
+    ] {
+        assert_eq!(fleet[counted].as_u64(), Some(metric(&outcome, figure)));
+    }
+    assert!(metric(&outcome, "tasks_done") > 0);
+    assert_eq!(fleet["notices"], counts(&outcome));
+    let answered = |by: &str| fleet[format!("answered_by_{by}")].as_u64().unwrap();
+    let calls = metric(&outcome, "planner_calls");
+    let failed = metric(&outcome, "fail_calls");
+    assert!(answered("nobody") > 0 && answered("fail_policy") > 0);
+    assert_eq!(answered("planner"), calls - failed);
+    assert_eq!(answered("fail_policy") + answered("nobody"), failed);
+    assert_eq!(info.json()["remarks"].as_u64(), {
+        let notices = counts(&outcome);
+        let notices = notices.as_object().unwrap().values();
+        Some(calls + notices.map(|count| count.as_u64().unwrap()).sum::<u64>())
+    });
+
+    let export = "trace export run.fyt --journal run.csv --json run.json --html run.html";
+    yard.line(export).expect(SUCCESS);
+    let csv = String::from_utf8(yard.read("run.csv")).unwrap();
+    let has = |part: &str| csv.lines().any(|line| line.contains(part));
+    assert!(has(",said,"), "{csv}");
+    assert!(has("gave up as asked"), "{csv}");
+    // The second goal of a task of three.
+    assert!(csv.contains(",18,1,1,3,"), "{csv}");
+    let all: Value = serde_json::from_slice(&yard.read("run.json")).unwrap();
+    let records = all["records"].as_array().unwrap();
+    let rows = |key: &str| {
+        let lists = records.iter().filter_map(|record| record[key].as_array());
+        lists.flatten().cloned().collect::<Vec<Value>>()
+    };
+    let of = |kind: &str| {
+        let all = rows("journal").into_iter();
+        all.filter(|row| row["kind"] == kind).count() as u64
+    };
+    assert_eq!(of("answered"), calls);
+    assert_eq!(of("reached"), metric(&outcome, "goals_reached"));
+    let page = String::from_utf8(yard.read("run.html")).unwrap();
+    assert!(page.contains("gave up as asked"));
+
+    // Made again from its recording, it tells the same.
+    let again = yard.line("fleet --replay run --trace again.fyt --format json");
+    assert_eq!(digest(&again.expect(SUCCESS).json()), digest(&outcome));
+    let same = yard.line("trace diff run.fyt again.fyt").expect(SUCCESS);
+    let entries = info.json()["entries"].as_u64().unwrap();
+    let words = format!("and {entries} entries of the journal");
+    assert!(same.stdout.contains(&words), "{same}");
+    assert_eq!(yard.read("run.fyt"), yard.read("again.fyt"));
+}
+
+#[test]
+fn runs_that_differ_only_in_what_the_clock_says_have_the_same_journal_and_digest() {
+    let yard = Yard::new();
+    let of = |name: &str, more: &str| {
+        let outcome = yard.run(&run(&format!("--trace {name} {more}")));
+        digest(&outcome.expect(SUCCESS).json())
+    };
+    let (one, two) = (of("one.fyt", ""), of("two.fyt", ""));
+    assert_eq!(one, two);
+    let same = yard.line("trace diff one.fyt two.fyt").expect(SUCCESS);
+    assert!(same.stdout.contains("the same execution"), "{same}");
+    // Without a trace it is the same, too.
+    assert_eq!(one, digest(&yard.run(&run("")).expect(SUCCESS).json()));
+    of("other.fyt", "--seed 5");
+    let other = yard.line("trace diff one.fyt other.fyt").expect(NO_PLAN);
+    assert!(other.stdout.contains("journal   first number"), "{other}");
+}

@@ -1208,6 +1208,9 @@ pub(crate) struct TraceExport {
     /// Write events as CSV
     #[arg(long, value_name = "FILE", group = "targets")]
     pub(crate) events: Option<PathBuf>,
+    /// Write goals, calls and notices of a fleet as CSV
+    #[arg(long, value_name = "FILE", group = "targets")]
+    pub(crate) journal: Option<PathBuf>,
     /// Write everything as one JSON document
     #[arg(long, value_name = "FILE", group = "targets")]
     pub(crate) json: Option<PathBuf>,

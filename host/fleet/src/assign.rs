@@ -10,6 +10,7 @@ use std::collections::{BinaryHeap, VecDeque};
 use fleetyard_abi::{Goals, Task};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Grid, InputError, OFF_MAP, Role};
+use fleetyard_sim::trace::Errand;
 use fleetyard_world::SeededRandom;
 
 use crate::Assign;
@@ -161,8 +162,8 @@ struct Tasks {
     next: u64,
     /// Those that nobody has, by identifier.
     open: Vec<Open>,
-    /// Per agent, the indices of the goals with which its tasks are done.
-    ends: Vec<VecDeque<u32>>,
+    /// Per agent, its tasks, and the indices of the goals with which they are done.
+    given: Vec<VecDeque<Given>>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -170,6 +171,12 @@ struct Open {
     id: u64,
     row: u32,
     col: u32,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Given {
+    id: u64,
+    end: u32,
 }
 
 impl Tasks {
@@ -192,7 +199,8 @@ impl Tasks {
     fn give(&mut self, at: usize, agent: usize, stream: &mut Stream) {
         let task = self.open.remove(at);
         stream.goals.extend(self.cells(task.id));
-        self.ends[agent].push_back(stream.end() - 1);
+        let end = stream.end() - 1;
+        self.given[agent].push_back(Given { id: task.id, end });
     }
 
     /// The open task that begins nearest to a cell, the oldest of several.
@@ -316,6 +324,20 @@ impl Assigner {
         stream.goals[(index - stream.base) as usize]
     }
 
+    /// The place in a task of an agent's goal that is not reached, if goals come from tasks.
+    pub fn errand(&self, agent: usize, index: u32) -> Option<Errand> {
+        let Draw::Tasks(tasks) = &self.draw else {
+            return None;
+        };
+        let given = tasks.given[agent].iter().find(|task| task.end >= index)?;
+        let of = tasks.cells(given.id).len() as u32;
+        Some(Errand {
+            task: given.id,
+            at: (index + of).checked_sub(given.end + 1)?,
+            of,
+        })
+    }
+
     /// An agent has reached a goal and all before it: they are forgotten, and tasks that
     /// are done by it make room for others.
     pub fn reached(&mut self, agent: usize, index: u32) {
@@ -327,9 +349,9 @@ impl Assigner {
             if let Some(goal) = stream.goals.pop_front() {
                 stream.before = goal;
                 if let Draw::Tasks(tasks) = &mut self.draw
-                    && tasks.ends[agent].front() == Some(&stream.base)
+                    && tasks.given[agent].front().map(|task| task.end) == Some(stream.base)
                 {
-                    tasks.ends[agent].pop_front();
+                    tasks.given[agent].pop_front();
                     tasks.ongoing -= 1;
                 }
                 stream.base += 1;
@@ -481,7 +503,7 @@ impl Draw {
                     ongoing: 0,
                     next: 0,
                     open: Vec::new(),
-                    ends: vec![VecDeque::new(); agents],
+                    given: vec![VecDeque::new(); agents],
                 };
                 tasks.reveal(grid.cols());
                 Self::Tasks(tasks)

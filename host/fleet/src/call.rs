@@ -15,8 +15,8 @@ use fleetyard_runtime::{Fault, PlanRun, Termination};
 
 use crate::batch::{Batch, judge};
 use crate::modules::{Module, budget};
-use crate::recording::{By, Notice};
-use crate::{EventKind, FleetConfig, FleetError};
+use crate::recording::Notice;
+use crate::{By, EventKind, FleetConfig, FleetError};
 
 /// What is asked in a call.
 #[derive(Debug)]

@@ -17,9 +17,10 @@ mod series;
 
 pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig};
 pub use error::FleetError;
+pub use fleetyard_sim::trace::By;
 pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{
     CallTimes, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome, Point,
 };
-pub use recording::{By, End, Header, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
+pub use recording::{End, Header, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
 pub use run::{Ground, Unwatched, Watch, replay, resume, run, step_s};

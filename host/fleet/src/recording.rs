@@ -12,6 +12,7 @@ use std::path::Path;
 use fleetyard_abi::{Assignment, Motion};
 use fleetyard_core::json::{format, read_object};
 use fleetyard_core::{Digest, GridPlan, InputError, create_output, moves, open_regular};
+use fleetyard_sim::trace::By;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
@@ -27,18 +28,6 @@ const CALL_MS: RangeInclusive<f64> = 0.0..=366.0 * 86_400_000.0;
 const LINE_LIMIT: u64 = 1 << 30;
 
 const HINT: &str = "a recording is written by `fleetyard fleet --record FILE`";
-
-/// Whose plan the robots drive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum By {
-    /// The planner's.
-    Planner,
-    /// The fail policy's.
-    FailPolicy,
-    /// None: everybody waits.
-    Nobody,
-}
 
 /// Something that went wrong in a call.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -13,19 +13,21 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Objective, SharedEnvironment};
 use fleetyard_core::formats::TaskList;
-use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError};
+use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError, OFF_MAP};
 use fleetyard_runtime::{Closing, Fault};
-use fleetyard_sim::{Fleet, Live, NoTrace, Order, TraceSink};
+use fleetyard_sim::trace::{Entry, Goal, Happening, Remark};
+use fleetyard_sim::{Fleet, Live, NoTrace, Order, SimError, TraceSink};
 
 use crate::adg::{Adg, Costs, Cut};
 use crate::assign::{Assigner, Source};
 use crate::batch::{Batch, judge};
 use crate::call::{Answer, Desk, Question, ask};
 use crate::modules::{Module, ModuleInfo, Modules};
-use crate::recording::{By, End, Header, Notice, Recording, Round, from_moves, to_moves};
+use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
 use crate::series::Tally;
 use crate::{
-    Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
+    By, Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome,
+    Point,
 };
 
 /// Where a run happens.
@@ -185,6 +187,57 @@ struct Under {
     opening: Vec<Notice>,
 }
 
+/// What the trace is told of the fleet.
+#[derive(Default)]
+struct Log {
+    entries: Vec<Entry>,
+    remarks: Vec<Remark>,
+    notices: u64,
+    /// Those who have no goal that is known, and its number.
+    aimless: Vec<(usize, u32)>,
+}
+
+impl Log {
+    /// Says that somebody has a goal, if it is known. Otherwise it is asked for later.
+    fn aim(&mut self, tick: u64, assigner: &mut Assigner, agent: usize, number: u32) {
+        match assigner.goal(agent, number) {
+            OFF_MAP => self.aimless.push((agent, number)),
+            cell => self.entries.push(Entry {
+                tick,
+                what: Happening::Goal(Goal {
+                    agent: agent as u32,
+                    number,
+                    cell,
+                    errand: assigner.errand(agent, number),
+                }),
+            }),
+        }
+    }
+
+    fn notice(&mut self, tick: u64, call: u64, notice: &Notice) {
+        let number = self.notices;
+        self.notices += 1;
+        self.entries.push(Entry {
+            tick,
+            what: Happening::Notice {
+                number,
+                call,
+                name: notice.kind.as_str().to_owned(),
+                module: beginning(&notice.module, Happening::MOST_NAME),
+            },
+        });
+        self.remarks.push(Remark::Said {
+            number,
+            message: beginning(&notice.message, Remark::MOST_TEXT),
+        });
+    }
+}
+
+/// A text, or its beginning if it is longer than so many bytes.
+fn beginning(text: &str, most: usize) -> String {
+    text[..text.floor_char_boundary(most)].to_owned()
+}
+
 /// Who answers calls, on the other side of two channels.
 struct Thread {
     questions: SyncSender<Question>,
@@ -201,6 +254,7 @@ struct Run<'a> {
     adg: Adg,
     assigner: Assigner,
     tally: Tally,
+    log: Log,
     infos: Vec<ModuleInfo>,
     /// Whether there are no plugins.
     replays: bool,
@@ -268,6 +322,12 @@ impl<'a> Run<'a> {
             live,
             adg,
             assigner,
+            log: Log {
+                aimless: (0..config.agents as usize)
+                    .map(|agent| (agent, 0))
+                    .collect(),
+                ..Log::default()
+            },
             infos,
             replays: modules.is_none(),
             past,
@@ -358,13 +418,18 @@ impl<'a> Run<'a> {
         self.live.begin(watch.sink())?;
         loop {
             self.learn();
-            if self.is_over() {
-                return Ok(Ended::Duration);
+            let over = if self.is_over() {
+                Some(Ended::Duration)
+            } else if watch.is_interrupted() || !self.hear(watch)? {
+                Some(Ended::Interrupted)
+            } else {
+                self.decide()?;
+                None
+            };
+            self.tell(watch)?;
+            if let Some(ended) = over {
+                return Ok(ended);
             }
-            if watch.is_interrupted() || !self.hear(watch)? {
-                return Ok(Ended::Interrupted);
-            }
-            self.decide()?;
             self.tally.adg_nodes(self.adg.pending());
             self.drive(watch, started)?;
         }
@@ -415,17 +480,45 @@ impl<'a> Run<'a> {
             adg,
             assigner,
             tally,
+            log,
             ..
         } = self;
+        let tick = live.tick();
         for &agent in live.news() {
             let agent = agent as usize;
             adg.complete(agent, live.done(agent), live.left(agent), &mut |node| {
                 if let Some(goal) = node.goal {
                     tally.goals_reached += 1;
                     assigner.reached(agent, goal);
+                    log.entries.push(Entry {
+                        tick,
+                        what: Happening::Reached {
+                            agent: agent as u32,
+                            number: goal,
+                        },
+                    });
+                    log.aim(tick, assigner, agent, goal + 1);
                 }
             });
         }
+    }
+
+    /// Tells the trace what the fleet did at the beginning of the block.
+    fn tell(&mut self, watch: &mut dyn Watch) -> Result<(), FleetError> {
+        let (log, tick) = (&mut self.log, self.live.tick());
+        for (agent, number) in std::mem::take(&mut log.aimless) {
+            log.aim(tick, &mut self.assigner, agent, number);
+        }
+        let sink = watch.sink();
+        if !log.entries.is_empty() {
+            sink.journal(&log.entries).map_err(SimError::from)?;
+            log.entries.clear();
+        }
+        if !log.remarks.is_empty() {
+            sink.remarks(&log.remarks).map_err(SimError::from)?;
+            log.remarks.clear();
+        }
+        Ok(())
     }
 
     /// Lets the answer take effect that is due. False if the run was told to end while it
@@ -540,6 +633,19 @@ impl<'a> Run<'a> {
 
     fn effect(&mut self, round: &Round, batch: Option<Batch>) -> Result<(), FleetError> {
         self.tally.round(round);
+        let (tick, call) = (self.live.tick(), round.call);
+        self.log.entries.push(Entry {
+            tick,
+            what: Happening::Answered { call, by: round.by },
+        });
+        self.log.remarks.push(Remark::Took {
+            call,
+            planner_ms: round.planner_ms,
+            fail_policy_ms: round.recovery_ms,
+        });
+        for notice in &round.notices {
+            self.log.notice(tick, call, notice);
+        }
         for assignment in &round.assignments {
             self.assigner
                 .give(assignment.agent, assignment.task)
@@ -557,8 +663,19 @@ impl<'a> Run<'a> {
             .adg
             .append(&batch, &mut |agent, index| assigner.goal(agent, index))
             .map_err(|error| FleetError::Broken(error.to_string()))?;
-        self.tally
-            .appended(self.block, appended.rings_cut, appended.stopped);
+        let (rings, stopped) = (appended.rings_cut, appended.stopped);
+        if rings > 0 {
+            let notice = Notice {
+                kind: EventKind::RingsCut,
+                module: "host".into(),
+                message: format!(
+                    "{stopped} robots stop before moves in {rings} rings, or behind those who do"
+                ),
+            };
+            self.tally.rings_cut += rings as u64;
+            self.tally.notice(self.block, &notice);
+            self.log.notice(tick, call, &notice);
+        }
         // A tenth of a millisecond per thousand robots; a sample is enough of it.
         if round.call.is_multiple_of(16) && !self.adg.is_acyclic() {
             return Err(FleetError::Broken(format!(
@@ -692,6 +809,10 @@ impl<'a> Run<'a> {
             let thread = self.thread.as_ref().ok_or_else(broken)?;
             thread.questions.send(question).map_err(|_| broken())?;
         }
+        self.log.entries.push(Entry {
+            tick: self.live.tick(),
+            what: Happening::Asked { call: number },
+        });
         self.under = Some(Under {
             number,
             block: self.block,

@@ -26,7 +26,7 @@ pub(crate) struct Tally {
     fail_calls: u64,
     adg_nodes: usize,
     adg_nodes_max: usize,
-    rings_cut: u64,
+    pub(crate) rings_cut: u64,
     planner_ms: Vec<f64>,
     recovery_ms: Vec<f64>,
 }
@@ -74,24 +74,8 @@ impl Tally {
         }
     }
 
-    /// A batch was appended.
-    pub(crate) fn appended(&mut self, block: u64, rings: usize, stopped: usize) {
-        if rings > 0 {
-            self.rings_cut += rings as u64;
-            self.notice(
-                block,
-                &Notice {
-                    kind: EventKind::RingsCut,
-                    module: "host".into(),
-                    message: format!(
-                        "{stopped} robots stop before moves in {rings} rings, or behind those who do"
-                    ),
-                },
-            );
-        }
-    }
-
-    fn notice(&mut self, block: u64, notice: &Notice) {
+    /// Something went otherwise than it should.
+    pub(crate) fn notice(&mut self, block: u64, notice: &Notice) {
         *self.counts.entry(notice.kind).or_default() += 1;
         if self.events.len() < FleetOutcome::EVENTS {
             let time_s = self.seconds(block);

@@ -199,6 +199,11 @@ impl<'a> Live<'a> {
         self.moment(self.blocks) / self.engine.setup.clock.substeps_per_s
     }
 
+    /// The tick at which the next block begins.
+    pub fn tick(&self) -> u64 {
+        self.blocks * self.engine.setup.clock.ticks_per_period
+    }
+
     /// Number of robots.
     pub fn agents(&self) -> usize {
         self.engine.setup.agents

@@ -1,6 +1,6 @@
 //! What an execution is about, and what its trace says of that.
 
-use fleetyard_core::{Digest, Grid, Hasher};
+use fleetyard_core::{Digest, Grid, Hasher, Role};
 use fleetyard_world::{Mover, Shape, Workspace, write_workspace};
 
 use crate::chunk::Chunk;
@@ -124,10 +124,16 @@ impl Setup<'_> {
                 [goal.x, goal.y]
             })
         });
+        let stations = |role| {
+            let grid = self.grid?;
+            Cells::with_role(grid, self.config.cell_size_m, role)
+        };
         Scene {
             cells: self
                 .grid
                 .map(|grid| Cells::new(grid, self.config.cell_size_m)),
+            endpoints: stations(Role::Endpoint),
+            workstations: stations(Role::Workstation),
             polygons_m: polygons
                 .iter()
                 .map(|polygon| polygon.vertices().to_vec())

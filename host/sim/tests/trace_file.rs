@@ -4,11 +4,12 @@ mod common;
 
 use std::io::{self, Cursor};
 
-use fleetyard_core::{Digest, Grid, GridPlan};
+use fleetyard_core::{Digest, Grid, GridPlan, Role};
 use fleetyard_sim::motion::{Fleet, Profile as Robot};
 use fleetyard_sim::trace::{
-    Bounds, Cells, Digests, EventsDigest, Frame, Header, Outline, Profile, Scene, States,
-    StatesDigest, Summary, TraceOptions, read_trace,
+    Bounds, By, Cells, Digests, Entry, Errand, EventsDigest, Frame, Goal, Happening, Header,
+    Outline, Profile, Remark, Scene, Standing, States, StatesDigest, Summary, TraceOptions,
+    read_trace,
 };
 use fleetyard_sim::{
     Event, EventKind, NoTrace, Other, Outcome, SimConfig, SimError, Simulator, Tier, TraceReader,
@@ -72,6 +73,8 @@ struct Memory {
     header: Option<Header>,
     states: Vec<Kept>,
     events: Vec<Event>,
+    journal: Vec<Entry>,
+    remarks: Vec<Remark>,
     summary: Option<Summary>,
 }
 
@@ -92,6 +95,14 @@ impl TraceSink for Memory {
     }
     fn events(&mut self, events: &[Event]) -> io::Result<()> {
         self.events.extend(events);
+        Ok(())
+    }
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        self.journal.extend_from_slice(entries);
+        Ok(())
+    }
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        self.remarks.extend_from_slice(remarks);
         Ok(())
     }
     fn end(&mut self, summary: &Summary) -> io::Result<()> {
@@ -228,6 +239,7 @@ fn of_everything() -> Vec<u8> {
             polygons_m: vec![vec![[0.5, 0.5], [1.0, 0.5], [0.7, 0.9]]],
             profile_of_body: vec![1, 0, 0],
             goals_m: vec![[2.5, 1.5], [0.1 + 0.2, 1.0]],
+            ..Scene::default()
         },
     };
     let mut writer = TraceWriter::with_options(Vec::new(), small_groups());
@@ -295,7 +307,7 @@ fn everything_that_a_trace_can_have_comes_back() {
     let bits = |point: [f64; 2]| point.map(f64::to_bits);
     assert_eq!(bits(header.scene.goals_m[1]), bits([0.1 + 0.2, 1.0]));
     assert_eq!(bits(header.scene.polygons_m[0][2]), bits([0.7, 0.9]));
-    let solid: Vec<_> = header.scene.cells.unwrap().solid_runs().collect();
+    let solid: Vec<_> = header.scene.cells.unwrap().in_rows().collect();
     assert_eq!(solid, [(0, 1, 2), (1, 2, 1)]);
     assert_eq!(memory.states.len(), 20);
     let last = memory.states.last().unwrap();
@@ -326,6 +338,8 @@ fn reading_begins_anywhere() {
                     memory.state(tick, &states).unwrap();
                 }
                 Frame::Events(events) => memory.events.extend(events),
+                Frame::Journal(entries) => memory.journal(entries).unwrap(),
+                Frame::Remarks(remarks) => memory.remarks(remarks).unwrap(),
                 Frame::End(summary) => memory.summary = Some(summary.clone()),
             }
         }
@@ -343,6 +357,282 @@ fn reading_begins_anywhere() {
         .seek(3)
         .unwrap_err();
     assert!(error.hint.unwrap().contains("from its beginning"));
+}
+
+/// What robot 1 does for 20 ticks: a task of two goals, and calls that are answered, the
+/// second one by the fail policy. Robot 0 has a goal from the beginning to the end.
+fn fleet_entries() -> Vec<Entry> {
+    let at = |tick, what| Entry { tick, what };
+    let goal = |agent, number, cell, errand| {
+        Happening::Goal(Goal {
+            agent,
+            number,
+            cell,
+            errand,
+        })
+    };
+    let errand = |at| {
+        let (task, of) = (1 << 40, 2);
+        Some(Errand { task, at, of })
+    };
+    let reached = |number| Happening::Reached { agent: 1, number };
+    vec![
+        at(0, goal(0, 0, 3, None)),
+        at(0, Happening::Asked { call: 0 }),
+        at(
+            3,
+            Happening::Answered {
+                call: 0,
+                by: By::Planner,
+            },
+        ),
+        at(3, goal(1, 0, 6, errand(0))),
+        at(5, Happening::Asked { call: 1 }),
+        at(7, reached(0)),
+        at(7, goal(1, 1, 0, errand(1))),
+        at(
+            9,
+            Happening::Answered {
+                call: 1,
+                by: By::FailPolicy,
+            },
+        ),
+        at(
+            9,
+            Happening::Notice {
+                number: 0,
+                call: 1,
+                name: "planner-gave-up".to_owned(),
+                module: "a/planner".to_owned(),
+            },
+        ),
+        at(12, reached(1)),
+        at(15, Happening::Asked { call: 2 }),
+        at(
+            19,
+            Happening::Answered {
+                call: 2,
+                by: By::Nobody,
+            },
+        ),
+    ]
+}
+
+fn fleet_remarks() -> Vec<Remark> {
+    let took = |call, planner_ms, fail_policy_ms| Remark::Took {
+        call,
+        planner_ms,
+        fail_policy_ms,
+    };
+    vec![
+        took(0, Some(12.25), None),
+        took(1, Some(1000.0), Some(0.1 + 0.2)),
+        Remark::Said {
+            number: 0,
+            message: "it has no plan, \"yet\"\n\u{1f916}".to_owned(),
+        },
+        took(2, None, None),
+    ]
+}
+
+fn of_a_fleet(options: TraceOptions) -> Vec<u8> {
+    let grid = Grid::new("m", 2, 4, b"we@e..w.".to_vec()).unwrap();
+    let header = read(&of_everything()).header.unwrap();
+    let header = Header {
+        agents: 2,
+        movers: 0,
+        headings: false,
+        progress: false,
+        scene: Scene {
+            cells: Some(Cells::new(&grid, 0.5)),
+            endpoints: Cells::with_role(&grid, 0.5, Role::Endpoint),
+            workstations: Cells::with_role(&grid, 0.5, Role::Workstation),
+            profile_of_body: vec![0, 0],
+            ..Scene::default()
+        },
+        ..header
+    };
+    let mut writer = TraceWriter::with_options(Vec::new(), options);
+    writer.begin(&header).unwrap();
+    let mut states = StatesDigest::new(2);
+    for tick in 0..20u32 {
+        let own = |entry: &Entry| entry.tick == u64::from(tick);
+        let entries: Vec<Entry> = fleet_entries().into_iter().filter(own).collect();
+        writer.journal(&entries).unwrap();
+        let remarks = fleet_remarks();
+        writer
+            .remarks(match tick {
+                3 => &remarks[..1],
+                9 => &remarks[1..3],
+                19 => &remarks[3..],
+                _ => &[],
+            })
+            .unwrap();
+        let x = [0.5 + f64::from(tick) / 60.0, 2.5];
+        let now = States {
+            x_m: &x,
+            y_m: &[0.5, 0.5],
+            heading_rad: None,
+            progress: None,
+        };
+        states.update(&now);
+        writer.state(u64::from(tick), &now).unwrap();
+    }
+    let summary = Summary {
+        ticks: 19,
+        simulated_s: 19.0 / 60.0,
+        contacts_agent_agent: 0,
+        contacts_agent_obstacle: 0,
+        nearest_approach_m: None,
+        tracking_error_max_m: 0.0,
+        tracking_error_mean_m: 0.0,
+        states_digest: states.finish(),
+        events_digest: EventsDigest::default().finish(),
+        trace_digest: Digest(0),
+    };
+    writer.end(&summary.sealed(&header)).unwrap();
+    writer.into_inner()
+}
+
+#[test]
+fn what_a_fleet_did_comes_back_and_does_not_enter_the_digest() {
+    for options in [every(0), every(1), small_groups()] {
+        let bytes = of_a_fleet(options);
+        let memory = read(&bytes);
+        assert_eq!(memory.journal, fleet_entries());
+        assert_eq!(memory.remarks, fleet_remarks());
+        let scene = memory.header.as_ref().unwrap().scene.clone();
+        let cells = |cells: Option<Cells>| cells.unwrap().in_rows().collect::<Vec<_>>();
+        assert_eq!(cells(scene.endpoints), [(0, 1, 1), (0, 3, 1)]);
+        assert_eq!(cells(scene.workstations), [(0, 0, 1), (1, 2, 1)]);
+        let contents = read_trace(&bytes[..], "t").unwrap();
+        assert_eq!((contents.entries, contents.remarks), (12, 4));
+        let summary = memory.summary.unwrap();
+        assert_eq!(
+            summary.digest(&memory.header.unwrap()),
+            summary.trace_digest
+        );
+        assert_eq!(summary.events_digest, EventsDigest::default().finish());
+    }
+}
+
+#[test]
+fn who_begins_in_the_middle_knows_the_goals_and_the_call_that_are_open() {
+    let bytes = of_a_fleet(small_groups());
+    for tick in 0..20 {
+        let mut reader = TraceReader::open(Cursor::new(&bytes), "t").unwrap();
+        reader.seek(tick).unwrap();
+        let mut memory = Memory::default();
+        let mut first = None;
+        while let Some(frame) = reader.next_frame().unwrap() {
+            match frame {
+                Frame::State { tick, .. } => first = first.or(Some(tick)),
+                Frame::Journal(entries) => memory.journal(entries).unwrap(),
+                _ => {}
+            }
+        }
+        // What was told before the group, told again if it was open, comes first.
+        let all = fleet_entries();
+        let begins = first.unwrap();
+        let open_at = |end: u64| {
+            let mut standing = Standing::new(2);
+            let told = all.iter().filter(|entry| entry.tick < end);
+            told.for_each(|entry| standing.note(entry));
+            standing
+        };
+        let mut standing = Standing::new(2);
+        let told = memory.journal.iter();
+        told.clone()
+            .filter(|entry| entry.tick < begins)
+            .for_each(|entry| standing.note(entry));
+        assert_eq!(standing, open_at(begins), "from tick {tick}");
+        let rest: Vec<&Entry> = told.filter(|entry| entry.tick >= begins).collect();
+        let expected: Vec<&Entry> = all.iter().filter(|entry| entry.tick >= begins).collect();
+        assert_eq!(rest, expected, "from tick {tick}");
+    }
+    assert_eq!(read(&bytes).journal.len(), fleet_entries().len());
+}
+
+#[test]
+fn what_a_fleet_cannot_have_done_is_refused() {
+    let header = read(&of_a_fleet(every(1))).header.unwrap();
+    let writer = || {
+        let mut writer = TraceWriter::new(Vec::new(), 1);
+        writer.begin(&header).unwrap();
+        writer
+    };
+    let goal = |agent, cell, errand| {
+        Happening::Goal(Goal {
+            agent,
+            number: 0,
+            cell,
+            errand,
+        })
+    };
+    let errand = Some(Errand {
+        task: 0,
+        at: 2,
+        of: 2,
+    });
+    let notice = |name: &str| Happening::Notice {
+        number: 0,
+        call: 0,
+        name: name.to_owned(),
+        module: "host".to_owned(),
+    };
+    for what in [
+        goal(2, 0, None),
+        goal(0, 8, None),
+        goal(0, 0, errand),
+        Happening::Reached {
+            agent: 2,
+            number: 0,
+        },
+        notice(&"n".repeat(256)),
+    ] {
+        let error = writer().journal(&[Entry { tick: 0, what }]).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidInput);
+    }
+    let mut late = writer();
+    let asked = |tick| Entry {
+        tick,
+        what: Happening::Asked { call: 0 },
+    };
+    late.journal(&[asked(5)]).unwrap();
+    assert!(late.journal(&[asked(4)]).is_err());
+    let long = "m".repeat(Remark::MOST_TEXT + 1);
+    for remark in [
+        Remark::Said {
+            number: 0,
+            message: long,
+        },
+        Remark::Took {
+            call: 0,
+            planner_ms: Some(f64::NAN),
+            fail_policy_ms: None,
+        },
+    ] {
+        assert!(writer().remarks(&[remark]).is_err());
+    }
+    // More than a frame can have, in one and in many pieces.
+    let many: Vec<Entry> = (0..10_000).map(asked).collect();
+    let long = Remark::Said {
+        number: 1,
+        message: "m".repeat(Remark::MOST_TEXT),
+    };
+    let mut writer = writer();
+    writer.journal(&many[..1]).unwrap();
+    writer.journal(&many[1..]).unwrap();
+    writer.remarks(&vec![long.clone(); 40]).unwrap();
+    writer
+        .end(&read(&of_a_fleet(every(1))).summary.unwrap())
+        .unwrap();
+    let bytes = writer.into_inner();
+    let mut memory = Memory::default();
+    let reader = TraceReader::open(&bytes[..], "t").unwrap();
+    reader.replay(&mut memory).unwrap();
+    assert_eq!(memory.journal, many);
+    assert_eq!(memory.remarks, vec![long; 40]);
 }
 
 /// Where the frames after the bodies begin.
@@ -364,6 +654,7 @@ fn a_cut_file_gives_what_is_left() {
         written(small_groups()).0,
         written(every(5)).0,
         of_everything(),
+        of_a_fleet(small_groups()),
     ] {
         let whole = read(&bytes);
         let beginning = beginning_of_frames(&bytes);
@@ -380,6 +671,7 @@ fn a_cut_file_gives_what_is_left() {
             assert!(damage.hint.is_some());
             assert!(contents.intact_bytes <= length as u64);
             assert!(whole.events.starts_with(&memory.events));
+            assert!(whole.journal.starts_with(&memory.journal));
             assert!(whole.states.starts_with(&memory.states));
             assert_eq!(contents.states, memory.states.len() as u64);
             let got = contents.states + contents.events;
@@ -392,7 +684,12 @@ fn a_cut_file_gives_what_is_left() {
 
 #[test]
 fn every_damaged_byte_is_found() {
-    for bytes in [written(every(0)).0, written(every(9)).0, of_everything()] {
+    for bytes in [
+        written(every(0)).0,
+        written(every(9)).0,
+        of_everything(),
+        of_a_fleet(every(1)),
+    ] {
         let whole = read(&bytes);
         let beginning = beginning_of_frames(&bytes);
         for at in 0..bytes.len() {
@@ -550,6 +847,15 @@ fn group(tick: u64, ticks: u32, is_key: u8, planes: &[u8]) -> Vec<u8> {
     frame(b'S', &payload)
 }
 
+/// A frame of a journal or of remarks that says that it has so many.
+fn rows(kind: u8, flags: u8, count: u32, bytes: &[u8]) -> Vec<u8> {
+    let mut payload = vec![flags];
+    payload.extend(count.to_le_bytes());
+    payload.extend((bytes.len() as u32).to_le_bytes());
+    payload.extend(zstd::bulk::compress(bytes, 1).unwrap());
+    frame(kind, &payload)
+}
+
 #[test]
 fn claims_that_nothing_stands_behind_are_refused() {
     // 28 bytes for an agent at a tick.
@@ -607,6 +913,60 @@ fn claims_that_nothing_stands_behind_are_refused() {
             beginning(2, 2),
             [&b"Z"[..], &[0xff; 4]].concat(),
             "longer than it can be",
+        ),
+        (beginning(2, 2), frame(b'j', b""), "the journal makes no"),
+        (
+            beginning(2, 2),
+            frame(b'j', &[2; 9]),
+            "the journal makes no",
+        ),
+        (beginning(2, 2), frame(b'r', &[1; 9]), "the remarks make no"),
+        (beginning(2, 2), rows(b'j', 0, 0, &[]), "number of entries"),
+        (
+            beginning(2, 2),
+            rows(b'j', 0, 5000, &[0; 15_000]),
+            "number of entries",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'j', 0, 1, &[0; 70_000]),
+            "number of entries",
+        ),
+        // No such agent, no map, trailing bytes, an unknown kind, cut text.
+        (
+            beginning(2, 2),
+            rows(b'j', 0, 1, &[0, 1, 2, 0]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'j', 0, 1, &[0, 0, 0, 0, 0, 0]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'j', 0, 1, &[0, 2, 0, 0]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'j', 0, 1, &[0, 9]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'r', 0, 1, &[1, 0, 9, b'a']),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            [
+                rows(b'j', 0, 1, &[9, 2, 0]),
+                rows(b'j', 1, 1, &[0, 2, 0]),
+                rows(b'j', 0, 1, &[8, 2, 1]),
+            ]
+            .concat(),
+            "not in order",
         ),
         // A kind that a later release may add is passed over.
         (beginning(2, 2), frame(b'q', b"whatever"), cut),

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use fleetyard_sim::trace::{Header, Outline, States, Summary};
+use fleetyard_sim::trace::{Entry, Header, Outline, Remark, States, Summary};
 use fleetyard_sim::{Event, EventKind, Other, TraceSink};
 use serde::Serialize;
 
@@ -15,7 +15,8 @@ use crate::ViewError;
 use crate::palette::AGENTS;
 use crate::svg::{escape, reach_m};
 use crate::track::{Quanta, Track, base64};
-use crate::world::{World, floor_exponent};
+use crate::work::{Work, WorkMeta};
+use crate::world::{Cells, World, floor_exponent};
 
 const PAGE: &str = include_str!("replay.html");
 const STYLE: &str = include_str!("replay.css");
@@ -37,6 +38,12 @@ pub struct Recording {
     pub title: String,
     /// The map.
     pub world: World,
+    /// Columns of the map, of which cells are told by number; 0 if there are no cells.
+    pub columns: u32,
+    /// Cells that are endpoints of a warehouse.
+    pub endpoints: Option<Cells>,
+    /// Cells that are workstations.
+    pub workstations: Option<Cells>,
     /// The outlines that agents have.
     pub outlines: Vec<Outline>,
     /// For each body its index in `outlines`: first the agents, then obstacles
@@ -60,13 +67,17 @@ impl Recording {
     /// A recording that begins with this header.
     pub fn of_trace(title: impl Into<String>, header: &Header) -> Self {
         let title = title.into();
+        let scene = &header.scene;
         Self {
+            columns: scene.cells.as_ref().map_or(0, |cells| cells.cols()),
+            endpoints: scene.endpoints.as_ref().map(Cells::of_trace),
+            workstations: scene.workstations.as_ref().map(Cells::of_trace),
             world: World::of_trace(&title, header),
             title,
             outlines: header.profiles.iter().map(|p| p.outline.clone()).collect(),
-            outline_of_body: header.scene.profile_of_body.clone(),
+            outline_of_body: scene.profile_of_body.clone(),
             agents: header.agents,
-            goals_m: header.scene.goals_m.clone(),
+            goals_m: scene.goals_m.clone(),
             headings: header.headings,
             tick_s: 1.0 / f64::from(header.ticks_hz),
             state_every: header.state_every,
@@ -156,6 +167,7 @@ pub struct Page {
     /// When agents that are shown came to the ends of their routes.
     arrivals: BTreeMap<u32, f64>,
     contacts_total: u64,
+    work: Work,
 }
 
 #[derive(Debug)]
@@ -174,6 +186,8 @@ struct Contact(f64, Option<f64>, u32, Option<u32>);
 struct Meta<'a> {
     bounds: [f64; 4],
     cells: Option<CellsMeta<'a>>,
+    endpoints: Option<CellsMeta<'a>>,
+    workstations: Option<CellsMeta<'a>>,
     /// x and y of each corner, one after the other; likewise below.
     polygons: Vec<&'a [f64]>,
     roadmap: &'a [f64],
@@ -194,6 +208,8 @@ struct Meta<'a> {
     angle_rad: f64,
     contacts: &'a [Contact],
     contacts_total: u64,
+    /// Absent if nothing is known of a fleet.
+    work: Option<WorkMeta<'a>>,
     colors: [&'a str; AGENTS.len()],
     facts: &'a [(String, String)],
     notes: Vec<String>,
@@ -205,6 +221,16 @@ struct CellsMeta<'a> {
     side: f64,
     /// Row, column, rows and columns of each, one after the other.
     rectangles: &'a [u32],
+}
+
+impl<'a> CellsMeta<'a> {
+    fn of(cells: &'a Cells) -> Self {
+        Self {
+            rows: cells.rows,
+            side: cells.side_m,
+            rectangles: cells.rectangles.as_flattened(),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -263,6 +289,7 @@ impl Page {
             open: BTreeMap::new(),
             arrivals: BTreeMap::new(),
             contacts_total: 0,
+            work: Work::default(),
             recording,
         })
     }
@@ -429,11 +456,9 @@ impl Page {
         let shown = &self.ids[..agents];
         Meta {
             bounds: [left, bottom, right, top],
-            cells: world.cells.as_ref().map(|cells| CellsMeta {
-                rows: cells.rows,
-                side: cells.side_m,
-                rectangles: cells.rectangles.as_flattened(),
-            }),
+            cells: world.cells.as_ref().map(CellsMeta::of),
+            endpoints: recording.endpoints.as_ref().map(CellsMeta::of),
+            workstations: recording.workstations.as_ref().map(CellsMeta::of),
             polygons: world.polygons.iter().map(|p| p.as_flattened()).collect(),
             roadmap: world.roadmap.as_flattened().as_flattened(),
             outlines: outlines.collect(),
@@ -455,6 +480,7 @@ impl Page {
             angle_rad: self.quanta.angle_rad,
             contacts: &self.contacts,
             contacts_total: self.contacts_total,
+            work: self.work.meta(recording.tick_s, recording.columns),
             colors: AGENTS,
             facts: &recording.facts,
             notes: self.notes(incomplete),
@@ -495,6 +521,7 @@ impl Page {
                 self.contacts_total
             ));
         }
+        notes.extend(self.work.note());
         if let Some(reason) = incomplete {
             notes.push(format!("The recording is not complete: {reason}."));
         }
@@ -526,6 +553,17 @@ impl TraceSink for Page {
         for event in events {
             self.add_event(event);
         }
+        Ok(())
+    }
+
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        let agents = self.ids.partition_point(|id| *id < self.recording.agents);
+        self.work.journal(&self.ids[..agents], entries);
+        Ok(())
+    }
+
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        self.work.remarks(remarks);
         Ok(())
     }
 

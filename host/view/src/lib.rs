@@ -19,6 +19,7 @@ mod png;
 mod still;
 mod svg;
 mod track;
+mod work;
 mod world;
 
 pub use error::ViewError;

@@ -62,6 +62,49 @@ const largest = Math.max(0, ...reach);
 /** Contacts in the order of their beginnings: bodies as ids, `b` null for what stands. */
 const contacts = meta.contacts.map(([from, to, a, b]) => ({ from, to: to ?? end, open: to === null, a, b }));
 
+/** What the fleet did, if the trace tells it; times become seconds. */
+const work = meta.work && readWork(meta.work);
+
+function readWork({ tick_s, cols, goals, reached, calls, notices }) {
+  const { rows, side } = meta.cells;
+  const seconds = (tick) => tick === null ? null : tick * tick_s;
+  let tick = 0;
+  const of = new Map(calls.map(([number, [asked, answered, by, planner, fail]]) =>
+    [number, { number, asked: seconds(asked), answered: seconds(answered), by, planner, fail, said: [] }]));
+  for (const [call, name, module, message] of notices) of.get(call)?.said.push({ name, module, message });
+  return {
+    goals: goals.map((own) => own.map(([from, to, cell, number, task]) => ({
+      from: seconds(from), to: seconds(to), number, task,
+      row: Math.floor(cell / cols), col: cell % cols,
+      x: (cell % cols + 0.5) * side, y: (rows - Math.floor(cell / cols) - 0.5) * side,
+    }))),
+    reached: reached.map((since) => seconds(tick += since)),
+    calls: [...of.values()],
+  };
+}
+
+/** How many of the ascending values, or of what `of` makes of them, are not after a time. */
+function until(values, time, of = (value) => value) {
+  let low = 0, high = values.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (of(values[middle]) <= time + 1e-9) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+
+/** The goal of an agent at a time. */
+function goalAt(i, time) {
+  if (!work) return meta.goals[i] ? { x: meta.goals[i][0], y: meta.goals[i][1] } : null;
+  const own = work.goals[i] ?? [];
+  const last = own[until(own, time, (goal) => goal.from) - 1];
+  return last && (last.to === null || last.to > time + 1e-9) ? last : null;
+}
+
+const BY = { planner: 'planner', 'fail-policy': 'fail policy', nobody: 'nobody' };
+const isTrouble = (call) => call.said.length > 0 || (call.by !== null && call.by !== 'planner');
+const troubles = work ? work.calls.filter(isTrouble) : [];
+
 const isAgent = (id) => id !== null && id < meta.all_agents;
 const nameOf = (id) => id === null ? 'obstacle' : isAgent(id) ? `agent ${id}` : 'moving obstacle';
 
@@ -191,7 +234,7 @@ let dirty = true, groundDrawn = null, settle = 0;
 
 function readTheme() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ['page', 'card', 'ground', 'solid', 'roadmap', 'ink', 'halo', 'contact', 'moving', 'turning', 'waiting', 'parked']) {
+  for (const name of ['page', 'card', 'ground', 'solid', 'roadmap', 'ink', 'halo', 'contact', 'moving', 'turning', 'waiting', 'parked', 'planner', 'fail-policy', 'nobody', 'workstation', 'endpoint', 'soft', 'accent']) {
     theme[name] = style.getPropertyValue('--' + name).trim();
   }
   groundDrawn = null;
@@ -239,14 +282,18 @@ const toY = (y) => (view.y - y) * view.scale + height / 2;
 
 const MARGIN = 0.3;
 
-const solid = new Path2D();
-if (meta.cells) {
-  const { rows, side, rectangles } = meta.cells;
+function cellPath(cells) {
+  const path = new Path2D();
+  if (!cells) return path;
+  const { rows, side, rectangles } = cells;
   for (let i = 0; i < rectangles.length; i += 4) {
     const [row, col, down, across] = rectangles.slice(i, i + 4);
-    solid.rect(col * side, (rows - row - down) * side, across * side, down * side);
+    path.rect(col * side, (rows - row - down) * side, across * side, down * side);
   }
+  return path;
 }
+const solid = cellPath(meta.cells);
+const stations = [['endpoint', meta.endpoints], ['workstation', meta.workstations]].map(([name, cells]) => [name, cellPath(cells)]);
 for (const polygon of meta.polygons) {
   pairs(polygon).forEach(([x, y], at) => at ? solid.lineTo(x, y) : solid.moveTo(x, y));
   solid.closePath();
@@ -297,6 +344,10 @@ function drawGround() {
   c.strokeStyle = theme.roadmap;
   c.strokeRect(minX, minY, maxX - minX, maxY - minY);
   c.stroke(roadmap);
+  for (const [name, cells] of stations) {
+    c.fillStyle = theme[name];
+    c.fill(cells);
+  }
   c.fillStyle = theme.solid;
   c.fill(solid);
   if (show.paths) {
@@ -359,6 +410,7 @@ function draw() {
   c.fillStyle = theme.solid;
   c.fill();
   if (show.trails) trails(c, seen);
+  if (show.goals) goals(c);
   if (selected >= 0) {
     selectedWay(c);
     goal(c);
@@ -474,16 +526,38 @@ function ring(c, i, color) {
   }
 }
 
+/** Where agents want to go, as squares of their colours. */
+function goals(c) {
+  const half = Math.max(0.3 * largest * view.scale, 2.5);
+  COLORS.forEach((fill, color) => {
+    c.beginPath();
+    for (let i = color; i < count; i += COLORS.length) {
+      const place = goalAt(i, now);
+      if (place) c.rect(toX(place.x) - half, toY(place.y) - half, 2 * half, 2 * half);
+    }
+    c.strokeStyle = fill;
+    c.lineWidth = Math.max(1.2, 0.4 * half);
+    c.stroke();
+  });
+}
+
 /** Where the selected agent wants to go. */
 function goal(c) {
-  const place = meta.goals[selected];
+  const place = goalAt(selected, now);
   if (!place) return;
+  const [x, y] = [toX(place.x), toY(place.y)];
   const half = Math.max(0.4 * largest * view.scale, 4);
-  c.fillStyle = COLORS[selected % COLORS.length];
+  c.beginPath();
+  c.setLineDash([5, 5]);
+  c.moveTo(toX(X[selected]), toY(Y[selected]));
+  c.lineTo(x, y);
   c.strokeStyle = theme.ink;
   c.lineWidth = 1.5;
-  c.fillRect(toX(place[0]) - half, toY(place[1]) - half, 2 * half, 2 * half);
-  c.strokeRect(toX(place[0]) - half, toY(place[1]) - half, 2 * half, 2 * half);
+  c.stroke();
+  c.setLineDash([]);
+  c.fillStyle = COLORS[selected % COLORS.length];
+  c.fillRect(x - half, y - half, 2 * half, 2 * half);
+  c.strokeRect(x - half, y - half, 2 * half, 2 * half);
 }
 
 /** A cross in a ring between two agents, or on the one that touches an obstacle or an agent that is not shown. */
@@ -601,6 +675,7 @@ function told(touching) {
   $('seek').setAttribute('aria-valuetext', `${shown(now)} of ${shown(end)}`);
   $('fleet-now').style.left = 100 * (end ? now / end : 0) + '%';
   if (selected >= 0) drawTimeline();
+  if (work) tellWork();
   const current = new Set(touching);
   for (const [contact, button] of rows) {
     const on = current.has(contact) || contact === pointed;
@@ -670,6 +745,163 @@ function follow(i, on) {
     say('no agent selected');
   }
   dirty = true;
+}
+
+// ---- The fleet -----------------------------------------------------------------------
+
+const INTERVALS = 60;
+/** How many seconds the current throughput is of. */
+const RECENT_S = 60;
+
+/** The rows of the list of calls that are on the page. */
+let callRows = [];
+let callsListed = LIST_STEP;
+
+/** Sets what a list of terms says, where it says something else. */
+function tell(list, rows) {
+  const text = JSON.stringify(rows);
+  if (list.dataset.told === text) return;
+  list.dataset.told = text;
+  list.replaceChildren(...rows.flatMap(([name, value]) => [['dt', name], ['dd', value]]
+    .map(([tag, textContent]) => Object.assign(document.createElement(tag), { textContent }))));
+}
+
+/** What the fleet and the selected agent are at. */
+function tellWork() {
+  const reached = until(work.reached, now);
+  const since = Math.max(0, now - RECENT_S);
+  const recent = reached - (since > 0 ? until(work.reached, since) : 0);
+  const perSecond = (goals, time) => time > 0 ? `${(goals / time).toFixed(2)} per second` : '–';
+  const asked = until(work.calls, now, (call) => call.asked);
+  const last = work.calls[asked - 1];
+  const isOpen = last && (last.answered === null || last.answered > now + 1e-9);
+  tell($('work'), [
+    ['goals', `${reached}, ${perSecond(reached, now)}`],
+    [`last ${Math.round(now - since) || RECENT_S} s`, perSecond(recent, now - since)],
+    ['calls', `${asked}, ${until(troubles, now, (call) => call.asked)} with trouble`],
+    ['planning', isOpen ? `call ${last.number}, since ${shown(last.asked)}` : 'no'],
+  ]);
+  for (const canvas of ['throughput', 'call-times']) drawOverTime($(canvas));
+  for (const [call, button] of callRows) {
+    const on = call.asked <= now + 1e-9 && now < (call.answered ?? end) - 1e-9;
+    if ((button.getAttribute('aria-current') === 'true') === on) continue;
+    button.setAttribute('aria-current', on);
+    if (on) reveal(button);
+  }
+  if (selected < 0) return;
+  const own = work.goals[selected] ?? [], goal = goalAt(selected, now);
+  const task = goal?.task;
+  tell($('job'), [
+    ['goal', goal ? `row ${goal.row}, column ${goal.col}, since ${shown(goal.from)}` : 'none'],
+    ...(task ? [['task', `${task[0]}, goal ${task[1] + 1} of ${task[2]}`]] : []),
+    ['reached', `${until(own.filter(({ to }) => to !== null), now, ({ to }) => to)} goals`],
+  ]);
+}
+
+/** Scrolls a list, and nothing around it, so that a row can be seen. */
+function reveal(row) {
+  const list = row.closest('ol'), [inside, outside] = [row, list].map((node) => node.getBoundingClientRect());
+  list.scrollTop += Math.min(0, inside.top - outside.top) + Math.max(0, inside.bottom - outside.bottom);
+}
+
+/** Pictures of the whole run, drawn once; the time is laid over them. */
+const overTime = new Map();
+
+function drawOverTime(canvas) {
+  const [c, w, h] = sized(canvas);
+  const key = `${w} ${h} ${theme.ink}`;
+  let whole = overTime.get(canvas);
+  if (whole?.key !== key) {
+    const picture = Object.assign(document.createElement('canvas'), { width: Math.max(w, 1), height: Math.max(h, 1) });
+    (canvas.id === 'throughput' ? drawThroughput : drawCalls)(picture.getContext('2d'), w, h);
+    whole = { key, picture };
+    overTime.set(canvas, whole);
+  }
+  c.clearRect(0, 0, w, h);
+  c.drawImage(whole.picture, 0, 0);
+  c.fillStyle = theme.ink;
+  c.fillRect((end ? now / end : 0) * w - dpr, 0, 2 * dpr, h);
+}
+
+/** Goals per second in equal intervals, and their mean. */
+function drawThroughput(c, w, h) {
+  const width = end / INTERVALS;
+  const rates = Array.from({ length: end > 0 ? INTERVALS : 0 }, (_, at) =>
+    (until(work.reached, (at + 1) * width) - (at ? until(work.reached, at * width) : 0)) / width);
+  const most = Math.max(...rates, 1e-9), mean = end > 0 ? work.reached.length / end : 0;
+  const top = 13 * dpr, high = (rate) => rate / most * (h - top);
+  c.fillStyle = theme.moving;
+  rates.forEach((rate, at) => {
+    const from = Math.round(at * w / INTERVALS), to = Math.round((at + 1) * w / INTERVALS);
+    c.fillRect(from, h - high(rate), Math.max(to - from - dpr, 1), high(rate));
+  });
+  c.setLineDash([4 * dpr, 3 * dpr]);
+  c.strokeStyle = theme.ink;
+  c.lineWidth = dpr;
+  c.beginPath();
+  c.moveTo(0, h - high(mean));
+  c.lineTo(w, h - high(mean));
+  c.stroke();
+  c.font = `${11 * dpr}px system-ui, sans-serif`;
+  c.textBaseline = 'top';
+  c.fillStyle = theme.soft;
+  c.fillText(`${most.toFixed(2)} at most, ${mean.toFixed(2)} on average`, 0, 0);
+  $('throughput').setAttribute('aria-label', `Goals per second over time: ${mean.toFixed(2)} on average, ${most.toFixed(2)} at most`);
+}
+
+/** Calls as bars of different height, those with trouble over the others. */
+function drawCalls(c, w, h) {
+  const tall = { planner: 0.3, 'fail-policy': 0.65, nobody: 1 };
+  for (const by of Object.keys(tall)) {
+    c.fillStyle = theme[by];
+    for (const call of work.calls) {
+      if (call.by !== by) continue;
+      const from = end ? call.asked / end * w : 0, to = end ? call.answered / end * w : 0;
+      c.fillRect(from, h - tall[by] * h, Math.max(to - from - dpr, 1.5 * dpr), tall[by] * h);
+    }
+  }
+  const of = (by) => work.calls.filter((call) => call.by === by).length;
+  $('call-times').setAttribute('aria-label', `${work.calls.length} calls over time: ` +
+    Object.keys(tall).map((by) => `${of(by)} answered by ${BY[by]}`).join(', '));
+}
+
+function listCalls() {
+  const wanted = $('failed').checked ? troubles : work.calls;
+  const add = (parent, tag, textContent, className = '') =>
+    parent.appendChild(Object.assign(document.createElement(tag), { textContent, className }));
+  const list = $('calls');
+  list.replaceChildren();
+  callRows = wanted.slice(0, callsListed).map((call) => {
+    const button = add(add(list, 'li', ''), 'button', '');
+    button.type = 'button';
+    add(button, 'span', shown(call.asked));
+    const who = add(button, 'span', '');
+    const swatch = call.by === null ? 'waiting' : call.by;
+    add(who, 'span', '', 'swatch ' + swatch);
+    who.append(`${isTrouble(call) ? '✕ ' : ''}${call.by === null ? 'not answered' : BY[call.by]}`);
+    const took = [call.planner, call.fail].map((ms) => ms === null ? '' : `${+ms.toPrecision(3)} ms`);
+    add(button, 'small', took.filter((text) => text).join(' + '));
+    for (const { name, module, message } of call.said) add(button, 'span', `${name} (${module}): ${message}`, 'said');
+    button.title = `call ${call.number}` + (call.answered === null ? '' : `, answered at ${shown(call.answered)}`);
+    button.addEventListener('click', () => jumpToCall(call));
+    return [call, button];
+  });
+  if (!wanted.length) add(list, 'li', 'None.', 'none');
+  $('more-calls').hidden = wanted.length <= callsListed;
+  dirty = true;
+}
+
+function jumpToCall(call) {
+  play(false);
+  seek(call.asked);
+  say(`call ${call.number} at ${shown(call.asked)}, answered by ${call.by === null ? 'nobody yet' : BY[call.by]}`);
+}
+
+function nextTrouble(step) {
+  const later = step > 0
+    ? troubles.find((call) => call.asked > now + 1e-6)
+    : troubles.findLast((call) => call.asked < now - 1e-6);
+  if (later) jumpToCall(later);
 }
 
 let timeline = null;
@@ -852,6 +1084,8 @@ function drawMarks() {
     if (x !== last) c.fillRect(x - dpr, 0, 2 * dpr, 0.22 * h);
     last = x;
   }
+  c.fillStyle = theme['fail-policy'];
+  for (const { asked } of troubles) c.fillRect(inset + (end ? asked / end : 0) * (w - 2 * inset) - dpr, 0.82 * h, 2 * dpr, 0.18 * h);
 }
 
 // ---- The user ------------------------------------------------------------------------------
@@ -864,8 +1098,10 @@ onClick('zoom-in', () => zoom(1.5));
 onClick('zoom-out', () => zoom(1 / 1.5));
 onClick('fit', () => { if (following) follow(selected, false); fit(); });
 onClick('release', () => follow(-1, false));
+onClick('more-calls', () => { callsListed += LIST_STEP; listCalls(); });
 onClick('more', () => { listed += LIST_STEP; listContacts(); });
 $('only').addEventListener('change', listContacts);
+$('failed').addEventListener('change', listCalls);
 $('seek').addEventListener('input', () => seek(Number($('seek').value)));
 $('speed').addEventListener('change', () => setSpeed(Number($('speed').value)));
 $('pick').addEventListener('change', () => {
@@ -878,7 +1114,7 @@ const timeUnder = (event) => {
   const box = event.currentTarget.getBoundingClientRect();
   return (event.clientX - box.left) / box.width * end;
 };
-$('timeline').addEventListener('click', (event) => seek(timeUnder(event)));
+for (const id of ['timeline', 'throughput', 'call-times']) $(id).addEventListener('click', (event) => seek(timeUnder(event)));
 $('fleet').addEventListener('click', (event) => {
   const box = $('fleet').getBoundingClientRect();
   const i = Math.floor((event.clientY - box.top) / box.height * count);
@@ -891,6 +1127,7 @@ const setting = {
   paths: false,
   ids: false,
   contacts: true,
+  goals: Boolean(work) && count <= 300,
 };
 for (const name of Object.keys(setting)) {
   const box = $('show-' + name);
@@ -975,6 +1212,7 @@ document.addEventListener('keydown', (event) => {
     ',': by(-1 / 60), '.': by(1 / 60),
     Home: () => seek(0), End: () => seek(end),
     '[': () => otherSpeed(-1), ']': () => otherSpeed(1),
+    c: () => nextTrouble(event.shiftKey ? -1 : 1),
     p: () => nextContact(-1), n: () => nextContact(1),
     '+': () => zoom(1.25), '=': () => zoom(1.25), '-': () => zoom(0.8), 0: () => { if (following) follow(selected, false); fit(); },
     Escape: () => follow(-1, false),
@@ -1018,6 +1256,7 @@ for (const value of SPEEDS) {
 setSpeed(1);
 $('seek').max = end;
 $('brief').textContent = `${count} agent${count === 1 ? '' : 's'}, ${shown(end)}, ` +
+  (work ? `${work.reached.length} goal${work.reached.length === 1 ? '' : 's'}, ` : '') +
   (meta.contacts_total ? `${meta.contacts_total} contact${meta.contacts_total === 1 ? '' : 's'}` : 'no contacts');
 for (const [name, value] of meta.facts) {
   const [term, text] = ['dt', 'dd'].map((tag) => document.createElement(tag));
@@ -1028,6 +1267,13 @@ for (const [name, value] of meta.facts) {
 for (const note of meta.notes) {
   $('notes').append(Object.assign(document.createElement('li'), { textContent: note }));
 }
+$('work-box').hidden = !work;
+$('failed-box').hidden = !troubles.length;
+$('show-goals').parentNode.hidden = !work && !meta.goals.length;
+$('workstations').hidden = !meta.workstations;
+$('endpoints').hidden = !meta.endpoints;
+$('stations').hidden = !meta.workstations && !meta.endpoints;
+if (work) listCalls();
 if (!contacts.length) $('earlier').disabled = $('later').disabled = true;
 if (!meta.headings) document.querySelector('#legend li:nth-child(2)').remove();
 

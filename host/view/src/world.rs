@@ -1,7 +1,7 @@
 //! What stands still: the map under the agents.
 
 use fleetyard_core::{Grid, Roadmap};
-use fleetyard_sim::trace::Header;
+use fleetyard_sim::trace::{self, Header};
 use fleetyard_world::{Bounds, Polygon, Workspace};
 
 /// The solid cells of a grid whose lower left corner is the world's origin.
@@ -66,8 +66,7 @@ impl World {
                 min: [bounds.min_x, bounds.min_y],
                 max: [bounds.max_x, bounds.max_y],
             },
-            cells: cells
-                .map(|cells| Cells::of_runs(cells.rows(), cells.cell_size_m(), cells.solid_runs())),
+            cells: cells.map(Cells::of_trace),
             polygons: header.scene.polygons_m.clone(),
             roadmap: Vec::new(),
         }
@@ -104,6 +103,11 @@ impl World {
 }
 
 impl Cells {
+    /// The same cells as a trace has them.
+    pub fn of_trace(cells: &trace::Cells) -> Self {
+        Self::of_runs(cells.rows(), cells.cell_size_m(), cells.in_rows())
+    }
+
     /// Solid cells from the runs of them within rows: row, first column and
     /// length, ordered by row and column and not touching each other.
     pub fn of_runs(

@@ -8,9 +8,9 @@ use std::fs;
 
 use browser::{chromium, selftest, with_user};
 use fleetyard_core::Grid;
-use fleetyard_sim::trace::States;
+use fleetyard_sim::trace::{By, Entry, Errand, Goal, Happening, Remark, States};
 use fleetyard_sim::{Event, EventKind, Other, TraceSink as _};
-use fleetyard_view::{Outline, Page, PageOptions, Recording, World};
+use fleetyard_view::{Cells, Outline, Page, PageOptions, Recording, World};
 
 const HOSTILE: &str = "<b>&\"'</script><script>globalThis.hacked = 1</script><!--";
 
@@ -38,6 +38,9 @@ fn page(options: &PageOptions) -> String {
     let recording = Recording {
         title: HOSTILE.to_owned(),
         world: world.clone(),
+        columns: 13,
+        endpoints: None,
+        workstations: None,
         outlines: vec![
             Outline::Disc { radius_m: 0.35 },
             Outline::Polygon {
@@ -80,6 +83,127 @@ fn page(options: &PageOptions) -> String {
     page.finish(None).unwrap()
 }
 
+/// Two robots of a fleet for 10 s: 0 reaches a goal and goes on to the next one of its
+/// task, 1 has no goal before 4 s. The third call is left to the fail policy.
+fn fleet_page(options: &PageOptions) -> String {
+    let rows = ["e...w", "....."];
+    let grid = Grid::new("yard", 2, 5, rows.concat().into_bytes()).unwrap();
+    let recording = Recording {
+        title: "fleet".to_owned(),
+        world: World::of_grid(&grid, 1.0),
+        columns: 5,
+        endpoints: Some(Cells::of_runs(2, 1.0, [(0, 0, 1)])),
+        workstations: Some(Cells::of_runs(2, 1.0, [(0, 4, 1)])),
+        outlines: vec![Outline::Disc { radius_m: 0.3 }],
+        outline_of_body: vec![0, 0],
+        agents: 2,
+        goals_m: Vec::new(),
+        headings: false,
+        tick_s: 0.1,
+        state_every: 1,
+        facts: Vec::new(),
+    };
+    let mut page = Page::new(recording, options).unwrap();
+    let at = |tick, what| Entry { tick, what };
+    let goal = |agent, number, cell, errand| {
+        Happening::Goal(Goal {
+            agent,
+            number,
+            cell,
+            errand,
+        })
+    };
+    let errand = |at| {
+        Some(Errand {
+            task: 17,
+            at,
+            of: 2,
+        })
+    };
+    let asked = |call| Happening::Asked { call };
+    let answered = |call, by| Happening::Answered { call, by };
+    page.journal(&[
+        at(0, goal(0, 0, 4, errand(0))),
+        at(0, asked(0)),
+        at(10, answered(0, By::Planner)),
+        at(30, asked(1)),
+        at(40, answered(1, By::Planner)),
+        at(40, goal(1, 0, 5, None)),
+        at(
+            50,
+            Happening::Reached {
+                agent: 0,
+                number: 0,
+            },
+        ),
+        at(50, goal(0, 1, 0, errand(1))),
+        at(60, asked(2)),
+        at(70, answered(2, By::FailPolicy)),
+        at(
+            70,
+            Happening::Notice {
+                number: 0,
+                call: 2,
+                name: "planner-fault".to_owned(),
+                module: HOSTILE.to_owned(),
+            },
+        ),
+        at(90, asked(3)),
+    ])
+    .unwrap();
+    let took = |call, planner_ms, fail_policy_ms| Remark::Took {
+        call,
+        planner_ms: Some(planner_ms),
+        fail_policy_ms,
+    };
+    page.remarks(&[
+        took(0, 12.3456, None),
+        took(1, 13.0, None),
+        took(2, 1000.0, Some(2.5)),
+        Remark::Said {
+            number: 0,
+            message: HOSTILE.to_owned(),
+        },
+    ])
+    .unwrap();
+    for tick in 0..=100u32 {
+        let time = f64::from(tick) / 10.0;
+        let x = [0.5 + 4.0 * (1.0 - (time - 5.0).abs() / 5.0), 2.5];
+        page.state(tick.into(), &states(&x, &[1.5, 0.5], None))
+            .unwrap();
+    }
+    page.finish(None).unwrap()
+}
+
+#[test]
+fn a_page_of_some_robots_has_their_goals_and_the_throughput_of_all() {
+    let page = fleet_page(&PageOptions {
+        agents: Some(vec![1]),
+        ..PageOptions::default()
+    });
+    assert!(page.contains("\"goals\":[[[40,null,5,0,null]]]"));
+    assert!(page.contains("\"reached\":[50]"));
+    assert!(!page.contains("globalThis.hacked = 1</script><!--\""));
+}
+
+#[test]
+fn the_replay_of_a_fleet_shows_its_work_in_a_browser() {
+    let Some(browser) = chromium() else {
+        eprintln!("skipped: there is no Chromium on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("fleet.html");
+    let text = fleet_page(&PageOptions::default());
+    fs::write(&file, with_user(&text, include_str!("fleettest.js"))).unwrap();
+    for size in ["1280,800", "390,844"] {
+        let report = selftest(browser, folder.path(), &file, size);
+        assert!(!report.contains("FAILED"), "{size}: {report}");
+        assert!(report.ends_with("\"errors\":[]}"), "{size}: {report}");
+        assert_eq!(report.matches("\"ok\"").count(), 17, "{size}: {report}");
+    }
+}
+
 #[test]
 fn a_page_is_one_file_and_equal_for_equal_input() {
     let text = page(&PageOptions::default());
@@ -118,6 +242,9 @@ fn what_cannot_be_shown_is_refused() {
     let recording = || Recording {
         title: "map".to_owned(),
         world: world.clone(),
+        columns: 2,
+        endpoints: None,
+        workstations: None,
         outlines: vec![Outline::Disc { radius_m: 0.3 }],
         outline_of_body: vec![0, 0],
         agents: 2,

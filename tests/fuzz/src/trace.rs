@@ -1,7 +1,9 @@
 //! Trace files.
 
-use fleetyard_sim::trace::{TraceContents, TraceReader};
-use fleetyard_sim::{TraceWriter, trace::read_trace};
+use std::io::Cursor;
+
+use fleetyard_sim::TraceWriter;
+use fleetyard_sim::trace::{Frame, Standing, TraceContents, TraceReader, read_trace};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::check_error;
@@ -30,12 +32,36 @@ fn read(data: &[u8]) {
         return check_error(damage, SOURCE, data);
     }
     assert_eq!(contents.intact_bytes, data.len() as u64);
-    let again = read_trace(&writer.into_inner()[..], SOURCE).expect("a trace");
+    let bytes = writer.into_inner();
+    let again = read_trace(&bytes[..], SOURCE).expect("a trace");
+    if contents.entries > 0 && contents.states > 0 {
+        let all = standing(&bytes, None);
+        let last = contents.last_tick.unwrap_or(0);
+        for tick in [0, last / 2, last] {
+            let part = standing(&bytes, Some(tick));
+            assert_eq!(part, all, "a leap to {tick} loses what is open");
+        }
+    }
     let place = |contents: TraceContents| TraceContents {
         intact_bytes: 0,
         ..contents
     };
     assert_eq!(place(again), place(contents));
+}
+
+/// What is open at the end of a journal for who reads it from a tick on, or all of it.
+fn standing(bytes: &[u8], from: Option<u64>) -> Standing {
+    let mut reader = TraceReader::open(Cursor::new(bytes), SOURCE).expect("a trace");
+    let mut standing = Standing::new(reader.header().agents);
+    if let Some(tick) = from {
+        reader.seek(tick).expect("there is an index");
+    }
+    while let Some(frame) = reader.next_frame().expect("it was read before") {
+        if let Frame::Journal(entries) = frame {
+            entries.iter().for_each(|entry| standing.note(entry));
+        }
+    }
+    standing
 }
 
 /// The bytes with the checks of all frames as they should be, and the digest of the file.

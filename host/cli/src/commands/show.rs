@@ -4,7 +4,7 @@ use std::io;
 use std::path::Path;
 
 use fleetyard_core::{InputError, write_atomically};
-use fleetyard_sim::trace::{Header, States, Summary, TraceContents};
+use fleetyard_sim::trace::{Entry, Header, Remark, States, Summary, TraceContents};
 use fleetyard_sim::{Event, TraceSink};
 use fleetyard_view::{Page, PageOptions, Recording, Still, World};
 
@@ -100,6 +100,14 @@ impl TraceSink for Shown<'_> {
 
     fn events(&mut self, events: &[Event]) -> io::Result<()> {
         self.each(|sink| sink.events(events))
+    }
+
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        self.each(|sink| sink.journal(entries))
+    }
+
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        self.each(|sink| sink.remarks(remarks))
     }
 
     fn end(&mut self, summary: &Summary) -> io::Result<()> {

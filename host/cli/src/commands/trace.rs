@@ -1,6 +1,6 @@
 //! `fleetyard trace`: what a trace file says, where two differ, and other files of one.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use fleetyard_bench::number;
 use fleetyard_core::{InputError, open_input};
-use fleetyard_sim::trace::{Frame, Header, Scene, States, Summary, TraceContents};
+use fleetyard_sim::trace::{
+    By, Cells, Entry, Frame, Happening, Header, Remark, Scene, States, Summary, TraceContents,
+};
 use fleetyard_sim::{Event, EventKind, Other, TraceReader, TraceSink};
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -83,6 +85,48 @@ struct Counts {
     arrivals: u64,
     /// The first contacts to begin.
     first: Vec<Event>,
+    /// What a fleet did; all zero where there is none.
+    fleet: FleetCounts,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct FleetCounts {
+    goals: u64,
+    goals_reached: u64,
+    tasks_done: u64,
+    calls: u64,
+    answered_by_planner: u64,
+    answered_by_fail_policy: u64,
+    answered_by_nobody: u64,
+    /// How many notices there are of each name.
+    notices: BTreeMap<String, u64>,
+    /// The last goals of tasks that robots are on the way to, by robot.
+    #[serde(skip)]
+    last_of_task: BTreeSet<u32>,
+}
+
+impl FleetCounts {
+    fn count(&mut self, what: &Happening) {
+        *match what {
+            Happening::Goal(goal) => {
+                if goal.errand.is_some_and(|errand| errand.at + 1 == errand.of) {
+                    self.last_of_task.insert(goal.agent);
+                }
+                &mut self.goals
+            }
+            Happening::Reached { agent, .. } => {
+                self.tasks_done += u64::from(self.last_of_task.remove(agent));
+                &mut self.goals_reached
+            }
+            Happening::Asked { .. } => &mut self.calls,
+            Happening::Answered { by, .. } => match by {
+                By::Planner => &mut self.answered_by_planner,
+                By::FailPolicy => &mut self.answered_by_fail_policy,
+                By::Nobody => &mut self.answered_by_nobody,
+            },
+            Happening::Notice { name, .. } => self.notices.entry(name.clone()).or_default(),
+        } += 1;
+    }
 }
 
 impl TraceSink for Counts {
@@ -114,6 +158,13 @@ impl TraceSink for Counts {
         Ok(())
     }
 
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        for entry in entries {
+            self.fleet.count(&entry.what);
+        }
+        Ok(())
+    }
+
     fn end(&mut self, _: &Summary) -> io::Result<()> {
         Ok(())
     }
@@ -136,6 +187,8 @@ pub(crate) fn info(path: &Path, format: Format) -> Result<Exit> {
             "states": contents.states,
             "last_tick": contents.last_tick,
             "events": contents.events,
+            "entries": contents.entries,
+            "remarks": contents.remarks,
             "counts": counts,
             "summary": contents.end,
         }))?,
@@ -146,19 +199,26 @@ pub(crate) fn info(path: &Path, format: Format) -> Result<Exit> {
 
 fn scene_info(scene: &Scene) -> Value {
     let cells = scene.cells.as_ref().map(|cells| {
-        let solid: u64 = cells.solid_runs().map(|run| u64::from(run.2)).sum();
         json!({
             "rows": cells.rows(),
             "cols": cells.cols(),
             "cell_size_m": cells.cell_size_m(),
-            "solid": solid,
+            "solid": count(Some(cells)),
         })
     });
     json!({
         "cells": cells,
+        "endpoints": count(scene.endpoints.as_ref()),
+        "workstations": count(scene.workstations.as_ref()),
         "polygons": scene.polygons_m.len(),
         "goals": scene.goals_m.len(),
     })
+}
+
+/// How many cells these are.
+fn count(cells: Option<&Cells>) -> u64 {
+    let runs = cells.into_iter().flat_map(Cells::in_rows);
+    runs.map(|(_, _, length)| u64::from(length)).sum()
 }
 
 fn info_text(path: &Path, bytes: u64, contents: &TraceContents, counts: &Counts) -> String {
@@ -196,6 +256,12 @@ fn info_text(path: &Path, bytes: u64, contents: &TraceContents, counts: &Counts)
     if let Some(cells) = &scene.cells {
         let (rows, cols, side) = (cells.rows(), cells.cols(), cells.cell_size_m());
         line("map", format!("{rows} × {cols} cells of {side} m"));
+    }
+    let [endpoints, workstations] =
+        [&scene.endpoints, &scene.workstations].map(|cells| count(cells.as_ref()));
+    if endpoints + workstations > 0 {
+        let stations = format!("{workstations} workstations, {endpoints} endpoints");
+        line("stations", stations);
     }
     if !scene.polygons_m.is_empty() {
         line("obstacles", format!("{} polygons", scene.polygons_m.len()));
@@ -243,6 +309,27 @@ fn info_text(path: &Path, bytes: u64, contents: &TraceContents, counts: &Counts)
     }
     if counts.arrivals > 0 {
         line("arrivals", counts.arrivals.to_string());
+    }
+    let fleet = &counts.fleet;
+    if contents.entries > 0 {
+        let goals = format!("{} reached of {} given", fleet.goals_reached, fleet.goals);
+        line("goals", goals);
+        if fleet.tasks_done > 0 {
+            line("tasks", format!("{} done", fleet.tasks_done));
+        }
+        line(
+            "calls",
+            format!(
+                "{}, answered {} by the planner, {} by the fail policy, {} by nobody",
+                fleet.calls,
+                fleet.answered_by_planner,
+                fleet.answered_by_fail_policy,
+                fleet.answered_by_nobody
+            ),
+        );
+        for (name, count) in &fleet.notices {
+            line("  notices", format!("{count} {name}"));
+        }
     }
     if let Some(end) = &contents.end {
         line("simulated", format!("{} s", number(end.simulated_s)));
@@ -292,12 +379,16 @@ struct Difference {
     largest: f64,
     /// The first event that differs.
     #[serde(skip_serializing_if = "Option::is_none")]
-    event: Option<EventDifference>,
+    event: Option<ItemDifference<Event>>,
+    /// The first entry of the journals that differs, where both traces have one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    entry: Option<ItemDifference<Entry>>,
     /// Figures of the summary, with both values.
     summary: Vec<FieldDifference>,
     /// Ticks whose states were compared.
     ticks_compared: u64,
     events_compared: u64,
+    entries_compared: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -318,10 +409,10 @@ struct StateDifference {
 }
 
 #[derive(Debug, Serialize)]
-struct EventDifference {
+struct ItemDifference<T> {
     index: u64,
-    a: Option<Event>,
-    b: Option<Event>,
+    a: Option<T>,
+    b: Option<T>,
 }
 
 /// What describes a trace but decides nothing about the execution.
@@ -331,8 +422,8 @@ const DIGESTS: [&str; 3] = ["states_digest", "events_digest", "trace_digest"];
 
 pub(crate) fn diff(arguments: &TraceDiff) -> Result<Exit> {
     let TraceDiff { a, b, .. } = arguments;
-    // Twice: states and events need not lie beside each other alike.
-    let bar = watch(&[a, b, a, b]);
+    // Each anew: states, events and, of fleets, journals need not lie beside each other alike.
+    let bar = watch(&[a, b, a, b, a, b]);
     let (mut one, mut other) = (open(a, &bar)?, open(b, &bar)?);
     let mut difference = Difference {
         header: header_differences(one.header(), other.header()),
@@ -340,13 +431,18 @@ pub(crate) fn diff(arguments: &TraceDiff) -> Result<Exit> {
     };
     compare_states(&mut one, &mut other, arguments.tolerance, &mut difference)?;
     let (mut one, mut other) = (open(a, &bar)?, open(b, &bar)?);
-    compare_events(&mut one, &mut other, arguments.tolerance, &mut difference)?;
+    let fleets = compare_events(&mut one, &mut other, arguments.tolerance, &mut difference)?;
+    if fleets {
+        let (mut one, mut other) = (open(a, &bar)?, open(b, &bar)?);
+        compare_journals(&mut one, &mut other, &mut difference)?;
+    }
     bar.finish_and_clear();
     let describes = |field: &FieldDifference| DESCRIPTION.contains(&field.field.as_str());
     let same = difference.header.iter().all(describes)
         && difference.summary.is_empty()
         && difference.state.is_none()
-        && difference.event.is_none();
+        && difference.event.is_none()
+        && difference.entry.is_none();
     match arguments.format {
         Format::Json => {
             let mut value = serde_json::to_value(&difference).map_err(internal)?;
@@ -365,6 +461,8 @@ fn header_differences(a: &Header, b: &Header) -> Vec<FieldDifference> {
     let (a, b) = (&a.scene, &b.scene);
     let parts = [
         ("cells", a.cells == b.cells),
+        ("endpoints", a.endpoints == b.endpoints),
+        ("workstations", a.workstations == b.workstations),
         ("polygons", a.polygons_m == b.polygons_m),
         ("profiles of bodies", a.profile_of_body == b.profile_of_body),
         ("goals", a.goals_m == b.goals_m),
@@ -525,61 +623,109 @@ fn compare_tick(header: &Header, a: &Kept, b: &Kept, tolerance: f64, difference:
     }
 }
 
-/// Events one by one.
-struct Events<'a> {
+/// Events or entries of a journal one by one.
+struct Items<'a, T> {
     reader: &'a mut Reader,
-    waiting: VecDeque<Event>,
+    waiting: VecDeque<T>,
+    /// Those of a frame.
+    of: for<'f> fn(&Frame<'f>) -> &'f [T],
+    has_journal: bool,
     summary: Option<Summary>,
 }
 
-impl<'a> Events<'a> {
-    fn new(reader: &'a mut Reader) -> Self {
+impl<'a, T: Clone> Items<'a, T> {
+    fn new(reader: &'a mut Reader, of: for<'f> fn(&Frame<'f>) -> &'f [T]) -> Self {
         Self {
             reader,
             waiting: VecDeque::new(),
+            of,
+            has_journal: false,
             summary: None,
         }
     }
 
-    /// The next event; at the end of the trace `None`, and there is a summary.
-    fn next(&mut self) -> Result<Option<Event>> {
+    /// The next one; at the end of the trace `None`, and there is a summary.
+    fn next(&mut self) -> Result<Option<T>> {
         loop {
-            if let Some(event) = self.waiting.pop_front() {
-                return Ok(Some(event));
+            if let Some(item) = self.waiting.pop_front() {
+                return Ok(Some(item));
             }
-            match self.reader.next_frame()? {
-                Some(Frame::Events(events)) => self.waiting.extend(events),
-                Some(Frame::End(summary)) => self.summary = Some(summary.clone()),
-                Some(Frame::State { .. }) => {}
-                None => return Ok(None),
+            let Some(frame) = self.reader.next_frame()? else {
+                return Ok(None);
+            };
+            self.waiting.extend((self.of)(&frame).iter().cloned());
+            match frame {
+                Frame::Journal(_) => self.has_journal = true,
+                Frame::End(summary) => self.summary = Some(summary.clone()),
+                Frame::State { .. } | Frame::Events(_) | Frame::Remarks(_) => {}
             }
         }
     }
 }
 
+/// The first two that differ, and how many were compared.
+fn first_difference<T: Clone>(
+    (one, other): (&mut Items<'_, T>, &mut Items<'_, T>),
+    same: impl Fn(&T, &T) -> bool,
+) -> Result<(Option<ItemDifference<T>>, u64)> {
+    let (mut first, mut compared) = (None, 0);
+    loop {
+        let (a, b) = (one.next()?, other.next()?);
+        let same = match (&a, &b) {
+            (None, None) => return Ok((first, compared)),
+            (Some(a), Some(b)) => same(a, b),
+            _ => false,
+        };
+        if !same && first.is_none() {
+            let index = compared;
+            first = Some(ItemDifference { index, a, b });
+        }
+        compared += 1;
+    }
+}
+
+/// What a fleet did. It is in ticks, which are equal or not.
+fn compare_journals(
+    one: &mut Reader,
+    other: &mut Reader,
+    difference: &mut Difference,
+) -> Result<()> {
+    fn entries<'f>(frame: &Frame<'f>) -> &'f [Entry] {
+        match frame {
+            Frame::Journal(entries) => entries,
+            _ => &[],
+        }
+    }
+    let (mut one, mut other) = (Items::new(one, entries), Items::new(other, entries));
+    (difference.entry, difference.entries_compared) =
+        first_difference((&mut one, &mut other), |a, b| a == b)?;
+    Ok(())
+}
+
+/// Events and summaries; true if both traces have a journal.
 fn compare_events(
     one: &mut Reader,
     other: &mut Reader,
     tolerance: f64,
     difference: &mut Difference,
-) -> Result<()> {
-    let (mut one, mut other) = (Events::new(one), Events::new(other));
-    loop {
-        let (a, b) = (one.next()?, other.next()?);
-        let same = match (&a, &b) {
-            (None, None) => break,
-            (Some(a), Some(b)) if tolerance > 0.0 => {
-                (a.kind, a.agent, a.other) == (b.kind, b.agent, b.other)
-                    && (a.time_s - b.time_s).abs() <= tolerance
-            }
-            (a, b) => a == b,
-        };
-        if !same && difference.event.is_none() {
-            let index = difference.events_compared;
-            difference.event = Some(EventDifference { index, a, b });
+) -> Result<bool> {
+    fn events<'f>(frame: &Frame<'f>) -> &'f [Event] {
+        match frame {
+            Frame::Events(events) => events,
+            _ => &[],
         }
-        difference.events_compared += 1;
     }
+    let (mut one, mut other) = (Items::new(one, events), Items::new(other, events));
+    let same = |a: &Event, b: &Event| {
+        if tolerance > 0.0 {
+            (a.kind, a.agent, a.other) == (b.kind, b.agent, b.other)
+                && (a.time_s - b.time_s).abs() <= tolerance
+        } else {
+            a == b
+        }
+    };
+    (difference.event, difference.events_compared) =
+        first_difference((&mut one, &mut other), same)?;
     let value = |summary: &Option<Summary>| serde_json::to_value(summary).map_err(internal);
     let near = |name: &str, a: &Value, b: &Value| {
         // With a tolerance digests say nothing.
@@ -589,7 +735,7 @@ fn compare_events(
     };
     let (a, b) = (value(&one.summary)?, value(&other.summary)?);
     difference.summary = field_differences(&a, &b, near);
-    Ok(())
+    Ok(one.has_journal && other.has_journal)
 }
 
 fn diff_text(difference: &Difference, same: bool) -> String {
@@ -622,11 +768,24 @@ fn diff_text(difference: &Difference, same: bool) -> String {
         let (a, b) = (event(&first.a), event(&first.b));
         out.push(format!("events    first number {}: {a}; {b}", first.index));
     }
+    if let Some(first) = &difference.entry {
+        // Everything in an entry can be written as JSON.
+        let entry = |entry: &Option<Entry>| match entry {
+            None => "nothing".to_owned(),
+            Some(entry) => serde_json::to_string(entry).unwrap_or_default(),
+        };
+        let (a, b) = (entry(&first.a), entry(&first.b));
+        out.push(format!("journal   first number {}: {a}; {b}", first.index));
+    }
     for field in &difference.summary {
         out.push(field_line("summary", field));
     }
+    let journal = match difference.entries_compared {
+        0 => String::new(),
+        entries => format!(", and {entries} entries of the journal"),
+    };
     out.push(format!(
-        "{}, after {} states and {} events",
+        "{}, after {} states and {} events{journal}",
         if same {
             "the same execution"
         } else {
@@ -681,12 +840,58 @@ struct Exporter<'a> {
     ticks_hz: u32,
     csv: Option<Target<'a>>,
     events: Option<Target<'a>>,
+    journal: Option<Target<'a>>,
     json: Option<Target<'a>>,
     /// Whether the JSON document has a record already.
     begun: bool,
 }
 
+/// Columns of a journal: the keys of entries and remarks. Most are empty in most rows.
+const JOURNAL: [&str; 16] = [
+    "tick",
+    "time_s",
+    "kind",
+    "agent",
+    "number",
+    "cell",
+    "task",
+    "at",
+    "of",
+    "call",
+    "by",
+    "name",
+    "module",
+    "planner_ms",
+    "fail_policy_ms",
+    "message",
+];
+
 impl Exporter<'_> {
+    /// A row of the journal.
+    fn journal_row(&mut self, row: &impl Serialize) -> io::Result<()> {
+        let Some(csv) = &mut self.journal else {
+            return Ok(());
+        };
+        let row = serde_json::to_value(row)?;
+        for (at, column) in JOURNAL.into_iter().enumerate() {
+            if at > 0 {
+                csv.out.write_all(b",")?;
+            }
+            match (&row[column], row["tick"].as_u64()) {
+                (_, Some(tick)) if column == "time_s" => {
+                    write!(csv.out, "{:?}", tick as f64 / f64::from(self.ticks_hz))?;
+                }
+                (Value::Null, _) => {}
+                (Value::String(text), _) if text.contains([',', '"', '\n', '\r']) => {
+                    write!(csv.out, "\"{}\"", text.replace('"', "\"\""))?;
+                }
+                (Value::String(text), _) => csv.out.write_all(text.as_bytes())?,
+                (value, _) => write!(csv.out, "{value}")?,
+            }
+        }
+        csv.out.write_all(b"\n")
+    }
+
     fn record(&mut self, record: &impl Serialize) -> io::Result<()> {
         if let Some(json) = &mut self.json {
             json.out
@@ -729,6 +934,9 @@ impl TraceSink for Exporter<'_> {
                 .out
                 .write_all(b"time_s,substep,kind,agent,other,index\n")?;
         }
+        if let Some(journal) = &mut self.journal {
+            writeln!(journal.out, "{}", JOURNAL.join(","))?;
+        }
         if let Some(json) = &mut self.json {
             json.out.write_all(b"{\"header\":")?;
             serde_json::to_writer(&mut json.out, header)?;
@@ -738,11 +946,17 @@ impl TraceSink for Exporter<'_> {
                     "rows": cells.rows(),
                     "cols": cells.cols(),
                     "cell_size_m": cells.cell_size_m(),
-                    "solid_runs": cells.solid_runs().collect::<Vec<_>>(),
+                    "solid_runs": cells.in_rows().collect::<Vec<_>>(),
                 })
             });
+            let runs = |cells: &Option<Cells>| {
+                let runs = cells.iter().flat_map(Cells::in_rows);
+                runs.collect::<Vec<_>>()
+            };
             let scene = json!({
                 "cells": cells,
+                "endpoint_runs": runs(&scene.endpoints),
+                "workstation_runs": runs(&scene.workstations),
                 "polygons_m": scene.polygons_m,
                 "profile_of_body": scene.profile_of_body,
                 "goals_m": scene.goals_m,
@@ -801,6 +1015,20 @@ impl TraceSink for Exporter<'_> {
         self.record(&json!({ "events": events }))
     }
 
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        entries
+            .iter()
+            .try_for_each(|entry| self.journal_row(entry))?;
+        self.record(&json!({ "journal": entries }))
+    }
+
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        remarks
+            .iter()
+            .try_for_each(|remark| self.journal_row(remark))?;
+        self.record(&json!({ "remarks": remarks }))
+    }
+
     fn end(&mut self, _: &Summary) -> io::Result<()> {
         Ok(())
     }
@@ -819,6 +1047,7 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         file,
         csv,
         events,
+        journal,
         json,
         every,
         svg,
@@ -826,7 +1055,10 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         html,
         ..
     } = arguments;
-    for path in [csv, events, json, svg, png, html].into_iter().flatten() {
+    for path in [csv, events, journal, json, svg, png, html]
+        .into_iter()
+        .flatten()
+    {
         refuse_input(path, &[file.as_path()])?;
     }
     let bar = watch(&[file]);
@@ -836,6 +1068,7 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         ticks_hz: reader.header().ticks_hz,
         csv: Target::create(csv.as_ref())?,
         events: Target::create(events.as_ref())?,
+        journal: Target::create(journal.as_ref())?,
         json: Target::create(json.as_ref())?,
         begun: false,
     };
@@ -848,7 +1081,11 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
     let contents = reader.replay(&mut both).map_err(failed)?;
     shown.finish(&contents)?;
     let Exporter {
-        csv, events, json, ..
+        csv,
+        events,
+        journal,
+        json,
+        ..
     } = exporter;
     if let Some(mut json) = json {
         // What a damaged trace does not tell is null.
@@ -856,7 +1093,7 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         writeln!(json.out, "\n],\n\"summary\":{summary}}}").map_err(failed)?;
         json.finish()?;
     }
-    for target in [csv, events].into_iter().flatten() {
+    for target in [csv, events, journal].into_iter().flatten() {
         target.finish()?;
     }
     bar.finish_and_clear();
@@ -880,6 +1117,16 @@ impl TraceSink for Both<'_> {
     fn events(&mut self, events: &[Event]) -> io::Result<()> {
         self.0.events(events)?;
         self.1.events(events)
+    }
+
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        self.0.journal(entries)?;
+        self.1.journal(entries)
+    }
+
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        self.0.remarks(remarks)?;
+        self.1.remarks(remarks)
     }
 
     fn end(&mut self, summary: &Summary) -> io::Result<()> {

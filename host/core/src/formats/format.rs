@@ -129,6 +129,40 @@ impl Format {
         self.carries_plan() && self != Self::Plan
     }
 
+    /// Reads a plan on a grid in this format, for commands and adapters alike: of so many
+    /// agents, or of as many as there are. `size` is that of the map, which many formats do
+    /// not say.
+    pub fn read_plan(
+        self,
+        source: &str,
+        bytes: &[u8],
+        size: Option<MapSize>,
+        agents: Option<usize>,
+    ) -> Result<PlanFile, InputError> {
+        let known_size = || {
+            size.ok_or_else(|| {
+                let reason =
+                    format!("a file in the format {self} does not say how large its map is");
+                InputError::new(source, reason).hint("name the map with --map FILE")
+            })
+        };
+        let lines = |layout: Layout| layout.read(source, bytes, known_size()?, agents);
+        let plan = match self {
+            Self::Plan => return read_plan(source, bytes),
+            Self::Lacam => lines(Layout::lacam())?,
+            Self::PathsTxt => lines(Layout::paths_txt())?,
+            Self::MapfVisualizer => lines(Layout::mapf_visualizer())?,
+            Self::LibmrpSchedule => libmrp::read_libmrp_schedule(source, bytes, known_size()?)?,
+            Self::PlanViz => planviz::read_planviz(source, bytes, known_size()?)?,
+            _ => {
+                let reason = format!("{self} is no format of plans on grids");
+                return Err(InputError::new(source, reason)
+                    .hint("`fleetyard convert --list` says what formats carry"));
+            }
+        };
+        Ok(plan_file(source, plan, known_size()?))
+    }
+
     /// What a file is, from its content and then its name.
     pub fn guess(path: &Path, bytes: &[u8]) -> Option<Self> {
         static JSON_KEY: LazyLock<Option<Regex>> = LazyLock::new(|| {
@@ -290,34 +324,13 @@ impl Contents {
             notes: Vec::new(),
             files: Vec::new(),
         };
-        let known_size = || {
-            size.ok_or_else(|| {
-                let reason =
-                    format!("a file in the format {format} does not say how large its map is");
-                InputError::new(source, reason).hint("name the map with --map FILE")
-            })
-        };
-        let layout = match format {
-            Format::Lacam => Some(Layout::lacam()),
-            Format::PathsTxt => Some(Layout::paths_txt()),
-            Format::MapfVisualizer => Some(Layout::mapf_visualizer()),
-            _ => None,
-        };
-        if let Some(layout) = layout {
-            let size = known_size()?;
-            contents.plan = Some(plan_file(
-                source,
-                layout.read(source, bytes, size, None)?,
-                size,
-            ));
+        if format.carries_plan() {
+            let file = format.read_plan(source, bytes, size, None)?;
+            contents.map_file = file.map.as_ref().map(|name| format!("{name}.map"));
+            contents.plan = Some(file);
             return Ok(contents);
         }
         match format {
-            Format::Plan => {
-                let file = read_plan(source, bytes)?;
-                contents.map_file = file.map.as_ref().map(|name| format!("{name}.map"));
-                contents.plan = Some(file);
-            }
             Format::Map => contents.grid = Some(Arc::new(read_map(source, bytes)?)),
             Format::Lsmart => {
                 let map = lsmart::read(source, bytes)?;
@@ -351,16 +364,6 @@ impl Contents {
                 contents.agents = Some(league.agents);
                 contents.files = league.files;
             }
-            Format::LibmrpSchedule => {
-                let size = known_size()?;
-                let plan = libmrp::read_libmrp_schedule(source, bytes, size)?;
-                contents.plan = Some(plan_file(source, plan, size));
-            }
-            Format::PlanViz => {
-                let size = known_size()?;
-                let plan = planviz::read_planviz(source, bytes, size)?;
-                contents.plan = Some(plan_file(source, plan, size));
-            }
             Format::Trajectories => {
                 contents.trajectories = Some(read_trajectories(source, bytes)?);
             }
@@ -390,7 +393,12 @@ impl Contents {
                 )];
                 contents.trajectories = Some(trajectory_file(source, plan));
             }
-            Format::Lacam | Format::PathsTxt | Format::MapfVisualizer => {}
+            Format::Plan
+            | Format::Lacam
+            | Format::PathsTxt
+            | Format::MapfVisualizer
+            | Format::LibmrpSchedule
+            | Format::PlanViz => {}
         }
         if contents.map_file.is_none() {
             let list = contents.agents.as_ref();

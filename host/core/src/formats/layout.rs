@@ -1,7 +1,8 @@
 //! Paths as lines of text, as most solvers write them, read strictly by a [`Layout`].
 //!
 //! A layout is small on purpose. It says which lines carry paths, whether a line is
-//! an agent's path or a time step of all agents, and how a position is written. The
+//! an agent's path, a time step of all agents, or one agent at one time, and how a
+//! position is written. The
 //! named formats are layouts too, so there is one reader:
 //!
 //! - `lacam`, the result files of lacam, lacam2, lacam3 and pibt2: after a line
@@ -38,6 +39,8 @@ pub enum Major {
     Agent,
     /// The positions of all agents at one time.
     Time,
+    /// The position of one agent at one time.
+    Row,
 }
 
 /// A part of a line.
@@ -45,9 +48,11 @@ pub enum Major {
 enum Token {
     /// Exactly this, after any blanks.
     Text(String),
-    /// The number of the agent or time step.
-    Index,
-    /// Positions with separators.
+    /// The number of the agent.
+    Agent,
+    /// The number of the time step.
+    Time,
+    /// Positions with separators, or a single one in a row.
     Path,
     Row,
     Col,
@@ -120,8 +125,9 @@ pub struct LayoutError {
 }
 
 impl Layout {
-    /// From the texts of a manifest: `line` as in `Agent {agent}: {path}`,
-    /// `position` as in `({row},{col})`, and what stands between positions.
+    /// From the texts of a manifest: `line` as in `Agent {agent}: {path}` or, of rows,
+    /// `{agent},{time},{position}`, `position` as in `({row},{col})`, and what stands
+    /// between positions.
     pub fn new(
         major: Major,
         line: &str,
@@ -158,7 +164,7 @@ impl Layout {
 
     /// The format `lacam`.
     pub fn lacam() -> Self {
-        let line = vec![Token::Index, Token::Text(":".into()), Token::Path];
+        let line = vec![Token::Time, Token::Text(":".into()), Token::Path];
         let position = bracketed(Token::Col, Token::Row);
         Self {
             begin: Some(Begin::Line("solution=")),
@@ -181,7 +187,7 @@ impl Layout {
     pub fn paths_txt() -> Self {
         let line = vec![
             Token::Text("Agent".into()),
-            Token::Index,
+            Token::Agent,
             Token::Text(":".into()),
             Token::Path,
         ];
@@ -206,6 +212,7 @@ impl Layout {
         match self.major {
             Major::Agent => reader.by_agent(bytes),
             Major::Time => reader.by_time(bytes),
+            Major::Row => reader.by_row(bytes),
         }
     }
 }
@@ -273,21 +280,40 @@ fn tokens(
 }
 
 fn line_tokens(major: Major, text: &str) -> Result<Vec<Token>, LayoutError> {
-    let (index, hint) = match major {
+    let agent = ("agent", Token::Agent);
+    let time = ("time", Token::Time);
+    let (path, numbers, hint) = match major {
         Major::Agent => (
-            "agent",
+            "path",
+            vec![agent],
             "a line is one agent's path, as in \"Agent {agent}: {path}\"",
         ),
-        Major::Time => ("time", "a line is one time step, as in \"{time}: {path}\""),
+        Major::Time => (
+            "path",
+            vec![time],
+            "a line is one time step, as in \"{time}: {path}\"",
+        ),
+        Major::Row => (
+            "position",
+            vec![agent, time],
+            "a line is one agent at one time, as in \"{agent},{time},{position}\"",
+        ),
     };
-    let names = [("path", Token::Path), (index, Token::Index)];
+    let mut names = vec![(path, Token::Path)];
+    names.extend(numbers.iter().cloned());
     let tokens = tokens("line", text, &names, hint)?;
     let count = |wanted: &Token| tokens.iter().filter(|token| *token == wanted).count();
-    if count(&Token::Path) != 1 {
-        return fault("line", "the line needs `{path}` once", hint);
+    // Who and when can be counted, but not both.
+    let needed = names.iter().take(if major == Major::Row { 3 } else { 1 });
+    for (name, token) in needed {
+        if count(token) != 1 {
+            return fault("line", format!("the line needs `{{{name}}}` once"), hint);
+        }
     }
-    if count(&Token::Index) > 1 {
-        return fault("line", format!("the line has `{{{index}}}` twice"), hint);
+    for (name, token) in &numbers {
+        if count(token) > 1 {
+            return fault("line", format!("the line has `{{{name}}}` twice"), hint);
+        }
     }
     Ok(tokens)
 }
@@ -409,6 +435,13 @@ impl Cursor<'_> {
     }
 }
 
+/// What a line says of whose positions it has, and when.
+#[derive(Debug, Default)]
+struct Numbers {
+    agent: Option<i64>,
+    time: Option<i64>,
+}
+
 struct Reader<'a> {
     layout: &'a Layout,
     source: &'a str,
@@ -476,31 +509,26 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads a line and appends its positions; the number of its agent or time
-    /// step, if it has one.
-    fn line(
-        &self,
-        cursor: &mut Cursor<'_>,
-        cells: &mut Vec<u32>,
-    ) -> Result<Option<i64>, InputError> {
-        let mut index = None;
+    /// Reads a line and appends its positions; the numbers of its agent and time step,
+    /// those that it has.
+    fn line(&self, cursor: &mut Cursor<'_>, cells: &mut Vec<u32>) -> Result<Numbers, InputError> {
+        let mut numbers = Numbers::default();
+        let from = self.layout.index_from;
         let tokens = &self.layout.line;
         for (at, token) in tokens.iter().enumerate() {
             match token {
                 Token::Text(text) => cursor.text(text)?,
-                Token::Index => {
-                    let what = match self.layout.major {
-                        Major::Agent => "the number of an agent",
-                        Major::Time => "a time step",
-                    };
-                    index = Some(cursor.number(what)? - self.layout.index_from);
+                Token::Agent => {
+                    numbers.agent = Some(cursor.number("the number of an agent")? - from);
                 }
+                Token::Time => numbers.time = Some(cursor.number("a time step")? - from),
+                _ if self.layout.major == Major::Row => cells.push(self.position(cursor)?),
                 _ => self.path(cursor, tokens.get(at + 1), cells)?,
             }
         }
         cursor.skip_blanks();
         if cursor.at_end() {
-            Ok(index)
+            Ok(numbers)
         } else {
             Err(cursor.expected("the end of the line"))
         }
@@ -578,27 +606,36 @@ impl<'a> Reader<'a> {
         })
     }
 
+    fn most_agents(&self) -> i64 {
+        self.agents.unwrap_or(PLAN_MAX_AGENTS) as i64
+    }
+
+    fn no_such_agent(&self, cursor: &Cursor<'_>, agent: i64) -> InputError {
+        let many = if self.agents.is_some() {
+            ""
+        } else {
+            "at most "
+        };
+        let (most, from) = (self.most_agents(), self.layout.index_from);
+        cursor.error(format!(
+            "a path for agent {agent}, but there are {many}{most} agents, from {from} on"
+        ))
+    }
+
     fn by_agent(&self, bytes: &'a [u8]) -> Result<GridPlan, InputError> {
         let from = self.layout.index_from;
-        let most = self.agents.unwrap_or(PLAN_MAX_AGENTS) as i64;
+        let most = self.most_agents();
         let mut cells = Vec::new();
         // Per agent its line and its range of `cells`.
         let mut paths: BTreeMap<i64, (u64, std::ops::Range<usize>)> = BTreeMap::new();
         let last = self.lines(bytes, |mut cursor| {
             let begin = cells.len();
-            let index = self.line(&mut cursor, &mut cells)?;
+            let index = self.line(&mut cursor, &mut cells)?.agent;
             let index = index.unwrap_or(paths.len() as i64);
             cursor.at = 0;
             let agent = index + from;
             if !(0..most).contains(&index) {
-                let many = if self.agents.is_some() {
-                    ""
-                } else {
-                    "at most "
-                };
-                return Err(cursor.error(format!(
-                    "a path for agent {agent}, but there are {many}{most} agents, from {from} on"
-                )));
+                return Err(self.no_such_agent(&cursor, agent));
             }
             if let Some((line, _)) = paths.get(&index) {
                 return Err(cursor.error(format!(
@@ -637,7 +674,7 @@ impl<'a> Reader<'a> {
         let mut agents = self.agents;
         let last = self.lines(bytes, |mut cursor| {
             let before = cells.len();
-            let index = self.line(&mut cursor, &mut cells)?;
+            let index = self.line(&mut cursor, &mut cells)?.time;
             cursor.at = 0;
             if let Some(index) = index.filter(|index| *index != steps) {
                 let from = self.layout.index_from;
@@ -662,6 +699,73 @@ impl<'a> Reader<'a> {
         let mut plan = GridPlan::with_capacity(agents, cells.len());
         for agent in 0..agents {
             plan.push_path(cells.iter().skip(agent).step_by(agents).copied());
+        }
+        Ok(plan)
+    }
+}
+
+impl<'a> Reader<'a> {
+    /// Rows in any order, without gaps in the time of an agent.
+    fn by_row(&self, bytes: &'a [u8]) -> Result<GridPlan, InputError> {
+        let from = self.layout.index_from;
+        // Agent, time, line and cell of each.
+        let mut rows: Vec<(u32, u32, u32, u32)> = Vec::new();
+        let mut cells = Vec::new();
+        let last = self.lines(bytes, |mut cursor| {
+            cells.clear();
+            let numbers = self.line(&mut cursor, &mut cells)?;
+            cursor.at = 0;
+            let (agent, time) = (numbers.agent.unwrap_or(0), numbers.time.unwrap_or(0));
+            if !(0..self.most_agents()).contains(&agent) {
+                return Err(self.no_such_agent(&cursor, agent + from));
+            }
+            if !(0..MOST_CELLS as i64).contains(&time) {
+                let reason = format!("time step {} is out of range", time + from);
+                return Err(cursor.error(reason));
+            }
+            if rows.len() == MOST_CELLS {
+                return Err(cursor.error(format!("more than {MOST_CELLS} positions")));
+            }
+            let numbers = (agent as u32, time as u32, cursor.number as u32);
+            let cells = cells.iter();
+            rows.extend(cells.map(|cell| (numbers.0, numbers.1, numbers.2, *cell)));
+            Ok(())
+        })?;
+        rows.sort_unstable();
+        let mut agents = 0;
+        let mut plan =
+            GridPlan::with_capacity(self.agents.unwrap_or(0).min(rows.len()), rows.len());
+        let fault = |line: u64, reason: String| InputError::new(self.source, reason).at_line(line);
+        for own in rows.chunk_by(|a, b| a.0 == b.0) {
+            let agent = i64::from(own[0].0) + from;
+            let line = u64::from(own[0].2);
+            if own[0].0 != agents {
+                let missing = i64::from(agents) + from;
+                let reason = format!("there is no row for agent {missing}, but one for {agent}");
+                return Err(fault(line, reason));
+            }
+            let mut steps = 0;
+            for (_, time, line, _) in own {
+                let reason = match time.checked_sub(steps) {
+                    Some(0) => {
+                        steps += 1;
+                        continue;
+                    }
+                    Some(_) => "there is none for time step",
+                    None => "there is a second one for time step",
+                };
+                let step = i64::from(steps.min(*time)) + from;
+                let reason = format!("of the rows for agent {agent} {reason} {step}");
+                return Err(fault(u64::from(*line), reason));
+            }
+            plan.push_path(own.iter().map(|row| row.3));
+            agents += 1;
+        }
+        let wanted = self.agents.unwrap_or((agents as usize).max(1));
+        if (agents as usize) < wanted {
+            let missing = i64::from(agents) + from;
+            let reason = format!("there is no row for agent {missing} of {wanted}");
+            return Err(fault(last, reason));
         }
         Ok(plan)
     }
@@ -1082,27 +1186,38 @@ mod tests {
     /// Writes paths as a layout says.
     fn write(layout: &Layout, plan: &GridPlan) -> String {
         let paths: Vec<&[u32]> = plan.paths().collect();
-        let by_time = layout.major == Major::Time;
-        let steps = paths[0].len();
-        let lines = if by_time { steps } else { paths.len() };
+        let agents = 0..paths.len();
+        let steps = 0..paths[0].len();
+        let at = |(agent, time): (usize, usize)| (agent, time, vec![paths[agent][time]]);
+        // Agent, time and positions of each.
+        let lines: Vec<(usize, usize, Vec<u32>)> = match layout.major {
+            Major::Agent => agents
+                .map(|agent| (agent, 0, paths[agent].to_vec()))
+                .collect(),
+            Major::Time => steps
+                .map(|time| (0, time, paths.iter().map(|path| path[time]).collect()))
+                .collect(),
+            // The last come first, for the order does not matter.
+            Major::Row => agents
+                .flat_map(|agent| steps.clone().rev().map(move |time| (agent, time)))
+                .map(at)
+                .collect(),
+        };
+        let number = |index: usize| (index as i64 + layout.index_from).to_string();
+        let separator = if layout.separator.is_empty() {
+            " "
+        } else {
+            &layout.separator
+        };
         let mut text = String::from("head\nBEGIN\n");
-        for index in 0..lines {
+        for (agent, time, cells) in lines {
             for token in &layout.line {
                 let written = match token {
                     Token::Text(word) => word.clone(),
-                    Token::Index => (index as i64 + layout.index_from).to_string(),
+                    Token::Agent => number(agent),
+                    Token::Time => number(time),
                     _ => {
-                        let row: Vec<u32> = if by_time {
-                            paths.iter().map(|path| path[index]).collect()
-                        } else {
-                            paths[index].to_vec()
-                        };
-                        let separator = if layout.separator.is_empty() {
-                            " "
-                        } else {
-                            &layout.separator
-                        };
-                        let written = row.iter().map(|cell| position(layout, *cell));
+                        let written = cells.iter().map(|cell| position(layout, *cell));
                         written.collect::<Vec<_>>().join(separator)
                     }
                 };
@@ -1125,7 +1240,7 @@ mod tests {
     }
 
     fn layouts() -> impl Strategy<Value = Layout> {
-        let major = prop_oneof![Just(Major::Agent), Just(Major::Time)];
+        let major = prop_oneof![Just(Major::Agent), Just(Major::Time), Just(Major::Row)];
         let position = prop_oneof![
             Just("({row},{col})"),
             Just("({x},{y})"),
@@ -1137,15 +1252,18 @@ mod tests {
         (major, position, separator, line, 0..2_i64, 0..2_i64).prop_map(
             |(major, position, separator, line, coordinates_from, index_from)| {
                 let position = position.replace("{col} {row}", "{x} {y}");
-                let index = match major {
-                    Major::Agent => "{agent}",
-                    Major::Time => "{time}",
+                let line = match major {
+                    Major::Agent => line.replace("{i}", "{agent}"),
+                    Major::Time => line.replace("{i}", "{time}"),
+                    Major::Row => format!("{{time}};{{agent}} {line}")
+                        .replace("{i}", "x")
+                        .replace("{path}", "{position}"),
                 };
                 Layout {
                     coordinates_from,
                     index_from,
                     begin: Some(Begin::Line("BEGIN")),
-                    ..custom(major, &line.replace("{i}", index), &position, separator)
+                    ..custom(major, &line, &position, separator)
                 }
             },
         )

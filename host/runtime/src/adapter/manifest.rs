@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use fleetyard_abi::{Capabilities, Capability, Plan, Status};
 use fleetyard_core::document::{Document, Table, Value};
-use fleetyard_core::formats::{Begin, Layout, Major, MapSize};
+use fleetyard_core::formats::{Begin, Format, Layout, Major, MapSize};
 use fleetyard_core::{GridPlan, InputError, shown};
 use regex::bytes::{Regex, RegexBuilder};
 use serde_json::{Map, Value as Json};
@@ -137,9 +137,16 @@ impl Default for Input {
 pub(super) struct Output {
     /// In the scratch folder; absent for standard output.
     pub(super) file: Option<PathBuf>,
-    pub(super) layout: Layout,
-    /// Whether the file may say `solved=0` of itself.
-    pub(super) says_unsolved: bool,
+    pub(super) written: Written,
+}
+
+/// How an answer is written.
+#[derive(Debug, Clone)]
+pub(super) enum Written {
+    /// As one of the formats that commands read, too.
+    As(Format),
+    /// As the manifest describes it.
+    So(Layout),
 }
 
 impl Output {
@@ -306,6 +313,14 @@ impl Manifest {
         &self.id
     }
 
+    /// The format of answers, unless the manifest describes one.
+    pub fn format(&self) -> Option<Format> {
+        match self.output.written {
+            Written::As(format) => Some(format),
+            Written::So(_) => None,
+        }
+    }
+
     /// Reads a solver's answer in the declared format: paths of so many agents on a map
     /// of so many rows and columns.
     pub fn read_answer(
@@ -325,7 +340,23 @@ impl Manifest {
         agents: usize,
     ) -> Result<GridPlan, InputError> {
         let source = self.output.source();
-        self.output.layout.read(&source, answer, size, Some(agents))
+        let format = match &self.output.written {
+            Written::So(layout) => return layout.read(&source, answer, size, Some(agents)),
+            Written::As(format) => *format,
+        };
+        let file = format.read_plan(&source, answer, Some(size), Some(agents))?;
+        let fault = |reason: String| Err(InputError::new(source.as_str(), reason));
+        if (file.rows, file.cols) != (size.rows, size.cols) {
+            return fault(format!(
+                "it is of a map of {} × {} cells, but the map has {} × {}",
+                file.rows, file.cols, size.rows, size.cols
+            ));
+        }
+        if file.plan.agents() != agents {
+            let found = file.plan.agents();
+            return fault(format!("{found} paths for {agents} agents"));
+        }
+        Ok(file.plan)
     }
 }
 
@@ -765,30 +796,27 @@ impl Output {
             (None, false) => Some("output.txt".into()),
         };
         let format = table.require("format")?;
-        let named = format.choice(&[
-            ("lacam", Some(Layout::lacam as fn() -> Layout)),
-            ("paths-txt", Some(Layout::paths_txt)),
-            ("custom", None),
-        ])?;
-        let layout = match (named, table.get("custom")) {
-            (Some(layout), None) => layout(),
-            (None, Some(value)) => custom(&value)?,
+        let formats = Format::ALL.iter().copied();
+        let formats = formats.filter(|format| format.carries_plan());
+        let mut choices: Vec<_> = formats.map(|named| (named.name(), Some(named))).collect();
+        choices.push(("custom", None));
+        let written = match (format.choice(&choices)?, table.get("custom")) {
+            (Some(named), None) => Written::As(named),
+            (None, Some(value)) => Written::So(custom(&value)?),
             (Some(_), Some(value)) => {
                 return Err(value
                     .error("the format is a named one, so it is not described")
                     .hint("write `format = \"custom\"`, or remove the table"));
             }
             (None, None) => {
+                let named: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
+                let named = &named[..named.len() - 1];
                 return Err(format
                     .error("a custom format is described in [output.custom]")
-                    .hint("add the table, or use the format lacam or paths-txt"));
+                    .hint(format!("add the table, or use one of {}", named.join(", "))));
             }
         };
-        Ok(Self {
-            file,
-            layout,
-            says_unsolved: format.text()? == "lacam",
-        })
+        Ok(Self { file, written })
     }
 }
 
@@ -823,12 +851,19 @@ fn custom(value: &Value<'_, '_>) -> Result<Layout, InputError> {
             "ignore",
         ],
     )?;
-    let layouts = [("agent-major", Major::Agent), ("time-major", Major::Time)];
-    let major = table.require("layout")?.choice(&layouts)?;
+    let major = table.require("layout")?.choice(&[
+        ("agent-major", Major::Agent),
+        ("time-major", Major::Time),
+        ("rows", Major::Row),
+    ])?;
+    let rows = major == Major::Row;
     let position = match (table.get("order"), table.get("position")) {
         (Some(order), None) => order.choice(&[
-            ("row-col", "({row},{col})"),
-            ("x-y", "({x},{y})"),
+            (
+                "row-col",
+                if rows { "{row},{col}" } else { "({row},{col})" },
+            ),
+            ("x-y", if rows { "{x},{y}" } else { "({x},{y})" }),
             ("cell", "{cell}"),
         ])?,
         (None, Some(position)) => position.nonempty()?,
@@ -843,7 +878,16 @@ fn custom(value: &Value<'_, '_>) -> Result<Layout, InputError> {
                 .hint("as in `order = \"x-y\"` or `position = \"[{row} {col}]\"`"));
         }
     };
-    let line = table.text("line")?.unwrap_or("{path}");
+    if let (true, Some(separator)) = (rows, table.get("separator")) {
+        return Err(separator
+            .error("a row has one position, so nothing stands between positions")
+            .hint("remove `separator`; what is between the fields of a row stands in `line`"));
+    }
+    let line = table.text("line")?.unwrap_or(if rows {
+        "{agent},{time},{position}"
+    } else {
+        "{path}"
+    });
     let separator = table.text("separator")?.unwrap_or(",");
     let mut layout = Layout::new(major, line, position, separator).map_err(|error| {
         let fault = match table.get(error.part) {

@@ -15,7 +15,7 @@ use fleetyard_abi::{
     SharedEnvironment, Status, monotonic_ns,
 };
 use fleetyard_core::formats::{
-    MapSize, PATHS_LIMIT, Pibt2Settings, TRANSPOSED_HINT, looks_transposed, write_pibt2,
+    Format, MapSize, PATHS_LIMIT, Pibt2Settings, TRANSPOSED_HINT, looks_transposed, write_pibt2,
 };
 use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write_scen};
 use regex::bytes::Regex;
@@ -515,8 +515,10 @@ impl Planner for Solver {
         }
         let end = ended.end;
         let left = self.left(ended)?;
+        // Such a file may say `solved=0` of itself.
+        let is_lacam = self.installed.manifest.format() == Some(Format::Lacam);
         let result = match (self.claim(end, &left), left.answer()) {
-            (None, Some(answer)) if output.says_unsolved && says_unsolved(answer) => {
+            (None, Some(answer)) if is_lacam && says_unsolved(answer) => {
                 let reason = "the solver found no solution: its answer says `solved=0`";
                 Err(Failure::new(Status::GaveUp, reason))
             }

@@ -544,8 +544,20 @@ fn faults_in_custom_formats() {
     let cases = [
         ("", "p.toml:8:1: the key `layout` is missing"),
         (
-            "layout = 'rows'",
-            "p.toml:9:10: `layout` cannot be \"rows\"",
+            "layout = 'columns'",
+            "p.toml:9:10: `layout` cannot be \"columns\"",
+        ),
+        (
+            "layout = 'rows'\norder = 'x-y'\nline = '{agent} {position}'",
+            "p.toml:11:8: the line needs `{time}` once",
+        ),
+        (
+            "layout = 'rows'\norder = 'x-y'\nline = '{agent},{time}: {path}'",
+            "p.toml:11:8: unknown placeholder `{path}`",
+        ),
+        (
+            "layout = 'rows'\norder = 'x-y'\nseparator = ';'",
+            "p.toml:11:13: a row has one position",
         ),
         (
             "layout = 'agent-major'",
@@ -614,6 +626,94 @@ fn faults_in_custom_formats() {
         let error = Manifest::read(&text, "p.toml").expect_err(&text);
         assert!(error.to_string().starts_with(reason), "{text}\n{error}");
     }
+}
+
+#[test]
+fn rows_of_agent_time_and_position_are_paths() {
+    let described = |more: &str| {
+        let output = format!("format = \"custom\"\n[output.custom]\nlayout = 'rows'\n{more}\n");
+        read(&MINIMAL.replace("format = \"lacam\"", &output))
+    };
+    let answer = |manifest: &Manifest, text: &str, agents| {
+        let plan = manifest.read_answer(text.as_bytes(), (3, 4), agents);
+        let plan = plan.map_err(|error| error.to_string())?;
+        let paths = plan.as_ref().paths().map(<[u32]>::to_vec);
+        Ok::<_, String>(paths.collect::<Vec<_>>())
+    };
+    let plain = described("order = 'x-y'\nignore = '^agent'");
+    let both = Ok(vec![vec![1, 5], vec![11, 11, 7]]);
+    let text = "agent,t,x,y\n0,0,1,0\n1,0,3,2\n0,1,1,1\n1,1,3,2\n1,2,3,1\n";
+    assert_eq!(answer(&plain, text, 2), both);
+    let lines: Vec<&str> = text.lines().rev().collect();
+    assert_eq!(answer(&plain, &lines.join("\r\n"), 2), both);
+    let written = "position = '[{row} {col}]'\nline = 't={time} a{agent} {position};'\n\
+                   coordinates_from = 1\nindex_from = 1";
+    let text = "t=1 a2 [3 4];\nt=2 a2 [3 4];\nt=3 a2 [2 4];\nt=1 a1 [1 2];\nt=2 a1[2 2] ;\n";
+    assert_eq!(answer(&described(written), text, 2), both);
+    let cells = described("order = 'cell'");
+    assert_eq!(
+        answer(&cells, "0,0,9\n0,1,99\n", 1),
+        Ok(vec![vec![9, u32::MAX]])
+    );
+    for (text, reason) in [
+        ("", "output.txt:1: there is no row for agent 0 of 2"),
+        ("0,0,1\n", "output.txt:2: there is no row for agent 1 of 2"),
+        (
+            "1,0,1\n",
+            "output.txt:1: there is no row for agent 0, but one for 1",
+        ),
+        (
+            "0,0,1\n2,0,1\n",
+            "output.txt:2:1: a path for agent 2, but there are 2 agents",
+        ),
+        (
+            "0,0,1\n0,-1,1\n",
+            "output.txt:2:1: time step -1 is out of range",
+        ),
+        (
+            "0,0,1\n1,1,1\n1,0,1\n0,2,1\n",
+            "output.txt:4: of the rows for agent 0 there is none for time step 1",
+        ),
+        (
+            "1,0,1\n0,0,1\n1,0,2\n",
+            "output.txt:3: of the rows for agent 1 there is a second one for time step 0",
+        ),
+        (
+            "0,0,1\n0,1\n",
+            "output.txt:2:4: expected ',', found the end",
+        ),
+        ("0,0,1,2\n", "output.txt:1:6: expected the end of the line"),
+        (
+            "0,999999999,1\n",
+            "output.txt:1:1: time step 999999999 is out of range",
+        ),
+    ] {
+        let error = answer(&cells, text, 2).expect_err(text);
+        assert!(error.starts_with(reason), "{text}\n{error}");
+    }
+}
+
+#[test]
+fn an_answer_of_another_map_or_team_is_refused() {
+    let manifest = read(&MINIMAL.replace("lacam", "plan"));
+    let answer =
+        r#"{"format": "fleetyard.plan/1", "rows": 3, "cols": 4, "paths": [[[0, 0], [0, 1]]]}"#;
+    let read = |size, agents| {
+        let plan = manifest.read_answer(answer.as_bytes(), size, agents);
+        plan.map(|plan| plan.as_ref().cells().to_vec())
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!(read((3, 4), 1), Ok(vec![0, 1]));
+    let other = read((4, 3), 1).unwrap_err();
+    assert!(
+        other.contains("a map of 3 × 4 cells, but the map has 4 × 3"),
+        "{other}"
+    );
+    assert!(
+        read((3, 4), 2)
+            .unwrap_err()
+            .contains("1 paths for 2 agents")
+    );
 }
 
 #[test]

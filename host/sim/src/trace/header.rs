@@ -1,9 +1,9 @@
 //! What a trace is about: everything that is known before the first tick.
 
-use fleetyard_core::{Digest, Grid, Hasher};
+use fleetyard_core::{Digest, Grid, Hasher, Role};
 use serde::{Deserialize, Serialize};
 
-use super::{Fields, MAX_BODIES, NO_VALUE};
+use super::{Fields, MAX_BODIES, NO_VALUE, put_number};
 
 /// What a trace is about, enough to draw it without map, plan and fleet.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -97,6 +97,10 @@ pub struct Digests {
 pub struct Scene {
     /// Cells of a map that are solid. The map's lower left corner is the origin.
     pub cells: Option<Cells>,
+    /// Cells of the map that are endpoints, and those that are workstations.
+    pub endpoints: Option<Cells>,
+    /// See `endpoints`.
+    pub workstations: Option<Cells>,
     /// Obstacles, vertices in metres.
     pub polygons_m: Vec<Vec<[f64; 2]>>,
     /// For every body the index of its profile: first the agents, then the
@@ -171,6 +175,9 @@ impl Header {
         let profiles = self.profiles.len() as u64;
         let scene = &self.scene;
         let goals = scene.goals_m.len();
+        let size = |cells: &Cells| (cells.rows, cells.cols, cells.cell_size);
+        let map = scene.cells.as_ref().map(size);
+        let stations = [&scene.endpoints, &scene.workstations];
         if scene.profile_of_body.len() != self.bodies() {
             Some("there is not one profile per body")
         } else if scene
@@ -181,6 +188,12 @@ impl Header {
             Some("a body has a profile that does not exist")
         } else if goals != 0 && goals != self.agents as usize {
             Some("there is not one goal per agent")
+        } else if stations
+            .into_iter()
+            .flatten()
+            .any(|cells| Some(size(cells)) != map)
+        {
+            Some("stations are of another map")
         } else {
             None
         }
@@ -253,33 +266,47 @@ impl Scene {
 
 const BODY_BYTES: usize = 20;
 
-/// The solid cells of a map, as lengths of alternating runs of free and solid
-/// cells in the order of rows from the top. Takes as much memory as in a file.
+/// Some cells of a map, the solid ones or those of a role, as lengths of alternating
+/// runs of others and of them in the order of rows from the top. Takes as much memory as
+/// in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cells {
     rows: u32,
     cols: u32,
     /// Bits, so that cells can be compared.
     cell_size: u64,
-    /// LEB128 numbers, free first.
+    /// LEB128 numbers, of other cells first.
     runs: Vec<u8>,
 }
 
 impl Cells {
     /// The cells of a grid that nobody can enter.
     pub fn new(grid: &Grid, cell_size_m: f64) -> Self {
+        Self::of(grid, cell_size_m, |letter| {
+            !Grid::letter_is_passable(letter)
+        })
+    }
+
+    /// The cells of a grid that have a role, if there are some.
+    pub fn with_role(grid: &Grid, cell_size_m: f64, role: Role) -> Option<Self> {
+        let has_role = |letter| letter == role.letter();
+        let some = grid.terrain().iter().copied().any(has_role);
+        some.then(|| Self::of(grid, cell_size_m, has_role))
+    }
+
+    fn of(grid: &Grid, cell_size_m: f64, is_meant: impl Fn(u8) -> bool) -> Self {
         let mut runs = Vec::new();
-        let mut solid = false;
+        let mut meant = false;
         let mut length = 0u32;
         for letter in grid.terrain() {
-            if Grid::letter_is_passable(*letter) == solid {
-                put_number(&mut runs, length);
+            if is_meant(*letter) != meant {
+                put_number(&mut runs, length.into());
                 length = 0;
-                solid = !solid;
+                meant = !meant;
             }
             length += 1;
         }
-        put_number(&mut runs, length);
+        put_number(&mut runs, length.into());
         Self {
             rows: grid.rows(),
             cols: grid.cols(),
@@ -303,12 +330,12 @@ impl Cells {
         f64::from_bits(self.cell_size)
     }
 
-    /// Runs of solid cells within a row: row from the top, first column, and how
+    /// Runs of these cells within a row: row from the top, first column, and how
     /// many. In order.
-    pub fn solid_runs(&self) -> impl Iterator<Item = (u32, u32, u32)> {
+    pub fn in_rows(&self) -> impl Iterator<Item = (u32, u32, u32)> {
         let cols = u64::from(self.cols);
         self.runs()
-            .filter(|(solid, ..)| *solid)
+            .filter(|(meant, ..)| *meant)
             .flat_map(move |(_, start, end)| {
                 (start / cols..end.div_ceil(cols)).map(move |row| {
                     let from = start.max(row * cols);
@@ -318,16 +345,16 @@ impl Cells {
             })
     }
 
-    /// Whether it is solid, first cell and end of each run.
+    /// Whether it is of these cells, first cell and end of each run.
     fn runs(&self) -> impl Iterator<Item = (bool, u64, u64)> {
-        let mut rest = &self.runs[..];
-        let (mut solid, mut at) = (true, 0);
+        let mut rest = Fields(&self.runs);
+        let (mut meant, mut at) = (true, 0);
         std::iter::from_fn(move || {
-            let length = take_number(&mut rest)?;
+            let length = rest.number32()?;
             let start = at;
             at += u64::from(length);
-            solid = !solid;
-            Some((solid, start, at))
+            meant = !meant;
+            Some((meant, start, at))
         })
     }
 
@@ -353,10 +380,10 @@ impl Cells {
         if count == 0 || count > Grid::MAX_CELLS || !size.is_finite() || size <= 0.0 {
             return None;
         }
-        let (mut rest, mut sum, mut first) = (fields.0, 0, true);
-        while !rest.is_empty() {
-            let length = take_number(&mut rest)?;
-            // Only the first run, of free cells, may be empty.
+        let (mut sum, mut first) = (0, true);
+        while !fields.0.is_empty() {
+            let length = fields.number32()?;
+            // Only the first run, of other cells, may be empty.
             if length == 0 && !first {
                 return None;
             }
@@ -367,51 +394,10 @@ impl Cells {
     }
 }
 
-fn put_number(out: &mut Vec<u8>, mut value: u32) {
-    while value >= 0x80 {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
-}
-
-/// A LEB128 number of 32 bits.
-fn take_number(bytes: &mut &[u8]) -> Option<u32> {
-    let mut value = 0;
-    for shift in [0, 7, 14, 21, 28] {
-        let (byte, rest) = bytes.split_first()?;
-        *bytes = rest;
-        let part = u32::from(byte & 0x7f);
-        // Past 32 bits.
-        if shift == 28 && part > 0xf {
-            return None;
-        }
-        value |= part << shift;
-        if byte & 0x80 == 0 {
-            return Some(value);
-        }
-    }
-    None
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Cells, put_number, take_number};
+    use super::Cells;
     use fleetyard_core::Grid;
-
-    #[test]
-    fn numbers_keep_their_value() {
-        for value in [0, 1, 127, 128, 300, 1 << 20, u32::MAX - 1, u32::MAX] {
-            let mut bytes = Vec::new();
-            put_number(&mut bytes, value);
-            let mut rest = &bytes[..];
-            assert_eq!(take_number(&mut rest), Some(value));
-            assert!(rest.is_empty());
-        }
-        assert_eq!(take_number(&mut &[0xff; 6][..]), None);
-        assert_eq!(take_number(&mut &[0xff, 0xff, 0xff, 0xff, 0x1f][..]), None);
-        assert_eq!(take_number(&mut &[0x80][..]), None);
-    }
 
     #[test]
     fn solid_cells_are_told_row_by_row() {
@@ -423,7 +409,7 @@ mod tests {
         ] {
             let grid = Grid::new("m", 2, 2, map.as_bytes().to_vec()).unwrap();
             let cells = Cells::new(&grid, 0.5);
-            assert_eq!(cells.solid_runs().collect::<Vec<_>>(), runs, "{map}");
+            assert_eq!(cells.in_rows().collect::<Vec<_>>(), runs, "{map}");
             assert_eq!(Cells::parse(&cells.bytes()).unwrap(), cells);
             assert_eq!(
                 Cells::parse(&cells.bytes()[..cells.bytes().len() - 1]),

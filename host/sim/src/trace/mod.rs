@@ -15,6 +15,7 @@
 mod delta;
 mod digest;
 mod header;
+mod journal;
 mod read;
 mod write;
 
@@ -22,6 +23,7 @@ use std::io;
 
 pub use digest::{CHUNK, ChunkDigest, EventsDigest, StatesDigest};
 pub use header::{Bounds, Cells, Digests, Header, Outline, Profile, Scene};
+pub use journal::{By, Entry, Errand, Goal, Happening, Remark, Standing};
 pub use read::{Frame, TraceContents, TraceReader, read_trace};
 pub use write::{TraceOptions, TraceWriter};
 
@@ -45,6 +47,10 @@ mod kind {
     pub(super) const BODIES: u8 = b'B';
     pub(super) const STATES: u8 = b'S';
     pub(super) const EVENTS: u8 = b'E';
+    pub(super) const ENDPOINTS: u8 = b'e';
+    pub(super) const WORKSTATIONS: u8 = b'w';
+    pub(super) const JOURNAL: u8 = b'j';
+    pub(super) const REMARKS: u8 = b'r';
     pub(super) const SUMMARY: u8 = b'Z';
     pub(super) const INDEX: u8 = b'I';
 }
@@ -109,6 +115,19 @@ pub trait TraceSink: Send {
     /// What happened since the last call, in order. It comes after the states
     /// of the ticks that the events fall into, not necessarily directly.
     fn events(&mut self, events: &[Event]) -> io::Result<()>;
+
+    /// What a fleet did since the last call, in order. It comes at the beginning of a
+    /// block of time, before the states of the block.
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        let _ = entries;
+        Ok(())
+    }
+
+    /// What is told of a fleet that may be otherwise when its run is made again.
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        let _ = remarks;
+        Ok(())
+    }
 
     /// After everything else.
     fn end(&mut self, summary: &Summary) -> io::Result<()>;
@@ -350,11 +369,60 @@ impl Fields<'_> {
     fn f64(&mut self) -> Option<f64> {
         self.take().map(f64::from_le_bytes)
     }
+
+    /// A LEB128 number of 64 bits.
+    fn number(&mut self) -> Option<u64> {
+        let mut value = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.u8()?;
+            let part = u64::from(byte & 0x7f);
+            // Past 64 bits.
+            if shift == 63 && part > 1 {
+                return None;
+            }
+            value |= part << shift;
+            if byte & 0x80 == 0 {
+                return Some(value);
+            }
+        }
+        None
+    }
+
+    /// A LEB128 number of 32 bits.
+    fn number32(&mut self) -> Option<u32> {
+        self.number()?.try_into().ok()
+    }
+}
+
+/// Appends a number as LEB128.
+fn put_number(out: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{INDEX_ENTRIES, Index};
+    use super::{Fields, INDEX_ENTRIES, Index, put_number};
+
+    #[test]
+    fn numbers_keep_their_value() {
+        for value in [0, 1, 127, 128, 300, 1 << 20, 1 << 32, 1 << 63, u64::MAX] {
+            let mut bytes = Vec::new();
+            put_number(&mut bytes, value);
+            let mut fields = Fields(&bytes);
+            assert_eq!(fields.number(), Some(value));
+            assert!(fields.0.is_empty());
+            let small = u32::try_from(value).ok();
+            assert_eq!(Fields(&bytes).number32(), small);
+        }
+        assert_eq!(Fields(&[0xff; 11]).number(), None);
+        let past = [[0xff; 9].as_slice(), &[2]].concat();
+        assert_eq!(Fields(&past).number(), None);
+        assert_eq!(Fields(&[0x80]).number(), None);
+    }
 
     #[test]
     fn a_long_index_is_thinned_out_evenly() {

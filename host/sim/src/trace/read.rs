@@ -8,10 +8,11 @@ use zstd::bulk::Decompressor;
 use zstd::zstd_safe::compress_bound;
 
 use super::delta::{Layout, Tracks, from_planes};
+use super::journal::{Limits, ROWS_BYTES, ROWS_PER_FRAME, Row, unpack};
 use super::{
-    Cells, END_MAGIC, EVENT_BYTES, EVENTS_PER_FRAME, EventsDigest, FRAME_CHECK, FRAME_HEAD, Fields,
-    GROUP_BYTES, Header, Index, MAGIC, NoTrace, SUMMARY_BYTES, States, StatesDigest, Summary,
-    TRAILER_BYTES, TraceSink, VERSION, kind, parse_event,
+    Cells, END_MAGIC, EVENT_BYTES, EVENTS_PER_FRAME, Entry, EventsDigest, FRAME_CHECK, FRAME_HEAD,
+    Fields, GROUP_BYTES, Header, Index, MAGIC, NoTrace, Remark, SUMMARY_BYTES, States,
+    StatesDigest, Summary, TRAILER_BYTES, TraceSink, VERSION, kind, parse_event,
 };
 use crate::event::Event;
 
@@ -19,6 +20,8 @@ use crate::event::Event;
 const LONGEST_HEADER: usize = 16 << 20;
 /// Bytes of a group of states before what is compressed.
 const GROUP_HEAD: usize = 13;
+/// The same of the journal and of remarks.
+const ROWS_HEAD: usize = 9;
 
 /// One piece of a trace.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +35,11 @@ pub enum Frame<'a> {
     },
     /// Events, in order.
     Events(&'a [Event]),
+    /// What a fleet did, in order. After [`TraceReader::seek`] it begins with what is
+    /// not over at the states there, which happened before: goals, and a call.
+    Journal(&'a [Entry]),
+    /// What was told of a fleet that may be otherwise when its run is made again.
+    Remarks(&'a [Remark]),
     /// The end.
     End(&'a Summary),
 }
@@ -40,6 +48,8 @@ pub enum Frame<'a> {
 enum Piece {
     State,
     Events,
+    Journal,
+    Remarks,
     End,
 }
 
@@ -61,6 +71,13 @@ pub struct TraceReader<R> {
     next_tick: u64,
     values: Vec<f64>,
     events: Vec<Event>,
+    journal: Vec<Entry>,
+    remarks: Vec<Remark>,
+    /// The tick of the last entry of the journal.
+    journal_tick: u64,
+    /// Whether the group that was read last is the first one after a leap, so that what
+    /// is not over has to be given out.
+    has_leapt: bool,
     summary: Option<Summary>,
     states_digest: StatesDigest,
     events_digest: EventsDigest,
@@ -89,14 +106,25 @@ impl<R: Read> TraceReader<R> {
         }
         loop {
             let frame = source.frame(|kind| match kind {
-                kind::CELLS | kind::POLYGONS | kind::BODIES => Some(u32::MAX as usize),
+                kind::CELLS
+                | kind::ENDPOINTS
+                | kind::WORKSTATIONS
+                | kind::POLYGONS
+                | kind::BODIES => Some(u32::MAX as usize),
                 _ => None,
             })?;
             let payload = &frame.payload[..];
+            let scene = &mut header.scene;
+            let cells = |place: &mut Option<Cells>| {
+                *place = Some(Cells::parse(payload)?);
+                Some(())
+            };
             let parsed = match frame.kind {
-                kind::CELLS => Cells::parse(payload).map(|cells| header.scene.cells = Some(cells)),
-                kind::POLYGONS => header.scene.parse_polygons(payload),
-                kind::BODIES => header.scene.parse_bodies(payload, header.agents),
+                kind::CELLS => cells(&mut scene.cells),
+                kind::ENDPOINTS => cells(&mut scene.endpoints),
+                kind::WORKSTATIONS => cells(&mut scene.workstations),
+                kind::POLYGONS => scene.parse_polygons(payload),
+                kind::BODIES => scene.parse_bodies(payload, header.agents),
                 _ => Some(()),
             };
             if parsed.is_none() {
@@ -124,6 +152,10 @@ impl<R: Read> TraceReader<R> {
             next_tick: 0,
             values: Vec::new(),
             events: Vec::new(),
+            journal: Vec::new(),
+            remarks: Vec::new(),
+            journal_tick: 0,
+            has_leapt: false,
             summary: None,
             states_digest: StatesDigest::new(layout.bodies),
             events_digest: EventsDigest::default(),
@@ -156,6 +188,8 @@ impl<R: Read> TraceReader<R> {
                 states: self.tracks.states(&self.values),
             },
             Piece::Events => Frame::Events(&self.events),
+            Piece::Journal => Frame::Journal(&self.journal),
+            Piece::Remarks => Frame::Remarks(&self.remarks),
             // There is one after this piece.
             Piece::End => self.summary.as_ref().map_or(Frame::Events(&[]), Frame::End),
         }))
@@ -176,12 +210,19 @@ impl<R: Read> TraceReader<R> {
             let frame = self.source.frame(|kind| match kind {
                 kind::STATES => Some(GROUP_HEAD + compress_bound(most_states)),
                 kind::EVENTS => Some(4 + compress_bound(EVENTS_PER_FRAME * EVENT_BYTES)),
+                kind::JOURNAL | kind::REMARKS => Some(ROWS_HEAD + compress_bound(ROWS_BYTES)),
                 kind::SUMMARY => Some(SUMMARY_BYTES),
                 _ => None,
             })?;
             let read = match frame.kind {
                 kind::STATES => self.read_states(&frame).map(|()| Piece::State),
                 kind::EVENTS => self.read_events(&frame.payload).map(|()| Piece::Events),
+                kind::JOURNAL => match self.read_journal(&frame.payload) {
+                    Ok(true) => Ok(Piece::Journal),
+                    Ok(false) => continue,
+                    Err(reason) => Err(reason),
+                },
+                kind::REMARKS => self.read_remarks(&frame.payload).map(|()| Piece::Remarks),
                 kind::SUMMARY => self.read_summary(&frame).map(|()| Piece::End),
                 _ => continue,
             };
@@ -219,6 +260,7 @@ impl<R: Read> TraceReader<R> {
             return Err("a group of states has another tick than it should have");
         }
         let is_key = is_key == 1;
+        self.has_leapt = self.values.is_empty() && !self.whole;
         if self.values.is_empty() {
             if !is_key {
                 return Err("the first group of states needs one before it");
@@ -254,6 +296,46 @@ impl<R: Read> TraceReader<R> {
             self.events_digest.update(&self.events);
         }
         Ok(())
+    }
+
+    /// The entries of a frame; false if they are what was told before, and nothing was
+    /// passed over.
+    fn read_journal(&mut self, payload: &[u8]) -> Result<bool, &'static str> {
+        let mut fields = Fields(payload);
+        let is_recap = match fields.u8() {
+            Some(flags @ (0 | 1)) => flags == 1,
+            _ => return Err("the journal makes no sense"),
+        };
+        let entries: Vec<Entry> = self.read_rows(fields)?;
+        if !is_recap {
+            let first = entries.first().map_or(0, |entry| entry.tick);
+            if first < self.journal_tick {
+                return Err("the journal is not in order");
+            }
+            self.journal_tick = entries.last().map_or(0, |entry| entry.tick);
+        } else if !self.has_leapt {
+            return Ok(false);
+        }
+        self.journal = entries;
+        Ok(true)
+    }
+
+    fn read_remarks(&mut self, payload: &[u8]) -> Result<(), &'static str> {
+        let mut fields = Fields(payload);
+        if fields.u8() != Some(0) {
+            return Err("the remarks make no sense");
+        }
+        self.remarks = self.read_rows(fields)?;
+        Ok(())
+    }
+
+    fn read_rows<T: Row>(&mut self, mut fields: Fields<'_>) -> Result<Vec<T>, &'static str> {
+        let [count, length] = [(); 2].map(|()| fields.u32().unwrap_or(0) as usize);
+        if count == 0 || count > ROWS_PER_FRAME || length > ROWS_BYTES {
+            return Err("the number of entries makes no sense");
+        }
+        let bytes = self.decompress(fields.0, length)?;
+        unpack(count, &bytes, Limits::new(&self.header)).ok_or("an entry makes no sense")
     }
 
     /// Decompresses what must have a certain length.
@@ -335,6 +417,7 @@ impl<R: Read> TraceReader<R> {
     pub fn replay(mut self, sink: &mut dyn TraceSink) -> io::Result<TraceContents> {
         sink.begin(&self.header)?;
         let (mut states, mut last_tick, mut events) = (0, None, 0);
+        let (mut entries, mut remarks) = (0, 0);
         let (mut end, mut damage) = (None, None);
         loop {
             match self.next_frame() {
@@ -346,6 +429,14 @@ impl<R: Read> TraceReader<R> {
                 Ok(Some(Frame::Events(more))) => {
                     events += more.len() as u64;
                     sink.events(more)?;
+                }
+                Ok(Some(Frame::Journal(more))) => {
+                    entries += more.len() as u64;
+                    sink.journal(more)?;
+                }
+                Ok(Some(Frame::Remarks(more))) => {
+                    remarks += more.len() as u64;
+                    sink.remarks(more)?;
                 }
                 Ok(Some(Frame::End(summary))) => {
                     end = Some(summary.clone());
@@ -364,6 +455,8 @@ impl<R: Read> TraceReader<R> {
             states,
             last_tick,
             events,
+            entries,
+            remarks,
             end,
             damage,
         })
@@ -381,6 +474,7 @@ impl<R: Read + Seek> TraceReader<R> {
         // Makes the first group be one that needs none before it.
         self.values.clear();
         (self.ticks, self.given) = (0, 0);
+        self.journal_tick = 0;
         self.summary = None;
         self.whole = false;
         self.over = false;
@@ -426,6 +520,10 @@ pub struct TraceContents {
     pub last_tick: Option<u64>,
     /// How many events were read.
     pub events: u64,
+    /// How many entries of the journal were read.
+    pub entries: u64,
+    /// How many remarks were read.
+    pub remarks: u64,
     /// The summary, if it was reached.
     pub end: Option<Summary>,
     /// Bytes from the beginning that are intact.

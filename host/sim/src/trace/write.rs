@@ -6,9 +6,10 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 use zstd::bulk::Compressor;
 
 use super::delta::{Layout, Tracks, to_planes};
+use super::journal::{Limits, ROWS_PER_FRAME, Row, pack};
 use super::{
-    END_MAGIC, EVENT_BYTES, EVENTS_PER_FRAME, FRAME_HEAD, GROUP_BYTES, Header, Index, MAGIC,
-    SUMMARY_BYTES, States, Summary, TraceSink, VERSION, event_bytes, kind,
+    END_MAGIC, EVENT_BYTES, EVENTS_PER_FRAME, Entry, FRAME_HEAD, GROUP_BYTES, Header, Index, MAGIC,
+    Remark, SUMMARY_BYTES, Standing, States, Summary, TraceSink, VERSION, event_bytes, kind,
 };
 use crate::event::Event;
 
@@ -60,8 +61,15 @@ pub struct TraceWriter<W> {
     numbers: Vec<u64>,
     /// Recorded states since the last key.
     since_key: u32,
-    /// Events that come after the group.
+    /// What comes after the group.
     events: Vec<Event>,
+    journal: Vec<Entry>,
+    remarks: Vec<Remark>,
+    /// The tick of the last entry.
+    journal_tick: u64,
+    /// What the journal left open before the group.
+    standing: Standing,
+    limits: Limits,
     frame: Vec<u8>,
     planes: Vec<u8>,
 }
@@ -102,6 +110,11 @@ impl<W: Write> TraceWriter<W> {
             numbers: Vec::new(),
             since_key: 0,
             events: Vec::new(),
+            journal: Vec::new(),
+            remarks: Vec::new(),
+            journal_tick: 0,
+            standing: Standing::default(),
+            limits: Limits::default(),
             frame: Vec::new(),
             planes: Vec::new(),
         }
@@ -157,6 +170,8 @@ impl<W: Write> TraceWriter<W> {
         self.close_frame()
     }
 
+    /// Writes the group of states, and after one with which reading can begin what was
+    /// open in the journal before it.
     fn put_states(&mut self) -> io::Result<()> {
         if self.ticks == 0 {
             return Ok(());
@@ -174,7 +189,24 @@ impl<W: Write> TraceWriter<W> {
         self.planes = planes;
         self.ticks = 0;
         self.numbers.clear();
-        self.close_frame()
+        self.close_frame()?;
+        if self.is_key {
+            let recap = self.standing.recap();
+            self.put_rows(kind::JOURNAL, 1, &recap)?;
+        }
+        Ok(())
+    }
+
+    fn put_rows<T: Row>(&mut self, kind: u8, flags: u8, rows: &[T]) -> io::Result<()> {
+        for (count, bytes) in pack(rows) {
+            self.open_frame(kind);
+            self.frame.push(flags);
+            self.frame.extend(count.to_le_bytes());
+            self.frame.extend((bytes.len() as u32).to_le_bytes());
+            self.compress(&bytes)?;
+            self.close_frame()?;
+        }
+        Ok(())
     }
 
     fn put_events(&mut self, events: &[Event]) -> io::Result<()> {
@@ -190,9 +222,16 @@ impl<W: Write> TraceWriter<W> {
         self.close_frame()
     }
 
-    /// Writes what is held back: the group of states, then the events.
+    /// Writes what is held back: the group of states, then what happened meanwhile.
     fn put_pending(&mut self) -> io::Result<()> {
         self.put_states()?;
+        let journal = std::mem::take(&mut self.journal);
+        self.put_rows(kind::JOURNAL, 0, &journal)?;
+        for entry in &journal {
+            self.standing.note(entry);
+        }
+        let remarks = std::mem::take(&mut self.remarks);
+        self.put_rows(kind::REMARKS, 0, &remarks)?;
         let events = std::mem::take(&mut self.events);
         for chunk in events.chunks(EVENTS_PER_FRAME) {
             self.put_events(chunk)?;
@@ -223,10 +262,20 @@ impl<W: Write + Send> TraceSink for TraceWriter<W> {
         if let Some(cells) = &scene.cells {
             self.put_frame(kind::CELLS, &cells.bytes())?;
         }
+        for (kind, cells) in [
+            (kind::ENDPOINTS, &scene.endpoints),
+            (kind::WORKSTATIONS, &scene.workstations),
+        ] {
+            if let Some(cells) = cells {
+                self.put_frame(kind, &cells.bytes())?;
+            }
+        }
         if !scene.polygons_m.is_empty() {
             self.put_frame(kind::POLYGONS, &scene.polygon_bytes())?;
         }
         self.put_frame(kind::BODIES, &scene.body_bytes())?;
+        self.limits = Limits::new(&header);
+        self.standing = Standing::new(header.agents);
         self.headings = header.headings;
         self.progress = header.progress;
         self.layout = Layout::new(&header);
@@ -274,6 +323,37 @@ impl<W: Write + Send> TraceSink for TraceWriter<W> {
                 self.put_pending()?;
             }
             self.events.extend(chunk);
+        }
+        Ok(())
+    }
+
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        let ticks = entries.iter().map(|entry| entry.tick);
+        let is_sorted = std::iter::once(self.journal_tick).chain(ticks).is_sorted();
+        if !is_sorted || !entries.iter().all(|entry| entry.fits(self.limits)) {
+            let reason = "an entry of the journal is not as the header says, or not in order";
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+        }
+        self.journal_tick = entries.last().map_or(self.journal_tick, |entry| entry.tick);
+        for chunk in entries.chunks(ROWS_PER_FRAME) {
+            if self.journal.len() + chunk.len() > ROWS_PER_FRAME {
+                self.put_pending()?;
+            }
+            self.journal.extend_from_slice(chunk);
+        }
+        Ok(())
+    }
+
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        if !remarks.iter().all(|remark| remark.fits(self.limits)) {
+            let reason = "a remark has a text that is too long, or a time that is none";
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+        }
+        for remark in remarks {
+            if self.remarks.len() == ROWS_PER_FRAME {
+                self.put_pending()?;
+            }
+            self.remarks.push(remark.clone());
         }
         Ok(())
     }
