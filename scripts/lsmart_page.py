@@ -32,7 +32,7 @@ SETUPS = {
 
 # What is kept of a row.
 COLUMNS = ["planner", "map", "agents", "seed", "throughput_per_s", "goals_committed", "simulated_s", "planner_calls",
-           "fail_policy_ratio", "contacts", "success", "rtf", "contended", "machine", "trace_digest"]
+           "fail_policy_ratio", "contacts", "success", "rtf", "contended", "machine", "planner_digest", "trace_digest"]
 
 # Planners that use up their limit by design: their plans depend on what else the machine does.
 ANYTIME = ("lns", "lns2")
@@ -66,7 +66,7 @@ class Rows:
             anytime = name.split("-")[1] in ANYTIME
             with sqlite3.connect(f"file:{store}?mode=ro", uri=True) as database:
                 database.row_factory = sqlite3.Row
-                found = [dict(row) for row in database.execute(f"SELECT {', '.join(COLUMNS)} FROM trials")]
+                found = [dict(row) for row in database.execute(f"SELECT {', '.join(COLUMNS)} FROM trials WHERE current = 1")]
             # A call that failed for want of time, on a machine that had something else to do, says
             # nothing of the planner. The cell is left out as a whole: seeds are no choice.
             cell = lambda row: (row["planner"], row["map"], row["agents"])
@@ -514,7 +514,8 @@ def main():
         print(f"{disturbed} runs are left out: calls failed on a machine that had something else to do", file=sys.stderr)
     page.text(f"What follows was written by `scripts/lsmart_page.py` from {len(all_rows)} runs of the {form} form, seeds "
           f"{', '.join(map(str, sorted({row['seed'] for row in all_rows})))}: {driven / 3600:.0f} robot-hours, "
-          f"{sum(row['contacts'] for row in all_rows)} contacts" + (f", {failed} runs that did not succeed" if failed else "") + ". "
+          f"{sum(row['contacts'] for row in all_rows)} contacts" + (f", {failed} runs that did not succeed" if failed else "")
+          + (f", made by {builds} builds" if (builds := len({row["planner_digest"] for row in all_rows})) > 1 else "") + ". "
           + f"The rows are in `docs/results/lsmart/`. Each cell is the mean throughput in goals per simulated second, the half "
           "of its 95 % t interval over seeds, and in brackets the share of calls that went to the fail policy, if any did; – "
           "is not measured. Where no call failed, a run is the same on any machine; a cell in which calls failed on a machine that "

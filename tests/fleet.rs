@@ -477,11 +477,12 @@ fn page_of(rows: &[(&str, &str, u32, u32, f64)]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let mut csv =
         "planner,map,agents,seed,throughput_per_s,goals_committed,simulated_s,planner_calls,\
-                   fail_policy_ratio,contacts,success,rtf,contended,machine,trace_digest\n"
+                   fail_policy_ratio,contacts,success,rtf,contended,machine,planner_digest,\
+                   trace_digest\n"
             .to_owned();
     for (setup, map, agents, seed, throughput) in rows {
         csv += &format!(
-            "{setup},{map},{agents},{seed},{throughput},0,300,300,0,0,1,9,,machine,digest\n"
+            "{setup},{map},{agents},{seed},{throughput},0,300,300,0,0,1,9,,machine,code,digest\n"
         );
     }
     fs::write(folder.path().join("reduced-windows.csv"), csv).unwrap();
