@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use fleetyard_core::{Digest, Grid, GridPlan};
-use fleetyard_world::{Pose, Shape, Workspace};
+use fleetyard_world::{Demand, Pose, Shape, Workspace};
 
 use crate::chunk::{CHUNK, Chunk};
 use crate::clock::Clock;
@@ -353,36 +353,28 @@ impl<'a> Simulator<'a> {
         Ok(Engine::new(setup, shapes, solved, chunks))
     }
 
-    /// Refuses poses that a model cannot follow at the times of the plan.
+    /// Refuses speeds at which a model falls behind the plan for good. What it lacks of
+    /// acceleration, at corners and on its course, is what executing a plan shows.
     fn check_speeds(&self, plan: &fleetyard_core::TrajectoryPlan) -> Result<(), SimError> {
-        for (agent, fastest) in plan.fastest().enumerate() {
+        for (agent, knots) in plan.paths().enumerate() {
             let Some(model) = self.model(agent) else {
                 return Ok(());
             };
-            for (what, value, most, knot) in [
-                (
-                    "moves at",
-                    fastest.speed_m_per_s,
-                    model.max_speed_m_per_s(),
-                    fastest.speed_knot,
-                ),
-                (
-                    "turns at",
-                    fastest.turn_rad_per_s,
-                    model.max_turn_rate_rad_per_s(),
-                    fastest.turn_knot,
-                ),
-            ] {
-                if value > most * (1.0 + 1e-6) {
-                    return Err(SimError::TooFast {
-                        agent,
-                        knot,
-                        what,
-                        value,
-                        most,
-                        model: model.name(),
-                    });
-                }
+            let excesses = model.dynamics().excesses(knots);
+            for excess in excesses {
+                let what = match excess.demand {
+                    Demand::Speed => "moves at",
+                    Demand::TurnRate if knots.heading_rad.is_some() => "turns at",
+                    _ => continue,
+                };
+                return Err(SimError::TooFast {
+                    agent,
+                    knot: excess.knot,
+                    what,
+                    value: excess.value,
+                    most: excess.limit,
+                    model: model.name(),
+                });
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use fleetyard_core::Hasher;
+use fleetyard_core::{Hasher, Knot, TrajectoryPlan};
 use fleetyard_sim::motion::{
     DifferentialDrive, Model, PRESETS, State, Target, Waypoint, WaypointLaw, smooth, wrap,
 };
@@ -254,6 +254,42 @@ proptest! {
         let target = Target { heading, ..at(place.0, place.1) };
         let time = arrive(&model, &mut state, &target, hz, &[1.0], |_| Ok(()))?;
         prop_assert!(time < 200.0, "{} takes {time} s", model.name());
+    }
+}
+
+proptest! {
+    /// Every tick a knot: what models do themselves, plans may ask of them.
+    #[test]
+    fn what_models_do_is_within_their_dynamics(
+        model in controlled(), hz in rates(),
+        targets in prop::collection::vec(((-4.0..4.0, -4.0..4.0), prop::option::of(-PI..PI), 0.0..1.0), 1..4),
+    ) {
+        let dt = 1.0 / hz;
+        let mut state = State::at_rest(0.0, 0.0, 0.3);
+        let knot = |time_s: f64, state: &State| Knot {
+            time_s,
+            x_m: state.x,
+            y_m: state.y,
+            heading_rad: Some(state.heading),
+        };
+        let mut knots = vec![knot(0.0, &state)];
+        for ((x, y), heading, factor) in &targets {
+            let target = Target { heading: *heading, ..at(*x, *y) };
+            for round in 0..20_000 {
+                let factor = if round < 10 { *factor } else { 1.0 };
+                let rests = state.speed_m_per_s() == 0.0 && state.omega == 0.0;
+                if rests && model.has_arrived(&state, &target) {
+                    break;
+                }
+                model.run(&mut state, &target, 6, dt, factor, &mut |now| {
+                    knots.push(knot(knots.len() as f64 * dt, now));
+                });
+            }
+        }
+        let mut plan = TrajectoryPlan::default();
+        plan.push_path(knots).unwrap();
+        let excesses = model.dynamics().excesses(plan.knots(0));
+        prop_assert!(excesses.is_empty(), "{}: {excesses:?}", model.name());
     }
 }
 
