@@ -242,21 +242,17 @@ impl<'a> Simulator<'a> {
             None
         } else {
             let (shapes, models) = (&engine.shapes, &engine.setup.models);
-            let tolerance = models
-                .iter()
-                .flatten()
-                .map(|model| model.arrival_tolerance_m().max(model.lateral_tolerance_m()));
-            let needed_m = 2.0 * tolerance.fold(0.0, f64::max);
+            let swept = swept_shapes(shapes, models, crowd.headings);
+            let needed_m = 2.0 * swept.iter().map(|swept| swept.off_m).fold(0.0, f64::max);
             let options = GateOptions {
                 margin_m: config.margin_m + needed_m,
                 least_margin_m: needed_m,
                 cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
                 ..GateOptions::default()
             };
-            let discs = turning_discs(shapes, models);
             let shape_of = |agent: usize| {
                 let kind = shapes.kind_of(agent as u32);
-                discs[kind].as_ref().unwrap_or(&shapes.kinds[kind])
+                swept[kind].disc.as_ref().unwrap_or(&shapes.kinds[kind])
             };
             let graph = DependencyGraph::build(&reference, &shape_of, &options)?;
             let (messages, seed) = (&config.disturbance.messages, config.disturbance.seed);
@@ -396,17 +392,45 @@ pub(crate) struct Crowd<'c> {
     pub(crate) start: &'c dyn Fn(usize) -> Place,
 }
 
-/// Per profile, the disc around its footprint if robots of the profile turn. Plans
-/// on grids and roadmaps say nothing about that, and where a plan has headings,
-/// controllers still turn when they need to and not evenly over an action: so the
-/// graph may assume no more than that they stay within their effective radius.
-fn turning_discs(shapes: &Shapes, models: &[Option<&Model>]) -> Vec<Option<Shape>> {
+/// What a kind of robots is for the dependency graph.
+struct Swept {
+    /// The disc around its footprint, if its heading is not known: plans on grids and
+    /// roadmaps give none, and wheels head where their controllers drive.
+    disc: Option<Shape>,
+    /// By how much a point of it may be off what it sweeps along the plan, in metres.
+    off_m: f64,
+}
+
+/// For every kind of robots, how far the graph may rely on the plan's poses: to within
+/// the tolerances of the model, of place and, where the headings count, of heading.
+fn swept_shapes(shapes: &Shapes, models: &[Option<&Model>], headings: bool) -> Vec<Swept> {
     let kinds = shapes.kinds.iter().zip(models);
-    let turns = |model: Option<&Model>| model.is_some_and(|model| !is_pebble(model));
     kinds
         .map(|(shape, model)| {
-            let needs_disc = !shape.is_disc() && turns(*model);
-            needs_disc.then(|| shape.enclosing_disc())
+            let Some(model) = model else {
+                return Swept {
+                    disc: None,
+                    off_m: 0.0,
+                };
+            };
+            let place_m = model.arrival_tolerance_m().max(model.lateral_tolerance_m());
+            if shape.is_disc() || is_pebble(model) {
+                return Swept {
+                    disc: None,
+                    off_m: place_m,
+                };
+            }
+            if headings && model.keeps_headings() {
+                let turned_m = shape.effective_radius_m() * model.heading_tolerance_rad();
+                return Swept {
+                    disc: None,
+                    off_m: place_m + turned_m,
+                };
+            }
+            Swept {
+                disc: Some(shape.enclosing_disc()),
+                off_m: place_m,
+            }
         })
         .collect()
 }

@@ -459,8 +459,8 @@ fn motions_are_the_same_to_the_bit() {
         ("lsmart-effective", "037bacb837bfcfd15345bdc1f521f0a3"),
         ("unicycle-1", "df9c56c1ea95f166faed4686e34f8565"),
         ("unicycle-2", "6dc7a9148947a5dcffa90958c09c9c75"),
-        ("double-integrator", "4a6686b0f211dc7b92963687300b9051"),
-        ("go2", "89b5d6534478dac8892a7c1b7d744cb5"),
+        ("double-integrator", "1ba596b718d938c7f6ac86d6c1667d5f"),
+        ("go2", "c09fdb94dfede21904e70af8f6f0c871"),
         ("waypoint-law", "7a2e9dd53c23ed65a37f1eed1cf73293"),
     ];
     let mut wrong = Vec::new();
