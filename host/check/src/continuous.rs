@@ -400,7 +400,7 @@ fn beyond(excess: &Excess) -> (ContinuousRule, String) {
 #[cfg(test)]
 mod tests {
     use fleetyard_core::{Grid, GridInstance, GridPlan, Knot};
-    use fleetyard_world::{Bounds, Footprint, Polygon, Travel, Workspace};
+    use fleetyard_world::{Boundary, Bounds, Footprint, Polygon, Travel, Workspace};
     use proptest::prelude::*;
 
     use super::*;
@@ -442,6 +442,7 @@ mod tests {
                 min: [0.0, 0.0],
                 max: [10.0, 10.0],
             },
+            boundary: None,
             obstacles: vec![Polygon::rectangle([5.0, 5.0], [1.0, 1.0], 0.0).unwrap()],
             movers: Vec::new(),
         };
@@ -548,6 +549,54 @@ mod tests {
             serde_json::from_value::<ContinuousViolation>(json).unwrap(),
             fast.violations[0]
         );
+    }
+
+    /// Ω of GRACE: an L whose notch no box tells.
+    #[test]
+    fn the_edge_of_a_world_is_kept_at_all_times() {
+        let corners = [
+            [0.0, 0.0],
+            [6.0, 0.0],
+            [6.0, 2.0],
+            [2.0, 2.0],
+            [2.0, 6.0],
+            [0.0, 6.0],
+        ];
+        let boundary = Boundary::new(&corners).unwrap();
+        let workspace = Workspace {
+            name: String::new(),
+            bounds: boundary.polygon().bounds(),
+            boundary: Some(boundary),
+            obstacles: Vec::new(),
+            movers: Vec::new(),
+        };
+        let obstacles = Obstacles::workspace(&workspace);
+        let disc = disc(0.5);
+        let shapes = [&disc];
+        let task = ContinuousTask::new(&shapes, &obstacles);
+        let around = plan(&[&[
+            (0.0, 5.0, 1.0, 0.0),
+            (4.0, 1.0, 1.0, 0.0),
+            (8.0, 1.0, 5.0, 0.0),
+        ]]);
+        assert!(validate_trajectories(&around, &task, 10).valid);
+        // Straight through the notch, in and out again.
+        let across = plan(&[&[(0.0, 5.0, 1.0, 0.0), (4.0, 1.0, 5.0, 0.0)]]);
+        let verdict = validate_trajectories(&across, &task, 10);
+        assert_eq!(verdict.violations.len(), 1, "{:?}", verdict.violations);
+        let found = &verdict.violations[0];
+        assert_eq!(found.rule, ContinuousRule::OutOfBounds);
+        // It touches y = 2 with its upper side at y = 1.5, and x = 2 likewise.
+        assert!((found.time_s - 0.5).abs() < 1e-5, "{found:?}");
+        assert!(
+            found.end_s.is_some_and(|end| (end - 3.5).abs() < 1e-5),
+            "{found:?}"
+        );
+        // Far beyond, in the notch and out of the box.
+        let away = plan(&[&[(0.0, 5.0, 1.0, 0.0), (1.0, 500.0, 100.0, 0.0)]]);
+        let verdict = validate_trajectories(&away, &task, 10);
+        assert_eq!(verdict.violations.len(), 1);
+        assert_eq!(verdict.violations[0].end_s, None);
     }
 
     #[test]

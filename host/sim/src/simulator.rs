@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use fleetyard_core::{Digest, Grid, GridPlan};
+use fleetyard_core::{Digest, Grid, GridPlan, Roadmap};
 use fleetyard_world::{Demand, Pose, Shape, Workspace};
 
 use crate::chunk::{CHUNK, Chunk};
@@ -32,6 +32,7 @@ pub struct Simulator<'a> {
     grid: Option<&'a Grid>,
     workspace: Option<&'a Workspace>,
     fleet: Option<&'a Fleet>,
+    roadmap: Option<&'a Roadmap>,
     config: &'a SimConfig,
 }
 
@@ -42,6 +43,7 @@ impl<'a> Simulator<'a> {
             grid: None,
             workspace: None,
             fleet: None,
+            roadmap: None,
             config,
         }
     }
@@ -70,6 +72,15 @@ impl<'a> Simulator<'a> {
     pub fn with_fleet(self, fleet: &'a Fleet) -> Self {
         Self {
             fleet: Some(fleet),
+            ..self
+        }
+    }
+
+    /// The same with the roadmap that the plan goes along, which traces show.
+    #[must_use]
+    pub fn over_roadmap(self, roadmap: &'a Roadmap) -> Self {
+        Self {
+            roadmap: Some(roadmap),
             ..self
         }
     }
@@ -345,6 +356,7 @@ impl<'a> Simulator<'a> {
             grid: self.grid,
             workspace: self.workspace,
             fleet: self.fleet,
+            roadmap: self.roadmap,
         };
         Ok(Engine::new(setup, shapes, solved, chunks))
     }

@@ -184,6 +184,7 @@ fn in_the_plane() -> World {
             min: [0.0, 0.0],
             max: [20.0, 20.0],
         },
+        boundary: None,
         obstacles: vec![
             Polygon::new(&[[4.0, 4.0], [7.0, 4.5], [5.0, 5.0], [4.5, 8.0]]).expect("a polygon"),
             Polygon::rectangle([14.0, 12.0], [3.0, 1.0], 0.5).expect("a polygon"),

@@ -176,6 +176,7 @@ struct Meta<'a> {
     cells: Option<CellsMeta<'a>>,
     /// x and y of each corner, one after the other; likewise below.
     polygons: Vec<&'a [f64]>,
+    outline: &'a [f64],
     roadmap: &'a [f64],
     outlines: Vec<OutlineMeta<'a>>,
     outline_of: Vec<u32>,
@@ -435,6 +436,7 @@ impl Page {
                 rectangles: cells.rectangles.as_flattened(),
             }),
             polygons: world.polygons.iter().map(|p| p.as_flattened()).collect(),
+            outline: world.outline.as_flattened(),
             roadmap: world.roadmap.as_flattened().as_flattened(),
             outlines: outlines.collect(),
             outline_of,

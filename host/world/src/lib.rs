@@ -42,7 +42,7 @@ pub use dynamics::{DYNAMICS_TOLERANCE, Demand, Dynamics, Excess, LONGEST_SAMPLE_
 pub use footprint::{Footprint, FootprintError};
 pub use geometry::{Inside, Relative};
 pub use maze::{Maze, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec};
-pub use polygon::{Bounds, Polygon, PolygonError};
+pub use polygon::{Boundary, Bounds, Polygon, PolygonError};
 pub use pose::Pose;
 pub use python_random::PythonRandom;
 pub use random::SeededRandom;

@@ -89,13 +89,17 @@ impl<R: Read> TraceReader<R> {
         }
         loop {
             let frame = source.frame(|kind| match kind {
-                kind::CELLS | kind::POLYGONS | kind::BODIES => Some(u32::MAX as usize),
+                kind::CELLS | kind::POLYGONS | kind::OUTLINE | kind::ROADMAP | kind::BODIES => {
+                    Some(u32::MAX as usize)
+                }
                 _ => None,
             })?;
             let payload = &frame.payload[..];
             let parsed = match frame.kind {
                 kind::CELLS => Cells::parse(payload).map(|cells| header.scene.cells = Some(cells)),
                 kind::POLYGONS => header.scene.parse_polygons(payload),
+                kind::OUTLINE => header.scene.parse_outline(payload),
+                kind::ROADMAP => header.scene.parse_roadmap(payload),
                 kind::BODIES => header.scene.parse_bodies(payload, header.agents),
                 _ => Some(()),
             };
