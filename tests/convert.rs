@@ -7,7 +7,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::{INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
 
 const MAP: &str = "type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n";
 const SCEN: &str = "version 1\n1\ta.map\t3\t2\t0\t0\t2\t1\t3\n0\ta.map\t3\t2\t0\t1\t2\t0\t3\n";
@@ -434,13 +434,14 @@ fn plans_are_judged_in_the_plane() {
     let from = |name: &str| maps.join(name).display().to_string();
     let world = from("two-rooms.world.json");
     let robots = r#"{"format": "fleetyard.fleet/1", "profiles": {"a":
-        {"footprint": {"rectangle": {"length_m": 0.8, "width_m": 0.4}}, "model": "go2"}},
+        {"footprint": {"rectangle": {"length_m": 0.8, "width_m": 0.4}}, "model": "single-integrator"}},
         "agents": {"all": "a"}}"#;
     yard.write("fleet.json", robots);
+    yard.write("dogs.json", robots.replace("single-integrator", "go2"));
     yard.write(
         "slow.json",
         robots.replace(
-            "\"go2\"",
+            "\"single-integrator\"",
             r#"{"unicycle-1": {"max_speed_m_per_s": 0.5, "max_turn_rate_rad_per_s": 1}}"#,
         ),
     );
@@ -478,6 +479,11 @@ fn plans_are_judged_in_the_plane() {
         (
             &format!("validate {turning} --world {world} --fleet slow.json"),
             "too-fast: agent 0",
+        ),
+        // Straight legs at one speed begin and end at once.
+        (
+            &format!("validate {turning} --world {world} --fleet dogs.json"),
+            "too-sudden: agent 0",
         ),
     ] {
         let ended = yard.line(line).expect(INVALID_PLAN);
@@ -685,4 +691,63 @@ fn warehouses_are_made_under_the_name_that_is_asked_for() {
         .line(&line.replace("--edge-rows 2", "--edge-rows 0"))
         .expect(USAGE);
     assert!(ended.stderr.contains("--edge-rows"), "{}", ended.stderr);
+}
+
+/// A double integrator has 0.5 m/s and 2 m/s² along each axis.
+#[test]
+fn a_plan_beyond_the_dynamics_of_its_robots_is_refused() {
+    let yard = yard();
+    yard.write(
+        "points.json",
+        r#"{"format": "fleetyard.fleet/1", "profiles": {"a":
+            {"footprint": {"disc": {"radius_m": 0.1}}, "model": "double-integrator"}},
+            "agents": {"all": "a"}}"#,
+    );
+    yard.write(
+        "world.json",
+        r#"{"format": "fleetyard.world/1", "bounds_m": [-5, -5, 5, 5]}"#,
+    );
+    // Speeds along x and y in steps of a tenth of a second, as db-CBS writes states.
+    let write = |name: &str, speeds: &[[f64; 2]]| {
+        let mut knots = vec!["[0, 0, 0]".to_owned()];
+        let (mut x, mut y) = (0.0, 0.0);
+        for (step, [vx, vy]) in speeds.iter().enumerate() {
+            (x, y) = (x + 0.1 * vx, y + 0.1 * vy);
+            knots.push(format!("[{}, {x:.6}, {y:.6}]", (step + 1) as f64 / 10.0));
+        }
+        let knots = knots.join(", ");
+        let text = format!("{{\"format\": \"fleetyard.trajectories/1\", \"paths\": [[{knots}]]}}");
+        yard.write(name, text);
+        yard.line(&format!(
+            "validate {name} --world world.json --fleet points.json --format json"
+        ))
+    };
+    let ramp = |most: f64| [0.2, 0.4, most, most, 0.4, 0.2].map(|v| [v, v]);
+    write("good.json", &ramp(0.5)).expect(SUCCESS);
+    let first =
+        |ended: Ended| ended.expect(INVALID_PLAN).json()["verdict"]["violations"][0].clone();
+    let fast = first(write("fast.json", &ramp(0.6)));
+    assert_eq!(
+        (&fast["rule"], &fast["limit"]),
+        (&"too-fast".into(), &0.5.into())
+    );
+    assert!(
+        (fast["value"].as_f64().unwrap() - 0.6).abs() < 1e-5,
+        "{fast}"
+    );
+    let mut reversal = ramp(0.5);
+    for speed in &mut reversal[3..] {
+        *speed = speed.map(|v| -v);
+    }
+    let sudden = first(write("sudden.json", &reversal));
+    assert_eq!(
+        (&sudden["rule"], &sudden["limit"]),
+        (&"too-sudden".into(), &2.0.into())
+    );
+    assert!(
+        (sudden["value"].as_f64().unwrap() - 10.0).abs() < 1e-3,
+        "{sudden}"
+    );
+    assert_eq!(sudden["time_s"], 0.3);
+    assert_eq!(sudden["place_m"], serde_json::json!([0.11, 0.11]));
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard};
+use common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
 
 /// Two agents that meet in a crossing, the second a step later.
 fn yard() -> Yard {
@@ -131,6 +131,52 @@ fn worlds_and_fleets_are_files() {
     let fleet = json(&yard, "--fleet fleet.json --policy adg");
     assert_eq!(fleet["arrived"], 2);
     assert_eq!(fleet["radius_m"], 0.3);
+}
+
+/// A plan on a roadmap is shown on its roadmap, and a world by the edge that it has.
+#[test]
+fn pictures_and_replays_show_the_roadmap_and_the_edge_of_the_world() {
+    const ROADMAP: &str = "stroke=\"#b9b4a8\"";
+    let yard = yard();
+    let plan = root().join("maps/two-rooms.roadmap-plan.json");
+    let plan = plan.display();
+    yard.write(
+        "world.json",
+        r#"{"format": "fleetyard.world/1",
+            "boundary_m": [[0, 0], [10, 0], [10, 4], [9, 6], [0, 6]]}"#,
+    );
+    let simulate = format!("simulate {plan} --radius 0.3");
+    yard.line(&format!("{simulate} --picture bare.svg"))
+        .expect(SUCCESS);
+    let options = "--world world.json --picture plan.svg --trace t.fyt";
+    yard.line(&format!("{simulate} {options}")).expect(SUCCESS);
+    yard.line("trace export t.fyt --svg trace.svg --html page.html --json t.json")
+        .expect(SUCCESS);
+    let text = |name: &str| String::from_utf8(yard.read(name)).unwrap();
+    for name in ["bare.svg", "plan.svg", "trace.svg"] {
+        assert_eq!(text(name).matches(ROADMAP).count(), 1, "{name}");
+        assert_eq!(text(name).contains("evenodd"), name != "bare.svg", "{name}");
+    }
+    let document: serde_json::Value = serde_json::from_str(&text("t.json")).unwrap();
+    let roadmap = document["scene"]["roadmap_m"].as_array().unwrap();
+    assert!(!roadmap.is_empty());
+    assert_eq!(
+        document["scene"]["outline_m"][3],
+        serde_json::json!([9.0, 6.0])
+    );
+    let page = text("page.html");
+    assert!(
+        page.contains("\"outline\":[0.0,0.0,10.0,0.0,"),
+        "the page has no outline"
+    );
+    assert!(!page.contains("\"roadmap\":[]"), "the page has no roadmap");
+    let info = yard.line("trace info t.fyt").expect(SUCCESS);
+    assert!(info.stdout.contains("a polygon of 5 corners"), "{info}");
+    // The same edge is judged.
+    let validate = format!("validate {plan} --world world.json --radius");
+    yard.line(&format!("{validate} 0.3")).expect(SUCCESS);
+    let ended = yard.line(&format!("{validate} 1.2")).expect(INVALID_PLAN);
+    assert!(ended.stdout.contains("out-of-bounds: agent"), "{ended}");
 }
 
 #[test]

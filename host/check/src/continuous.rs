@@ -2,8 +2,8 @@
 //!
 //! Feasibility is that of GRACE (section III-D): at all times every footprint is
 //! in the free space and disjoint from all others. It is decided by the exact
-//! checker of [`fleetyard_world::exact`], not by samples. Starts, goals and the
-//! limits of speed and turn rate are checked where they are given. After its
+//! checker of [`fleetyard_world::exact`], not by samples. Starts, goals and what
+//! bodies can do ([`Dynamics`]) are checked where they are given. After its
 //! last knot an agent stays where it is, and must do no harm there.
 
 use std::f64::consts::TAU;
@@ -11,7 +11,7 @@ use std::fmt;
 
 use fleetyard_core::TrajectoryPlan;
 use fleetyard_world::exact::{ContactSearch, Obstacles, Touched, contacts};
-use fleetyard_world::{Pose, Shape};
+use fleetyard_world::{Demand, Dynamics, Excess, Pose, Shape};
 use serde::{Deserialize, Serialize};
 
 /// What a plan in continuous space is held against.
@@ -25,8 +25,8 @@ pub struct ContinuousTask<'a> {
     pub starts: Option<&'a [Pose]>,
     /// Where agents come to rest, if that is given.
     pub goals: Option<&'a [Pose]>,
-    /// Every agent's limits, if there are any.
-    pub limits: Option<&'a [SpeedLimits]>,
+    /// What every agent can do, if that is given.
+    pub limits: Option<&'a [Dynamics]>,
     /// What is not held against a plan.
     pub tolerance: Tolerance,
 }
@@ -45,16 +45,8 @@ impl<'a> ContinuousTask<'a> {
     }
 }
 
-/// The fastest that an agent may be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SpeedLimits {
-    /// Metres per second.
-    pub speed_m_per_s: f64,
-    /// Radians per second.
-    pub turn_rad_per_s: f64,
-}
-
-/// How much rounding is forgiven.
+/// How much rounding is forgiven; of what bodies can do,
+/// [`DYNAMICS_TOLERANCE`](fleetyard_world::DYNAMICS_TOLERANCE).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
     /// Footprints may overlap by this, in metres; touching is no contact.
@@ -64,8 +56,6 @@ pub struct Tolerance {
     /// Their headings may be missed by this, in radians. They only count for
     /// footprints that are no discs, in plans that have headings.
     pub heading_rad: f64,
-    /// Limits may be exceeded by this part of them.
-    pub speed: f64,
 }
 
 impl Default for Tolerance {
@@ -74,7 +64,6 @@ impl Default for Tolerance {
             overlap_m: 1e-6,
             place_m: 1e-6,
             heading_rad: 1e-6,
-            speed: 1e-6,
         }
     }
 }
@@ -95,8 +84,14 @@ pub enum ContinuousRule {
     WrongGoal,
     /// An agent is faster than it can be.
     TooFast,
+    /// An agent moves where its wheels do not lead.
+    WrongCourse,
     /// An agent turns faster than it can.
     TurnsTooFast,
+    /// An agent changes its velocity faster than it can.
+    TooSudden,
+    /// An agent changes its turn rate faster than it can.
+    TurnsTooSuddenly,
     /// Two agents overlap.
     AgentContact,
     /// An agent overlaps an obstacle.
@@ -109,12 +104,15 @@ pub enum ContinuousRule {
 
 impl ContinuousRule {
     /// Every rule, in order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self::AgentCount,
         Self::WrongStart,
         Self::WrongGoal,
         Self::TooFast,
+        Self::WrongCourse,
         Self::TurnsTooFast,
+        Self::TooSudden,
+        Self::TurnsTooSuddenly,
         Self::AgentContact,
         Self::ObstacleContact,
         Self::MoverContact,
@@ -128,7 +126,10 @@ impl ContinuousRule {
             Self::WrongStart => "wrong-start",
             Self::WrongGoal => "wrong-goal",
             Self::TooFast => "too-fast",
+            Self::WrongCourse => "wrong-course",
             Self::TurnsTooFast => "turns-too-fast",
+            Self::TooSudden => "too-sudden",
+            Self::TurnsTooSuddenly => "turns-too-suddenly",
             Self::AgentContact => "agent-contact",
             Self::ObstacleContact => "obstacle-contact",
             Self::MoverContact => "mover-contact",
@@ -154,8 +155,23 @@ pub struct ContinuousViolation {
     pub time_s: f64,
     /// When it ends, for contacts that do.
     pub end_s: Option<f64>,
+    /// How much more an agent is asked for than it can, where that is the rule.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub excess: Option<BeyondLimit>,
     /// All of it as a sentence.
     pub sentence: String,
+}
+
+/// What an agent is asked for, and what it can.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct BeyondLimit {
+    /// Where it is then, in metres.
+    pub place_m: [f64; 2],
+    /// What the plan asks for, in the unit of the rule: m/s, m/s², rad/s, rad/s²; of a
+    /// course, radians from the nearest possible one.
+    pub value: f64,
+    /// The most that it can, in the same unit.
+    pub limit: f64,
 }
 
 impl fmt::Display for ContinuousViolation {
@@ -198,7 +214,7 @@ pub fn validate_trajectories(
         };
     }
     check_places(plan, task, &mut violations);
-    check_speeds(plan, task, &mut violations);
+    check_dynamics(plan, task, &mut violations);
     let search = ContactSearch {
         tolerance_m: task.tolerance.overlap_m,
         limit,
@@ -239,6 +255,7 @@ pub fn validate_trajectories(
             agents,
             time_s: begin_s,
             end_s: contact.end_s,
+            excess: None,
             sentence,
         }
     }));
@@ -275,6 +292,7 @@ fn check_counts(
                 agents: Vec::new(),
                 time_s: 0.0,
                 end_s: None,
+                excess: None,
                 sentence: format!("the plan has {agents} agents, but there are {count} {what}"),
             });
         }
@@ -316,60 +334,73 @@ fn check_places(
                 agents: vec![agent as u32],
                 time_s: knots.time_s[at],
                 end_s: None,
+                excess: None,
                 sentence,
             });
         }
     }
 }
 
-fn check_speeds(
+fn check_dynamics(
     plan: &TrajectoryPlan,
     task: &ContinuousTask<'_>,
     violations: &mut Vec<ContinuousViolation>,
 ) {
-    let all = task.limits.unwrap_or_default();
-    for (agent, (limits, fastest)) in all.iter().zip(plan.fastest()).enumerate() {
-        let measured = [
-            (
-                ContinuousRule::TooFast,
-                fastest.speed_m_per_s,
-                fastest.speed_knot,
-                limits.speed_m_per_s,
-                "moves",
-                "m/s",
-            ),
-            (
-                ContinuousRule::TurnsTooFast,
-                fastest.turn_rad_per_s,
-                fastest.turn_knot,
-                limits.turn_rad_per_s,
-                "turns",
-                "rad/s",
-            ),
-        ];
-        for (rule, value, knot, most, does, unit) in measured {
-            if value <= most * (1.0 + task.tolerance.speed) {
-                continue;
-            }
-            let time_s = plan.knots(agent).time_s[knot.saturating_sub(1)];
-            violations.push(ContinuousViolation {
+    for (agent, limits) in task.limits.unwrap_or_default().iter().enumerate() {
+        let excesses = limits.excesses(plan.knots(agent));
+        violations.extend(excesses.iter().map(|excess| {
+            let (rule, what) = beyond(excess);
+            let (time_s, [x, y]) = (excess.time_s, excess.place_m);
+            ContinuousViolation {
                 rule,
                 agents: vec![agent as u32],
                 time_s,
                 end_s: None,
-                sentence: format!(
-                    "agent {agent} {does} at {value} {unit} from {time_s} s on, \
-                     faster than {most} {unit}"
-                ),
-            });
-        }
+                excess: Some(BeyondLimit {
+                    place_m: excess.place_m,
+                    value: excess.value,
+                    limit: excess.limit,
+                }),
+                sentence: format!("agent {agent} {what} from {time_s} s on, at [{x}, {y}]"),
+            }
+        }));
+    }
+}
+
+/// The rule that is broken, and how.
+fn beyond(excess: &Excess) -> (ContinuousRule, String) {
+    let Excess { along, limit, .. } = excess;
+    // Beyond a millionth it is rounding, which the limit forgives.
+    let value = (excess.value * 1e6).round() / 1e6;
+    let gap = if along.is_empty() { "" } else { " " };
+    match excess.demand {
+        Demand::Speed => (
+            ContinuousRule::TooFast,
+            format!("moves{gap}{along} at {value} m/s, faster than {limit} m/s,"),
+        ),
+        Demand::Course => (
+            ContinuousRule::WrongCourse,
+            format!("moves {value} rad beside where its wheels lead,"),
+        ),
+        Demand::TurnRate => (
+            ContinuousRule::TurnsTooFast,
+            format!("turns at {value} rad/s, faster than {limit} rad/s,"),
+        ),
+        Demand::Acceleration => (
+            ContinuousRule::TooSudden,
+            format!("changes its speed{gap}{along} by {value} m/s², more than {limit} m/s²,"),
+        ),
+        Demand::TurnAcceleration => (
+            ContinuousRule::TurnsTooSuddenly,
+            format!("changes its turn rate by {value} rad/s², more than {limit} rad/s²,"),
+        ),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use fleetyard_core::{Grid, GridInstance, GridPlan, Knot};
-    use fleetyard_world::{Bounds, Footprint, Polygon, Workspace};
+    use fleetyard_world::{Boundary, Bounds, Footprint, Polygon, Travel, Workspace};
     use proptest::prelude::*;
 
     use super::*;
@@ -411,6 +442,7 @@ mod tests {
                 min: [0.0, 0.0],
                 max: [10.0, 10.0],
             },
+            boundary: None,
             obstacles: vec![Polygon::rectangle([5.0, 5.0], [1.0, 1.0], 0.0).unwrap()],
             movers: Vec::new(),
         };
@@ -420,14 +452,20 @@ mod tests {
             &[
                 (0.0, 1.0, 2.0, 0.0),
                 (4.0, 9.0, 2.0, 0.0),
-                (5.0, 9.0, 2.0, 1.5),
+                (4.2, 9.0, 2.0, 0.15),
+                (5.1, 9.0, 2.0, 1.5),
+                (6.1, 9.0, 2.0, 1.5),
             ],
         ]);
         let starts = [Pose::at(1.0, 1.0), Pose::at(1.0, 2.0)];
         let goals = [Pose::new(9.0, 1.0, TAU), Pose::new(9.0, 2.0, 1.5)];
-        let limits = [SpeedLimits {
-            speed_m_per_s: 2.0,
+        let limits = [Dynamics {
+            travel: Travel::Polar {
+                speed: 2.0,
+                acceleration: f64::INFINITY,
+            },
             turn_rad_per_s: 1.5,
+            turn_acceleration_rad_per_s2: 15.0,
         }; 2];
         let task = ContinuousTask {
             starts: Some(&starts),
@@ -438,7 +476,7 @@ mod tests {
         let verdict = validate_trajectories(&good, &task, 10);
         assert_eq!(sentences(&verdict), [""; 0]);
         assert!(verdict.valid);
-        assert!((verdict.checked_until_s - 5.0).abs() < 1e-12);
+        assert!((verdict.checked_until_s - 6.1).abs() < 1e-12);
 
         let bad = plan(&[
             &[(0.0, 1.0, 1.5, 0.0), (4.0, 5.0, 5.0, 0.0)],
@@ -454,15 +492,111 @@ mod tests {
             sentences(&verdict),
             [
                 "agent 0 begins 0.5 m from its start",
-                "agent 1 moves at 4 m/s from 0 s on, faster than 2 m/s",
+                "agent 1 moves at 4 m/s, faster than 2 m/s, from 0 s on, at [1, 2]",
                 "agents 0 and 1 overlap from 0.0000011428571428571428 s to 0.333333 s",
-                "agent 1 turns at 3 rad/s from 2 s on, faster than 1.5 rad/s",
+                "agent 1 turns at 3 rad/s, faster than 1.5 rad/s, from 2 s on, at [9, 2]",
+                "agent 1 changes its turn rate by 30 rad/s², more than 15 rad/s², from 2 s on, at [9, 2]",
                 "agent 1 reaches over the bounds from 2.704087739031907 s on",
                 "agent 1 ends 0.75 m from its goal",
                 "agent 0 overlaps obstacle 0 from 3.1428582857142855 s on",
                 "agent 0 ends 5.656854249492381 m from its goal",
             ]
         );
+    }
+
+    /// The double integrator has 0.5 m/s and 2 m/s² along each axis.
+    #[test]
+    fn an_instant_reversal_and_too_fast_an_axis_are_refused() {
+        let disc = disc(0.1);
+        let none = Obstacles::none();
+        let limits = [Dynamics {
+            travel: Travel::Axes {
+                speed: 0.5,
+                acceleration: 2.0,
+            },
+            turn_rad_per_s: f64::INFINITY,
+            turn_acceleration_rad_per_s2: f64::INFINITY,
+        }];
+        let shapes = [&disc];
+        let task = ContinuousTask {
+            limits: Some(&limits),
+            ..ContinuousTask::new(&shapes, &none)
+        };
+        // Speeds along x in steps of a tenth of a second, from rest to rest.
+        let driven = |speeds: &[f64]| {
+            let mut path = vec![(0.0, 0.0, 0.0, 0.0)];
+            for (at, speed) in speeds.iter().enumerate() {
+                let x = path[at].1 + 0.1 * speed;
+                path.push((0.1 * (at + 1) as f64, x, 0.0, 0.0));
+            }
+            validate_trajectories(&plan(&[&path]), &task, 10)
+        };
+        assert!(driven(&[0.2, 0.4, 0.5, 0.5, 0.4, 0.2]).valid);
+        let reversal = driven(&[0.2, 0.4, 0.5, -0.5, -0.4, -0.2]);
+        let found = &reversal.violations[..];
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].rule, ContinuousRule::TooSudden);
+        let excess = found[0].excess.expect("a limit");
+        assert!((excess.value - 10.0).abs() < 1e-9 && (excess.limit - 2.0).abs() < 1e-12);
+        assert!((excess.place_m[0] - 0.11).abs() < 1e-12 && (found[0].time_s - 0.3).abs() < 1e-12);
+        let fast = driven(&[0.2, 0.4, 0.6, 0.6, 0.4, 0.2]);
+        assert_eq!(fast.violations.len(), 1, "{:?}", fast.violations);
+        assert_eq!(fast.violations[0].rule, ContinuousRule::TooFast);
+        let json = serde_json::to_value(&fast.violations[0]).unwrap();
+        assert_eq!(json["rule"], "too-fast");
+        assert_eq!(json["limit"], 0.5);
+        assert_eq!(
+            serde_json::from_value::<ContinuousViolation>(json).unwrap(),
+            fast.violations[0]
+        );
+    }
+
+    /// Ω of GRACE: an L whose notch no box tells.
+    #[test]
+    fn the_edge_of_a_world_is_kept_at_all_times() {
+        let corners = [
+            [0.0, 0.0],
+            [6.0, 0.0],
+            [6.0, 2.0],
+            [2.0, 2.0],
+            [2.0, 6.0],
+            [0.0, 6.0],
+        ];
+        let boundary = Boundary::new(&corners).unwrap();
+        let workspace = Workspace {
+            name: String::new(),
+            bounds: boundary.polygon().bounds(),
+            boundary: Some(boundary),
+            obstacles: Vec::new(),
+            movers: Vec::new(),
+        };
+        let obstacles = Obstacles::workspace(&workspace);
+        let disc = disc(0.5);
+        let shapes = [&disc];
+        let task = ContinuousTask::new(&shapes, &obstacles);
+        let around = plan(&[&[
+            (0.0, 5.0, 1.0, 0.0),
+            (4.0, 1.0, 1.0, 0.0),
+            (8.0, 1.0, 5.0, 0.0),
+        ]]);
+        assert!(validate_trajectories(&around, &task, 10).valid);
+        // Straight through the notch, in and out again.
+        let across = plan(&[&[(0.0, 5.0, 1.0, 0.0), (4.0, 1.0, 5.0, 0.0)]]);
+        let verdict = validate_trajectories(&across, &task, 10);
+        assert_eq!(verdict.violations.len(), 1, "{:?}", verdict.violations);
+        let found = &verdict.violations[0];
+        assert_eq!(found.rule, ContinuousRule::OutOfBounds);
+        // It touches y = 2 with its upper side at y = 1.5, and x = 2 likewise.
+        assert!((found.time_s - 0.5).abs() < 1e-5, "{found:?}");
+        assert!(
+            found.end_s.is_some_and(|end| (end - 3.5).abs() < 1e-5),
+            "{found:?}"
+        );
+        // Far beyond, in the notch and out of the box.
+        let away = plan(&[&[(0.0, 5.0, 1.0, 0.0), (1.0, 500.0, 100.0, 0.0)]]);
+        let verdict = validate_trajectories(&away, &task, 10);
+        assert_eq!(verdict.violations.len(), 1);
+        assert_eq!(verdict.violations[0].end_s, None);
     }
 
     #[test]

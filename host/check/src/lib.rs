@@ -16,7 +16,7 @@ mod validate;
 mod verdict;
 
 pub use continuous::{
-    ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, SpeedLimits, Tolerance,
+    BeyondLimit, ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, Tolerance,
     validate_trajectories,
 };
 pub use metrics::{PlanMetrics, metrics, sum_of_costs};

@@ -146,6 +146,13 @@ impl Roadmap {
         &self.targets[self.offsets[vertex]..self.offsets[vertex + 1]]
     }
 
+    /// The edges as lines from point to point in metres; an edge there and back is one.
+    pub fn lines(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
+        let edges = self.edges();
+        let lines = edges.filter(|(from, to)| from < to || !self.has_edge(*to, *from));
+        lines.map(|(from, to)| [from, to].map(|vertex| self.position_m(vertex).into()))
+    }
+
     /// Whether there is an edge from one vertex to another; both must exist.
     pub fn has_edge(&self, from: u32, to: u32) -> bool {
         self.neighbors(from).binary_search(&to).is_ok()

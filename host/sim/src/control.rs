@@ -24,7 +24,7 @@ pub(crate) struct Pilot {
     /// The knot at the end of the present leg.
     pub(crate) leg: u32,
     /// Where the leg begins.
-    from: (f64, f64),
+    from: Place,
     /// The body may not set out before this moment, in substeps.
     hold: f64,
     /// The body stands until this moment, wherever it is, in substeps.
@@ -48,7 +48,11 @@ impl Pilot {
             state: State::at_rest(start.x, start.y, start.heading),
             done: 0,
             leg: 0,
-            from: (start.x, start.y),
+            from: Place {
+                x: start.x,
+                y: start.y,
+                heading: None,
+            },
             hold: 0.0,
             stop: 0.0,
             due: 0,
@@ -135,6 +139,22 @@ fn same(a: Place, b: Place) -> bool {
         _ => true,
     };
     dx * dx + dy * dy <= SAME_M * SAME_M && heading
+}
+
+/// Whether the way from one place to the next goes on straight to a third one, with the
+/// same turn for every metre.
+fn goes_on(from: Place, by: Place, to: Place) -> bool {
+    let turn = |from: Place, to: Place| {
+        let headings = from.heading.zip(to.heading);
+        headings.map_or(0.0, |(from, to)| to - from)
+    };
+    let way = |from: Place, to: Place| [to.x - from.x, to.y - from.y, turn(from, to)];
+    let ([ax, ay, at], [bx, by, bt]) = (way(from, by), way(by, to));
+    let across = [ax * by - ay * bx, ax * bt - at * bx, ay * bt - at * by];
+    let (aa, bb) = (ax * ax + ay * ay + at * at, bx * bx + by * by + bt * bt);
+    across.iter().all(|cross| cross * cross <= 1e-18 * aa * bb)
+        && ax * bx + ay * by >= 0.0
+        && (ax != 0.0 || ay != 0.0)
 }
 
 impl Driver<'_> {
@@ -361,17 +381,17 @@ impl Driver<'_> {
             }
             Releases::Order(_) => {
                 let end = self.place(agent, pilot.leg.max(pilot.done));
-                let (wx, wy) = (end.x - pilot.from.0, end.y - pilot.from.1);
+                let (wx, wy) = (end.x - pilot.from.x, end.y - pilot.from.y);
                 let length = wx * wx + wy * wy;
-                let along = (x - pilot.from.0) * wx + (y - pilot.from.1) * wy;
+                let along = (x - pilot.from.x) * wx + (y - pilot.from.y) * wy;
                 let share = if length > 0.0 {
                     (along / length).clamp(0.0, 1.0)
                 } else {
                     1.0
                 };
                 Place {
-                    x: pilot.from.0 + wx * share,
-                    y: pilot.from.1 + wy * share,
+                    x: pilot.from.x + wx * share,
+                    y: pilot.from.y + wy * share,
                     heading: None,
                 }
             }
@@ -400,21 +420,14 @@ impl Driver<'_> {
                 pilot.done += 1;
                 self.stay(agent, pilot, now);
             };
-            pilot.from = (here.x, here.y);
+            pilot.from = here;
             pilot.leg = pilot.done + 1;
         }
         let mut end = self.place(agent, pilot.leg);
         while pilot.leg < released && self.routes.stay_s(agent, pilot.leg as usize) <= 0.0 {
             let next = self.place(agent, pilot.leg + 1);
-            let (ax, ay) = (end.x - pilot.from.0, end.y - pilot.from.1);
-            let (bx, by) = (next.x - end.x, next.y - end.y);
-            let (cross, dot) = (ax * by - ay * bx, ax * bx + ay * by);
-            let straight = cross * cross <= 1e-18 * (ax * ax + ay * ay) * (bx * bx + by * by)
-                && dot >= 0.0
-                && (ax != 0.0 || ay != 0.0)
-                && next.heading == end.heading;
             // A delay would stop the body in the middle of the leg.
-            if !straight || self.delay(agent, pilot.leg + 1) > 0.0 {
+            if !goes_on(pilot.from, end, next) || self.delay(agent, pilot.leg + 1) > 0.0 {
                 break;
             }
             pilot.leg += 1;
@@ -504,7 +517,7 @@ impl Driver<'_> {
 
     /// Counts the knots within the leg that the body has passed.
     fn pass(&self, agent: usize, pilot: &mut Pilot, target: &Target) {
-        let (dx, dy) = (target.x - pilot.from.0, target.y - pilot.from.1);
+        let (dx, dy) = (target.x - pilot.from.x, target.y - pilot.from.y);
         while pilot.done + 1 < pilot.leg {
             let knot = self.place(agent, pilot.done + 1);
             let along = (pilot.state.x - knot.x) * dx + (pilot.state.y - knot.y) * dy;

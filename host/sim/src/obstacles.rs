@@ -46,10 +46,14 @@ impl Obstacles {
         if let Some(workspace) = workspace {
             let walls = walls(workspace.bounds);
             for (index, polygon) in workspace.obstacles.iter().enumerate() {
-                parts.extend(parts_of(index, polygon));
+                parts.extend(parts_of(index, polygon.parts()));
             }
+            let edge = workspace.obstacles.len();
             for wall in &walls {
-                parts.extend(parts_of(workspace.obstacles.len(), wall));
+                parts.extend(parts_of(edge, wall.parts()));
+            }
+            if let Some(boundary) = &workspace.boundary {
+                parts.extend(parts_of(edge, boundary.outside()));
             }
         }
         let bins = Bins::new(&parts);
@@ -149,8 +153,8 @@ impl Cells {
     }
 }
 
-fn parts_of(index: usize, polygon: &Polygon) -> impl Iterator<Item = Part> {
-    polygon.parts().iter().map(move |(pose, shape)| Part {
+fn parts_of(index: usize, parts: &[(Pose, Shape)]) -> impl Iterator<Item = Part> {
+    parts.iter().map(move |(pose, shape)| Part {
         polygon: index as u32,
         pose: *pose,
         shape: shape.clone(),

@@ -1,6 +1,6 @@
 //! What an execution is about, and what its trace says of that.
 
-use fleetyard_core::{Digest, Grid, Hasher, Role};
+use fleetyard_core::{Digest, Grid, Hasher, Roadmap, Role};
 use fleetyard_world::{Mover, Shape, Workspace, write_workspace};
 
 use crate::chunk::Chunk;
@@ -35,6 +35,8 @@ pub(crate) struct Setup<'a> {
     pub(crate) grid: Option<&'a Grid>,
     pub(crate) workspace: Option<&'a Workspace>,
     pub(crate) fleet: Option<&'a Fleet>,
+    /// What the plan goes along, to be seen.
+    pub(crate) roadmap: Option<&'a Roadmap>,
 }
 
 impl Setup<'_> {
@@ -138,6 +140,17 @@ impl Setup<'_> {
                 .iter()
                 .map(|polygon| polygon.vertices().to_vec())
                 .collect(),
+            outline_m: self
+                .workspace
+                .and_then(|workspace| workspace.boundary.as_ref())
+                .map_or_else(Vec::new, |edge| edge.polygon().vertices().to_vec()),
+            roadmap_m: self
+                .roadmap
+                .into_iter()
+                .flat_map(Roadmap::lines)
+                // As many as a frame of a trace holds.
+                .take(u32::MAX as usize / 32)
+                .collect(),
             profile_of_body: bodies.map(|body| shapes.kind_of(body) as u32).collect(),
             goals_m: goals.collect(),
         }
@@ -183,6 +196,9 @@ impl Setup<'_> {
                     let place = reference.place(agent, knot);
                     add(place.x - 1.0, place.y - 1.0, place.x + 1.0, place.y + 1.0);
                 }
+            }
+            for [x, y] in self.roadmap.into_iter().flat_map(Roadmap::lines).flatten() {
+                add(x - 1.0, y - 1.0, x + 1.0, y + 1.0);
             }
         }
         bounds.unwrap_or(Bounds {

@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use fleetyard_core::{Digest, Grid, GridPlan};
-use fleetyard_world::{Pose, Shape, Workspace};
+use fleetyard_core::{Digest, Grid, GridPlan, Roadmap};
+use fleetyard_world::{Demand, Pose, Shape, Workspace};
 
 use crate::chunk::{CHUNK, Chunk};
 use crate::clock::Clock;
@@ -32,6 +32,7 @@ pub struct Simulator<'a> {
     grid: Option<&'a Grid>,
     workspace: Option<&'a Workspace>,
     fleet: Option<&'a Fleet>,
+    roadmap: Option<&'a Roadmap>,
     config: &'a SimConfig,
 }
 
@@ -42,6 +43,7 @@ impl<'a> Simulator<'a> {
             grid: None,
             workspace: None,
             fleet: None,
+            roadmap: None,
             config,
         }
     }
@@ -70,6 +72,15 @@ impl<'a> Simulator<'a> {
     pub fn with_fleet(self, fleet: &'a Fleet) -> Self {
         Self {
             fleet: Some(fleet),
+            ..self
+        }
+    }
+
+    /// The same with the roadmap that the plan goes along, which traces show.
+    #[must_use]
+    pub fn over_roadmap(self, roadmap: &'a Roadmap) -> Self {
+        Self {
+            roadmap: Some(roadmap),
             ..self
         }
     }
@@ -242,21 +253,17 @@ impl<'a> Simulator<'a> {
             None
         } else {
             let (shapes, models) = (&engine.shapes, &engine.setup.models);
-            let tolerance = models
-                .iter()
-                .flatten()
-                .map(|model| model.arrival_tolerance_m().max(model.lateral_tolerance_m()));
-            let needed_m = 2.0 * tolerance.fold(0.0, f64::max);
+            let swept = swept_shapes(shapes, models, crowd.headings);
+            let needed_m = 2.0 * swept.iter().map(|swept| swept.off_m).fold(0.0, f64::max);
             let options = GateOptions {
                 margin_m: config.margin_m + needed_m,
                 least_margin_m: needed_m,
                 cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
                 ..GateOptions::default()
             };
-            let discs = turning_discs(shapes, models);
             let shape_of = |agent: usize| {
                 let kind = shapes.kind_of(agent as u32);
-                discs[kind].as_ref().unwrap_or(&shapes.kinds[kind])
+                swept[kind].disc.as_ref().unwrap_or(&shapes.kinds[kind])
             };
             let graph = DependencyGraph::build(&reference, &shape_of, &options)?;
             let (messages, seed) = (&config.disturbance.messages, config.disturbance.seed);
@@ -349,40 +356,33 @@ impl<'a> Simulator<'a> {
             grid: self.grid,
             workspace: self.workspace,
             fleet: self.fleet,
+            roadmap: self.roadmap,
         };
         Ok(Engine::new(setup, shapes, solved, chunks))
     }
 
-    /// Refuses poses that a model cannot follow at the times of the plan.
+    /// Refuses speeds at which a model falls behind the plan for good. What it lacks of
+    /// acceleration, at corners and on its course, is what executing a plan shows.
     fn check_speeds(&self, plan: &fleetyard_core::TrajectoryPlan) -> Result<(), SimError> {
-        for (agent, fastest) in plan.fastest().enumerate() {
+        for (agent, knots) in plan.paths().enumerate() {
             let Some(model) = self.model(agent) else {
                 return Ok(());
             };
-            for (what, value, most, knot) in [
-                (
-                    "moves at",
-                    fastest.speed_m_per_s,
-                    model.max_speed_m_per_s(),
-                    fastest.speed_knot,
-                ),
-                (
-                    "turns at",
-                    fastest.turn_rad_per_s,
-                    model.max_turn_rate_rad_per_s(),
-                    fastest.turn_knot,
-                ),
-            ] {
-                if value > most * (1.0 + 1e-6) {
-                    return Err(SimError::TooFast {
-                        agent,
-                        knot,
-                        what,
-                        value,
-                        most,
-                        model: model.name(),
-                    });
-                }
+            let excesses = model.dynamics().excesses(knots);
+            for excess in excesses {
+                let what = match excess.demand {
+                    Demand::Speed => "moves at",
+                    Demand::TurnRate if knots.heading_rad.is_some() => "turns at",
+                    _ => continue,
+                };
+                return Err(SimError::TooFast {
+                    agent,
+                    knot: excess.knot,
+                    what,
+                    value: excess.value,
+                    most: excess.limit,
+                    model: model.name(),
+                });
             }
         }
         Ok(())
@@ -404,17 +404,45 @@ pub(crate) struct Crowd<'c> {
     pub(crate) start: &'c dyn Fn(usize) -> Place,
 }
 
-/// Per profile, the disc around its footprint if robots of the profile turn. Plans
-/// on grids and roadmaps say nothing about that, and where a plan has headings,
-/// controllers still turn when they need to and not evenly over an action: so the
-/// graph may assume no more than that they stay within their effective radius.
-fn turning_discs(shapes: &Shapes, models: &[Option<&Model>]) -> Vec<Option<Shape>> {
+/// What a kind of robots is for the dependency graph.
+struct Swept {
+    /// The disc around its footprint, if its heading is not known: plans on grids and
+    /// roadmaps give none, and wheels head where their controllers drive.
+    disc: Option<Shape>,
+    /// By how much a point of it may be off what it sweeps along the plan, in metres.
+    off_m: f64,
+}
+
+/// For every kind of robots, how far the graph may rely on the plan's poses: to within
+/// the tolerances of the model, of place and, where the headings count, of heading.
+fn swept_shapes(shapes: &Shapes, models: &[Option<&Model>], headings: bool) -> Vec<Swept> {
     let kinds = shapes.kinds.iter().zip(models);
-    let turns = |model: Option<&Model>| model.is_some_and(|model| !is_pebble(model));
     kinds
         .map(|(shape, model)| {
-            let needs_disc = !shape.is_disc() && turns(*model);
-            needs_disc.then(|| shape.enclosing_disc())
+            let Some(model) = model else {
+                return Swept {
+                    disc: None,
+                    off_m: 0.0,
+                };
+            };
+            let place_m = model.arrival_tolerance_m().max(model.lateral_tolerance_m());
+            if shape.is_disc() || is_pebble(model) {
+                return Swept {
+                    disc: None,
+                    off_m: place_m,
+                };
+            }
+            if headings && model.keeps_headings() {
+                let turned_m = shape.effective_radius_m() * model.heading_tolerance_rad();
+                return Swept {
+                    disc: None,
+                    off_m: place_m + turned_m,
+                };
+            }
+            Swept {
+                disc: Some(shape.enclosing_disc()),
+                off_m: place_m,
+            }
         })
         .collect()
 }

@@ -51,7 +51,10 @@ impl Solved {
             for obstacle in &workspace.obstacles {
                 world.add_obstacle(obstacle)?;
             }
-            world.add_border(workspace.bounds);
+            match &workspace.boundary {
+                Some(boundary) => world.add_boundary(boundary)?,
+                None => world.add_border(workspace.bounds),
+            };
             for mover in &workspace.movers {
                 world.add_mover(mover)?;
             }

@@ -8,7 +8,7 @@ use fleetyard_sim::motion::Model;
 use fleetyard_sim::{
     Fleet, NoTrace, Outcome, Policy, Profile, SimConfig, SimError, Simulator, Tier,
 };
-use fleetyard_world::Footprint;
+use fleetyard_world::{Boundary, Footprint, Workspace};
 
 fn fleet(model: &str, agents: usize) -> Fleet {
     let profile = Profile {
@@ -305,4 +305,57 @@ fn every_model_has_a_name() {
     for model in MODELS {
         assert!(model.parse::<Model>().is_ok(), "{model}");
     }
+}
+
+/// The edge of a world is no rectangle: by time a robot drives over it, and where contacts
+/// are solved it stops it.
+#[test]
+fn the_edge_of_a_world_is_met() {
+    let corners = [
+        [0.0, 0.0],
+        [6.0, 0.0],
+        [6.0, 2.0],
+        [2.0, 2.0],
+        [2.0, 6.0],
+        [0.0, 6.0],
+    ];
+    let boundary = Boundary::new(&corners).unwrap();
+    let workspace = Workspace {
+        name: String::new(),
+        bounds: boundary.polygon().bounds(),
+        boundary: Some(boundary),
+        obstacles: Vec::new(),
+        movers: Vec::new(),
+    };
+    let knot = |time_s: f64, x_m: f64, y_m: f64| Knot {
+        time_s,
+        x_m,
+        y_m,
+        heading_rad: None,
+    };
+    let mut plan = TrajectoryPlan::default();
+    plan.push_path([knot(0.0, 5.0, 1.0), knot(4.0, 1.0, 5.0)])
+        .unwrap();
+    let disc = fleet("pebble", 1);
+    let run = |tier: Tier| {
+        let config = SimConfig {
+            tier,
+            max_contacts_kept: usize::MAX,
+            ..SimConfig::default()
+        };
+        Simulator::new(&config)
+            .in_workspace(&workspace)
+            .with_fleet(&disc)
+            .run(&plan, &mut NoTrace)
+            .unwrap()
+    };
+    let kinematic = run(Tier::Kinematic);
+    assert_eq!(kinematic.contacts.agent_obstacle, 1);
+    let first = &kinematic.contacts.first[0];
+    // Its upper side is at y = 2 when its middle is at 1.7: after 0.7 s.
+    assert!((first.begin_s - 0.7).abs() < 1e-3, "{first:?}");
+    assert_eq!(kinematic.arrived, 1);
+    let solved = run(Tier::Contact);
+    assert!(solved.contacts.agent_obstacle >= 1);
+    assert_eq!(solved.arrived, 0, "it does not get through the notch");
 }

@@ -184,6 +184,7 @@ fn in_the_plane() -> World {
             min: [0.0, 0.0],
             max: [20.0, 20.0],
         },
+        boundary: None,
         obstacles: vec![
             Polygon::new(&[[4.0, 4.0], [7.0, 4.5], [5.0, 5.0], [4.5, 8.0]]).expect("a polygon"),
             Polygon::rectangle([14.0, 12.0], [3.0, 1.0], 0.5).expect("a polygon"),
@@ -240,7 +241,7 @@ const WORLDS: &[Case] = &[
     (
         "disturbed, gaussian",
         || disturbed("holonomic", "gaussian:0.5s,0.5s"),
-        "901966c54c3f06ea7cd573aef2a63de7",
+        "4525ceb166ca02c8716b8a2ce39e7b62",
     ),
     (
         "disturbed, bursts",
@@ -255,7 +256,7 @@ const WORLDS: &[Case] = &[
     (
         "mixed fleet by time",
         mixed_fleet,
-        "fb96294ec79048940601bcd5e42340da",
+        "65a6467feee3198c5d65797af613a63e",
     ),
     (
         "trajectories among polygons",
@@ -275,7 +276,7 @@ const WORLDS: &[Case] = &[
     (
         "contact tier, mixed fleet",
         || pushing(mixed_fleet()),
-        "37603af1c5b87bcb8f9d47ad85cb452b",
+        "3f9cbea81aa79bc8ddb008bf67e5e3f0",
     ),
     (
         "contact tier, by order",

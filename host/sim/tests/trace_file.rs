@@ -237,6 +237,8 @@ fn of_everything() -> Vec<u8> {
         scene: Scene {
             cells: Some(Cells::new(&cells, 1.0)),
             polygons_m: vec![vec![[0.5, 0.5], [1.0, 0.5], [0.7, 0.9]]],
+            outline_m: vec![[0.0, 0.0], [3.0, 0.0], [2.0, 2.0], [0.0, 2.0]],
+            roadmap_m: vec![[[0.5, 0.5], [2.5, 0.5]], [[2.5, 0.5], [1.5, 1.0]]],
             profile_of_body: vec![1, 0, 0],
             goals_m: vec![[2.5, 1.5], [0.1 + 0.2, 1.0]],
             ..Scene::default()
@@ -307,6 +309,8 @@ fn everything_that_a_trace_can_have_comes_back() {
     let bits = |point: [f64; 2]| point.map(f64::to_bits);
     assert_eq!(bits(header.scene.goals_m[1]), bits([0.1 + 0.2, 1.0]));
     assert_eq!(bits(header.scene.polygons_m[0][2]), bits([0.7, 0.9]));
+    assert_eq!(bits(header.scene.outline_m[2]), bits([2.0, 2.0]));
+    assert_eq!(bits(header.scene.roadmap_m[1][1]), bits([1.5, 1.0]));
     let solid: Vec<_> = header.scene.cells.unwrap().in_rows().collect();
     assert_eq!(solid, [(0, 1, 2), (1, 2, 1)]);
     assert_eq!(memory.states.len(), 20);

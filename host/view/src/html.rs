@@ -190,6 +190,7 @@ struct Meta<'a> {
     workstations: Option<CellsMeta<'a>>,
     /// x and y of each corner, one after the other; likewise below.
     polygons: Vec<&'a [f64]>,
+    outline: &'a [f64],
     roadmap: &'a [f64],
     outlines: Vec<OutlineMeta<'a>>,
     outline_of: Vec<u32>,
@@ -460,6 +461,7 @@ impl Page {
             endpoints: recording.endpoints.as_ref().map(CellsMeta::of),
             workstations: recording.workstations.as_ref().map(CellsMeta::of),
             polygons: world.polygons.iter().map(|p| p.as_flattened()).collect(),
+            outline: world.outline.as_flattened(),
             roadmap: world.roadmap.as_flattened().as_flattened(),
             outlines: outlines.collect(),
             outline_of,

@@ -298,6 +298,13 @@ for (const polygon of meta.polygons) {
   pairs(polygon).forEach(([x, y], at) => at ? solid.lineTo(x, y) : solid.moveTo(x, y));
   solid.closePath();
 }
+/** What lies between the edge of the world and its box, where it is no rectangle. */
+const beyond = new Path2D();
+if (meta.outline.length) {
+  beyond.rect(minX, minY, maxX - minX, maxY - minY);
+  pairs(meta.outline).forEach(([x, y], at) => at ? beyond.lineTo(x, y) : beyond.moveTo(x, y));
+  beyond.closePath();
+}
 const roadmap = new Path2D();
 for (let i = 0; i < meta.roadmap.length; i += 4) {
   roadmap.moveTo(meta.roadmap[i], meta.roadmap[i + 1]);
@@ -343,12 +350,13 @@ function drawGround() {
   c.fillRect(minX, minY, maxX - minX, maxY - minY);
   c.strokeStyle = theme.roadmap;
   c.strokeRect(minX, minY, maxX - minX, maxY - minY);
-  c.stroke(roadmap);
   for (const [name, cells] of stations) {
     c.fillStyle = theme[name];
     c.fill(cells);
   }
   c.fillStyle = theme.solid;
+  c.fill(beyond, 'evenodd');
+  c.stroke(roadmap);
   c.fill(solid);
   if (show.paths) {
     c.lineJoin = c.lineCap = 'round';

@@ -111,6 +111,7 @@ impl<'a> Picture<'a> {
     pub fn svg(&self) -> String {
         let mut canvas = Canvas::new(self.world, &self.bodies);
         canvas.open(self.world);
+        canvas.beyond(&self.world.outline);
         canvas.roadmap(&self.world.roadmap);
         canvas.obstacles(self.world);
         let agents = self.paths.len().max(self.bodies.len());
@@ -240,6 +241,19 @@ impl Canvas {
         let _ = writeln!(
             self.out,
             "<rect width=\"{width}\" height=\"{height}\" fill=\"{GROUND}\"/>"
+        );
+    }
+
+    /// What lies between the edge of the world and the edge of the picture.
+    fn beyond(&mut self, outline: &[[f64; 2]]) {
+        if outline.is_empty() {
+            return;
+        }
+        let (width, height) = (self.number(self.width_m), self.number(self.height_m));
+        let edge = self.line(outline.iter().map(|corner| self.place(*corner)));
+        let _ = writeln!(
+            self.out,
+            "<path fill=\"{OBSTACLE}\" fill-rule=\"evenodd\" d=\"M0 0H{width}V{height}H0z{edge}z\"/>"
         );
     }
 

@@ -25,6 +25,8 @@ pub struct World {
     pub cells: Option<Cells>,
     /// Polygonal obstacles.
     pub polygons: Vec<Vec<[f64; 2]>>,
+    /// The edge of the world where it is no rectangle; empty if it is one.
+    pub outline: Vec<[f64; 2]>,
     /// Edges of a roadmap.
     pub roadmap: Vec<[[f64; 2]; 2]>,
 }
@@ -52,6 +54,7 @@ impl World {
             },
             cells: Some(Cells::of_runs(grid.rows(), side_m, runs)),
             polygons: Vec::new(),
+            outline: Vec::new(),
             roadmap: Vec::new(),
         }
     }
@@ -68,7 +71,8 @@ impl World {
             },
             cells: cells.map(Cells::of_trace),
             polygons: header.scene.polygons_m.clone(),
-            roadmap: Vec::new(),
+            outline: header.scene.outline_m.clone(),
+            roadmap: header.scene.roadmap_m.clone(),
         }
     }
 
@@ -80,18 +84,32 @@ impl World {
             bounds: workspace.bounds,
             cells: None,
             polygons: polygons.map(<[_]>::to_vec).collect(),
+            outline: workspace
+                .boundary
+                .as_ref()
+                .map_or_else(Vec::new, |edge| edge.polygon().vertices().to_vec()),
             roadmap: Vec::new(),
         }
+    }
+
+    /// Adds the obstacles and the edge of a workspace.
+    #[must_use]
+    pub fn workspace(mut self, workspace: &Workspace) -> Self {
+        let Self {
+            bounds,
+            polygons,
+            outline,
+            ..
+        } = Self::of_workspace(workspace);
+        self.bounds = Bounds::of(&[self.bounds.min, self.bounds.max, bounds.min, bounds.max]);
+        (self.polygons, self.outline) = (polygons, outline);
+        self
     }
 
     /// Adds the edges of a roadmap.
     #[must_use]
     pub fn roadmap(mut self, roadmap: &Roadmap) -> Self {
-        let ends = |(a, b)| [a, b].map(|vertex| roadmap.position_m(vertex).into());
-        // An edge back is the same line.
-        let edges = roadmap.edges();
-        let lines = edges.filter(|(a, b)| a < b || !roadmap.has_edge(*b, *a));
-        self.roadmap = lines.map(ends).collect();
+        self.roadmap = roadmap.lines().collect();
         self
     }
 

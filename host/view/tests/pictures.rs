@@ -8,7 +8,7 @@ use std::{env, fs};
 
 use fleetyard_core::{Grid, GridPlan, Roadmap, TrajectoryPlan};
 use fleetyard_view::{Body, FleetPicture, Outline, Picture, World, difference, png};
-use fleetyard_world::{Bounds, Polygon, Workspace};
+use fleetyard_world::{Boundary, Bounds, Polygon, Workspace};
 use resvg::tiny_skia::Pixmap;
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -57,6 +57,7 @@ fn a_moment_in_a_workspace() {
             min: [-2.0, -1.0],
             max: [8.0, 5.0],
         },
+        boundary: None,
         obstacles: vec![Polygon::new(&ring).unwrap()],
         movers: Vec::new(),
     };
@@ -87,6 +88,36 @@ fn a_moment_in_a_workspace() {
     picture.contacts = vec![[3.1, 2.2]];
     picture.time_s = Some(6.0);
     expect("moment.svg", &picture.svg());
+}
+
+/// What is beyond the edge is dark like obstacles, and lines of the roadmap are on the ground.
+#[test]
+fn the_edge_of_a_world_is_drawn() {
+    let corners = [
+        [0.0, 0.0],
+        [4.0, 0.0],
+        [4.0, 1.0],
+        [1.0, 1.0],
+        [1.0, 3.0],
+        [0.0, 3.0],
+    ];
+    let boundary = Boundary::new(&corners).unwrap();
+    let workspace = Workspace {
+        name: "corner".to_owned(),
+        bounds: boundary.polygon().bounds(),
+        boundary: Some(boundary),
+        obstacles: Vec::new(),
+        movers: Vec::new(),
+    };
+    let world = World::of_workspace(&workspace);
+    let svg = Picture::new(&world).svg();
+    assert!(
+        svg.contains("fill-rule=\"evenodd\" d=\"M0 0H4V3H0zM0 3H4V2H1V0H0z\""),
+        "{svg}"
+    );
+    let pixels = Pixmap::decode_png(&png(&svg, Some(400)).unwrap()).unwrap();
+    let red = |x, y| pixels.pixel(x, y).unwrap().red();
+    assert!(red(300, 50) < 100 && red(50, 50) > 200 && red(300, 250) > 200);
 }
 
 #[test]

@@ -17,6 +17,7 @@
 #![forbid(unsafe_code)]
 
 mod canvas;
+mod dynamics;
 mod enclosing;
 pub mod exact;
 mod footprint;
@@ -37,10 +38,11 @@ mod swept;
 mod warehouse;
 mod workspace;
 
+pub use dynamics::{DYNAMICS_TOLERANCE, Demand, Dynamics, Excess, LONGEST_SAMPLE_S, Travel};
 pub use footprint::{Footprint, FootprintError};
 pub use geometry::{Inside, Relative};
 pub use maze::{Maze, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec};
-pub use polygon::{Bounds, Polygon, PolygonError};
+pub use polygon::{Boundary, Bounds, Polygon, PolygonError};
 pub use pose::Pose;
 pub use python_random::PythonRandom;
 pub use random::SeededRandom;

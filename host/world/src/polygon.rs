@@ -33,6 +33,13 @@ pub struct Bounds {
     pub max: [f64; 2],
 }
 
+/// The edge of a world: a simple polygon that everything stays within.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Boundary {
+    polygon: Polygon,
+    outside: Vec<(Pose, Shape)>,
+}
+
 /// Why an outline is no polygon. Vertices and edges are counted from 0; an edge
 /// has the number of the vertex that it begins at.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -100,14 +107,7 @@ impl Polygon {
     /// first. Takes time quadratic in the number of corners.
     pub fn new(vertices_m: &[[f64; 2]]) -> Result<Self, PolygonError> {
         let Ring { vertices, .. } = check_ring(vertices_m)?;
-        let parts: Vec<(Pose, Shape)> = convex_parts(&vertices)
-            .iter()
-            .filter_map(|part| {
-                let shape = Shape::convex(part)?;
-                let [x, y] = shape.reference_m();
-                Some((Pose::at(x, y), shape))
-            })
-            .collect();
+        let parts = shapes_of(&convex_parts(&vertices));
         if parts.is_empty() {
             return Err(PolygonError::NoArea);
         }
@@ -161,6 +161,35 @@ impl Polygon {
     /// The area in square metres.
     pub fn area_m2(&self) -> f64 {
         0.5 * double_area(&self.vertices)
+    }
+}
+
+impl Boundary {
+    /// An edge from its corners, as [`Polygon::new`] takes them.
+    pub fn new(vertices_m: &[[f64; 2]]) -> Result<Self, PolygonError> {
+        let polygon = Polygon::new(vertices_m)?;
+        let Bounds { min, max } = polygon.bounds();
+        let far = (max[0] - min[0]).max(max[1] - min[1]);
+        let (left, bottom) = (min[0] - far, min[1] - far);
+        let (right, top) = (max[0] + far, max[1] + far);
+        let mut points = vec![[left, bottom], [right, bottom], [right, top], [left, top]];
+        let frame = points.len();
+        points.extend(polygon.vertices());
+        let ring = |points: &[[f64; 2]]| points.iter().map(|[x, y]| (*x, *y)).collect();
+        let around = geo::Polygon::new(ring(&points[..frame]), vec![ring(&points[frame..])]);
+        let outside = shapes_of(&convex_unions(&points, &around));
+        Ok(Self { polygon, outside })
+    }
+
+    /// What is inside.
+    pub fn polygon(&self) -> &Polygon {
+        &self.polygon
+    }
+
+    /// Convex shapes and where they are: together they cover all outside, as far from the
+    /// polygon as that is wide or high.
+    pub fn outside(&self) -> &[(Pose, Shape)] {
+        &self.outside
     }
 }
 
@@ -307,18 +336,33 @@ fn same_place(given: &[[f64; 2]]) -> Option<(usize, usize)> {
     found
 }
 
+/// Convex outlines as shapes, without those that are too thin to be one.
+fn shapes_of(parts: &[Vec<[f64; 2]>]) -> Vec<(Pose, Shape)> {
+    let shape = |part: &Vec<[f64; 2]>| {
+        let shape = Shape::convex(part)?;
+        let [x, y] = shape.reference_m();
+        Some((Pose::at(x, y), shape))
+    };
+    parts.iter().filter_map(shape).collect()
+}
+
 /// Divides a simple polygon into convex ones, all counter-clockwise.
 fn convex_parts(vertices: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
     if (0..vertices.len()).all(|at| turn_at(vertices, at) > 0.0) {
         return vec![vertices.to_vec()];
     }
     let ring: LineString<f64> = vertices.iter().map(|[x, y]| (*x, *y)).collect();
-    let raw = geo::Polygon::new(ring, Vec::new()).earcut_triangles_raw();
-    // Indices count the coordinates that were handed in, the closing one included.
+    convex_unions(vertices, &geo::Polygon::new(ring, Vec::new()))
+}
+
+/// Divides an area with these corners, ring by ring, into convex ones, all
+/// counter-clockwise.
+fn convex_unions(vertices: &[[f64; 2]], area: &geo::Polygon<f64>) -> Vec<Vec<[f64; 2]>> {
+    let raw = area.earcut_triangles_raw();
     let triangles = raw.triangle_indices.chunks_exact(3);
     let mut parts: Vec<Vec<usize>> = triangles
         .map(|corners| {
-            let mut part: Vec<usize> = corners.iter().map(|at| at % vertices.len()).collect();
+            let mut part = corners.to_vec();
             if orientation(vertices[part[0]], vertices[part[1]], vertices[part[2]]) < 0.0 {
                 part.reverse();
             }
@@ -552,6 +596,21 @@ mod tests {
             let polygon = Polygon::new(&vertices).unwrap();
             prop_assert!(polygon.parts().len() <= vertices.len() - 2);
             check_parts(&polygon);
+
+            // What is outside of a world covers the frame around it but the world.
+            let boundary = Boundary::new(&vertices).unwrap();
+            let Bounds { min, max } = polygon.bounds();
+            let (width, height) = (max[0] - min[0], max[1] - min[1]);
+            let far = width.max(height);
+            let frame = (width + 2.0 * far) * (height + 2.0 * far);
+            let mut area = 0.0;
+            for (pose, shape) in boundary.outside() {
+                let outline: Vec<[f64; 2]> =
+                    shape.vertices().iter().map(|v| pose.apply(*v)).collect();
+                area += 0.5 * double_area(&outline);
+            }
+            let whole = frame - polygon.area_m2();
+            prop_assert!((area - whole).abs() <= 1e-9 * frame, "{area} {whole}");
         }
 
         /// Whatever is given, there is an answer.

@@ -16,8 +16,8 @@
 //! }
 //! ```
 //!
-//! `format` and `bounds_m` (left, bottom, right, top) are needed, and unknown
-//! keys are refused. A mover is an obstacle that goes from knot to knot, each
+//! `format` and one of `bounds_m` (left, bottom, right, top) and `boundary_m`
+//! (the corners of any simple polygon) are needed, and unknown keys are refused. A mover is an obstacle that goes from knot to knot, each
 //! `[time in s, x, y, heading in rad]`, uniformly; before the first and after
 //! the last it rests. Lengths are in metres, x grows to the right, y upwards,
 //! angles counter-clockwise.
@@ -37,7 +37,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde_json::{Value, json};
 
-use crate::{Bounds, Footprint, Polygon, Pose, Shape};
+use crate::{Boundary, Bounds, Footprint, Polygon, Pose, Shape};
 
 /// The value of `format`.
 pub const WORLD_FORMAT: &str = "fleetyard.world/1";
@@ -50,8 +50,10 @@ pub const WORLD_FILE_LIMIT: u64 = 1 << 28;
 pub struct Workspace {
     /// A name for output; may be empty.
     pub name: String,
-    /// Robots stay within.
+    /// Robots stay within; the box around the boundary, if there is one.
     pub bounds: Bounds,
+    /// The edge that robots stay within, where it is no rectangle.
+    pub boundary: Option<Boundary>,
     /// What stands; obstacles may overlap and reach over the bounds.
     pub obstacles: Vec<Polygon>,
     /// What moves, whatever robots do.
@@ -145,10 +147,26 @@ pub fn read_workspace(source: &str, bytes: &[u8]) -> Result<Workspace, InputErro
         None => error.hint(hint),
     })?;
     let Format = document.format;
-    let BoundsOfFile(bounds) = document.bounds_m;
+    let boundary = document.boundary_m.map(|file| file.0);
+    let bounds = match (document.bounds_m, &boundary) {
+        (Some(BoundsOfFile(bounds)), None) => bounds,
+        (None, Some(boundary)) => boundary.polygon().bounds(),
+        (given, _) => {
+            let reason = if given.is_some() {
+                "there are both bounds_m and boundary_m"
+            } else {
+                "there are neither bounds_m nor boundary_m"
+            };
+            return Err(InputError::new(source, reason).hint(
+                "give bounds_m [left, bottom, right, top] of a rectangle, or boundary_m with the \
+                 corners of another edge",
+            ));
+        }
+    };
     Ok(Workspace {
         name: document.name,
         bounds,
+        boundary,
         obstacles: document.obstacles.into_iter().map(|file| file.0).collect(),
         movers: document.movers.into_iter().map(|file| file.0).collect(),
     })
@@ -160,7 +178,10 @@ struct Document {
     format: Format,
     #[serde(default)]
     name: String,
-    bounds_m: BoundsOfFile,
+    #[serde(default)]
+    bounds_m: Option<BoundsOfFile>,
+    #[serde(default)]
+    boundary_m: Option<BoundaryOfFile>,
     #[serde(default)]
     obstacles: Vec<ObstacleOfFile>,
     #[serde(default)]
@@ -208,6 +229,19 @@ impl<'de> Deserialize<'de> for BoundsOfFile {
             min: [x0, y0],
             max: [x1, y1],
         }))
+    }
+}
+
+struct BoundaryOfFile(Boundary);
+
+impl<'de> Deserialize<'de> for BoundaryOfFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let vertices = Vec::<[f64; 2]>::deserialize(deserializer)?;
+        let boundary = Boundary::new(&vertices);
+        let refuse = |error: crate::PolygonError| {
+            refused(format!("boundary_m is no edge: {error}"), error.hint())
+        };
+        boundary.map(Self).map_err(refuse)
     }
 }
 
@@ -308,9 +342,12 @@ pub fn write_workspace(workspace: &Workspace) -> Vec<u8> {
         json!({ "footprint": mover.footprint, "knots": knots.collect::<Vec<_>>() })
     });
     let name = json!(workspace.name);
-    let bounds = json!([x0, y0, x1, y1]);
+    let (key, bounds) = match &workspace.boundary {
+        Some(boundary) => ("boundary_m", json!(boundary.polygon().vertices())),
+        None => ("bounds_m", json!([x0, y0, x1, y1])),
+    };
     let mut text = format!(
-        "{{\n  \"format\": \"{WORLD_FORMAT}\",\n  \"name\": {name},\n  \"bounds_m\": {bounds},\n  "
+        "{{\n  \"format\": \"{WORLD_FORMAT}\",\n  \"name\": {name},\n  \"{key}\": {bounds},\n  "
     );
     write_lines(&mut text, "obstacles", obstacles);
     text.push_str(",\n  ");
@@ -379,6 +416,54 @@ mod tests {
         );
     }
 
+    #[test]
+    fn the_edge_of_a_world_need_not_be_a_rectangle() {
+        let world = |rest: &str| {
+            let text = format!("{{\"format\": \"fleetyard.world/1\"{rest}}}");
+            read_workspace("a.json", text.as_bytes())
+        };
+        let l_shaped = world(r#", "boundary_m": [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]]"#);
+        let l_shaped = l_shaped.unwrap();
+        assert_eq!(
+            (l_shaped.bounds.min, l_shaped.bounds.max),
+            ([0.0, 0.0], [4.0, 3.0])
+        );
+        let boundary = l_shaped.boundary.as_ref().unwrap();
+        assert!((boundary.polygon().area_m2() - 6.0).abs() < 1e-12);
+        assert_eq!(
+            read_workspace("a.json", &write_workspace(&l_shaped)),
+            Ok(l_shaped)
+        );
+        for (rest, reason) in [
+            ("", "there are neither bounds_m nor boundary_m"),
+            (
+                r#", "bounds_m": [0, 0, 4, 3], "boundary_m": [[0, 0], [4, 0], [4, 1]]"#,
+                "there are both bounds_m and boundary_m",
+            ),
+            (
+                r#", "boundary_m": [[0, 0], [4, 0]]"#,
+                "boundary_m is no edge: a polygon has at least 3 vertices, this one has 2",
+            ),
+            (
+                r#", "boundary_m": [[0, 0], [4, 4], [4, 0], [0, 4]]"#,
+                "boundary_m is no edge: the polygon intersects itself: the edge from vertex 0 \
+                 meets the edge from vertex 2",
+            ),
+            (
+                r#", "boundary_m": [[0, 0], [4, 4], [8, 8]]"#,
+                "boundary_m is no edge: the polygon has no area: its vertices are in line",
+            ),
+            (
+                r#", "boundary_m": [0, 0, 4, 3]"#,
+                "expected an array of length 2",
+            ),
+        ] {
+            let error = world(rest).unwrap_err();
+            assert!(error.to_string().contains(reason), "{error}");
+            assert!(error.hint.is_some(), "{error}");
+        }
+    }
+
     /// Every mistake is named with its place and a way out.
     #[test]
     fn mistakes_have_a_place_and_a_hint() {
@@ -419,7 +504,7 @@ mod tests {
             (
                 "\"movers\"",
                 "\"robots\"",
-                "9:10: unknown field `robots`, expected one of `format`, `name`, `bounds_m`, `obstacles`, `movers`",
+                "9:10: unknown field `robots`, expected one of `format`, `name`, `bounds_m`, `boundary_m`, `obstacles`, `movers`",
             ),
         ];
         for (from, to, message) in cases {

@@ -14,6 +14,7 @@ pub fn run(data: &[u8]) {
     };
     let Workspace {
         bounds,
+        boundary,
         obstacles,
         movers,
         ..
@@ -23,6 +24,11 @@ pub fn run(data: &[u8]) {
         let area = obstacle.area_m2();
         assert!(area.is_finite() && area > 0.0, "{obstacle:?}");
         assert!(obstacle.vertices().len() >= 3);
+    }
+    if let Some(boundary) = boundary {
+        assert_eq!(boundary.polygon().bounds(), *bounds);
+        // The frame around it is covered but for what is too thin to be a shape.
+        assert!(boundary.outside().len() <= 2 * boundary.polygon().vertices().len() + 8);
     }
     for mover in movers {
         assert!(mover.times_s().is_sorted());

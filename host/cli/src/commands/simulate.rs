@@ -4,11 +4,12 @@ use std::cell::Cell;
 use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write as _};
 use std::path::Path;
+use std::sync::Arc;
 
 use fleetyard_bench::{ExecutionInfo, Robots, RobotsError, execute, number};
 use fleetyard_check::PathRule;
-use fleetyard_core::formats::{AnyPlan, grid_size, load_any_plan};
-use fleetyard_core::{Grid, InputError, TrajectoryPlan, load_map};
+use fleetyard_core::formats::{AnyPlan, grid_size, load_plan_and_roadmap};
+use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
 use fleetyard_sim::{Event, Fleet, Plan, SimConfig, Simulator, TraceSink};
@@ -30,7 +31,7 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
         .as_deref()
         .map(load_workspace)
         .transpose()?;
-    let plan = load_plan(arguments, grid.as_ref())?;
+    let (plan, roadmap) = load_plan(arguments, grid.as_ref())?;
     let config = config(arguments);
     let lines = along_lines(arguments, grid.as_ref(), &plan, &config)?;
     let fleet = fleet(&robots(arguments)?, plan_of(&plan).agents(), &config)?;
@@ -43,6 +44,9 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     }
     if let Some(fleet) = &fleet {
         simulator = simulator.with_fleet(fleet);
+    }
+    if let Some(roadmap) = &roadmap {
+        simulator = simulator.over_roadmap(roadmap);
     }
     let options = TraceOptions {
         every: arguments.trace_every,
@@ -61,7 +65,7 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
             path,
             grid.as_ref(),
             workspace.as_ref(),
-            &plan,
+            (&plan, roadmap.as_deref()),
             config.cell_size_m,
         )?;
     }
@@ -108,9 +112,10 @@ fn happened(mishap: Mishap, execution: &ExecutionInfo) -> Option<String> {
     Some(format!("{count} {what}"))
 }
 
-/// The plan, of which one on a grid has to fit the map.
-fn load_plan(arguments: &Simulate, grid: Option<&Grid>) -> Result<AnyPlan> {
-    let plan = load_any_plan(&arguments.plan, arguments.from, grid.map(grid_size))?;
+/// The plan, of which one on a grid has to fit the map, and the roadmap that it goes along.
+fn load_plan(arguments: &Simulate, grid: Option<&Grid>) -> Result<(AnyPlan, Option<Arc<Roadmap>>)> {
+    let (path, format) = (&arguments.plan, arguments.from);
+    let (plan, roadmap) = load_plan_and_roadmap(path, format, grid.map(grid_size))?;
     if let AnyPlan::Grid(file) = &plan {
         let Some(grid) = grid else {
             let name = arguments.plan.display().to_string();
@@ -122,7 +127,7 @@ fn load_plan(arguments: &Simulate, grid: Option<&Grid>) -> Result<AnyPlan> {
         };
         file.check_map(grid)?;
     }
-    Ok(plan)
+    Ok((plan, roadmap))
 }
 
 /// A plan on a grid whose cells are joined by straight lines, if it is meant so.
@@ -210,19 +215,25 @@ fn picture(
     path: &Path,
     grid: Option<&Grid>,
     workspace: Option<&Workspace>,
-    plan: &AnyPlan,
+    (plan, roadmap): (&AnyPlan, Option<&Roadmap>),
     cell_size_m: f64,
 ) -> Result<()> {
     let world = match (grid, workspace) {
-        (_, Some(workspace)) if grid.is_none() => World::of_workspace(workspace),
-        (Some(grid), _) => World::of_grid(grid, cell_size_m),
-        _ => World {
+        (None, Some(workspace)) => World::of_workspace(workspace),
+        (Some(grid), None) => World::of_grid(grid, cell_size_m),
+        (Some(grid), Some(workspace)) => World::of_grid(grid, cell_size_m).workspace(workspace),
+        (None, None) => World {
             name: String::new(),
-            bounds: bounds(plan),
+            bounds: bounds(plan, roadmap),
             cells: None,
             polygons: Vec::new(),
+            outline: Vec::new(),
             roadmap: Vec::new(),
         },
+    };
+    let world = match roadmap {
+        Some(roadmap) => world.roadmap(roadmap),
+        None => world,
     };
     let picture = Picture::new(&world);
     let picture = match (plan, grid) {
@@ -233,9 +244,13 @@ fn picture(
     draw(path, &picture)
 }
 
-/// Where a plan without a map goes, and a metre around it.
-fn bounds(plan: &AnyPlan) -> Bounds {
+/// Where a plan without a map goes, with its roadmap, and a metre around it.
+fn bounds(plan: &AnyPlan, roadmap: Option<&Roadmap>) -> Bounds {
     let mut points = Vec::new();
+    for [x, y] in roadmap.into_iter().flat_map(Roadmap::lines).flatten() {
+        points.push([x - 1.0, y - 1.0]);
+        points.push([x + 1.0, y + 1.0]);
+    }
     if let AnyPlan::Trajectories(file) = plan {
         for knots in file.plan.paths() {
             for (x, y) in knots.x_m.iter().zip(knots.y_m) {

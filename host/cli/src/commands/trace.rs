@@ -211,6 +211,8 @@ fn scene_info(scene: &Scene) -> Value {
         "endpoints": count(scene.endpoints.as_ref()),
         "workstations": count(scene.workstations.as_ref()),
         "polygons": scene.polygons_m.len(),
+        "outline": scene.outline_m.len(),
+        "roadmap": scene.roadmap_m.len(),
         "goals": scene.goals_m.len(),
     })
 }
@@ -265,6 +267,13 @@ fn info_text(path: &Path, bytes: u64, contents: &TraceContents, counts: &Counts)
     }
     if !scene.polygons_m.is_empty() {
         line("obstacles", format!("{} polygons", scene.polygons_m.len()));
+    }
+    if !scene.outline_m.is_empty() {
+        let corners = scene.outline_m.len();
+        line("edge", format!("a polygon of {corners} corners"));
+    }
+    if !scene.roadmap_m.is_empty() {
+        line("roadmap", format!("{} edges", scene.roadmap_m.len()));
     }
     let rate = format!(
         "{} ticks per second, {} substeps",
@@ -464,6 +473,8 @@ fn header_differences(a: &Header, b: &Header) -> Vec<FieldDifference> {
         ("endpoints", a.endpoints == b.endpoints),
         ("workstations", a.workstations == b.workstations),
         ("polygons", a.polygons_m == b.polygons_m),
+        ("outline", a.outline_m == b.outline_m),
+        ("roadmap", a.roadmap_m == b.roadmap_m),
         ("profiles of bodies", a.profile_of_body == b.profile_of_body),
         ("goals", a.goals_m == b.goals_m),
     ];
@@ -958,6 +969,8 @@ impl TraceSink for Exporter<'_> {
                 "endpoint_runs": runs(&scene.endpoints),
                 "workstation_runs": runs(&scene.workstations),
                 "polygons_m": scene.polygons_m,
+                "outline_m": scene.outline_m,
+                "roadmap_m": scene.roadmap_m,
                 "profile_of_body": scene.profile_of_body,
                 "goals_m": scene.goals_m,
             });

@@ -4,16 +4,14 @@
 use std::fmt::Write as _;
 
 use fleetyard_bench::number;
-use fleetyard_check::{
-    ContinuousTask, ContinuousVerdict, PathRule, SpeedLimits, validate_trajectories,
-};
+use fleetyard_check::{ContinuousTask, ContinuousVerdict, PathRule, validate_trajectories};
 use fleetyard_core::formats::AnyPlan;
 use fleetyard_core::{
     Digest, Grid, GridInstance, InputError, TrajectoryFile, TrajectoryPlan, cell_center_m,
 };
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_world::exact::Obstacles;
-use fleetyard_world::{Bounds, Footprint, Pose, Shape, load_workspace};
+use fleetyard_world::{Bounds, Dynamics, Footprint, Pose, Shape, load_workspace};
 use serde::Serialize;
 
 use super::validate::{listed, one_agent};
@@ -150,10 +148,10 @@ fn in_the_plane(
     })
 }
 
-/// What agents cover, and how fast they can be.
+/// What agents cover, and what they can do.
 struct Robots {
     shapes: Vec<Shape>,
-    limits: Option<Vec<SpeedLimits>>,
+    limits: Option<Vec<Dynamics>>,
 }
 
 impl Robots {
@@ -171,10 +169,7 @@ impl Robots {
         let fleet = load_fleet(path)?.fleet(agents).map_err(|error| {
             InputError::new(path.display().to_string(), error.to_string()).hint(error.hint())
         })?;
-        let limits = (0..agents).map(|agent| SpeedLimits {
-            speed_m_per_s: fleet.model(agent).max_speed_m_per_s(),
-            turn_rad_per_s: fleet.model(agent).max_turn_rate_rad_per_s(),
-        });
+        let limits = (0..agents).map(|agent| fleet.model(agent).dynamics());
         Ok(Self {
             shapes: (0..agents)
                 .map(|agent| fleet.shape(agent).clone())

@@ -500,10 +500,19 @@ pub fn load_any_plan(
     format: Option<Format>,
     size: Option<MapSize>,
 ) -> Result<AnyPlan, InputError> {
+    load_plan_and_roadmap(path, format, size).map(|(plan, _)| plan)
+}
+
+/// The same with the roadmap that the plan goes along, if its file names one.
+pub fn load_plan_and_roadmap(
+    path: &Path,
+    format: Option<Format>,
+    size: Option<MapSize>,
+) -> Result<(AnyPlan, Option<Arc<Roadmap>>), InputError> {
     let contents = Contents::load(path, format, size)?;
     let plan = contents.plan.map(AnyPlan::Grid);
     let plan = plan.or(contents.trajectories.map(AnyPlan::Trajectories));
-    plan.ok_or_else(|| {
+    let plan = plan.ok_or_else(|| {
         let reason = format!(
             "this is no plan but {}: {}",
             contents.format,
@@ -511,7 +520,8 @@ pub fn load_any_plan(
         );
         InputError::new(path.display().to_string(), reason)
             .hint("name a file with paths; `fleetyard convert --list` lists the formats")
-    })
+    })?;
+    Ok((plan, contents.roadmap))
 }
 
 /// What cells and steps are in the plane.

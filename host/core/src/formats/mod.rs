@@ -22,7 +22,10 @@ mod yaml;
 pub use agents::{AgentEntry, AgentList};
 pub use ccbs::{read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap};
 pub use dynobench::{DYNOBENCH_STATES_PER_S, read_dynobench};
-pub use format::{AnyPlan, Contents, Format, Parts, Scale, Written, grid_size, load_any_plan};
+pub use format::{
+    AnyPlan, Contents, Format, Parts, Scale, Written, grid_size, load_any_plan,
+    load_plan_and_roadmap,
+};
 pub use layout::{
     Begin, LacamHeader, Layout, LayoutError, Major, MapSize, PATHS_LIMIT, write_lacam,
     write_mapf_visualizer, write_paths_txt,

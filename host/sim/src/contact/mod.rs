@@ -25,7 +25,7 @@
 mod touch;
 
 use fleetyard_core::Grid;
-use fleetyard_world::{Bounds, Mover, Polygon, Pose, Shape};
+use fleetyard_world::{Boundary, Bounds, Mover, Polygon, Pose, Shape};
 use rapier2d_f64::prelude::{
     ColliderBuilder, IntegrationParameters, MassProperties, PhysicsWorld, RigidBodyBuilder,
     RigidBodyHandle,
@@ -352,6 +352,17 @@ impl ContactWorld {
         }
         self.obstacles += 1;
         index
+    }
+
+    /// Puts the outside of a boundary around everything, and returns the index that
+    /// contacts with it have: that of one more polygon.
+    pub fn add_boundary(&mut self, boundary: &Boundary) -> Result<u32, ContactError> {
+        let index = self.add_border(boundary.polygon().bounds());
+        for (pose, shape) in boundary.outside() {
+            let collider = solid("boundary", index, shape)?.position(isometry(*pose));
+            self.insert_fixed(collider, touch::obstacle(index));
+        }
+        Ok(index)
     }
 
     /// Adds an obstacle that goes where its script says, whatever is in its way,

@@ -122,7 +122,7 @@ impl Axis {
 
     /// The largest speed from which a body stops within `gap`.
     #[inline]
-    fn bound(&self, gap: f64) -> f64 {
+    pub(super) fn bound(&self, gap: f64) -> f64 {
         let s = (self.two_a * gap).sqrt();
         if s >= self.q {
             s - self.half_q

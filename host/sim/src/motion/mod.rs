@@ -23,6 +23,7 @@ mod waypoint;
 mod wheeled;
 
 use fleetyard_core::json::with_hint;
+use fleetyard_world::{Dynamics, Travel};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -182,30 +183,24 @@ impl Model {
             return true;
         };
         let error = (heading - state.heading).abs();
-        match self {
-            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => error <= 1e-6,
-            Self::DifferentialDrive(model) => {
-                let stop = half_square(state.omega, model.max_turn_acceleration_rad_per_s2);
-                let tolerance = model.control.heading_tolerance_rad;
-                wrap(error).abs() <= tolerance && stop <= tolerance
-            }
-            Self::Unicycle1(model) => wrap(error).abs() <= model.control.heading_tolerance_rad,
-            Self::Unicycle2(model) => {
-                let stop = half_square(state.omega, model.max_turn_acceleration_rad_per_s2);
-                let tolerance = model.control.heading_tolerance_rad;
-                wrap(error).abs() <= tolerance && stop <= tolerance
-            }
-            Self::DoubleIntegrator(model) => error <= model.heading_tolerance_rad,
-            Self::Holonomic(model) => {
-                let stop = half_square(state.omega, model.max_turn_acceleration_rad_per_s2);
-                error <= model.heading_tolerance_rad && stop <= model.heading_tolerance_rad
-            }
-            Self::WaypointLaw(model) => {
-                let stop = half_square(state.omega, model.turn_down_rad_per_s2);
-                let tolerance = model.heading_tolerance_rad;
-                wrap(error).abs() <= tolerance && stop <= tolerance
-            }
-        }
+        let tolerance = self.heading_tolerance_rad();
+        let error = if self.is_ideal() || self.keeps_headings() {
+            error
+        } else {
+            wrap(error).abs()
+        };
+        let deceleration = match self {
+            Self::Pebble(_)
+            | Self::Rotation(_)
+            | Self::SingleIntegrator(_)
+            | Self::Unicycle1(_)
+            | Self::DoubleIntegrator(_) => f64::INFINITY,
+            Self::DifferentialDrive(model) => model.max_turn_acceleration_rad_per_s2,
+            Self::Unicycle2(model) => model.max_turn_acceleration_rad_per_s2,
+            Self::Holonomic(model) => model.max_turn_acceleration_rad_per_s2,
+            Self::WaypointLaw(model) => model.turn_down_rad_per_s2,
+        };
+        error <= tolerance && half_square(state.omega, deceleration) <= tolerance
     }
 
     /// How far the body goes on from its top speed if it brakes as hard as it can, in
@@ -283,6 +278,33 @@ impl Model {
         }
     }
 
+    /// Whether a body has the headings that a plan gives it, wherever it moves: from rest
+    /// within the tolerances of a pose and on the way to another one its place and its
+    /// heading change in proportion, so that at some fraction of the way it is within
+    /// [`Model::lateral_tolerance_m`] and [`Model::heading_tolerance_rad`] of it. Wheels
+    /// head where they drive.
+    pub fn keeps_headings(&self) -> bool {
+        matches!(
+            self,
+            Self::SingleIntegrator(_) | Self::DoubleIntegrator(_) | Self::Holonomic(_)
+        )
+    }
+
+    /// Arrived is who is within this angle of the heading that is asked for.
+    pub fn heading_tolerance_rad(&self) -> f64 {
+        match self {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
+                SingleIntegrator::TOLERANCE
+            }
+            Self::DifferentialDrive(model) => model.control.heading_tolerance_rad,
+            Self::Unicycle1(model) => model.control.heading_tolerance_rad,
+            Self::Unicycle2(model) => model.control.heading_tolerance_rad,
+            Self::DoubleIntegrator(model) => model.heading_tolerance_rad,
+            Self::Holonomic(model) => model.heading_tolerance_rad,
+            Self::WaypointLaw(model) => model.heading_tolerance_rad,
+        }
+    }
+
     /// The largest speed over ground; infinite for ideal models, which are as fast as
     /// their reference.
     pub fn max_speed_m_per_s(&self) -> f64 {
@@ -313,6 +335,91 @@ impl Model {
             Self::Holonomic(model) => model.max_turn_rate_rad_per_s,
             Self::WaypointLaw(model) => model.max_turn_rate_rad_per_s,
         }
+    }
+}
+
+impl Model {
+    /// What the body can do at most, as plans are held against it.
+    pub fn dynamics(&self) -> Dynamics {
+        let unlimited = f64::INFINITY;
+        let (travel, turn_acceleration) = match self {
+            Self::Pebble(_) | Self::Rotation(_) => (Dynamics::UNLIMITED.travel, unlimited),
+            Self::SingleIntegrator(model) => (
+                Travel::Polar {
+                    speed: model.speed_m_per_s,
+                    acceleration: unlimited,
+                },
+                unlimited,
+            ),
+            Self::DoubleIntegrator(model) => (
+                Travel::Axes {
+                    speed: model.max_speed_m_per_s,
+                    acceleration: model.max_acceleration_m_per_s2,
+                },
+                unlimited,
+            ),
+            Self::Holonomic(model) => (
+                Travel::Body {
+                    forward: model.max_forward_m_per_s,
+                    backward: model.max_backward_m_per_s,
+                    sideways: model.max_lateral_m_per_s,
+                    forward_acceleration: model.max_forward_acceleration_m_per_s2,
+                    sideways_acceleration: model.max_lateral_acceleration_m_per_s2,
+                },
+                model.max_turn_acceleration_rad_per_s2,
+            ),
+            Self::DifferentialDrive(model) => (
+                wheels(
+                    model.max_speed_m_per_s,
+                    model.control.reverse,
+                    model.max_acceleration_m_per_s2,
+                    model.max_deceleration_m_per_s2,
+                ),
+                model.max_turn_acceleration_rad_per_s2,
+            ),
+            Self::Unicycle1(model) => (
+                wheels(
+                    model.max_speed_m_per_s,
+                    model.control.reverse,
+                    unlimited,
+                    unlimited,
+                ),
+                unlimited,
+            ),
+            Self::Unicycle2(model) => (
+                wheels(
+                    model.max_speed_m_per_s,
+                    model.control.reverse,
+                    model.max_acceleration_m_per_s2,
+                    model.max_acceleration_m_per_s2,
+                ),
+                model.max_turn_acceleration_rad_per_s2,
+            ),
+            // It sets out by what it slows down with, and a turn takes speed at once.
+            Self::WaypointLaw(model) => (
+                wheels(
+                    model.max_speed_m_per_s,
+                    false,
+                    model.speed_up_m_per_s2.max(model.slow_down_m_per_s2),
+                    unlimited,
+                ),
+                model.turn_up_rad_per_s2.max(model.turn_down_rad_per_s2),
+            ),
+        };
+        Dynamics {
+            travel,
+            turn_rad_per_s: self.max_turn_rate_rad_per_s(),
+            turn_acceleration_rad_per_s2: turn_acceleration,
+        }
+    }
+}
+
+fn wheels(speed: f64, reverse: bool, acceleration: f64, deceleration: f64) -> Travel {
+    Travel::Wheels {
+        forward: speed,
+        backward: if reverse { speed } else { 0.0 },
+        acceleration,
+        deceleration,
     }
 }
 

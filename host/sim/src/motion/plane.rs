@@ -147,6 +147,7 @@ impl DoubleIntegrator {
             gain: Pid::proportional(self.distance_gain_per_s),
             turn: Axis::first_order(Pid::default(), turn_cap, dt),
             turn_cap,
+            most_turn: self.max_turn_rate_rad_per_s,
             turn_rate: f64::INFINITY,
             body_frame: false,
             near_squared: self.arrival_tolerance_m * self.arrival_tolerance_m,
@@ -270,6 +271,7 @@ impl Holonomic {
             gain: Pid::proportional(self.distance_gain_per_s),
             turn: Axis::new(gain, turn_cap, [turn_rate; 3], dt),
             turn_cap,
+            most_turn: self.max_turn_rate_rad_per_s,
             turn_rate,
             body_frame: true,
             near_squared: self.arrival_tolerance_m * self.arrival_tolerance_m,
@@ -288,7 +290,10 @@ pub(super) struct Plane {
     rates: [f64; 2],
     gain: Pid,
     turn: Axis,
+    /// Largest turn rate of this block and of the body.
     turn_cap: f64,
+    most_turn: f64,
+    /// Largest change of the turn rate.
     turn_rate: f64,
     /// Whether the limits turn with the body.
     body_frame: bool,
@@ -317,12 +322,20 @@ impl Plane {
             return;
         }
         if turn.abs() <= THERE && state.omega == 0.0 {
-            if self.body_frame {
-                state.face();
-                self.glide(state, [state.cos, state.sin], [dx, dy], ticks, visit);
-            } else {
-                self.glide(state, [1.0, 0.0], [dx, dy], ticks, visit);
+            let frame = self.frame(state);
+            let mut left = ticks;
+            let mut way = [dx, dy];
+            while left > 0 && !is_along([state.vx, state.vy], way) {
+                let [cap, rate] = self.along(frame, way);
+                [state.vx, state.vy] = self.onto(frame, [state.vx, state.vy], way, cap, rate);
+                state.x += state.vx * self.dt;
+                state.y += state.vy * self.dt;
+                left -= 1;
+                visit(state);
+                let (dx, dy, _) = state.way(target);
+                way = [dx, dy];
             }
+            self.glide(state, frame, way, left, visit);
             return;
         }
         for _ in 0..ticks {
@@ -388,7 +401,7 @@ impl Plane {
         [axis(0), axis(1)]
     }
 
-    /// A tick of a body that turns.
+    /// A tick of a body that turns: its heading changes in proportion to its way.
     fn turning(&self, state: &mut State, target: &Target) {
         let (dx, dy, squared) = state.way(target);
         let distance = squared.sqrt();
@@ -396,48 +409,28 @@ impl Plane {
             .heading
             .map_or(0.0, |heading| heading - state.heading);
         let before = [state.vx, state.vy];
-        // Limits that hold whatever the heading. Turning the velocity along with the body
-        // takes acceleration too: half of it is kept for that.
-        let fast = self.caps[0].min(self.caps[1]).min(self.caps[2]);
-        let reserve = if self.body_frame { 0.5 } else { 1.0 };
-        let rate = self.rates[0].min(self.rates[1]) * reserve;
-        let moves = distance > THERE;
+        let moves = distance > NO_WAY_M;
         let per_metre = if moves { turn / distance } else { 0.0 };
-        let bend = per_metre.abs();
-        let (mut cap, mut slow) = (fast, rate);
-        if bend > 0.0 {
-            cap = cap.min(self.turn_cap / bend);
-            slow = slow.min(self.turn_rate / bend);
-            if self.body_frame {
-                cap = cap.min((rate / bend).sqrt());
-            }
-        }
-        let mut velocity = before;
-        let straight = moves && is_along(before, [dx, dy]);
-        for (side, gap) in [dx, dy].into_iter().enumerate() {
-            let share = if moves { gap.abs() / distance } else { 1.0 };
-            let down = if straight { slow * share } else { rate };
-            let limits = [slow * share, down, slow * share];
-            let axis = Axis::new(self.gain, cap * share, limits, self.dt);
-            velocity[side] = axis.next(velocity[side], gap, &mut 0.0);
-        }
+        let frame = self.frame(state);
+        let mut velocity = self.slowly(frame, before, [dx, dy], per_metre);
         let omega = state.omega;
         state.omega = if moves {
-            let closing = (velocity[0] * dx + velocity[1] * dy) / distance;
-            let speed = (velocity[0] * velocity[0] + velocity[1] * velocity[1]).sqrt();
-            let mut most = self.turn_cap;
-            if self.body_frame && speed > 0.0 {
-                most = most.min(rate / speed);
-            }
+            let way = [dx / distance, dy / distance];
+            // No faster than it can stop at its heading.
+            let most = self.most_turn(velocity).min(self.turn.bound(turn.abs()));
+            self.keep_up(&mut velocity, before, way, [per_metre, omega, most], frame);
+            // Who still moves away has not set out, and who moves past its target turns no
+            // further than that.
+            let closing = velocity[0] * way[0] + velocity[1] * way[1];
+            let closing = closing.max(0.0).min(distance / self.dt);
             self.turn
                 .slew(omega, (per_metre * closing).max(-most).min(most))
         } else {
             self.turn.next(omega, turn, &mut state.sum_heading)
         };
+        state.heading += state.omega * self.dt;
         if self.body_frame {
-            state.face();
-            let old = into([state.cos, state.sin], before);
-            state.heading += state.omega * self.dt;
+            let old = into(frame, before);
             state.face();
             let frame = [state.cos, state.sin];
             let mut twist = into(frame, velocity);
@@ -448,14 +441,178 @@ impl Plane {
                 twist[side] = slewed.max(low).min(high);
             }
             velocity = out_of(frame, twist);
-        } else {
-            state.heading += state.omega * self.dt;
         }
         [state.vx, state.vy] = velocity;
         state.x += state.vx * self.dt;
         state.y += state.vy * self.dt;
     }
+
+    /// The acceleration that a body has in every direction while it turns. Turning the
+    /// velocity along with the body takes some too: half of it is kept for that.
+    fn rate(&self) -> f64 {
+        let reserve = if self.body_frame { 0.5 } else { 1.0 };
+        self.rates[0].min(self.rates[1]) * reserve
+    }
+
+    /// The velocity of the next tick on a way on which the body turns by so much a metre,
+    /// under limits that hold whatever the heading.
+    fn slowly(
+        &self,
+        frame: [f64; 2],
+        velocity: [f64; 2],
+        way: [f64; 2],
+        per_metre: f64,
+    ) -> [f64; 2] {
+        let (bend, rate) = (per_metre.abs(), self.rate());
+        let mut cap = self.caps[0].min(self.caps[1]).min(self.caps[2]);
+        let mut slow = rate;
+        if bend > 0.0 {
+            cap = cap.min(self.turn_cap / bend);
+            slow = slow.min(self.turn_rate / bend);
+            if self.body_frame {
+                cap = cap.min((rate / bend).sqrt());
+            }
+        }
+        if !is_along(velocity, way) {
+            return self.onto(frame, velocity, way, cap, slow);
+        }
+        let (gap, mut speed) = (into(frame, way), into(frame, velocity));
+        let distance = size(gap);
+        for side in 0..2 {
+            let share = if distance > THERE {
+                gap[side].abs() / distance
+            } else {
+                1.0
+            };
+            let axis = Axis::new(self.gain, cap * share, [slow * share; 3], self.dt);
+            speed[side] = axis.next(speed[side], gap[side], &mut 0.0);
+        }
+        out_of(frame, speed)
+    }
+
+    /// The axes in which the limits hold.
+    fn frame(&self, state: &mut State) -> [f64; 2] {
+        if self.body_frame {
+            state.face();
+            [state.cos, state.sin]
+        } else {
+            [1.0, 0.0]
+        }
+    }
+
+    /// The largest speed and acceleration along a way.
+    fn along(&self, frame: [f64; 2], way: [f64; 2]) -> [f64; 2] {
+        let gap = into(frame, way);
+        let distance = size(gap);
+        let [forward, backward, lateral] = self.caps;
+        let caps = [if gap[0] >= 0.0 { forward } else { backward }, lateral];
+        [caps, self.rates].map(|most| least_along(most, gap) * distance)
+    }
+
+    /// The velocity of the next tick of a body that does not move along its way: it brakes
+    /// across the way as hard as it can, and only what that leaves of its acceleration
+    /// takes it along. So it stays as near to its way as where it was to stop before.
+    fn onto(
+        &self,
+        frame: [f64; 2],
+        velocity: [f64; 2],
+        way: [f64; 2],
+        cap: f64,
+        slow: f64,
+    ) -> [f64; 2] {
+        let (gap, speed) = (into(frame, way), into(frame, velocity));
+        let distance = size(gap);
+        let budget = self.rates.map(|rate| rate * self.dt);
+        if distance <= THERE {
+            let left = 1.0 - least_along(budget, speed).min(1.0);
+            return velocity.map(|speed| speed * left);
+        }
+        let ahead = [gap[0] / distance, gap[1] / distance];
+        let aside = [-ahead[1], ahead[0]];
+        let part = |of: [f64; 2]| speed[0] * of[0] + speed[1] * of[1];
+        let most = least_along(budget, aside);
+        let across = (-part(aside)).max(-most).min(most);
+        let left = [0, 1].map(|side| budget[side] - (across * aside[side]).abs());
+        let hard = least_along(self.rates, ahead);
+        let axis = Axis::new(self.gain, cap, [slow, hard, slow], self.dt);
+        let most = least_along(left, ahead).max(0.0);
+        let closing = part(ahead);
+        let along = (axis.next(closing, distance, &mut 0.0) - closing)
+            .max(-most)
+            .min(most);
+        let [forward, backward, lateral] = self.speeds;
+        let ends = [(-backward, forward), (-lateral, lateral)];
+        let next = [0, 1].map(|side| {
+            let (low, high) = ends[side];
+            let next = speed[side] + across * aside[side] + along * ahead[side];
+            next.max(low.min(speed[side])).min(high.max(speed[side]))
+        });
+        out_of(frame, next)
+    }
+
+    /// The largest turn rate at a velocity, whatever the speed that is asked for now: a
+    /// body that slows down turns on in proportion.
+    fn most_turn(&self, [vx, vy]: [f64; 2]) -> f64 {
+        let speed = (vx * vx + vy * vy).sqrt();
+        if self.body_frame && speed > 0.0 {
+            self.most_turn.min(self.rate() / speed)
+        } else {
+            self.most_turn
+        }
+    }
+
+    /// Slows a velocity down until the turn keeps up with it, as hard as the body brakes.
+    /// From rest it does; who arrives with some speed left, or is sent on, first has to
+    /// turn as fast as the way asks for.
+    fn keep_up(
+        &self,
+        velocity: &mut [f64; 2],
+        before: [f64; 2],
+        way: [f64; 2],
+        [per_metre, omega, most]: [f64; 3],
+        frame: [f64; 2],
+    ) {
+        if per_metre == 0.0 {
+            return;
+        }
+        let bend = per_metre.abs();
+        let turns = omega * per_metre.signum();
+        let (closed, closing) = (
+            before[0] * way[0] + before[1] * way[1],
+            velocity[0] * way[0] + velocity[1] * way[1],
+        );
+        // What it lags behind by meanwhile is no part of the tolerance worth a stop.
+        let slack = (0.1 * self.turn_rate * self.heading_tolerance).sqrt();
+        let lacks = bend * closed - turns;
+        let allowed = if lacks > slack {
+            (turns + slack) / bend
+        } else if lacks > self.turn_rate * self.dt {
+            closed
+        } else {
+            (turns + self.turn_rate * self.dt) / bend
+        };
+        let excess = closing - allowed.min(most / bend).max(0.0);
+        if excess <= 0.0 {
+            return;
+        }
+        // Along the way alone, as far as what is left of the acceleration takes it.
+        let (ahead, now, old) = (
+            into(frame, way),
+            into(frame, *velocity),
+            into(frame, before),
+        );
+        let left = [0, 1].map(|side| {
+            let done = (old[side] - now[side]) * ahead[side].signum();
+            (self.rates[side] * self.dt - done).max(0.0)
+        });
+        let by = excess.min(least_along(left, ahead));
+        *velocity = [velocity[0] - by * way[0], velocity[1] - by * way[1]];
+    }
 }
+
+/// On a shorter way a body turns in place, in metres: a turn in proportion to it would be
+/// one to rounding.
+const NO_WAY_M: f64 = 1e-6;
 
 /// Whether a body moves along its way: then both coordinates slow down in proportion, so
 /// that it stays there. Else each brakes as hard as it can.
@@ -463,6 +620,15 @@ fn is_along(speed: [f64; 2], way: [f64; 2]) -> bool {
     let aside = speed[0] * way[1] - speed[1] * way[0];
     let ahead = speed[0] * way[0] + speed[1] * way[1];
     aside.abs() <= 1e-3 * ahead
+}
+
+/// How far a vector can go in a direction before one of its coordinates is at its most.
+fn least_along(most: [f64; 2], direction: [f64; 2]) -> f64 {
+    (most[0] / direction[0].abs()).min(most[1] / direction[1].abs())
+}
+
+fn size([x, y]: [f64; 2]) -> f64 {
+    (x * x + y * y).sqrt()
 }
 
 /// A vector of the world in a frame with the given cosine and sine.

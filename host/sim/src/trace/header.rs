@@ -103,6 +103,10 @@ pub struct Scene {
     pub workstations: Option<Cells>,
     /// Obstacles, vertices in metres.
     pub polygons_m: Vec<Vec<[f64; 2]>>,
+    /// The edge of the world, vertices in metres; empty if it is the bounds.
+    pub outline_m: Vec<[f64; 2]>,
+    /// Edges of the roadmap of the plan, from point to point in metres.
+    pub roadmap_m: Vec<[[f64; 2]; 2]>,
     /// For every body the index of its profile: first the agents, then the
     /// obstacles that move.
     pub profile_of_body: Vec<u32>,
@@ -252,16 +256,37 @@ impl Scene {
             }
             let (vertices, rest) = fields.0.split_at_checked(count.checked_mul(16)?)?;
             fields.0 = rest;
-            let vertex = |bytes: &[u8; 16]| {
-                let mut fields = Fields(bytes);
-                let vertex = [fields.f64()?, fields.f64()?];
-                vertex.iter().all(|v| v.is_finite()).then_some(vertex)
-            };
-            let vertices = vertices.as_chunks::<16>().0.iter().map(vertex);
-            self.polygons_m.push(vertices.collect::<Option<_>>()?);
+            self.polygons_m.push(points(vertices)?);
         }
         Some(())
     }
+}
+
+impl Scene {
+    pub(super) fn parse_outline(&mut self, payload: &[u8]) -> Option<()> {
+        let outline = points(payload)?;
+        let is_first = self.outline_m.is_empty();
+        (is_first && outline.len() >= 3).then(|| self.outline_m = outline)
+    }
+
+    pub(super) fn parse_roadmap(&mut self, payload: &[u8]) -> Option<()> {
+        let points = points(payload)?;
+        let (lines, rest) = points.as_chunks::<2>();
+        let is_first = self.roadmap_m.is_empty();
+        (is_first && rest.is_empty()).then(|| self.roadmap_m = lines.to_vec())
+    }
+}
+
+/// Points of a scene, x and y in metres of each.
+fn points(payload: &[u8]) -> Option<Vec<[f64; 2]>> {
+    let (points, rest) = payload.as_chunks::<16>();
+    let point = |bytes: &[u8; 16]| {
+        let mut fields = Fields(bytes);
+        let point = [fields.f64()?, fields.f64()?];
+        point.iter().all(|v| v.is_finite()).then_some(point)
+    };
+    let points = points.iter().map(point).collect::<Option<Vec<_>>>()?;
+    rest.is_empty().then_some(points)
 }
 
 const BODY_BYTES: usize = 20;

@@ -44,6 +44,8 @@ mod kind {
     pub(super) const HEADER: u8 = b'H';
     pub(super) const CELLS: u8 = b'C';
     pub(super) const POLYGONS: u8 = b'P';
+    pub(super) const OUTLINE: u8 = b'o';
+    pub(super) const ROADMAP: u8 = b'm';
     pub(super) const BODIES: u8 = b'B';
     pub(super) const STATES: u8 = b'S';
     pub(super) const EVENTS: u8 = b'E';

@@ -110,6 +110,8 @@ impl<R: Read> TraceReader<R> {
                 | kind::ENDPOINTS
                 | kind::WORKSTATIONS
                 | kind::POLYGONS
+                | kind::OUTLINE
+                | kind::ROADMAP
                 | kind::BODIES => Some(u32::MAX as usize),
                 _ => None,
             })?;
@@ -124,6 +126,8 @@ impl<R: Read> TraceReader<R> {
                 kind::ENDPOINTS => cells(&mut scene.endpoints),
                 kind::WORKSTATIONS => cells(&mut scene.workstations),
                 kind::POLYGONS => scene.parse_polygons(payload),
+                kind::OUTLINE => scene.parse_outline(payload),
+                kind::ROADMAP => scene.parse_roadmap(payload),
                 kind::BODIES => scene.parse_bodies(payload, header.agents),
                 _ => Some(()),
             };

@@ -273,6 +273,19 @@ impl<W: Write + Send> TraceSink for TraceWriter<W> {
         if !scene.polygons_m.is_empty() {
             self.put_frame(kind::POLYGONS, &scene.polygon_bytes())?;
         }
+        let bytes = |points: &[[f64; 2]]| -> Vec<u8> {
+            points
+                .as_flattened()
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect()
+        };
+        if !scene.outline_m.is_empty() {
+            self.put_frame(kind::OUTLINE, &bytes(&scene.outline_m))?;
+        }
+        if !scene.roadmap_m.is_empty() {
+            self.put_frame(kind::ROADMAP, &bytes(scene.roadmap_m.as_flattened()))?;
+        }
         self.put_frame(kind::BODIES, &scene.body_bytes())?;
         self.limits = Limits::new(&header);
         self.standing = Standing::new(header.agents);

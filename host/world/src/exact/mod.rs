@@ -738,6 +738,7 @@ mod tests {
             let workspace = Workspace {
                 name: String::new(),
                 bounds: Bounds { min: [0.25, 0.25], max: [7.5, 7.5] },
+                boundary: None,
                 obstacles: vec![
                     Polygon::new(&star).unwrap(),
                     Polygon::rectangle([1.0, 6.0], [1.0, 2.0], 0.3).unwrap(),
@@ -765,6 +766,41 @@ mod tests {
             prop_assert!(few.contacts.len() >= 2.min(found.contacts.len()));
             for (one, two) in few.contacts.iter().zip(&found.contacts) {
                 prop_assert_eq!((one.begin_s, one.agent, one.other), (two.begin_s, two.agent, two.other));
+            }
+        }
+
+        /// A rectangle that is given by its corners is the same edge.
+        #[test]
+        fn a_rectangle_is_a_boundary(
+            path in any_path(), shape in any_shape(), clockwise in proptest::bool::ANY,
+        ) {
+            let bounds = Bounds { min: [0.25, 0.5], max: [7.5, 7.0] };
+            let mut corners = vec![[0.25, 0.5], [7.5, 0.5], [7.5, 7.0], [0.25, 7.0]];
+            if clockwise {
+                corners.reverse();
+            }
+            let world = |boundary: Option<crate::Boundary>| Workspace {
+                name: String::new(),
+                bounds,
+                boundary,
+                obstacles: Vec::new(),
+                movers: Vec::new(),
+            };
+            let plan = plan(&[path]);
+            let found = |workspace: &Workspace| {
+                let obstacles = Obstacles::workspace(workspace);
+                contacts(&plan, &[&shape], &obstacles, &ContactSearch::default()).contacts
+            };
+            let (one, two) = (
+                found(&world(None)),
+                found(&world(Some(crate::Boundary::new(&corners).unwrap()))),
+            );
+            prop_assert_eq!(one.len(), two.len());
+            for (one, two) in one.iter().zip(&two) {
+                prop_assert_eq!(one.other, two.other);
+                prop_assert!((one.begin_s - two.begin_s).abs() < 1e-5);
+                let ends = one.end_s.unwrap_or(0.0) - two.end_s.unwrap_or(0.0);
+                prop_assert!(ends.abs() < 1e-5);
             }
         }
 

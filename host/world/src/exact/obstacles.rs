@@ -3,7 +3,9 @@
 use fleetyard_core::{Grid, cell_center_m};
 
 use super::Touched;
-use crate::{Bounds, Footprint, Inside, Mover, Pose, Relative, Shape, Workspace, contacts_in_span};
+use crate::{
+    Bounds, Footprint, Inside, Mover, Polygon, Pose, Relative, Shape, Workspace, contacts_in_span,
+};
 
 /// What robots must not touch, besides each other. Borrows; cheap to make but
 /// for an index over the polygons.
@@ -36,6 +38,9 @@ struct Index {
     starts: Vec<u32>,
     entries: Vec<u32>,
 }
+
+/// Parts of what is outside of a boundary have this in place of a polygon.
+const BEYOND: u32 = u32::MAX;
 
 /// An overlap of a body with a part of what it touches.
 #[derive(Debug, Clone, Copy)]
@@ -117,7 +122,14 @@ impl<'a> Obstacles<'a> {
             self.index.near(area, &mut scratch.near);
             for part in scratch.near.drain(..) {
                 let (polygon, part) = self.index.parts[part as usize];
-                let (at, solid) = &workspace.obstacles[polygon as usize].parts()[part as usize];
+                let (parts, touched) = match &workspace.boundary {
+                    Some(boundary) if polygon == BEYOND => (boundary.outside(), Touched::Outside),
+                    _ => {
+                        let obstacle = &workspace.obstacles[polygon as usize];
+                        (obstacle.parts(), Touched::Polygon(polygon))
+                    }
+                };
+                let (at, solid) = &parts[part as usize];
                 scratch.found.clear();
                 contacts_in_span(
                     shape,
@@ -129,7 +141,6 @@ impl<'a> Obstacles<'a> {
                     tolerance_m,
                     &mut scratch.found,
                 );
-                let touched = Touched::Polygon(polygon);
                 let hits = scratch.found.iter();
                 let hits = hits.map(|inside| Hit {
                     touched,
@@ -287,11 +298,14 @@ fn leave(
 impl Index {
     fn new(workspace: &Workspace) -> Self {
         let mut index = Self::default();
-        for (polygon, obstacle) in workspace.obstacles.iter().enumerate() {
-            for (part, (at, shape)) in obstacle.parts().iter().enumerate() {
+        let obstacles = workspace.obstacles.iter().map(Polygon::parts).zip(0..);
+        let beyond = workspace.boundary.iter();
+        let beyond = beyond.map(|boundary| (boundary.outside(), BEYOND));
+        for (parts, polygon) in obstacles.chain(beyond) {
+            for (part, (at, shape)) in parts.iter().enumerate() {
                 let corners = shape.vertices().iter();
                 let corners: Vec<[f64; 2]> = corners.map(|vertex| at.apply(*vertex)).collect();
-                index.parts.push((polygon as u32, part as u32));
+                index.parts.push((polygon, part as u32));
                 index.boxes.push(Bounds::of(&corners));
             }
         }
