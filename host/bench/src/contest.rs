@@ -38,28 +38,28 @@ pub struct Contest<'s> {
     pin: Option<Pin>,
 }
 
-/// Where planners ran.
+/// The processors on which planners ran.
 #[derive(Debug, Clone, Serialize)]
 pub struct Pin {
     /// The processors that they had to themselves.
     pub cpus: Option<Cpus>,
-    /// Why they had none.
+    /// The reason why they had none.
     pub not_pinned: Option<String>,
 }
 
 /// A planner of the suite that was found, and has said what it is.
 pub struct Entrant {
-    /// What it is called in the suite.
+    /// Its name in the suite.
     pub label: String,
     /// Its code.
     pub candidate: Candidate,
-    /// What it says of itself.
+    /// Its own description.
     pub descriptor: Descriptor,
     /// Its options, checked.
     pub options: Map<String, Value>,
-    /// How it is attached.
+    /// The attachment.
     pub attach: Attach,
-    /// What its sandbox was, once a process of it has ended.
+    /// Its sandbox, once a process of it has ended.
     pub sandbox: Option<SandboxReport>,
     given: GivenOptions,
     wanted: Option<Attach>,
@@ -371,7 +371,7 @@ impl<'s> Contest<'s> {
         Ok(row)
     }
 
-    /// Where planners ran, once one did.
+    /// The processors on which planners ran, once one did.
     pub fn pin(&self) -> Option<&Pin> {
         self.pin.as_ref()
     }
@@ -483,7 +483,7 @@ pub fn now_unix_ms() -> u64 {
 }
 
 impl Row {
-    /// Where the instance comes from.
+    /// The instance's origin.
     fn place(&mut self, origin: Origin) {
         self.map = origin.map;
         self.scenario = origin.scenario;
@@ -516,7 +516,7 @@ impl Row {
         self.contended = reasons.join("; ");
     }
 
-    /// What the record of the trial says.
+    /// Takes the columns that the record of the trial says.
     fn fill(&mut self, record: &Record, clock: Clock) {
         let metrics = &record.metrics;
         self.termination = record.termination.to_string();

@@ -1,4 +1,4 @@
-//! How long a rest of trials will take, from what those before took.
+//! The time that a rest of trials will take, from what those before took.
 
 use std::fmt;
 use std::time::Duration;
@@ -17,7 +17,7 @@ pub struct Estimate {
     all: Pace,
 }
 
-/// What a planner has still to do, and how it did so far.
+/// The trials that a planner has still to make, and its pace so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct Rest {
     left: u64,
@@ -33,7 +33,7 @@ struct Pace {
     squares: f64,
 }
 
-/// How long something will take.
+/// The time that something will take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Left {
     /// It is hardly less.

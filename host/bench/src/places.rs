@@ -1,4 +1,4 @@
-//! Where the files of a suite were, so that a trial can be made again by itself.
+//! The places of a suite's files, so that a trial can be made again by itself.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -24,17 +24,17 @@ use crate::failure::INVALID_PLAN;
 pub struct Record {
     /// Version of this program.
     pub fleetyard: &'static str,
-    /// Who was asked.
+    /// The planner that was asked.
     pub planner: PlannerInfo,
-    /// What it was asked.
+    /// The instance that it was asked.
     pub instance: InstanceInfo,
-    /// What it might use.
+    /// The budget that it might use.
     pub budget: BudgetInfo,
-    /// How the call ended.
+    /// The end of the call.
     pub termination: Termination,
-    /// What is wrong with the plugin, if something is.
+    /// The fault of the plugin, if it has one.
     pub fault: Option<String>,
-    /// Whether the plugin was stopped, rather than ending its call by itself.
+    /// True if the plugin was stopped, rather than ending its call by itself.
     pub stopped: bool,
     /// The limit that it exceeded, whether it was stopped for it or not.
     pub limit: Option<Limit>,
@@ -42,30 +42,31 @@ pub struct Record {
     pub ended_by_clock: bool,
     /// From the decision to stop it until nobody was left.
     pub kill_latency_ms: Option<f64>,
-    /// What the planner claims.
+    /// The planner's claim.
     pub claim: Option<Status>,
     /// The planner's explanation.
     pub message: Option<String>,
-    /// What the host found.
+    /// The host's verdict.
     pub verdict: VerdictInfo,
     /// Figures of the plan and of the call.
     pub metrics: Metrics,
     /// Figures that the planner reported of itself.
     pub claimed_metrics: BTreeMap<String, f64>,
-    /// What it claims, held against what the host found.
+    /// Its claims, held against what the host found.
     pub claims: Vec<Claim>,
-    /// What of the host's process it did not leave as it was, where it was called there.
+    /// The parts of the host's process that it did not leave as they were, where it was called
+    /// there.
     pub broken_promises: Vec<BrokenPromise>,
-    /// What the plugin's processes used in all; absent in process, and while they are kept.
+    /// The use of the plugin's processes in all; absent in process, and while they are kept.
     pub resources: Option<Usage>,
-    /// How times were taken.
+    /// The conditions under which times were taken.
     pub measurement: Measurement,
     /// The layers that were active and the limits that were enforced; absent in process,
     /// where there are none.
     pub sandbox: Option<SandboxReport>,
     /// Stands for the plugin's whole environment.
     pub environment_digest: Option<Digest>,
-    /// What came of executing the plan.
+    /// The plan's execution.
     pub execution: Option<ExecutionInfo>,
     /// Digest of the instance.
     pub instance_digest: Digest,
@@ -80,11 +81,12 @@ pub struct PlannerInfo {
     pub id: String,
     /// Its version.
     pub version: String,
-    /// How it was attached.
+    /// The attachment.
     pub attach: Attach,
-    /// Whether the result may be compared with others.
+    /// True if the result may be compared with others.
     pub ranked: bool,
-    /// Why it may not: nothing is isolated in the host's own process and without a sandbox,
+    /// The reason why it may not: nothing is isolated in the host's own process and without a
+    /// sandbox,
     /// nobody was held to a limit whose supervisor was lost, and processor time that is limited
     /// has to be known.
     pub unranked: Option<String>,
@@ -94,13 +96,13 @@ pub struct PlannerInfo {
     pub digest: Digest,
     /// Its files with their SHA-256; none for built-ins.
     pub code: Vec<CodeFile>,
-    /// Whether the lock file has just this code.
+    /// True if the lock file has just this code.
     pub pinned: bool,
     /// Its options.
     pub options: serde_json::Value,
 }
 
-/// How the times were taken, and what stood in the way.
+/// The conditions under which times were taken, and what stood in the way.
 #[derive(Debug, Serialize)]
 pub struct Measurement {
     /// From the start of the plugin until it had introduced itself, the sandbox
@@ -114,11 +116,11 @@ pub struct Measurement {
     pub cpus: Option<Cpus>,
     /// Those that were kept idle for it.
     pub idle_siblings: Option<Cpus>,
-    /// Why it had none.
+    /// The reason why it had none.
     pub not_pinned: Option<String>,
-    /// What happened on the machine during `prepare` and `plan`.
+    /// The load of the machine during `prepare` and `plan`.
     pub load: Difference,
-    /// Why the times cannot be compared with others; empty when they can.
+    /// The reasons why the times cannot be compared with others; empty when they can.
     pub contended: Vec<Reason>,
     /// Digest of the machine's description.
     pub machine_digest: Digest,
@@ -126,14 +128,14 @@ pub struct Measurement {
     pub machine: &'static Machine,
 }
 
-/// What a call used.
+/// The use of a call.
 #[derive(Debug, Serialize)]
 pub struct CallInfo {
     /// Processor time.
     pub cpu_ms: Option<f64>,
-    /// Where that comes from; it is a lower bound unless it is the control group.
+    /// The source of that; it is a lower bound unless it is the control group.
     pub cpu_source: Option<Source>,
-    /// How long it was ready to run and had no processor.
+    /// The time for which it was ready to run and had no processor.
     pub run_delay_ms: Option<f64>,
 }
 
@@ -144,7 +146,7 @@ pub struct InstanceInfo {
     pub path_rule: PathRule,
     /// Name of the map.
     pub map: String,
-    /// Where starts and goals come from.
+    /// The origin of starts and goals.
     pub scenario: String,
     /// Number of agents.
     pub agents: usize,
@@ -152,14 +154,14 @@ pub struct InstanceInfo {
     pub connectivity: u32,
 }
 
-/// What a planner might use.
+/// The budget that a planner might use.
 #[derive(Debug, Serialize)]
 pub struct BudgetInfo {
     /// Wall time.
     pub wall_ms: f64,
     /// Wall time of learning the map.
     pub prepare_wall_ms: f64,
-    /// How long it might go on after the deadline.
+    /// The time for which it might go on after the deadline.
     pub grace_ms: Option<f64>,
     /// Processor time.
     pub cpu_ms: Option<f64>,
@@ -183,12 +185,12 @@ pub struct BudgetInfo {
     pub seed: u64,
 }
 
-/// What the validator says of the plan.
+/// The validator's findings about the plan.
 #[derive(Debug, Default, Serialize)]
 pub struct VerdictInfo {
-    /// Whether it is valid.
+    /// True if it is valid.
     pub valid: bool,
-    /// How many violations there are.
+    /// The number of all violations.
     pub violation_count: u64,
     /// The first of them.
     pub violations: Vec<Violation>,
@@ -235,9 +237,9 @@ pub struct Metrics {
     pub call_time_ms: Option<f64>,
     /// From the request to the last byte of the answer, by the host's clock.
     pub round_trip_ms: Option<f64>,
-    /// How much of it the host's own work and other processes may have taken.
+    /// The part of it that the host's own work and other processes may have taken.
     pub held_up_ms: Option<f64>,
-    /// What an empty call takes of it, where that was measured.
+    /// The part of it that an empty call takes, where that was measured.
     pub correction: Option<Correction>,
     /// Of learning the map; absent when it was known.
     pub prepare_time_ms: Option<f64>,
@@ -256,18 +258,18 @@ pub struct IncumbentInfo {
     pub time_ms: f64,
     /// Sum of costs.
     pub soc_steps: Option<u64>,
-    /// Whether it is valid.
+    /// True if it is valid.
     pub valid: Option<bool>,
 }
 
-/// What came of an execution.
+/// The figures of an execution.
 #[derive(Debug, Serialize)]
 pub struct ExecutionInfo {
-    /// What decided when agents went on.
+    /// The policy that decided when agents went on.
     pub policy: Policy,
     /// Number of agents.
     pub agents: u32,
-    /// How many arrived.
+    /// The number of those that arrived.
     pub arrived: u32,
     /// When the last one arrived.
     pub makespan_s: Option<f64>,
@@ -301,7 +303,7 @@ pub struct ExecutionInfo {
     pub trace_digest: Digest,
 }
 
-/// Why a result may not be compared with others; `None` when it may.
+/// The reason why a result may not be compared with others; `None` when it may.
 pub(crate) fn unranked<'f>(
     attach: Attach,
     limits: &Limits,
@@ -370,7 +372,7 @@ pub fn number(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// How a trial ended, in the words that matter to who asked for it.
+/// The end of a trial, in the words that matter to who asked for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
     /// With a valid plan.

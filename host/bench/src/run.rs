@@ -48,7 +48,7 @@ impl SharedStore {
     }
 }
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// Trials of this run's part that are in the store.
@@ -57,11 +57,11 @@ pub struct Progress {
     pub total: u64,
     /// Trials of this run that did not succeed, or did not come out as before.
     pub failed: u64,
-    /// How long the rest will take; absent before the first trial has ended.
+    /// The time that the rest will take; absent before the first trial has ended.
     pub left: Option<Left>,
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Ran {
     /// Trials that were in the store before.

@@ -35,10 +35,10 @@ const APPLICATION_ID: i32 = i32::from_be_bytes(*b"FlYd");
 /// Version of the tables. Columns that are added do not change it.
 const VERSION: i32 = 1;
 
-/// How long written trials may be in the machine's memory alone.
+/// The time for which written trials may be in the machine's memory alone.
 const SYNC_EVERY: Duration = Duration::from_secs(1);
 
-/// How long to wait for a process that is just ending.
+/// The time to wait for a process that is just ending.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// File systems on which a lock of the whole file and SQLite's locks of its parts are of one
@@ -64,23 +64,23 @@ fn quoted(column: &Column) -> String {
 pub struct Store {
     connection: Connection,
     path: PathBuf,
-    /// What is read for each column of [`COLUMNS`].
+    /// The expression that is read for each column of [`COLUMNS`].
     select: String,
     synced: Option<Instant>,
-    /// Whether this process has begun to write it, with a log beside it.
+    /// True if this process has begun to write it, with a log beside it.
     has_log: bool,
     /// The right to write it, released after the connection is closed.
     _lock: Option<Lock>,
 }
 
-/// What the trials of a store belong to.
+/// The suite that the trials of a store belong to.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Meta {
     /// Name of the suite.
     pub suite: String,
     /// The suite's file as it was.
     pub suite_text: String,
-    /// What it says as a JSON object, values of the command line included.
+    /// Its values as a JSON object, those of the command line included.
     pub suite_values: String,
     /// Digest of all that the suite asks, its instances included.
     pub suite_digest: String,
@@ -88,7 +88,7 @@ pub struct Meta {
     pub fleetyard: String,
     /// When the store was made, in milliseconds since 1970.
     pub created_unix_ms: u64,
-    /// Where the suite's files were, when the store was written last; unknown in older stores.
+    /// The places of the suite's files when the store was written last; unknown in older stores.
     pub places: Places,
 }
 
@@ -103,7 +103,7 @@ pub struct Asked<'a> {
     pub planner: &'a str,
 }
 
-/// What came of merging stores.
+/// The outcome of merging stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Merged {
     /// Trials in the new store.
@@ -281,7 +281,8 @@ impl Store {
         })
     }
 
-    /// What stands for every column in a query: an earlier version did not know them all.
+    /// The expressions that stand for every column in a query: an earlier version did not know
+    /// them all.
     fn selection(&self) -> Result<String> {
         let there = self.columns()?;
         let terms: Vec<String> = COLUMNS
@@ -362,7 +363,7 @@ impl Store {
         run().map_err(|error| failed(&self.path, &error))
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -465,7 +466,8 @@ impl Store {
         Ok(planners)
     }
 
-    /// How many trials the suite asks for are there, and how many belong to an earlier state.
+    /// The numbers of the trials that the suite asks for and are there, and of those that belong
+    /// to an earlier state.
     pub fn counts(&self) -> Result<(u64, u64)> {
         let count = |current: bool| {
             self.run(|connection| {
@@ -480,7 +482,7 @@ impl Store {
         Ok((count(true)?, count(false)?))
     }
 
-    /// What the trials belong to.
+    /// The suite that the trials belong to.
     pub fn meta(&self) -> Result<Meta> {
         let values: BTreeMap<String, String> = self.run(|connection| {
             let mut statement = connection.prepare("SELECT name, value FROM meta")?;
@@ -811,7 +813,7 @@ fn remove(path: &Path) -> Result<()> {
     }
 }
 
-/// Whether the file's header says that it is a store that this program knows.
+/// True if the file's header says that it is a store that this program knows.
 fn identify(path: &Path) -> Result<()> {
     const MAGIC: &[u8] = b"SQLite format 3\0";
     if matches!(fs::metadata(path), Err(error) if error.kind() == io::ErrorKind::NotFound) {
@@ -884,7 +886,7 @@ fn full(path: &Path) -> InputError {
         .hint("what was stored before is kept; free some space, then go on with --resume")
 }
 
-/// Whether the file system has no room for another page.
+/// True if the file system has no room for another page.
 fn no_space(path: &Path) -> bool {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     rustix::fs::statvfs(folder.unwrap_or(Path::new(".")))
@@ -963,7 +965,7 @@ impl Lock {
     }
 }
 
-/// Where a store is, or will be, links resolved.
+/// The path at which a store is, or will be, links resolved.
 fn real(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| {
         let folder = path.parent().filter(|folder| *folder != Path::new(""));

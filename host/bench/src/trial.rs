@@ -28,13 +28,13 @@ use crate::record::{
 use crate::suite::Question;
 use crate::trial_error::TrialError;
 
-/// How many violations a record lists; all are counted.
+/// The most violations that a record lists; all are counted.
 const VIOLATIONS: usize = 20;
 
 /// Planners that watch the clock end a little before their budget does.
 const NEARLY: f64 = 0.9;
 
-/// Where trials run: the runtime with its limits, and the cores that are theirs.
+/// The place where trials run: the runtime with its limits, and the cores that are theirs.
 #[derive(Debug)]
 pub struct Host {
     /// Starts plugins.
@@ -94,7 +94,7 @@ impl Host {
         Ok(())
     }
 
-    /// What every trial may use.
+    /// The budget of every trial.
     pub fn budget(&self) -> &BudgetOptions {
         &self.budget
     }
@@ -118,20 +118,20 @@ impl Host {
     }
 }
 
-/// What a trial is about.
+/// The parts of a trial.
 #[derive(Debug, Clone, Copy)]
 pub struct Trial<'a> {
-    /// Where it runs.
+    /// The host on which it runs.
     pub host: &'a Host,
-    /// Who is asked.
+    /// The planner that is asked.
     pub candidate: &'a Candidate,
-    /// How the planner is attached, if not as usual.
+    /// The planner's attachment, if it is not the usual one.
     pub attach: Option<Attach>,
     /// The planner's options.
     pub options: &'a GivenOptions,
-    /// What it is asked.
+    /// The instance that it is asked.
     pub instance: &'a GridInstance,
-    /// Where the instance comes from, for people.
+    /// The instance's origin, for people.
     pub scenario: &'a str,
     /// By which rule paths are judged.
     pub path_rule: PathRule,
@@ -139,18 +139,18 @@ pub struct Trial<'a> {
     pub seed: u64,
     /// Size of cells and steps, and how the plan is executed if it is.
     pub config: &'a SimConfig,
-    /// Who executes it; `None` when nobody does.
+    /// The robots that execute it; `None` when nobody does.
     pub robots: Option<&'a Robots>,
 }
 
-/// What came of it.
+/// The outcome of a trial.
 #[derive(Debug)]
 pub struct Outcome {
     /// All there is to say.
     pub record: Record,
     /// The plan that counts.
     pub plan: Option<GridPlan>,
-    /// What the user should know.
+    /// Notes that the user should see.
     pub warnings: Vec<String>,
     /// The planner's log; empty while its process is kept.
     pub log: Vec<LogLine>,
@@ -159,7 +159,7 @@ pub struct Outcome {
 }
 
 impl Trial<'_> {
-    /// Whether the planner can be asked at all: it starts, takes its options, and can do
+    /// Checks that the planner can be asked at all: it starts, takes its options, and can do
     /// what the instance needs.
     pub fn check(&self) -> Result<(), TrialError> {
         let running = self.start()?;

@@ -18,7 +18,7 @@ use crate::run::Progress;
 /// A call that took this share of its budget was ended by it, whatever it claims.
 const SPENT: f64 = 0.9;
 
-/// What came of making trials again.
+/// The outcome of making trials again.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Verified {
     /// Trials with the same plan and the same trace.
@@ -41,7 +41,7 @@ pub struct Difference {
     pub planner: String,
     /// Name of the map.
     pub map: String,
-    /// Where starts and goals come from.
+    /// The origin of starts and goals.
     pub scenario: String,
     /// Number of agents.
     pub agents: u64,
@@ -49,7 +49,7 @@ pub struct Difference {
     pub seed: u64,
     /// Number of the repeat.
     pub repeat: u32,
-    /// What is different.
+    /// The part that is different.
     pub what: What,
     /// As it is recorded.
     pub recorded: Option<String>,
@@ -57,11 +57,11 @@ pub struct Difference {
     pub now: Option<String>,
 }
 
-/// What two trials may differ in.
+/// The parts in which two trials may differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum What {
-    /// How the call ended.
+    /// The end of the call.
     Termination,
     /// The digest of the plan.
     Plan,
@@ -156,7 +156,7 @@ fn chosen<'r>(again: &mut [(Planned, &'r Row)], sample: Option<u64>) -> Vec<(Pla
     chosen
 }
 
-/// Whether something else than time decided how the trial ended.
+/// True if something else than time decided how the trial ended.
 fn comparable(row: &Row) -> bool {
     if let (Some(longest), Some(limit)) = (row.planner_call_max_ms, row.planner_limit_ms) {
         // A fleet drives as long as it is told to, but each call of its planner has a deadline.

@@ -27,7 +27,7 @@ fn subject(title: &str) -> Subject {
     }
 }
 
-/// Where maps and scenarios are, in folders whose names a shell would take apart.
+/// The places of maps and scenarios, in folders whose names a shell would take apart.
 fn places(rows: &[Row]) -> Vec<ScenarioPlace> {
     let place = |row: &Row| ScenarioPlace {
         map: row.map.clone(),

@@ -23,15 +23,15 @@ use crate::sandbox::{Level, SandboxReport};
 use crate::session::Limits;
 use crate::supervisor::Report;
 
-/// How often a pipe is read before the rest is looked at again, so that a flood cannot
+/// The reads of a pipe before the rest is looked at again, so that a flood cannot
 /// hide it.
 const ROUNDS: usize = 16;
 
-/// How much is read at a time. What is made of it takes a few milliseconds at most, and
+/// The bytes that are read at a time. To handle them takes a few milliseconds at most, and
 /// then the clock is looked at again.
 const PIECE: usize = 1 << 16;
 
-/// How long a process that closed its output has to end by itself.
+/// The time that a process that closed its output has to end by itself.
 const ENDING: Duration = Duration::from_millis(500);
 
 /// The first request: a worker that cannot load its library answers it without having
@@ -43,7 +43,7 @@ const FIRST_ID: u64 = 1;
 /// some hundred million calls.
 const ID_STEP: u64 = 1 << 26;
 
-/// What a plugin says while a call is running.
+/// A message of a plugin while a call is running.
 pub(crate) enum Notice {
     /// A plan, the number of its paths, and when its last byte arrived.
     Incumbent { read: Read, arrived_ns: u64 },
@@ -70,9 +70,9 @@ pub(crate) struct Client<L: Link = Process> {
     /// Bytes of `unsent` that were written already.
     sent: usize,
     incoming: Incoming,
-    /// Where pieces are read into.
+    /// The buffer into which pieces are read.
     buffer: Vec<u8>,
-    /// What came in one piece with an answer, behind it.
+    /// Bytes that came in one piece with an answer, behind it.
     behind: Vec<u8>,
     pub(crate) stray_lines: u64,
     pub(crate) log: Log,
@@ -85,7 +85,7 @@ pub(crate) struct Client<L: Link = Process> {
     /// When the last request was about to be written, and when the last bytes arrived.
     asked_ns: u64,
     arrived_ns: u64,
-    /// How long messages were handled since then.
+    /// The time for which messages were handled since then.
     handled_ns: u64,
     /// Once broken, always broken.
     fault: Option<Fault>,
@@ -140,7 +140,7 @@ impl From<&Budget> for Deadline {
     }
 }
 
-/// What a call is waited for.
+/// The things that a call is waited for.
 struct Wait<'a> {
     id: u64,
     method: &'a str,
@@ -195,7 +195,7 @@ impl<L: Link> Client<L> {
         self.link.begin(call, self.limits.grace);
     }
 
-    /// What was used since then, if somebody watched to the end.
+    /// The use since then, if somebody watched to the end.
     pub(crate) fn finish(&mut self, method: &str) -> Result<CallUsage, Fault> {
         let used = self.link.finish();
         match self.unsupervised(method) {
@@ -641,13 +641,13 @@ impl<L: Link> Client<L> {
         (report, self.unsupervised("shutdown").or(fault))
     }
 
-    /// Why nothing more is asked.
+    /// The reason why nothing more is asked.
     #[cfg(test)]
     pub(crate) fn fault(&self) -> Option<&Fault> {
         self.fault.as_ref()
     }
 
-    /// How much of what was sent and received is kept, plans aside.
+    /// The bytes of what was sent and received that are kept, plans aside.
     #[cfg(test)]
     pub(crate) fn held_bytes(&self) -> usize {
         let buffers = self.buffer.len() + self.behind.len() + self.unsent.len();
@@ -664,7 +664,7 @@ impl<L: Link> Client<L> {
     }
 }
 
-/// What can be read without waiting, if only nothing; `None` once the pipe is
+/// Reads as much as there is without waiting, if only nothing; `None` once the pipe is
 /// closed.
 fn read_some<'a, L: Link>(
     link: &mut L,

@@ -1,4 +1,4 @@
-//! What a plugin submits during a call, whichever way it comes.
+//! Plans and figures that a plugin submits during a call, whichever way they come.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -6,15 +6,15 @@ use fleetyard_abi::Status;
 
 use crate::monitor::Limit;
 
-/// What went wrong with a plugin; [`Fault::Host`] and [`Fault::Interrupted`] are not its doing.
+/// A fault of a plugin; [`Fault::Host`] and [`Fault::Interrupted`] are not its doing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
     /// The file is no plugin that this host can use.
     #[error("{reason}")]
     Refused {
-        /// Why.
+        /// The reason.
         reason: String,
-        /// What the user can do.
+        /// A hint for the user.
         hint: Option<String>,
     },
     /// A file of a plugin is missing, cannot be read, or says what it may not.
@@ -22,31 +22,31 @@ pub enum Fault {
     File {
         /// Which, and why.
         reason: String,
-        /// What the user can do.
+        /// A hint for the user.
         hint: Option<String>,
     },
     /// No plugin has the name.
     #[error("{reason}")]
     Unknown {
-        /// What was looked for.
+        /// The name that was looked for.
         reason: String,
-        /// What the user can do.
+        /// A hint for the user.
         hint: Option<String>,
     },
     /// The process could not be started.
     #[error("cannot start {program}: {reason}")]
     Spawn {
-        /// What was to be started.
+        /// The program that was to be started.
         program: String,
         /// The system's reason.
         reason: String,
-        /// What the user can do.
+        /// A hint for the user.
         hint: Option<String>,
     },
     /// The host could not do its part: the plugin is not to blame.
     #[error("the host failed: {reason}")]
     Host {
-        /// What it could not do, and the system's reason.
+        /// The thing that it could not do, and the system's reason.
         reason: String,
     },
     /// A signal ended the process.
@@ -86,7 +86,7 @@ pub enum Fault {
         during: String,
         /// The resource.
         limit: Limit,
-        /// How much of it is allowed.
+        /// The amount of it that is allowed.
         allowed: String,
     },
     /// The plugin broke the protocol, and the process was killed.
@@ -94,7 +94,7 @@ pub enum Fault {
     Protocol {
         /// The call that was running.
         during: String,
-        /// What it did.
+        /// Its breach.
         reason: String,
     },
     /// The supervisor was lost or hindered: what the plugin did under which limits nobody
@@ -103,7 +103,7 @@ pub enum Fault {
     Unsupervised {
         /// The call that was running.
         during: String,
-        /// What became of the supervisor.
+        /// The supervisor's fate.
         reason: String,
     },
     /// The plugin reported a failure by itself.
@@ -142,18 +142,18 @@ impl Fault {
         }
     }
 
-    /// Whether the plugin has nothing to do with it, so that it says nothing of the plugin.
+    /// True if the plugin has nothing to do with it, so that it says nothing of the plugin.
     pub fn is_of_host(&self) -> bool {
         matches!(self, Self::Host { .. })
     }
 
-    /// Whether the plugin is still there to be asked again: it failed one call and
+    /// True if the plugin is still there to be asked again: it failed one call and
     /// said so.
     pub(crate) fn is_survivable(&self) -> bool {
         matches!(self, Self::Reported { .. })
     }
 
-    /// Whether the host stopped the plugin, rather than found it ended.
+    /// True if the host stopped the plugin, rather than found it ended.
     pub(crate) fn is_stop(&self) -> bool {
         matches!(
             self,
@@ -174,7 +174,7 @@ impl Fault {
         }
     }
 
-    /// What the user can do, where there is something.
+    /// A hint for the user, where there is something to do.
     pub fn hint(&self) -> Option<&str> {
         match self {
             Self::Refused { hint, .. }

@@ -1,4 +1,4 @@
-//! What to do when somebody tells this process to end.
+//! Signals by which somebody tells this process to end.
 //!
 //! Either [`on_interrupt`] says what, or [`interrupt_calls`] has the call end first that is
 //! running. Nothing is done where neither is called: the process ends.
@@ -9,10 +9,11 @@ use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
 
 use rustix::pipe::{PipeFlags, pipe_with};
 
-/// Where a handler writes the number of the signal; never closed.
+/// The pipe's end to which a handler writes the number of the signal; never closed.
 static WRITER: AtomicI32 = AtomicI32::new(-1);
 
-/// Where it can be seen that a call is to end, if calls are; never closed and never read.
+/// The pipe's end that can be read once a call is to end, if calls are; never closed and never
+/// read.
 static READER: AtomicI32 = AtomicI32::new(-1);
 
 /// Calls that are running and can be ended before the process is.
@@ -21,7 +22,7 @@ static CALLS: AtomicUsize = AtomicUsize::new(0);
 /// The signal for which they are ended; 0 while there was none.
 static SIGNAL: AtomicI32 = AtomicI32::new(0);
 
-/// What a terminal, a batch system and a closed terminal send.
+/// The signals of a terminal, a batch system and a closed terminal.
 const SIGNALS: [i32; 3] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP];
 
 type Handler = extern "C" fn(libc::c_int);
@@ -79,7 +80,7 @@ impl Drop for Interruptible {
     }
 }
 
-/// Where what a handler writes can be read.
+/// Makes the pipe to which handlers write; the end that can be read.
 fn pipe() -> io::Result<OwnedFd> {
     let (reader, writer) = pipe_with(PipeFlags::CLOEXEC)?;
     WRITER.store(writer.into_raw_fd(), Ordering::SeqCst);

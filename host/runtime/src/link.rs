@@ -1,4 +1,4 @@
-//! What the client needs of a plugin's process and of the clock.
+//! The needs of the client of a plugin's process and of the clock.
 //!
 //! [`Process`](crate::process::Process) is the real one. A test plays plugin, supervisor
 //! and clock by turns that a seed decides, thousands of times.
@@ -19,7 +19,7 @@ pub(crate) enum Output {
     Stderr,
 }
 
-/// What is waited for besides the supervisor.
+/// The pipes that are waited for besides the supervisor.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Interest {
     /// The host has something to write.
@@ -69,7 +69,7 @@ pub(crate) trait Link {
     /// The host can go on no more: everybody is ended, and for this reason.
     fn give_up(&mut self, reason: String);
 
-    /// What kept the supervisor from its work, if something did.
+    /// The reason that kept the supervisor from its work, if something did.
     fn disturbed(&self) -> Option<String>;
 
     /// Waits up to `patience` for the plugin to end by itself, then ends its whole tree.

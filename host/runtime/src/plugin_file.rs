@@ -23,7 +23,7 @@ use crate::supervisor::Target;
 /// The name of a manifest, alone or after a name and a dot.
 pub(crate) const MANIFEST: &str = "planner.toml";
 
-/// Whether a file's name says that it is a manifest; a folder may hold other TOML
+/// True if a file's name says that it is a manifest; a folder may hold other TOML
 /// files.
 pub(crate) fn is_manifest(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
@@ -31,7 +31,7 @@ pub(crate) fn is_manifest(path: &Path) -> bool {
         .is_some_and(|before| before.is_empty() || before.ends_with('.'))
 }
 
-/// How a plugin is attached.
+/// The way in which a plugin is attached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Attach {
@@ -62,7 +62,7 @@ impl Attach {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodeFile {
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
     /// The SHA-256 of its content, in hexadecimal digits as `sha256sum` prints it.
     pub sha256: String,
@@ -93,7 +93,7 @@ impl Stamp {
         }
     }
 
-    /// Whether the file had rested when it was looked at: within the resolution of its
+    /// True if the file had rested when it was looked at: within the resolution of its
     /// clock it could be changed once more without a trace.
     fn is_settled(&self, looked: SystemTime) -> bool {
         const RESOLUTION_NS: i128 = 2_000_000_000;
@@ -140,7 +140,7 @@ impl CodeFile {
         Ok(digest)
     }
 
-    /// Where a link leads stands for it.
+    /// The digest of where a link leads, which stands for it.
     fn of_link(path: PathBuf) -> Result<Self, Fault> {
         let target = fs::read_link(&path).map_err(|error| Fault::file(&path, error))?;
         let mut hasher = Sha256::new();
@@ -251,7 +251,7 @@ impl PluginFile {
         })
     }
 
-    /// What the supervisor starts.
+    /// The target that the supervisor starts.
     pub(crate) fn target(&self) -> Target {
         match self {
             Self::BuiltIn => Target::BuiltIn,
@@ -261,7 +261,7 @@ impl PluginFile {
         }
     }
 
-    /// How the plugin is attached unless the user says otherwise.
+    /// The plugin's attachment unless the user says otherwise.
     pub fn default_attach(&self) -> Attach {
         match self {
             Self::BuiltIn | Self::Library(_) => Attach::Worker,

@@ -26,17 +26,18 @@ use crate::sandbox::jail::Launch;
 use crate::state::{self, RUN};
 use crate::supervisor::{ARGUMENT, Message, Order, Report};
 
-/// How long a supervisor may take to answer or to end everybody. It takes milliseconds;
+/// The time that a supervisor may take to answer or to end everybody. It takes milliseconds;
 /// one that somebody has stopped takes for ever.
 const SILENCE: Duration = Duration::from_secs(30);
 
-/// How long one that has closed its socket may take to end by itself.
+/// The time that one that has closed its socket may take to end by itself.
 const ENDING: Duration = Duration::from_secs(1);
 
 /// The longest wait, so that it can be written as the system wants it.
 const LONGEST_WAIT_NS: u64 = 60_000_000_000;
 
-/// Where programs are, where state is kept, and what plugins are told anyway.
+/// True of the variables that say where programs are, where state is kept, and what plugins are
+/// told anyway.
 fn is_for_supervisors(name: &OsStr) -> bool {
     let known = ["PATH", "XDG_RUNTIME_DIR"];
     name.to_str()

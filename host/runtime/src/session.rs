@@ -47,16 +47,16 @@ use crate::{Attach, Fault, Library, PluginFile, Trust, python, selftest};
 /// [`bounds`](crate::bounds).
 #[derive(Debug, Clone)]
 pub struct Limits {
-    /// How long a plugin may take to start and introduce itself.
+    /// The time that a plugin may take to start and introduce itself.
     pub startup: Duration,
-    /// How long a plugin may go on after the deadline, once told to stop. Zero
+    /// The time for which a plugin may go on after the deadline, once told to stop. Zero
     /// for runs that are compared.
     pub grace: Duration,
-    /// How long a plugin may take to end when it is no longer needed.
+    /// The time that a plugin may take to end when it is no longer needed.
     pub ending: Duration,
     /// Most bytes on standard output and standard error that are no messages.
     pub output_bytes: u64,
-    /// What the sandbox grants.
+    /// The sandbox's grants.
     pub policy: Policy,
     /// Whose code may be started.
     pub trust: Trust,
@@ -67,7 +67,7 @@ pub struct Limits {
     /// Memory of all processes together while no call with a budget is running;
     /// 0 for no limit.
     pub memory_bytes: u64,
-    /// What numerical libraries are told through the environment.
+    /// The threads that numerical libraries are told of through the environment.
     pub threads: u32,
     /// The processors that the plugin may run on.
     pub cpus: Option<Cpus>,
@@ -100,7 +100,7 @@ pub struct Incumbent {
     pub plan: Option<GridPlan>,
 }
 
-/// How a run ended, whatever the planner claims and the validator finds.
+/// The end of a run, whatever the planner claims and the validator finds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Termination {
@@ -170,27 +170,27 @@ impl From<&Fault> for Termination {
 pub struct CallReport {
     /// Wall time by the host's clock.
     pub wall: Duration,
-    /// What the plugin's processes used meanwhile.
+    /// The use of the plugin's processes meanwhile.
     pub usage: CallUsage,
 }
 
 /// Everything that came of a `plan` or `recover` call.
 #[derive(Debug, Clone)]
 pub struct PlanRun {
-    /// How the call ended.
+    /// The end of the call.
     pub termination: Termination,
-    /// What the plugin claims, if it came to say so.
+    /// The plugin's claim, if it came to say so.
     pub claim: Option<Status>,
     /// The plugin's explanation.
     pub message: Option<String>,
-    /// What went wrong, if something did.
+    /// The fault, if something went wrong.
     pub fault: Option<Fault>,
     /// Plans that came before the deadline, in order of arrival. The last one is
     /// the answer.
     pub incumbents: Vec<Incumbent>,
     /// Plans that came too late.
     pub late: u64,
-    /// What the plugin reported of itself.
+    /// Figures that the plugin reported of itself.
     pub metrics: BTreeMap<String, f64>,
     /// Wall time of the call by the host's clock.
     pub planning: Duration,
@@ -199,12 +199,12 @@ pub struct PlanRun {
     /// From the request, ready to be written, to the last byte of the answer, by the host's
     /// clock; in process the call itself. Absent if there was no answer.
     pub round_trip: Option<Duration>,
-    /// How much of it the host's own work and other processes may have taken: it handled
+    /// The part of it that the host's own work and other processes may have taken: it handled
     /// messages, and waited for a processor. Absent where the kernel does not count the latter.
     pub held_up: Option<Duration>,
-    /// What the plugin's processes used meanwhile.
+    /// The use of the plugin's processes meanwhile.
     pub usage: CallUsage,
-    /// Whether the plugin was stopped, rather than ending its call by itself.
+    /// True if the plugin was stopped, rather than ending its call by itself.
     pub stopped: bool,
     /// The limit that was exceeded; a plugin may exceed one and end by itself, in its
     /// grace, and it may be stopped for something else.
@@ -240,16 +240,16 @@ impl PlanRun {
     }
 }
 
-/// What is left to say when a session has ended.
+/// The last facts about a session, when it has ended.
 #[derive(Debug, Clone)]
 pub struct Closing {
-    /// What the process tree used; absent in process.
+    /// The use of the process tree; absent in process.
     pub usage: Option<Usage>,
-    /// What the plugin did wrong after its last answer.
+    /// The plugin's fault after its last answer.
     pub fault: Option<Fault>,
     /// The end of what it wrote to standard error.
     pub stderr: String,
-    /// How many bytes of standard error came before.
+    /// The bytes of standard error that came before.
     pub stderr_dropped: u64,
     /// Its log.
     pub log: Vec<LogLine>,
@@ -263,11 +263,12 @@ pub struct Closing {
     pub kill_latency: Option<Duration>,
     /// Stands for the plugin's whole environment; absent in process.
     pub environment: Option<Digest>,
-    /// What of the host's process it did not leave as it was; none in a process of its own.
+    /// The parts of the host's process that it did not leave as they were; none in a process of
+    /// its own.
     pub broken_promises: Vec<BrokenPromise>,
 }
 
-/// What a plugin was built for, which is how it is spoken to.
+/// The contract that a plugin was built for, which is how it is spoken to.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", content = "version", rename_all = "kebab-case")]
 pub enum Contract {
@@ -289,10 +290,10 @@ impl std::fmt::Display for Contract {
     }
 }
 
-/// What a file says of itself.
+/// A file's own description.
 #[derive(Debug, Clone)]
 pub struct Introduction {
-    /// What its plugins were built for.
+    /// The contract that its plugins were built for.
     pub contract: Contract,
     /// The plugins.
     pub descriptors: Vec<Descriptor>,
@@ -339,7 +340,7 @@ impl Runtime {
         &self.limits
     }
 
-    /// What a file has. The built-ins need no process of their own to be
+    /// The plugins that a file has. The built-ins need no process of their own to be
     /// described: they are this program.
     pub fn describe(&self, file: &PluginFile) -> Result<Introduction, Fault> {
         if *file == PluginFile::BuiltIn {
@@ -504,7 +505,7 @@ impl Runtime {
         client.close(self.limits.ending).1.map_or(Ok(()), Err)
     }
 
-    /// What a plugin may read besides the system's files and what variables of the host name,
+    /// Paths that a plugin may read besides the system's files and what variables of the host name,
     /// without starting it: its own folder, its interpreter, what it declares. Places of a
     /// Python interpreter are found when it is started.
     pub fn readable(&self, file: &PluginFile) -> Result<Vec<PathBuf>, Fault> {
@@ -513,7 +514,7 @@ impl Runtime {
         Ok(grants.for_the_plugin())
     }
 
-    /// What a sandbox would be made of on this machine, for this user: all of it is
+    /// The layers that a sandbox would have on this machine, for this user: all of it is
     /// set up, and nothing is started in it.
     pub fn probe(&self) -> Result<SandboxReport, Fault> {
         let launch = self.launch(Target::Nothing)?;
@@ -615,7 +616,7 @@ fn introduce(client: &mut Client, limits: &Limits) -> Result<Reply, Fault> {
     client.call("initialize", params, deadline, expected, figures)
 }
 
-/// What the plugins of a file were built for.
+/// The contract that the plugins of a file were built for.
 fn contract(file: &PluginFile, abi_version: Option<[u16; 2]>) -> Contract {
     match file {
         PluginFile::Program(..) => Contract::Protocol(PROTOCOL_VERSION),
@@ -733,7 +734,7 @@ pub struct Session {
     introduction: Introduction,
     limits: Limits,
     environment: Option<SharedEnvironment>,
-    /// How the plugin that was made wants to read paths.
+    /// The encoding in which the plugin that was made wants to read paths.
     encoding: PathEncoding,
     /// From its start until it had introduced itself.
     startup: Duration,
@@ -755,7 +756,7 @@ impl<'a> Question<'a> {
         }
     }
 
-    /// What the planner left.
+    /// The plan that the planner left.
     fn left(self) -> Option<PlanRef<'a>> {
         match self {
             Self::Plan => None,
@@ -767,7 +768,7 @@ impl<'a> Question<'a> {
 /// A part of a request as text.
 type Written = Option<Box<RawValue>>;
 
-/// How long a call took.
+/// The time that a call took.
 #[derive(Default)]
 struct Timing {
     /// As the plugin says.
@@ -777,7 +778,8 @@ struct Timing {
     handled: Duration,
 }
 
-/// How long this thread was ready to run so far and had no processor; where the kernel counts.
+/// The time for which this thread was ready to run so far and had no processor; where the kernel
+/// counts.
 fn host_run_delay() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     let delay = text.split_whitespace().nth(1)?;
@@ -798,7 +800,7 @@ impl Session {
         &self.introduction.descriptors
     }
 
-    /// How long it took to start the plugin until it had introduced itself, the
+    /// The time that it took to start the plugin until it had introduced itself, the
     /// sandbox included.
     pub fn startup(&self) -> Duration {
         self.startup
@@ -1002,7 +1004,8 @@ impl Session {
         }
     }
 
-    /// What of the host's process the plugin did not leave as it was, so far. From here on
+    /// The parts of the host's process that the plugin did not leave as they were, so far. From
+    /// here on
     /// all of it is as it was, where it could be put back.
     pub fn broken_promises(&mut self) -> &[BrokenPromise] {
         match &mut self.inner {

@@ -6,7 +6,7 @@ use crate::statistics::{holm, sign_test};
 /// A difference is told from chance below this.
 const LEVEL: f64 = 0.05;
 
-/// Who ranks first, and whether tests put it before every other planner.
+/// The planner that ranks first, and the tests that put it before every other, or do not.
 ///
 /// They do where it solved more instances than the other, or was faster on those that both
 /// solved and solved no fewer. Both are exact two-sided sign tests on paired instances; all of

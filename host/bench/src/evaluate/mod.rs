@@ -40,14 +40,14 @@ pub use trials::{Case, Planner, Trials};
 
 use serde::Serialize;
 
-/// What a suite says: the tables of a report.
+/// The findings of a suite: the tables of a report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evaluation {
-    /// How much there is, and what stands in the way of comparing it.
+    /// The amount of trials, and what stands in the way of comparing them.
     pub overview: Overview,
     /// Planners in the order of their ranks.
     pub ranking: Ranking,
-    /// What tests say of the first of them; absent with one planner, and where nothing was solved.
+    /// The tests of the first of them; absent with one planner, and where nothing was solved.
     pub lead: Option<Lead>,
     /// One per planner, in the order of their ranks.
     pub planners: Vec<PlannerSummary>,

@@ -30,20 +30,20 @@ use crate::evaluate::{
 use crate::{Places, Row};
 use figures::Maker;
 
-/// What a report is about.
+/// The subject of a report.
 #[derive(Debug, Clone, Default)]
 pub struct Subject {
     /// Name of the suite.
     pub title: String,
-    /// What the suite is for.
+    /// The purpose of the suite.
     pub description: Option<String>,
     /// By what planners are ranked.
     pub order: Order,
     /// The rule that paths were judged by, if it is not the usual one.
     pub path_rule: Option<String>,
-    /// Where the files of suites were, for commands that make a trial again.
+    /// The places of suites' files, for commands that make a trial again.
     pub places: Places,
-    /// Where the trials come from: names and values.
+    /// The origin of the trials: names and values.
     pub facts: Vec<(String, String)>,
     /// Longer texts: names and what they say, such as the suite's file.
     pub texts: Vec<(String, String)>,
@@ -63,7 +63,7 @@ pub struct Report<'a> {
 struct Numbers<'a> {
     title: &'a str,
     story: Vec<String>,
-    /// What the story and the page say of who is best.
+    /// The sentence of the story and the page about who is best.
     headline: Option<String>,
     caveats: Vec<String>,
     facts: &'a [(String, String)],
@@ -87,12 +87,12 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// What was run, and who is best.
+    /// The first sentences: what was run, and who is best.
     pub fn story(&self) -> Vec<String> {
         story::story(&self.subject, &self.evaluation)
     }
 
-    /// What to be careful with.
+    /// The sentences about what to be careful with.
     pub fn caveats(&self) -> Vec<String> {
         story::caveats(&self.trials, &self.evaluation)
     }
@@ -181,7 +181,8 @@ impl<'a> Report<'a> {
     }
 }
 
-/// How rankings agree: of mazes by algorithm and size, of others by map and team size, as far
+/// The agreement of rankings: of mazes by algorithm and size, of others by map and team size, as
+/// far
 /// as these differ.
 fn stability(trials: &Trials<'_>, order: Order) -> Option<RankStability> {
     let mazes = trials.rows().all(|row| row.maze_width.is_some());

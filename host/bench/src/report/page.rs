@@ -41,7 +41,7 @@ struct Data<'a> {
     columns: Vec<Packed>,
     /// Names of columns whose numbers are yes and no.
     booleans: Vec<&'static str>,
-    /// How each trial ended.
+    /// The end of each trial.
     outcome: Packed,
     planners: Vec<&'a str>,
     order: Order,
@@ -188,7 +188,7 @@ fn list(entries: &[String]) -> String {
     format!("<ul>\n{}</ul>\n", entries.collect::<String>())
 }
 
-/// How the rankings of all trials agree, if there is more than one.
+/// The agreement of the rankings of all trials, if there is more than one.
 fn stability(report: &Report<'_>) -> String {
     let Some(found) = &report.stability else {
         return String::new();

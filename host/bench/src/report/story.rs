@@ -1,4 +1,4 @@
-//! What a report says in sentences: what was run, who is best, and what to be careful with.
+//! The sentences of a report: what was run, who is best, and what to be careful with.
 
 use std::collections::BTreeSet;
 
@@ -53,7 +53,7 @@ pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
     story
 }
 
-/// How an order is called.
+/// The name of an order.
 pub(super) fn order_name(order: Order) -> &'static str {
     match order {
         Order::Text => "the order of the maze paper's text",
@@ -64,7 +64,7 @@ pub(super) fn order_name(order: Order) -> &'static str {
 /// Planners that are named where tests do not put the first before them.
 const NAMED: usize = 3;
 
-/// Who is best, if tests say so, and else before whom they do not put the first.
+/// The sentence about who is best, if tests say so, and else before whom they do not put the first.
 pub(super) fn headline(lead: &Lead) -> String {
     let Lead { planner, rivals } = lead;
     if lead.is_shown() {
@@ -141,7 +141,7 @@ fn best(evaluation: &Evaluation) -> String {
     }
 }
 
-/// What to be careful with.
+/// The sentences about what to be careful with.
 pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<String> {
     let Overview {
         trials: all,
@@ -258,7 +258,7 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
     caveats
 }
 
-/// How numbers came about.
+/// The sentences about how numbers came about.
 pub(super) fn methods() -> Vec<String> {
     [
         "A case is a planner on an instance with a seed and a budget. Its repeats are one: it \

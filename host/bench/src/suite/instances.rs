@@ -69,7 +69,7 @@ pub(super) struct InstanceSet {
     /// `None` for as many as there are.
     pub(super) teams: Option<Teams>,
     pub(super) connectivity: Vec<Connectivity>,
-    /// Whether fleets drive there, whose starts and goals are drawn.
+    /// True if fleets drive there, whose starts and goals are drawn.
     pub(super) lifelong: bool,
     pub(super) place: Place,
 }
@@ -90,7 +90,7 @@ impl InstanceSet {
     }
 }
 
-/// What the bases of a set are.
+/// The bases of a set.
 #[derive(Debug, Clone)]
 pub(super) enum Kind {
     /// Files with starts and goals, and where their maps are.
@@ -148,7 +148,7 @@ impl SeriesSeeds {
     }
 }
 
-/// What is needed to make random scenarios on generated maps.
+/// The parameters of random scenarios on generated maps.
 #[derive(Debug, Clone)]
 pub(super) struct Generated {
     /// With any seed.
@@ -183,7 +183,7 @@ pub(super) struct Loaded {
     instance: Arc<GridInstance>,
 }
 
-/// How the bases of a set are made. A base is an instance of the largest team; smaller
+/// The way in which the bases of a set are made. A base is an instance of the largest team; smaller
 /// teams are its first agents.
 #[derive(Debug)]
 pub(super) enum Recipe {
@@ -197,7 +197,7 @@ pub(super) enum Recipe {
     },
 }
 
-/// What is made when it is asked for.
+/// Instances that are made when they are asked for.
 #[derive(Debug)]
 pub(super) enum Made {
     Mazes(Mazes),
@@ -395,7 +395,7 @@ impl Recipe {
         }
     }
 
-    /// What makes a base what it is: equal ones have equal starts, goals and maps.
+    /// The identity of a base: equal ones have equal starts, goals and maps.
     fn identity(&self, base: u64) -> Digest {
         let mut hasher = Hasher::new("fleetyard.base/2");
         match self {
@@ -537,7 +537,7 @@ impl InstanceSet {
     }
 }
 
-/// What a file of starts and goals says.
+/// The content of a file of starts and goals.
 enum Parts {
     /// Of which the size of the map is checked.
     Scenario(fleetyard_core::Scenario),
@@ -584,7 +584,7 @@ impl Parts {
 }
 
 impl FoundSet<'_> {
-    /// How many questions there are at most; nothing if that is more than can be counted.
+    /// The most questions that there are; nothing if that is more than can be counted.
     pub(super) fn count(&self) -> Option<u64> {
         let teams = self.set.teams.as_ref();
         let teams = teams.map_or(1, |teams| teams.sizes.len());
@@ -697,7 +697,7 @@ fn expand(named: &Named) -> Result<Vec<PathBuf>, InputError> {
     Ok(found)
 }
 
-/// Whether a name matches a pattern, in which `*` stands for any letters and `?` for one.
+/// True if a name matches a pattern, in which `*` stands for any letters and `?` for one.
 fn matches(pattern: &[char], name: &[char]) -> bool {
     let (mut at, mut letter) = (0, 0);
     // The last `*`, and the letter up to which it reaches.

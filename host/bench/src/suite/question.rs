@@ -9,22 +9,22 @@ use fleetyard_world::MazeAlgorithm;
 
 use super::instances::Recipe;
 
-/// Where starts and goals of fleets come from.
+/// The origin of starts and goals of fleets.
 const LIFELONG: &str = "lifelong";
 
-/// What every planner of a suite is asked: an instance, and where it comes from.
+/// A question to every planner of a suite: an instance, and where it comes from.
 #[derive(Debug, Clone)]
 pub struct Question {
     recipe: Arc<Recipe>,
     base: u64,
     agents: u32,
     connectivity: Connectivity,
-    /// Whether starts and goals are drawn while a fleet drives.
+    /// True if starts and goals are drawn while a fleet drives.
     lifelong: bool,
     digest: OnceLock<Digest>,
 }
 
-/// Where an instance comes from.
+/// The origin of an instance.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Origin {
     /// Name of the map. Maps that differ by their seed have the same.
@@ -40,13 +40,13 @@ pub struct Origin {
 pub struct MazeOrigin {
     /// Its number, from 0.
     pub index: u64,
-    /// What it was carved with.
+    /// The seed that it was carved with.
     pub seed: u64,
     /// Cells of the maze from west to east.
     pub width: u32,
     /// Cells of the maze from north to south.
     pub height: u32,
-    /// How it was carved.
+    /// The algorithm that carved it.
     pub algorithm: MazeAlgorithm,
 }
 
@@ -78,7 +78,7 @@ impl Question {
         self.connectivity
     }
 
-    /// Where the instance comes from.
+    /// The instance's origin.
     pub fn origin(&self) -> Origin {
         let origin = self.recipe.origin(self.base);
         if self.lifelong {

@@ -96,9 +96,10 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     }
     // Also when the planner had just answered.
     let interrupted = interrupted_by().is_some();
-    let exit = match interrupted {
-        true => Exit::Interrupted,
-        false => record.ending().into(),
+    let exit = if interrupted {
+        Exit::Interrupted
+    } else {
+        record.ending().into()
     };
     if interrupted {
         output::note(match &plan {

@@ -42,7 +42,7 @@ use template::Slot;
 #[derive(Debug)]
 pub struct Adapter {
     installed: Arc<Installed>,
-    /// What the solver says, asked once.
+    /// The solver's answer, asked once.
     version: OnceLock<Result<String, String>>,
 }
 
@@ -52,7 +52,7 @@ struct Installed {
     manifest: Manifest,
     folder: PathBuf,
     program: PathBuf,
-    /// Whether the variable or the search path of the host's user says where that is,
+    /// True if the variable or the search path of the host's user says where that is,
     /// rather than the manifest.
     chosen_by_host: bool,
 }
@@ -92,13 +92,13 @@ impl Adapter {
         &self.installed.program
     }
 
-    /// Whether the host's user says where the program is, by a variable or the search path,
+    /// True if the host's user says where the program is, by a variable or the search path,
     /// rather than the manifest by a path.
     pub fn is_chosen_by_host(&self) -> bool {
         self.installed.chosen_by_host
     }
 
-    /// What the manifest says that the solver must be able to read, besides itself
+    /// Paths that the manifest says the solver must be able to read, besides itself
     /// and the manifest's folder.
     pub fn readable(&self) -> Vec<PathBuf> {
         let Installed {
@@ -234,7 +234,7 @@ fn find_program(
         })
 }
 
-/// How to get a program that is missing.
+/// The way to get a program that is missing.
 fn install_hint(manifest: &Manifest) -> String {
     let program = &manifest.program;
     let get = match (&program.install, manifest.homepage.as_str()) {

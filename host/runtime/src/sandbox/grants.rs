@@ -1,4 +1,4 @@
-//! What a plugin needs to read, and what its environment says.
+//! The files that a plugin needs to read, and its environment.
 //!
 //! The system's programs and libraries, the plugin's own folder, and the place where
 //! its interpreter is installed. Not the user's home, not other people's files, and never
@@ -42,13 +42,13 @@ const SYSTEM: &[&str] = &[
     "/nix/store",
 ];
 
-/// Whether a path is the system's, which everybody may read.
+/// True if a path is the system's, which everybody may read.
 pub(super) fn is_system(path: &Path) -> bool {
     let mut known = SYSTEM.iter().chain(CONFIGURATION).chain(NETWORK);
     known.any(|system| path.starts_with(system))
 }
 
-/// What programs read when they start. No users, no passwords, no machine's secrets.
+/// Files that programs read when they start. No users, no passwords, no machine's secrets.
 const CONFIGURATION: &[&str] = &[
     "/etc/ld.so.cache",
     "/etc/ld.so.conf",
@@ -75,7 +75,7 @@ const NETWORK: &[&str] = &[
     "/etc/ca-certificates",
 ];
 
-/// Where programs are searched.
+/// The folders in which programs are searched.
 const SEARCH_PATH: &str = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin";
 
 /// Variables that say where software is; they are passed on, and what they name may
@@ -85,7 +85,7 @@ const SOFTWARE: [&str; 2] = ["PYTHONPATH", "LD_LIBRARY_PATH"];
 /// Variables of ours that are none of a plugin's business.
 const OF_THE_HOST: [&str; 2] = ["FLEETYARD_PLUGIN_PATH", "FLEETYARD_LOCK"];
 
-/// What a plugin may read, and its environment.
+/// The files that a plugin may read, and its environment.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Grants {
     /// In the order in which they are mounted; parents come before children.
@@ -101,7 +101,7 @@ pub(crate) struct Grants {
     pub(crate) program: Option<PathBuf>,
     /// The files without which nothing works.
     pub(crate) needed: Vec<PathBuf>,
-    /// What the plugin asks to read and was not granted.
+    /// Paths that the plugin asks to read and was not granted.
     pub(crate) withheld: Vec<PathBuf>,
 }
 
@@ -212,7 +212,7 @@ impl Grants {
         gathered.finish(policy, env, program, named.into_iter().collect())
     }
 
-    /// Whether a path that somebody claims to need is among what was granted.
+    /// True if a path that somebody claims to need is among what was granted.
     pub(crate) fn has(&self, path: &Path) -> bool {
         let Ok(real) = fs::canonicalize(path) else {
             return false;
@@ -224,7 +224,7 @@ impl Grants {
         roots.any(|root| real.starts_with(root))
     }
 
-    /// What is granted for the plugin's sake alone: not to everybody by the system or by a
+    /// Paths that are granted for the plugin's sake alone: not to everybody by the system or by a
     /// variable of the host.
     pub(crate) fn for_the_plugin(&self) -> Vec<PathBuf> {
         let to_all: Vec<PathBuf> = software()
@@ -236,7 +236,7 @@ impl Grants {
         paths
     }
 
-    /// What is granted besides the system's.
+    /// Paths that are granted besides the system's.
     pub(crate) fn beyond_the_system(&self) -> Vec<PathBuf> {
         let beyond = self.read.iter().filter(|path| !is_system(path));
         beyond.cloned().collect()
@@ -301,7 +301,7 @@ struct Grant {
     path: PathBuf,
     /// Whose files are shown as the plugin's own.
     owner: Option<u32>,
-    /// Whether what is in the folder is granted, and not the folder: its mode closes it to
+    /// True if the folder's entries are granted, and not the folder: its mode closes it to
     /// others, while the plugin's file is open to them.
     entries: bool,
 }
@@ -314,7 +314,7 @@ struct Gathered {
     own: Vec<PathBuf>,
     /// Folders with programs.
     search: Vec<PathBuf>,
-    /// What is not granted, although what it is in may be.
+    /// Paths that are not granted, although the folders that they are in may be.
     left_out: Vec<PathBuf>,
     withheld: Vec<PathBuf>,
     /// The folder of the plugin's file, and whose the file is.
@@ -323,7 +323,8 @@ struct Gathered {
 }
 
 impl Gathered {
-    /// What everybody is granted, what the host's user grants, and the plugin's own folder.
+    /// Begins with what everybody is granted, what the host's user grants, and the plugin's own
+    /// folder.
     fn new(target: &Target, policy: &Policy) -> Self {
         let mut gathered = Self::default();
         let network: &[&str] = if policy.network { NETWORK } else { &[] };
@@ -446,7 +447,7 @@ impl Gathered {
         }
     }
 
-    /// Where programs are searched.
+    /// The folders in which programs are searched.
     fn search_path(&self) -> Vec<PathBuf> {
         let usual: Vec<PathBuf> = SEARCH_PATH.split(':').map(PathBuf::from).collect();
         let mut search: Vec<PathBuf> = Vec::new();
@@ -513,7 +514,7 @@ fn with_target(path: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// What belongs to a file and stands beside it: the folder that it is in, of an installed
+/// Places that belong to a file and stand beside it: the folder that it is in, of an installed
 /// program the folders beside its `bin`, of one in a virtual environment the environment.
 /// The file alone where its folder holds more than one plugin's files.
 pub(crate) fn own(file: &Path) -> Vec<PathBuf> {
@@ -551,7 +552,7 @@ pub(crate) fn own(file: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// What is in a plugin's own folder and not the plugin's: the history of its source, what
+/// Entries of a plugin's own folder that are not the plugin's: the history of its source, what
 /// tools build there, and what is closed to others if its file is not.
 pub(crate) fn aside(own: &Path, file: &Path) -> Vec<PathBuf> {
     const HISTORY: [&str; 3] = [".git", ".hg", ".svn"];
@@ -574,7 +575,7 @@ pub(crate) fn aside(own: &Path, file: &Path) -> Vec<PathBuf> {
     aside.map(|entry| entry.path()).collect()
 }
 
-/// Whether a folder is, or is in, one that a tool marked as its cache, as cargo does with
+/// True if a folder is, or is in, one that a tool marked as its cache, as cargo does with
 /// `target`: what is built there for others may be large and is nobody's plugin.
 fn is_build_folder(folder: &Path) -> bool {
     folder.ancestors().any(is_build_folder_itself)
@@ -596,13 +597,13 @@ fn is_executable(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.mode() & 0o111 != 0)
 }
 
-/// Whether others than its owner may read a file, or read and enter a folder.
+/// True if others than its owner may read a file, or read and enter a folder.
 fn is_open(meta: &Metadata) -> bool {
     let needed = if meta.is_dir() { 0o005 } else { 0o004 };
     meta.mode() & needed == needed
 }
 
-/// Whether others may come from a folder to a path and read it: whoever closed a folder on
+/// True if others may come from a folder to a path and read it: whoever closed a folder on
 /// the way closed what is in it. Folders above both are not on the way.
 fn is_open_from(folder: &Path, path: &Path) -> bool {
     let mut above = path
@@ -616,7 +617,7 @@ fn is_open_from(folder: &Path, path: &Path) -> bool {
 /// Most files of a declared folder that are looked at.
 const LOOKED_AT: usize = 20_000;
 
-/// What is closed to others below a path; `None` where there is too much to look at.
+/// Paths below a path that are closed to others; `None` where there is too much to look at.
 fn closed_below(path: &Path, most: usize) -> Option<Vec<PathBuf>> {
     let mut closed = Vec::new();
     let mut folders = vec![path.to_owned()];
@@ -642,7 +643,8 @@ fn closed_below(path: &Path, most: usize) -> Option<Vec<PathBuf>> {
     Some(closed)
 }
 
-/// Where a program is installed: above its `bin`, if that looks like an installation, and
+/// The folder in which a program is installed: above its `bin`, if that looks like an
+/// installation, and
 /// above the `shims` of a manager of versions.
 fn prefix(program: &Path) -> Option<PathBuf> {
     let folder = program.parent()?;
@@ -685,7 +687,7 @@ fn base(program: &Path) -> Option<PathBuf> {
         .find(|path| path.is_absolute() && is_executable(path))
 }
 
-/// Whether a program stands where the host's user looks for programs, or where a manager of
+/// True if a program stands where the host's user looks for programs, or where a manager of
 /// versions does whose scripts stand there.
 fn is_on_search_path(program: &Path) -> bool {
     host_path().any(|folder| {
@@ -732,7 +734,7 @@ fn user_sites() -> Vec<PathBuf> {
     sites.map(|entry| entry.path()).collect()
 }
 
-/// What the variables of the host name that say where software is.
+/// Folders that the host's variables name which say where software is.
 fn software() -> Vec<PathBuf> {
     let values = SOFTWARE.iter().filter_map(std::env::var_os);
     let folders = values.flat_map(|value| std::env::split_paths(&value).collect::<Vec<_>>());
@@ -796,7 +798,7 @@ pub(crate) fn find_program(name: &str) -> Option<PathBuf> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Interpreter {
     pub(crate) program: PathBuf,
-    /// Whether it was searched where the host's user looks for programs, rather than named
+    /// True if it was searched where the host's user looks for programs, rather than named
     /// by the plugin.
     pub(crate) searched: bool,
 }
@@ -869,7 +871,7 @@ fn tidy(mut grants: Vec<Grant>) -> Vec<Grant> {
 /// Paths that are granted to nobody.
 #[derive(Debug)]
 pub(crate) struct Hidden {
-    /// What the host reads and writes.
+    /// Files that the host reads and writes.
     of_the_host: BTreeSet<PathBuf>,
     left_out: BTreeSet<PathBuf>,
     /// The plugin's own files, which are never hidden for their names alone.
@@ -908,7 +910,7 @@ impl Hidden {
         }
     }
 
-    /// Whether a path is hidden, or inside of what is: by its name or as what it leads to.
+    /// True if a path is hidden, or inside of what is: by its name or as what it leads to.
     /// What stands beside a file of the host under a longer name belongs to it: a journal,
     /// a lock, a part that is being written.
     pub(crate) fn has(&self, path: &Path) -> bool {
@@ -942,7 +944,7 @@ impl Hidden {
         })
     }
 
-    /// Whether something hidden is in a folder.
+    /// True if something hidden is in a folder.
     fn is_in(&self, folder: &Path) -> bool {
         let folders = both(folder);
         let mut hidden = self.of_the_host.iter().chain(&self.left_out);

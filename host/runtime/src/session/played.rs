@@ -21,7 +21,7 @@ use crate::supervisor::Report;
 
 const MS: u64 = 1_000_000;
 
-/// How many seeds are played unless told otherwise.
+/// The number of seeds that are played unless told otherwise.
 const SEEDS: u64 = 6000;
 
 /// More turns than any session takes.
@@ -65,7 +65,7 @@ impl Dice {
     }
 }
 
-/// What a line is, as who wrote it knows.
+/// The kind of a line, as who wrote it knows.
 #[derive(Debug, Clone, PartialEq)]
 enum What {
     /// A plan for everybody, or for a wrong number of agents.
@@ -88,7 +88,7 @@ struct Written {
     at_ns: u64,
 }
 
-/// How a plugin ends.
+/// The end of a plugin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum End {
     Code(i32),
@@ -99,9 +99,9 @@ enum End {
 #[derive(Debug, Clone)]
 struct Asked {
     id: u64,
-    /// How much the host had read until then.
+    /// The bytes that the host had read until then.
     read: u64,
-    /// What it tells the plugin.
+    /// The deadline that it tells the plugin.
     deadline_ns: Option<u64>,
 }
 
@@ -109,10 +109,10 @@ struct State {
     dice: Dice,
     now_ns: u64,
     turns: u64,
-    /// What the host has written and the plugin has not taken.
+    /// Bytes that the host has written and the plugin has not taken.
     input: Vec<u8>,
     input_open: bool,
-    /// What the plugin has written, in pieces that come at their times.
+    /// Bytes that the plugin has written, in pieces that come at their times.
     pieces: VecDeque<(u64, Vec<u8>)>,
     errors: VecDeque<(u64, Vec<u8>)>,
     /// When the plugin has done what it was asked for until now.
@@ -125,10 +125,10 @@ struct State {
     /// The last line has no end yet.
     half: bool,
     idle_bytes: u64,
-    /// How much the host read of standard error.
+    /// The bytes that the host read of standard error.
     errors_read: u64,
     read_bytes: u64,
-    /// How much was read by when: the time that the host saw on its clock next.
+    /// The bytes that were read by a time: the one that the host saw on its clock next.
     reads: Vec<(u64, u64)>,
     asked: Vec<Asked>,
     /// A limit that is exceeded at a time.
@@ -691,7 +691,7 @@ impl Link for World {
 
 // ---- What may come of it -------------------------------------------------------------
 
-/// What the lines that the host read in a call come to.
+/// The sum of the lines that the host read in a call.
 #[derive(Debug, PartialEq)]
 enum Expectation {
     /// One of them breaks the protocol.
@@ -711,7 +711,7 @@ struct Play {
     taken: usize,
     /// Requests that were made.
     calls: usize,
-    /// How calls for a plan ended.
+    /// The ends of calls for a plan.
     ends: Vec<Termination>,
 }
 
@@ -742,7 +742,7 @@ impl Play {
         }
     }
 
-    /// What the next call's lines come to, the times at which its plans were read, and how
+    /// The sum of the next call's lines, the times at which its plans were read, and how
     /// many of them were late.
     fn expect(&mut self, deadline_ns: u64, plans: bool) -> (Expectation, Vec<u64>, u64) {
         let state = self.world.0.borrow();
