@@ -928,12 +928,12 @@ fn claims_that_nothing_stands_behind_are_refused() {
         (beginning(2, 2), rows(b'j', 0, 0, &[]), "number of entries"),
         (
             beginning(2, 2),
-            rows(b'j', 0, 5000, &[0; 15_000]),
+            rows(b'j', 0, 5000, &vec![0; 15_000]),
             "number of entries",
         ),
         (
             beginning(2, 2),
-            rows(b'j', 0, 1, &[0; 70_000]),
+            rows(b'j', 0, 1, &vec![0; 70_000]),
             "number of entries",
         ),
         // No such agent, no map, trailing bytes, an unknown kind, cut text.

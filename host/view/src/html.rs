@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use fleetyard_sim::trace::{Entry, Header, Outline, Remark, States, Summary};
+use fleetyard_sim::trace::{self, Entry, Header, Outline, Remark, States, Summary};
 use fleetyard_sim::{Event, EventKind, Other, TraceSink};
 use serde::Serialize;
 
@@ -69,7 +69,7 @@ impl Recording {
         let title = title.into();
         let scene = &header.scene;
         Self {
-            columns: scene.cells.as_ref().map_or(0, |cells| cells.cols()),
+            columns: scene.cells.as_ref().map_or(0, trace::Cells::cols),
             endpoints: scene.endpoints.as_ref().map(Cells::of_trace),
             workstations: scene.workstations.as_ref().map(Cells::of_trace),
             world: World::of_trace(&title, header),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use fleetyard_sim::trace::{Header, States, Summary};
+use fleetyard_sim::trace::{Entry, Header, Standing, States, Summary};
 use fleetyard_sim::{Event, EventKind, Other, TraceSink};
 
 use crate::svg::{Body, Picture, reach_m};
@@ -24,6 +24,8 @@ pub struct Still {
     open: BTreeMap<(u32, u64), (u32, Option<u32>)>,
     /// Where contacts began.
     places: Vec<[f64; 2]>,
+    /// The goals of a fleet at the moment.
+    standing: Standing,
 }
 
 /// x, y and heading.
@@ -43,6 +45,7 @@ impl Still {
             after: None,
             open: BTreeMap::new(),
             places: Vec::new(),
+            standing: Standing::new(header.agents),
         }
     }
 
@@ -85,6 +88,14 @@ impl Still {
             .copied()
             .map(Some)
             .collect();
+        if let (true, Some(cells), Some(_)) = (
+            picture.goals.is_empty(),
+            &self.header.scene.cells,
+            self.at_s,
+        ) {
+            let goal = |agent| Some(cells.center_m(self.standing.goal(agent)?.cell));
+            picture.goals = (0..self.header.agents).map(goal).collect();
+        }
         if picture.goals.is_empty() && self.at_s.is_none() {
             picture.goals = self.paths.iter().map(|path| path.last().copied()).collect();
         }
@@ -185,6 +196,14 @@ impl TraceSink for Still {
                 EventKind::Arrive => {}
             }
         }
+        Ok(())
+    }
+
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        let header = &self.header;
+        let is_past = |entry: &&Entry| self.at_s.is_none_or(|at| header.time_s(entry.tick) <= at);
+        let past = entries.iter().take_while(is_past);
+        past.for_each(|entry| self.standing.note(entry));
         Ok(())
     }
 

@@ -7,7 +7,9 @@ use std::path::Path;
 use std::{env, fs};
 
 use fleetyard_core::{Grid, GridPlan, Roadmap, TrajectoryPlan};
-use fleetyard_view::{Body, FleetPicture, Outline, Picture, World, difference, png};
+use fleetyard_sim::trace::{Entry, Goal, Happening};
+use fleetyard_sim::{Live, SimConfig, TraceReader, TraceSink as _, TraceWriter};
+use fleetyard_view::{Body, FleetPicture, Outline, Picture, Still, World, difference, png};
 use fleetyard_world::{Boundary, Bounds, Polygon, Workspace};
 use resvg::tiny_skia::Pixmap;
 use xxhash_rust::xxh3::xxh3_128;
@@ -262,4 +264,42 @@ fn a_run_of_a_fleet() {
         ..picture
     };
     assert!(!broken.svg().contains("NaN"));
+}
+
+#[test]
+fn a_moment_of_a_fleet_has_the_goals_of_then() {
+    let grid = Grid::new("yard", 2, 3, b"......".to_vec()).unwrap();
+    let config = SimConfig::default();
+    let mut live = Live::new(&config, &grid, None, &[(0, 0.0), (3, 0.0)]).unwrap();
+    let mut writer = TraceWriter::new(Vec::new(), 1);
+    live.begin(&mut writer).unwrap();
+    let has_goal = |tick, agent, cell| Entry {
+        tick,
+        what: Happening::Goal(Goal {
+            agent,
+            number: 0,
+            cell,
+            errand: None,
+        }),
+    };
+    writer.journal(&[has_goal(0, 0, 2)]).unwrap();
+    for _ in 0..20 {
+        live.advance(&mut writer).unwrap();
+        if live.tick() == 60 {
+            writer.journal(&[has_goal(60, 1, 5)]).unwrap();
+        }
+    }
+    live.finish(&mut writer).unwrap();
+    let trace = writer.into_inner();
+    let squares = |at_s| {
+        let reader = TraceReader::open(&trace[..], "t").unwrap();
+        let header = reader.header().clone();
+        let mut still = Still::new(&header, Some(at_s));
+        reader.replay(&mut still).unwrap();
+        let world = World::of_trace("yard", &header);
+        let picture = still.picture(&world);
+        picture.goals
+    };
+    assert_eq!(squares(0.5), [Some([2.5, 1.5]), None]);
+    assert_eq!(squares(1.5), [Some([2.5, 1.5]), Some([2.5, 0.5])]);
 }

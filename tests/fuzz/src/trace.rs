@@ -58,7 +58,9 @@ fn standing(bytes: &[u8], from: Option<u64>) -> Standing {
     }
     while let Some(frame) = reader.next_frame().expect("it was read before") {
         if let Frame::Journal(entries) = frame {
-            entries.iter().for_each(|entry| standing.note(entry));
+            for entry in entries {
+                standing.note(entry);
+            }
         }
     }
     standing

@@ -146,7 +146,7 @@ pub(super) enum Written {
     /// As one of the formats that commands read, too.
     As(Format),
     /// As the manifest describes it.
-    So(Layout),
+    So(Box<Layout>),
 }
 
 impl Output {
@@ -802,7 +802,7 @@ impl Output {
         choices.push(("custom", None));
         let written = match (format.choice(&choices)?, table.get("custom")) {
             (Some(named), None) => Written::As(named),
-            (None, Some(value)) => Written::So(custom(&value)?),
+            (None, Some(value)) => Written::So(custom(&value)?.into()),
             (Some(_), Some(value)) => {
                 return Err(value
                     .error("the format is a named one, so it is not described")

@@ -355,6 +355,13 @@ impl Cells {
         f64::from_bits(self.cell_size)
     }
 
+    /// The middle of a cell of the map, in metres.
+    pub fn center_m(&self, cell: u32) -> [f64; 2] {
+        let (row, col) = (cell / self.cols, cell % self.cols);
+        let from_below = self.rows.saturating_sub(row + 1);
+        [col, from_below].map(|cells| (f64::from(cells) + 0.5) * self.cell_size_m())
+    }
+
     /// Runs of these cells within a row: row from the top, first column, and how
     /// many. In order.
     pub fn in_rows(&self) -> impl Iterator<Item = (u32, u32, u32)> {
