@@ -351,6 +351,10 @@ fn check_dynamics(
         violations.extend(excesses.iter().map(|excess| {
             let (rule, what) = beyond(excess);
             let (time_s, [x, y]) = (excess.time_s, excess.place_m);
+            let when = match excess.demand {
+                Demand::Acceleration | Demand::TurnAcceleration => format!("at {time_s} s"),
+                _ => format!("from {time_s} s on"),
+            };
             ContinuousViolation {
                 rule,
                 agents: vec![agent as u32],
@@ -361,7 +365,7 @@ fn check_dynamics(
                     value: excess.value,
                     limit: excess.limit,
                 }),
-                sentence: format!("agent {agent} {what} from {time_s} s on, at [{x}, {y}]"),
+                sentence: format!("agent {agent} {what} {when}, in [{x}, {y}]"),
             }
         }));
     }
@@ -492,10 +496,10 @@ mod tests {
             sentences(&verdict),
             [
                 "agent 0 begins 0.5 m from its start",
-                "agent 1 moves at 4 m/s, faster than 2 m/s, from 0 s on, at [1, 2]",
+                "agent 1 moves at 4 m/s, faster than 2 m/s, from 0 s on, in [1, 2]",
                 "agents 0 and 1 overlap from 0.0000011428571428571428 s to 0.333333 s",
-                "agent 1 turns at 3 rad/s, faster than 1.5 rad/s, from 2 s on, at [9, 2]",
-                "agent 1 changes its turn rate by 30 rad/s², more than 15 rad/s², from 2 s on, at [9, 2]",
+                "agent 1 turns at 3 rad/s, faster than 1.5 rad/s, from 2 s on, in [9, 2]",
+                "agent 1 changes its turn rate by 30 rad/s², more than 15 rad/s², at 2 s, in [9, 2]",
                 "agent 1 reaches over the bounds from 2.704087739031907 s on",
                 "agent 1 ends 0.75 m from its goal",
                 "agent 0 overlaps obstacle 0 from 3.1428582857142855 s on",

@@ -10,6 +10,8 @@ use fleetyard_core::{
     read_roadmap, read_roadmap_plan, read_trajectories, write_roadmap, write_roadmap_plan,
     write_trajectories,
 };
+use fleetyard_sim::motion::Model;
+use fleetyard_world::Dynamics;
 
 use super::check_error;
 
@@ -81,6 +83,23 @@ fn trajectories(plan: &TrajectoryPlan, data: &[u8]) {
         assert!(knots.length_m().is_finite());
         assert!(fastest.speed_knot < knots.len() && fastest.turn_knot < knots.len());
         assert!(fastest.speed_m_per_s >= 0.0 && fastest.turn_rad_per_s >= 0.0);
+        // Bodies that can do anything can do this; of others it says by how much they cannot.
+        assert_eq!(Dynamics::UNLIMITED.excesses(knots), []);
+        for name in [
+            "unicycle-2",
+            "double-integrator",
+            "go2",
+            "single-integrator",
+        ] {
+            let model: Model = name.parse().expect("a model");
+            for excess in model.dynamics().excesses(knots) {
+                assert!(
+                    excess.value.is_finite() && excess.value > excess.limit,
+                    "{excess:?}"
+                );
+                assert!(excess.knot < knots.len() && excess.time_s <= knots.end_s());
+            }
+        }
     }
     let column = |pick: fn(&Knot) -> f64| -> Vec<f64> {
         let knots = plan.paths().flat_map(Knots::iter);

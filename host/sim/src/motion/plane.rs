@@ -355,7 +355,7 @@ impl Plane {
         visit: &mut impl FnMut(&State),
     ) {
         let (gap, speed) = (into(frame, way), into(frame, [state.vx, state.vy]));
-        let axes = self.axes(gap, speed);
+        let axes = self.axes(gap);
         // Mirrored so that the way is forwards in both: the law for that is the cheaper one.
         let signs = gap.map(|gap| if gap < 0.0 { -1.0 } else { 1.0 });
         let mut gap = [gap[0] * signs[0], gap[1] * signs[1]];
@@ -379,7 +379,7 @@ impl Plane {
     }
 
     /// Both coordinates under limits in proportion to what each has to go.
-    fn axes(&self, gap: [f64; 2], speed: [f64; 2]) -> [Axis; 2] {
+    fn axes(&self, gap: [f64; 2]) -> [Axis; 2] {
         let [forward, backward, lateral] = self.caps;
         let caps = [if gap[0] >= 0.0 { forward } else { backward }, lateral];
         let size = gap.map(f64::abs);
@@ -387,7 +387,6 @@ impl Plane {
         let slowest = (size[0] / caps[0]).max(size[1] / caps[1]);
         let laziest = (size[0] / self.rates[0]).max(size[1] / self.rates[1]);
         let there = size[0] <= THERE && size[1] <= THERE;
-        let straight = is_along(speed, gap);
         let axis = |side: usize| {
             let full = self.rates[side];
             if there {
@@ -395,8 +394,7 @@ impl Plane {
             }
             let rate = (size[side] / laziest).min(full);
             let cap = (size[side] / slowest).min(caps[side]);
-            let down = if straight { rate } else { full };
-            Axis::new(self.gain, cap, [rate, down, rate], self.dt)
+            Axis::new(self.gain, cap, [rate; 3], self.dt)
         };
         [axis(0), axis(1)]
     }
@@ -615,7 +613,7 @@ impl Plane {
 const NO_WAY_M: f64 = 1e-6;
 
 /// Whether a body moves along its way: then both coordinates slow down in proportion, so
-/// that it stays there. Else each brakes as hard as it can.
+/// that it stays there. Else it has to get onto it first.
 fn is_along(speed: [f64; 2], way: [f64; 2]) -> bool {
     let aside = speed[0] * way[1] - speed[1] * way[0];
     let ahead = speed[0] * way[0] + speed[1] * way[1];
