@@ -1172,13 +1172,15 @@ impl<L: Link> Inner<L> {
         }
         let called = match (called, fault) {
             (Err(fault @ Fault::Unsupervised { .. }), _) => Err(fault),
-            // One that ended by itself because it was told to.
-            _ if matches!(self, Self::InProcess { .. }) && interrupted_by().is_some() => {
+            (Ok(_), Some(reason)) => Err(protocol(method, reason)),
+            // It ended by itself because it was told to.
+            (Ok(_), None)
+                if matches!(self, Self::InProcess { .. }) && interrupted_by().is_some() =>
+            {
                 Err(Fault::Interrupted {
                     during: method.into(),
                 })
             }
-            (Ok(_), Some(reason)) => Err(protocol(method, reason)),
             (
                 Ok(Outcome {
                     status: Status::Solved,

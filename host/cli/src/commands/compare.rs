@@ -8,9 +8,10 @@ use std::time::Instant;
 use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::statistics::{mean, median, sorted};
 use fleetyard_bench::{
-    Candidate, Estimate, GivenOptions, Host, Record, Robots, Trial, in_turn, number,
+    Candidate, Estimate, GivenOptions, Host, Record, Robots, Trial, TrialError, in_turn, number,
 };
 use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
+use fleetyard_runtime::Fault;
 use fleetyard_sim::{NoTrace, SimConfig};
 use serde::Serialize;
 
@@ -154,13 +155,15 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             bar.set_message(output::with_left(estimate.left(), &what));
             let started = Instant::now();
             let outcome = ask.trial(which, question).run(&mut NoTrace);
+            // A file of the planner that is gone meanwhile is its affair, and not the command's.
+            let is_its_file = matches!(&outcome, Err(TrialError::Fault(Fault::File { .. })));
             let failed = match outcome.map_err(Failure::from) {
                 Ok(outcome) => {
                     let fault = outcome.record.fault.clone();
                     trials.push((which, outcome.record));
                     fault
                 }
-                Err(failure) if failure.exit == Exit::Plugin => {
+                Err(failure) if failure.exit == Exit::Plugin || is_its_file => {
                     missed.push(Missed {
                         planner: labels[which].clone(),
                         map: question.map().to_owned(),

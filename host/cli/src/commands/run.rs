@@ -7,7 +7,7 @@ use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial};
 use fleetyard_core::InputError;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
-use fleetyard_runtime::{LogLine, interrupt_calls, interrupted_by};
+use fleetyard_runtime::{LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_sim::trace::TraceOptions;
 use fleetyard_view::{Picture, World};
 
@@ -106,7 +106,9 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
             Some(_) => "interrupted; this is the best plan until then",
             None => "interrupted; there was no plan until then",
         });
-    } else if let Some(fault) = &record.fault {
+    }
+    let ended = record.termination == Termination::Interrupted;
+    if let Some(fault) = record.fault.as_ref().filter(|_| !ended) {
         output::error(&format!("planner `{}` {fault}", record.planner.id));
     } else if exit == Exit::NoPlan {
         output::error(&no_plan(record, arguments));
