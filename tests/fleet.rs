@@ -475,16 +475,13 @@ fn the_setups_of_lsmart_are_those_of_its_paper() {
 /// The page about LSMART made of rows `(setup, map, robots, seed, goals per second)`.
 fn page_of(rows: &[(&str, &str, u32, u32, f64)]) -> String {
     let folder = tempfile::tempdir().unwrap();
-    let mut csv =
-        "planner,map,agents,seed,throughput_per_s,goals_committed,simulated_s,planner_calls,\
-                   fail_policy_ratio,contacts,success,rtf,contended,machine,planner_digest,\
-                   trace_digest\n"
-            .to_owned();
-    for (setup, map, agents, seed, throughput) in rows {
-        csv += &format!(
-            "{setup},{map},{agents},{seed},{throughput},0,300,300,0,0,1,9,,machine,code,digest\n"
-        );
-    }
+    let head = "planner,map,agents,seed,throughput_per_s,goals_committed,simulated_s,planner_calls,\
+                fail_policy_ratio,contacts,success,rtf,contended,machine,planner_digest,trace_digest\n";
+    let row = |(setup, map, agents, seed, throughput): &(&str, &str, u32, u32, f64)| {
+        format!("{setup},{map},{agents},{seed},{throughput},0,300,300,0,0,1,9,,machine,code,digest")
+    };
+    let rows: Vec<String> = rows.iter().map(row).collect();
+    let csv = format!("{head}{}\n", rows.join("\n"));
     fs::write(folder.path().join("reduced-windows.csv"), csv).unwrap();
     let folder = folder.path().to_str().unwrap();
     lsmart_page(folder, folder)

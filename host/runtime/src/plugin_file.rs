@@ -276,7 +276,7 @@ impl PluginFile {
         // This program does not change while it runs, and is large.
         static BUILT_IN: OnceLock<Digest> = OnceLock::new();
         if *self != Self::BuiltIn {
-            return self.read_digest(|file, error| Fault::file(file, error));
+            return self.read_digest(Fault::file);
         }
         if let Some(known) = BUILT_IN.get() {
             return Ok(*known);
