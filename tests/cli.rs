@@ -832,15 +832,21 @@ fn long_work_on_a_terminal_says_what_is_going_on() {
     let instance = instance("empty-8-8", 2).join(" ");
     let run = format!("fleetyard run --planner lacam anytime=false --trace-out t.fyt {instance}");
     let shown = on_a_terminal(&run);
-    let expected = "lacam on empty-8-8-random-1.scen, 2 agents, 0s elapsed";
-    assert!(shown.contains(expected), "{shown}");
+    let what = "lacam on empty-8-8-random-1.scen, 2 agents, ";
+    assert!(
+        shown.contains(what) && shown.contains("s elapsed"),
+        "{shown}"
+    );
     for line in [
         "trace info t.fyt",
         "trace diff t.fyt t.fyt",
         "trace export t.fyt --html t.html",
     ] {
         let shown = on_a_terminal(&format!("fleetyard {line}"));
-        assert!(shown.contains(" read, 0s elapsed"), "{shown}");
+        assert!(
+            shown.contains(" read, ") && shown.contains("s elapsed"),
+            "{shown}"
+        );
     }
 }
 

@@ -510,7 +510,7 @@ impl Row {
         self.unranked.get_or_insert_with(|| reason.to_owned());
     }
 
-    /// Why its times cannot be compared with others.
+    /// Takes the reasons for which its times cannot be compared with others.
     pub(crate) fn found_contended(&mut self, reasons: &[Reason]) {
         let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
         self.contended = reasons.join("; ");

@@ -228,7 +228,7 @@ pub(crate) struct Drive {
     pub(crate) sandbox: Option<SandboxReport>,
     /// Which module ran without its supervisor, and what became of that.
     unsupervised: Option<String>,
-    /// Why times cannot be compared.
+    /// Reasons for which times cannot be compared.
     contended: Vec<Reason>,
 }
 

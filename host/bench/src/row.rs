@@ -224,7 +224,7 @@ columns! {
     /// The time that is compared: that of the call by the host's clock, the round trip less the
     /// correction, or processor time, as `clock` says; of a fleet, the mean over its planner's calls.
     solve_time_ms: f64,
-    /// Which time is compared, in the suite's words.
+    /// Time that is compared, in the suite's words: `host`, `call` or `cpu`.
     clock: Option<String>,
     /// Wall time of the call by the host's clock, transport included; of a fleet, of all calls of
     /// its planner together.
@@ -313,11 +313,11 @@ columns! {
     cpu_time_ms: Option<f64>,
     /// Largest resident memory of the plugin's processes together.
     peak_memory_kb: Option<u64>,
-    /// How long threads of the call were ready to run and did not.
+    /// Time for which threads of the call were ready to run and did not.
     run_delay_ms: Option<f64>,
-    /// How many threads the planner was allowed.
+    /// Threads that the planner was allowed.
     threads: Option<u32>,
-    /// What a trial kept of the one before: nothing (`never`), or the planner's process.
+    /// Kept of the trial before: nothing (`never`), or the planner's process (`planner`).
     reuse: Option<String>,
     /// The processors that the plugin had to itself; absent where it had none.
     cpus: Option<String>,

@@ -17,7 +17,7 @@ pub struct RunComparison {
     /// Whether they ran on machines of the same description: their times can be compared
     /// otherwise only with care.
     pub same_machines: bool,
-    /// What trials were made with, where that differs: a setting and its values in either run.
+    /// Settings of the trials that differ between the runs.
     pub settings: Vec<SettingDifference>,
     /// Planners of both, by label.
     pub planners: Vec<PlannerDifference>,
@@ -34,7 +34,7 @@ pub struct SettingDifference {
     pub b: Vec<String>,
 }
 
-/// What trials are made with, on which times depend: columns that tell it.
+/// A setting on which times depend: its column, and its value in a row.
 type Setting = (&'static str, fn(&Row) -> Option<String>);
 const SETTINGS: [Setting; 5] = [
     ("clock", |row| row.clock.clone()),

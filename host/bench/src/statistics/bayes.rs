@@ -1,4 +1,4 @@
-//! How probable it is that one planner is better, and by more than matters.
+//! The probability that one planner is better, and by more than matters.
 
 use fleetyard_world::SeededRandom;
 use serde::Serialize;

@@ -147,6 +147,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let mut trials: Vec<(usize, Record)> = Vec::new();
     let mut missed: Vec<Missed> = Vec::new();
     for (number, question) in questions.iter().enumerate() {
+        let of_question = trials.len();
         for which in in_turn(number, candidates.len()) {
             let what = format!(
                 "{} on {} with {} agents",
@@ -181,6 +182,8 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             estimate.ended(which, started.elapsed());
             bar.inc(1);
         }
+        // Told in the order in which planners were named, whoever was asked first.
+        trials[of_question..].sort_by_key(|(which, _)| *which);
     }
     bar.finish_and_clear();
     let mut named: Vec<(&str, &mut Record)> = trials

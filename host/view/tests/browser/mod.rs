@@ -62,13 +62,14 @@ pub(crate) fn selftest(browser: &str, folder: &Path, page: &Path, size: &str) ->
     }
 }
 
-/// A page with a script that works it as a user would. Errors are collected from the
-/// beginning, in `pageErrors`, and the user comes last.
+/// A page with a script that works it as a user would, in `harness.js`, which has what users
+/// need. Errors are collected from the beginning, in `pageErrors`, and the user comes last.
 pub(crate) fn with_user(page: &str, user: &str) -> String {
     let collect = "<script>globalThis.pageErrors = [];\
         addEventListener('error', (event) => pageErrors.push(event.message));\
         addEventListener('unhandledrejection', (event) => pageErrors.push(String(event.reason)));\
         console.error = (...all) => pageErrors.push(all.join(' '));</script>";
+    let user = include_str!("harness.js").replacen("USER", user, 1);
     let page = page.replacen("<style>", &format!("{collect}<style>"), 1);
     let (before, after) = page.rsplit_once("</body>").unwrap();
     format!("{before}<script>\n{user}</script>\n</body>{after}")
