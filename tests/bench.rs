@@ -420,6 +420,14 @@ fn shards_together_are_the_whole() {
         let expected = if shard == 3 { 4 } else { 8 };
         assert_eq!(ended.json()["made"], expected);
     }
+    // A part had a full ranking without a word.
+    let part = "12 of 20 trials were not run, and count for nobody. ";
+    let told = yard.line("report 1.sqlite").expect(SUCCESS);
+    assert!(told.stdout.contains(part), "{told}");
+    let told = yard
+        .line("report 1.sqlite 2.sqlite 3.sqlite")
+        .expect(SUCCESS);
+    assert!(!told.stdout.contains("were not run"), "{told}");
     let merged = yard
         .line("store merge all.sqlite 1.sqlite 2.sqlite 3.sqlite")
         .expect(SUCCESS);
@@ -432,6 +440,8 @@ fn shards_together_are_the_whole() {
         .line("bench s.toml --store all.sqlite --resume --format json")
         .expect(SUCCESS);
     assert_eq!(ended.json()["made"], 0);
+    let told = yard.line("report all.sqlite").expect(SUCCESS);
+    assert!(!told.stdout.contains("were not run"), "{told}");
     // The same trials, made twice, took different times.
     let conflict = yard
         .line("store merge x.sqlite whole.sqlite 1.sqlite")

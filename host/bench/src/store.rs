@@ -88,6 +88,8 @@ pub struct Meta {
     pub fleetyard: String,
     /// When the store was made, in milliseconds since 1970.
     pub created_unix_ms: u64,
+    /// Trials that the suite asks for, all its parts together; unknown in older stores.
+    pub asked: Option<u64>,
     /// The places of the suite's files when the store was written last; unknown in older stores.
     pub places: Places,
 }
@@ -504,6 +506,7 @@ impl Store {
             created_unix_ms: value("created_unix_ms")?
                 .parse()
                 .map_err(|_| damaged(&self.path, "`created_unix_ms` of `meta` is no number"))?,
+            asked: value("asked").ok().and_then(|text| text.parse().ok()),
             places: (value("places").ok())
                 .and_then(|text| serde_json::from_str(&text).ok())
                 .unwrap_or_default(),
@@ -726,6 +729,7 @@ impl Store {
 
 fn put_meta(transaction: &Transaction<'_>, meta: &Meta) -> rusqlite::Result<()> {
     let created = meta.created_unix_ms.to_string();
+    let asked = meta.asked.map_or(String::new(), |asked| asked.to_string());
     // Names that are no text are not kept.
     let places = serde_json::to_string(&meta.places).unwrap_or_default();
     let pairs = [
@@ -735,6 +739,7 @@ fn put_meta(transaction: &Transaction<'_>, meta: &Meta) -> rusqlite::Result<()> 
         ("suite_digest", &meta.suite_digest),
         ("fleetyard", &meta.fleetyard),
         ("created_unix_ms", &created),
+        ("asked", &asked),
         ("places", &places),
     ];
     for (name, value) in pairs {

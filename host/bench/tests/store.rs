@@ -17,6 +17,7 @@ fn meta() -> Meta {
         suite_digest: "d".into(),
         fleetyard: "0.0.0".into(),
         created_unix_ms: 7,
+        asked: Some(1008),
         places: Places {
             planners: BTreeMap::from([("mine".into(), "/plugins/mine.so".into())]),
             ..Places::default()

@@ -37,6 +37,8 @@ pub struct Subject {
     pub title: String,
     /// The purpose of the suite.
     pub description: Option<String>,
+    /// Trials that the suites ask for; absent where a store does not say.
+    pub asked: Option<u64>,
     /// By what planners are ranked.
     pub order: Order,
     /// The rule that paths were judged by, if it is not the usual one.

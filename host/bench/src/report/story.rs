@@ -27,7 +27,19 @@ pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
         plural(overview.instances, "instance"),
         plural(overview.trials, "trial"),
     );
-    story.push(format!("{ran} {}", best(evaluation)));
+    // A ranking of a part looks like one of the whole.
+    let missing = subject
+        .asked
+        .map_or(0, |asked| asked.saturating_sub(overview.trials as u64));
+    let missing = match missing {
+        0 => String::new(),
+        missing => format!(
+            "{} of {} trials were not run, and count for nobody. ",
+            grouped(missing),
+            grouped(overview.trials as u64 + missing)
+        ),
+    };
+    story.push(format!("{missing}{ran} {}", best(evaluation)));
     let description = subject.description.as_deref().map(str::trim);
     story.extend(
         description

@@ -237,6 +237,7 @@ fn meta(contest: &Contest<'_>, there: Option<&Store>) -> Result<Meta> {
             Some(store) => store.meta()?.created_unix_ms,
             None => now_unix_ms(),
         },
+        asked: Some(contest.schedule().len()),
         places: Places::of(contest),
     })
 }

@@ -142,6 +142,7 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
     let mut doubled = 0usize;
     let mut machines = BTreeMap::new();
     let mut titles: Vec<String> = Vec::new();
+    let mut asked = Some(0);
     for path in stores {
         let store = Store::open_read_only(path)?;
         let meta = store.meta()?;
@@ -159,6 +160,7 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
         }
         if !titles.contains(&meta.suite) {
             titles.push(meta.suite.clone());
+            asked = asked.zip(meta.asked).map(|(sum, more)| sum + more);
             let created = rfc3339(meta.created_unix_ms);
             subject.facts.extend([
                 ("suite".to_owned(), meta.suite.clone()),
@@ -201,6 +203,7 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
     if rows.is_empty() {
         output::warning("there are no trials in what was given");
     }
+    subject.asked = asked;
     subject.title = titles.join(", ");
     if subject.title.is_empty() {
         "Trials".clone_into(&mut subject.title);
