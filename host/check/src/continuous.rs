@@ -25,7 +25,7 @@ pub struct ContinuousTask<'a> {
     pub starts: Option<&'a [Pose]>,
     /// Where agents come to rest, if that is given.
     pub goals: Option<&'a [Pose]>,
-    /// What every agent can do, if that is given.
+    /// The dynamics of every agent, if they are given.
     pub limits: Option<&'a [Dynamics]>,
     /// What is not held against a plan.
     pub tolerance: Tolerance,
@@ -155,19 +155,19 @@ pub struct ContinuousViolation {
     pub time_s: f64,
     /// When it ends, for contacts that do.
     pub end_s: Option<f64>,
-    /// How much more an agent is asked for than it can, where that is the rule.
+    /// The excess over what the agent can do, where that is the rule.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub excess: Option<BeyondLimit>,
     /// All of it as a sentence.
     pub sentence: String,
 }
 
-/// What an agent is asked for, and what it can.
+/// A demand on an agent, and the most that it can do.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BeyondLimit {
-    /// Where it is then, in metres.
+    /// The place of the agent then, in metres.
     pub place_m: [f64; 2],
-    /// What the plan asks for, in the unit of the rule: m/s, m/s², rad/s, rad/s²; of a
+    /// The demand of the plan, in the unit of the rule: m/s, m/s², rad/s, rad/s²; of a
     /// course, radians from the nearest possible one.
     pub value: f64,
     /// The most that it can, in the same unit.

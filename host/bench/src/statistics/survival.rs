@@ -6,7 +6,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 use super::{CONFIDENCE, Interval};
 
-/// A time, and what is known of it.
+/// A time that is known, or known to be longer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Time {
     /// When it ended, or until when it was watched.
@@ -26,7 +26,7 @@ pub struct Survival {
     pub steps: Vec<SurvivalStep>,
 }
 
-/// What changes at a time.
+/// A time at which something ended.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SurvivalStep {
     /// The time.
@@ -125,7 +125,7 @@ fn ends(ascending: &[Time]) -> Vec<f64> {
     ends
 }
 
-/// How many are watched until a time, and how many of them end then.
+/// Counts who is watched until a time, and who of them ends then.
 fn at(ascending: &[Time], time: f64) -> (usize, usize) {
     let from = ascending.partition_point(|one| one.value < time);
     let then = ascending[from..].iter().take_while(|one| one.value <= time);
