@@ -186,22 +186,31 @@ fn a_page_of_some_robots_has_their_goals_and_the_throughput_of_all() {
     assert!(!page.contains("globalThis.hacked = 1</script><!--\""));
 }
 
-#[test]
-fn the_replay_of_a_fleet_shows_its_work_in_a_browser() {
+/// A user finds so many things right on the page, on a screen and on a phone, and nothing wrong.
+#[track_caller]
+fn works(text: &str, user: &str, right: usize) {
     let Some(browser) = chromium() else {
         eprintln!("skipped: there is no Chromium on this machine");
         return;
     };
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("fleet.html");
-    let text = fleet_page(&PageOptions::default());
-    fs::write(&file, with_user(&text, include_str!("fleettest.js"))).unwrap();
+    let file = folder.path().join("page.html");
+    fs::write(&file, with_user(text, user)).unwrap();
     for size in ["1280,800", "390,844"] {
         let report = selftest(browser, folder.path(), &file, size);
         assert!(!report.contains("FAILED"), "{size}: {report}");
         assert!(report.ends_with("\"errors\":[]}"), "{size}: {report}");
-        assert_eq!(report.matches("\"ok\"").count(), 17, "{size}: {report}");
+        assert_eq!(report.matches("\"ok\"").count(), right, "{size}: {report}");
     }
+}
+
+#[test]
+fn the_replay_of_a_fleet_shows_its_work_in_a_browser() {
+    works(
+        &fleet_page(&PageOptions::default()),
+        include_str!("fleettest.js"),
+        17,
+    );
 }
 
 #[test]
@@ -279,18 +288,9 @@ fn what_cannot_be_shown_is_refused() {
 
 #[test]
 fn everything_on_the_page_works_in_a_browser() {
-    let Some(browser) = chromium() else {
-        eprintln!("skipped: there is no Chromium on this machine");
-        return;
-    };
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("replay.html");
-    let text = page(&PageOptions::default());
-    fs::write(&file, with_user(&text, include_str!("selftest.js"))).unwrap();
-    for size in ["1280,800", "390,844"] {
-        let report = selftest(browser, folder.path(), &file, size);
-        assert!(!report.contains("FAILED"), "{size}: {report}");
-        assert!(report.ends_with("\"errors\":[]}"), "{size}: {report}");
-        assert_eq!(report.matches("\"ok\"").count(), 41, "{size}: {report}");
-    }
+    works(
+        &page(&PageOptions::default()),
+        include_str!("selftest.js"),
+        41,
+    );
 }
