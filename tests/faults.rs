@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use common::{Ended, SUCCESS, Yard, root, words};
 use fleetyard_bench::{Row, Store};
-use inject::{Census, Point};
+use inject::{Census, Point, Wrong};
 use serde_json::Value;
 
 /// `all`, how many, or the beginning of a point.
@@ -91,6 +91,8 @@ struct Scenario {
     arguments: String,
     /// Files of the user.
     given: Vec<(&'static str, String)>,
+    /// Which calls go wrong, and how.
+    points: fn(&Census) -> Vec<Point>,
     /// Compares what a try left with what an undisturbed run did.
     judge: fn(&Try<'_>, &mut Vec<String>),
 }
@@ -185,19 +187,24 @@ fn state(yard: &Yard, host: &str) -> BTreeSet<String> {
             look(&Path::new(other).join(kind), host);
         }
     }
-    if let Some(group) = own_group() {
+    for group in own_groups() {
         look(&group, &format!("fleetyard-{host}"));
     }
     found
 }
 
-/// The control group that commands of these tests are in.
-fn own_group() -> Option<PathBuf> {
-    let groups = fs::read_to_string("/proc/self/cgroup").ok()?;
-    let group = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
-    let mounts = fs::read_to_string("/proc/self/mountinfo").ok()?;
-    let mount = mounts.lines().find(|line| line.contains(" - cgroup2 "))?;
-    Some(Path::new(mount.split(' ').nth(4)?).join(group))
+/// Where control groups of these tests' commands may be: in every hierarchy, wherever this process
+/// is in any of them.
+fn own_groups() -> BTreeSet<PathBuf> {
+    let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let mounts = fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();
+    let mounts = mounts.lines().filter(|line| line.contains(" - cgroup"));
+    let mounts = mounts.filter_map(|line| line.split(' ').nth(4));
+    let below = |mount| {
+        let own = groups.lines().filter_map(|line| line.splitn(3, ':').nth(2));
+        own.map(move |own| Path::new(mount).join(own.trim_start_matches('/')))
+    };
+    mounts.flat_map(below).collect()
 }
 
 /// The user's files by name and content, but for those of SQLite.
@@ -227,6 +234,7 @@ fn judge(scenario: &Scenario, yard: &Yard, point: &Point, run: &Run, usual: &Usu
     }
     match ended.code {
         Some(0) => {}
+        None if point.wrong == Wrong::Killed => {}
         // An input that cannot be read, a plugin that cannot be run, the host itself.
         Some(1 | 3 | 5 | 70) => {
             if !ended.stderr.contains("error: ") {
@@ -402,11 +410,8 @@ fn usual(scenario: &Scenario) -> (Usual, Census) {
     let yard = yard(scenario);
     let Run { ended, census, .. } = run(scenario, &yard, None);
     let ended = ended.expect(SUCCESS);
-    let rows = if scenario.name == "bench" {
-        rows(&yard).unwrap()
-    } else {
-        Vec::new()
-    };
+    // None where there is no store.
+    let rows = rows(&yard).unwrap();
     let mut files = files(&yard);
     files.retain(|name, _| !name.contains("manifest"));
     let usual = Usual {
@@ -467,7 +472,7 @@ fn sweep(scenario: &Scenario) {
     }
     let asked = std::env::var(ASKED).unwrap_or_default();
     let (usual, census) = usual(scenario);
-    let all = inject::points(&census);
+    let all = (scenario.points)(&census);
     assert!(all.len() > 500, "only {} points: {census:?}", all.len());
     let (count, calls) = (all.len(), census.values().sum::<u32>());
     let tried = if asked == "all" {
@@ -502,7 +507,9 @@ fn sweep(scenario: &Scenario) {
                     if let Ok(log) = std::env::var(LOG) {
                         use std::io::Write;
                         let file = fs::OpenOptions::new().create(true).append(true).open(log);
-                        writeln!(file.unwrap(), "{}", one.line).unwrap();
+                        // In one piece, so that lines of two threads stay apart.
+                        let line = format!("{}\n", one.line);
+                        file.unwrap().write_all(line.as_bytes()).unwrap();
                     }
                     found.lock().unwrap().push(one);
                 }
@@ -540,14 +547,15 @@ fn a_run_survives_every_call_that_fails() {
             "run {instance} --planner pibt --format json --plan-out p.json --trace-out t.fytrace"
         ),
         given: Vec::new(),
+        points: inject::points,
         judge: judge_run,
     });
 }
 
-#[test]
-fn a_suite_survives_every_call_that_fails() {
+/// A suite of two trials.
+fn suite() -> (&'static str, String) {
     let maps = root().join("maps").display().to_string();
-    let suite = format!(
+    let text = format!(
         r#"name = "small"
 
 [[planner]]
@@ -562,10 +570,27 @@ scen = ["{maps}/empty-8-8-random-1.scen"]
 agents = [3]
 "#
     );
+    ("s.toml", text)
+}
+
+#[test]
+fn a_suite_survives_every_call_that_fails() {
     sweep(&Scenario {
         name: "bench",
         arguments: "bench s.toml --format json".into(),
-        given: vec![("s.toml", suite)],
+        given: vec![suite()],
+        points: inject::points,
+        judge: judge_bench,
+    });
+}
+
+#[test]
+fn a_suite_goes_on_wherever_its_host_and_supervisors_were_killed() {
+    sweep(&Scenario {
+        name: "killed",
+        arguments: "bench s.toml --format json".into(),
+        given: vec![suite()],
+        points: inject::kills,
         judge: judge_bench,
     });
 }
@@ -579,6 +604,7 @@ fn a_fleet_survives_every_call_that_fails() {
             "fleet --map {map} --agents 4 --duration 3s --planner pibt --format json --threads 1"
         ),
         given: Vec::new(),
+        points: inject::points,
         judge: judge_fleet,
     });
 }

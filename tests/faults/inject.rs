@@ -35,6 +35,8 @@ pub(crate) enum Wrong {
     Lies(Errno),
     /// One byte is read or written, if more were asked for.
     Short,
+    /// The host and its supervisors are killed just before it.
+    Killed,
 }
 
 /// An error by its name.
@@ -54,6 +56,7 @@ impl fmt::Display for Wrong {
         match self {
             Self::Fails(Errno(_, name)) | Self::Lies(Errno(_, name)) => f.write_str(name),
             Self::Short => f.write_str("short"),
+            Self::Killed => f.write_str("killed"),
         }
     }
 }
@@ -195,6 +198,19 @@ pub(crate) fn points(census: &Census) -> Vec<Point> {
         }
     }
     found
+}
+
+/// Every call at which the host and its supervisors may be killed.
+pub(crate) fn kills(census: &Census) -> Vec<Point> {
+    let each = census.iter().flat_map(|((process, call), count)| {
+        (1..=*count).map(|nth| Point {
+            process: process.clone(),
+            call,
+            wrong: Wrong::Killed,
+            nth,
+        })
+    });
+    each.collect()
 }
 
 /// Whether this machine can do it, and why not.
@@ -536,7 +552,8 @@ impl<'a> Tracer<'a> {
         }
         // SAFETY: all zero is a value, and the call has filled it in.
         let info = unsafe { info.assume_init() };
-        let process = &mut self.processes[task.process];
+        let of = task.process;
+        let process = &mut self.processes[of];
         if info.op == libc::PTRACE_SYSCALL_INFO_EXIT {
             if let Some(result) = task.result.take() {
                 set_result(pid, result);
@@ -574,10 +591,26 @@ impl<'a> Tracer<'a> {
                 Wrong::Lies(Errno(errno, _)) => task.result = Some(-i64::from(errno)),
                 Wrong::Short if entry.args[2] > 1 => set_length(pid, 1),
                 Wrong::Short => {}
+                Wrong::Killed => self.kill_all(),
             }
         }
+        let (process, task) = (&self.processes[of], &self.tasks[&pid]);
         // What comes after that is the plugin's.
         !(process.kind == Kind::Plugin && number == number::close_range) || task.result.is_some()
+    }
+}
+
+impl Tracer<'_> {
+    /// Kills the host and all that are, or are about to be, its supervisors.
+    fn kill_all(&self) {
+        for (pid, task) in &self.tasks {
+            let kind = self.processes[task.process].kind;
+            if matches!(kind, Kind::Host | Kind::Spawned | Kind::Supervisor) {
+                // SAFETY: a plain system call; who is traced keeps its number until it is
+                // waited for.
+                unsafe { libc::kill(*pid, libc::SIGKILL) };
+            }
+        }
     }
 }
 

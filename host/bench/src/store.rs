@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 use fleetyard_core::{Digest, InputError, open_regular};
 use fleetyard_runtime::CodeFile;
 use rusqlite::types::{ToSqlOutput, ValueRef};
-use rusqlite::{Connection, ErrorCode, OpenFlags, ToSql, Transaction, TransactionBehavior};
+use rusqlite::{Connection, ErrorCode, OpenFlags, ToSql, Transaction, TransactionBehavior, ffi};
 use rustix::fs::FlockOperation;
 
 use crate::places::Places;
@@ -254,13 +254,24 @@ impl Store {
             Some(_) => OpenFlags::SQLITE_OPEN_READ_WRITE,
             None => OpenFlags::SQLITE_OPEN_READ_ONLY,
         };
-        let open = || -> rusqlite::Result<Connection> {
+        let open = |access: OpenFlags| -> rusqlite::Result<Connection> {
             let connection = Connection::open_with_flags(path, access | no_mutex)?;
             // Nothing is read before the first statement.
             connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
             Ok(connection)
         };
-        let connection = open().map_err(|error| failed(path, &error))?;
+        let connection = match open(access) {
+            // What its last writer had half done when it was killed goes first.
+            Err(error) if is_half_written(&error) => {
+                let recovered = open(OpenFlags::SQLITE_OPEN_READ_WRITE);
+                recovered.and_then(|_| open(access)).map_err(|_| {
+                    let reason = "its last writer was stopped halfway through a change";
+                    InputError::new(shown(path), reason)
+                        .hint("to take that back, you have to have the right to write to it")
+                })
+            }
+            other => other.map_err(|error| failed(path, &error)),
+        }?;
         let mut store = Self {
             connection,
             path: path.to_owned(),
@@ -859,6 +870,15 @@ fn damaged(path: &Path, what: &str) -> InputError {
     let what = fleetyard_core::shown(what);
     InputError::new(shown(path), format!("the store is damaged: {what}")).hint(
         "nothing was changed; restore a copy, or recover what is left with `sqlite3 FILE .recover`",
+    )
+}
+
+/// The log or the journal of a writer that was killed has to be worked off, which a reader may not.
+fn is_half_written(error: &rusqlite::Error) -> bool {
+    let code = error.sqlite_error().map(|error| error.extended_code);
+    matches!(
+        code,
+        Some(ffi::SQLITE_READONLY_ROLLBACK | ffi::SQLITE_READONLY_RECOVERY)
     )
 }
 

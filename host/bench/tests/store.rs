@@ -405,3 +405,28 @@ fn times_of_an_earlier_version_are_no_claims() {
         .collect();
     assert_eq!(times, [300.0, 1e-6]);
 }
+
+/// A store as its writer's death leaves it, with a change half made: the file and its journal, as they
+/// were in the middle of a transaction.
+fn half_written(folder: &Path) -> PathBuf {
+    let (whole, half) = (folder.join("whole.sqlite"), folder.join("half.sqlite"));
+    filled(&whole, 0..80);
+    let connection = rusqlite::Connection::open(&whole).unwrap();
+    connection.pragma_update(None, "cache_size", 1).unwrap();
+    connection
+        .execute_batch("BEGIN IMMEDIATE; UPDATE incumbents SET time_ms = 1e9; UPDATE trials SET solve_time_ms = 1e9;")
+        .unwrap();
+    fs::copy(&whole, &half).unwrap();
+    let journal = |path: &Path| path.with_extension("sqlite-journal");
+    fs::copy(journal(&whole), journal(&half)).unwrap();
+    half
+}
+
+#[test]
+fn a_change_that_a_killed_writer_has_half_made_is_taken_back_by_who_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = half_written(folder.path());
+    let store = Store::open_read_only(&path).unwrap();
+    assert_eq!(store.rows().unwrap(), (0..80).map(row).collect::<Vec<_>>());
+    assert!(!path.with_extension("sqlite-journal").exists());
+}

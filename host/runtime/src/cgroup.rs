@@ -41,6 +41,13 @@ struct Controller {
     folder: PathBuf,
 }
 
+/// Where the groups of a run are going to be: a note of them can be left before there are any.
+#[derive(Debug)]
+pub(crate) struct Places {
+    hierarchies: Vec<Hierarchy>,
+    name: String,
+}
+
 /// The groups of a run, one in each hierarchy that is used; they are removed with the
 /// value.
 #[derive(Debug, Default)]
@@ -87,13 +94,34 @@ impl Controller {
     }
 }
 
-impl Cgroup {
-    /// Makes groups below those that this process is in; why not, where there is none
-    /// to be had.
-    pub(crate) fn create(name: &str) -> Result<Self, (Errno, String)> {
+impl Hierarchy {
+    fn folder(&self, name: &str) -> PathBuf {
+        self.own.join(format!("fleetyard-{name}"))
+    }
+}
+
+impl Places {
+    /// Below the groups that this process is in.
+    pub(crate) fn of(name: &str) -> Self {
         let mounts = fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();
         let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
-        let mut made = Self::create_below(&hierarchies(&mounts, &groups), name);
+        Self {
+            hierarchies: hierarchies(&mounts, &groups),
+            name: name.to_owned(),
+        }
+    }
+
+    /// Every group that may be made.
+    pub(crate) fn folders(&self) -> Vec<PathBuf> {
+        let folder = |hierarchy: &Hierarchy| hierarchy.folder(&self.name);
+        self.hierarchies.iter().map(folder).collect()
+    }
+}
+
+impl Cgroup {
+    /// Makes groups; why not, where there is none to be had.
+    pub(crate) fn create(places: &Places) -> Result<Self, (Errno, String)> {
+        let mut made = Self::create_below(&places.hierarchies, &places.name);
         let options = fs::read_to_string("/proc/cmdline").unwrap_or_default();
         if made.memory.is_some() && counts_no_kernel_memory(&options) {
             made.memory = None;
@@ -132,7 +160,7 @@ impl Cgroup {
         if two {
             delegate(own);
         }
-        let folder = own.join(format!("fleetyard-{name}"));
+        let folder = hierarchy.folder(name);
         if let Err(error) = fs::create_dir(&folder) {
             let errno = error
                 .raw_os_error()
@@ -161,11 +189,6 @@ impl Cgroup {
         }
         self.unified |= two;
         self.folders.push(folder);
-    }
-
-    /// Where they are.
-    pub(crate) fn folders(&self) -> &[PathBuf] {
-        &self.folders
     }
 
     /// The group of version 2: a process can be started in it.
@@ -533,7 +556,7 @@ mod tests {
         ];
         let group = Cgroup::create_below(&hybrid, "test");
         let made = |name: &str| base.path().join(name).join("fleetyard-test");
-        assert_eq!(group.folders(), [made("unified"), made("memory")]);
+        assert_eq!(group.folders, [made("unified"), made("memory")]);
         assert_eq!(group.unified(), Some(made("unified").as_path()));
         assert_eq!(group.refused().len(), 1);
         assert!(!group.limit_processes(3));

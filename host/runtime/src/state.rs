@@ -10,7 +10,7 @@ use rustix::fs::{Mode, OFlags, fstat, mkdirat, open, openat};
 use rustix::process::{Resource, Rlimit, geteuid, getrlimit, setrlimit};
 use serde::{Deserialize, Serialize};
 
-use crate::cgroup;
+use crate::cgroup::{self, Places};
 use crate::remove::remove_tree;
 use crate::tree::{self, started_ticks};
 
@@ -193,6 +193,11 @@ impl Entry {
         self.namespace == namespace() && self.host.is_gone()
     }
 
+    /// Nothing of it is left, and nobody who could still make something.
+    fn is_over(&self) -> bool {
+        self.supervisor.is_gone() && self.is_gone()
+    }
+
     /// Whether nothing is left that would have to be removed.
     fn is_gone(&self) -> bool {
         let gone = |path: &PathBuf| {
@@ -210,14 +215,15 @@ pub(crate) struct Registered {
 }
 
 impl Registered {
-    /// Called by a supervisor. Where nothing can be written, nothing is: the
-    /// supervisor ends everybody by itself, unless it is killed too.
-    pub(crate) fn write(run: &str, scratch: &Path) -> Option<Self> {
+    /// Called by a supervisor before it makes any of this: it may be killed between two calls.
+    /// Where nothing can be written, nothing is: the supervisor ends everybody by itself,
+    /// unless it is killed too.
+    pub(crate) fn write(run: &str, scratch: &Path, cgroups: Vec<PathBuf>) -> Option<Self> {
         let entry = Entry {
             host: Identity::of(std::os::unix::process::parent_id() as i32)?,
             supervisor: Identity::of(std::process::id() as i32)?,
             scratch: scratch.to_owned(),
-            cgroups: Vec::new(),
+            cgroups,
             namespace: namespace(),
         };
         let note = folder("runs").ok()?.path.join(format!("{run}.json"));
@@ -227,14 +233,6 @@ impl Registered {
             return None;
         }
         Some(Self { note, entry })
-    }
-
-    /// The run has control groups as well.
-    pub(crate) fn add(&mut self, cgroups: &[PathBuf]) {
-        self.entry.cgroups = cgroups.to_vec();
-        if let Ok(text) = serde_json::to_vec(&self.entry) {
-            let _ = fs::write(&self.note, text);
-        }
     }
 }
 
@@ -279,7 +277,7 @@ pub(crate) fn reap_orphans() -> usize {
         }
         let run = path.file_stem().and_then(|name| name.to_str());
         end(run, &entry);
-        if entry.is_gone() {
+        if entry.is_over() {
             let _ = fs::remove_file(&path);
         }
         reaped += 1;
@@ -295,7 +293,8 @@ pub(crate) fn end_run(run: &str) {
     if let Some(Some(entry)) = &written {
         end(Some(run), entry);
     } else {
-        // It was lost before it wrote anything down, or what it wrote cannot be read.
+        // It could not write anything down, or what it wrote cannot be read.
+        cgroup::remove(&Places::of(run).folders());
         kill_marked(run);
         if let Ok(folder) = folder("scratch") {
             let _ = remove_tree(&folder.path.join(run));
@@ -304,7 +303,7 @@ pub(crate) fn end_run(run: &str) {
     // A group whose processes are just dying is left to the next host, and so is a note that
     // this one cannot read: it may name groups.
     if let (Ok(note), Some(entry)) = (note, written)
-        && entry.as_ref().is_none_or(Entry::is_gone)
+        && entry.as_ref().is_none_or(Entry::is_over)
     {
         let _ = fs::remove_file(note);
     }
@@ -312,8 +311,8 @@ pub(crate) fn end_run(run: &str) {
 
 fn end(run: Option<&str>, entry: &Entry) {
     // A supervisor ends by itself when its host is gone; one that does not is
-    // ended, and takes its sandbox along.
-    tree::kill(entry.supervisor.pid, |_| entry.supervisor.is_alive());
+    // ended, and takes its sandbox along. What it was about to make is there then.
+    tree::kill_and_wait(entry.supervisor.pid, |_| entry.supervisor.is_alive());
     cgroup::remove(&entry.cgroups);
     if let Some(run) = run {
         kill_marked(run);

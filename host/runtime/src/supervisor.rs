@@ -28,7 +28,7 @@ use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
 use crate::adapter::Adapter;
-use crate::cgroup::Cgroup;
+use crate::cgroup::{Cgroup, Places};
 use crate::library::Library;
 use crate::measure::{affinity, pin};
 use crate::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
@@ -307,12 +307,18 @@ fn run(
     allowed: &Allowed,
     built_in: &'static [&'static c::PluginEntry],
 ) -> Report {
-    let scratch = match ScratchFolder::create(&launch.run) {
-        Ok(scratch) => scratch,
-        Err(error) => return Report::failed("there is no scratch folder for it", &error),
+    let no_scratch = |error| Report::failed("there is no scratch folder for it", &error);
+    let places = Places::of(&launch.run);
+    let scratch = match ScratchFolder::path_of(&launch.run) {
+        Ok(path) => path,
+        Err(error) => return no_scratch(error),
     };
     // From here on there is something to be removed.
-    let mut registered = Registered::write(&launch.run, scratch.path());
+    let registered = Registered::write(&launch.run, &scratch, places.folders());
+    let scratch = match ScratchFolder::create(scratch) {
+        Ok(scratch) => scratch,
+        Err(error) => return no_scratch(error),
+    };
     // Inherited by everybody who is started from here, until this process goes back to
     // where the host is. Where it is refused, the record's load shows who else was there.
     let own = affinity(None);
@@ -320,7 +326,7 @@ fn run(
         let _ = pin(None, cpus);
     }
     let become_plugin = || -> Infallible { worker(&launch.target, built_in) };
-    let started = jail::start(launch, scratch.path(), &become_plugin);
+    let started = jail::start(launch, scratch.path(), &places, &become_plugin);
     if let (Ok(own), Some(_)) = (own, &launch.cpus) {
         let _ = pin(None, &own);
     }
@@ -340,9 +346,6 @@ fn run(
             };
         }
     };
-    if let (Some(registered), Some(group)) = (&mut registered, &jail.cgroup) {
-        registered.add(group.folders());
-    }
     release_stdio();
     let _ = control.say(&Message::Started(jail.report.clone()));
     let report = watch(launch, control, allowed, &jail);

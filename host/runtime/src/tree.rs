@@ -1,11 +1,15 @@
 //! The processes below one process, as `/proc` tells.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 use std::{fs, io};
 
+use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use rustix::time::Timespec;
 
 /// One process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -177,17 +181,33 @@ pub(crate) fn kill_descendants() -> bool {
 }
 
 /// Kills a process if it still is the one that was meant: by the time that a list of
-/// processes has been read, a number of it may be somebody else's.
-pub(crate) fn kill(pid: i32, is_meant: impl Fn(i32) -> bool) {
-    let Some(number) = Pid::from_raw(pid) else {
+/// processes has been read, a number of it may be somebody else's. Returns what tells when it
+/// is gone.
+pub(crate) fn kill(pid: i32, is_meant: impl Fn(i32) -> bool) -> Option<OwnedFd> {
+    // Whoever this descriptor stands for does not change any more.
+    let process = pidfd_open(Pid::from_raw(pid)?, PidfdFlags::empty()).ok()?;
+    if !is_meant(pid) {
+        return None;
+    }
+    // Gone already is as good.
+    let _ = pidfd_send_signal(&process, Signal::KILL);
+    Some(process)
+}
+
+/// Kills a process if it is the one that was meant, and waits until what it was doing in the
+/// kernel is done; two seconds at most.
+pub(crate) fn kill_and_wait(pid: i32, is_meant: impl Fn(i32) -> bool) {
+    let Some(process) = kill(pid, is_meant) else {
         return;
     };
-    // Whoever this descriptor stands for does not change any more.
-    if let Ok(process) = pidfd_open(number, PidfdFlags::empty())
-        && is_meant(pid)
-    {
-        // Gone already is as good.
-        let _ = pidfd_send_signal(process, Signal::KILL);
+    let end = Instant::now() + Duration::from_secs(2);
+    loop {
+        let left = end.saturating_duration_since(Instant::now());
+        let left = Timespec::try_from(left).ok();
+        let ready = poll(&mut [PollFd::new(&process, PollFlags::IN)], left.as_ref());
+        if !matches!(ready, Err(Errno::INTR)) {
+            return;
+        }
     }
 }
 
@@ -197,13 +217,15 @@ pub(crate) fn started_ticks(pid: i32) -> Option<u64> {
     Member::read("/proc", pid).map(|member| member.started_ticks)
 }
 
-/// Nobody is the process of that number that was started then: there is none, or it is
-/// another. Where that cannot be found out, as when this process has no descriptor left, it
+/// Nobody is the process of that number that was started then: there is none, it is another,
+/// or it has ended and nobody has waited for it yet. Where that cannot be found out, as when this process has no descriptor left, it
 /// is taken to live.
 pub(crate) fn is_gone(pid: i32, started_ticks: u64) -> bool {
     match fs::read(format!("/proc/{pid}/stat")) {
         Ok(stat) => {
-            Member::parse(pid, &stat).is_some_and(|member| member.started_ticks != started_ticks)
+            let ended = |member: &Member| member.zombie && member.threads <= 1;
+            Member::parse(pid, &stat)
+                .is_some_and(|member| member.started_ticks != started_ticks || ended(&member))
         }
         Err(error) => means_gone(&error),
     }
@@ -226,6 +248,17 @@ mod tests {
         assert!(!is_gone(me, started));
         assert!(is_gone(me, started + 1));
         assert!(is_gone(i32::MAX, started));
+        let mut child = std::process::Command::new("sleep")
+            .arg("60")
+            .spawn()
+            .unwrap();
+        let pid = child.id() as i32;
+        let started = started_ticks(pid).unwrap();
+        assert!(!is_gone(pid, started));
+        kill_and_wait(pid, |_| true);
+        // Nobody has waited for it.
+        assert!(is_gone(pid, started));
+        child.wait().unwrap();
         for errno in [Errno::NOENT, Errno::SRCH] {
             assert!(means_gone(&errno.into()));
         }

@@ -37,7 +37,7 @@ use super::{
     Backend, Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Refusal, Remark,
     SandboxReport, bwrap, errno_name,
 };
-use crate::cgroup::Cgroup;
+use crate::cgroup::{Cgroup, Places};
 use crate::measure::Cpus;
 use crate::monitor::Limit;
 use crate::remove::remove_tree;
@@ -110,6 +110,7 @@ struct Attempt<'a> {
     remarks: Vec<Remark>,
     /// A scratch folder on disk, for when there is no tree of our own.
     scratch: &'a Path,
+    groups: &'a Places,
     trees: Trees,
     backend: Backend,
     kept: Kept,
@@ -332,6 +333,7 @@ enum Tried {
 pub(crate) fn start(
     launch: &Launch,
     scratch: &Path,
+    groups: &Places,
     become_plugin: &dyn Fn() -> std::convert::Infallible,
 ) -> Result<Jail, NotStarted> {
     let level = launch.policy.level;
@@ -356,6 +358,7 @@ pub(crate) fn start(
         left_out,
         remarks: Vec::new(),
         scratch,
+        groups,
         trees: Trees::new(),
         backend: Backend::Own,
         kept: Kept::default(),
@@ -403,11 +406,10 @@ pub(crate) fn start(
 
 impl Attempt<'_> {
     fn once(&mut self, become_plugin: &dyn Fn() -> std::convert::Infallible) -> Tried {
-        let launch = self.launch;
         let own_user = FIRST_USER + std::process::id();
         let mut group = None;
         if self.wants(Layer::Cgroup) {
-            match Cgroup::create(&launch.run) {
+            match Cgroup::create(self.groups) {
                 Ok(made) => group = Some(made),
                 Err((errno, reason)) => {
                     self.leave_out(Refusal::new(Layer::Cgroup, errno, reason));
@@ -809,11 +811,15 @@ fn map_user(init: Pid, (user, group): (u32, u32)) -> std::io::Result<()> {
 pub(crate) struct ScratchFolder(PathBuf);
 
 impl ScratchFolder {
-    pub(crate) fn create(run: &str) -> std::io::Result<Self> {
+    /// Where that of a run is going to be.
+    pub(crate) fn path_of(run: &str) -> std::io::Result<PathBuf> {
         let folder = state::folder("scratch").map_err(std::io::Error::other)?;
-        let folder = folder.path.join(run);
-        fs::create_dir(&folder)?;
-        Ok(Self(folder))
+        Ok(folder.path.join(run))
+    }
+
+    pub(crate) fn create(path: PathBuf) -> std::io::Result<Self> {
+        fs::create_dir(&path)?;
+        Ok(Self(path))
     }
 
     pub(crate) fn path(&self) -> &Path {
