@@ -589,7 +589,9 @@ impl<'a> Tracer<'a> {
                     task.result = Some(-i64::from(errno));
                 }
                 Wrong::Lies(Errno(errno, _)) => task.result = Some(-i64::from(errno)),
-                Wrong::Short if entry.args[2] > 1 => set_length(pid, 1),
+                Wrong::Short if entry.args[2] > 1 && !is_taken_whole(pid, entry.args[0]) => {
+                    set_length(pid, 1);
+                }
                 Wrong::Short => {}
                 Wrong::Killed => self.kill_all(),
             }
@@ -618,6 +620,13 @@ impl Tracer<'_> {
 fn go_on(pid: pid_t, signal: c_int) {
     // One that was killed meanwhile is reported as such.
     let _ = ptrace(libc::PTRACE_SYSCALL as c_int, pid, 0, signal as usize);
+}
+
+/// A file of a control group takes what is written as a whole or not at all, and the first digit of a
+/// process's number is another process.
+fn is_taken_whole(pid: pid_t, descriptor: u64) -> bool {
+    fs::read_link(format!("/proc/{pid}/fd/{descriptor}"))
+        .is_ok_and(|file| file.starts_with("/sys/fs/cgroup"))
 }
 
 /// Leaves out memory that is no file's, and the eight bytes by which the standard library hears

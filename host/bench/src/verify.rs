@@ -157,7 +157,7 @@ fn chosen<'r>(again: &mut [(Planned, &'r Row)], sample: Option<u64>) -> Vec<(Pla
 }
 
 /// True if something else than time decided how the trial ended.
-fn comparable(row: &Row) -> bool {
+pub(crate) fn comparable(row: &Row) -> bool {
     if let (Some(longest), Some(limit)) = (row.planner_call_max_ms, row.planner_limit_ms) {
         // A fleet drives as long as it is told to, but each call of its planner has a deadline.
         return row.termination == "completed" && longest < SPENT * limit;

@@ -232,11 +232,11 @@ fn figures_and_tables_have_the_same_numbers() {
             panic!("times are boxes");
         };
         assert_eq!(series.name, row[1]);
-        let shown: f64 = row[5].split(' ').next().unwrap().parse().unwrap();
+        let shown: f64 = row[6].split(' ').next().unwrap().parse().unwrap();
         assert!(
             (shown - median).abs() < 0.01 * median,
             "{} {median}",
-            row[5]
+            row[6]
         );
     }
     let markdown = report.markdown(None, &[]);
@@ -265,7 +265,7 @@ fn everything_on_the_page_works_in_a_browser() {
         let tables = report.tables();
         let tables = tables
             .iter()
-            .map(|table| json!({ "head": table.head, "rows": table.rows }));
+            .map(|table| json!({ "title": table.title, "head": table.head, "rows": table.rows }));
         expected["tables"] = tables.collect();
         let expected = expected.to_string().replace('<', "\\u003c");
         let user = format!(

@@ -2,11 +2,14 @@
 
 mod python;
 
+use std::collections::BTreeMap;
+
 use fleetyard_bench::statistics::{
-    BOOTSTRAP_SEED, Interval, RESAMPLES, Summary, Survival, Time, bayesian_signed_rank,
-    bootstrap_clusters, bootstrap_mean, bootstrap_median, holm, kendall_tau_b, log_rank_test,
-    mean_interval, median, median_interval, paired_rate_difference, quantile, sign_flip_test,
-    sign_test, sorted, standard_deviation, wilson,
+    BOOTSTRAP_SEED, Clustered, Interval, RESAMPLES, Summary, Survival, Time, bayesian_signed_rank,
+    bootstrap_clusters, bootstrap_mean, bootstrap_median, cluster_means, clustered_mean_interval,
+    clustered_share_interval, holm, kendall_tau_b, log_rank_test, mean_interval, median,
+    median_interval, paired_rate_difference, quantile, sign_flip_test, sign_test, sorted,
+    standard_deviation, wilson,
 };
 use fleetyard_world::SeededRandom;
 use serde_json::{Value, json};
@@ -263,14 +266,81 @@ fn sign_flips_give_exact_values() {
     assert_eq!(p(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), Some(2.0 / 64.0));
     assert_eq!(p(&[1.0; 5]), None);
     assert_eq!(p(&[0.0; 6]), Some(1.0));
-    // Drawn above twenty: as all flips say, to the error of drawing, and never zero.
-    let many: Vec<f64> = (0..24)
-        .map(|at| if at % 3 == 0 { -1.0 } else { 1.0 })
-        .collect();
+    // Where all have one size it is the sign test, and what is zero does not count.
+    let many = |size: fn(u32) -> f64| -> Vec<f64> {
+        let sign = |at: u32| if at % 3 == 0 { -1.0 } else { 1.0 };
+        (0..24).map(|at| sign(at) * size(at)).collect()
+    };
     let wanted = sign_test(16, 8);
-    let found = p(&many).unwrap();
+    let mut same = many(|_| 0.3);
+    same.extend([0.0; 5]);
+    assert_eq!(p(&same), Some(wanted));
+    // Drawn above twenty: as all flips say, to the error of drawing, and never zero.
+    let uneven = many(|at| f64::from(1 + at % 5));
+    let seen = uneven.iter().sum::<f64>().abs();
+    let mut ways = BTreeMap::from([(0, 1.0)]);
+    for size in &uneven {
+        let mut next: BTreeMap<i64, f64> = BTreeMap::new();
+        for (sum, count) in ways {
+            for flipped in [sum + *size as i64, sum - *size as i64] {
+                *next.entry(flipped).or_default() += count / 2.0;
+            }
+        }
+        ways = next;
+    }
+    let far = ways.iter().filter(|(sum, _)| sum.abs() as f64 >= seen);
+    let wanted: f64 = far.map(|(_, share)| share).sum();
+    let found = p(&uneven).unwrap();
     assert!((found - wanted).abs() < 0.01, "{found} is not {wanted}");
-    assert!(p(&[1.0; 40]).unwrap() > 0.0);
+    let all: Vec<f64> = (0..40).map(|at| 1.0 + f64::from(at)).collect();
+    assert!(p(&all).unwrap() > 0.0);
+}
+
+#[test]
+fn intervals_count_clusters() {
+    let values = [3.1, 2.7, 4.4, 3.9, 2.2, 5.0, 3.3];
+    let single: Vec<Clustered> = values.iter().copied().enumerate().collect();
+    let student = mean_interval(&values).unwrap();
+    let ends = |found: Interval, wanted: Interval| {
+        close(found.low, wanted.low, 1e-12);
+        close(found.high, wanted.high, 1e-12);
+    };
+    // With one value in each cluster they are those of values.
+    ends(clustered_mean_interval(&single).unwrap(), student);
+    assert_eq!(cluster_means(&single), values);
+    let solved: Vec<Clustered> = (0..20)
+        .map(|at| (at, f64::from(u8::from(at < 17))))
+        .collect();
+    ends(
+        clustered_share_interval(&solved).unwrap(),
+        wilson(17, 20).unwrap(),
+    );
+    // Copies of what is there add nothing.
+    let copied = |values: &[Clustered]| -> Vec<Clustered> {
+        let copies = values.iter().flat_map(|value| [*value; 9]);
+        copies.collect()
+    };
+    ends(clustered_mean_interval(&copied(&single)).unwrap(), student);
+    ends(
+        clustered_share_interval(&copied(&solved)).unwrap(),
+        wilson(17, 20).unwrap(),
+    );
+    // Seven clusters of one, one, … and four values: by hand.
+    let mut uneven = single.clone();
+    uneven.extend([(6, 4.3), (6, 4.1), (6, 4.7)]);
+    let mean = uneven.iter().map(|one| one.1).sum::<f64>() / 10.0;
+    let mut sums = values.map(|value| value - mean);
+    sums[6] += 4.3 + 4.1 + 4.7 - 3.0 * mean;
+    let squares: f64 = sums.iter().map(|sum| sum * sum).sum();
+    let half = 2.446_911_851_144_969_7 * (7.0 / 6.0 * squares).sqrt() / 10.0;
+    let wanted = Interval {
+        low: mean - half,
+        high: mean + half,
+    };
+    ends(clustered_mean_interval(&uneven).unwrap(), wanted);
+    // Under six there is none.
+    assert_eq!(clustered_mean_interval(&single[..5]), None);
+    assert_eq!(clustered_share_interval(&solved[..5]), None);
 }
 
 /// Freireich et al., Blood 21 (1963): weeks in remission with 6-MP and with placebo, as in every

@@ -2,8 +2,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::summary::rate;
 use super::{Case, Dimension, Level, Metric, Trials};
-use crate::statistics::{Interval, Summary, wilson};
+use crate::statistics::{Clustered, Interval, Summary, clustered_share_interval};
 
 /// A value and the trial that it is of.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -30,11 +31,11 @@ pub struct CurvePoint {
     pub level: Level,
     /// Cases.
     pub cases: usize,
-    /// Cases that succeeded.
+    /// Cases of which every repeat succeeded.
     pub successes: usize,
-    /// Share of those.
+    /// Mean over cases of the share of repeats that succeeded.
     pub success_rate: f64,
-    /// Its 95 % Wilson interval.
+    /// Its 95 % interval, of six clusters or more.
     pub success_interval: Option<Interval>,
     /// The metric over the cases that succeeded, with the 95 % interval of its mean.
     pub values: Option<Summary>,
@@ -56,15 +57,20 @@ pub fn curves(trials: &Trials<'_>, along: Dimension, metric: &Metric) -> Vec<Cur
             }
             let point = |(level, cases): (Level, Vec<&Case<'_>>)| {
                 let successes = cases.iter().filter(|case| case.success()).count();
-                let values: Vec<f64> = cases.iter().filter_map(|case| case.value(metric)).collect();
+                let shares: Vec<Clustered> = cases
+                    .iter()
+                    .map(|case| (case.cluster, case.share()))
+                    .collect();
+                let value = |case: &&Case<'_>| Some((case.cluster, case.value(metric)?));
+                let values: Vec<Clustered> = cases.iter().filter_map(value).collect();
                 CurvePoint {
                     level,
                     cases: cases.len(),
                     successes,
-                    success_rate: successes as f64 / cases.len() as f64,
-                    success_interval: wilson(successes as u64, cases.len() as u64),
+                    success_rate: rate(&shares),
+                    success_interval: clustered_share_interval(&shares),
                     left_out: cases.len() - values.len(),
-                    values: Summary::of(&values),
+                    values: Summary::of_clustered(&values),
                 }
             };
             Curve {

@@ -1,9 +1,10 @@
 //! From rows to what tables and plots show. Whoever shows a number of a suite (reports,
 //! Markdown, `compare`, scripts) has it from here, so that all show the same.
 //!
-//! A *case* is a planner on an instance with a seed and a budget. Its repeats are one: it
-//! succeeds when all of them do, and its values are their medians. Rates, means and
-//! tests count cases, because repeats of one case are not independent of each other.
+//! A *case* is a planner on an instance with a seed and a budget. Its success is the share of its
+//! repeats that succeeded, and its values are their medians, if all did. Cases are in *clusters*:
+//! those of one scenario, unless a suite says otherwise ([`Unit`]). Rates and means are over cases;
+//! intervals and tests count clusters, because what is in one is alike.
 //! Values other than the overall mean time are of cases that succeeded, and stand beside
 //! the number of those that they leave out.
 //!
@@ -17,17 +18,19 @@ mod paired;
 mod quality;
 mod ranking;
 mod runs;
+mod standing;
 mod summary;
 mod trials;
+mod unit;
 
 pub use curves::{
     BoxPlot, Cactus, Curve, CurvePoint, Mark, Scatter, ScatterPoint, box_plots, cactus, curves,
     scatter,
 };
 pub use groups::{Dimension, Filter, Group, Level, groups};
-pub use lead::{Lead, Rival};
+pub use lead::{Lead, Rival, Success};
 pub use metric::{EXPANSIONS, METRICS, Metric, PATH_LENGTH, SOLVE_TIME};
-pub use paired::{Comparison, Paired, compare_with};
+pub use paired::{Comparison, EQUIVALENT, Paired, compare_with};
 pub(crate) use quality::best_of;
 pub use quality::{Quality, QualityPoint, Reference, log_spaced, quality_over_time};
 pub use ranking::{Order, RankStability, Ranked, Ranking, rank, rank_stability};
@@ -35,8 +38,10 @@ pub use runs::{
     Digests, MetricDifference, PlannerDifference, RunComparison, SettingDifference, TrialPair,
     compare_runs,
 };
+pub use standing::Standing;
 pub use summary::{FailureCount, MetricSummary, Overview, PlannerSummary};
 pub use trials::{Case, Planner, Trials};
+pub use unit::{Counts, Unit};
 
 use serde::Serialize;
 
@@ -51,6 +56,8 @@ pub struct Evaluation {
     pub lead: Option<Lead>,
     /// One per planner, in the order of their ranks.
     pub planners: Vec<PlannerSummary>,
+    /// One per planner, in the order of their ranks.
+    pub standings: Vec<Standing>,
     /// Every planner's solve times against those of the best; absent with one planner.
     pub comparison: Option<Comparison>,
 }
@@ -71,6 +78,7 @@ impl Evaluation {
         Self {
             overview: Overview::of(trials),
             lead: Lead::of(trials, &ranking),
+            standings: Standing::all(trials, &ranking),
             ranking,
             planners,
             comparison,

@@ -1,76 +1,123 @@
 use serde::Serialize;
 
-use super::{Metric, Trials};
+use super::{Metric, SOLVE_TIME, Trials, Unit};
 use crate::statistics::{
-    BOOTSTRAP_SEED, Interval, RESAMPLES, bootstrap_median, holm, mean, median, sign_test, sorted,
+    BOOTSTRAP_SEED, Clustered, Interval, MIN_CLUSTERS, Posterior, bayesian_signed_rank,
+    cluster_means, holm, mean, median, median_interval, sign_test, sorted,
 };
 
-/// Two values of each of many instances: is one side smaller?
+/// A ratio that does not matter, and its inverse.
+pub const EQUIVALENT: f64 = 1.05;
+
+/// Draws from a posterior distribution.
+const DRAWS: usize = 2000;
+
+/// Two values of one question.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair {
+    pub(super) cluster: usize,
+    pub(super) first: f64,
+    pub(super) second: f64,
+}
+
+/// Two values of each of many instances: is one side smaller? Differences and ratios are means over
+/// the pairs of a cluster, ratios geometric ones; medians, intervals and tests are over clusters.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Paired {
-    /// Instances with both values.
+    /// Instances, by seed and budget, with both values.
     pub pairs: usize,
     /// Instances with neither or one.
     pub left_out: usize,
+    /// Clusters with a pair.
+    pub clusters: usize,
     /// Mean of the first side over pairs.
     pub mean_first: Option<f64>,
     /// Mean of the second side over pairs.
     pub mean_second: Option<f64>,
     /// Median of second − first.
     pub median_delta: Option<f64>,
-    /// 95 % percentile bootstrap interval of that median, from 40,000 resamples of pairs; of
-    /// two pairs or more.
+    /// Its exact 95 % interval, of six clusters or more.
     pub delta_interval: Option<Interval>,
     /// Median of second / first, where all values are positive.
     pub median_ratio: Option<f64>,
-    /// 95 % percentile bootstrap interval of that median, like the one above.
+    /// Its exact 95 % interval, of six clusters or more.
     pub ratio_interval: Option<Interval>,
-    /// Pairs whose second value is greater: where it is a time, slower.
+    /// Clusters whose second values are greater: where they are times, slower. By their ratio, where
+    /// there is one, and else by their difference.
     pub greater: usize,
-    /// Pairs whose second value is smaller: where it is a time, faster.
+    /// Clusters whose second values are smaller: where they are times, faster.
     pub smaller: usize,
-    /// Pairs without a difference.
+    /// Clusters without a difference.
     pub tied: usize,
-    /// Exact two-sided sign test, ties left out.
-    pub p: f64,
+    /// Exact two-sided sign test, ties left out; of six clusters or more.
+    pub p: Option<f64>,
     /// After Holm's correction for all comparisons of the same table.
-    pub p_holm: f64,
+    pub p_holm: Option<f64>,
+    /// Of solve times: the probabilities that the second is faster, as fast, and slower, where 5 %
+    /// more or less is as fast; of six clusters or more.
+    pub posterior: Option<Posterior>,
 }
 
 impl Paired {
-    /// Of (first, second) values; `p_holm` is still `p`.
-    pub(super) fn of(pairs: &[(f64, f64)], left_out: usize) -> Self {
-        let deltas = sorted(pairs.iter().map(|(first, second)| second - first));
-        let count = |what: fn(f64) -> bool| deltas.iter().filter(|delta| what(**delta)).count();
-        let (greater, smaller) = (count(|delta| delta > 0.0), count(|delta| delta < 0.0));
-        let p = sign_test(greater as u64, smaller as u64);
-        let positive = pairs.iter().all(|pair| pair.0 > 0.0 && pair.1 > 0.0);
-        let ratios = pairs.iter().filter(|_| positive);
-        let ratios = sorted(ratios.map(|(first, second)| second / first));
+    /// Of pairs; `p_holm` is still `p`.
+    pub(super) fn of(pairs: &[Pair], left_out: usize, metric: &Metric) -> Self {
+        let by_cluster = |value: &dyn Fn(&Pair) -> f64| -> Vec<f64> {
+            let values = pairs.iter().map(|pair| (pair.cluster, value(pair)));
+            cluster_means(&values.collect::<Vec<Clustered>>())
+        };
+        let deltas = by_cluster(&|pair| pair.second - pair.first);
+        let positive = pairs
+            .iter()
+            .all(|pair| pair.first > 0.0 && pair.second > 0.0);
+        let logs = if positive {
+            by_cluster(&|pair| (pair.second / pair.first).ln())
+        } else {
+            Vec::new()
+        };
+        let signed = if positive { &logs } else { &deltas };
+        let count = |what: fn(f64) -> bool| signed.iter().filter(|one| what(**one)).count();
+        let (greater, smaller) = (count(|one| one > 0.0), count(|one| one < 0.0));
+        let is_enough = deltas.len() >= MIN_CLUSTERS;
+        let p = is_enough.then(|| sign_test(greater as u64, smaller as u64));
+        let ratios = sorted(logs.iter().map(|log| log.exp()));
+        let of_times = is_enough && *metric == SOLVE_TIME;
+        let posterior =
+            of_times.then(|| bayesian_signed_rank(&logs, EQUIVALENT.ln(), DRAWS, BOOTSTRAP_SEED));
+        let tied = deltas.len() - greater - smaller;
+        let deltas = sorted(deltas);
+        let exact = |values: &[f64]| median_interval(values).map(|(interval, _)| interval);
         Self {
             pairs: pairs.len(),
             left_out,
-            mean_first: mean(&sorted(pairs.iter().map(|pair| pair.0))),
-            mean_second: mean(&sorted(pairs.iter().map(|pair| pair.1))),
+            clusters: deltas.len(),
+            mean_first: mean(&sorted(pairs.iter().map(|pair| pair.first))),
+            mean_second: mean(&sorted(pairs.iter().map(|pair| pair.second))),
             median_delta: median(&deltas),
-            delta_interval: bootstrap_median(&deltas, RESAMPLES, BOOTSTRAP_SEED),
+            delta_interval: exact(&deltas),
             median_ratio: median(&ratios),
-            ratio_interval: bootstrap_median(&ratios, RESAMPLES, BOOTSTRAP_SEED),
+            ratio_interval: exact(&ratios),
             greater,
             smaller,
-            tied: deltas.len() - greater - smaller,
+            tied,
             p,
             p_holm: p,
+            posterior: posterior.flatten(),
         }
     }
 
-    /// Corrects all comparisons of a table; those without a pair are no comparisons.
+    /// Corrects all comparisons of a table that have a test.
     pub(super) fn correct<'a>(table: impl IntoIterator<Item = &'a mut Self>) {
-        let mut table: Vec<&mut Self> = table.into_iter().filter(|one| one.pairs > 0).collect();
-        let raw: Vec<f64> = table.iter().map(|one| one.p).collect();
-        for (one, corrected) in table.iter_mut().zip(holm(&raw)) {
-            one.p_holm = corrected;
-        }
+        let tested = table.into_iter().filter_map(|one| one.p_holm.as_mut());
+        correct(tested);
+    }
+}
+
+/// Holm's correction of some p-values together.
+pub(super) fn correct<'a>(p_values: impl IntoIterator<Item = &'a mut f64>) {
+    let p_values: Vec<&mut f64> = p_values.into_iter().collect();
+    let corrected = holm(&p_values.iter().map(|p| **p).collect::<Vec<f64>>());
+    for (p, corrected) in p_values.into_iter().zip(corrected) {
+        *p = corrected;
     }
 }
 
@@ -81,31 +128,44 @@ pub struct Comparison {
     pub baseline: String,
     /// What is compared.
     pub metric: Metric,
+    /// What is counted.
+    pub unit: Unit,
     /// Whether p-values are exploratory, because some case has no repeats.
     pub descriptive: bool,
     /// The others, by median difference.
     pub planners: Vec<(String, Paired)>,
 }
 
+/// The values of two planners on the instances that both solved; `None` if there is no planner of
+/// one of the labels.
+pub(super) fn pairs(
+    trials: &Trials<'_>,
+    first: &str,
+    second: &str,
+    metric: &Metric,
+) -> Option<Vec<Pair>> {
+    let (first, second) = (trials.planner(first)?, trials.planner(second)?);
+    let both = first.cases.iter().filter_map(|case| {
+        Some(Pair {
+            cluster: case.cluster,
+            first: case.value(metric)?,
+            second: second.case(case.instance)?.value(metric)?,
+        })
+    });
+    Some(both.collect())
+}
+
 /// Compares every planner with the one of that label, on the instances that both solved;
 /// `None` if there is no such planner.
 pub fn compare_with(trials: &Trials<'_>, baseline: &str, metric: &Metric) -> Option<Comparison> {
-    let first = trials.planner(baseline)?;
-    let others = trials
-        .planners()
-        .iter()
-        .filter(|other| other.label != baseline);
-    let mut planners: Vec<(String, Paired)> = others
-        .map(|second| {
-            let pairs: Vec<(f64, f64)> = (0..trials.instances().len())
-                .filter_map(|instance| {
-                    let first = first.case(instance)?.value(metric)?;
-                    let second = second.case(instance)?.value(metric)?;
-                    Some((first, second))
-                })
-                .collect();
+    trials.planner(baseline)?;
+    let labels = trials.planners().iter().map(|planner| planner.label);
+    let mut planners: Vec<(String, Paired)> = labels
+        .filter(|label| *label != baseline)
+        .filter_map(|label| {
+            let pairs = pairs(trials, baseline, label, metric)?;
             let left_out = trials.instances().len() - pairs.len();
-            (second.label.to_owned(), Paired::of(&pairs, left_out))
+            Some((label.to_owned(), Paired::of(&pairs, left_out, metric)))
         })
         .collect();
     Paired::correct(planners.iter_mut().map(|(_, paired)| paired));
@@ -118,6 +178,7 @@ pub fn compare_with(trials: &Trials<'_>, baseline: &str, metric: &Metric) -> Opt
     Some(Comparison {
         baseline: baseline.to_owned(),
         metric: *metric,
+        unit: trials.unit(),
         descriptive: cases.any(|case| case.repeats.len() < 2),
         planners,
     })

@@ -2,7 +2,7 @@ use serde::Serialize;
 
 use super::{Case, Trials};
 use crate::Row;
-use crate::statistics::{Interval, Summary, median, sorted};
+use crate::statistics::{Clustered, Interval, Summary, median, sorted};
 
 /// What sums of costs are divided by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -37,7 +37,7 @@ pub struct QualityPoint {
     pub with_plan: usize,
     /// Mean ratio of the best valid plan so far.
     pub mean_ratio: Option<f64>,
-    /// Its 95 % t interval.
+    /// Its 95 % interval, of six clusters or more.
     pub interval: Option<Interval>,
 }
 
@@ -77,7 +77,7 @@ pub fn quality_over_time(
     let planners = trials.planners().iter();
     planners
         .map(|planner| {
-            let mut ratios: Vec<Vec<f64>> = vec![Vec::new(); times_ms.len()];
+            let mut ratios: Vec<Vec<Clustered>> = vec![Vec::new(); times_ms.len()];
             for case in &planner.cases {
                 let reference = references[case.instance];
                 for (ratios, soc) in ratios.iter_mut().zip(best_by(case, times_ms)) {
@@ -87,12 +87,12 @@ pub fn quality_over_time(
                     } else {
                         1.0
                     };
-                    ratios.extend(Some(ratio).filter(|_| soc.is_finite()));
+                    ratios.extend(Some((case.cluster, ratio)).filter(|_| soc.is_finite()));
                 }
             }
             let anything = ratios.iter().any(|ratios| !ratios.is_empty());
-            let point = |(time_ms, ratios): (&f64, Vec<f64>)| {
-                let summary = Summary::of(&ratios);
+            let point = |(time_ms, ratios): (&f64, Vec<Clustered>)| {
+                let summary = Summary::of_clustered(&ratios);
                 QualityPoint {
                     time_ms: *time_ms,
                     with_plan: ratios.len(),

@@ -2,8 +2,9 @@ use std::cmp::Ordering;
 
 use serde::{Deserialize, Serialize};
 
+use super::summary::rate;
 use super::{
-    Dimension, EXPANSIONS, Level, Metric, PATH_LENGTH, Planner, SOLVE_TIME, Trials, groups,
+    Case, Dimension, EXPANSIONS, Level, Metric, PATH_LENGTH, Planner, SOLVE_TIME, Trials, groups,
     metric::UNCERTAINTY,
 };
 use crate::Row;
@@ -57,11 +58,11 @@ pub struct Ranked {
     pub rank: usize,
     /// Its label.
     pub planner: String,
-    /// Cases that succeeded.
+    /// Cases of which every repeat succeeded.
     pub successes: usize,
     /// Cases.
     pub cases: usize,
-    /// Equation 18.
+    /// Equation 18; of repeats, the mean over cases of their share.
     pub success_rate: f64,
     /// Equation 20: mean time over shared successes; over all its cases if there are none.
     pub comparable_time_ms: Option<f64>,
@@ -103,29 +104,8 @@ pub fn rank(trials: &Trials<'_>, order: Order) -> Ranking {
     let planners = trials.planners().iter();
     let mut ranked: Vec<Ranked> = planners.map(|planner| ranked(planner, &shared)).collect();
     ranked.sort_by(|a, b| {
-        let ascending = |of: fn(&Ranked) -> Option<f64>| {
-            let (a, b) = (
-                of(a).unwrap_or(f64::INFINITY),
-                of(b).unwrap_or(f64::INFINITY),
-            );
-            a.total_cmp(&b)
-        };
-        let length = match order {
-            Order::Text => Ordering::Equal,
-            Order::Appendix => ascending(|planner| planner.comparable_length_cells),
-        };
-        let expansions = if by_expansions {
-            ascending(|planner| planner.expansions)
-        } else {
-            Ordering::Equal
-        };
-        b.success_rate
-            .total_cmp(&a.success_rate)
-            .then(ascending(|planner| planner.comparable_time_ms))
-            .then(length)
-            .then(expansions)
-            .then(ascending(|planner| planner.mean_time_ms))
-            .then_with(|| a.planner.cmp(&b.planner))
+        let by_keys = by(order, by_expansions, &a.keys(), &b.keys());
+        by_keys.then_with(|| a.planner.cmp(&b.planner))
     });
     let mut before = None;
     for (at, planner) in ranked.iter_mut().enumerate() {
@@ -143,6 +123,115 @@ pub fn rank(trials: &Trials<'_>, order: Order) -> Ranking {
         over_shared: !shared.is_empty(),
         by_expansions,
         planners: ranked,
+    }
+}
+
+/// What planners are ranked by, without their names; those that lack a value come last.
+type KeyValues = [Option<f64>; 5];
+
+fn by(order: Order, by_expansions: bool, a: &KeyValues, b: &KeyValues) -> Ordering {
+    let [success, time, length, expansions, overall] = [0, 1, 2, 3, 4].map(|at| {
+        let value = |keys: &KeyValues| keys[at].unwrap_or(f64::INFINITY);
+        value(a).total_cmp(&value(b))
+    });
+    let length = match order {
+        Order::Text => Ordering::Equal,
+        Order::Appendix => length,
+    };
+    let expansions = if by_expansions {
+        expansions
+    } else {
+        Ordering::Equal
+    };
+    // A higher success rate comes first.
+    let success = success.reverse();
+    success
+        .then(time)
+        .then(length)
+        .then(expansions)
+        .then(overall)
+}
+
+impl Ranked {
+    fn keys(&self) -> KeyValues {
+        [
+            Some(self.success_rate),
+            self.comparable_time_ms,
+            self.comparable_length_cells,
+            self.expansions,
+            self.mean_time_ms,
+        ]
+    }
+}
+
+/// Sums and counts of what planners are ranked by, of the cases of a cluster or of some.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Keys {
+    success: (f64, f64),
+    shared_time: (f64, f64),
+    shared_length: (f64, f64),
+    own_length: (f64, f64),
+    expansions: (f64, f64),
+    time: (f64, f64),
+}
+
+impl Keys {
+    /// Of cases; `shared` are the instances that every planner solved, ascending.
+    pub(super) fn sums(cases: &[&Case<'_>], shared: &[usize]) -> Self {
+        let mut sums = Self::default();
+        let add = |to: &mut (f64, f64), value: Option<f64>| {
+            to.0 += value.unwrap_or(0.0);
+            to.1 += f64::from(u8::from(value.is_some()));
+        };
+        for case in cases {
+            add(&mut sums.success, Some(case.share()));
+            if shared.binary_search(&case.instance).is_ok() {
+                add(&mut sums.shared_time, case.value(&SOLVE_TIME));
+                add(&mut sums.shared_length, case.value(&PATH_LENGTH));
+            }
+            add(&mut sums.own_length, case.value(&PATH_LENGTH));
+            add(&mut sums.expansions, case.value(&EXPANSIONS));
+            add(&mut sums.time, case.any_value(&SOLVE_TIME));
+        }
+        sums
+    }
+
+    /// Adds those of a cluster, as often as it was drawn.
+    pub(super) fn add(&mut self, other: &Self, times: f64) {
+        let add = |to: &mut (f64, f64), from: (f64, f64)| {
+            to.0 += times * from.0;
+            to.1 += times * from.1;
+        };
+        add(&mut self.success, other.success);
+        add(&mut self.shared_time, other.shared_time);
+        add(&mut self.shared_length, other.shared_length);
+        add(&mut self.own_length, other.own_length);
+        add(&mut self.expansions, other.expansions);
+        add(&mut self.time, other.time);
+    }
+
+    /// Some of them are of an instance that every planner solved.
+    pub(super) fn has_shared(&self) -> bool {
+        self.shared_time.1 > 0.0
+    }
+
+    /// Which of two ranks first, as in a ranking.
+    pub(super) fn order(&self, other: &Self, ranking: &Ranking, over_shared: bool) -> Ordering {
+        let keys = |of: &Self| {
+            let mean = |(sum, count): (f64, f64)| (count > 0.0).then(|| sum / count);
+            let (time, length) = if over_shared {
+                (of.shared_time, of.shared_length)
+            } else {
+                (of.time, of.own_length)
+            };
+            [of.success, time, length, of.expansions, of.time].map(mean)
+        };
+        by(
+            ranking.order,
+            ranking.by_expansions,
+            &keys(self),
+            &keys(other),
+        )
     }
 }
 
@@ -165,9 +254,18 @@ fn ranked(planner: &Planner<'_>, shared: &[usize]) -> Ranked {
             .filter_map(|case| case.any_value(&SOLVE_TIME))
             .collect(),
     );
+    let own = |metric: &Metric| {
+        mean(
+            planner
+                .values(metric)
+                .into_iter()
+                .map(|one| one.1)
+                .collect(),
+        )
+    };
     let over = |metric: &Metric| {
         if shared.is_empty() {
-            mean(planner.values(metric))
+            own(metric)
         } else {
             over_shared(metric)
         }
@@ -183,12 +281,12 @@ fn ranked(planner: &Planner<'_>, shared: &[usize]) -> Ranked {
         planner: planner.label.into(),
         successes,
         cases,
-        success_rate: successes as f64 / cases.max(1) as f64,
+        success_rate: rate(&planner.shares()),
         comparable_time_ms,
         uncertainty_ms: over(&UNCERTAINTY),
         near: false,
         comparable_length_cells,
-        expansions: mean(planner.values(&EXPANSIONS)),
+        expansions: own(&EXPANSIONS),
         mean_time_ms,
     }
 }

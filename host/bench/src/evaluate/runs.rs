@@ -2,7 +2,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use super::{METRICS, Metric, Paired, Planner, Trials};
+use super::paired::Pair;
+use super::{Case, METRICS, Metric, Paired, Planner, Trials, Unit};
 use crate::Row;
 
 /// Two runs of one suite beside each other.
@@ -122,6 +123,7 @@ fn identity(row: &Row) -> Identity<'_> {
 /// Compares two runs of one suite. Trials belong together that are of the same planner's
 /// label, instance, seed, budget and repeat.
 pub fn compare_runs<'a>(
+    unit: Unit,
     a: impl IntoIterator<Item = &'a Row>,
     b: impl IntoIterator<Item = &'a Row>,
 ) -> RunComparison {
@@ -159,7 +161,7 @@ pub fn compare_runs<'a>(
         .into_iter()
         .map(|(planner, mut pairs)| {
             pairs.sort_by_key(|(in_a, in_b)| (in_a.trial, in_b.trial));
-            difference(planner, &pairs)
+            difference(unit, planner, &pairs)
         })
         .collect();
     for metric in METRICS {
@@ -177,7 +179,7 @@ pub fn compare_runs<'a>(
     }
 }
 
-fn difference(planner: &str, pairs: &[(&Row, &Row)]) -> PlannerDifference {
+fn difference(unit: Unit, planner: &str, pairs: &[(&Row, &Row)]) -> PlannerDifference {
     let which = |what: &dyn Fn(&Row, &Row) -> bool| -> Vec<TrialPair> {
         let found = pairs.iter().filter(|(a, b)| what(a, b));
         let pair = |(a, b): &(&Row, &Row)| TrialPair {
@@ -192,8 +194,8 @@ fn difference(planner: &str, pairs: &[(&Row, &Row)]) -> PlannerDifference {
         different: which(&|a, b| of(a).zip(of(b)).is_some_and(|(a, b)| a != b)),
     };
     let code = digests(|row| row.planner_digest.as_ref());
-    let in_a = Trials::new(pairs.iter().map(|pair| pair.0));
-    let in_b = Trials::new(pairs.iter().map(|pair| pair.1));
+    let in_a = Trials::speaking_for(unit, pairs.iter().map(|pair| pair.0));
+    let in_b = Trials::speaking_for(unit, pairs.iter().map(|pair| pair.1));
     PlannerDifference {
         planner: planner.to_owned(),
         pairs: pairs.len(),
@@ -235,13 +237,17 @@ fn metric_differences(
         })
         .collect();
     let difference = |metric: &Metric| {
-        let pairs: Vec<(f64, f64)> = cases
-            .iter()
-            .filter_map(|(of_a, of_b)| of_a.value(metric).zip(of_b.value(metric)))
-            .collect();
+        let pair = |(of_a, of_b): &(&Case<'_>, &Case<'_>)| {
+            Some(Pair {
+                cluster: of_a.cluster,
+                first: of_a.value(metric)?,
+                second: of_b.value(metric)?,
+            })
+        };
+        let pairs: Vec<Pair> = cases.iter().filter_map(pair).collect();
         (!pairs.is_empty()).then(|| MetricDifference {
             metric: *metric,
-            paired: Paired::of(&pairs, cases.len() - pairs.len()),
+            paired: Paired::of(&pairs, cases.len() - pairs.len(), metric),
         })
     };
     METRICS.iter().filter_map(difference).collect()

@@ -2,9 +2,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use super::{METRICS, Metric, Planner, SOLVE_TIME, Trials};
+use super::{Counts, METRICS, Metric, Planner, SOLVE_TIME, Trials, Unit};
 use crate::Row;
-use crate::statistics::{Interval, Summary, wilson};
+use crate::statistics::{Clustered, Interval, Summary, clustered_share_interval, mean, sorted};
+use crate::verify::comparable;
 
 /// How much there is, and what stands in the way of comparing it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -17,6 +18,12 @@ pub struct Overview {
     pub planners: usize,
     /// Instances, by seed and budget.
     pub instances: usize,
+    /// How many instances, scenarios and maps these are.
+    pub counts: Counts,
+    /// For what else the trials are to speak.
+    pub unit: Unit,
+    /// How many of these units there are: nothing is inferred from fewer than six.
+    pub clusters: usize,
     /// Instances that every planner solved.
     pub shared: usize,
     /// Fewest repeats of a case.
@@ -46,6 +53,9 @@ impl Overview {
             failures: count(|row| !row.success),
             planners: trials.planners().len(),
             instances: trials.instances().len(),
+            counts: trials.counts(),
+            unit: trials.unit(),
+            clusters: trials.clusters(),
             shared: trials.shared().len(),
             repeats_min: repeats().min().unwrap_or(0),
             repeats_max: repeats().max().unwrap_or(0),
@@ -97,9 +107,9 @@ pub struct PlannerSummary {
     pub cases: usize,
     /// Cases of which every repeat succeeded.
     pub successes: usize,
-    /// Share of those.
+    /// Mean over cases of the share of repeats that succeeded.
     pub success_rate: f64,
-    /// Its 95 % Wilson interval.
+    /// Its 95 % interval, of six clusters or more.
     pub success_interval: Option<Interval>,
     /// Cases that aggregates leave out.
     pub failures: usize,
@@ -107,7 +117,7 @@ pub struct PlannerSummary {
     pub reasons: Vec<FailureCount>,
     /// Cases of which some repeats succeeded and others did not.
     pub unsteady: usize,
-    /// Cases whose repeats have different plans.
+    /// Cases whose repeats have different plans, though time decided nothing.
     pub different_plans: usize,
     /// Trials with claims that the host found to be false.
     pub false_claims: usize,
@@ -121,6 +131,11 @@ pub struct PlannerSummary {
     pub mean_time_of_all_ms: Option<f64>,
     /// Of every metric that it has.
     pub metrics: Vec<MetricSummary>,
+}
+
+/// The mean of shares; of none it is zero.
+pub(super) fn rate(shares: &[Clustered]) -> f64 {
+    mean(&sorted(shares.iter().map(|share| share.1))).unwrap_or(0.0)
 }
 
 impl PlannerSummary {
@@ -147,21 +162,20 @@ impl PlannerSummary {
             successes > 0 && successes < case.repeats.len()
         });
         let different_plans = planner.cases.iter().filter(|case| {
-            let mut plans = case
-                .repeats
-                .iter()
-                .filter_map(|row| row.plan_digest.as_ref());
+            let repeats = case.repeats.iter().filter(|row| comparable(row));
+            let mut plans = repeats.filter_map(|row| row.plan_digest.as_ref());
             let first = plans.next();
             plans.any(|plan| Some(plan) != first)
         });
         let metrics = METRICS.iter().filter_map(|metric| {
-            let summary = Summary::of(&planner.values(metric))?;
+            let summary = Summary::of_clustered(&planner.values(metric))?;
             Some(MetricSummary {
                 metric: *metric,
                 left_out: cases - summary.count,
                 summary,
             })
         });
+        let shares = planner.shares();
         let times: Vec<f64> = planner
             .cases
             .iter()
@@ -177,8 +191,8 @@ impl PlannerSummary {
             trials: planner.rows().count(),
             cases,
             successes,
-            success_rate: successes as f64 / cases.max(1) as f64,
-            success_interval: wilson(successes as u64, cases as u64),
+            success_rate: rate(&shares),
+            success_interval: clustered_share_interval(&shares),
             failures: cases - successes,
             reasons,
             unsteady: unsteady.count(),

@@ -1,14 +1,16 @@
 use std::collections::BTreeMap;
 
-use super::Metric;
+use super::{Counts, Metric, Unit};
 use crate::Row;
-use crate::statistics::{median, sorted};
+use crate::statistics::{Clustered, median, sorted};
 
 /// Trials by planner and instance, repeats brought together.
 #[derive(Debug, Clone)]
 pub struct Trials<'a> {
     planners: Vec<Planner<'a>>,
     instances: Vec<&'a Row>,
+    unit: Unit,
+    clusters: usize,
 }
 
 /// A planner's cases.
@@ -25,16 +27,25 @@ pub struct Planner<'a> {
 pub struct Case<'a> {
     /// Number of the instance in [`Trials::instances`].
     pub instance: usize,
+    /// Number of the cluster that the instance is of.
+    pub cluster: usize,
     /// At least one trial, in the order of repeats.
     pub repeats: Vec<&'a Row>,
 }
 
 impl<'a> Trials<'a> {
-    /// Of rows in any order. Planners and instances are in the suite's order.
+    /// Of rows in any order, to speak for other scenarios. Planners and instances are in the
+    /// suite's order.
     pub fn new(rows: impl IntoIterator<Item = &'a Row>) -> Self {
+        Self::speaking_for(Unit::default(), rows)
+    }
+
+    /// Of rows in any order, to speak for others of some unit.
+    pub fn speaking_for(unit: Unit, rows: impl IntoIterator<Item = &'a Row>) -> Self {
         let mut rows: Vec<&Row> = rows.into_iter().collect();
         rows.sort_by_key(|row| (row.trial, row.repeat, &row.planner, &row.key));
         let mut instances = Vec::new();
+        let (mut clusters, mut cluster_numbers) = (Vec::new(), BTreeMap::new());
         let mut instance_numbers = BTreeMap::new();
         let mut planners: Vec<Planner<'_>> = Vec::new();
         let mut planner_numbers = BTreeMap::new();
@@ -42,6 +53,9 @@ impl<'a> Trials<'a> {
         for row in rows {
             let question = (&row.instance_digest, row.seed, row.budget_ms.to_bits());
             let instance = *instance_numbers.entry(question).or_insert_with(|| {
+                let next = cluster_numbers.len();
+                let cluster = (unit.of(row), unit.seed_of(row));
+                clusters.push(*cluster_numbers.entry(cluster).or_insert(next));
                 instances.push(row);
                 instances.len() - 1
             });
@@ -55,12 +69,47 @@ impl<'a> Trials<'a> {
         }
         for ((planner, instance), mut repeats) in cases {
             repeats.sort_by_key(|row| (row.repeat, &row.key));
-            planners[planner].cases.push(Case { instance, repeats });
+            planners[planner].cases.push(Case {
+                instance,
+                cluster: clusters[instance],
+                repeats,
+            });
         }
         Self {
             planners,
             instances,
+            unit,
+            clusters: cluster_numbers.len(),
         }
+    }
+
+    /// What the trials are to speak for.
+    pub fn unit(&self) -> Unit {
+        self.unit
+    }
+
+    /// How many of these units there are.
+    pub fn clusters(&self) -> usize {
+        self.clusters
+    }
+
+    /// The number of its cluster of every row, by its key.
+    pub fn clusters_by_key(&self) -> BTreeMap<&'a str, usize> {
+        let cases = self.planners.iter().flat_map(|planner| &planner.cases);
+        let keys = |case: &Case<'a>| {
+            let cluster = case.cluster;
+            let keys = case
+                .repeats
+                .iter()
+                .map(move |row| (row.key.as_str(), cluster));
+            keys.collect::<Vec<_>>()
+        };
+        cases.flat_map(keys).collect()
+    }
+
+    /// How many instances, scenarios and maps there are.
+    pub fn counts(&self) -> Counts {
+        Counts::of(self.instances.iter().copied())
     }
 
     /// Every planner.
@@ -115,10 +164,16 @@ impl<'a> Planner<'a> {
         self.cases.iter().filter(|case| case.success())
     }
 
-    /// Values of the cases that succeeded and have one.
-    pub fn values(&self, metric: &Metric) -> Vec<f64> {
-        let cases = self.cases.iter();
-        cases.filter_map(|case| case.value(metric)).collect()
+    /// Values of the cases that succeeded and have one, with their clusters.
+    pub fn values(&self, metric: &Metric) -> Vec<Clustered> {
+        let value = |case: &Case<'_>| Some((case.cluster, case.value(metric)?));
+        self.cases.iter().filter_map(value).collect()
+    }
+
+    /// The share of repeats that succeeded, of each case with its cluster.
+    pub fn shares(&self) -> Vec<Clustered> {
+        let share = |case: &Case<'_>| (case.cluster, case.share());
+        self.cases.iter().map(share).collect()
     }
 
     /// Its rows.
@@ -133,6 +188,12 @@ impl Case<'_> {
     /// Whether every repeat succeeded.
     pub fn success(&self) -> bool {
         self.repeats.iter().all(|row| row.success)
+    }
+
+    /// The share of its repeats that succeeded.
+    pub fn share(&self) -> f64 {
+        let successes = self.repeats.iter().filter(|row| row.success).count();
+        successes as f64 / self.repeats.len().max(1) as f64
     }
 
     /// The median over repeats, if the case succeeded and every repeat has a value.

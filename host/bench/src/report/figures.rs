@@ -175,7 +175,7 @@ impl<'a> Maker<'a> {
 
     /// Success rates: curves by size, or bars where there is one size.
     fn success(&self) -> Figure {
-        let caption = "Share of cases that succeeded, with 95 % Wilson intervals.";
+        let caption = "Share of trials that succeeded, with 95 % intervals.";
         let share = Axis {
             label: "success".into(),
             percent: true,
@@ -301,7 +301,7 @@ impl<'a> Maker<'a> {
         Figure {
             id: format!("means-{}", metric.column),
             title: format!("Mean {}", metric.title),
-            caption: "Means over cases that succeeded, with 95 % t intervals.".into(),
+            caption: "Means over cases that succeeded, with 95 % intervals.".into(),
             x: quantity.axis(),
             y: self.names(),
             diagonal: false,
@@ -357,7 +357,7 @@ impl<'a> Maker<'a> {
         Figure {
             id: "quality".into(),
             title: "Quality over time".into(),
-            caption: "Mean ratio of the best valid plan so far to the lower bound, with 95 % t \
+            caption: "Mean ratio of the best valid plan so far to the lower bound, with 95 % \
                       intervals, over the cases that have a plan by then: it may rise when a hard \
                       case gets its first plan."
                 .into(),
@@ -400,7 +400,7 @@ impl<'a> Maker<'a> {
         Figure {
             id: format!("size-{}", metric.column),
             title: capital(&format!("{} by {}", metric.title, size_name(size))),
-            caption: "Means over cases that succeeded, with 95 % t intervals. Failures are left \
+            caption: "Means over cases that succeeded, with 95 % intervals. Failures are left \
                       out: read it beside the success rate."
                 .into(),
             x: Axis {

@@ -24,7 +24,7 @@ pub use svg::svg;
 pub use table::Table;
 
 use crate::evaluate::{
-    Dimension, Evaluation, METRICS, Order, RankStability, Trials, compare_runs, compare_with,
+    Dimension, Evaluation, METRICS, Order, RankStability, Trials, Unit, compare_runs, compare_with,
     groups, rank_stability,
 };
 use crate::{Places, Row};
@@ -41,6 +41,8 @@ pub struct Subject {
     pub asked: Option<u64>,
     /// By what planners are ranked.
     pub order: Order,
+    /// For what else the trials are to speak.
+    pub unit: Unit,
     /// The rule that paths were judged by, if it is not the usual one.
     pub path_rule: Option<String>,
     /// The places of suites' files, for commands that make a trial again.
@@ -78,7 +80,7 @@ struct Numbers<'a> {
 impl<'a> Report<'a> {
     /// Of rows in any order, of which each has a key of its own.
     pub fn new(subject: Subject, rows: impl IntoIterator<Item = &'a Row>) -> Self {
-        let trials = Trials::new(rows);
+        let trials = Trials::speaking_for(subject.unit, rows);
         let evaluation = Evaluation::of(&trials, subject.order);
         let stability = stability(&trials, subject.order);
         Self {
@@ -99,10 +101,11 @@ impl<'a> Report<'a> {
         story::caveats(&self.trials, &self.evaluation)
     }
 
-    /// Ranking, paired comparison, how rankings agree where instances differ, and failures
+    /// Ranking, standings, paired comparison, how rankings agree where instances differ, and failures
     /// if there are any.
     pub fn tables(&self) -> Vec<Table> {
         let mut tables = vec![table::ranking(&self.evaluation)];
+        tables.extend(table::standings(&self.evaluation));
         tables.extend(self.evaluation.comparison.as_ref().map(table::paired));
         tables.extend(self.stability.as_ref().map(table::stability));
         tables.extend(table::failures(&self.evaluation));
@@ -173,7 +176,8 @@ impl<'a> Report<'a> {
         serde_json::to_value(Numbers {
             title: &self.subject.title,
             story: self.story(),
-            headline: self.evaluation.lead.as_ref().map(story::headline),
+            headline: (self.evaluation.lead.as_ref())
+                .map(|lead| story::headline(lead, &self.evaluation.overview)),
             caveats: self.caveats(),
             facts: &self.subject.facts,
             evaluation: &self.evaluation,
@@ -203,10 +207,11 @@ fn stability(trials: &Trials<'_>, order: Order) -> Option<RankStability> {
 
 /// Two runs of one suite beside each other, under these names.
 pub fn two_runs<'a>(
+    unit: Unit,
     a: (&str, impl IntoIterator<Item = &'a Row>),
     b: (&str, impl IntoIterator<Item = &'a Row>),
 ) -> (crate::evaluate::RunComparison, Vec<Table>) {
-    let comparison = compare_runs(a.1, b.1);
+    let comparison = compare_runs(unit, a.1, b.1);
     let tables = table::two_runs(&comparison, a.0, b.0);
     (comparison, tables)
 }

@@ -14,9 +14,8 @@ use super::columns::{Packed, pack, pack_numbers, pack_words};
 use super::figures::{Quantity, moments};
 use super::palette::COLORS;
 use super::story::methods;
-use super::table;
-use crate::evaluate::{METRICS, Order, best_of};
-use crate::statistics::Interval;
+use super::table::{self, Table};
+use crate::evaluate::{METRICS, Order, Ranked, SOLVE_TIME, best_of, compare_with};
 use crate::{COLUMNS, ColumnType, Places, Row};
 
 const PAGE: &str = include_str!("page/page.html");
@@ -49,18 +48,27 @@ struct Data<'a> {
     places: &'a Places,
     metrics: Vec<Quantity>,
     colors: [&'static str; COLORS.len()],
-    paired: Option<Paired<'a>>,
+    /// Every planner against each of the others, by the rank of the latter.
+    paired: Vec<PairedTable>,
+    /// Of each trial the number of its cluster.
+    clusters: Packed,
     /// Numbers of the planners that are held against each other at first.
     scatter: [usize; 2],
     quality: Quality,
 }
 
-/// The intervals of the paired comparison of all trials, which are drawn.
+/// Planners against one of them.
 #[derive(Serialize)]
-struct Paired<'a> {
-    baseline: &'a str,
-    intervals: Vec<(&'a str, Option<Interval>)>,
+struct PairedTable {
+    /// Number of the planner that the others are held against.
+    baseline: usize,
+    note: String,
+    head: Vec<String>,
+    rows: Vec<Vec<String>>,
 }
+
+/// Most planners of which each is held against all others; with more the first is.
+const ALL_PAIRS: usize = 16;
 
 /// The best sums of costs at some moments: where they change.
 #[derive(Serialize)]
@@ -98,11 +106,36 @@ impl Quality {
     }
 }
 
+fn paired_tables(report: &Report<'_>, planners: &[&str]) -> Vec<PairedTable> {
+    let ranked = report.evaluation.ranking.planners.iter();
+    let most = match planners.len() {
+        0 | 1 => 0,
+        2..=ALL_PAIRS => planners.len(),
+        _ => 1,
+    };
+    let of = |ranked: &Ranked| {
+        let baseline = planners.iter().position(|label| *label == ranked.planner)?;
+        let comparison = compare_with(&report.trials, &ranked.planner, &SOLVE_TIME)?;
+        let table = table::paired(&comparison);
+        Some(PairedTable {
+            baseline,
+            note: table.note,
+            head: table.head,
+            rows: table.rows,
+        })
+    };
+    ranked.take(most).filter_map(of).collect()
+}
+
 /// The page.
 pub(super) fn html(report: &Report<'_>) -> String {
     let booleans = COLUMNS.iter().filter(|c| c.kind == ColumnType::Boolean);
     let mut rows: Vec<&Row> = report.trials.rows().collect();
     rows.sort_by_key(|row| (row.trial, row.repeat, &row.planner, &row.key));
+    let clusters = report.trials.clusters_by_key();
+    let clusters: Vec<Option<f64>> = (rows.iter())
+        .map(|row| clusters.get(row.key.as_str()).map(|number| *number as f64))
+        .collect();
     let outcomes = rows.iter().map(|row| row.failure());
     let planners = report.planners();
     let slot = |at: usize| {
@@ -123,16 +156,8 @@ pub(super) fn html(report: &Report<'_>) -> String {
         places: &report.subject.places,
         metrics: METRICS.iter().map(Quantity::of).collect(),
         colors: COLORS,
-        paired: report
-            .evaluation
-            .comparison
-            .as_ref()
-            .map(|comparison| Paired {
-                baseline: &comparison.baseline,
-                intervals: (comparison.planners.iter())
-                    .map(|(label, paired)| (label.as_str(), paired.delta_interval))
-                    .collect(),
-            }),
+        paired: paired_tables(report, &planners),
+        clusters: pack_numbers("clusters", &clusters),
         quality: Quality::of(&rows, moments(&report.trials)),
         planners,
     };
@@ -143,7 +168,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
     let title = escape(&report.subject.title);
     let script = SCRIPT.concat();
     let (story, methods, origin) = (story(report), list(&methods()), origin(report));
-    let stability = stability(report);
+    let (stability, standings) = (stability(report), standings(report));
     let mut page =
         String::with_capacity(data.len() + PAGE.len() + STYLE.len() + script.len() + 4096);
     let mut rest = PAGE;
@@ -160,6 +185,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
             "story" => &story,
             "methods" => &methods,
             "stability" => &stability,
+            "standings" => &standings,
             "origin" => &origin,
             other => unreachable!("page.html has no {other}"),
         });
@@ -190,10 +216,18 @@ fn list(entries: &[String]) -> String {
 
 /// The agreement of the rankings of all trials, if there is more than one.
 fn stability(report: &Report<'_>) -> String {
-    let Some(found) = &report.stability else {
-        return String::new();
-    };
-    let table = table::stability(found);
+    let table = report.stability.as_ref().map(table::stability);
+    table.map_or(String::new(), |table| fixed("stability", &table))
+}
+
+/// Success, time and quality of all trials, if there is more than one planner.
+fn standings(report: &Report<'_>) -> String {
+    let table = table::standings(&report.evaluation);
+    table.map_or(String::new(), |table| fixed("standings", &table))
+}
+
+/// A table of all trials, which no filter changes.
+fn fixed(id: &str, table: &Table) -> String {
     let cell = |tag: &str, text: &String| format!("<{tag}>{}</{tag}>", escape(text));
     let line = |tag: &str, cells: &[String]| {
         let cells = cells.iter().map(|text| cell(tag, text));
@@ -201,8 +235,8 @@ fn stability(report: &Report<'_>) -> String {
     };
     let rows = table.rows.iter().map(|row| line("td", row));
     format!(
-        "<section id=\"stability\" aria-labelledby=\"stability-title\">\n\
-         <h2 id=\"stability-title\">{}</h2>\n<p class=\"note\">{} Of all trials, whatever is \
+        "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n\
+         <h2 id=\"{id}-title\">{}</h2>\n<p class=\"note\">{} Of all trials, whatever is \
          filtered.</p>\n<div class=\"scroll\" tabindex=\"0\"><table>\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n\
          </table></div>\n</section>\n",
         escape(&table.title),

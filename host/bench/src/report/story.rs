@@ -1,12 +1,14 @@
 //! The sentences of a report: what was run, who is best, and what to be careful with.
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 
 use super::Subject;
 use super::format::{digits, grouped, probability};
 use super::table::{plural, share};
-use crate::evaluate::{Evaluation, Lead, Order, Overview, Ranked, Rival, Trials, rank};
+use crate::evaluate::{Evaluation, Lead, Order, Overview, Ranked, Rival, Trials, Unit, rank};
 use crate::row::Row;
+use crate::statistics::MIN_CLUSTERS;
 
 /// The first sentences of a report.
 pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
@@ -24,7 +26,7 @@ pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
     let ran = format!(
         "{} on {}, {repeats}: {}.",
         plural(overview.planners, "planner"),
-        plural(overview.instances, "instance"),
+        problems(overview),
         plural(overview.trials, "trial"),
     );
     // A ranking of a part looks like one of the whole.
@@ -76,15 +78,49 @@ pub(super) fn order_name(order: Order) -> &'static str {
 /// Planners that are named where tests do not put the first before them.
 const NAMED: usize = 3;
 
+/// The instances, with what they are of.
+fn problems(overview: &Overview) -> String {
+    let counts = overview.counts;
+    let mut text = plural(counts.instances, "instance");
+    if overview.instances > counts.instances {
+        let _ = write!(
+            text,
+            " ({} with seeds and budgets)",
+            grouped(overview.instances as u64)
+        );
+    }
+    let of = [(counts.scenarios, "scenario"), (counts.maps, "map")];
+    for (count, word) in of {
+        let _ = write!(text, ", {}", plural(count, word));
+    }
+    text
+}
+
+/// One of what trials are to speak for.
+fn one_of(unit: Unit) -> &'static str {
+    match unit {
+        Unit::Instances => "instance",
+        Unit::Scenarios => "scenario",
+        Unit::Maps => "map",
+    }
+}
+
 /// The sentence about who is best, if tests say so, and else before whom they do not put the first.
-pub(super) fn headline(lead: &Lead) -> String {
+pub(super) fn headline(lead: &Lead, overview: &Overview) -> String {
     let Lead { planner, rivals } = lead;
+    if overview.clusters < MIN_CLUSTERS {
+        return format!(
+            "No planner is shown to be the best: {} are too few to tell from chance",
+            plural(overview.clusters, one_of(overview.unit))
+        );
+    }
     if lead.is_shown() {
         return format!("{planner} ranks first");
     }
-    let p = |p: f64| match probability(p) {
-        tiny if tiny.starts_with('<') => format!("p {tiny}"),
-        p => format!("p = {p}"),
+    let p = |p: Option<f64>| match p.map(probability) {
+        None => "no test".to_owned(),
+        Some(tiny) if tiny.starts_with('<') => format!("p {tiny}"),
+        Some(p) => format!("p = {p}"),
     };
     let open: Vec<&Rival> = rivals.iter().filter(|rival| !rival.behind).collect();
     let mut named: Vec<String> = open
@@ -94,7 +130,7 @@ pub(super) fn headline(lead: &Lead) -> String {
             format!(
                 "{} (instances solved: {}; times: {})",
                 rival.planner,
-                p(rival.p_solved),
+                p(rival.solved.p),
                 p(rival.p_time)
             )
         })
@@ -145,7 +181,7 @@ fn best(evaluation: &Evaluation) -> String {
     };
     let (name, next) = (&first.planner, &second.planner);
     let (solved, next_solved) = (solved(first), solved(second));
-    let headline = headline(lead);
+    let headline = headline(lead, overview);
     if lead.is_shown() {
         format!("{headline}: it solved {solved}; {next} is next with {next_solved}; {means}")
     } else {
@@ -228,14 +264,16 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
         }
         if summary.different_plans > 0 {
             caveats.push(format!(
-                "{} gave different plans for the same seed in {}: it is not deterministic.",
+                "{} gave different plans for the same seed in {}, and no limit decided: it is not \
+                 deterministic.",
                 summary.planner,
                 plural(summary.different_plans, "case")
             ));
         }
         if summary.unsteady > 0 {
             caveats.push(format!(
-                "{} succeeded in some repeats and failed in others of {}, which count as failed.",
+                "{} succeeded in some repeats and failed in others of {}: their share counts, and no time of \
+                 them.",
                 summary.planner,
                 plural(summary.unsteady, "case")
             ));
@@ -273,8 +311,10 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
 /// The sentences about how numbers came about.
 pub(super) fn methods() -> Vec<String> {
     [
-        "A case is a planner on an instance with a seed and a budget. Its repeats are one: it \
-         succeeds when all of them do, and its values are their medians.",
+        "A case is a planner on an instance with a seed and a budget. Its success is the share of its \
+         repeats that succeeded; its values are their medians, if all did.",
+        "Intervals and tests count scenarios, unless the suite generalises over instances or maps: \
+         seeds of an instance and team sizes of a scenario are alike. Under six there is none.",
         "A trial succeeds when the planner ended as it should and the host's validator accepts its \
          plan, whatever the planner claims.",
         "Comparable means are over the instances that every planner solved.",
@@ -282,17 +322,16 @@ pub(super) fn methods() -> Vec<String> {
          trip less that of an empty call, or processor time; half of the range of nine of ten empty calls is \
          the uncertainty. Expansions are the planner's claim, and rank only where all planners are \
          parts of the host.",
-        "Intervals of success rates are Wilson's score intervals, those of means Student's t \
-         intervals, those of paired medians percentile bootstrap intervals of 40,000 resamples with \
-         a fixed seed; all of 95 %. Quantiles are interpolated linearly (type 7).",
-        "Paired comparisons are exact two-sided sign tests with Holm's correction; pairs without a \
-         difference are left out of the test.",
-        "A planner is said to rank first where such tests at 5 % put it before every other: it \
-         solved more instances, or was faster on those that both solved and solved no fewer. All \
-         of these tests are corrected together.",
-        "Where trials are filtered on the page, intervals of paired medians come from the exact \
-         distribution that resamples have, so that they may differ from drawn ones in the last \
-         digit.",
+        "Intervals of success rates are Wilson's for as many trials as there are scenarios of one size, \
+         those of means have variances by scenario and Student's quantiles, those of paired medians are \
+         order statistics; all of 95 %. Quantiles are interpolated linearly (type 7).",
+        "Paired comparisons are exact two-sided sign tests of scenarios with Holm's correction; those \
+         without a difference are left out. P(slower) and its likes are posterior probabilities of a \
+         Bayesian signed-rank test, in which 5 % more or less is as fast.",
+        "A planner is said to rank first where tests at 5 % put it before every other: it solved more \
+         (sign flips of scenarios), or was faster on what both solved and solved no less. All of \
+         these tests are corrected together. Nothing is tested of trials that are filtered on the \
+         page.",
     ]
     .map(str::to_owned)
     .to_vec()

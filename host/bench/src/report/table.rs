@@ -2,10 +2,10 @@
 
 use super::format::{NONE, digits, fixed, grouped, percent, probability};
 use crate::evaluate::{
-    Comparison, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, Paired, PlannerSummary,
+    Comparison, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, PlannerSummary,
     RankStability, Ranked, RunComparison, SOLVE_TIME, Trials, compare_with,
 };
-use crate::statistics::Interval;
+use crate::statistics::{Interval, Posterior};
 
 /// A table.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -93,6 +93,7 @@ pub(super) fn ranking(evaluation: &Evaluation) -> Table {
         ("Rank", false),
         ("Planner", true),
         ("Success", false),
+        ("Every repeat", false),
         ("Comparable, ms", false),
         ("Time, ms", false),
         ("Median [IQR], ms", false),
@@ -131,12 +132,15 @@ fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
     vec![
         ranked.rank.to_string(),
         ranked.planner.clone(),
-        format!(
-            "{}/{} {} %",
-            ranked.successes,
-            ranked.cases,
-            interval(summary.success_interval.as_ref(), per_cent)
-        ),
+        match &summary.success_interval {
+            Some(found) => format!(
+                "{} {}",
+                percent(Some(summary.success_rate)),
+                interval(Some(found), per_cent)
+            ),
+            None => percent(Some(summary.success_rate)),
+        },
+        format!("{}/{}", ranked.successes, ranked.cases),
         comparable(ranked),
         time.map_or(NONE.to_owned(), |time| {
             format!("{} ± {}", three(time.mean), digits(time.standard_deviation))
@@ -151,6 +155,56 @@ fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
         fixed(mean(&EXPANSIONS), 2),
         summary.failures.to_string(),
     ]
+}
+
+/// How sure ranks are, and success, time and quality together; nothing of one planner.
+pub(super) fn standings(evaluation: &Evaluation) -> Option<Table> {
+    let overview = &evaluation.overview;
+    let note = format!(
+        "Failures count here. Ranks: where 95 % of them lie when {} are drawn anew, and how often the \
+         planner is first then. PAR-2: mean time, a failure counting as two budgets. min(t, budget): mean \
+         with its 95 % interval. Score: mean of the best sum of costs of all planners over its own, 0 \
+         for a failure. Fastest: share of cases in which nobody was faster. Alone: cases that nobody \
+         else solved. Pareto: no planner is as good in success, PAR-2 and score and better in one.",
+        overview.unit.name()
+    );
+    let head = [
+        ("Planner", true),
+        ("Success", false),
+        ("Ranks", false),
+        ("P(first)", false),
+        ("PAR-2, ms", false),
+        ("min(t, budget), ms", false),
+        ("Score", false),
+        ("Fastest", false),
+        ("Alone", false),
+        ("Pareto", true),
+    ];
+    let mut table = Table::new("Success, time and quality", note, &head);
+    for (standing, summary) in evaluation.standings.iter().zip(&evaluation.planners) {
+        let [once, twice, _] = standing.par_ms;
+        let within = match &standing.par_1_interval {
+            Some(found) => format!("{} {}", digits(once), interval(Some(found), three)),
+            None => digits(once),
+        };
+        table.rows.push(vec![
+            standing.planner.clone(),
+            percent(Some(summary.success_rate)),
+            match standing.ranks {
+                Some([low, high]) if low == high => low.to_string(),
+                Some([low, high]) => format!("{low} to {high}"),
+                None => NONE.to_owned(),
+            },
+            fixed(standing.p_first, 2),
+            digits(twice),
+            within,
+            fixed(standing.score, 3),
+            percent(Some(standing.fastest)),
+            standing.alone.to_string(),
+            if standing.undominated { "yes" } else { NONE }.to_owned(),
+        ]);
+    }
+    (table.rows.len() > 1).then(|| table.without_empty())
 }
 
 /// Ranks by regime.
@@ -188,37 +242,45 @@ pub(super) fn stability(found: &RankStability) -> Table {
 pub(super) fn paired(comparison: &Comparison) -> Table {
     let note = format!(
         "Differences of solve times from {}, on the instances that both solved: positive where \
-         the planner is slower. 95 % percentile bootstrap intervals of the median, exact \
-         two-sided sign tests with Holm's correction.",
-        comparison.baseline
+         the planner is slower. Medians, their exact 95 % intervals and two-sided sign tests with \
+         Holm's correction are over {}; 5 % more or less is as fast.",
+        comparison.baseline,
+        comparison.unit.name()
     );
     let head = [
         ("Planner", true),
         ("Pairs", false),
         ("Median Δ, ms", false),
         ("95 % interval", false),
+        ("Ratio", false),
         ("Slower/faster", false),
         ("p, Holm", false),
+        ("P(faster)", false),
+        ("P(as fast)", false),
+        ("P(slower)", false),
     ];
     let mut table = Table::new("Paired comparison", note, &head);
     for (planner, paired) in &comparison.planners {
+        let posterior = |of: fn(&Posterior) -> f64| fixed(paired.posterior.as_ref().map(of), 2);
         table.rows.push(vec![
             planner.clone(),
             paired.pairs.to_string(),
             digits(paired.median_delta),
             interval(paired.delta_interval.as_ref(), three),
+            fixed(paired.median_ratio, 3),
             format!("{}/{}", paired.greater, paired.smaller),
-            p_value(paired),
+            p_value(paired.p_holm),
+            posterior(|found| found.below),
+            posterior(|found| found.equivalent),
+            posterior(|found| found.above),
         ]);
     }
-    table
+    table.without_empty()
 }
 
-fn p_value(paired: &Paired) -> String {
-    if paired.pairs == 0 {
-        return NONE.to_owned();
-    }
-    probability(paired.p_holm)
+/// Of a test, if there was one.
+fn p_value(p: Option<f64>) -> String {
+    p.map_or(NONE.to_owned(), probability)
 }
 
 /// Why trials failed; nothing if none did.
@@ -241,9 +303,10 @@ pub(super) fn failures(evaluation: &Evaluation) -> Option<Table> {
 pub(super) fn two_planners(trials: &Trials<'_>, a: &str, b: &str) -> Option<Table> {
     let (first, second) = (trials.planner(a)?, trials.planner(b)?);
     let note = format!(
-        "Differences are {b} − {a}, on the instances that both solved. 95 % percentile bootstrap \
-         intervals of the median, exact two-sided sign tests without correction. {a} solved {} of \
-         {} cases, {b} {} of {}.",
+        "Differences are {b} − {a}, on the instances that both solved. Exact 95 % intervals of the \
+         median and two-sided sign tests, over {}, without correction. {a} solved {} of {} cases, {b} {} \
+         of {}.",
+        trials.unit().name(),
         first.successes().count(),
         first.cases.len(),
         second.successes().count(),
@@ -275,7 +338,7 @@ pub(super) fn two_planners(trials: &Trials<'_>, a: &str, b: &str) -> Option<Tabl
             digits(paired.median_delta),
             interval(paired.delta_interval.as_ref(), three),
             format!("{}/{}", paired.greater, paired.smaller),
-            probability(paired.p),
+            p_value(paired.p),
             paired.pairs.to_string(),
         ]);
     }
@@ -334,8 +397,8 @@ pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Tabl
     ];
     let mut runs = Table::new("Two runs", note, &head);
     let note = "Cases that both runs solved. Differences are B − A, ratios B / A: below 1 is \
-                faster. 95 % percentile bootstrap intervals of medians; exact two-sided sign \
-                tests with Holm's correction over planners.";
+                faster. Exact 95 % intervals of medians and two-sided sign tests, over scenarios or \
+                what the suite generalises over, with Holm's correction over planners.";
     let head = [
         ("Planner", true),
         ("Pairs", false),
@@ -381,7 +444,7 @@ pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Tabl
                 interval(paired.delta_interval.as_ref(), three),
                 fixed(paired.median_ratio, 3),
                 interval(paired.ratio_interval.as_ref(), |x| fixed(Some(x), 3)),
-                p_value(paired),
+                p_value(paired.p_holm),
             ]);
         }
     }

@@ -4,10 +4,13 @@
 //! Cameron and Miller, "A practitioner's guide to cluster-robust inference", Journal of Human
 //! Resources 50 (2015), sections II and VI.
 
+use std::collections::BTreeMap;
+
 use fleetyard_world::SeededRandom;
 
 use super::bootstrap::{Draws, percentiles};
-use super::{Interval, sorted};
+use super::interval::{around, wilson_share};
+use super::{Interval, mean, sign_test, sorted};
 
 /// Fewest clusters from which anything is inferred: with fewer, no split of signs and no pair of
 /// order statistics has a probability below 5 %.
@@ -15,6 +18,65 @@ pub const MIN_CLUSTERS: usize = 6;
 
 /// Most clusters whose sign flips are all tried; above, they are drawn.
 const ALL_FLIPS: usize = 20;
+
+/// A value and the number of its cluster.
+pub type Clustered = (usize, f64);
+
+/// The number of clusters that values are of.
+pub fn cluster_count(values: &[Clustered]) -> usize {
+    sums(values, 0.0).len()
+}
+
+/// By cluster, the number of its values and the sum of their differences from `center`.
+fn sums(values: &[Clustered], center: f64) -> BTreeMap<usize, (f64, f64)> {
+    let mut sums: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+    for (cluster, value) in values {
+        let (count, sum) = sums.entry(*cluster).or_default();
+        *count += 1.0;
+        *sum += value - center;
+    }
+    sums
+}
+
+/// The mean of the values of each cluster, by its number.
+pub fn cluster_means(values: &[Clustered]) -> Vec<f64> {
+    let sums = sums(values, 0.0).into_values();
+    sums.map(|(count, sum)| sum / count).collect()
+}
+
+/// 95 % interval of the mean of values in clusters, of [`MIN_CLUSTERS`] G or more:
+/// x̄ ± t₍G−1₎·√(G/(G − 1)·Σ_g(Σ_{i ∈ g}(xᵢ − x̄))²)/n. With one value in each it is Student's.
+///
+/// Cameron and Miller (2015), section II B, the variance with their correction for few clusters.
+pub fn clustered_mean_interval(values: &[Clustered]) -> Option<Interval> {
+    let center = mean(&sorted(values.iter().map(|value| value.1)))?;
+    let sums = sums(values, center);
+    let clusters = sums.len() as f64;
+    if sums.len() < MIN_CLUSTERS {
+        return None;
+    }
+    let squares: f64 = sums.values().map(|(_, sum)| sum * sum).sum();
+    let error = (clusters / (clusters - 1.0) * squares).sqrt() / values.len() as f64;
+    around(center, error, sums.len())
+}
+
+/// 95 % interval of the mean of shares from 0 to 1 in clusters, of [`MIN_CLUSTERS`] or more: Wilson's,
+/// for as many trials as there are clusters of one size, n = (Σm)²/Σm² with m values in each. No values
+/// of a cluster can vary by more than if all of them were one, so that it is never too narrow.
+///
+/// Kish, "Survey sampling" (1965), section 8.2; Korn and Graubard, "Confidence intervals for proportions
+/// with small expected number of positive counts estimated from survey data", Survey Methodology 24
+/// (1998).
+pub fn clustered_share_interval(values: &[Clustered]) -> Option<Interval> {
+    let share = mean(&sorted(values.iter().map(|value| value.1)))?;
+    let sums = sums(values, 0.0);
+    if sums.len() < MIN_CLUSTERS {
+        return None;
+    }
+    let squares: f64 = sums.values().map(|(count, _)| count * count).sum();
+    let all = values.len() as f64;
+    wilson_share(share, all * all / squares)
+}
 
 /// 95 % percentile bootstrap interval of a statistic of clusters, of [`MIN_CLUSTERS`] or more.
 ///
@@ -43,18 +105,26 @@ pub fn bootstrap_clusters(
 }
 
 /// Two-sided sign-flip test of the hypothesis that differences are symmetric about zero, one
-/// difference for each cluster: the share of all flips of signs whose sum is as far from zero. With
-/// more than 20 clusters 40,000 flips are drawn, and the one that was seen counts as one of
-/// them. `None` with fewer than [`MIN_CLUSTERS`].
+/// difference for each cluster: the share of all flips of signs whose sum is as far from zero. Where
+/// all that are not zero have one size, it is the sign test. With more than 20 of several sizes 40,000
+/// flips are drawn, and the one that was seen counts as one of them. `None` with fewer than
+/// [`MIN_CLUSTERS`].
 ///
 /// Fisher, "The design of experiments" (1935), section 21; as drawn, Phipson and Smyth,
 /// "Permutation p-values should never be zero", Statistical Applications in Genetics 9 (2010).
 pub fn sign_flip_test(differences: &[f64], seed: u64) -> Option<f64> {
-    let n = differences.len();
-    if n < MIN_CLUSTERS {
+    if differences.len() < MIN_CLUSTERS {
         return None;
     }
+    // A flip does not change what is zero.
+    let differences: Vec<f64> = differences.iter().copied().filter(|d| *d != 0.0).collect();
+    let n = differences.len();
     let sizes: Vec<f64> = differences.iter().map(|value| value.abs()).collect();
+    let least = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    if sizes.iter().all(|size| *size <= least * (1.0 + 1e-12)) {
+        let positive = differences.iter().filter(|value| **value > 0.0).count();
+        return Some(sign_test(positive as u64, (n - positive) as u64));
+    }
     let scale: f64 = sizes.iter().sum();
     // Sums of the same terms in another order differ by rounding alone.
     let seen = differences.iter().sum::<f64>().abs() - 1e-12 * scale;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Interval, mean_interval};
+use super::{Clustered, Interval, clustered_mean_interval, mean_interval};
 
 /// Arithmetic mean, Σx/n.
 pub fn mean(values: &[f64]) -> Option<f64> {
@@ -68,6 +68,13 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Of values in clusters: the interval of the mean counts these.
+    pub fn of_clustered(values: &[Clustered]) -> Option<Self> {
+        let mut summary = Self::of(&values.iter().map(|value| value.1).collect::<Vec<_>>())?;
+        summary.mean_interval = clustered_mean_interval(values);
+        Some(summary)
+    }
+
     /// Of values in any order.
     pub fn of(values: &[f64]) -> Option<Self> {
         let ascending = sorted(values.iter().copied());

@@ -23,22 +23,25 @@ pub struct Interval {
 /// of the American Statistical Association 22 (1927); without continuity correction. It
 /// says something where all trials succeed, which the normal approximation does not.
 pub fn wilson(successes: u64, trials: u64) -> Option<Interval> {
-    if trials == 0 || successes > trials {
+    wilson_share(successes as f64 / trials as f64, trials as f64)
+}
+
+/// The same of a share of `n` trials, of which neither has to be whole.
+pub(super) fn wilson_share(share: f64, n: f64) -> Option<Interval> {
+    if !(n > 0.0 && (0.0..=1.0).contains(&share)) {
         return None;
     }
     let z = Normal::standard().inverse_cdf(f64::midpoint(1.0, CONFIDENCE));
-    let n = trials as f64;
-    let share = successes as f64 / n;
     let center = share + z * z / (2.0 * n);
     let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
     let scale = 1.0 + z * z / n;
     // The ends are exactly 0 and 1 here, which rounding would miss.
-    let low = if successes == 0 {
+    let low = if share <= 0.0 {
         0.0
     } else {
         (center - half) / scale
     };
-    let high = if successes == trials {
+    let high = if share >= 1.0 {
         1.0
     } else {
         (center + half) / scale
@@ -105,9 +108,13 @@ pub fn paired_rate_difference(
 /// Student, "The probable error of a mean", Biometrika 6 (1908).
 pub fn mean_interval(values: &[f64]) -> Option<Interval> {
     let (mean, deviation) = (mean(values)?, standard_deviation(values)?);
-    let student = StudentsT::new(0.0, 1.0, (values.len() - 1) as f64).ok()?;
-    let quantile = student.inverse_cdf(f64::midpoint(1.0, CONFIDENCE));
-    let half = quantile * deviation / (values.len() as f64).sqrt();
+    around(mean, deviation / (values.len() as f64).sqrt(), values.len())
+}
+
+/// x̄ ± t₍n−1₎·`error`, of `n` values or clusters.
+pub(super) fn around(mean: f64, error: f64, n: usize) -> Option<Interval> {
+    let student = StudentsT::new(0.0, 1.0, n.checked_sub(1)? as f64).ok()?;
+    let half = student.inverse_cdf(f64::midpoint(1.0, CONFIDENCE)) * error;
     Some(Interval {
         low: mean - half,
         high: mean + half,

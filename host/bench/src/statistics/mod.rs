@@ -15,7 +15,10 @@ mod survival;
 
 pub use bayes::{Posterior, bayesian_signed_rank};
 pub use bootstrap::{BOOTSTRAP_SEED, RESAMPLES, bootstrap_mean, bootstrap_median};
-pub use cluster::{MIN_CLUSTERS, bootstrap_clusters, sign_flip_test};
+pub use cluster::{
+    Clustered, MIN_CLUSTERS, bootstrap_clusters, cluster_count, cluster_means,
+    clustered_mean_interval, clustered_share_interval, sign_flip_test,
+};
 pub use describe::{Summary, mean, median, quantile, sorted, standard_deviation};
 pub use interval::{
     CONFIDENCE, Interval, mean_interval, median_interval, paired_rate_difference, wilson,

@@ -257,7 +257,7 @@ impl Made {
                 Origin {
                     map,
                     scenario: match map_seed {
-                        Some(map_seed) => format!("map seed {map_seed}, agents seed {seed}"),
+                        Some(map_seed) => format!("{MAP_SEED}{map_seed}, agents seed {seed}"),
                         None => format!("agents seed {seed}"),
                     },
                     maze: None,
@@ -266,6 +266,15 @@ impl Made {
         }
     }
 }
+
+/// The seed of a generated map as its scenario has it, where the map has one.
+pub(crate) fn map_seed_of(scenario: &str) -> Option<&str> {
+    let (seed, _) = scenario.strip_prefix(MAP_SEED)?.split_once(", ")?;
+    Some(seed)
+}
+
+/// How the scenario of a generated map begins.
+const MAP_SEED: &str = "map seed ";
 
 impl Mazes {
     /// A maze by its number in the set: size by size, algorithm by algorithm.

@@ -5,7 +5,7 @@
 //! [`Suite::questions`] then reads the files that it names.
 
 mod fleet;
-mod instances;
+pub(crate) mod instances;
 mod question;
 mod read;
 mod settings;
@@ -20,7 +20,7 @@ use fleetyard_runtime::Attach;
 use fleetyard_sim::SimConfig;
 use serde_json::{Map, Value};
 
-use crate::evaluate::Order;
+use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 pub use fleet::{FleetPlugin, FleetSetup};
 use instances::InstanceSet;
@@ -81,6 +81,8 @@ pub struct Protocol {
     pub path_rule: PathRule,
     /// What planners are ranked by after their success rate.
     pub ranking: Order,
+    /// For what else than itself the suite is to speak.
+    pub generalise_over: Unit,
 }
 
 impl Default for Protocol {
@@ -93,6 +95,7 @@ impl Default for Protocol {
             clock: Clock::Host,
             path_rule: PathRule::Steps,
             ranking: Order::default(),
+            generalise_over: Unit::default(),
         }
     }
 }

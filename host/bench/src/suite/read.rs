@@ -13,7 +13,7 @@ use fleetyard_world::{
 };
 use serde_json::Map;
 
-use crate::evaluate::Order;
+use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, SandboxOptions};
 
 use super::fleet::{self, Around, FLEET};
@@ -55,6 +55,7 @@ const PROTOCOL: &[&str] = &[
     "clock",
     "path_rule",
     "ranking",
+    "generalise_over",
 ];
 const PLANNER: &[&str] = &["label", "plugin", "attach", "options", "fleet"];
 const INSTANCES: &[&str] = &[
@@ -346,6 +347,9 @@ fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
     }
     if let Some(ranking) = table.get("ranking") {
         protocol.ranking = ranking.choice(RANKINGS)?;
+    }
+    if let Some(unit) = table.get("generalise_over") {
+        protocol.generalise_over = unit.choice(Unit::CHOICES)?;
     }
     Ok(protocol)
 }

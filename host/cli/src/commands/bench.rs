@@ -518,8 +518,8 @@ fn report(
     let rows = begun.store.with(|store| store.rows())?;
     // From here on others may write.
     begun.store.close(drop);
-    let trials_of = Trials::new(&rows);
     let suite = contest.suite();
+    let trials_of = Trials::speaking_for(suite.protocol.generalise_over, &rows);
     let order = suite.protocol.ranking;
     let evaluation = Evaluation::of(&trials_of, order);
     let asked = contest.schedule().len_of(arguments.shard);

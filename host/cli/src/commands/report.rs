@@ -138,7 +138,7 @@ pub(super) struct Loaded {
 pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
     let mut subject = Subject::default();
-    let mut order = None;
+    let (mut order, mut unit) = (None, None);
     let mut doubled = 0usize;
     let mut machines = BTreeMap::new();
     let mut titles: Vec<String> = Vec::new();
@@ -184,6 +184,8 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
             subject.path_rule = rule.filter(|rule| *rule != "steps").map(str::to_owned);
             let ranking = &values["protocol"]["ranking"];
             order = order.or_else(|| serde_json::from_value(ranking.clone()).ok());
+            let generalised = &values["protocol"]["generalise_over"];
+            unit = unit.or_else(|| serde_json::from_value(generalised.clone()).ok());
         }
         machines.extend(store.machines()?);
         let manifest = path.with_extension("manifest.json");
@@ -209,6 +211,7 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
         "Trials".clone_into(&mut subject.title);
     }
     subject.order = rank.map(Order::from).or(order).unwrap_or_default();
+    subject.unit = unit.unwrap_or_default();
     subject.facts.extend(planners(&rows));
     for (digest, description) in machines {
         let name = format!("Machine {}", digest.get(..12).unwrap_or(&digest));
@@ -245,9 +248,8 @@ fn file_name(path: &Path) -> String {
 }
 
 fn compare_stores(a: &str, b: &str) -> Result<(RunComparison, Vec<Table>)> {
-    let rows = |path: &str| Store::open_read_only(Path::new(path))?.rows();
-    let (in_a, in_b) = (rows(a)?, rows(b)?);
-    let found = two_runs((a, &in_a), (b, &in_b));
+    let [in_a, in_b] = [load(&[a.into()], None)?, load(&[b.into()], None)?];
+    let found = two_runs(in_a.subject.unit, (a, &in_a.rows), (b, &in_b.rows));
     if found.0.pairs == 0 {
         output::warning("the stores have no trial in common");
     }

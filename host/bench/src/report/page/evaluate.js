@@ -1,6 +1,7 @@
 // ---- What the trials say ----------------------------------------------------------
 // The same as evaluate/ says of all trials, here of those that pass the filters: a case
-// is a planner on an instance with a seed and a budget, and its repeats are one.
+// is a planner on an instance with a seed and a budget, and intervals count clusters. What is tested
+// comes with the page, and is of all trials.
 
 const slots = data.planners.length;
 
@@ -21,6 +22,14 @@ for (let i = 0; i < count; i++) {
   instanceOfCase[cases.of[i]] = instances.of[i];
 }
 
+/** Of every case its cluster. */
+const clusterOfCase = new Uint32Array(cases.groups);
+{
+  const { numbers } = new Column(data.clusters);
+  for (let i = 0; i < count; i++) clusterOfCase[cases.of[i]] = numbers[i];
+}
+const clusterCount = clusterOfCase.reduce((most, cluster) => Math.max(most, cluster + 1), 0);
+
 /** What trials differ by in size: team sizes, or else sizes of mazes, or nothing. */
 const size = (() => {
   if (columns.agents.codes.values.length > 1) return { label: 'agents', numbers: columns.agents.numbers, of: columns.agents.codes.of };
@@ -36,14 +45,17 @@ class Cases {
     // The trials of case c are members[first[c]] to members[first[c + 1] - 1].
     this.first = new Uint32Array(cases.groups + 1);
     this.success = new Uint8Array(cases.groups).fill(1);
+    /** Share of repeats that succeeded. */
+    this.share = new Float64Array(cases.groups);
     for (const i of rows) {
       this.first[cases.of[i] + 1]++;
-      if (!success[i]) this.success[cases.of[i]] = 0;
+      if (success[i]) this.share[cases.of[i]]++; else this.success[cases.of[i]] = 0;
     }
     let repeated = false, present = 0;
     for (let c = 0; c < cases.groups; c++) {
       if (this.first[c + 1] > 1) repeated = true;
       if (this.first[c + 1]) present++;
+      this.share[c] /= this.first[c + 1];
       this.first[c + 1] += this.first[c];
     }
     /** The trials of all cases, case by case. */
@@ -97,6 +109,21 @@ class Cases {
     return values.subarray(0, length);
   }
 
+  /** The mean of a column over those cases among some that succeeded, with its interval. */
+  spread(some, name) {
+    const found = this.any(name);
+    return overClusters(some.filter((c) => this.success[c] && !Number.isNaN(found[c])), (c) => found[c]);
+  }
+
+  /** The success rate of some cases, with its interval. */
+  rate(some) {
+    const counts = new Float64Array(clusterCount);
+    for (const c of some) counts[clusterOfCase[c]]++;
+    const share = steadyMean(Float64Array.from(some, (c) => this.share[c])) ?? 0;
+    const clusters = counts.filter(Boolean), squares = sum(clusters.map((m) => m * m));
+    return { share, interval: clusters.length < MIN_CLUSTERS ? null : wilson(share, some.length ** 2 / squares) };
+  }
+
   /** Those that succeeded by planner, by ascending solve time. */
   get byTime() {
     if (this.ordered) return this.ordered;
@@ -128,6 +155,16 @@ function trialsByTime() {
   return ordered = Uint32Array.from({ length: count }, (_, i) => i).sort((a, b) => numbers[a] - numbers[b] || a - b);
 }
 
+/** The mean of values of cases, with its interval. */
+function overClusters(some, value) {
+  const counts = new Float64Array(clusterCount), sums = new Float64Array(clusterCount);
+  for (const c of some) {
+    counts[clusterOfCase[c]]++;
+    sums[clusterOfCase[c]] += value(c);
+  }
+  return clusteredMean(counts, sums);
+}
+
 /** The mean with the rounding of every addition added in the end (Neumaier 1974), so that
  *  it does not depend on the order of values: planners may be equal. */
 function steadyMean(values) {
@@ -157,14 +194,14 @@ function evaluate(rows, order) {
     const expansions = steadyMean(found.known(good, 'expansions')), length = steadyMean(found.known(good, 'path_length_cells'));
     const overall = steadyMean(Float64Array.from(of, (c) => times[c]).filter((time) => !Number.isNaN(time)));
     const common = good.filter((c) => isShared[instanceOfCase[c]]);
-    const over = (name) => steadyMean(found.known(common, name));
+    const over = (name) => steadyMean(found.known(common, name)), rate = found.rate(of);
     return {
       slot,
       name: data.planners[slot],
       cases: of.length,
       successes: good.length,
-      success_rate: good.length / of.length,
-      success_interval: wilson(good.length, of.length),
+      success_rate: rate.share,
+      success_interval: rate.interval,
       comparable_time_ms: shared ? over('solve_time_ms') : overall,
       uncertainty_ms: shared ? over('correction_uncertainty_ms') : steadyMean(found.known(good, 'correction_uncertainty_ms')),
       comparable_length_cells: shared ? over('path_length_cells') : length,
@@ -197,65 +234,6 @@ function evaluate(rows, order) {
   return { rows, found, planners, order, shared, asked: sum(asked) };
 }
 
-/** Whether tests put the planner that ranks first before every other (see evaluate/lead.rs). */
-function leadOf({ found, planners }) {
-  const [first, ...rest] = planners;
-  if (!rest.length || !first.successes) return null;
-  const time = found.any('solve_time_ms'), ours = new Int32Array(instances.groups).fill(-1);
-  for (const c of first.all) ours[instanceOfCase[c]] = c;
-  const rivals = rest.map(({ name, all }) => {
-    let lost = 0, won = 0, slower = 0, faster = 0;
-    for (const c of all) {
-      const own = ours[instanceOfCase[c]];
-      if (own < 0) continue;
-      if (found.success[own] && !found.success[c]) lost++;
-      if (found.success[c] && !found.success[own]) won++;
-      // What has no time is neither.
-      if (found.success[c] && found.success[own]) {
-        if (time[c] > time[own]) slower++;
-        if (time[c] < time[own]) faster++;
-      }
-    }
-    return { name, lost, won, slower, faster };
-  });
-  const tests = holm(rivals.flatMap(({ lost, won, slower, faster }) => [signTest(lost, won), signTest(slower, faster)]));
-  rivals.forEach((rival, i) => {
-    [rival.p_solved, rival.p_time] = [tests[2 * i], tests[2 * i + 1]];
-    rival.behind = rival.p_solved < 0.05 && rival.lost > rival.won
-      || rival.p_time < 0.05 && rival.slower > rival.faster && rival.lost >= rival.won;
-  });
-  return { name: first.name, rivals };
-}
-
-/** What the story says of who is best (see story.rs). */
-function headlineOf(lead) {
-  const open = lead.rivals.filter(({ behind }) => !behind);
-  if (!open.length) return `${lead.name} ranks first`;
-  const p = (value) => probability(value).replace(/^(?!<)/, '= ');
-  const named = open.slice(0, 3).map((rival) => `${rival.name} (instances solved: p ${p(rival.p_solved)}; times: p ${p(rival.p_time)})`);
-  if (open.length > 3) named.push(`${open.length - 3} more`);
-  const last = named.pop();
-  return `No planner is shown to be the best: tests do not put ${lead.name} before ${named.length ? `${named.join(', ')} and ${last}` : last}`;
-}
-
-/** Every planner's solve times against those of one, on the instances that both solved. */
-function pair({ found, planners }, baseline) {
-  const time = found.any('solve_time_ms'), of = new Float64Array(instances.groups).fill(NaN);
-  for (const c of found.of[baseline]) if (found.success[c]) of[instanceOfCase[c]] = time[c];
-  const rows = planners.filter(({ slot }) => slot !== baseline).map(({ slot, name, good }) => {
-    const differences = Float64Array.from(good, (c) => time[c] - of[instanceOfCase[c]]).filter((d) => !Number.isNaN(d)).sort();
-    let greater = 0, smaller = 0;
-    for (const d of differences) if (d > 0) greater++; else if (d < 0) smaller++;
-    return {
-      slot, name, greater, smaller, pairs: differences.length,
-      median_delta: quantile(differences, 0.5), interval: medianInterval(differences), p: signTest(greater, smaller), p_holm: null,
-    };
-  });
-  const compared = rows.filter(({ pairs }) => pairs);
-  holm(compared.map(({ p }) => p)).forEach((p, i) => { compared[i].p_holm = p; });
-  return rows.sort((a, b) => (a.median_delta ?? Infinity) - (b.median_delta ?? Infinity) || (a.name < b.name ? -1 : 1));
-}
-
 // ---- The two tables ---------------------------------------------------------------
 
 const column = (id, name, title, sort, show, more = {}) => ({ id, name, title, sort, show, ...more });
@@ -268,14 +246,14 @@ function showRanking() {
   const { planners, shared, asked } = story;
   const comparable = shared ? `Every planner solved ${plural(shared, 'instance')} of ${grouping(asked)}: comparable times are means over them.`
     : 'No instance was solved by every planner: comparable times are means over all cases of each planner.';
-  const lead = leadOf(story);
-  $('ranking-note').textContent = `${lead ? `${headlineOf(lead)}. ` : ''}${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`
+  $('ranking-note').textContent = `${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`
     + (planners.some((p) => p.near) ? ' ≈ marks a comparable time that is no farther from the one before than the uncertainties of both.' : '');
   showTable('ranking', useful([
     column('rank', 'Rank', 'Rank', (p) => p.rank, (p) => String(p.rank)),
     column('planner', 'Planner', 'Planner', (p) => p.name, (p) => named(p.slot), { text: true }),
-    column('success', 'Success', 'Cases that succeeded, with the 95 % Wilson interval of their share', (p) => p.success_rate,
-      (p) => [`${p.successes}/${p.cases} `, small(`${interval(p.success_interval, (x) => fixed(100 * x, 1))} %`)], { down: true }),
+    column('success', 'Success', 'Share of trials that succeeded, by case, with its 95 % interval', (p) => p.success_rate,
+      (p) => [percent(p.success_rate), ...p.success_interval ? [small(` ${interval(p.success_interval, (x) => fixed(100 * x, 1))}`)] : []], { down: true }),
+    column('cases', 'Every repeat', 'Cases of which every repeat succeeded', (p) => p.successes, (p) => `${p.successes}/${p.cases}`, { down: true }),
     column('comparable', 'Comparable, ms', 'Mean time on the instances that every planner solved', (p) => p.comparable_time_ms,
       (p) => p.uncertainty_ms === null ? digits(p.comparable_time_ms) : [`${p.near ? '≈ ' : ''}${digits(p.comparable_time_ms)}`, small(` ± ${digits(p.uncertainty_ms)}`)]),
     column('time', 'Time, ms', 'Mean and standard deviation over cases that succeeded', (p) => p.time?.mean ?? null,
@@ -288,29 +266,24 @@ function showRanking() {
     column('expansions', 'Expansions', 'Mean number of expansions that planners claim', (p) => p.expansions, (p) => fixed(p.expansions, 2)),
     column('failures', 'Failed', 'Cases left out of times, lengths, costs and expansions', (p) => p.failures, (p) => String(p.failures), { down: true }),
   ], planners), planners);
-  const choose = $('baseline'), chosen = choose.picked;
-  choose.replaceChildren(...planners.map((p, i) => make('option', { value: p.slot }, i ? p.name : `${p.name} (ranked first)`)));
-  if (planners.length) choose.value = planners.some(({ slot }) => slot === chosen) ? chosen : planners[0].slot;
+}
+
+/** The first number of a cell, to sort by; nothing where there is none. */
+function numberIn(text) {
+  const raised = (digits) => [...digits].map((c) => c === '⁻' ? '-' : '⁰¹²³⁴⁵⁶⁷⁸⁹'.indexOf(c)).join('');
+  const plain = text.replaceAll('−', '-').replace(/×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/, (_, power) => `e${raised(power)}`).replace(/^[[<≈ ]+/, '');
+  const number = Number.parseFloat(plain);
+  return Number.isNaN(number) ? null : number;
 }
 
 function showPaired() {
-  const baseline = Number($('baseline').value);
-  $('paired').hidden = story.planners.length < 2;
-  if (story.planners.length < 2) return;
-  const rows = pair(story, baseline), name = data.planners[baseline];
-  $('paired-note').textContent = `Differences of solve times from ${name}, on the instances that both solved: positive where the planner is slower. `
-    + '95 % percentile bootstrap intervals of the median, exact two-sided sign tests with Holm’s correction.';
-  if (story.rows.length === count && data.paired?.baseline === name) {
-    const drawn = new Map(data.paired.intervals);
-    for (const row of rows) row.interval = drawn.get(row.name) ?? null;
-  }
-  rows.forEach((row, i) => { row.place = i; });
-  showTable('paired', [
-    column('planner', 'Planner', 'Planner', (r) => r.name, (r) => named(r.slot), { text: true }),
-    column('pairs', 'Pairs', 'Instances that both solved', (r) => r.pairs, (r) => String(r.pairs), { down: true }),
-    column('median', 'Median Δ, ms', 'Median of the differences', (r) => r.median_delta, (r) => digits(r.median_delta)),
-    column('interval', '95 % interval', 'Percentile bootstrap', (r) => r.interval?.low ?? null, (r) => interval(r.interval)),
-    column('slower', 'Slower/faster', 'Instances on which it is slower, and faster', (r) => r.greater, (r) => `${r.greater}/${r.smaller}`),
-    column('p', 'p, Holm', 'Two-sided sign test, corrected after Holm', (r) => r.p_holm, (r) => probability(r.p_holm)),
-  ], rows);
+  const baseline = Number($('baseline').value), table = data.paired.find((table) => table.baseline === baseline);
+  $('paired').hidden = !table;
+  if (!table) return;
+  $('paired-note').textContent = `${table.note} Of all trials, whatever is filtered.`;
+  const slot = (row) => data.planners.indexOf(row.cells[0]);
+  showTable('paired', table.head.map((name, at) => at
+    ? column(String(at), name, name, (row) => numberIn(row.cells[at]), (row) => row.cells[at], { down: at === 1 })
+    : column('planner', name, name, (row) => row.cells[0], (row) => named(slot(row)), { text: true })),
+  table.rows.map((cells) => ({ cells })));
 }

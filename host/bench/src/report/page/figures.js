@@ -35,7 +35,7 @@ const trialsOf = (some) => some.length === 1 ? Array.from(story.found.trials(som
 
 const FIGURES = {
   success() {
-    const caption = 'Share of cases that succeeded, with 95 % Wilson intervals.';
+    const caption = 'Share of trials that succeeded, with 95 % intervals.';
     const share = { label: 'success', percent: true, range: [0, 1] };
     if (!size) {
       return {
@@ -49,11 +49,11 @@ const FIGURES = {
     return {
       title: `Success by ${size.label}`, caption, x: { label: size.label }, y: share,
       series: bySlot((p) => {
-        const groups = bySize(p.all).map(([number, some]) => [number, some, story.found.succeeded(some).length]);
+        const groups = bySize(p.all).map(([number, some]) => [number, some, story.found.rate(some)]);
         return {
           kind: 'curve', name: p.name, slot: p.slot,
-          points: groups.map(([number, some, good]) => [number, good / some.length]),
-          band: groups.map(([, some, good]) => pairOf(wilson(good, some.length))),
+          points: groups.map(([number, , found]) => [number, found.share]),
+          band: groups.map(([, , found]) => pairOf(found.interval)),
           behind: (at) => groups[at][1],
         };
       }),
@@ -87,10 +87,10 @@ const FIGURES = {
   means(name) {
     const metric = metricOf(name);
     return {
-      title: `Mean ${metric.name}`, caption: 'Means over cases that succeeded, with 95 % t intervals.',
+      title: `Mean ${metric.name}`, caption: 'Means over cases that succeeded, with 95 % intervals.',
       x: axisOf(metric), y: rankedNames(),
       series: byRank((p) => {
-        const found = spread(story.found.known(p.good, name));
+        const found = story.found.spread(p.good, name);
         return {
           kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: found?.mean ?? null, interval: shown(found, metric.log),
           text: found ? `${digits(found.mean)} (${plural(found.count, 'case')})` : '', behind: () => p.good,
@@ -132,12 +132,12 @@ const FIGURES = {
     const { moments_ms } = data.quality, { found } = story;
     return {
       title: 'Quality over time',
-      caption: 'Mean ratio of the best valid plan so far to the lower bound, with 95 % t intervals, over the cases that have a plan by then: '
+      caption: 'Mean ratio of the best valid plan so far to the lower bound, with 95 % intervals, over the cases that have a plan by then: '
         + 'it may rise when a hard case gets its first plan.',
       x: { label: 'time, ms', log: true }, y: { label: 'SoC / lower bound' },
       series: bySlot((p) => {
         // Sums of what is above 1, so that they lose nothing.
-        const counts = new Uint32Array(moments_ms.length), sums = new Float64Array(moments_ms.length), squares = new Float64Array(moments_ms.length);
+        const clusters = moments_ms.map(() => [new Float64Array(clusterCount), new Float64Array(clusterCount)]);
         const best = new Float64Array(moments_ms.length);
         for (const c of p.all) {
           const reference = references()[instanceOfCase[c]];
@@ -150,17 +150,17 @@ const FIGURES = {
           for (let at = 0; at < best.length; at++) {
             if (best[at] === Infinity) continue;
             const above = reference > 0 ? best[at] / reference - 1 : 0;
-            counts[at]++;
-            sums[at] += above;
-            squares[at] += above * above;
+            const [counts, sums] = clusters[at];
+            counts[clusterOfCase[c]]++;
+            sums[clusterOfCase[c]] += above;
           }
         }
         const known = [];
         moments_ms.forEach((time, at) => {
-          const n = counts[at], above = sums[at] / n;
-          if (!n) return;
-          const half = n > 1 ? studentQuantile(n - 1) * Math.sqrt(Math.max(0, squares[at] - sums[at] * above) / (n - 1) / n) : 0;
-          known.push([time, { mean: 1 + above, mean_interval: { low: 1 + above - half, high: 1 + above + half } }]);
+          const found = clusteredMean(...clusters[at]);
+          if (!found) return;
+          const { low, high } = found.mean_interval ?? { low: found.mean, high: found.mean };
+          known.push([time, { mean: 1 + found.mean, mean_interval: { low: 1 + low, high: 1 + high } }]);
         });
         return known.length ? {
           kind: 'curve', name: p.name, slot: p.slot,
@@ -176,10 +176,10 @@ const FIGURES = {
     const metric = metricOf(name);
     return {
       title: capital(`${metric.name} by ${size.label}`),
-      caption: 'Means over cases that succeeded, with 95 % t intervals. Failures are left out: read it beside the success rate.',
+      caption: 'Means over cases that succeeded, with 95 % intervals. Failures are left out: read it beside the success rate.',
       x: { label: size.label }, y: axisOf(metric),
       series: bySlot((p) => {
-        const groups = bySize(p.good).map(([number, some]) => [number, some, spread(story.found.known(some, name))]).filter(([, , found]) => found);
+        const groups = bySize(p.good).map(([number, some]) => [number, some, story.found.spread(some, name)]).filter(([, , found]) => found);
         return groups.length ? {
           kind: 'curve', name: p.name, slot: p.slot,
           points: groups.map(([number, , found]) => [number, found.mean]),

@@ -29,16 +29,13 @@ function quantile(ascending, level) {
 
 const median = (values) => quantile(sorted(values), 0.5);
 
-/** Everything a table or a box shows of values; the second of ascending ones. */
-const summary = (values) => summaryOf(sorted(values));
-
+/** Everything a table or a box shows of ascending values. */
 function summaryOf(ascending) {
   if (!ascending.length) return null;
   return {
     count: ascending.length,
     mean: mean(ascending),
     standard_deviation: deviation(ascending),
-    mean_interval: meanInterval(ascending),
     min: ascending[0],
     q1: quantile(ascending, 0.25),
     median: quantile(ascending, 0.5),
@@ -48,25 +45,29 @@ function summaryOf(ascending) {
   };
 }
 
-/** Mean and its interval, of values in any order. */
-const spread = (values) => values.length ? { mean: mean(values), mean_interval: meanInterval(values), count: values.length } : null;
-
-function wilson(successes, trials) {
-  if (!trials) return null;
-  const share = successes / trials, scale = 1 + Z * Z / trials;
-  const center = share + Z * Z / (2 * trials);
-  const half = Z * Math.sqrt(share * (1 - share) / trials + Z * Z / (4 * trials * trials));
-  return {
-    low: successes === 0 ? 0 : (center - half) / scale,
-    high: successes === trials ? 1 : (center + half) / scale,
-  };
+/** Of a share of `n` trials, of which neither has to be whole. */
+function wilson(share, n) {
+  const scale = 1 + Z * Z / n, center = share + Z * Z / (2 * n);
+  const half = Z * Math.sqrt(share * (1 - share) / n + Z * Z / (4 * n * n));
+  return { low: share <= 0 ? 0 : (center - half) / scale, high: share >= 1 ? 1 : (center + half) / scale };
 }
 
-function meanInterval(values) {
-  if (values.length < 2) return null;
-  const center = mean(values);
-  const half = studentQuantile(values.length - 1) * deviation(values) / Math.sqrt(values.length);
-  return { low: center - half, high: center + half };
+/** Nothing is inferred from fewer. */
+const MIN_CLUSTERS = 6;
+
+/** The mean and its interval, from the count and the sum of the values of each cluster. */
+function clusteredMean(counts, sums) {
+  const n = sum(counts), center = sum(sums) / n;
+  let clusters = 0, squares = 0;
+  counts.forEach((count, g) => {
+    if (!count) return;
+    clusters++;
+    squares += (sums[g] - count * center) ** 2;
+  });
+  if (!n) return null;
+  if (clusters < MIN_CLUSTERS) return { mean: center, mean_interval: null, count: n };
+  const half = studentQuantile(clusters - 1) * Math.sqrt(clusters / (clusters - 1) * squares) / n;
+  return { mean: center, mean_interval: { low: center - half, high: center + half }, count: n };
 }
 
 const students = new Map();
@@ -117,90 +118,6 @@ function incompleteBeta(a, b, x) {
   return front * fraction;
 }
 
-/** The chance of at most `k` successes in `n` at `p`. */
-const binomialAtMost = (k, n, p) => k >= n ? 1 : p <= 0 ? 1 : p >= 1 ? 0 : incompleteBeta(n - k, k + 1, 1 - p);
-
-/** Exact two-sided paired sign test. */
-function signTest(positive, negative) {
-  const n = positive + negative;
-  return n ? Math.min(1, 2 * binomialAtMost(Math.min(positive, negative), n, 0.5)) : 1;
-}
-
-function holm(values) {
-  const order = values.map((_, i) => i).sort((a, b) => values[a] - values[b]);
-  const adjusted = [];
-  let most = 0;
-  order.forEach((i, rank) => {
-    most = Math.max(most, Math.min(1, (values.length - rank) * values[i]));
-    adjusted[i] = most;
-  });
-  return adjusted;
-}
-
-/** 95 % percentile bootstrap interval of the median, from the distribution that
- *  resamples come from, so that nothing is drawn.
- *
- *  With ascending x₁ … xₙ the chance that the k-th of a resample is at most xᵢ and the
- *  next one above xⱼ is C(n, k)·(i/n)^k·(1 − j/n)^(n − k) for i ≤ j, a product of a
- *  function of i and one of j. */
-function medianInterval(values) {
-  const x = sorted(values), n = x.length;
-  if (!n) return null;
-  const k = Math.ceil(n / 2), even = n % 2 === 0;
-  /** The chance that the k-th of a resample is among the first i. */
-  const within = (i) => i <= 0 ? 0 : i >= n ? 1 : 1 - binomialAtMost(k - 1, n, i / n);
-  if (!even) {
-    const at = (level) => {
-      let low = 0, high = n;
-      while (high - low > 1) {
-        const middle = (low + high) >> 1;
-        if (within(middle) >= level) high = middle; else low = middle;
-      }
-      return x[high - 1];
-    };
-    return { low: at(0.025), high: at(0.975) };
-  }
-  // Beyond six standard deviations nothing is lost.
-  const reach = Math.ceil(3 * Math.sqrt(n)) + 2;
-  const from = Math.max(1, k - reach), to = Math.min(n, k + 1 + reach);
-  const choose = (logGamma(n + 1) - logGamma(k + 1) - logGamma(n - k + 1)) / n;
-  // Halves of the factor, so that neither part is out of range.
-  const part = (share, power) => share <= 0 ? 0 : Math.exp(power * (Math.log(share) + choose));
-  const a = [], above = [], single = [];
-  let before = within(from - 1);
-  for (let i = from; i <= to; i++) {
-    a.push(part(i / n, k) - part((i - 1) / n, k));
-    above.push(part((n - i) / n, n - k));
-    const now = within(i);
-    single.push(now - before);
-    before = now;
-  }
-  const size = a.length;
-  const least = within(from - 1);
-  /** The chance that the median of a resample is at most t. */
-  const atMost = (t) => {
-    let total = 0, j = size - 1;
-    for (let i = 0; i < size; i++) {
-      // The last j whose mean with i is not above t.
-      while (j >= 0 && (x[from - 1 + i] + x[from - 1 + j]) / 2 > t) j--;
-      if (j < i) break;
-      // All of i, less what goes with a greater j.
-      total += single[i] - a[i] * above[j];
-    }
-    return total + least;
-  };
-  const at = (level) => {
-    let low = x[from - 1], high = x[to - 1];
-    if (atMost(low) >= level) return low;
-    for (let i = 0; i < 100 && high - low > 1e-13 * Math.max(Math.abs(low), Math.abs(high)); i++) {
-      const middle = (low + high) / 2;
-      if (atMost(middle) >= level) high = middle; else low = middle;
-    }
-    return high;
-  };
-  return { low: at(0.025), high: at(0.975) };
-}
-
 // ---- Numbers as text --------------------------------------------------------------
 // The same as in format.rs.
 
@@ -227,4 +144,3 @@ function scientific(value) {
   return `${minus(mantissa)}×10${raised}`;
 }
 
-const probability = (p) => p === null || p === undefined ? '–' : p < 1e-300 ? '<10⁻³⁰⁰' : p < 1e-3 ? scientific(p) : fixed(p, 3);

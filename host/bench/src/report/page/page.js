@@ -150,7 +150,7 @@ const plural = (n, word) => `${grouping(n)} ${word}${n === 1 ? '' : 's'}`;
 // ---- Tables -----------------------------------------------------------------------
 
 let story; // what evaluate() found
-const order = { ranking: { by: 'rank', up: true }, paired: { by: 'median', up: true } };
+const order = { ranking: { by: 'rank', up: true }, paired: { by: '2', up: true } };
 
 /** A planner's name after the mark that it has in figures. */
 function named(slot) {
@@ -437,8 +437,8 @@ function begin() {
     showTables();
     showFigures();
   });
+  $('baseline').replaceChildren(...data.paired.map(({ baseline }, i) => make('option', { value: baseline }, `${data.planners[baseline]}${i ? '' : ' (ranked first)'}`)));
   $('baseline').addEventListener('change', () => {
-    $('baseline').picked = Number($('baseline').value);
     showPaired();
   });
   makeFilters();
