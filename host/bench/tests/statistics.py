@@ -28,7 +28,6 @@ def of_sample(sample):
 
     return {
         "summary": [mean, numpy.std(sample, ddof=1), *quantiles, *interval],
-        "median": bootstrap(numpy.median),
         "mean": bootstrap(numpy.mean),
     }
 

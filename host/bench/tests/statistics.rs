@@ -6,10 +6,9 @@ use std::collections::BTreeMap;
 
 use fleetyard_bench::statistics::{
     BOOTSTRAP_SEED, Clustered, Interval, RESAMPLES, Summary, Survival, Time, bayesian_signed_rank,
-    bootstrap_clusters, bootstrap_mean, bootstrap_median, cluster_means, clustered_mean_interval,
-    clustered_share_interval, holm, kendall_tau_b, log_rank_test, mean_interval, median,
-    median_interval, paired_rate_difference, quantile, sign_flip_test, sign_test, sorted,
-    standard_deviation, wilson,
+    bootstrap_clusters, cluster_means, clustered_mean_interval, clustered_share_interval, holm,
+    kendall_tau_b, log_rank_test, mean_interval, median, median_interval, paired_rate_difference,
+    quantile, sign_flip_test, sign_test, sorted, standard_deviation, wilson,
 };
 use fleetyard_world::SeededRandom;
 use serde_json::{Value, json};
@@ -122,70 +121,6 @@ fn what_has_no_answer_has_none() {
     let one = Summary::of(&[3.5]).unwrap();
     assert_eq!((one.mean, one.median, one.p95), (3.5, 3.5, 3.5));
     assert_eq!((one.standard_deviation, one.mean_interval), (None, None));
-    for bootstrap in [bootstrap_mean, bootstrap_median] {
-        assert_eq!(bootstrap(&[], 100, 1), None);
-        assert_eq!(bootstrap(&[1.0], 100, 1), None);
-        assert_eq!(bootstrap(&[1.0, 2.0], 0, 1), None);
-        let same = Interval {
-            low: 2.0,
-            high: 2.0,
-        };
-        assert_eq!(bootstrap(&[2.0; 9], 100, 1), Some(same));
-    }
-}
-
-/// P(median of a resample ≤ the i-th smallest value) for odd n: at least (n + 1)/2 of n
-/// draws are among the first i.
-fn exact_median_distribution(n: u32, i: u32) -> f64 {
-    let share = f64::from(i) / f64::from(n);
-    let mut choose = 1.0;
-    let mut sum = 0.0;
-    for k in 0..=n {
-        if k > n / 2 {
-            sum += choose * share.powi(k as i32) * (1.0 - share).powi((n - k) as i32);
-        }
-        choose *= f64::from(n - k) / f64::from(k + 1);
-    }
-    sum
-}
-
-#[test]
-fn the_bootstrap_of_the_median_has_the_exact_distribution() {
-    // Without sampling, the percentiles of the median are the first values whose exact
-    // probability reaches them: Efron, "The jackknife, the bootstrap and other resampling
-    // plans" (1982), section 10.3.
-    for n in [3u32, 7, 15, 51, 101] {
-        let values: Vec<f64> = (1..=n).map(f64::from).collect();
-        let at = |level: f64| (1..=n).find(|i| exact_median_distribution(n, *i) >= level);
-        // Chance moves an end only where the distribution is close to the level.
-        let bounds = |level: f64| (at(level - 0.003).unwrap(), at(level + 0.003).unwrap());
-        let found = bootstrap_median(&values, RESAMPLES, BOOTSTRAP_SEED).unwrap();
-        for (end, (low, high)) in [(found.low, bounds(0.025)), (found.high, bounds(0.975))] {
-            assert!(
-                f64::from(low) <= end && end <= f64::from(high),
-                "{n}: {found:?}"
-            );
-        }
-    }
-}
-
-#[test]
-fn the_bootstrap_is_the_same_every_time() {
-    let values: Vec<f64> = (0..50).map(|i| f64::from(i * i % 47)).collect();
-    for bootstrap in [bootstrap_mean, bootstrap_median] {
-        let first = bootstrap(&values, 2000, 7).unwrap();
-        assert_eq!(bootstrap(&values, 2000, 7), Some(first));
-        let mut mixed = values.clone();
-        SeededRandom::new("test", 1).shuffle(&mut mixed);
-        let again = bootstrap(&mixed, 2000, 7).unwrap();
-        assert!((again.low - first.low).abs() < 0.6, "{again:?} {first:?}");
-    }
-    // The median does not depend on the order either.
-    let reversed: Vec<f64> = values.iter().copied().rev().collect();
-    assert_eq!(
-        bootstrap_median(&values, 2000, 7),
-        bootstrap_median(&reversed, 2000, 7)
-    );
 }
 
 #[test]
@@ -244,11 +179,13 @@ fn clusters_count_and_not_what_is_in_them() {
         })
     };
     let one = mean_of(1).unwrap();
-    let plain = bootstrap_mean(&clusters, 40_000, 1).unwrap();
+    // Of all 7⁷ resamples.
+    let (low, high) = (18.0 / 7.0, 41.0 / 7.0);
     assert!(
-        (one.low - plain.low).abs() < 0.15 && (one.high - plain.high).abs() < 0.15,
-        "{one:?} {plain:?}"
+        (one.low - low).abs() < 0.15 && (one.high - high).abs() < 0.15,
+        "{one:?}"
     );
+    assert_eq!(mean_of(1), Some(one), "drawn by a seed");
     // Values that repeat within clusters say nothing more.
     let twenty = mean_of(20).unwrap();
     close(twenty.low, one.low, 1e-12);
@@ -574,21 +511,15 @@ fn scipy_says_the_same() {
                 "{found} {wanted}"
             );
         }
-        // Two seeds differ by chance: by one value of the sample at the ends of the median,
-        // and by a few percent of the interval at those of the mean.
-        let ascending = sorted(sample.iter().copied());
-        let place = |value: f64| ascending.partition_point(|at| *at < value) as i64;
-        let found = bootstrap_median(sample, RESAMPLES, BOOTSTRAP_SEED).unwrap();
-        for (found, wanted) in [found.low, found.high]
-            .into_iter()
-            .zip(numbers(&answer["median"]))
-        {
-            assert!(
-                (place(found) - place(wanted)).abs() <= 1,
-                "{found} {wanted}"
-            );
-        }
-        let found = bootstrap_mean(sample, RESAMPLES, BOOTSTRAP_SEED).unwrap();
+        // Two seeds differ by chance, by a few percent of the interval.
+        let found = bootstrap_clusters(sample.len(), RESAMPLES, BOOTSTRAP_SEED, |drawn| {
+            let terms = sample.iter().zip(drawn);
+            let sum: f64 = terms.map(|(value, times)| value * f64::from(*times)).sum();
+            Some(sum / sample.len() as f64)
+        });
+        let Some(found) = found else {
+            continue;
+        };
         for (end, wanted) in [found.low, found.high]
             .into_iter()
             .zip(numbers(&answer["mean"]))

@@ -1,74 +1,15 @@
-//! Intervals without an assumption about the distribution: the percentile bootstrap.
-//!
-//! Efron and Tibshirani, "An introduction to the bootstrap" (1993), chapter 13: draw n
-//! values with replacement, take the statistic, repeat; the interval is from the 2.5th to
-//! the 97.5th percentile of what came out.
+//! What resampling draws, and the interval of what came out: from the 2.5th to the 97.5th percentile
+//! (Efron and Tibshirani, "An introduction to the bootstrap" (1993), chapter 13).
 
 use fleetyard_world::SeededRandom;
 
-use super::{CONFIDENCE, Interval, mean, quantile, sorted};
+use super::{CONFIDENCE, Interval, quantile};
 
-/// Resamples of an interval, as in the maze paper.
+/// Resamples of an interval and flips of a test, as in the maze paper.
 pub const RESAMPLES: usize = 40_000;
 
-/// The seed of every interval, as in the maze paper.
+/// The seed of whatever is drawn, as in the maze paper.
 pub const BOOTSTRAP_SEED: u64 = 20_260_226;
-
-/// 95 % percentile bootstrap interval of the median, of two values or more.
-///
-/// The time does not depend on the number of values, because no resample is drawn value by
-/// value. A resample of ascending x₀ … xₙ₋₁ is x at ⌊n·U⌋ for n independent uniform U, so
-/// that its k-th smallest value is x at ⌊n·U₍ₖ₎⌋, and order statistics of uniforms are
-/// ratios of gamma variables (Devroye, "Non-uniform random variate generation" (1986),
-/// section V.3): U₍ₖ₎ = G/(G + H) with G ~ Γ(k), H ~ Γ(n + 1 − k), and for a neighbour
-/// U₍ₖ₊₁₎ = (G + E)/(G + E + H) with E ~ Γ(1) and H ~ Γ(n − k). This is the distribution
-/// of plain resampling, not an approximation of it.
-pub fn bootstrap_median(values: &[f64], resamples: usize, seed: u64) -> Option<Interval> {
-    let ascending = sorted(values.iter().copied());
-    let n = ascending.len();
-    if n < 2 || resamples == 0 {
-        return None;
-    }
-    if ascending[n - 1] <= ascending[0] {
-        let (low, high) = (ascending[0], ascending[0]);
-        return Some(Interval { low, high });
-    }
-    // Ranks of both middle values, from 1; the same for odd n.
-    let (low, high) = (n.div_ceil(2), n / 2 + 1);
-    let mut random = SeededRandom::new("bootstrap median", seed);
-    let place = |below: f64, total: f64| {
-        let place = (n as f64 * (below / total)) as usize;
-        ascending[place.min(n - 1)]
-    };
-    let medians = (0..resamples).map(|_| {
-        let below = gamma(&mut random, low as f64);
-        let between = if low == high {
-            0.0
-        } else {
-            -random.unit().ln()
-        };
-        let above = gamma(&mut random, (n + 1 - high) as f64);
-        let total = below + between + above;
-        f64::midpoint(place(below, total), place(below + between, total))
-    });
-    percentiles(&sorted(medians))
-}
-
-/// 95 % percentile bootstrap interval of the mean, of two values or more.
-pub fn bootstrap_mean(values: &[f64], resamples: usize, seed: u64) -> Option<Interval> {
-    let count = u32::try_from(values.len())
-        .ok()
-        .filter(|count| *count > 1)?;
-    let center = mean(values)?;
-    // Around the mean, so that what differs between resamples is not lost in their sums.
-    let around: Vec<f64> = values.iter().map(|value| value - center).collect();
-    let mut draws = Draws::new(SeededRandom::new("bootstrap mean", seed), count);
-    let means = (0..resamples).map(|_| {
-        let sum: f64 = (0..count).map(|_| around[draws.next()]).sum();
-        center + sum / f64::from(count)
-    });
-    percentiles(&sorted(means))
-}
 
 pub(super) fn percentiles(ascending: &[f64]) -> Option<Interval> {
     let outside = f64::midpoint(1.0, -CONFIDENCE);

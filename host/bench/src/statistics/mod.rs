@@ -14,7 +14,7 @@ mod rank;
 mod survival;
 
 pub use bayes::{Posterior, bayesian_signed_rank};
-pub use bootstrap::{BOOTSTRAP_SEED, RESAMPLES, bootstrap_mean, bootstrap_median};
+pub use bootstrap::{BOOTSTRAP_SEED, RESAMPLES};
 pub use cluster::{
     Clustered, MIN_CLUSTERS, bootstrap_clusters, cluster_count, cluster_means,
     clustered_mean_interval, clustered_share_interval, sign_flip_test,
