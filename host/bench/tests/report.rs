@@ -222,7 +222,14 @@ fn figures_and_tables_have_the_same_numbers() {
     let report = Report::new(subject("usual"), &rows);
     let figures = report.figures();
     let ids: Vec<&str> = figures.iter().map(|figure| figure.id.as_str()).collect();
-    for id in ["success", "cactus", "times", "means-expansions", "quality"] {
+    for id in [
+        "success",
+        "cactus",
+        "profile",
+        "times",
+        "means-expansions",
+        "quality",
+    ] {
         assert!(ids.contains(&id), "{ids:?}");
     }
     let ranking = &report.tables()[0];

@@ -1,10 +1,11 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use super::summary::rate;
-use super::{Case, Dimension, Level, Metric, Trials};
-use crate::statistics::{Clustered, Interval, Summary, clustered_share_interval};
+use super::{Case, Dimension, Level, Metric, Planner, Trials};
+use crate::statistics::{
+    Interval, Summary, Weighted, weighted_mean, weighted_mean_interval, weighted_share_interval,
+};
 
 /// A value and the trial that it is of.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -33,44 +34,42 @@ pub struct CurvePoint {
     pub cases: usize,
     /// Cases of which every repeat succeeded.
     pub successes: usize,
-    /// Mean over cases of the share of repeats that succeeded.
+    /// Mean over maps of their success rates.
     pub success_rate: f64,
     /// Its 95 % interval, of six clusters or more.
     pub success_interval: Option<Interval>,
-    /// The metric over the cases that succeeded, with the 95 % interval of its mean.
+    /// The metric over the cases that succeeded; its mean, with the 95 % interval, is that over maps.
     pub values: Option<Summary>,
     /// Cases without a value.
     pub left_out: usize,
 }
 
 /// Success rates and a metric along a dimension, such as throughput against the number of
-/// agents.
+/// agents, at the levels that every map has: where one map goes on and another does not, a curve
+/// would be of other maps. Every map counts as much.
 pub fn curves(trials: &Trials<'_>, along: Dimension, metric: &Metric) -> Vec<Curve> {
+    let common = common_levels(trials, along);
     let planners = trials.planners().iter();
     planners
         .map(|planner| {
             let mut levels: BTreeMap<Level, Vec<&Case<'_>>> = BTreeMap::new();
             for case in &planner.cases {
-                if let Some(level) = along.level(trials.instances()[case.instance]) {
+                let level = along.level(trials.instances()[case.instance]);
+                if let Some(level) = level.filter(|level| common.contains(level)) {
                     levels.entry(level).or_default().push(case);
                 }
             }
             let point = |(level, cases): (Level, Vec<&Case<'_>>)| {
-                let successes = cases.iter().filter(|case| case.success()).count();
-                let shares: Vec<Clustered> = cases
-                    .iter()
-                    .map(|case| (case.cluster, case.share()))
-                    .collect();
-                let value = |case: &&Case<'_>| Some((case.cluster, case.value(metric)?));
-                let values: Vec<Clustered> = cases.iter().filter_map(value).collect();
+                let shares = by_map(trials, &cases, |case| Some(case.share()));
+                let values = by_map(trials, &cases, |case| case.value(metric));
                 CurvePoint {
                     level,
                     cases: cases.len(),
-                    successes,
-                    success_rate: rate(&shares),
-                    success_interval: clustered_share_interval(&shares),
+                    successes: cases.iter().filter(|case| case.success()).count(),
+                    success_rate: weighted_mean(&shares).unwrap_or(0.0),
+                    success_interval: weighted_share_interval(&shares),
                     left_out: cases.len() - values.len(),
-                    values: Summary::of_clustered(&values),
+                    values: summary(&values),
                 }
             };
             Curve {
@@ -79,6 +78,50 @@ pub fn curves(trials: &Trials<'_>, along: Dimension, metric: &Metric) -> Vec<Cur
             }
         })
         .collect()
+}
+
+/// The levels of a dimension that every map has which has any.
+pub fn common_levels(trials: &Trials<'_>, along: Dimension) -> BTreeSet<Level> {
+    let mut maps: BTreeMap<usize, BTreeSet<Level>> = BTreeMap::new();
+    for (instance, row) in trials.instances().iter().enumerate() {
+        if let Some(level) = along.level(row) {
+            maps.entry(trials.map_of(instance))
+                .or_default()
+                .insert(level);
+        }
+    }
+    let common = maps.into_values().reduce(|a, b| &a & &b);
+    common.unwrap_or_default()
+}
+
+/// Values of cases, so weighted that all maps with a value count as much.
+fn by_map(
+    trials: &Trials<'_>,
+    cases: &[&Case<'_>],
+    value: impl Fn(&Case<'_>) -> Option<f64>,
+) -> Vec<Weighted> {
+    let mut counts: BTreeMap<usize, f64> = BTreeMap::new();
+    let values: Vec<(usize, usize, f64)> = (cases.iter())
+        .filter_map(|case| Some((trials.map_of(case.instance), case.cluster, value(case)?)))
+        .collect();
+    for (map, ..) in &values {
+        *counts.entry(*map).or_default() += 1.0;
+    }
+    let weighted = values.into_iter().map(|(map, cluster, value)| Weighted {
+        cluster,
+        value,
+        weight: 1.0 / counts[&map],
+    });
+    weighted.collect()
+}
+
+fn summary(values: &[Weighted]) -> Option<Summary> {
+    let plain: Vec<f64> = values.iter().map(|one| one.value).collect();
+    Some(Summary {
+        mean: weighted_mean(values)?,
+        mean_interval: weighted_mean_interval(values),
+        ..Summary::of(&plain)?
+    })
 }
 
 /// How many cases a planner solves with so much of a metric: the k-th mark is the value
@@ -100,15 +143,39 @@ pub fn cactus(trials: &Trials<'_>, metric: &Metric) -> Vec<Cactus> {
         .map(|planner| Cactus {
             planner: planner.label.into(),
             cases: planner.cases.len(),
-            marks: marks(&planner.cases, metric),
+            marks: marks(&planner.cases, |case| case.value(metric)),
         })
         .collect()
 }
 
+/// Performance profiles of every planner: the k-th mark is the factor within which k of its cases are
+/// solved, each against the best planner of its instance. Failures have none.
+///
+/// Dolan and Moré, "Benchmarking optimization software with performance profiles", Mathematical
+/// Programming 91 (2002).
+pub fn profiles(trials: &Trials<'_>, metric: &Metric) -> Vec<Cactus> {
+    let mut best = vec![f64::INFINITY; trials.instances().len()];
+    for case in trials.planners().iter().flat_map(|planner| &planner.cases) {
+        let known = &mut best[case.instance];
+        *known = known.min(case.value(metric).unwrap_or(f64::INFINITY));
+    }
+    let planners = trials.planners().iter();
+    let profile = |planner: &Planner<'_>| Cactus {
+        planner: planner.label.into(),
+        cases: planner.cases.len(),
+        marks: marks(&planner.cases, |case| {
+            let factor = case.value(metric)? / best[case.instance];
+            // Who takes no time at all is as fast as can be.
+            Some(if factor.is_nan() { 1.0 } else { factor })
+        }),
+    };
+    planners.map(profile).collect()
+}
+
 /// Ascending.
-fn marks(cases: &[Case<'_>], metric: &Metric) -> Vec<Mark> {
+fn marks(cases: &[Case<'_>], value: impl Fn(&Case<'_>) -> Option<f64>) -> Vec<Mark> {
     let mark = |case: &Case<'_>| {
-        let value = case.value(metric)?;
+        let value = value(case).filter(|value| value.is_finite())?;
         let trial = case.trial();
         Some(Mark { value, trial })
     };
@@ -211,7 +278,7 @@ pub fn box_plots(trials: &Trials<'_>, metric: &Metric) -> Vec<BoxPlot> {
     let planners = trials.planners().iter();
     planners
         .filter_map(|planner| {
-            let marks = marks(&planner.cases, metric);
+            let marks = marks(&planner.cases, |case| case.value(metric));
             let values: Vec<f64> = marks.iter().map(|mark| mark.value).collect();
             let summary = Summary::of(&values)?;
             let (q1, q3) = (summary.q1, summary.q3);

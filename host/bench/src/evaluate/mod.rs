@@ -24,8 +24,8 @@ mod trials;
 mod unit;
 
 pub use curves::{
-    BoxPlot, Cactus, Curve, CurvePoint, Mark, Scatter, ScatterPoint, box_plots, cactus, curves,
-    scatter,
+    BoxPlot, Cactus, Curve, CurvePoint, Mark, Scatter, ScatterPoint, box_plots, cactus,
+    common_levels, curves, profiles, scatter,
 };
 pub use groups::{Dimension, Filter, Group, Level, groups};
 pub use lead::{Lead, Rival, Success};

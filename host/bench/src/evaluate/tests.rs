@@ -281,6 +281,8 @@ fn curves_count_what_they_leave_out() {
     ] {
         all.push(Row {
             agents,
+            map: "one".into(),
+            scenario: format!("{instance}"),
             ..row("a", instance, time)
         });
     }
@@ -302,6 +304,50 @@ fn curves_count_what_they_leave_out() {
         .collect();
     assert_eq!(marks, [(2.0, 10), (4.0, 20), (8.0, 30)]);
     assert_eq!(found[0].cases, 4);
+}
+
+/// A curve showed 50 % where one map was solved always and another never.
+#[test]
+fn curves_are_of_the_sizes_that_all_maps_have_and_maps_count_as_much() {
+    let mut all = Vec::new();
+    // Three scenarios of an easy map, one of a hard one, and sizes that only one of them has.
+    for (instance, map, agents, time) in [
+        (0, "easy", 10, Some(1.0)),
+        (1, "easy", 10, Some(1.0)),
+        (2, "easy", 10, Some(4.0)),
+        (3, "hard", 10, None),
+        (4, "easy", 90, Some(9.0)),
+        (5, "hard", 5, Some(1.0)),
+    ] {
+        all.push(Row {
+            agents,
+            map: map.into(),
+            scenario: format!("{instance}"),
+            ..row("a", instance, time)
+        });
+    }
+    let trials = Trials::new(&all);
+    let points = &curves(&trials, Dimension::Agents, &SOLVE_TIME)[0].points;
+    let [point] = &points[..] else {
+        panic!("{points:?}");
+    };
+    assert_eq!(point.level.number, Some(10.0));
+    assert_eq!(point.success_rate.to_bits(), 0.5f64.to_bits());
+    // The hard map has no time.
+    assert_eq!(point.values.unwrap().mean.to_bits(), 2.0f64.to_bits());
+}
+
+#[test]
+fn profiles_hold_every_planner_against_the_fastest() {
+    let mut all = rows("a", &[Some(1.0), Some(6.0), None, Some(0.0)]);
+    all.extend(rows("b", &[Some(2.0), Some(2.0), Some(5.0), Some(0.0)]));
+    let found = profiles(&Trials::new(&all), &SOLVE_TIME);
+    let factors = |at: usize| -> Vec<f64> {
+        let marks = found[at].marks.iter();
+        marks.map(|mark| mark.value).collect()
+    };
+    assert_eq!((factors(0), found[0].cases), (vec![1.0, 1.0, 3.0], 4));
+    assert_eq!(factors(1), [1.0, 1.0, 1.0, 2.0]);
 }
 
 #[test]

@@ -11,6 +11,8 @@ pub struct Trials<'a> {
     instances: Vec<&'a Row>,
     unit: Unit,
     clusters: usize,
+    /// By instance, the number of its map.
+    maps: Vec<usize>,
 }
 
 /// A planner's cases.
@@ -46,6 +48,7 @@ impl<'a> Trials<'a> {
         rows.sort_by_key(|row| (row.trial, row.repeat, &row.planner, &row.key));
         let mut instances = Vec::new();
         let (mut clusters, mut cluster_numbers) = (Vec::new(), BTreeMap::new());
+        let (mut maps, mut map_numbers) = (Vec::new(), BTreeMap::new());
         let mut instance_numbers = BTreeMap::new();
         let mut planners: Vec<Planner<'_>> = Vec::new();
         let mut planner_numbers = BTreeMap::new();
@@ -56,6 +59,8 @@ impl<'a> Trials<'a> {
                 let next = cluster_numbers.len();
                 let cluster = (unit.of(row), unit.seed_of(row));
                 clusters.push(*cluster_numbers.entry(cluster).or_insert(next));
+                let next = map_numbers.len();
+                maps.push(*map_numbers.entry(Unit::Maps.of(row)).or_insert(next));
                 instances.push(row);
                 instances.len() - 1
             });
@@ -80,6 +85,7 @@ impl<'a> Trials<'a> {
             instances,
             unit,
             clusters: cluster_numbers.len(),
+            maps,
         }
     }
 
@@ -93,18 +99,20 @@ impl<'a> Trials<'a> {
         self.clusters
     }
 
-    /// The number of its cluster of every row, by its key.
-    pub fn clusters_by_key(&self) -> BTreeMap<&'a str, usize> {
-        let cases = self.planners.iter().flat_map(|planner| &planner.cases);
-        let keys = |case: &Case<'a>| {
-            let cluster = case.cluster;
-            let keys = case
-                .repeats
-                .iter()
-                .map(move |row| (row.key.as_str(), cluster));
-            keys.collect::<Vec<_>>()
-        };
-        cases.flat_map(keys).collect()
+    /// The number of an instance's map.
+    pub fn map_of(&self, instance: usize) -> usize {
+        self.maps[instance]
+    }
+
+    /// The numbers of its cluster and its map of every row, by its key.
+    pub fn numbers_by_key(&self) -> BTreeMap<&'a str, [usize; 2]> {
+        let mut numbers = BTreeMap::new();
+        for case in self.planners.iter().flat_map(|planner| &planner.cases) {
+            for row in &case.repeats {
+                numbers.insert(row.key.as_str(), [case.cluster, self.map_of(case.instance)]);
+            }
+        }
+        numbers
     }
 
     /// How many instances, scenarios and maps there are.

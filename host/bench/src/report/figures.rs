@@ -5,9 +5,9 @@ use serde::Serialize;
 use super::figure::{Axis, Figure, Marks, Series};
 use super::format::capital;
 use crate::evaluate::{
-    Dimension, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, PlannerSummary, Ranking,
-    Reference, SOLVE_TIME, Trials, box_plots, cactus, curves, log_spaced, quality_over_time,
-    scatter,
+    Cactus, Dimension, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, PlannerSummary,
+    Ranking, Reference, SOLVE_TIME, Trials, box_plots, cactus, curves, log_spaced, profiles,
+    quality_over_time, scatter,
 };
 use crate::statistics::{Interval, Summary};
 
@@ -74,6 +74,16 @@ pub(super) fn size_of(trials: &Trials<'_>) -> Option<Dimension> {
         })
 }
 
+/// The share of cases that are solved.
+fn solved() -> Axis {
+    Axis {
+        label: "cases solved".into(),
+        percent: true,
+        range: Some([0.0, 1.0]),
+        ..Axis::default()
+    }
+}
+
 fn size_name(dimension: Dimension) -> &'static str {
     match dimension {
         Dimension::MazeSize => "maze width in cells",
@@ -132,7 +142,9 @@ impl<'a> Maker<'a> {
 
     /// All that have something to show.
     pub(super) fn all(&self) -> Vec<Figure> {
-        let mut figures = vec![self.success(), self.cactus(), self.times()];
+        let mut figures = vec![self.success(), self.cactus(), self.profile(), self.times()];
+        // One planner is always the fastest.
+        figures.retain(|figure| figure.id != "profile" || self.summaries.len() > 1);
         figures.extend([&SOLVE_TIME, &PATH_LENGTH, &EXPANSIONS].map(|metric| self.means(metric)));
         if let [first, second, ..] = &self.ranking.planners[..] {
             figures.extend(self.scatter(&first.planner, &second.planner, &SOLVE_TIME));
@@ -227,31 +239,55 @@ impl<'a> Maker<'a> {
         }
     }
 
-    fn cactus(&self) -> Figure {
-        let curve = |cactus: crate::evaluate::Cactus| {
+    /// Shares of cases that are solved within something, of every planner.
+    fn steps(&self, of: Vec<Cactus>) -> Vec<Series> {
+        let curve = |cactus: Cactus| {
             let points = thinned(cactus.marks.len(), POINTS);
             let points: Vec<_> = points
-                .map(|at| [cactus.marks[at].value, (at + 1) as f64])
+                .map(|at| {
+                    [
+                        cactus.marks[at].value,
+                        (at + 1) as f64 / cactus.cases as f64,
+                    ]
+                })
                 .collect();
             let steps = self.series(&cactus.planner, Marks::Steps { points });
             (!cactus.marks.is_empty()).then_some(steps)
         };
+        of.into_iter().filter_map(curve).collect()
+    }
+
+    fn cactus(&self) -> Figure {
         Figure {
             id: "cactus".into(),
             title: "Cases solved within a time".into(),
-            caption: "Cactus plot: how many of its cases each planner solves within how long. \
+            caption:
+                "Cactus plot: the share of its cases that each planner solves within how long. \
                       Higher and further left is better."
-                .into(),
+                    .into(),
             x: Quantity::of(&SOLVE_TIME).axis(),
-            y: Axis {
-                label: "cases solved".into(),
-                zero: true,
+            y: solved(),
+            diagonal: false,
+            series: self.steps(cactus(self.trials, &SOLVE_TIME)),
+        }
+    }
+
+    fn profile(&self) -> Figure {
+        Figure {
+            id: "profile".into(),
+            title: "Performance profile".into(),
+            caption: "The share of its cases that each planner solves within so many times the time of \
+                      the fastest planner of the instance: at 1 how often it is the fastest, on the \
+                      right how much it solves."
+                .into(),
+            x: Axis {
+                label: "times the fastest".into(),
+                log: true,
                 ..Axis::default()
             },
+            y: solved(),
             diagonal: false,
-            series: (cactus(self.trials, &SOLVE_TIME).into_iter())
-                .filter_map(curve)
-                .collect(),
+            series: self.steps(profiles(self.trials, &SOLVE_TIME)),
         }
     }
 

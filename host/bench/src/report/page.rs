@@ -52,6 +52,8 @@ struct Data<'a> {
     paired: Vec<PairedTable>,
     /// Of each trial the number of its cluster.
     clusters: Packed,
+    /// Of each trial the number of its map.
+    maps: Packed,
     /// Numbers of the planners that are held against each other at first.
     scatter: [usize; 2],
     quality: Quality,
@@ -132,10 +134,11 @@ pub(super) fn html(report: &Report<'_>) -> String {
     let booleans = COLUMNS.iter().filter(|c| c.kind == ColumnType::Boolean);
     let mut rows: Vec<&Row> = report.trials.rows().collect();
     rows.sort_by_key(|row| (row.trial, row.repeat, &row.planner, &row.key));
-    let clusters = report.trials.clusters_by_key();
-    let clusters: Vec<Option<f64>> = (rows.iter())
-        .map(|row| clusters.get(row.key.as_str()).map(|number| *number as f64))
-        .collect();
+    let numbers = report.trials.numbers_by_key();
+    let [clusters, maps] = [0, 1].map(|which| -> Vec<Option<f64>> {
+        let number = |row: &&Row| Some(numbers.get(row.key.as_str())?[which] as f64);
+        rows.iter().map(number).collect()
+    });
     let outcomes = rows.iter().map(|row| row.failure());
     let planners = report.planners();
     let slot = |at: usize| {
@@ -158,6 +161,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
         colors: COLORS,
         paired: paired_tables(report, &planners),
         clusters: pack_numbers("clusters", &clusters),
+        maps: pack_numbers("maps", &maps),
         quality: Quality::of(&rows, moments(&report.trials)),
         planners,
     };

@@ -4,9 +4,12 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::Subject;
+use super::figures::size_of;
 use super::format::{digits, grouped, probability};
 use super::table::{plural, share};
-use crate::evaluate::{Evaluation, Lead, Order, Overview, Ranked, Rival, Trials, Unit, rank};
+use crate::evaluate::{
+    Evaluation, Lead, Level, Order, Overview, Ranked, Rival, Trials, Unit, common_levels, rank,
+};
 use crate::row::Row;
 use crate::statistics::MIN_CLUSTERS;
 
@@ -276,6 +279,18 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
                  them.",
                 summary.planner,
                 plural(summary.unsteady, "case")
+            ));
+        }
+    }
+    if let Some(size) = size_of(trials) {
+        let rows = trials.instances().iter();
+        let all: BTreeSet<Level> = rows.filter_map(|row| size.level(row)).collect();
+        let common = common_levels(trials, size).len();
+        if common < all.len() {
+            caveats.push(format!(
+                "Curves are of the {common} of {} sizes that every map has: elsewhere they would be of \
+                 other maps. `--map NAME`, or the filter of the page, shows one map with all of its sizes.",
+                all.len()
             ));
         }
     }

@@ -10,7 +10,7 @@ use fleetyard_world::SeededRandom;
 
 use super::bootstrap::{Draws, percentiles};
 use super::interval::{around, wilson_share};
-use super::{Interval, mean, sign_test, sorted};
+use super::{Interval, sign_test, sorted};
 
 /// Fewest clusters from which anything is inferred: with fewer, no split of signs and no pair of
 /// order statistics has a probability below 5 %.
@@ -22,60 +22,95 @@ const ALL_FLIPS: usize = 20;
 /// A value and the number of its cluster.
 pub type Clustered = (usize, f64);
 
-/// The number of clusters that values are of.
-pub fn cluster_count(values: &[Clustered]) -> usize {
-    sums(values, 0.0).len()
+/// A value, the number of its cluster, and how much it counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weighted {
+    /// Number of its cluster.
+    pub cluster: usize,
+    /// The value.
+    pub value: f64,
+    /// Above zero.
+    pub weight: f64,
 }
 
-/// By cluster, the number of its values and the sum of their differences from `center`.
-fn sums(values: &[Clustered], center: f64) -> BTreeMap<usize, (f64, f64)> {
+fn equal(values: &[Clustered]) -> Vec<Weighted> {
+    let weighted = |(cluster, value): &Clustered| Weighted {
+        cluster: *cluster,
+        value: *value,
+        weight: 1.0,
+    };
+    values.iter().map(weighted).collect()
+}
+
+/// By cluster, the weight of its values and the weighted sum of their differences from `center`.
+fn sums(values: &[Weighted], center: f64) -> BTreeMap<usize, (f64, f64)> {
     let mut sums: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
-    for (cluster, value) in values {
-        let (count, sum) = sums.entry(*cluster).or_default();
-        *count += 1.0;
-        *sum += value - center;
+    for one in values {
+        let (weight, sum) = sums.entry(one.cluster).or_default();
+        *weight += one.weight;
+        *sum += one.weight * (one.value - center);
     }
     sums
 }
 
+/// Σwx/Σw.
+pub fn weighted_mean(values: &[Weighted]) -> Option<f64> {
+    // Of sorted terms, so that it does not depend on their order.
+    let sum = |of: fn(&Weighted) -> f64| sorted(values.iter().map(of)).iter().sum::<f64>();
+    let weight = sum(|one| one.weight);
+    (weight > 0.0).then(|| sum(|one| one.weight * one.value) / weight)
+}
+
 /// The mean of the values of each cluster, by its number.
 pub fn cluster_means(values: &[Clustered]) -> Vec<f64> {
-    let sums = sums(values, 0.0).into_values();
+    let sums = sums(&equal(values), 0.0).into_values();
     sums.map(|(count, sum)| sum / count).collect()
 }
 
 /// 95 % interval of the mean of values in clusters, of [`MIN_CLUSTERS`] G or more:
-/// x̄ ± t₍G−1₎·√(G/(G − 1)·Σ_g(Σ_{i ∈ g}(xᵢ − x̄))²)/n. With one value in each it is Student's.
+/// x̄ ± t₍G−1₎·√(G/(G − 1)·Σ_g(Σ_{i ∈ g} wᵢ(xᵢ − x̄))²)/Σw. With one value in each it is Student's.
 ///
 /// Cameron and Miller (2015), section II B, the variance with their correction for few clusters.
-pub fn clustered_mean_interval(values: &[Clustered]) -> Option<Interval> {
-    let center = mean(&sorted(values.iter().map(|value| value.1)))?;
+pub fn weighted_mean_interval(values: &[Weighted]) -> Option<Interval> {
+    let center = weighted_mean(values)?;
     let sums = sums(values, center);
     let clusters = sums.len() as f64;
     if sums.len() < MIN_CLUSTERS {
         return None;
     }
     let squares: f64 = sums.values().map(|(_, sum)| sum * sum).sum();
-    let error = (clusters / (clusters - 1.0) * squares).sqrt() / values.len() as f64;
+    let weight: f64 = sums.values().map(|(weight, _)| weight).sum();
+    let error = (clusters / (clusters - 1.0) * squares).sqrt() / weight;
     around(center, error, sums.len())
 }
 
+/// The same where every value counts as much.
+pub fn clustered_mean_interval(values: &[Clustered]) -> Option<Interval> {
+    weighted_mean_interval(&equal(values))
+}
+
 /// 95 % interval of the mean of shares from 0 to 1 in clusters, of [`MIN_CLUSTERS`] or more: Wilson's,
-/// for as many trials as there are clusters of one size, n = (Σm)²/Σm² with m values in each. No values
+/// for as many trials as there are clusters of one size, n = (Σm)²/Σm² with weight m in each. No values
 /// of a cluster can vary by more than if all of them were one, so that it is never too narrow.
 ///
 /// Kish, "Survey sampling" (1965), section 8.2; Korn and Graubard, "Confidence intervals for proportions
 /// with small expected number of positive counts estimated from survey data", Survey Methodology 24
 /// (1998).
-pub fn clustered_share_interval(values: &[Clustered]) -> Option<Interval> {
-    let share = mean(&sorted(values.iter().map(|value| value.1)))?;
+pub fn weighted_share_interval(values: &[Weighted]) -> Option<Interval> {
+    // Rounding may take the mean of ones beyond one.
+    let share = weighted_mean(values)?.clamp(0.0, 1.0);
     let sums = sums(values, 0.0);
     if sums.len() < MIN_CLUSTERS {
         return None;
     }
-    let squares: f64 = sums.values().map(|(count, _)| count * count).sum();
-    let all = values.len() as f64;
+    let squares: f64 = sums.values().map(|(weight, _)| weight * weight).sum();
+    let all: f64 = sums.values().map(|(weight, _)| weight).sum();
     wilson_share(share, all * all / squares)
+}
+
+/// The same where every share counts as much.
+pub fn clustered_share_interval(values: &[Clustered]) -> Option<Interval> {
+    weighted_share_interval(&equal(values))
 }
 
 /// 95 % percentile bootstrap interval of a statistic of clusters, of [`MIN_CLUSTERS`] or more.

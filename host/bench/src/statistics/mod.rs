@@ -16,8 +16,9 @@ mod survival;
 pub use bayes::{Posterior, bayesian_signed_rank};
 pub use bootstrap::{BOOTSTRAP_SEED, RESAMPLES};
 pub use cluster::{
-    Clustered, MIN_CLUSTERS, bootstrap_clusters, cluster_count, cluster_means,
-    clustered_mean_interval, clustered_share_interval, sign_flip_test,
+    Clustered, MIN_CLUSTERS, Weighted, bootstrap_clusters, cluster_means, clustered_mean_interval,
+    clustered_share_interval, sign_flip_test, weighted_mean, weighted_mean_interval,
+    weighted_share_interval,
 };
 pub use describe::{Summary, mean, median, quantile, sorted, standard_deviation};
 pub use interval::{

@@ -22,12 +22,12 @@ for (let i = 0; i < count; i++) {
   instanceOfCase[cases.of[i]] = instances.of[i];
 }
 
-/** Of every case its cluster. */
-const clusterOfCase = new Uint32Array(cases.groups);
-{
-  const { numbers } = new Column(data.clusters);
-  for (let i = 0; i < count; i++) clusterOfCase[cases.of[i]] = numbers[i];
-}
+/** Of every case its cluster, and its map. */
+const [clusterOfCase, mapOfCase] = [data.clusters, data.maps].map((packed) => {
+  const of = new Uint32Array(cases.groups), { numbers } = new Column(packed);
+  for (let i = 0; i < count; i++) of[cases.of[i]] = numbers[i];
+  return of;
+});
 const clusterCount = clusterOfCase.reduce((most, cluster) => Math.max(most, cluster + 1), 0);
 
 /** What trials differ by in size: team sizes, or else sizes of mazes, or nothing. */
@@ -110,18 +110,19 @@ class Cases {
   }
 
   /** The mean of a column over those cases among some that succeeded, with its interval. */
-  spread(some, name) {
-    const found = this.any(name);
-    return overClusters(some.filter((c) => this.success[c] && !Number.isNaN(found[c])), (c) => found[c]);
+  spread(some, name, weigh = equally) {
+    const found = this.any(name), known = some.filter((c) => this.success[c] && !Number.isNaN(found[c]));
+    return known.length ? { ...overClusters(known, (c) => found[c], weigh(known)), count: known.length } : null;
   }
 
   /** The success rate of some cases, with its interval. */
-  rate(some) {
-    const counts = new Float64Array(clusterCount);
-    for (const c of some) counts[clusterOfCase[c]]++;
-    const share = steadyMean(Float64Array.from(some, (c) => this.share[c])) ?? 0;
+  rate(some, weigh = equally) {
+    const weight = weigh(some), counts = new Float64Array(clusterCount);
+    for (const c of some) counts[clusterOfCase[c]] += weight(c);
+    const all = sum(counts), shares = Float64Array.from(some, (c) => weight(c) * this.share[c]);
+    const share = some.length ? Math.min(1, steadyMean(shares) * some.length / all) : 0;
     const clusters = counts.filter(Boolean), squares = sum(clusters.map((m) => m * m));
-    return { share, interval: clusters.length < MIN_CLUSTERS ? null : wilson(share, some.length ** 2 / squares) };
+    return { share, interval: clusters.length < MIN_CLUSTERS ? null : wilson(share, all * all / squares) };
   }
 
   /** Those that succeeded by planner, by ascending solve time. */
@@ -156,13 +157,21 @@ function trialsByTime() {
 }
 
 /** The mean of values of cases, with its interval. */
-function overClusters(some, value) {
+function overClusters(some, value, weight) {
   const counts = new Float64Array(clusterCount), sums = new Float64Array(clusterCount);
   for (const c of some) {
-    counts[clusterOfCase[c]]++;
-    sums[clusterOfCase[c]] += value(c);
+    counts[clusterOfCase[c]] += weight(c);
+    sums[clusterOfCase[c]] += weight(c) * value(c);
   }
   return clusteredMean(counts, sums);
+}
+
+/** How much each of some cases counts: as much as any other, or so that all maps count as much. */
+const equally = () => () => 1;
+function byMap(some) {
+  const counts = new Map();
+  for (const c of some) counts.set(mapOfCase[c], (counts.get(mapOfCase[c]) ?? 0) + 1);
+  return (c) => 1 / counts.get(mapOfCase[c]);
 }
 
 /** The mean with the rounding of every addition added in the end (Neumaier 1974), so that

@@ -15,15 +15,45 @@ function thinned(length, most) {
   return Array.from({ length: most }, (_, i) => Math.floor(i * (length - 1) / (most - 1)));
 }
 
-/** Cases by size, ascending: number of the size and cases. */
+/** Of a case the number of its size and the size itself. */
+const sizeOf = (c) => {
+  const i = story.found.members[story.found.first[c]];
+  return [size.of[i], size.numbers[i]];
+};
+
+/** The sizes that every map has which has any. */
+function commonSizes() {
+  if (story.sizes) return story.sizes;
+  const maps = new Map();
+  for (const c of story.found.all) {
+    const [group, number] = sizeOf(c), map = mapOfCase[c];
+    if (Number.isNaN(number)) continue;
+    if (!maps.has(map)) maps.set(map, new Set());
+    maps.get(map).add(group);
+  }
+  const [first, ...rest] = maps.values();
+  return story.sizes = new Set([...first ?? []].filter((group) => rest.every((other) => other.has(group))));
+}
+
+/** Cases by size, ascending: number of the size and cases; of the sizes that every map has. */
 function bySize(some) {
-  const groups = [], { first, members } = story.found;
+  const groups = [], common = commonSizes();
   for (const c of some) {
-    const i = members[first[c]];
-    if (!Number.isNaN(size.numbers[i])) (groups[size.of[i]] ??= [size.numbers[i], []])[1].push(c);
+    const [group, number] = sizeOf(c);
+    if (common.has(group)) (groups[group] ??= [number, []])[1].push(c);
   }
   return groups.filter(Boolean).sort(([a], [b]) => a - b);
 }
+
+/** Shares of cases that are solved within something, from cases in ascending order. */
+function stepsOf(p, ordered, value) {
+  const places = thinned(ordered.length, POINTS);
+  return places.length ? {
+    kind: 'steps', name: p.name, slot: p.slot, points: places.map((at) => [value(ordered[at]), (at + 1) / p.cases]),
+    behind: (at) => [ordered[places[at]]],
+  } : null;
+}
+const solvedShare = { label: 'cases solved', percent: true, range: [0, 1] };
 
 /** A series per planner, in the order of ranks or in that of the suite. */
 const byRank = (series) => story.planners.map(series).filter((series) => series !== null);
@@ -49,7 +79,7 @@ const FIGURES = {
     return {
       title: `Success by ${size.label}`, caption, x: { label: size.label }, y: share,
       series: bySlot((p) => {
-        const groups = bySize(p.all).map(([number, some]) => [number, some, story.found.rate(some)]);
+        const groups = bySize(p.all).map(([number, some]) => [number, some, story.found.rate(some, byMap)]);
         return {
           kind: 'curve', name: p.name, slot: p.slot,
           points: groups.map(([number, , found]) => [number, found.share]),
@@ -63,15 +93,27 @@ const FIGURES = {
   cactus() {
     const times = story.found.any('solve_time_ms'), { byTime } = story.found;
     return {
-      title: 'Cases solved within a time', caption: 'Cactus plot: how many of its cases each planner solves within how long. Higher and further left is better.',
-      x: axisOf(metricOf('solve_time_ms')), y: { label: 'cases solved', zero: true },
+      title: 'Cases solved within a time', caption: 'Cactus plot: the share of its cases that each planner solves within how long. Higher and further left is better.',
+      x: axisOf(metricOf('solve_time_ms')), y: solvedShare,
+      series: bySlot((p) => stepsOf(p, byTime[p.slot], (c) => times[c])),
+    };
+  },
+
+  profile() {
+    const { found } = story, times = found.any('solve_time_ms'), best = new Float64Array(instances.groups).fill(Infinity);
+    for (const c of found.all) if (found.success[c]) best[instanceOfCase[c]] = Math.min(best[instanceOfCase[c]], times[c]);
+    const factor = (c) => {
+      const times_best = times[c] / best[instanceOfCase[c]];
+      return Number.isNaN(times_best) ? 1 : times_best;
+    };
+    return {
+      title: 'Performance profile',
+      caption: 'The share of its cases that each planner solves within so many times the time of the fastest planner of the instance: '
+        + 'at 1 how often it is the fastest, on the right how much it solves.',
+      x: { label: 'times the fastest', log: true }, y: solvedShare,
       series: bySlot((p) => {
-        const ordered = byTime[p.slot];
-        const places = thinned(ordered.length, POINTS);
-        return places.length ? {
-          kind: 'steps', name: p.name, slot: p.slot, points: places.map((at) => [times[ordered[at]], at + 1]),
-          behind: (at) => [ordered[places[at]]],
-        } : null;
+        const factors = new Map(found.byTime[p.slot].map((c) => [c, factor(c)]).filter(([, value]) => value < Infinity));
+        return stepsOf(p, [...factors.keys()].sort((a, b) => factors.get(a) - factors.get(b)), (c) => factors.get(c));
       }),
     };
   },
@@ -179,7 +221,7 @@ const FIGURES = {
       caption: 'Means over cases that succeeded, with 95 % intervals. Failures are left out: read it beside the success rate.',
       x: { label: size.label }, y: axisOf(metric),
       series: bySlot((p) => {
-        const groups = bySize(p.good).map(([number, some]) => [number, some, story.found.spread(some, name)]).filter(([, , found]) => found);
+        const groups = bySize(p.good).map(([number, some]) => [number, some, story.found.spread(some, name, byMap)]).filter(([, , found]) => found);
         return groups.length ? {
           kind: 'curve', name: p.name, slot: p.slot,
           points: groups.map(([number, , found]) => [number, found.mean]),
@@ -253,6 +295,7 @@ function makeFigures() {
   const planners = (label, value) => select(label, data.planners.map((name, slot) => [slot, short(name, 30)]), value);
   addCard('success', [], FIGURES.success);
   addCard('cactus', [], FIGURES.cactus);
+  if (data.planners.length > 1) addCard('profile', [], FIGURES.profile);
   addCard('times', [], FIGURES.times);
   if (available.length) {
     const mean = metrics('expansions');

@@ -55,7 +55,7 @@ function wilson(share, n) {
 /** Nothing is inferred from fewer. */
 const MIN_CLUSTERS = 6;
 
-/** The mean and its interval, from the count and the sum of the values of each cluster. */
+/** The mean and its interval, from the weight and the weighted sum of the values of each cluster. */
 function clusteredMean(counts, sums) {
   const n = sum(counts), center = sum(sums) / n;
   let clusters = 0, squares = 0;
@@ -65,9 +65,9 @@ function clusteredMean(counts, sums) {
     squares += (sums[g] - count * center) ** 2;
   });
   if (!n) return null;
-  if (clusters < MIN_CLUSTERS) return { mean: center, mean_interval: null, count: n };
+  if (clusters < MIN_CLUSTERS) return { mean: center, mean_interval: null };
   const half = studentQuantile(clusters - 1) * Math.sqrt(clusters / (clusters - 1) * squares) / n;
-  return { mean: center, mean_interval: { low: center - half, high: center + half }, count: n };
+  return { mean: center, mean_interval: { low: center - half, high: center + half } };
 }
 
 const students = new Map();
