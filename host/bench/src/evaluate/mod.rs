@@ -10,6 +10,7 @@
 //!
 //! Everything is sorted and depends on the rows alone, not on their order.
 
+mod anytime;
 mod curves;
 mod groups;
 mod lead;
@@ -23,6 +24,7 @@ mod summary;
 mod trials;
 mod unit;
 
+pub use anytime::{Anytime, GAPS, PARTS};
 pub use curves::{
     BoxPlot, Cactus, Curve, CurvePoint, Mark, Scatter, ScatterPoint, box_plots, cactus,
     common_levels, curves, profiles, scatter,
@@ -58,6 +60,8 @@ pub struct Evaluation {
     pub planners: Vec<PlannerSummary>,
     /// One per planner, in the order of their ranks.
     pub standings: Vec<Standing>,
+    /// One per planner, in the suite's order; none where no planner sends plans on the way.
+    pub anytime: Vec<Anytime>,
     /// Every planner's solve times against those of the best; absent with one planner.
     pub comparison: Option<Comparison>,
 }
@@ -79,6 +83,7 @@ impl Evaluation {
             overview: Overview::of(trials),
             lead: Lead::of(trials, &ranking),
             standings: Standing::all(trials, &ranking),
+            anytime: Anytime::all(trials),
             ranking,
             planners,
             comparison,

@@ -113,7 +113,7 @@ pub fn quality_over_time(
 
 /// Times and sums of costs of the plans of a trial that are known to be valid. A planner
 /// that keeps no plans on the way has one: its last.
-fn valid_plans(row: &Row) -> impl Iterator<Item = (f64, f64)> {
+pub(super) fn valid_plans(row: &Row) -> impl Iterator<Item = (f64, f64)> {
     let kept = row
         .incumbents
         .iter()

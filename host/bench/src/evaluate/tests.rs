@@ -706,3 +706,49 @@ fn standings_count_failures_and_say_how_sure_ranks_are() {
     let first: Vec<Option<f64>> = found.standings.iter().map(|one| one.p_first).collect();
     assert_eq!(first, [Some(1.0), Some(1.0)]);
 }
+
+#[test]
+fn plans_on_the_way_are_held_against_the_best_of_all() {
+    let plan = |time_ms: f64, soc: u64| Incumbent {
+        time_ms,
+        soc_steps: Some(soc),
+        valid: Some(true),
+    };
+    let anytime = Row {
+        budget_ms: 1000.0,
+        soc_steps: Some(100),
+        incumbents: vec![plan(5.0, 200), plan(500.0, 100)],
+        ..row("anytime", 0, Some(500.0))
+    };
+    let once = Row {
+        budget_ms: 1000.0,
+        soc_steps: Some(104),
+        planning_time_ms: 250.0,
+        ..row("once", 0, Some(250.0))
+    };
+    let never = Row {
+        budget_ms: 1000.0,
+        ..row("never", 0, None)
+    };
+    let all = [anytime, once, never];
+    let found = Evaluation::of(&Trials::new(&all), Order::Text).anytime;
+    let of = |planner: &str| {
+        let found = found.iter().find(|found| found.planner == planner);
+        found.unwrap()
+    };
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+    // Nothing for 5 ms, a gap of a half until 500 ms, none after.
+    near(of("anytime").primal_integral, (5.0 + 0.5 * 495.0) / 1000.0);
+    near(
+        of("once").primal_integral,
+        0.25 + 0.75 * (1.0 - 100.0 / 104.0),
+    );
+    near(of("never").primal_integral, 1.0);
+    assert_eq!(of("anytime").targets, [0.0, 0.0, 1.0]);
+    assert_eq!(of("once").targets, [0.0, 0.0, 0.5]);
+    assert_eq!(of("once").within, [0.0, 0.0, 1.0, 1.0]);
+    assert_eq!(of("anytime").interval, None);
+    // Nobody sends anything on the way.
+    let found = Evaluation::of(&Trials::new(&all[1..]), Order::Text);
+    assert_eq!(found.anytime, []);
+}

@@ -101,11 +101,12 @@ impl<'a> Report<'a> {
         story::caveats(&self.trials, &self.evaluation)
     }
 
-    /// Ranking, standings, paired comparison, how rankings agree where instances differ, and failures
+    /// Ranking, standings, plans on the way, paired comparison, how rankings agree where instances differ, and failures
     /// if there are any.
     pub fn tables(&self) -> Vec<Table> {
         let mut tables = vec![table::ranking(&self.evaluation)];
         tables.extend(table::standings(&self.evaluation));
+        tables.extend(table::anytime(&self.evaluation));
         tables.extend(self.evaluation.comparison.as_ref().map(table::paired));
         tables.extend(self.stability.as_ref().map(table::stability));
         tables.extend(table::failures(&self.evaluation));

@@ -224,10 +224,16 @@ fn stability(report: &Report<'_>) -> String {
     table.map_or(String::new(), |table| fixed("stability", &table))
 }
 
-/// Success, time and quality of all trials, if there is more than one planner.
+/// Success, time and quality of all trials, and plans on the way, if there are any.
 fn standings(report: &Report<'_>) -> String {
-    let table = table::standings(&report.evaluation);
-    table.map_or(String::new(), |table| fixed("standings", &table))
+    let tables = [
+        ("standings", table::standings(&report.evaluation)),
+        ("anytime", table::anytime(&report.evaluation)),
+    ];
+    let tables = tables
+        .into_iter()
+        .filter_map(|(id, table)| Some(fixed(id, &table?)));
+    tables.collect()
 }
 
 /// A table of all trials, which no filter changes.

@@ -2,7 +2,7 @@
 
 use super::format::{NONE, digits, fixed, grouped, percent, probability};
 use crate::evaluate::{
-    Comparison, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, PlannerSummary,
+    Comparison, EXPANSIONS, Evaluation, GAPS, METRICS, Metric, PARTS, PATH_LENGTH, PlannerSummary,
     RankStability, Ranked, RunComparison, SOLVE_TIME, Trials, compare_with,
 };
 use crate::statistics::{Interval, Posterior};
@@ -205,6 +205,47 @@ pub(super) fn standings(evaluation: &Evaluation) -> Option<Table> {
         ]);
     }
     (table.rows.len() > 1).then(|| table.without_empty())
+}
+
+/// How soon plans are how good; nothing where no planner sends plans on the way.
+pub(super) fn anytime(evaluation: &Evaluation) -> Option<Table> {
+    let per_cent = |parts: &[f64]| -> Vec<String> {
+        let parts = parts.iter().map(|part| format!("{:.0} %", 100.0 * part));
+        parts.collect()
+    };
+    let (parts, gaps) = (per_cent(&PARTS), per_cent(&GAPS));
+    let note = format!(
+        "Against the best plan that any planner found of the instance. Primal integral: the mean gap over \
+         the budget, 1 as long as there is no plan, with its 95 % interval. Targets: share of cases and \
+         gaps of {} that were reached within a part of the budget.",
+        gaps.join(", ")
+    );
+    let targets = parts.iter().map(|part| format!("Targets by {part}"));
+    let within = gaps.iter().map(|gap| format!("Within {gap}"));
+    let names: Vec<String> = targets.chain(within).collect();
+    let mut head = vec![("Planner", true), ("Primal integral", false)];
+    head.extend(names.iter().map(|name| (name.as_str(), false)));
+    let mut table = Table::new("Plans on the way", note, &head);
+    for ranked in &evaluation.ranking.planners {
+        let mut found = evaluation.anytime.iter();
+        let Some(found) = found.find(|found| found.planner == ranked.planner) else {
+            continue;
+        };
+        let three = |value: f64| fixed(Some(value), 3);
+        let integral = match &found.interval {
+            Some(around) => format!(
+                "{} {}",
+                three(found.primal_integral),
+                interval(Some(around), three)
+            ),
+            None => three(found.primal_integral),
+        };
+        let mut row = vec![found.planner.clone(), integral];
+        let shares = found.targets.iter().chain(&found.within);
+        row.extend(shares.map(|share| percent(Some(*share))));
+        table.rows.push(row);
+    }
+    (!table.rows.is_empty()).then_some(table)
 }
 
 /// Ranks by regime.
