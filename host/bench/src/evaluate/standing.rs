@@ -106,7 +106,11 @@ impl Standing {
                 mean_of(&penalised(2.0)),
                 mean_of(&penalised(10.0)),
             ],
-            par_1_interval: clustered_mean_interval(&once),
+            par_1_interval: clustered_mean_interval(&once).map(|found| Interval {
+                // No time is negative.
+                low: found.low.max(0.0),
+                ..found
+            }),
             score: mean(&sorted(scores)),
             fastest: fastest as f64 / planner.cases.len().max(1) as f64,
             alone,

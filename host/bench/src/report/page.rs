@@ -238,17 +238,19 @@ fn standings(report: &Report<'_>) -> String {
 
 /// A table of all trials, which no filter changes.
 fn fixed(id: &str, table: &Table) -> String {
-    let cell = |tag: &str, text: &String| format!("<{tag}>{}</{tag}>", escape(text));
     let line = |tag: &str, cells: &[String]| {
-        let cells = cells.iter().map(|text| cell(tag, text));
+        let cells = cells.iter().zip(&table.words).map(|(text, words)| {
+            let class = if *words { " class=\"text\"" } else { "" };
+            format!("<{tag}{class}>{}</{tag}>", escape(text))
+        });
         format!("<tr>{}</tr>\n", cells.collect::<String>())
     };
     let rows = table.rows.iter().map(|row| line("td", row));
     format!(
-        "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n\
-         <h2 id=\"{id}-title\">{}</h2>\n<p class=\"note\">{} Of all trials, whatever is \
+        "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n<details>\n\
+         <summary><h2 id=\"{id}-title\">{}</h2></summary>\n<p class=\"note\">{} Of all trials, whatever is \
          filtered.</p>\n<div class=\"scroll\" tabindex=\"0\"><table>\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n\
-         </table></div>\n</section>\n",
+         </table></div>\n</details>\n</section>\n",
         escape(&table.title),
         escape(&table.note),
         line("th", &table.head),

@@ -173,7 +173,7 @@ fn best(evaluation: &Evaluation) -> String {
     let means = if ranking.over_shared {
         format!(
             "on the {} that all planners solved {} takes {} on average, {} takes {}.",
-            plural(ranking.shared, "instance"),
+            plural(ranking.shared, "case"),
             first.planner,
             time(first),
             second.planner,

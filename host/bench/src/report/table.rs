@@ -68,15 +68,15 @@ pub(super) fn plural(count: usize, word: &str) -> String {
 /// Table III of the maze paper.
 pub(super) fn ranking(evaluation: &Evaluation) -> Table {
     let ranking = &evaluation.ranking;
-    let shared = plural(ranking.shared, "instance");
+    let shared = plural(ranking.shared, "case");
     let instances = grouped(ranking.instances as u64);
     let comparable = if ranking.over_shared {
         format!(
             "Every planner solved {shared} of {instances}: comparable times are means over them."
         )
     } else {
-        "No instance was solved by every planner: comparable times are means over all cases of \
-         each planner."
+        "No case was solved by every planner: comparable times are means over all cases of each \
+         planner."
             .to_owned()
     };
     let near = if ranking.planners.iter().any(|ranked| ranked.near) {

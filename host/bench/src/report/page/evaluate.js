@@ -253,8 +253,8 @@ const useful = (columns, rows) => columns.filter(({ show }) => !rows.length || !
 
 function showRanking() {
   const { planners, shared, asked } = story;
-  const comparable = shared ? `Every planner solved ${plural(shared, 'instance')} of ${grouping(asked)}: comparable times are means over them.`
-    : 'No instance was solved by every planner: comparable times are means over all cases of each planner.';
+  const comparable = shared ? `Every planner solved ${plural(shared, 'case')} of ${grouping(asked)}: comparable times are means over them.`
+    : 'No case was solved by every planner: comparable times are means over all cases of each planner.';
   $('ranking-note').textContent = `${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`
     + (planners.some((p) => p.near) ? ' ≈ marks a comparable time that is no farther from the one before than the uncertainties of both.' : '');
   showTable('ranking', useful([
