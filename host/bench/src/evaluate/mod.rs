@@ -11,6 +11,7 @@
 //! Everything is sorted and depends on the rows alone, not on their order.
 
 mod anytime;
+mod censored;
 mod curves;
 mod groups;
 mod lead;
@@ -25,6 +26,7 @@ mod trials;
 mod unit;
 
 pub use anytime::{Anytime, GAPS, PARTS};
+pub use censored::{Censored, censored};
 pub use curves::{
     BoxPlot, Cactus, Curve, CurvePoint, Mark, Scatter, ScatterPoint, box_plots, cactus,
     common_levels, curves, profiles, scatter,

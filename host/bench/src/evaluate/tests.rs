@@ -752,3 +752,28 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
     let found = Evaluation::of(&Trials::new(&all[1..]), Order::Text);
     assert_eq!(found.anytime, []);
 }
+
+#[test]
+fn times_beyond_the_budget_are_censored_where_cases_are_independent() {
+    let times = |slow: f64| -> Vec<Option<f64>> {
+        let time = |at: u32| Some(slow * f64::from(at + 1)).filter(|time| *time < 10.0);
+        (0..12).map(time).collect()
+    };
+    let mut all = rows("a", &times(0.5));
+    all.extend(rows("b", &times(2.0)));
+    for row in &mut all {
+        row.budget_ms = 10.0;
+    }
+    let found = censored(&Trials::new(&all), "a", "b").unwrap();
+    // Nothing is censored before the budget: the mean of min(t, 10).
+    assert!((found.first.0 - 39.0 / 12.0).abs() < 1e-12, "{found:?}");
+    assert!((found.second.0 - 100.0 / 12.0).abs() < 1e-12, "{found:?}");
+    assert!(found.p < 0.01);
+    // Two scenarios of each map are not independent of each other.
+    for row in &mut all {
+        row.map = format!("map {}", row.trial / 20);
+    }
+    let maps = Trials::speaking_for(Unit::Maps, &all);
+    assert_eq!((maps.clusters(), censored(&maps, "a", "b")), (6, None));
+    assert_eq!(censored(&Trials::new(&all), "a", "nobody"), None);
+}

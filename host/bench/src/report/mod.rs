@@ -24,8 +24,8 @@ pub use svg::svg;
 pub use table::Table;
 
 use crate::evaluate::{
-    Dimension, Evaluation, METRICS, Order, RankStability, Trials, Unit, compare_runs, compare_with,
-    groups, rank_stability,
+    Dimension, Evaluation, METRICS, Order, RankStability, Trials, Unit, censored, compare_runs,
+    compare_with, groups, rank_stability,
 };
 use crate::{Places, Row};
 use figures::Maker;
@@ -168,6 +168,9 @@ impl<'a> Report<'a> {
             if let Some((_, paired)) = found.next() {
                 pair.insert(metric.column.to_owned(), serde_json::to_value(paired)?);
             }
+        }
+        if let Some(found) = censored(&self.trials, a, b) {
+            pair.insert("censored".to_owned(), serde_json::to_value(found)?);
         }
         Ok(pair.into())
     }

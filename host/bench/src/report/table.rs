@@ -3,7 +3,7 @@
 use super::format::{NONE, digits, fixed, grouped, percent, probability};
 use crate::evaluate::{
     Comparison, EXPANSIONS, Evaluation, GAPS, METRICS, Metric, PARTS, PATH_LENGTH, PlannerSummary,
-    RankStability, Ranked, RunComparison, SOLVE_TIME, Trials, compare_with,
+    RankStability, Ranked, RunComparison, SOLVE_TIME, Trials, censored, compare_with,
 };
 use crate::statistics::{Interval, Posterior};
 
@@ -353,6 +353,16 @@ pub(super) fn two_planners(trials: &Trials<'_>, a: &str, b: &str) -> Option<Tabl
         second.successes().count(),
         second.cases.len(),
     );
+    let note = match censored(trials, a, b) {
+        Some(found) => format!(
+            "{note} With failures as times beyond the budget, {a} takes {} ms and {b} {} ms on average \
+             (restricted means), log-rank p = {}.",
+            digits(Some(found.first.0)),
+            digits(Some(found.second.0)),
+            probability(found.p)
+        ),
+        None => note,
+    };
     let [mean_a, mean_b] = [a, b].map(|label| format!("Mean of {label}"));
     let head = [
         ("Metric", true),
