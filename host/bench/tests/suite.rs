@@ -226,9 +226,9 @@ fn everything_that_a_suite_may_say() {
     );
     assert_eq!(other.attach, Some(fleetyard_runtime::Attach::InProcess));
     let place = one.plugin_place.error("there is no planner").to_string();
-    assert_eq!(place, "s.toml:36:10: there is no planner");
+    assert_eq!(place, "s.toml:37:10: there is no planner");
     let place = one.options_place.error("no such option").to_string();
-    assert_eq!(place, "s.toml:37:11: no such option");
+    assert_eq!(place, "s.toml:38:11: no such option");
     assert_eq!(suite.questions().unwrap().len(), 4);
 }
 
