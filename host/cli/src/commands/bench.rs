@@ -574,7 +574,7 @@ fn report(
                 let _ = write!(text, ", {} there before", ran.before);
             }
             if ran.again > 0 {
-                let _ = write!(text, ", {} attempts of disturbed ones before", ran.again);
+                let _ = write!(text, ", disturbed attempts made again: {}", ran.again);
             }
             if let Some(shard) = shard {
                 let _ = write!(text, "; shard {shard}");
