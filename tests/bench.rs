@@ -777,6 +777,49 @@ fn by_processor_time_a_trial_is_ranked_where_all_of_it_is_known() {
     }
 }
 
+/// Nothing here can disturb a trial for certain, so that what holds for all of them is tested.
+#[test]
+fn a_disturbed_trial_has_as_many_attempts_as_it_is_given() {
+    let yard = Yard::new();
+    yard.write("s.toml", suite("[1, 3]", "retry_contended = 5"));
+    let dry = |options: &str| {
+        let line = format!("bench s.toml --dry-run --format json {options}");
+        yard.line(&line).expect(SUCCESS).json()
+    };
+    let (once, thrice) = (dry("--retry-contended 0"), dry("--retry-contended 2"));
+    assert_eq!(once["retry_contended"], 0);
+    let [once, thrice] = [once, thrice].map(|plan| plan["at_most_s"].as_f64().unwrap());
+    assert!((thrice / once - 3.0).abs() < 1e-9, "{thrice} {once}");
+    let made = yard
+        .line("bench s.toml --retry-contended 2 --format json")
+        .expect(SUCCESS)
+        .json();
+    let rows = rows(&yard.path("small.sqlite"));
+    let attempts = |row: &Row| row.attempts.unwrap();
+    let again: u32 = rows.iter().map(|row| attempts(row) - 1).sum();
+    assert_eq!(made["again"], again);
+    for row in &rows {
+        assert!((1..=3).contains(&attempts(row)), "{row:?}");
+        assert!(row.contended.is_empty() || attempts(row) == 3, "{row:?}");
+    }
+    // Another number of attempts is no other trial.
+    let resumed = yard
+        .line("bench s.toml --resume --format json")
+        .expect(SUCCESS);
+    assert!(
+        resumed
+            .stderr
+            .contains("`protocol.retry_contended` was 2 and is 5"),
+        "{resumed}"
+    );
+    let resumed = resumed.json();
+    assert_eq!(
+        (&resumed["made"], &resumed["superseded"]),
+        (&0.into(), &0.into())
+    );
+    yard.line("bench s.toml --verify").expect(SUCCESS);
+}
+
 #[test]
 fn who_forges_its_time_does_not_rank_first_and_is_named() {
     if !have("python3") {
@@ -825,6 +868,12 @@ fn who_forges_its_time_does_not_rank_first_and_is_named() {
         "Expansions are left out",
     ] {
         assert!(told.stdout.contains(part), "no `{part}`: {told}");
+    }
+    // By the host's clock, a claim is not in the time at all.
+    yard.line("bench s.toml --set protocol.clock=host --store host.sqlite")
+        .expect(SUCCESS);
+    for row in rows(&yard.path("host.sqlite")) {
+        assert_eq!(row.solve_time_ms.to_bits(), row.planning_time_ms.to_bits());
     }
     // A comparison lists it as well.
     let mut line = common::words("compare --no-execute --agents 1 --planner lacam --scen");

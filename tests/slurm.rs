@@ -128,10 +128,11 @@ fn suite(yard: &Yard, name: &str, planners: &[&str], agents: &str) {
 /// What is the same wherever and whenever a trial is made. Slurm's daemons may be in other
 /// control groups than this test: which limits the kernel enforces is the place's.
 fn lasting(store: &Path) -> Vec<String> {
-    const OF_THE_PLACE: [&str; 6] = [
+    const OF_THE_PLACE: [&str; 7] = [
         "rtf",
         "peak_memory_kb",
         "contended",
+        "attempts",
         "machine",
         "limits_watched",
         "cpus",

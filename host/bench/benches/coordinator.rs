@@ -76,6 +76,7 @@ fn run_all(schedule: &Schedule, store: &SharedStore) {
         Shard::ALL,
         store,
         longest,
+        0,
         &mut |planned| Ok(row(schedule, planned)),
         &mut |_, progress| {
             std::hint::black_box(progress.left);

@@ -170,8 +170,14 @@ impl<'s> Contest<'s> {
         &self.questions
     }
 
-    /// The longest that a trial may take, if its planner has to be started for it.
+    /// The longest that a trial may take with all of its attempts, if its planner has to be started
+    /// for each.
     pub fn longest(&self) -> Duration {
+        let attempts = 1 + self.suite.protocol.retry_contended;
+        self.longest_attempt().saturating_mul(attempts)
+    }
+
+    fn longest_attempt(&self) -> Duration {
         let budget = self.host.budget();
         let crews = self
             .entrants

@@ -9,7 +9,7 @@ use fleetyard_core::{Digest, Grid, Hasher};
 use fleetyard_fleet::{
     EventKind, FleetConfig, FleetError, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
 };
-use fleetyard_runtime::measure::{Reason, Snapshot, Spent, contended};
+use fleetyard_runtime::measure::{Call, Reason, Snapshot, Spent, contended};
 use fleetyard_runtime::{
     Attach, Closing, Discovery, Fault, Limits, Runtime, SandboxReport, Termination, Usage,
 };
@@ -189,6 +189,7 @@ impl Crew {
             cpu: None,
             run_delay: None,
             threads: config.allowance.threads,
+            call: Call::default(),
         };
         Ok(Drive {
             contended: contended(&load, &spent),

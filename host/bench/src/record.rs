@@ -112,6 +112,8 @@ pub struct Measurement {
     pub prepare: Option<CallInfo>,
     /// While it planned.
     pub plan: CallInfo,
+    /// The host meanwhile.
+    pub host: HostInfo,
     /// The processors that the plugin had to itself.
     pub cpus: Option<Cpus>,
     /// Those that were kept idle for it.
@@ -135,6 +137,15 @@ pub struct CallInfo {
     pub cpu_ms: Option<f64>,
     /// The source of that; it is a lower bound unless it is the control group.
     pub cpu_source: Option<Source>,
+    /// The time for which it was ready to run and had no processor.
+    pub run_delay_ms: Option<f64>,
+}
+
+/// The host's own thread while a planner planned.
+#[derive(Debug, Serialize)]
+pub struct HostInfo {
+    /// Processor time.
+    pub cpu_ms: Option<f64>,
     /// The time for which it was ready to run and had no processor.
     pub run_delay_ms: Option<f64>,
 }

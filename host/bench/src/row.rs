@@ -323,6 +323,9 @@ columns! {
     cpus: Option<String>,
     /// Why the times cannot be compared with others; empty when they can.
     contended: String,
+    /// How often the trial was made until nobody disturbed it, or the suite's attempts were spent;
+    /// absent where each trial has one attempt.
+    attempts: Option<u32>,
     /// Digest of the machine's description.
     machine: String,
     /// Digest of the plan.

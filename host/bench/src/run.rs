@@ -70,16 +70,19 @@ pub struct Ran {
     pub made: u64,
     /// Those of them that did not succeed.
     pub failed: u64,
+    /// Attempts beyond the first of each.
+    pub again: u64,
 }
 
 /// Makes what is missing of a part of a schedule, and writes it into the store. `trial` makes a
-/// trial or a warm-up, none of which takes longer than `longest`; `watch` hears of every
-/// row that was stored.
+/// trial or a warm-up; a trial that was disturbed is made again up to `retries` times, and none
+/// takes longer than `longest` with that. `watch` hears of every row that was stored.
 pub fn run(
     schedule: &Schedule,
     shard: Shard,
     store: &SharedStore,
     longest: Duration,
+    retries: u32,
     trial: &mut dyn FnMut(&Planned) -> Result<Row, BenchError>,
     watch: &mut dyn FnMut(&Row, &Progress),
 ) -> Result<Ran, BenchError> {
@@ -107,8 +110,17 @@ pub fn run(
     for step in steps() {
         let (Step::WarmUp(planned) | Step::Trial(planned)) = step;
         let started = Instant::now();
-        let row = trial(&planned)?;
+        let mut row = trial(&planned)?;
         if matches!(step, Step::Trial(_)) {
+            let mut attempts = 1;
+            // Neither how long it took nor what came of it is looked at: choosing among times by
+            // the times themselves would flatter who varies most.
+            while attempts <= retries && !row.contended.is_empty() {
+                row = trial(&planned)?;
+                attempts += 1;
+            }
+            row.attempts = (retries > 0).then_some(attempts);
+            ran.again += u64::from(attempts - 1);
             store.with(|store| store.insert(&row))?;
             ran.made += 1;
             ran.failed += u64::from(!row.success);
@@ -169,5 +181,73 @@ where
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetyard_core::Digest;
+
+    use super::*;
+    use crate::store::Meta;
+
+    #[test]
+    fn a_disturbed_trial_is_made_again_whatever_came_of_it() {
+        let digests = |count: u128| (0..count).map(Digest).collect();
+        let schedule = Schedule::new(digests(2), digests(3), vec![0], 1, 1);
+        // The first planner is never disturbed, the second in its first two attempts of an instance;
+        // in the third instance always. Warm-ups are not looked at.
+        let made = |retries: u32| {
+            let folder = tempfile::tempdir().unwrap();
+            let meta = Meta {
+                suite_values: "{}".into(),
+                ..Meta::default()
+            };
+            let store = Store::create(&folder.path().join("s.sqlite"), &meta).unwrap();
+            let store = SharedStore::new(store);
+            let mut asked = std::collections::BTreeMap::new();
+            let ran = run(
+                &schedule,
+                Shard::ALL,
+                &store,
+                Duration::from_secs(1),
+                retries,
+                &mut |planned| {
+                    let calls: &mut u32 = asked.entry(planned.number).or_default();
+                    *calls += 1;
+                    let disturbed = planned.planner == 1 && (*calls <= 3 || planned.instance == 2);
+                    Ok(Row {
+                        key: schedule.key(planned),
+                        trial: planned.number,
+                        contended: if disturbed { "waited" } else { "" }.into(),
+                        // The worse ones are those that count.
+                        success: *calls == 2,
+                        solve_time_ms: f64::from(*calls),
+                        ..Row::default()
+                    })
+                },
+                &mut |_, _| {},
+            );
+            let mut rows = store.with(|store| store.rows()).unwrap();
+            rows.sort_by_key(|row| row.trial);
+            let rows = rows.into_iter().map(|row| {
+                let disturbed = !row.contended.is_empty();
+                (row.attempts, row.solve_time_ms as u32, disturbed)
+            });
+            (ran.unwrap(), rows.collect::<Vec<_>>())
+        };
+        let (ran, rows) = made(0);
+        assert_eq!((ran.made, ran.again), (6, 0));
+        let quiet = (None, 2, false);
+        let disturbed = (None, 2, true);
+        assert_eq!(rows, [quiet, disturbed].repeat(3));
+        let (ran, rows) = made(5);
+        assert_eq!((ran.made, ran.failed, ran.again), (6, 3, 2 + 2 + 5));
+        let quiet = (Some(1), 2, false);
+        let third = (Some(3), 4, false);
+        assert_eq!(
+            rows,
+            [quiet, third, quiet, third, quiet, (Some(6), 7, true)]
+        );
     }
 }

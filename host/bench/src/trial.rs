@@ -7,11 +7,12 @@ use fleetyard_abi::{Budget, SharedEnvironment};
 use fleetyard_check::{PathRule, metrics, sum_of_costs, validate_paths};
 use fleetyard_core::{GridInstance, GridPlan, InputError, TrajectoryPlan};
 use fleetyard_runtime::measure::{
-    Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
+    Call, Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Fault, Limit, Limits, LogLine, PlanRun, Runtime, Termination,
+    Attach, CallReport, CallUsage, Fault, Limit, Limits, LogLine, PlanRun, Runtime, Source,
+    Termination,
 };
 use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
 use serde_json::Value;
@@ -22,8 +23,8 @@ use crate::claims;
 use crate::error::BenchError;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 use crate::record::{
-    BudgetInfo, CallInfo, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
-    PlannerInfo, Record, VerdictInfo, unranked,
+    BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, InstanceInfo, Measurement,
+    Metrics, PlannerInfo, Record, VerdictInfo, unranked,
 };
 use crate::suite::Question;
 use crate::trial_error::TrialError;
@@ -232,9 +233,9 @@ impl Trial<'_> {
             return Err(fault.clone().into());
         }
         let load = Snapshot::take(watched.as_ref()).since(&before);
-        let measurement = self.measurement(&run, prepared.as_ref(), startup, load);
-        let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
         let attach = running.attach;
+        let measurement = self.measurement(attach, &run, prepared.as_ref(), startup, load);
+        let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
         let sandbox = running.session.sandbox().cloned();
         // Now, so that nothing that it left is there while its plan is judged and executed.
         let mut broken_promises = running.session.broken_promises().to_vec();
@@ -414,6 +415,7 @@ impl Trial<'_> {
 
     fn measurement(
         &self,
+        attach: Attach,
         run: &PlanRun,
         prepared: Option<&CallReport>,
         startup: Option<Duration>,
@@ -427,11 +429,20 @@ impl Trial<'_> {
         };
         let sum = |a: Option<u64>, b: Option<u64>| Some(a? + b?);
         let first = prepared.map(|prepared| prepared.usage).unwrap_or_default();
+        // What a solver used is gone with it unless its group counted it.
+        let whole = attach != Attach::Command || run.usage.cpu_source == Some(Source::Cgroup);
         let spent = Spent {
             wall: run.planning + prepared.map_or(Duration::ZERO, |prepared| prepared.wall),
             cpu: micros(sum(first.cpu_us, run.usage.cpu_us)),
             run_delay: micros(sum(first.run_delay_us, run.usage.run_delay_us)),
             threads: self.host.budget.threads,
+            call: Call {
+                wall: run.planning,
+                claimed: run.call,
+                cpu: micros(run.usage.cpu_us).filter(|_| whole),
+                host_cpu: run.host.cpu,
+                host_run_delay: run.host.run_delay,
+            },
         };
         let not_pinned = match &self.host.cores {
             None => Some("not asked for".to_owned()),
@@ -442,6 +453,10 @@ impl Trial<'_> {
             startup_ms: startup.map(milliseconds),
             prepare: prepared.map(|prepared| call(&prepared.usage)),
             plan: call(&run.usage),
+            host: HostInfo {
+                cpu_ms: run.host.cpu.map(milliseconds),
+                run_delay_ms: run.host.run_delay.map(milliseconds),
+            },
             cpus: self.host.reserved().map(|cores| cores.mask.clone()),
             idle_siblings: self
                 .host

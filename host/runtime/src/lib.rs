@@ -60,8 +60,8 @@ pub use sandbox::{
     Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Profile, SandboxReport,
 };
 pub use session::{
-    CallReport, Closing, Contract, Incumbent, Introduction, Limits, PlanRun, Runtime, Session,
-    Termination,
+    CallReport, Closing, Contract, HostTime, Incumbent, Introduction, Limits, PlanRun, Runtime,
+    Session, Termination,
 };
 
 /// The user that this process runs as.

@@ -19,6 +19,7 @@ use fleetyard_abi::{
     Plan, PlanRef, SharedEnvironment, Status, c, monotonic_ns,
 };
 use fleetyard_core::{Digest, GridPlan};
+use rustix::time::{ClockId, clock_gettime};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
@@ -174,6 +175,39 @@ pub struct CallReport {
     pub usage: CallUsage,
 }
 
+/// The time of the host's own thread during a call; absent where the kernel does not count it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct HostTime {
+    /// Processor time: it wrote, read and kept plans. In process the plugin's is in it.
+    pub cpu: Option<Duration>,
+    /// Time for which it was ready to run and had no processor.
+    pub run_delay: Option<Duration>,
+}
+
+impl HostTime {
+    /// Of this thread so far.
+    fn now() -> Self {
+        let cpu = clock_gettime(ClockId::ThreadCPUTime);
+        let waited = || {
+            let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+            let delay = text.split_whitespace().nth(1)?;
+            Some(Duration::from_nanos(delay.parse().ok()?))
+        };
+        Self {
+            cpu: Duration::try_from(cpu).ok(),
+            run_delay: waited(),
+        }
+    }
+
+    fn since(self, before: Self) -> Self {
+        let gained = |now: Option<Duration>, then| Some(now?.saturating_sub(then?));
+        Self {
+            cpu: gained(self.cpu, before.cpu),
+            run_delay: gained(self.run_delay, before.run_delay),
+        }
+    }
+}
+
 /// Everything that came of a `plan` or `recover` call.
 #[derive(Debug, Clone)]
 pub struct PlanRun {
@@ -202,6 +236,8 @@ pub struct PlanRun {
     /// The part of it that the host's own work and other processes may have taken: it handled
     /// messages, and waited for a processor. Absent where the kernel does not count the latter.
     pub held_up: Option<Duration>,
+    /// The host's part of the wall time of the call.
+    pub host: HostTime,
     /// The use of the plugin's processes meanwhile.
     pub usage: CallUsage,
     /// True if the plugin was stopped, rather than ending its call by itself.
@@ -229,6 +265,7 @@ impl PlanRun {
             call: None,
             round_trip: None,
             held_up: None,
+            host: HostTime::default(),
         }
     }
 
@@ -778,14 +815,6 @@ struct Timing {
     handled: Duration,
 }
 
-/// The time for which this thread was ready to run so far and had no processor; where the kernel
-/// counts.
-fn host_run_delay() -> Option<Duration> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    let delay = text.split_whitespace().nth(1)?;
-    Some(Duration::from_nanos(delay.parse().ok()?))
-}
-
 /// The budget of a call that begins then.
 fn from(now_ns: u64, budget: &Budget) -> Budget {
     Budget {
@@ -1128,10 +1157,10 @@ impl<L: Link> Inner<L> {
         });
         self.begin(budget, cpu);
         let interruptible = Interruptible::begin();
+        let host = HostTime::now();
         let began_ns = self.now_ns();
         let budget = from(began_ns, budget);
         let collector = Collector::new(instance, cells, &budget, began_ns);
-        let waited = host_run_delay();
         let mut timing = Timing::default();
         let called = match (context, written) {
             (Some(context), Ok(written)) => {
@@ -1143,9 +1172,7 @@ impl<L: Link> Inner<L> {
         };
         let ended_ns = self.now_ns();
         drop(interruptible);
-        let waited = host_run_delay()
-            .zip(waited)
-            .map(|(now, then)| now.saturating_sub(then));
+        let host = HostTime::now().since(host);
         let planning = Duration::from_nanos(ended_ns - collector.started_ns);
         // Whatever it answered: what nobody watched does not count.
         let (usage, called) = match self.finish(method) {
@@ -1203,7 +1230,8 @@ impl<L: Link> Inner<L> {
             planning,
             call: timing.claimed,
             round_trip: timing.round_trip,
-            held_up: waited.map(|waited| waited + timing.handled),
+            held_up: host.run_delay.map(|waited| waited + timing.handled),
+            host,
             usage,
             stopped: false,
             limit: over.or((ended_ns > budget.deadline_monotonic_ns).then_some(Limit::Wall)),

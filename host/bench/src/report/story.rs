@@ -11,7 +11,8 @@ use crate::evaluate::{
     Evaluation, Lead, Level, Order, Overview, Ranked, Rival, Trials, Unit, common_levels, rank,
 };
 use crate::row::Row;
-use crate::statistics::MIN_CLUSTERS;
+use crate::statistics::{MIN_CLUSTERS, quantile, sorted};
+use crate::suite::Clock;
 
 /// The first sentences of a report.
 pub(super) fn story(subject: &Subject, evaluation: &Evaluation) -> Vec<String> {
@@ -229,6 +230,7 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
             plural(contended, "trial")
         ));
     }
+    caveats.extend(transport(trials, evaluation));
     let each = |of: fn(&Row) -> Option<&str>| -> Vec<&str> {
         let texts: BTreeSet<&str> = trials.rows().filter_map(of).collect();
         texts.into_iter().collect()
@@ -323,6 +325,37 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
     caveats
 }
 
+/// From this share on, transport is a part of what times say.
+const TRANSPORT: f64 = 0.05;
+
+/// The sentence about planners of whose times much is transport: the time that is compared less
+/// what the plugin itself says that it worked, unless that is known to be false.
+fn transport(trials: &Trials<'_>, evaluation: &Evaluation) -> Option<String> {
+    let share = |row: &Row| {
+        let by_cpu = row.clock.as_deref() == Some(Clock::Cpu.name());
+        let claimed = row.call_time_ms.filter(|_| !by_cpu);
+        let claimed = claimed.filter(|_| row.false_claims.is_none() && row.solve_time_ms > 0.0)?;
+        Some(1.0 - claimed / row.solve_time_ms)
+    };
+    let of = |planner: &str| {
+        let rows = trials.rows().filter(|row| row.planner == planner);
+        quantile(&sorted(rows.filter_map(share)), 0.5)
+    };
+    let named: Vec<String> = (evaluation.planners.iter())
+        .filter_map(|summary| Some((&summary.planner, of(&summary.planner)?)))
+        .filter(|(_, share)| *share > TRANSPORT)
+        .map(|(planner, share)| format!("{planner} {:.0} %", 100.0 * share))
+        .collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "Of these planners more than {:.0} % of a time is transport, by what they say that they \
+             worked (medians): {}. Another `clock` leaves it out.",
+            100.0 * TRANSPORT,
+            named.join(", ")
+        )
+    })
+}
+
 /// The sentences about how numbers came about.
 pub(super) fn methods() -> Vec<String> {
     [
@@ -350,4 +383,42 @@ pub(super) fn methods() -> Vec<String> {
     ]
     .map(str::to_owned)
     .to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_is_charged_for_transport_is_named() {
+        let row = |planner: &str, solve_time_ms: f64, call_time_ms: Option<f64>| Row {
+            planner: planner.into(),
+            instance_digest: "i".into(),
+            clock: Some("host".into()),
+            solve_time_ms,
+            call_time_ms,
+            success: true,
+            valid: true,
+            ..Row::default()
+        };
+        let said = |rows: &[Row]| {
+            let trials = Trials::new(rows);
+            transport(&trials, &Evaluation::of(&trials, Order::Text))
+        };
+        let mut rows = vec![
+            row("quick", 0.175, Some(0.010)),
+            row("quick", 0.180, Some(0.170)),
+            row("quick", 0.200, Some(0.020)),
+            row("slow", 100.0, Some(95.1)),
+            row("silent", 100.0, None),
+        ];
+        let text = said(&rows).unwrap();
+        assert!(text.contains("(medians): quick 90 %."), "{text}");
+        // Processor time has no transport, and a claim that cannot be true says nothing.
+        rows[0].clock = Some("cpu".into());
+        rows[2].false_claims = Some("time of work: 0.02 ms claimed, 9 ms found".into());
+        let text = said(&rows).unwrap();
+        assert!(text.contains("quick 6 %."), "{text}");
+        assert_eq!(said(&rows[3..]), None);
+    }
 }

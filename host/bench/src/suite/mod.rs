@@ -71,6 +71,8 @@ pub struct Protocol {
     pub repeats: u32,
     /// Untimed trials of every planner on every instance, before the timed ones.
     pub warm_ups: u32,
+    /// How often a trial is made again that others disturbed.
+    pub retry_contended: u32,
     /// Seeds given to planners, all different.
     pub seeds: Vec<u64>,
     /// How long a planner's process is kept.
@@ -90,6 +92,7 @@ impl Default for Protocol {
         Self {
             repeats: 1,
             warm_ups: 0,
+            retry_contended: 0,
             seeds: vec![0],
             reuse: Reuse::Never,
             clock: Clock::Host,

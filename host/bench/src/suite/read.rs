@@ -50,6 +50,7 @@ const ROOT: &[&str] = &[
 const PROTOCOL: &[&str] = &[
     "repeats",
     "warm_ups",
+    "retry_contended",
     "seeds",
     "reuse",
     "clock",
@@ -331,6 +332,9 @@ fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
     }
     if let Some(warm_ups) = table.get("warm_ups") {
         protocol.warm_ups = small(&warm_ups, 0, 1000)?;
+    }
+    if let Some(retries) = table.get("retry_contended") {
+        protocol.retry_contended = small(&retries, 0, 1000)?;
     }
     if let Some(seeds) = table.get("seeds") {
         protocol.seeds = numbers(&seeds, 0, u64::MAX)?.iter().collect();

@@ -57,6 +57,10 @@ pub(crate) struct Bench {
     /// Give a key of the suite another value, such as budget.wall=1s; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
     settings: Vec<Setting>,
+    /// Make a trial that others disturbed again, up to K times; the last attempt counts. Instead of
+    /// protocol.retry_contended of the suite
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(0..=1000))]
+    retry_contended: Option<u32>,
     /// Say what would be run and how long it may take, and run nothing
     #[arg(long)]
     dry_run: bool,
@@ -97,8 +101,22 @@ fn setting(text: &str) -> std::result::Result<Setting, String> {
     })
 }
 
+impl Bench {
+    /// Values that take the place of the suite's: an option of a key's own is one of them, so that
+    /// stores, manifests and parts on a cluster have it.
+    fn settings(&self) -> Result<Vec<Setting>> {
+        let mut settings = self.settings.clone();
+        if let Some(retries) = self.retry_contended {
+            let text = format!("protocol.retry_contended={retries}");
+            settings.push(Setting::new("--retry-contended", &text)?);
+        }
+        Ok(settings)
+    }
+}
+
 pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
-    let mut suite = Suite::load_with(&arguments.suite, &arguments.settings)?;
+    let settings = arguments.settings()?;
+    let mut suite = Suite::load_with(&arguments.suite, &settings)?;
     let place = arguments
         .store
         .clone()
@@ -157,7 +175,7 @@ fn on_cluster(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> {
         Ok(schedule.len_of(format!("{shard}/{shards}").parse()?))
     };
     let mut passed_on = Vec::new();
-    for setting in &arguments.settings {
+    for setting in &arguments.settings()? {
         passed_on.extend(["--set".to_owned(), setting.text().to_owned()]);
     }
     if let Some(lock) = &arguments.trust.lock {
@@ -347,6 +365,7 @@ fn go(
         shard,
         store,
         longest,
+        contest.suite().protocol.retry_contended,
         &mut |planned| contest.trial(planned),
         &mut |row, progress| watch.ended(row, progress),
     );
@@ -502,6 +521,8 @@ struct Report<'a> {
     made: u64,
     /// Of those that were made.
     failed: u64,
+    /// Attempts beyond the first of each trial.
+    again: u64,
     superseded: u64,
     changes: &'a [String],
     elapsed_ms: f64,
@@ -535,6 +556,7 @@ fn report(
             before: ran.before,
             made: ran.made,
             failed: ran.failed,
+            again: ran.again,
             superseded: begun.superseded,
             changes: &begun.changes,
             elapsed_ms: elapsed.as_secs_f64() * 1000.0,
@@ -550,6 +572,9 @@ fn report(
             );
             if ran.before > 0 {
                 let _ = write!(text, ", {} there before", ran.before);
+            }
+            if ran.again > 0 {
+                let _ = write!(text, ", disturbed attempts made again: {}", ran.again);
             }
             if let Some(shard) = shard {
                 let _ = write!(text, "; shard {shard}");
@@ -625,6 +650,8 @@ struct Plan<'a> {
     /// Trials of this part, warm-ups aside.
     trials: u64,
     warm_ups: u64,
+    /// How often a trial is made again that others disturb.
+    retry_contended: u32,
     /// In the store already, of this part.
     there: u64,
     /// If everybody used up all that budgets allow.
@@ -693,6 +720,7 @@ fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exi
         repeats: suite.protocol.repeats,
         trials: trials_of,
         warm_ups,
+        retry_contended: suite.protocol.retry_contended,
         there: trials_of - wanted,
         at_most_s: at_most.as_secs_f64(),
         first,
@@ -718,6 +746,10 @@ fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exi
             }
             if plan.warm_ups > 0 {
                 let _ = write!(text, "\nwarm-ups   {}", plan.warm_ups);
+            }
+            if plan.retry_contended > 0 {
+                let attempts = 1 + plan.retry_contended;
+                let _ = write!(text, "\nattempts   up to {attempts} of what others disturb");
             }
             let _ = write!(
                 text,

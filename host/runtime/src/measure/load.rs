@@ -61,10 +61,11 @@ pub const PRESSURE_IO: Threshold = Threshold {
 
 /// Time that the trial's threads were ready to run and did not, by the scheduler's
 /// exact count. A process that starts and answers waits for a CPU a few times, some
-/// tens of microseconds each.
+/// tens of microseconds each; a larger allowance would leave short trials unmarked that
+/// are disturbed as much as long ones.
 pub const RUN_DELAY: Threshold = Threshold {
     share: 0.02,
-    at_least_ms: 2.0,
+    at_least_ms: 0.2,
 };
 
 /// Time of a single thread that was not CPU time, where its run delay is not known.
@@ -86,6 +87,21 @@ pub const THROTTLED: Threshold = Threshold {
 pub const NEIGHBOUR: Threshold = Threshold {
     share: 0.03,
     at_least_ms: 50.0,
+};
+
+/// Time of the compared call in which the host's own thread was ready to run and did not, by the
+/// scheduler's exact count: an answer that lies there looks like a slow planner. The supervisors of
+/// plugins run on the host's core, and make it wait for a tenth of a millisecond.
+pub const HOST_WAITED: Threshold = Threshold {
+    share: 0.02,
+    at_least_ms: 0.2,
+};
+
+/// Time of that call in which neither the plugin nor the host was at work, counted in nanoseconds.
+/// To wake each other costs both sides some ten microseconds.
+pub const HANDOVER: Threshold = Threshold {
+    share: 0.02,
+    at_least_ms: 0.05,
 };
 
 impl Threshold {
@@ -413,6 +429,34 @@ pub struct Spent {
     pub run_delay: Option<Duration>,
     /// How many threads it was allowed to compute with.
     pub threads: u32,
+    /// The call that is compared.
+    pub call: Call,
+}
+
+/// A call of a plugin: how long it took by the host's clock, and who was at work meanwhile.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Call {
+    /// Wall time by the host's clock.
+    pub wall: Duration,
+    /// Wall time as the plugin's process claims it, without transport.
+    pub claimed: Option<Duration>,
+    /// CPU time of the plugin's processes.
+    pub cpu: Option<Duration>,
+    /// CPU time of the host's thread.
+    pub host_cpu: Option<Duration>,
+    /// Time that the host's thread was ready to run and did not.
+    pub host_run_delay: Option<Duration>,
+}
+
+impl Call {
+    /// Time in which neither side was at work, in milliseconds. Transport is work: who writes and
+    /// reads much has the CPU time for it. A claim can shorten this only as far as the
+    /// plugin did not compute, so that it gains nothing by claiming too little.
+    fn handover_ms(&self) -> Option<f64> {
+        let plugin = self.claimed?.max(self.cpu?);
+        let idle = self.wall.saturating_sub(plugin + self.host_cpu?);
+        Some(milliseconds(idle))
+    }
 }
 
 /// What makes a time doubtful.
@@ -433,6 +477,10 @@ pub enum Cause {
     Throttled,
     /// Somebody else used the trial's cores.
     BusyNeighbour,
+    /// The host was ready to run and did not.
+    HostWaited,
+    /// A request or an answer lay there, and nobody was at work.
+    Handover,
 }
 
 impl fmt::Display for Cause {
@@ -445,6 +493,8 @@ impl fmt::Display for Cause {
             Self::Waited => "waited",
             Self::Throttled => "throttled",
             Self::BusyNeighbour => "busy-neighbour",
+            Self::HostWaited => "host-waited",
+            Self::Handover => "handover",
         })
     }
 }
@@ -467,7 +517,11 @@ impl fmt::Display for Reason {
             ms,
             limit_ms,
         } = self;
-        write!(f, "{cause}: {ms:.1} ms, more than {limit_ms:.1} ms")
+        let digits = if *limit_ms < 1.0 { 2 } else { 1 };
+        write!(
+            f,
+            "{cause}: {ms:.digits$} ms, more than {limit_ms:.digits$} ms"
+        )
     }
 }
 
@@ -479,6 +533,7 @@ pub fn contended(difference: &Difference, spent: &Spent) -> Vec<Reason> {
     let threads = f64::from(spent.threads.max(1));
     let stalled = |pressure: Option<Pressure>| Some(pressure?.some_us as f64 / 1000.0);
     let wall = milliseconds(spent.wall);
+    let call = milliseconds(spent.call.wall);
     // What the trial's threads got less than they might have had. More threads than
     // cores delay each other, and only this can be others' doing.
     let idle = spent
@@ -524,6 +579,13 @@ pub fn contended(difference: &Difference, spent: &Spent) -> Vec<Reason> {
             elapsed * threads,
             neighbours,
         ),
+        (
+            Cause::HostWaited,
+            HOST_WAITED,
+            call,
+            spent.call.host_run_delay.map(milliseconds),
+        ),
+        (Cause::Handover, HANDOVER, call, spent.call.handover_ms()),
     ];
     let reasons = judged
         .into_iter()
@@ -741,6 +803,13 @@ mod tests {
             cpu: Some(ms(990)),
             run_delay: Some(ms(10)),
             threads: 1,
+            call: Call {
+                wall: ms(1000),
+                claimed: Some(ms(975)),
+                cpu: Some(ms(970)),
+                host_cpu: Some(ms(5)),
+                host_run_delay: Some(ms(20)),
+            },
         };
         (difference, spent)
     }
@@ -870,10 +939,80 @@ mod tests {
                 &[],
             ),
             (
+                "the host waited",
+                |_, s| s.call.host_run_delay = Some(ms(21)),
+                &["host-waited: 21.0 ms, more than 20.0 ms"],
+            ),
+            (
+                "a request or an answer lay there",
+                |_, s| s.call.claimed = Some(ms(974)),
+                &["handover: 21.0 ms, more than 20.0 ms"],
+            ),
+            (
+                "to write and read a large answer is work",
+                |_, s| {
+                    s.call.claimed = Some(ms(400));
+                    s.call.cpu = Some(ms(700));
+                    s.call.host_cpu = Some(ms(280));
+                },
+                &[],
+            ),
+            (
+                "who computed gains no mark by claiming nothing",
+                |_, s| {
+                    s.call.claimed = Some(Duration::ZERO);
+                    s.call.cpu = Some(ms(975));
+                },
+                &[],
+            ),
+            (
+                "who slept in its call took that long",
+                |_, s| s.call.cpu = Some(ms(1)),
+                &[],
+            ),
+            (
+                "nobody says how long the planner worked, or what it used",
+                |_, s| {
+                    s.call.claimed = None;
+                    s.call.host_run_delay = None;
+                },
+                &[],
+            ),
+            (
+                "a short call is judged as a long one is",
+                |_, s| {
+                    s.call = Call {
+                        wall: Duration::from_micros(2460),
+                        claimed: Some(Duration::from_micros(490)),
+                        cpu: Some(Duration::from_micros(500)),
+                        host_cpu: Some(Duration::from_micros(60)),
+                        host_run_delay: Some(Duration::from_micros(1850)),
+                    };
+                },
+                &[
+                    "host-waited: 1.85 ms, more than 0.20 ms",
+                    "handover: 1.90 ms, more than 0.05 ms",
+                ],
+            ),
+            (
+                "which takes an undisturbed call of no time as such",
+                |_, s| {
+                    s.call = Call {
+                        wall: Duration::from_micros(310),
+                        claimed: Some(Duration::from_micros(168)),
+                        cpu: Some(Duration::from_micros(223)),
+                        host_cpu: Some(Duration::from_micros(50)),
+                        host_run_delay: Some(Duration::from_micros(137)),
+                    };
+                },
+                &[],
+            ),
+            (
                 "nothing is known",
                 |d, s| {
                     *d = Difference::default();
                     s.run_delay = None;
+                    s.call = Call::default();
                 },
                 &[],
             ),
@@ -886,6 +1025,7 @@ mod tests {
                         cpu: Some(Duration::ZERO),
                         run_delay: Some(Duration::ZERO),
                         threads: 0,
+                        call: Call::default(),
                     };
                 },
                 &[],
@@ -925,6 +1065,13 @@ mod tests {
                 cpu: cpu.map(Duration::from_micros),
                 run_delay: delay.map(Duration::from_micros),
                 threads,
+                call: Call {
+                    wall: Duration::from_nanos(wall),
+                    claimed: cpu.map(Duration::from_nanos),
+                    cpu: delay.map(Duration::from_nanos),
+                    host_cpu: steal_ms.map(Duration::from_nanos),
+                    host_run_delay: busy_ms.map(Duration::from_nanos),
+                },
             };
             let reasons = contended(&difference, &spent);
             prop_assert!(reasons.is_sorted_by_key(|reason| reason.cause));

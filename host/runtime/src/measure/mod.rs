@@ -20,7 +20,7 @@ mod source;
 
 pub use cores::{NoCores, Reservation, Topology, affinity, pin, pin_this_process};
 pub use cpus::Cpus;
-pub use load::{Cause, Difference, Reason, Snapshot, Spent, contended};
+pub use load::{Call, Cause, Difference, Reason, Snapshot, Spent, contended};
 pub use machine::Machine;
 
 #[cfg(test)]
