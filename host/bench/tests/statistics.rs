@@ -205,7 +205,7 @@ fn sign_flips_give_exact_values() {
     assert_eq!(p(&[0.0; 6]), Some(1.0));
     // Where all have one size it is the sign test, and what is zero does not count.
     let many = |size: fn(u32) -> f64| -> Vec<f64> {
-        let sign = |at: u32| if at % 3 == 0 { -1.0 } else { 1.0 };
+        let sign = |at: u32| if at.is_multiple_of(3) { -1.0 } else { 1.0 };
         (0..24).map(|at| sign(at) * size(at)).collect()
     };
     let wanted = sign_test(16, 8);

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use fleetyard_bench::Row;
-use fleetyard_bench::evaluate::Order;
+use fleetyard_bench::evaluate::{Order, Unit};
 use fleetyard_bench::export::{Format, export, read_csv};
 use fleetyard_bench::report::{Report, Subject, svg, two_runs};
 
@@ -52,10 +52,15 @@ fn round_trip(rows: &[Row]) {
 
 /// A report says the same of the same rows in any order, and never what is no number.
 fn report(rows: &[Row]) {
-    for order in [Order::default(), Order::Appendix] {
+    let units = [
+        (Order::Text, Unit::Scenarios),
+        (Order::Appendix, Unit::Maps),
+    ];
+    for (order, unit) in units {
         let subject = || Subject {
             title: "rows".into(),
             order,
+            unit,
             ..Subject::default()
         };
         let report = Report::new(subject(), rows);
@@ -75,6 +80,6 @@ fn report(rows: &[Row]) {
         assert!(report.html().contains("rows"));
     }
     let (one, other) = rows.split_at(rows.len() / 2);
-    two_runs(("one", one), ("other", other));
-    two_runs(("all", rows), ("all", rows));
+    two_runs(Unit::Scenarios, ("one", one), ("other", other));
+    two_runs(Unit::Instances, ("all", rows), ("all", rows));
 }

@@ -695,8 +695,8 @@ fn standings_count_failures_and_say_how_sure_ranks_are() {
     assert_eq!(of("half").score, Some(0.5));
     assert_eq!((of("half").fastest, of("fast").fastest), (0.5, 0.5));
     // 2.5 on average where it succeeded; the others count as 10 s, 20 s or 100 s.
-    let par = of("half").par_ms.map(|par| par.unwrap().round());
-    assert_eq!(par, [5001.0, 10_001.0, 50_001.0]);
+    let par = of("half").par_ms.map(|par| par.unwrap().round() as u64);
+    assert_eq!(par, [5001, 10_001, 50_001]);
     let undominated = ["fast", "good", "worse", "half"].map(|planner| of(planner).undominated);
     assert_eq!(undominated, [true, true, false, false]);
     // Who is the same under two names has one rank.
@@ -744,9 +744,12 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
         0.25 + 0.75 * (1.0 - 100.0 / 104.0),
     );
     near(of("never").primal_integral, 1.0);
-    assert_eq!(of("anytime").targets, [0.0, 0.0, 1.0]);
-    assert_eq!(of("once").targets, [0.0, 0.0, 0.5]);
-    assert_eq!(of("once").within, [0.0, 0.0, 1.0, 1.0]);
+    let per_cent = |shares: &[f64]| -> Vec<u64> {
+        shares.iter().map(|share| (100.0 * share) as u64).collect()
+    };
+    assert_eq!(per_cent(&of("anytime").targets), [0, 0, 100]);
+    assert_eq!(per_cent(&of("once").targets), [0, 0, 50]);
+    assert_eq!(per_cent(&of("once").within), [0, 0, 100, 100]);
     assert_eq!(of("anytime").interval, None);
     // Nobody sends anything on the way.
     let found = Evaluation::of(&Trials::new(&all[1..]), Order::Text);

@@ -117,7 +117,7 @@ impl<'a> Trials<'a> {
 
     /// How many instances, scenarios and maps there are.
     pub fn counts(&self) -> Counts {
-        Counts::of(self.instances.iter().copied())
+        Counts::of(&self.instances)
     }
 
     /// Every planner.

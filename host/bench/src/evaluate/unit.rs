@@ -70,9 +70,9 @@ impl Unit {
 
 impl Counts {
     /// Of rows.
-    pub(super) fn of<'a>(rows: impl Iterator<Item = &'a Row> + Clone) -> Self {
+    pub(super) fn of(rows: &[&Row]) -> Self {
         let count = |unit: Unit| {
-            let clusters = rows.clone().map(|row| (unit.of(row), unit.seed_of(row)));
+            let clusters = rows.iter().map(|row| (unit.of(row), unit.seed_of(row)));
             clusters.collect::<BTreeSet<_>>().len()
         };
         Self {

@@ -2,6 +2,7 @@
 //! Markdown, as figures and as CSV.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -224,6 +225,14 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
     Ok(Loaded { subject, rows })
 }
 
+/// The name that was meant, or else all that there are.
+fn known_names(name: &str, known: &[&str], what: &str) -> String {
+    nearest(name, known.iter().copied(), 3).map_or_else(
+        || format!("{what} are: {}", known.join(", ")),
+        |name| format!("there is `{name}`"),
+    )
+}
+
 /// Leaves the trials of some maps; of all, if none is named.
 fn keep_maps(loaded: &mut Loaded, maps: &[String]) -> Result<()> {
     if maps.is_empty() {
@@ -233,20 +242,17 @@ fn keep_maps(loaded: &mut Loaded, maps: &[String]) -> Result<()> {
     for map in maps {
         if !known.contains(map.as_str()) {
             let message = format!("there is no trial of a map `{map}`");
-            let hint = match nearest(map, known.iter().copied(), 3) {
-                Some(name) => format!("there is `{name}`"),
-                None => {
-                    let names: Vec<&str> = known.into_iter().collect();
-                    format!("maps are: {}", names.join(", "))
-                }
-            };
+            let known: Vec<&str> = known.into_iter().collect();
+            let hint = known_names(map, &known, "maps");
             return Err(Failure::new(Exit::Input, message).hint(hint));
         }
     }
     loaded.rows.retain(|row| maps.contains(&row.map));
     // Nobody says how many of them the suite asks for.
     loaded.subject.asked = None;
-    loaded.subject.title += &format!(", {}", maps.join(", "));
+    for map in maps {
+        let _ = write!(loaded.subject.title, ", {map}");
+    }
     Ok(())
 }
 
@@ -291,10 +297,7 @@ fn compare_planners(report: &Report<'_>, a: &str, b: &str) -> Result<Table> {
     for name in [a, b] {
         if !labels.contains(&name) {
             let message = format!("`{name}` is neither a store nor the label of a planner");
-            let hint = match nearest(name, labels.iter().copied(), 3) {
-                Some(label) => format!("there is `{label}`"),
-                None => format!("labels are: {}", labels.join(", ")),
-            };
+            let hint = known_names(name, &labels, "labels");
             return Err(Failure::new(Exit::Input, message).hint(hint));
         }
     }
