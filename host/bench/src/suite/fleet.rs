@@ -19,6 +19,7 @@ pub(super) const FLEET: &[&str] = &[
     "period",
     "window",
     "limit",
+    "nodes",
     "motion",
     "clock",
     "cut",
@@ -165,7 +166,10 @@ pub(super) fn setup(
             call_s: seconds("call_budget", default.allowance.call_s)?,
             threads: around.budget.threads,
             memory_bytes: around.budget.plan_memory(),
-            nodes: around.budget.nodes,
+            nodes: match layers.get("nodes") {
+                Some(nodes) => nodes.whole(1, u64::MAX)?,
+                None => around.budget.nodes,
+            },
         },
         sim,
         ..default
