@@ -14,7 +14,7 @@
 //!
 //! It is not a controller: it keeps no route and no target. It is no validator
 //! either: bodies under load overlap by fractions of a millimetre, and a mover
-//! that presses a robot against a wall overlaps it. `docs/contact-tier.md` says
+//! that presses a robot against a wall overlaps it. `docs/execution.md` says
 //! what is modelled, what is not, and which tier to use for what.
 //!
 //! Equal worlds that are told equal things are in bitwise equal states, on every
