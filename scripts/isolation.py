@@ -819,23 +819,24 @@ def of(results, behaviour, condition=None):
 
 def containment_tables(results, conditions):
     names = [condition.name for condition in conditions]
-    head = ["behaviour", "plugins", *(TITLES[name] for name in names)]
-    rows, times = [], []
+    rows, odd, times = [], [], []
     for group, behaviours in GROUPS.items():
         tried = [b for b in behaviours if of(results, b)]
-        if tried:
-            rows.append([f"**{group}**", *[""] * (len(head) - 1)])
+        whole = []
         for behaviour in tried:
-            cells = []
-            for name in names:
-                ones = of(results, behaviour, name)
-                good = sum(one["contained"] for one in ones)
-                cell = f"{good}/{len(ones)}" if ones else ""
-                cells.append(f"**{cell}**" if good < len(ones) else cell)
-            letters = sorted({one["letter"] for one in of(results, behaviour)})
-            by = ", ".join(LETTERS[letter] for letter in letters)
-            rows.append([title(behaviour), by, *cells])
             everything = of(results, behaviour)
+            letters = sorted({one["letter"] for one in everything})
+            by = ", ".join(LETTERS[letter] for letter in letters)
+            if all(one["contained"] for one in everything):
+                whole.append(f"{title(behaviour)} in {by}")
+            else:
+                cells = []
+                for name in names:
+                    ones = of(results, behaviour, name)
+                    good = sum(one["contained"] for one in ones)
+                    cell = f"{good}/{len(ones)}" if ones else ""
+                    cells.append(f"**{cell}**" if good < len(ones) else cell)
+                odd.append([title(behaviour), by, *cells])
             if any(one["limit"] for one in everything) or behaviour.limits.strip():
                 right = sum(one["right"] for one in everything)
                 named = sorted({one["limit"] or "none" for one in everything})
@@ -854,8 +855,14 @@ def containment_tables(results, conditions):
                         *(milliseconds(kill(name)) for name in names),
                     ]
                 )
+        if tried:
+            rows.append([group, "; ".join(whole)])
+    head = ["behaviour", "plugins", *(TITLES[name] for name in names)]
+    contained = [table(["group", "contained in every run"], rows, 2), summary(results, names)]
+    if odd:
+        contained.insert(0, table(head, odd, 2))
     return {
-        "contained": table(head, rows, 2) + "\n\n" + summary(results, names),
+        "contained": "\n\n".join(contained),
         "limits": table(
             ["behaviour", "limit named", "right", *(TITLES[name] for name in names)], times, 2
         ),
