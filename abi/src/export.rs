@@ -12,13 +12,10 @@ use crate::c;
 use crate::convert::{CSink, size_of, string};
 use crate::layout;
 use crate::model::{
-    Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, PlanRef,
-    SharedEnvironment, Status,
+    Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, PlanRef, Status,
 };
-use crate::sdk::{
-    Entry, FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Object, Options, Planner,
-    Sink, StaticCatalog,
-};
+use crate::object::{FailPolicy, InstanceGenerator, InvocationPolicy, Object, Planner, Prepare};
+use crate::sdk::{Entry, Failure, Options, StaticCatalog};
 
 /// A crate's catalogue, found by type. Implemented by [`export!`](crate::export!).
 pub trait Export: 'static {
@@ -205,43 +202,22 @@ fn invalid(reason: String) -> Failure {
     Failure::new(Status::InvalidInput, reason)
 }
 
-/// A plugin and the environment it was prepared with.
-struct Made<T: ?Sized> {
-    plugin: Box<T>,
-    environment: Option<SharedEnvironment>,
+/// A plugin as the context of a C object.
+fn into_context<T: ?Sized>(plugin: Box<T>) -> *mut c_void {
+    Box::into_raw(Box::new(plugin)).cast()
 }
 
-impl<T: ?Sized> Made<T> {
-    fn into_context(plugin: Box<T>) -> *mut c_void {
-        Box::into_raw(Box::new(Self {
-            plugin,
-            environment: None,
-        }))
-        .cast()
-    }
-
-    /// # Safety
-    /// `context` came from [`Made::into_context`] of the same type, and was not
-    /// destroyed.
-    unsafe fn of<'a>(context: *mut c_void) -> &'a mut Self {
-        // SAFETY: by the caller's promise; the host calls from one thread at a time.
-        unsafe { &mut *context.cast::<Self>() }
-    }
-
-    fn prepared(&self) -> Result<(), Failure> {
-        match self.environment {
-            Some(_) => Ok(()),
-            None => Err(invalid(
-                "the call came before a successful `prepare`".into(),
-            )),
-        }
-    }
+/// # Safety
+/// `context` came from [`into_context`] of the same type, and was not destroyed.
+unsafe fn of<'a, T: ?Sized>(context: *mut c_void) -> &'a mut T {
+    // SAFETY: by the caller's promise; the host calls from one thread at a time.
+    unsafe { &mut *context.cast::<Box<T>>() }
 }
 
 unsafe extern "C" fn destroy<T: ?Sized>(context: *mut c_void) {
     if !context.is_null() {
         // SAFETY: the host passes back what `create` gave, once.
-        let made = unsafe { Box::from_raw(context.cast::<Made<T>>()) };
+        let made = unsafe { Box::from_raw(context.cast::<Box<T>>()) };
         // A panic in a destructor has nobody left to hear of it.
         let _ = catch_unwind(AssertUnwindSafe(move || drop(made)));
     }
@@ -286,7 +262,7 @@ macro_rules! create_fn {
         ) -> i32 {
             let store = |object| match object {
                 Object::$kind(plugin) if !out.is_null() => {
-                    let context = Made::<dyn $kind>::into_context(plugin);
+                    let context = into_context::<dyn $kind>(plugin);
                     let table: fn(*mut c_void) -> c::$kind = $table;
                     // SAFETY: the host gives room for one structure.
                     unsafe { out.write(table(context)) };
@@ -352,33 +328,6 @@ create_fn!(
     }
 );
 
-/// The kinds that learn a map.
-trait Prepare {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure>;
-}
-
-macro_rules! prepare_impl {
-    ($($kind:ident),*) => {$(
-        impl Prepare for dyn $kind {
-            fn prepare(
-                &mut self,
-                environment: &SharedEnvironment,
-                budget: &Budget,
-                sink: &dyn Sink,
-            ) -> Result<(), Failure> {
-                $kind::prepare(self, environment, budget, sink)
-            }
-        }
-    )*};
-}
-
-prepare_impl!(Planner, FailPolicy, InstanceGenerator);
-
 unsafe extern "C" fn prepare<T: Prepare + ?Sized>(
     context: *mut c_void,
     environment: *const c::Environment,
@@ -387,16 +336,12 @@ unsafe extern "C" fn prepare<T: Prepare + ?Sized>(
 ) -> i32 {
     let call = |sink: &CSink<'_>| {
         // SAFETY: the host passes back the context, and borrows the rest to us.
-        let made = unsafe { Made::<T>::of(context) };
+        let plugin = unsafe { of::<T>(context) };
         // SAFETY: as above.
         let environment = unsafe { Environment::from_c(environment) }.map_err(invalid)?;
         // SAFETY: as above.
         let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
-        let environment = Arc::new(environment);
-        made.environment = None;
-        made.plugin.prepare(&environment, &budget, sink)?;
-        made.environment = Some(environment);
-        Ok(())
+        plugin.prepare(&Arc::new(environment), &budget, sink)
     };
     // SAFETY: the sink is that of the call.
     unsafe { guarded(sink, call) }
@@ -410,13 +355,12 @@ unsafe extern "C" fn plan(
 ) -> i32 {
     let call = |sink: &CSink<'_>| {
         // SAFETY: as in `prepare`.
-        let made = unsafe { Made::<dyn Planner>::of(context) };
+        let plugin = unsafe { of::<dyn Planner>(context) };
         // SAFETY: as in `prepare`.
         let instance = unsafe { Instance::from_c(instance, usize::MAX) }.map_err(invalid)?;
         // SAFETY: as in `prepare`.
         let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
-        made.prepared()?;
-        made.plugin.plan(&instance, &budget, sink)
+        plugin.plan(&instance, &budget, sink)
     };
     // SAFETY: the sink is that of the call.
     unsafe { guarded(sink, call) }
@@ -431,7 +375,7 @@ unsafe extern "C" fn recover(
 ) -> i32 {
     let call = |sink: &CSink<'_>| {
         // SAFETY: as in `prepare`.
-        let made = unsafe { Made::<dyn FailPolicy>::of(context) };
+        let plugin = unsafe { of::<dyn FailPolicy>(context) };
         // SAFETY: as in `prepare`.
         let instance = unsafe { Instance::from_c(instance, usize::MAX) }.map_err(invalid)?;
         // SAFETY: as in `prepare`.
@@ -443,8 +387,7 @@ unsafe extern "C" fn recover(
             // SAFETY: as in `prepare`.
             Some(unsafe { PlanRef::from_c(failed_plan, agents, usize::MAX) }.map_err(invalid)?)
         };
-        made.prepared()?;
-        made.plugin.recover(&instance, failed, &budget, sink)
+        plugin.recover(&instance, failed, &budget, sink)
     };
     // SAFETY: the sink is that of the call.
     unsafe { guarded(sink, call) }
@@ -458,13 +401,12 @@ unsafe extern "C" fn generate(
 ) -> i32 {
     let call = |sink: &CSink<'_>| {
         // SAFETY: as in `prepare`.
-        let made = unsafe { Made::<dyn InstanceGenerator>::of(context) };
+        let plugin = unsafe { of::<dyn InstanceGenerator>(context) };
         // SAFETY: as in `prepare`.
         let state = unsafe { FleetState::from_c(state) }.map_err(invalid)?;
         // SAFETY: as in `prepare`.
         let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
-        made.prepared()?;
-        made.plugin.generate(&state, &budget, sink)
+        plugin.generate(&state, &budget, sink)
     };
     // SAFETY: the sink is that of the call.
     unsafe { guarded(sink, call) }
@@ -478,10 +420,10 @@ unsafe extern "C" fn should_invoke(
     let mut answer = c::INVOKE_NOT_YET;
     let call = |sink: &CSink<'_>| {
         // SAFETY: as in `prepare`.
-        let made = unsafe { Made::<dyn InvocationPolicy>::of(context) };
+        let plugin = unsafe { of::<dyn InvocationPolicy>(context) };
         // SAFETY: as in `prepare`.
         let status = unsafe { FleetStatus::from_c(status) }.map_err(invalid)?;
-        if made.plugin.should_invoke(&status, sink)? {
+        if plugin.should_invoke(&status, sink)? {
             answer = c::INVOKE_NOW;
         }
         Ok(())

@@ -25,6 +25,7 @@ pub mod figures;
 pub mod layout;
 mod model;
 pub mod moves;
+pub mod object;
 pub mod paths;
 pub mod sdk;
 pub mod serve;

@@ -311,6 +311,14 @@ impl Environment {
             Self::Grid(grid) => Some(grid),
         }
     }
+
+    /// The capabilities that a plugin must have to learn it.
+    pub fn needs(&self) -> Capabilities {
+        match self {
+            Self::Grid(grid) if grid.connectivity == 4 => Capabilities::of(&[Capability::Grid]),
+            Self::Grid(_) => Capabilities::of(&[Capability::Grid, Capability::EightConnected]),
+        }
+    }
 }
 
 /// A grid. On the wire `passable` and `terrain` are lists of row strings.
@@ -334,6 +342,26 @@ pub struct GridEnvironment {
     pub passable: Vec<u8>,
     /// Row-major terrain letters as in the map file.
     pub terrain: Vec<u8>,
+}
+
+impl GridEnvironment {
+    /// A four-connected grid without a name, of cells of 1 m and steps of 1 s; `passable` has
+    /// an entry for each cell, row by row.
+    pub fn four_connected(rows: u32, cols: u32, passable: Vec<u8>) -> Self {
+        Self {
+            map_name: String::new(),
+            rows,
+            cols,
+            connectivity: 4,
+            cell_size_m: 1.0,
+            step_s: 1.0,
+            terrain: passable
+                .iter()
+                .map(|free| if *free == 0 { b'@' } else { b'.' })
+                .collect(),
+            passable,
+        }
+    }
 }
 
 #[derive(Serialize, Deserialize, JsonSchema)]
@@ -742,6 +770,28 @@ impl Instance {
     /// Number of agents.
     pub fn agents(&self) -> usize {
         self.starts.len()
+    }
+
+    /// The capabilities that a planner must have to solve it: its motion, `windowed` for a
+    /// window or for other than one goal per agent, and `duplicate-goals` where several agents
+    /// end at one goal and no window ends before.
+    pub fn needs(&self) -> Capabilities {
+        let mut needed = vec![match self.motion {
+            Motion::Pebble => Capability::Pebble,
+            Motion::Rotation => Capability::Rotation,
+            Motion::AnyAngle => Capability::AnyAngle,
+        }];
+        if self.window_steps > 0 || self.goals.iter().any(|goals| goals.len() != 1) {
+            needed.push(Capability::Windowed);
+        }
+        if self.window_steps == 0 {
+            let mut last: Vec<_> = self.goals.iter().filter_map(<[u32]>::last).collect();
+            last.sort_unstable();
+            if last.windows(2).any(|pair| pair[0] == pair[1]) {
+                needed.push(Capability::DuplicateGoals);
+            }
+        }
+        Capabilities::of(&needed)
     }
 
     /// Whether lengths agree, every agent has a goal, and all cells are on a

@@ -35,11 +35,24 @@
 //! }
 //!
 //! impl Planner for Stay {
-//!     fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
-//!         Ok(())
+//!     type Map = SharedEnvironment;
+//!
+//!     fn prepare(
+//!         &mut self,
+//!         environment: &SharedEnvironment,
+//!         _: &Budget,
+//!         _: &dyn Sink,
+//!     ) -> Result<SharedEnvironment, Failure> {
+//!         Ok(environment.clone())
 //!     }
 //!
-//!     fn plan(&mut self, instance: &Instance, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+//!     fn plan(
+//!         &mut self,
+//!         _map: &mut SharedEnvironment,
+//!         instance: &Instance,
+//!         _: &Budget,
+//!         sink: &dyn Sink,
+//!     ) -> Result<(), Failure> {
 //!         sink.submit_plan(Plan::from_paths(instance.starts.iter().map(|cell| [*cell])).as_ref())?;
 //!         Ok(())
 //!     }
@@ -56,7 +69,7 @@
 //! ```
 //!
 //! Its plan is judged invalid, because nobody reaches a goal: that is the place to begin. A
-//! real planner keeps the map that [`Planner::prepare`] shows it, asks [`Sink::cancelled`] and
+//! real planner makes of the map what it needs in [`Planner::prepare`], asks [`Sink::cancelled`] and
 //! [`Budget::answer_by_ns`](crate::Budget::answer_by_ns) often, and draws all that is random
 //! from the budget's seed. With [`serve_stdio`](crate::serve::serve_stdio) the same crate
 //! makes a program as well. `plugins/examples/rust` has a plugin of each kind, with options.
@@ -67,6 +80,7 @@ use crate::model::{
     Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel,
     PathEncoding, PlanRef, SharedEnvironment, Status,
 };
+use crate::object::Object;
 
 /// Why a call did not succeed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -164,18 +178,23 @@ pub trait Plugin: Sized + 'static {
 }
 
 /// Solves instances.
-pub trait Planner: Send {
+pub trait Planner: Plugin + Send {
+    /// The map as this planner knows it. The SDK keeps it until the next map, and lends it
+    /// to every call.
+    type Map: Send;
     /// Learns a map, within a budget of its own.
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         budget: &Budget,
         sink: &dyn Sink,
-    ) -> Result<(), Failure>;
+    ) -> Result<Self::Map, Failure>;
     /// Solves an instance on that map and submits plans to the sink; `Ok` claims
-    /// that the last one solves it.
+    /// that the last one solves it. The instance is whole ([`Instance::check`]) and needs
+    /// nothing that the descriptor's capabilities lack ([`Instance::needs`]).
     fn plan(
         &mut self,
+        map: &mut Self::Map,
         instance: &Instance,
         budget: &Budget,
         sink: &dyn Sink,
@@ -183,17 +202,20 @@ pub trait Planner: Send {
 }
 
 /// Gets the fleet moving again when the planner has failed.
-pub trait FailPolicy: Send {
+pub trait FailPolicy: Plugin + Send {
+    /// The map as this policy knows it, kept by the SDK.
+    type Map: Send;
     /// Learns a map, within a budget of its own.
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         budget: &Budget,
         sink: &dyn Sink,
-    ) -> Result<(), Failure>;
+    ) -> Result<Self::Map, Failure>;
     /// Submits a collision-free plan; `failed` is what the planner left.
     fn recover(
         &mut self,
+        map: &mut Self::Map,
         instance: &Instance,
         failed: Option<PlanRef<'_>>,
         budget: &Budget,
@@ -202,17 +224,20 @@ pub trait FailPolicy: Send {
 }
 
 /// Decides what the planner is asked next.
-pub trait InstanceGenerator: Send {
+pub trait InstanceGenerator: Plugin + Send {
+    /// The map as this generator knows it, kept by the SDK.
+    type Map: Send;
     /// Learns a map, within a budget of its own.
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         budget: &Budget,
         sink: &dyn Sink,
-    ) -> Result<(), Failure>;
+    ) -> Result<Self::Map, Failure>;
     /// Submits one instance.
     fn generate(
         &mut self,
+        map: &mut Self::Map,
         state: &FleetState,
         budget: &Budget,
         sink: &dyn Sink,
@@ -220,39 +245,9 @@ pub trait InstanceGenerator: Send {
 }
 
 /// Decides when the planner is called.
-pub trait InvocationPolicy: Send {
+pub trait InvocationPolicy: Plugin + Send {
     /// Whether to call it now.
     fn should_invoke(&mut self, status: &FleetStatus, sink: &dyn Sink) -> Result<bool, Failure>;
-}
-
-/// A plugin that has been made.
-pub enum Object {
-    /// A planner.
-    Planner(Box<dyn Planner>),
-    /// A fail policy.
-    FailPolicy(Box<dyn FailPolicy>),
-    /// An instance generator.
-    InstanceGenerator(Box<dyn InstanceGenerator>),
-    /// An invocation policy.
-    InvocationPolicy(Box<dyn InvocationPolicy>),
-}
-
-impl std::fmt::Debug for Object {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("Object").field(&self.kind()).finish()
-    }
-}
-
-impl Object {
-    /// Its kind.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Self::Planner(_) => Kind::Planner,
-            Self::FailPolicy(_) => Kind::FailPolicy,
-            Self::InstanceGenerator(_) => Kind::InstanceGenerator,
-            Self::InvocationPolicy(_) => Kind::InvocationPolicy,
-        }
-    }
 }
 
 /// Some plugins that can be described and made: those of a Rust crate, or of a
@@ -373,11 +368,15 @@ macro_rules! export {
         pub static fleetyard_plugin_entry_v1: $crate::c::PluginEntry =
             $crate::export::entry::<FleetyardExport>();
     };
-    (@entry planners $plugin:ty) => { $crate::export!(@make Planner $plugin) };
-    (@entry fail_policies $plugin:ty) => { $crate::export!(@make FailPolicy $plugin) };
-    (@entry instance_generators $plugin:ty) => { $crate::export!(@make InstanceGenerator $plugin) };
-    (@entry invocation_policies $plugin:ty) => { $crate::export!(@make InvocationPolicy $plugin) };
-    (@make $kind:ident $plugin:ty) => {
+    (@entry planners $plugin:ty) => { $crate::export!(@make Planner planner $plugin) };
+    (@entry fail_policies $plugin:ty) => { $crate::export!(@make FailPolicy fail_policy $plugin) };
+    (@entry instance_generators $plugin:ty) => {
+        $crate::export!(@make InstanceGenerator instance_generator $plugin)
+    };
+    (@entry invocation_policies $plugin:ty) => {
+        $crate::export!(@make InvocationPolicy invocation_policy $plugin)
+    };
+    (@make $kind:ident $make:ident $plugin:ty) => {
         $crate::sdk::Entry {
             descriptor: || {
                 let descriptor = <$plugin as $crate::sdk::Plugin>::descriptor();
@@ -385,7 +384,7 @@ macro_rules! export {
             },
             create: |options| {
                 let plugin = <$plugin as $crate::sdk::Plugin>::create(options)?;
-                Ok($crate::sdk::Object::$kind(Box::new(plugin)))
+                Ok($crate::object::Object::$make(plugin))
             },
         }
     };

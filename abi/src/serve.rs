@@ -19,8 +19,9 @@ use serde_json::value::RawValue;
 use crate::clock::monotonic_ns;
 use crate::export::panic_message;
 use crate::model::{Instance, LogLevel, PathEncoding, Plan, PlanRef, SharedEnvironment, Status};
+use crate::object::Object;
 use crate::paths::{PathContext, WritePaths};
-use crate::sdk::{Catalog, Failure, Object, Options, Rejected, Sink};
+use crate::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use crate::wire::{
     self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
     InitializeParams, InitializeResult, LogParams, MetricParams, Outcome, PlanParams, PlanResult,
@@ -250,15 +251,11 @@ impl<W: Write + Send> Server<'_, W> {
                 } = params(text)?;
                 let environment = SharedEnvironment::new(environment);
                 let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::None);
-                let result = match &mut self.object {
-                    Some(Object::Planner(plugin)) => plugin.prepare(&environment, &budget, &sink),
-                    Some(Object::FailPolicy(plugin)) => {
-                        plugin.prepare(&environment, &budget, &sink)
-                    }
-                    Some(Object::InstanceGenerator(plugin)) => {
-                        plugin.prepare(&environment, &budget, &sink)
-                    }
-                    other => return Err(wrong_object(method, other.as_ref())),
+                let object = self.object.as_mut();
+                let prepared =
+                    object.and_then(|object| object.prepare(&environment, &budget, &sink));
+                let Some(result) = prepared else {
+                    return Err(wrong_object(method, self.object.as_ref()));
                 };
                 self.environment = result.is_ok().then_some(environment);
                 channel.reply(id, outcome(result)?);

@@ -35,11 +35,19 @@ impl Plugin for Stay {
 }
 
 impl Planner for Stay {
+    type Map = ();
+
     fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
         Ok(())
     }
 
-    fn plan(&mut self, instance: &Instance, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+    fn plan(
+        &mut self,
+        (): &mut (),
+        instance: &Instance,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
         assert!(!self.0.panic, "asked to panic");
         sink.metric("agents", instance.agents() as f64);
         let plan = Plan::from_paths(instance.starts.iter().map(|cell| [*cell]));

@@ -8,10 +8,10 @@ use fleetyard_abi::convert::{
     CEnvironment, CFleetState, CInstance, SinkContext, checked, size_of, string,
 };
 use fleetyard_abi::layout::{self, LayoutCheck};
-use fleetyard_abi::sdk::{
-    Catalog, FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Object, Options, Planner,
-    Sink,
+use fleetyard_abi::object::{
+    FailPolicy, InstanceGenerator, InvocationPolicy, Object, Planner, Prepare,
 };
+use fleetyard_abi::sdk::{Catalog, Failure, Options, Sink};
 use fleetyard_abi::{
     Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding,
     PlanRef, SharedEnvironment, Status, c,
@@ -423,7 +423,7 @@ impl<T: Raw> Foreign<T> {
     }
 
     /// Calls a `prepare` function.
-    fn prepare(
+    fn learn(
         &mut self,
         prepare: Option<PrepareFn>,
         environment: &SharedEnvironment,
@@ -499,16 +499,24 @@ fn missing(name: &str) -> Failure {
     )
 }
 
-impl Planner for Foreign<c::Planner> {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        Foreign::prepare(self, self.raw.prepare, environment, budget, sink)
-    }
+macro_rules! prepares {
+    ($($kind:ident),*) => {$(
+        impl Prepare for Foreign<c::$kind> {
+            fn prepare(
+                &mut self,
+                environment: &SharedEnvironment,
+                budget: &Budget,
+                sink: &dyn Sink,
+            ) -> Result<(), Failure> {
+                self.learn(self.raw.prepare, environment, budget, sink)
+            }
+        }
+    )*};
+}
 
+prepares!(Planner, FailPolicy, InstanceGenerator);
+
+impl Planner for Foreign<c::Planner> {
     fn plan(
         &mut self,
         instance: &Instance,
@@ -526,15 +534,6 @@ impl Planner for Foreign<c::Planner> {
 }
 
 impl FailPolicy for Foreign<c::FailPolicy> {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        Foreign::prepare(self, self.raw.prepare, environment, budget, sink)
-    }
-
     fn recover(
         &mut self,
         instance: &Instance,
@@ -555,15 +554,6 @@ impl FailPolicy for Foreign<c::FailPolicy> {
 }
 
 impl InstanceGenerator for Foreign<c::InstanceGenerator> {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        Foreign::prepare(self, self.raw.prepare, environment, budget, sink)
-    }
-
     fn generate(
         &mut self,
         state: &FleetState,

@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use fleetyard_abi::figures::longest_call_ns;
+use fleetyard_abi::object::Object;
 use fleetyard_abi::paths::{PathContext, WritePaths};
-use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Sink};
+use fleetyard_abi::sdk::{Catalog, Failure, Options, Sink};
 use fleetyard_abi::wire::{
     CreateParams, GenerateParams, GenerateResult, InitializeParams, InitializeResult, Outcome,
     PROTOCOL_VERSION, Peer, PlanParams, PlanResult, PrepareParams, RecoverParams,
@@ -909,13 +910,11 @@ impl Session {
                 ..
             } => {
                 let collector = Collector::idle();
-                let result = promises.around("prepare", || match object {
-                    Some(Object::Planner(p)) => p.prepare(environment, &budget, &collector),
-                    Some(Object::FailPolicy(p)) => p.prepare(environment, &budget, &collector),
-                    Some(Object::InstanceGenerator(p)) => {
-                        p.prepare(environment, &budget, &collector)
-                    }
-                    Some(Object::InvocationPolicy(_)) | None => Err(wrong_object()),
+                let result = promises.around("prepare", || {
+                    let object = object.as_mut();
+                    object
+                        .and_then(|object| object.prepare(environment, &budget, &collector))
+                        .unwrap_or_else(|| Err(wrong_object()))
                 });
                 promises.settle();
                 log.append(collector.into_log(), LOG_BYTES);

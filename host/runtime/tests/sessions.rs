@@ -10,9 +10,9 @@ use fleetyard_abi::sdk::{
     FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
 };
 use fleetyard_abi::{
-    Assignment, Budget, Descriptor, Environment, FleetState, FleetStatus, Goals, GridEnvironment,
-    Heading, Instance, Kind, LogLevel, Motion, Objective, PathEncoding, Plan, PlanRef,
-    SharedEnvironment, Status, Task, c, serve,
+    Assignment, Budget, Capabilities, Capability, Descriptor, Environment, FleetState, FleetStatus,
+    Goals, GridEnvironment, Heading, Instance, Kind, LogLevel, Motion, Objective, PathEncoding,
+    Plan, PlanRef, SharedEnvironment, Status, Task, c, serve,
 };
 use fleetyard_core::{GridPlan, OFF_MAP};
 use fleetyard_runtime::{
@@ -22,16 +22,17 @@ use libtest_mimic::{Arguments, Trial};
 
 /// Answers every question with what it was told, so that nothing can get lost on
 /// the way unseen.
-#[derive(Default)]
-struct Echo {
-    environment: Option<SharedEnvironment>,
+struct Echo;
+
+/// Claims whatever a map or an instance may need.
+fn described(kind: Kind) -> Descriptor {
+    Descriptor {
+        capabilities: Capabilities::of(Capability::ALL),
+        ..Descriptor::new(kind, "echo", "")
+    }
 }
 
 impl Echo {
-    fn learn(&mut self, environment: &SharedEnvironment) {
-        self.environment = Some(SharedEnvironment::clone(environment));
-    }
-
     fn plan_of(instance: &Instance) -> Plan {
         let goals = instance.goals.iter();
         Plan::from_paths(instance.starts.iter().zip(goals).map(|(start, goals)| {
@@ -46,39 +47,36 @@ impl Plugin for Echo {
     fn descriptor() -> Descriptor {
         Descriptor {
             path_encoding: PathEncoding::Cells,
-            ..Descriptor::new(Kind::Planner, "echo", "")
+            ..described(Kind::Planner)
         }
     }
 
     fn create(_: Options<'_>) -> Result<Self, Failure> {
-        Ok(Self::default())
+        Ok(Self)
     }
 }
 
 impl Planner for Echo {
+    type Map = SharedEnvironment;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.learn(environment);
+    ) -> Result<SharedEnvironment, Failure> {
         sink.log(LogLevel::Info, "prepared");
-        Ok(())
+        Ok(environment.clone())
     }
 
     fn plan(
         &mut self,
+        map: &mut SharedEnvironment,
         instance: &Instance,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let grid = self
-            .environment
-            .as_ref()
-            .and_then(|e| e.grid())
-            .expect("prepared");
-        assert_eq!(*grid, *environment().grid().unwrap());
+        assert_eq!(**map, *environment());
         sink.metric("seed", budget.seed as f64);
         sink.metric("not a number", f64::NAN);
         sink.log(LogLevel::Warning, "ümläut");
@@ -97,35 +95,31 @@ impl Planner for Echo {
     }
 }
 
-#[derive(Default)]
-struct EchoPolicy(Echo);
+struct EchoPolicy;
 
 impl Plugin for EchoPolicy {
     fn descriptor() -> Descriptor {
         Descriptor {
             path_encoding: PathEncoding::Moves,
-            ..Descriptor::new(Kind::FailPolicy, "echo", "")
+            ..described(Kind::FailPolicy)
         }
     }
 
     fn create(_: Options<'_>) -> Result<Self, Failure> {
-        Ok(Self::default())
+        Ok(Self)
     }
 }
 
 impl FailPolicy for EchoPolicy {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.0.learn(environment);
+    type Map = ();
+
+    fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
         Ok(())
     }
 
     fn recover(
         &mut self,
+        (): &mut (),
         instance: &Instance,
         failed: Option<PlanRef<'_>>,
         _: &Budget,
@@ -137,31 +131,32 @@ impl FailPolicy for EchoPolicy {
     }
 }
 
-#[derive(Default)]
-struct EchoGenerator(Echo);
+struct EchoGenerator;
 
 impl Plugin for EchoGenerator {
     fn descriptor() -> Descriptor {
-        Descriptor::new(Kind::InstanceGenerator, "echo", "")
+        described(Kind::InstanceGenerator)
     }
 
     fn create(_: Options<'_>) -> Result<Self, Failure> {
-        Ok(Self::default())
+        Ok(Self)
     }
 }
 
 impl InstanceGenerator for EchoGenerator {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.0.learn(environment);
+    type Map = ();
+
+    fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
         Ok(())
     }
 
-    fn generate(&mut self, state: &FleetState, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+    fn generate(
+        &mut self,
+        (): &mut (),
+        state: &FleetState,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
         if state.tasks.is_empty() {
             return Err(Failure::new(Status::GaveUp, "there are no tasks"));
         }

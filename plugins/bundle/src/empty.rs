@@ -51,11 +51,19 @@ impl Plugin for Empty {
 }
 
 impl Planner for Empty {
+    type Map = ();
+
     fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
         Ok(())
     }
 
-    fn plan(&mut self, instance: &Instance, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
+    fn plan(
+        &mut self,
+        (): &mut (),
+        instance: &Instance,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
         let length = 1 + self.steps as usize;
         let offsets: Vec<u64> = (0..=instance.agents() as u64)
             .map(|agent| agent * length as u64)

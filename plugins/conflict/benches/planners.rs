@@ -43,7 +43,7 @@ fn planners(criterion: &mut Criterion) {
         let problem = case.problem();
         let id = BenchmarkId::new(name, case.instance.agents());
         group.bench_function(id, |bencher| {
-            bencher.iter(|| solve(&problem, case.cols, &settings, &mut || false));
+            bencher.iter(|| solve(&problem, &settings, &mut || false));
         });
     }
     group.finish();

@@ -27,9 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         weight: weight.parse()?,
         ..Settings::default()
     };
-    let result = solve(&problem, case.cols, &settings, &mut || {
-        begin.elapsed() > limit
-    });
+    let result = solve(&problem, &settings, &mut || begin.elapsed() > limit);
     let plan = problem.plan(&result.paths);
     let paths: Vec<Vec<u32>> = plan.as_ref().paths().map(<[u32]>::to_vec).collect();
     let verdict = case.judge(&paths, 0).err();

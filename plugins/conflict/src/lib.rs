@@ -30,13 +30,7 @@ use fleetyard_plugin_spacetime::problem::Problem;
 
 pub use tree::{End, Outcome, Settings};
 
-/// Searches for a plan. `cols` is the width of the grid; `stop` is asked often and ends the
-/// search when it says so.
-pub fn solve(
-    problem: &Problem,
-    cols: u32,
-    settings: &Settings,
-    stop: &mut dyn FnMut() -> bool,
-) -> Outcome {
-    tree::Tree::new(problem, cols, settings.clone()).solve(stop)
+/// Searches for a plan. `stop` is asked often and ends the search when it says so.
+pub fn solve(problem: &Problem, settings: &Settings, stop: &mut dyn FnMut() -> bool) -> Outcome {
+    tree::Tree::new(problem, settings.clone()).solve(stop)
 }

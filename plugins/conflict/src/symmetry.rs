@@ -68,15 +68,11 @@ pub(crate) struct Rectangle {
 /// nothing but the shortest ways in between.
 fn segment(
     graph: &Graph,
-    cols: u32,
     singles: &[Vertex],
     v: Vertex,
     time: u32,
 ) -> Option<[((i64, i64), i64); 2]> {
-    let place = |v: Vertex| {
-        let cell = graph.cell(v);
-        (i64::from(cell / cols), i64::from(cell % cols))
-    };
+    let place = |v: Vertex| graph.place(v).map(i64::from).into();
     let far = |a: (i64, i64), b: (i64, i64)| (a.0 - b.0).abs() + (a.1 - b.1).abs();
     let here = place(v);
     let single = |t: usize| singles.get(t).copied().filter(|&v| v != SEVERAL);
@@ -96,12 +92,11 @@ fn segment(
 /// The rectangle that a conflict of two agents in a cell is part of.
 pub(crate) fn rectangle(
     graph: &Graph,
-    cols: u32,
     singles: [&[Vertex]; 2],
     v: Vertex,
     time: u32,
 ) -> Option<Rectangle> {
-    let [a, b] = singles.map(|singles| segment(graph, cols, singles, v, time));
+    let [a, b] = singles.map(|singles| segment(graph, singles, v, time));
     let (a, b) = a.zip(b)?;
     let whole = [a, b].map(|[start, _]| start.1 == 0);
     let sign = |from: i64, to: i64| (to - from).signum();
@@ -132,17 +127,9 @@ pub(crate) fn rectangle(
     };
     // Every place of the rectangle has one time, at which either of them may be there. The
     // agents' own starts lie before it in both directions, or on its border.
-    let here = turned({
-        let cell = graph.cell(v);
-        (i64::from(cell / cols), i64::from(cell % cols))
-    });
+    let here = turned(graph.place(v).map(i64::from).into());
     let when = |place: (i64, i64)| i64::from(time) + (place.0 - here.0) + (place.1 - here.1);
-    let vertex = |place: (i64, i64)| {
-        let (row, col) = (place.0 * down, place.1 * right);
-        let inside = row >= 0 && col >= 0 && col < i64::from(cols);
-        let cell = u32::try_from(row * i64::from(cols) + col).ok();
-        cell.filter(|_| inside).and_then(|cell| graph.vertex(cell))
-    };
+    let vertex = |place: (i64, i64)| graph.at([place.0 * down, place.1 * right]);
     let barrier = |places: &mut dyn Iterator<Item = (i64, i64)>| -> Vec<(Vertex, u32)> {
         places
             .filter_map(|place| Some((vertex(place)?, u32::try_from(when(place)).ok()?)))

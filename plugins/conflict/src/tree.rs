@@ -143,7 +143,6 @@ struct Node {
 pub(crate) struct Tree<'p> {
     problem: &'p Problem,
     poses: Poses<'p>,
-    cols: u32,
     settings: Settings,
     rules: Rules,
     /// The agents of the problem that are searched for. All other numbers here count these.
@@ -172,7 +171,7 @@ pub(crate) struct Tree<'p> {
 type Urgency = (u8, u8);
 
 impl<'p> Tree<'p> {
-    pub(crate) fn new(problem: &'p Problem, cols: u32, settings: Settings) -> Self {
+    pub(crate) fn new(problem: &'p Problem, settings: Settings) -> Self {
         let poses = Poses::new(&problem.graph, problem.turning);
         let rules = Rules {
             until: match problem.window {
@@ -191,7 +190,6 @@ impl<'p> Tree<'p> {
         Self {
             problem,
             poses,
-            cols,
             rules,
             members: (0..agents as u32).collect(),
             base: Vec::new(),
@@ -766,7 +764,7 @@ impl<'p> Tree<'p> {
             }
             let levels = [0, 1].map(|i| singles[i].narrow.get().map_or(&[][..], Vec::as_slice));
             let graph = &self.problem.graph;
-            let Some(found) = rectangle(graph, self.cols, levels, v, conflict.time) else {
+            let Some(found) = rectangle(graph, levels, v, conflict.time) else {
                 continue;
             };
             let class = 2 - found.cardinal.iter().filter(|&&cardinal| cardinal).count() as u8;
@@ -1047,7 +1045,7 @@ impl<'p> Tree<'p> {
         };
         let mut pair = match self.pair.take() {
             Some(pair) => pair,
-            None => Box::new(Tree::new(self.problem, self.cols, settings)),
+            None => Box::new(Tree::new(self.problem, settings)),
         };
         pair.members = numbers.into();
         pair.base = base;

@@ -12,7 +12,7 @@ use support::Case;
 
 fn run(case: &Case, settings: &Settings) -> (Outcome, Vec<Vec<u32>>) {
     let problem = case.problem();
-    let outcome = solve(&problem, case.cols, settings, &mut || false);
+    let outcome = solve(&problem, settings, &mut || false);
     let plan = problem.plan(&outcome.paths);
     let paths = plan.as_ref().paths().map(<[u32]>::to_vec).collect();
     (outcome, paths)
@@ -372,7 +372,7 @@ fn limits_are_named_and_leave_paths() {
         node_limit: Some(1),
         ..Settings::default()
     };
-    let outcome = solve(&problem, case.cols, &nodes, &mut || false);
+    let outcome = solve(&problem, &nodes, &mut || false);
     assert_eq!(outcome.end, End::Nodes);
     assert_eq!(outcome.paths.len(), 18);
     assert!(
@@ -386,13 +386,10 @@ fn limits_are_named_and_leave_paths() {
         memory_limit: 0,
         ..Settings::default()
     };
-    assert_eq!(
-        solve(&problem, case.cols, &memory, &mut || false).end,
-        End::Memory
-    );
+    assert_eq!(solve(&problem, &memory, &mut || false).end, End::Memory);
     for questions in 1..60 {
         let mut left = questions;
-        let outcome = solve(&problem, case.cols, &Settings::default(), &mut || {
+        let outcome = solve(&problem, &Settings::default(), &mut || {
             left -= i32::from(left > 0);
             left == 0
         });

@@ -134,29 +134,33 @@ fn made<P: Plugin>() -> P {
     P::create(Options::new("{}")).unwrap_or_else(|failure| panic!("{failure}"))
 }
 
-fn generator<P: Plugin + InstanceGenerator>(c: &mut Criterion, fleets: &[Yard]) {
+fn generator<P: InstanceGenerator>(c: &mut Criterion, fleets: &[Yard]) {
     for (agents, environment, fleet, _) in fleets {
         let mut generator = made::<P>();
-        generator
+        let mut map = generator
             .prepare(environment, &BUDGET, &Taken)
             .expect("it learns the map");
         c.bench_function(&format!("{}/{agents}", P::descriptor().id), |b| {
-            b.iter_custom(|times| timed(times, || generator.generate(fleet, &BUDGET, &Taken)));
+            b.iter_custom(|times| {
+                timed(times, || {
+                    generator.generate(&mut map, fleet, &BUDGET, &Taken)
+                })
+            });
         });
     }
 }
 
-fn policy<P: Plugin + FailPolicy>(c: &mut Criterion, fleets: &[Yard]) {
+fn policy<P: FailPolicy>(c: &mut Criterion, fleets: &[Yard]) {
     for (agents, environment, fleet, walks) in fleets {
         let mut policy = made::<P>();
-        policy
+        let mut map = policy
             .prepare(environment, &BUDGET, &Taken)
             .expect("it learns the map");
         let instance = fleet.instance(fleet.goals.clone());
         c.bench_function(&format!("{}/{agents}", P::descriptor().id), |b| {
             b.iter_custom(|times| {
                 timed(times, || {
-                    policy.recover(&instance, Some(walks.as_ref()), &BUDGET, &Taken)
+                    policy.recover(&mut map, &instance, Some(walks.as_ref()), &BUDGET, &Taken)
                 })
             });
         });

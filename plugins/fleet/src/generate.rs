@@ -25,7 +25,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::ground::{Ground, Search};
-use crate::{described, invalid, unprepared};
+use crate::{described, invalid};
 
 /// What tells one of the generators from the others: its options are of this type.
 pub trait Rule: DeserializeOwned + JsonSchema + Send + 'static {
@@ -42,10 +42,7 @@ pub trait Rule: DeserializeOwned + JsonSchema + Send + 'static {
 
 /// A generator with the options of a [`Rule`].
 #[derive(Debug)]
-pub struct Generator<R> {
-    rule: R,
-    ground: Option<Ground>,
-}
+pub struct Generator<R>(R);
 
 /// One goal per agent, all different.
 pub type DistinctOneGoal = Generator<Distinct>;
@@ -67,27 +64,30 @@ impl<R: Rule> Plugin for Generator<R> {
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
-        Ok(Self {
-            rule: options.parse()?,
-            ground: None,
-        })
+        options.parse().map(Self)
     }
 }
 
 impl<R: Rule> InstanceGenerator for Generator<R> {
+    type Map = Ground;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.ground = None;
-        self.ground = Some(Ground::learn(environment)?);
-        Ok(())
+    ) -> Result<Ground, Failure> {
+        Ground::learn(environment)
     }
 
-    fn generate(&mut self, state: &FleetState, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
-        let ground = self.ground.as_ref().ok_or_else(unprepared)?;
+    fn generate(
+        &mut self,
+        ground: &mut Ground,
+        state: &FleetState,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let ground = &*ground;
         if state.goals.len() != state.cells.len() {
             return Err(invalid(format!(
                 "the fleet has {} agents, but {} lists of goals",
@@ -113,7 +113,7 @@ impl<R: Rule> InstanceGenerator for Generator<R> {
         });
         sink.submit_instance(&Instance {
             assignments: assignments.collect(),
-            ..state.instance(self.rule.goals(&fleet, sink)?)
+            ..state.instance(self.0.goals(&fleet, sink)?)
         })?;
         Ok(())
     }

@@ -1,32 +1,28 @@
 //! The map, and searches on it.
 
+use std::sync::Arc;
+
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Environment, Status};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
-
-use crate::invalid;
+use fleetyard_plugin_spacetime::problem::{graph_of, vertices_of};
 
 /// A 4-connected grid and its connected regions.
 #[derive(Debug)]
-pub(crate) struct Ground {
-    pub(crate) graph: Graph,
-    pub(crate) rows: u32,
-    pub(crate) cols: u32,
-    pub(crate) passable: Vec<bool>,
+pub struct Ground {
+    pub(crate) graph: Arc<Graph>,
     region: Vec<u32>,
 }
 
 impl Ground {
     pub(crate) fn learn(environment: &Environment) -> Result<Self, Failure> {
-        let unsupported = |reason: &str| Failure::new(Status::Unsupported, reason);
-        let grid = environment
-            .grid()
-            .ok_or_else(|| unsupported("only grids are supported"))?;
-        if grid.connectivity != 4 {
-            return Err(unsupported("only 4-connected grids are supported"));
-        }
-        let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
-        let graph = Graph::new(grid.rows as usize, grid.cols as usize, &passable);
+        let other = || {
+            Failure::new(
+                Status::Unsupported,
+                "maps other than grids are not supported",
+            )
+        };
+        let graph = Arc::new(graph_of(environment.grid().ok_or_else(other)?)?);
         let mut region = vec![u32::MAX; graph.len()];
         let mut stack = Vec::new();
         for first in 0..graph.len() as Vertex {
@@ -44,13 +40,7 @@ impl Ground {
                 }
             }
         }
-        Ok(Self {
-            graph,
-            rows: grid.rows,
-            cols: grid.cols,
-            passable,
-            region,
-        })
+        Ok(Self { graph, region })
     }
 
     /// Number of the connected region that a vertex is in.
@@ -60,21 +50,7 @@ impl Ground {
 
     /// Where agents are: all of them on free cells, no two on one.
     pub(crate) fn places(&self, cells: &[u32]) -> Result<Vec<Vertex>, Failure> {
-        let mut owner = vec![None; self.graph.len()];
-        let place = |(agent, cell): (usize, &u32)| {
-            let v = self.graph.vertex(*cell).ok_or_else(|| {
-                invalid(format!(
-                    "agent {agent} is in cell {cell}, which is not free"
-                ))
-            })?;
-            match owner[v as usize].replace(agent) {
-                Some(before) => Err(invalid(format!(
-                    "agents {before} and {agent} are both in cell {cell}"
-                ))),
-                None => Ok(v),
-            }
-        };
-        cells.iter().enumerate().map(place).collect()
+        Ok(vertices_of(&self.graph, cells, "start")?)
     }
 }
 
@@ -192,16 +168,7 @@ mod tests {
 
     fn ground(rows: u32, cols: u32, blocked: &[bool]) -> Ground {
         let passable: Vec<u8> = blocked.iter().map(|blocked| u8::from(!blocked)).collect();
-        let environment = Environment::Grid(GridEnvironment {
-            map_name: "map".into(),
-            rows,
-            cols,
-            connectivity: 4,
-            cell_size_m: 1.0,
-            step_s: 1.0,
-            terrain: passable.iter().map(|free| b"@."[*free as usize]).collect(),
-            passable,
-        });
+        let environment = Environment::Grid(GridEnvironment::four_connected(rows, cols, passable));
         Ground::learn(&environment).unwrap()
     }
 

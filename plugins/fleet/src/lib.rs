@@ -39,8 +39,3 @@ fn described<Options: JsonSchema>(
 fn invalid(reason: impl Into<String>) -> Failure {
     Failure::new(Status::InvalidInput, reason)
 }
-
-/// That `prepare` has not been called, or has failed.
-fn unprepared() -> Failure {
-    invalid("there is no map: `prepare` was not called, or failed")
-}

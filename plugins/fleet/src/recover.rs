@@ -19,9 +19,15 @@ mod pibt;
 mod rules;
 mod wait;
 
-use fleetyard_abi::sdk::{Failure, Sink};
-use fleetyard_abi::{Budget, Instance, Motion, Plan, PlanRef, Status, monotonic_ns};
+use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
+use fleetyard_abi::{
+    Budget, Capability, Descriptor, Environment, Instance, Kind, Motion, Plan, PlanRef,
+    SharedEnvironment, Status,
+};
 use fleetyard_plugin_spacetime::graph::{Vertex, direction};
+use fleetyard_plugin_spacetime::plugin::Call;
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 
 pub use guided::GuidedPibt;
 pub use lrgw::Lrgw;
@@ -30,10 +36,91 @@ pub use rules::RuleBased;
 pub use wait::AllWait;
 
 use crate::ground::Ground;
-use crate::invalid;
+use crate::{described, invalid};
 
-/// What a fail policy is asked, in terms of the map.
-struct Question<'a> {
+/// A way to get the fleet moving; the type is that of its options.
+pub trait Recovery: DeserializeOwned + JsonSchema + Send + 'static {
+    /// Identifier and name.
+    const NAMES: (&'static str, &'static str);
+    /// What it is, with its source.
+    const ABOUT: &'static str;
+    /// What it can do beside what all of them can.
+    const EXTRA: &'static [Capability] = &[];
+    /// The map as the policy knows it, kept between calls.
+    type Map: Send;
+
+    /// What is wrong with the options, beyond what their schema says.
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Learns a map.
+    fn learn(&self, environment: &Environment) -> Result<Self::Map, Failure>;
+
+    /// Submits paths that do not collide; `failed` is what the planner left.
+    fn recover(
+        &self,
+        map: &mut Self::Map,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        call: &Call<'_>,
+    ) -> Result<(), Failure>;
+}
+
+/// The plugin of a [`Recovery`].
+#[derive(Debug)]
+pub struct Policy<R>(R);
+
+impl<R: Recovery> Plugin for Policy<R> {
+    fn descriptor() -> Descriptor {
+        let common = [
+            Capability::Grid,
+            Capability::Pebble,
+            Capability::Rotation,
+            Capability::Windowed,
+            Capability::DuplicateGoals,
+            Capability::Deterministic,
+        ];
+        let all: Vec<_> = common.iter().chain(R::EXTRA).copied().collect();
+        described::<R>(Kind::FailPolicy, R::NAMES, R::ABOUT, &all)
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        let recovery: R = options.parse()?;
+        recovery
+            .check()
+            .map_err(|reason| invalid(format!("options: {reason}")))?;
+        Ok(Self(recovery))
+    }
+}
+
+impl<R: Recovery> FailPolicy for Policy<R> {
+    type Map = R::Map;
+
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<R::Map, Failure> {
+        self.0.learn(environment)
+    }
+
+    fn recover(
+        &mut self,
+        map: &mut R::Map,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.0
+            .recover(map, instance, failed, &Call::new(budget, sink))
+    }
+}
+
+/// An instance over the vertices of the map.
+struct Problem<'a> {
     ground: &'a Ground,
     starts: Vec<Vertex>,
     /// Where agents look, if that matters.
@@ -44,15 +131,9 @@ struct Question<'a> {
     window: Option<u32>,
 }
 
-impl<'a> Question<'a> {
+impl<'a> Problem<'a> {
     fn new(ground: &'a Ground, instance: &Instance) -> Result<Self, Failure> {
         let agents = instance.agents();
-        if instance.goals.len() != agents {
-            return Err(invalid(format!(
-                "the instance has {agents} agents, but {} lists of goals",
-                instance.goals.len()
-            )));
-        }
         let headings = match instance.motion {
             Motion::Pebble => None,
             Motion::Rotation => {
@@ -104,7 +185,7 @@ impl<'a> Question<'a> {
     }
 
     /// Submits paths without the waits at their ends.
-    fn submit(&self, paths: &[Vec<Vertex>], sink: &dyn Sink) -> Result<(), Failure> {
+    fn submit(&self, paths: &[Vec<Vertex>], call: &Call<'_>) {
         let mut plan = Plan::default();
         let mut cells = Vec::new();
         for path in paths {
@@ -114,30 +195,6 @@ impl<'a> Question<'a> {
             cells.extend(path[..used].iter().map(|v| self.ground.graph.cell(*v)));
             plan.push_path(&cells);
         }
-        sink.submit_plan(plan.as_ref())?;
-        Ok(())
+        call.submit(plan.as_ref());
     }
 }
-
-/// Says when a call has to come to its end.
-fn stop<'s>(budget: &Budget, sink: &'s dyn Sink) -> impl FnMut() -> bool + use<'s> {
-    let answer_by_ns = budget.answer_by_ns();
-    move || sink.cancelled() || monotonic_ns() >= answer_by_ns
-}
-
-/// That a fail policy learns a map.
-macro_rules! learns {
-    () => {
-        fn prepare(
-            &mut self,
-            environment: &fleetyard_abi::SharedEnvironment,
-            _: &fleetyard_abi::Budget,
-            _: &dyn fleetyard_abi::sdk::Sink,
-        ) -> Result<(), fleetyard_abi::sdk::Failure> {
-            self.ground = None;
-            self.ground = Some(crate::ground::Ground::learn(environment)?);
-            Ok(())
-        }
-    };
-}
-use learns;

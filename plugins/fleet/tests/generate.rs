@@ -7,7 +7,7 @@ mod common;
 use std::collections::BTreeSet;
 
 use common::{BUDGET, Host, drawn, map};
-use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin};
+use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options};
 use fleetyard_abi::{
     Assignment, FleetState, Goals, Heading, Instance, Motion, Objective, SharedEnvironment, Status,
     Task,
@@ -38,14 +38,14 @@ fn state(cells: &[u32], goals: &[&[u32]]) -> FleetState {
     }
 }
 
-fn generate<P: Plugin + InstanceGenerator>(
+fn generate<P: InstanceGenerator>(
     environment: &SharedEnvironment,
     state: &FleetState,
 ) -> Result<Instance, Failure> {
     let host = Host::default();
     let mut generator = P::create(Options::new("{}"))?;
-    generator.prepare(environment, &BUDGET, &host)?;
-    generator.generate(state, &BUDGET, &host)?;
+    let mut map = generator.prepare(environment, &BUDGET, &host)?;
+    generator.generate(&mut map, state, &BUDGET, &host)?;
     let instance = host.instance.into_inner().unwrap().unwrap();
     let repeated = state.instance(instance.goals.clone());
     let without_tasks = Instance {
@@ -57,10 +57,7 @@ fn generate<P: Plugin + InstanceGenerator>(
 }
 
 /// The goals of a generator that gives one to each.
-fn single<P: Plugin + InstanceGenerator>(
-    environment: &SharedEnvironment,
-    state: &FleetState,
-) -> Vec<u32> {
+fn single<P: InstanceGenerator>(environment: &SharedEnvironment, state: &FleetState) -> Vec<u32> {
     let instance = generate::<P>(environment, state).unwrap();
     assert!(instance.goals.iter().all(|goals| goals.len() == 1));
     instance.goals.cells().to_vec()

@@ -5,21 +5,26 @@
 mod common;
 
 use common::{BUDGET, Host, drawn, fault, map};
-use fleetyard_abi::sdk::{FailPolicy, Options, Plugin};
+use fleetyard_abi::object::{FailPolicy, Object};
+use fleetyard_abi::sdk::{self, Options, Plugin as _};
 use fleetyard_abi::{Budget, Goals, Heading, Instance, Motion, Plan, SharedEnvironment};
 use fleetyard_plugin_fleet::recover::{AllWait, GuidedPibt, Lrgw, Pibt, RuleBased};
 use proptest::prelude::*;
 
-fn all() -> Vec<(&'static str, Box<dyn FailPolicy>)> {
-    fn made<P: Plugin + FailPolicy>() -> Box<dyn FailPolicy> {
-        Box::new(P::create(Options::new("{}")).unwrap())
+fn made<P: sdk::FailPolicy>(options: &str) -> Box<dyn FailPolicy> {
+    match Object::fail_policy(P::create(Options::new(options)).unwrap()) {
+        Object::FailPolicy(policy) => policy,
+        other => panic!("{other:?}"),
     }
+}
+
+fn all() -> Vec<(&'static str, Box<dyn FailPolicy>)> {
     vec![
-        ("all-wait", made::<AllWait>()),
-        ("pibt", made::<Pibt>()),
-        ("guided-pibt", made::<GuidedPibt>()),
-        ("lrgw", made::<Lrgw>()),
-        ("rule-based", made::<RuleBased>()),
+        ("all-wait", made::<AllWait>("{}")),
+        ("pibt", made::<Pibt>("{}")),
+        ("guided-pibt", made::<GuidedPibt>("{}")),
+        ("lrgw", made::<Lrgw>("{}")),
+        ("rule-based", made::<RuleBased>("{}")),
     ]
 }
 
@@ -38,14 +43,18 @@ fn recover(
 }
 
 /// What a policy makes of paths, one per agent.
-fn repair<P: Plugin + FailPolicy>(
+fn repair<P: sdk::FailPolicy>(
     environment: &SharedEnvironment,
     instance: &Instance,
     failed: &[&[u32]],
 ) -> Vec<Vec<u32>> {
-    let mut policy = P::create(Options::new("{}")).unwrap();
     let failed = Plan::from_paths(failed);
-    let plan = recover(&mut policy, environment, instance, Some(&failed));
+    let plan = recover(
+        made::<P>("{}").as_mut(),
+        environment,
+        instance,
+        Some(&failed),
+    );
     assert_eq!(fault(environment, instance, plan.as_ref()), None);
     plan.as_ref().paths().map(<[u32]>::to_vec).collect()
 }
@@ -165,10 +174,10 @@ proptest! {
         instance.motion = Motion::Pebble;
         instance.allows_cycles = false;
         instance.window_steps = 12;
-        let mut pibt = Pibt::create(Options::new("{}")).unwrap();
-        let good = recover(&mut pibt, &environment, &instance, None);
-        let mut lrgw = Lrgw::create(Options::new("{}")).unwrap();
-        let driven = recover(&mut lrgw, &environment, &instance, Some(&good));
+        let mut pibt = made::<Pibt>("{}");
+        let good = recover(pibt.as_mut(), &environment, &instance, None);
+        let mut lrgw = made::<Lrgw>("{}");
+        let driven = recover(lrgw.as_mut(), &environment, &instance, Some(&good));
         for (good, driven) in good.as_ref().paths().zip(driven.as_ref().paths()) {
             prop_assert!(driven.len() <= good.len());
             let moves = |path: &[u32]| {
@@ -178,8 +187,8 @@ proptest! {
             };
             prop_assert_eq!(moves(good), moves(driven));
         }
-        let mut rules = RuleBased::create(Options::new("{}")).unwrap();
-        prop_assert_eq!(recover(&mut rules, &environment, &instance, Some(&good)), good);
+        let mut rules = made::<RuleBased>("{}");
+        prop_assert_eq!(recover(rules.as_mut(), &environment, &instance, Some(&good)), good);
     }
 }
 
@@ -288,8 +297,8 @@ fn steps_are_the_windows_or_the_options() {
     let row = drawn(&["............"]);
     let instance = asked(&[0], &[11], 5);
     assert_eq!(repair::<Pibt>(&row, &instance, &[&[0]])[0].len(), 6);
-    let mut short = Pibt::create(Options::new(r#"{"steps":2}"#)).unwrap();
-    let plan = recover(&mut short, &row, &instance, None);
+    let mut short = made::<Pibt>(r#"{"steps":2}"#);
+    let plan = recover(short.as_mut(), &row, &instance, None);
     assert_eq!(plan.as_ref().cells().len(), 3);
     let forever = Instance {
         window_steps: 0,
@@ -301,7 +310,7 @@ fn steps_are_the_windows_or_the_options() {
 }
 
 #[test]
-fn what_is_no_question_is_refused() {
+fn wrong_instances_are_refused() {
     let row = drawn(&["..@."]);
     for (name, mut policy) in all() {
         if name == "all-wait" {
@@ -323,7 +332,7 @@ fn what_is_no_question_is_refused() {
         assert!(
             ask(&asked(&[2], &[1], 3))
                 .unwrap_err()
-                .contains("agent 0 is in cell 2")
+                .contains("agent 0: start cell 2")
         );
         assert!(
             ask(&asked(&[0, 0], &[1, 1], 3))

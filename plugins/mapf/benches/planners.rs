@@ -4,14 +4,16 @@
 #[path = "../tests/support/mod.rs"]
 mod support;
 
+use std::sync::Arc;
+
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use fleetyard_abi::Goals;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query};
-use fleetyard_plugin_mapf::{Algorithm, Options, Problem, solve};
-use support::Patient;
+use fleetyard_plugin_mapf::{Algorithm, Options};
+use support::{Case, Patient};
 
 /// A square map with scattered obstacles; starts and goals spread by multiplication.
-fn instance(side: u32, agents: usize) -> Problem {
+fn instance(side: u32, agents: usize) -> Case {
     let size = side * side;
     let noise = |cell: u32| {
         cell.wrapping_mul(0x9e37_79b1)
@@ -49,7 +51,7 @@ fn instance(side: u32, agents: usize) -> Problem {
         cells
     };
     let (starts, goals) = (pick(0x5bd1_e995), pick(0x1b87_3593));
-    Problem {
+    Case {
         rows: side,
         cols: side,
         passable,
@@ -89,7 +91,7 @@ fn planners(criterion: &mut Criterion) {
             let problem = instance(side, agents);
             let id = BenchmarkId::from_parameter(format!("{side}x{side}, {agents} agents"));
             group.bench_with_input(id, &problem, |bencher, problem| {
-                bencher.iter(|| solve(problem, &options, 0, &mut Patient::default()));
+                bencher.iter(|| problem.solve(&options, 0, &mut Patient::default()));
             });
         }
         group.finish();
@@ -105,9 +107,7 @@ fn calls(criterion: &mut Criterion) {
             let problem = instance(side, agents);
             let goals = Goals::single(problem.goals.clone());
             let query = query(&problem, &goals, samples, retries);
-            let Some(mut planner) = planner(&problem) else {
-                continue;
-            };
+            let mut planner = planner(&problem);
             let id = BenchmarkId::new(name, format!("{side}x{side}, {agents} agents"));
             group.bench_function(id, |bencher| {
                 bencher.iter(|| planner.run(&query, &mut ByDistance, &mut || false));
@@ -127,21 +127,17 @@ fn first_calls(criterion: &mut Criterion) {
         let query = query(&problem, &goals, 1, 0);
         let id = BenchmarkId::new("pibt", format!("{side}x{side}, {agents} agents"));
         group.bench_function(id, |bencher| {
-            bencher.iter(|| {
-                planner(&problem)?
-                    .run(&query, &mut ByDistance, &mut || false)
-                    .ok()
-            });
+            bencher.iter(|| planner(&problem).run(&query, &mut ByDistance, &mut || false));
         });
     }
     group.finish();
 }
 
-fn planner(problem: &Problem) -> Option<Lifelong> {
-    Lifelong::new(problem.rows, problem.cols, &problem.passable, 512 << 20).ok()
+fn planner(problem: &Case) -> Lifelong {
+    Lifelong::new(Arc::new(problem.graph()), 512 << 20)
 }
 
-fn query<'a>(problem: &'a Problem, goals: &'a Goals, samples: u32, retries: u32) -> Query<'a> {
+fn query<'a>(problem: &'a Case, goals: &'a Goals, samples: u32, retries: u32) -> Query<'a> {
     Query {
         starts: &problem.starts,
         goals,

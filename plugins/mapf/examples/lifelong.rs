@@ -5,10 +5,12 @@
 //! goals are reached.
 
 use std::error::Error;
+use std::sync::Arc;
 use std::time::Instant;
 
 use fleetyard_abi::Goals;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query};
+use fleetyard_plugin_spacetime::graph::Graph;
 
 /// Mixes the bits of a number.
 fn mix(mut x: u64) -> u64 {
@@ -35,7 +37,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         .flat_map(|row| row.bytes())
         .map(|c| c != b'@' && c != b'T')
         .collect();
-    let mut planner = Lifelong::new(rows.len() as u32, cols as u32, &passable, 512 << 20)?;
+    let graph = Graph::new(rows.len(), cols, &passable);
+    let mut planner = Lifelong::new(Arc::new(graph), 512 << 20);
     let free: Vec<u32> = (0..passable.len() as u32)
         .filter(|&cell| passable[cell as usize])
         .collect();

@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome, Plan, solve};
+use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome, Plan};
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -85,7 +85,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("give a map, a scenario and a number of agents".into());
     };
     let problem = support::read(map.as_ref(), scen.as_ref(), agents.parse()?)?;
-    match solve(&problem, &options, seed, &mut console)? {
+    match problem.solve(&options, seed, &mut console)? {
         Outcome::Solved {
             plan,
             sum_of_costs,

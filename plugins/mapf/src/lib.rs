@@ -47,10 +47,9 @@ pub mod lifelong;
 mod one_shot;
 mod pibt;
 pub mod plugin;
-mod problem;
 mod scatter;
 mod solve;
 
 pub use fleetyard_plugin_spacetime::plan::Plan;
-pub use problem::{Problem, ProblemError};
-pub use solve::{Algorithm, Limit, Observer, Options, Outcome, solve};
+pub use fleetyard_plugin_spacetime::problem::ProblemError;
+pub use solve::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};

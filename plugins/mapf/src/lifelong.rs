@@ -22,10 +22,10 @@ use fleetyard_abi::{Goals, Heading};
 use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::plan::{Plan, paths_of, plan_of};
+use fleetyard_plugin_spacetime::problem::{ProblemError, vertex_of, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 
 use crate::pibt::{Pibt, Wishes};
-use crate::problem::{ProblemError, vertices};
 
 /// No row of [`Gradients`]: an agent that wants nothing.
 const NOTHING: u32 = u32::MAX;
@@ -127,24 +127,12 @@ pub struct Lifelong {
 }
 
 impl Lifelong {
-    /// For a 4-connected grid with one entry of `passable` per cell, row by row. Tables of
-    /// goals that nobody has any longer are kept as long as all together take no more than
-    /// `table_bytes`; one is three bits per passable cell. For as many agents that labels of
-    /// the map take less than their tables there are labels instead.
-    pub fn new(
-        rows: u32,
-        cols: u32,
-        passable: &[bool],
-        table_bytes: u64,
-    ) -> Result<Self, ProblemError> {
-        let size = u64::from(rows) * u64::from(cols);
-        if size != passable.len() as u64 || size >= u64::from(u32::MAX) {
-            let cells = passable.len();
-            return Err(ProblemError::MapSize { rows, cols, cells });
-        }
-        let graph = Arc::new(Graph::new(rows as usize, cols as usize, passable));
+    /// For a map. Tables of goals that nobody has any longer are kept as long as all together
+    /// take no more than `table_bytes`; one is three bits per passable cell. For as many agents
+    /// that labels of the map take less than their tables there are labels instead.
+    pub fn new(graph: Arc<Graph>, table_bytes: u64) -> Self {
         let gradients = Gradients::new(&graph, table_bytes);
-        Ok(Self { graph, gradients })
+        Self { graph, gradients }
     }
 
     /// The map.
@@ -167,15 +155,14 @@ impl Lifelong {
         let graph = &self.graph;
         if query.starts.len() != query.goals.len() {
             let (starts, goals) = (query.starts.len(), query.goals.len());
-            return Err(ProblemError::TeamSize { starts, goals });
+            let reason = format!("{starts} starts and {goals} lists of goals");
+            return Err(ProblemError::Malformed { reason });
         }
-        let starts = vertices(graph, query.starts, "start")?;
+        let starts = vertices_of(graph, query.starts, "start")?;
         let mut goals = Vec::with_capacity(query.goals.cells().len());
         for (agent, cells) in query.goals.iter().enumerate() {
             for &cell in cells {
-                let what = "goal";
-                let blocked = ProblemError::Blocked { agent, what, cell };
-                goals.push(graph.vertex(cell).ok_or(blocked)?);
+                goals.push(vertex_of(graph, agent, "goal", cell)?);
             }
         }
         let mut fleet = Fleet {
@@ -326,7 +313,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 let way = self.gradients.distance(graph, self.row[agent], v);
                 self.distance[agent] = way.ok_or_else(|| ProblemError::Unreachable {
                     agent,
-                    start: graph.cell(v),
+                    from: graph.cell(v),
                     goal: graph.cell(goal),
                     limit: graph.len() as u32,
                 })?;

@@ -2,13 +2,13 @@
 
 use crate::lacam::{Lacam, Step};
 use crate::one_shot;
-use crate::problem::{Checked, Problem, ProblemError};
 use crate::scatter::{Guide, scatter};
 use fleetyard_plugin_spacetime::distance::{Distances, MAX_DISTANCE};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::plan::{
     Paths, Plan, configurations_of, paths_of, plan_of, sum_of_costs,
 };
+use fleetyard_plugin_spacetime::problem::{ProblemError, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_plugin_spacetime::refine::Refiner;
 
@@ -116,31 +116,45 @@ pub enum Outcome {
     GaveUp(Limit),
 }
 
+/// A one-shot multi-agent path finding problem.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'a> {
+    /// The map.
+    pub graph: &'a Graph,
+    /// Start cell of each agent, all different.
+    pub starts: &'a [u32],
+    /// Goal cell of each agent, all different.
+    pub goals: &'a [u32],
+}
+
 /// Plans. The same problem, options and seed give the same first plan, and, as long as
 /// only [`Options::node_limit`] ends the run, the same sequence of plans.
 pub fn solve(
-    problem: &Problem,
+    problem: &Problem<'_>,
     options: &Options,
     seed: u64,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, ProblemError> {
-    let Checked {
-        graph,
-        starts,
-        goals,
-    } = problem.check()?;
-    if Distances::bytes(&graph, goals.len()) > options.memory_limit {
+    let graph = problem.graph;
+    if problem.starts.len() != problem.goals.len() {
+        let (starts, goals) = (problem.starts.len(), problem.goals.len());
+        let reason = format!("{starts} starts and {goals} goals: each agent needs one of both");
+        return Err(ProblemError::Malformed { reason });
+    }
+    let starts = vertices_of(graph, problem.starts, "start")?;
+    let goals = vertices_of(graph, problem.goals, "goal")?;
+    if Distances::bytes(graph, goals.len()) > options.memory_limit {
         return Ok(Outcome::GaveUp(Limit::Memory));
     }
-    let mut distances = Distances::new(&graph, &goals);
+    let mut distances = Distances::new(graph, &goals);
     let mut lower_bound = 0;
     for (agent, &start) in starts.iter().enumerate() {
         let distance = distances.get(agent, start);
         if distance > MAX_DISTANCE {
-            let (start, goal) = (problem.starts[agent], problem.goals[agent]);
+            let (from, goal) = (problem.starts[agent], problem.goals[agent]);
             return Err(ProblemError::Unreachable {
                 agent,
-                start,
+                from,
                 goal,
                 limit: MAX_DISTANCE,
             });
@@ -156,7 +170,7 @@ pub fn solve(
         seed,
         starts: &starts,
         goals: &goals,
-        graph: &graph,
+        graph,
         left: options.node_limit.unwrap_or(u64::MAX),
         observer,
         lower_bound,

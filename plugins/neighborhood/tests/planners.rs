@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Rejected, Sink};
-use fleetyard_abi::{Budget, Instance, LogLevel, PlanRef, Status, monotonic_ns};
+use fleetyard_abi::object::Object;
+use fleetyard_abi::sdk::{Failure, Options, Planner, Rejected, Sink};
+use fleetyard_abi::{Budget, Environment, Instance, LogLevel, PlanRef, Status, monotonic_ns};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_neighborhood::repair::{Control, Repaired, repair};
 use fleetyard_plugin_spacetime::graph::Vertex;
@@ -83,15 +84,19 @@ fn budget(nodes: u64, threads: u32) -> Budget {
 }
 
 /// Asks a planner; paths over vertices, in the order in which they came.
-fn ask<P: Planner + Plugin>(
+fn ask<P: Planner>(
     scene: &Scene,
     instance: &Instance,
     budget: Budget,
     notes: &Notes,
 ) -> (Result<(), Failure>, Vec<Vec<Vec<Vertex>>>) {
-    let mut planner = P::create(Options::new("")).unwrap();
-    let environment = scene.environment().into();
-    planner.prepare(&environment, &budget, notes).unwrap();
+    let mut planner = Object::planner(P::create(Options::new("")).unwrap());
+    let environment = Environment::Grid(scene.environment()).into();
+    let prepared = planner.prepare(&environment, &budget, notes);
+    prepared.expect("planners learn maps").unwrap();
+    let Object::Planner(planner) = &mut planner else {
+        panic!("{planner:?}");
+    };
     let said = planner.plan(instance, &budget, notes);
     let graph = scene.problem().unwrap().graph;
     let plans = std::mem::take(&mut *notes.plans.lock().unwrap());

@@ -1,7 +1,7 @@
 //! Time of a call: complete plans, and windows of a fleet in an open warehouse.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use fleetyard_abi::{Environment, Goals, GridEnvironment, Instance};
+use fleetyard_abi::{Goals, GridEnvironment, Instance};
 use fleetyard_plugin_priority::Control;
 use fleetyard_plugin_priority::prioritized;
 use fleetyard_plugin_priority::search;
@@ -16,16 +16,7 @@ fn warehouse(agents: usize, goals: usize, window: u32) -> Problem {
         row % 4 == 2 && (2..34).contains(&col) && (col - 2) % 11 != 10
     };
     let passable: Vec<u8> = (0..rows * cols).map(|c| u8::from(!shelf(c))).collect();
-    let environment = Environment::Grid(GridEnvironment {
-        map_name: "warehouse".into(),
-        rows,
-        cols,
-        connectivity: 4,
-        cell_size_m: 1.0,
-        step_s: 1.0,
-        terrain: passable.clone(),
-        passable,
-    });
+    let environment = GridEnvironment::four_connected(rows, cols, passable);
     let mut random = Random::new(1, 0);
     let mut free: Vec<u32> = (0..rows * cols).filter(|&c| !shelf(c)).collect();
     random.shuffle(&mut free);

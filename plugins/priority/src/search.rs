@@ -39,6 +39,10 @@ const PATH_STREAM: u64 = 0;
 /// The search begins anew after so many dead ends, then after half as many more, and so on.
 const PATIENCE: u64 = 20;
 
+/// A path counts for so many expanded states beside its own: in a short window few are expanded,
+/// and it is the tables of the others' paths that take the time.
+const PATH: u64 = 32;
+
 /// Which child of a node is looked at first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -105,6 +109,7 @@ pub fn plan(
         cost: 0,
         best: None,
         effort: Effort::default(),
+        nodes: control.nodes,
         stop: control.stop,
     };
     let end = run.search(control.memory);
@@ -256,6 +261,8 @@ struct Run<'p, 's> {
     /// Collisions and paths of the best node that led no further.
     best: Option<(usize, Paths)>,
     effort: Effort,
+    /// Most search nodes; 0 for no limit.
+    nodes: u64,
     stop: &'s mut dyn FnMut() -> bool,
 }
 
@@ -273,7 +280,7 @@ impl Run<'_, '_> {
         let mut bytes = 0;
         let mut fresh = true;
         loop {
-            if (self.stop)() {
+            if self.is_spent() || (self.stop)() {
                 self.remember();
                 return End::Stopped;
             }
@@ -329,6 +336,12 @@ impl Run<'_, '_> {
                 self.undo(frame);
             }
         }
+    }
+
+    /// Whether the limit of search nodes is reached.
+    fn is_spent(&self) -> bool {
+        let spent = self.single.sipp.expansions + self.effort.paths * PATH;
+        self.nodes > 0 && spent >= self.nodes
     }
 
     fn undo(&mut self, mut frame: Frame) {

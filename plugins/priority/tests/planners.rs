@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetyard_abi::{Environment, Goals, GridEnvironment, Heading, Instance, Motion};
+use fleetyard_abi::{Goals, GridEnvironment, Heading, Instance, Motion};
 use fleetyard_plugin_priority::prioritized;
 use fleetyard_plugin_priority::search::{self, Prefer};
 use fleetyard_plugin_priority::{Control, Outcome};
@@ -59,7 +59,7 @@ fn run(problem: &Problem, planner: Planner, seed: u64, nodes: u64) -> Outcome {
 
 /// A map and an instance from a drawing: `@` is blocked, letters in the first drawing are
 /// starts, in the second goals.
-fn drawn(from: &[&str], to: &[&str]) -> (Environment, Instance) {
+fn drawn(from: &[&str], to: &[&str]) -> (GridEnvironment, Instance) {
     let passable: Vec<bool> = from.concat().bytes().map(|b| b != b'@').collect();
     let places = |rows: &[&str]| -> Vec<u32> {
         let text = rows.concat();
@@ -75,35 +75,26 @@ fn drawn(from: &[&str], to: &[&str]) -> (Environment, Instance) {
     (map, Instance::one_shot(places(from), places(to)))
 }
 
-fn environment(rows: u32, cols: u32, passable: &[bool]) -> Environment {
+fn environment(rows: u32, cols: u32, passable: &[bool]) -> GridEnvironment {
     let passable: Vec<u8> = passable.iter().map(|free| u8::from(*free)).collect();
-    Environment::Grid(GridEnvironment {
-        map_name: "test".into(),
-        rows,
-        cols,
-        connectivity: 4,
-        cell_size_m: 1.0,
-        step_s: 1.0,
-        terrain: passable.clone(),
-        passable,
-    })
+    GridEnvironment::four_connected(rows, cols, passable)
 }
 
-fn problem(map: &Environment, instance: &Instance, rule: GoalRule) -> Option<Problem> {
+fn problem(map: &GridEnvironment, instance: &Instance, rule: GoalRule) -> Option<Problem> {
     let mut ground = Ground::new(map, 1 << 20).unwrap();
     ground.problem(instance, rule, &mut || false).ok()
 }
 
 /// The first thing that is wrong with paths, if anything is; collisions only on request.
 fn fault(
-    map: &Environment,
+    map: &GridEnvironment,
     instance: &Instance,
     rule: GoalRule,
     delay: u32,
     paths: &Paths,
     collisions: bool,
 ) -> Option<String> {
-    let grid = map.grid().unwrap();
+    let grid = map;
     let cols = grid.cols as i64;
     let problem = problem(map, instance, rule).unwrap();
     let cells: Vec<Vec<i64>> = paths
@@ -226,7 +217,7 @@ prop_compose! {
         turning: bool,
         cycles: bool,
         apart: bool,
-    ) -> (Environment, Instance) {
+    ) -> (GridEnvironment, Instance) {
         let mut random = Random::new(seed, 9);
         let passable: Vec<bool> = (0..rows * cols).map(|_| !random.one_in(8)).collect();
         let mut free: Vec<u32> = (0..rows * cols).filter(|&cell| passable[cell as usize]).collect();

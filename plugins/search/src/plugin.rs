@@ -39,7 +39,6 @@ pub trait Variety: DeserializeOwned + JsonSchema + 'static {
 /// A planner that was made with options of type `V`.
 pub struct GridPlanner<V: Variety> {
     search: V::Search,
-    grid: Option<Grid>,
     path: Vec<u32>,
 }
 
@@ -72,7 +71,6 @@ impl<V: Variety> Plugin for GridPlanner<V> {
         })?;
         Ok(Self {
             search,
-            grid: None,
             path: Vec::new(),
         })
     }
@@ -83,16 +81,17 @@ fn unsupported(reason: impl Into<String>) -> Failure {
 }
 
 impl<V: Variety> Planner for GridPlanner<V> {
+    type Map = Grid;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.grid = None;
+    ) -> Result<Grid, Failure> {
         let grid = environment
             .grid()
-            .ok_or_else(|| unsupported("only grids are supported"))?;
+            .ok_or_else(|| unsupported("maps other than grids are not supported"))?;
         let neighbors = match grid.connectivity {
             4 => Neighbors::Four,
             8 => Neighbors::Eight,
@@ -102,23 +101,18 @@ impl<V: Variety> Planner for GridPlanner<V> {
             }
         };
         let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
-        let grid = Grid::new(grid.rows, grid.cols, &passable, neighbors)
-            .ok_or_else(|| unsupported("the map has more than 2^31 cells, or none"))?;
-        self.grid = Some(grid);
-        Ok(())
+        Grid::new(grid.rows, grid.cols, &passable, neighbors)
+            .ok_or_else(|| unsupported("the map has more than 2^31 cells, or none"))
     }
 
     fn plan(
         &mut self,
+        grid: &mut Grid,
         instance: &Instance,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let grid = self.grid.as_ref().ok_or_else(|| {
-            let reason = "there is no map: `prepare` was not called, or failed";
-            Failure::new(Status::InvalidInput, reason)
-        })?;
-        let (start, goal) = question(instance, V::MOTION)?;
+        let (start, goal) = ends(instance)?;
         for (what, cell) in [("start", start), ("goal", goal)] {
             if !grid.is_free(cell) {
                 let reason = format!("the {what}, cell {cell}, is not a free cell of the map");
@@ -154,24 +148,15 @@ impl<V: Variety> Planner for GridPlanner<V> {
     }
 }
 
-/// Start and goal, if the instance is one for these planners.
-fn question(instance: &Instance, motion: Motion) -> Result<(u32, u32), Failure> {
-    if instance.motion != motion {
-        return Err(unsupported(match motion {
-            Motion::AnyAngle => "only the any-angle motion model is supported",
-            _ => "only the pebble motion model is supported",
-        }));
-    }
-    let ([start], 1) = (instance.starts.as_slice(), instance.goals.len()) else {
-        let agents = instance.agents();
-        let reason = format!("this planner plans for one agent, the instance has {agents}");
-        return Err(unsupported(reason));
-    };
-    match (instance.goals.get(0), instance.window_steps) {
-        ([goal], 0) => Ok((*start, *goal)),
-        _ => Err(unsupported(
-            "only complete plans with one goal are supported",
-        )),
+/// Start and goal of the one agent.
+fn ends(instance: &Instance) -> Result<(u32, u32), Failure> {
+    match (instance.starts.as_slice(), instance.goals.cells()) {
+        ([start], [goal]) => Ok((*start, *goal)),
+        (starts, _) => {
+            let agents = starts.len();
+            let reason = format!("this planner plans for one agent, the instance has {agents}");
+            Err(unsupported(reason))
+        }
     }
 }
 

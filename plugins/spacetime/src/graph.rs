@@ -152,6 +152,14 @@ impl Graph {
         [row > to_row, col < to_col, row < to_row, col > to_col]
     }
 
+    /// The vertex at a row and a column, which may lie off the map.
+    pub fn at(&self, [row, col]: [i64; 2]) -> Option<Vertex> {
+        let cols = i64::from(self.cols);
+        let inside = row >= 0 && (0..cols).contains(&col);
+        let cell = u32::try_from(row * cols + col).ok().filter(|_| inside)?;
+        self.vertex(cell)
+    }
+
     /// The vertex of a grid cell, or `None` for an obstacle or a cell off the map.
     #[inline]
     pub fn vertex(&self, cell: u32) -> Option<Vertex> {

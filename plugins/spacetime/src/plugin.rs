@@ -1,31 +1,142 @@
-//! What planners of teams say alike behind the plugin contract.
+//! Planners of teams on 4-connected grids behind the plugin contract.
+//!
+//! A planner is its options: a type that implements [`Method`] says what it is, how it learns
+//! a map, and how it solves an instance. [`Team`] makes the plugin of it.
 
-use fleetyard_abi::{Budget, Capabilities, Capability, Descriptor, Kind};
+use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
+use fleetyard_abi::{
+    Budget, Capabilities, Capability, Descriptor, GridEnvironment, Instance, Kind, PlanRef,
+    SharedEnvironment, Status, monotonic_ns,
+};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use crate::problem::GoalRule;
+use serde::de::DeserializeOwned;
 
 /// Bytes for tables of distances, and again for the search, where the budget says nothing.
 pub const MEMORY: u64 = 1 << 30;
 
-/// What an agent does after its last goal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Goals {
-    /// It stays there; where several agents share it a visit is enough.
-    #[default]
-    Stay,
-    /// A visit is enough: it may go on to where it is in nobody's way (MAPF4L).
-    Transient,
+/// A way to solve instances; the type is that of its options.
+pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
+    /// The identifier.
+    const ID: &'static str;
+    /// The name.
+    const NAME: &'static str;
+    /// The method in a sentence or two, with its source.
+    const ABOUT: &'static str;
+    /// What it can do beside [`Capability::Grid`] and [`Capability::Deterministic`].
+    const CAPABILITIES: &'static [Capability];
+    /// The map as the method knows it, kept between calls.
+    type Map: Send;
+
+    /// What is wrong with the options, beyond what their schema says.
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Learns a map.
+    fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Self::Map, Failure>;
+
+    /// Solves an instance, and submits plans to the call.
+    fn solve(
+        &self,
+        map: &mut Self::Map,
+        instance: &Instance,
+        call: &Call<'_>,
+    ) -> Result<(), Failure>;
 }
 
-impl From<Goals> for GoalRule {
-    fn from(goals: Goals) -> Self {
-        match goals {
-            Goals::Stay => Self::Stay,
-            Goals::Transient => Self::Transient,
+/// The plugin of a [`Method`].
+#[derive(Debug)]
+pub struct Team<M>(M);
+
+impl<M: Method> Plugin for Team<M> {
+    fn descriptor() -> Descriptor {
+        let common = [Capability::Grid, Capability::Deterministic];
+        let all: Vec<_> = common.iter().chain(M::CAPABILITIES).copied().collect();
+        Descriptor {
+            name: M::NAME.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            license: env!("CARGO_PKG_LICENSE").into(),
+            capabilities: Capabilities::of(&all),
+            options_schema: options_schema::<M>(),
+            ..Descriptor::new(Kind::Planner, M::ID, M::ABOUT)
         }
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        let method: M = options.parse()?;
+        method
+            .check()
+            .map_err(|reason| Failure::new(Status::InvalidInput, format!("options: {reason}")))?;
+        Ok(Self(method))
+    }
+}
+
+impl<M: Method> Planner for Team<M> {
+    type Map = M::Map;
+
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        _: &dyn Sink,
+    ) -> Result<M::Map, Failure> {
+        let other = || {
+            Failure::new(
+                Status::Unsupported,
+                "maps other than grids are not supported",
+            )
+        };
+        self.0.learn(environment.grid().ok_or_else(other)?, budget)
+    }
+
+    fn plan(
+        &mut self,
+        map: &mut M::Map,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        self.0.solve(map, instance, &Call::new(budget, sink))
+    }
+}
+
+/// A call of a planner: the budget it has, and the host that listens.
+pub struct Call<'a> {
+    /// All that it may use.
+    pub budget: &'a Budget,
+    sink: &'a dyn Sink,
+    answer_by_ns: u64,
+}
+
+impl<'a> Call<'a> {
+    /// A call with a budget, which tells a sink.
+    pub fn new(budget: &'a Budget, sink: &'a dyn Sink) -> Self {
+        Self {
+            budget,
+            sink,
+            answer_by_ns: budget.answer_by_ns(),
+        }
+    }
+
+    /// Whether to come to an end: a little before the deadline, so that the last word is said
+    /// in time, or when the host gave up. Reads the clock.
+    pub fn stop(&self) -> bool {
+        monotonic_ns() >= self.answer_by_ns || self.sink.cancelled()
+    }
+
+    /// The most search nodes, if the budget limits them.
+    pub fn node_limit(&self) -> Option<u64> {
+        (self.budget.nodes > 0).then_some(self.budget.nodes)
+    }
+
+    /// Submits a plan. One that comes too late is no fault.
+    pub fn submit(&self, plan: PlanRef<'_>) {
+        let _ = self.sink.submit_plan(plan);
+    }
+
+    /// Reports a figure.
+    pub fn metric(&self, name: &str, value: f64) {
+        self.sink.metric(name, value);
     }
 }
 
@@ -34,23 +145,5 @@ pub fn half_of_memory(budget: &Budget) -> u64 {
     match budget.memory_bytes {
         0 => MEMORY,
         bytes => bytes / 2,
-    }
-}
-
-/// The descriptor of a planner that comes with the product, without options.
-pub fn descriptor(
-    id: &str,
-    name: &str,
-    description: &str,
-    common: &[Capability],
-    extra: &[Capability],
-) -> Descriptor {
-    let all: Vec<_> = common.iter().chain(extra).copied().collect();
-    Descriptor {
-        name: name.into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        license: env!("CARGO_PKG_LICENSE").into(),
-        capabilities: Capabilities::of(&all),
-        ..Descriptor::new(Kind::Planner, id, description)
     }
 }

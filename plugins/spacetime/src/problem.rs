@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Environment, Instance, Motion, Status};
+use fleetyard_abi::{GridEnvironment, Instance, Motion, Status};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::distance::{MAX_DISTANCE, Table, Tables};
@@ -16,10 +18,10 @@ use crate::sipp::{Guidance, Team};
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ProblemError {
-    /// A kind of map, motion or instance that the planners here do not know.
+    /// A motion or an instance that the planners here do not know.
     #[error("{what} not supported")]
     Unsupported {
-        /// "eight-connected grids are", …
+        /// "any-angle motion is", …
         what: &'static str,
     },
     /// Lists of different lengths, an agent without goal, a cell that is off the map.
@@ -38,13 +40,15 @@ pub enum ProblemError {
         /// The cell.
         cell: u32,
     },
-    /// Two agents share a start.
-    #[error("agents {first} and {second} have the same start cell {cell}")]
+    /// Two agents share a start, or a goal where that is not allowed.
+    #[error("agents {first} and {second} have the same {what} cell {cell}")]
     Duplicate {
         /// The agent with the lower index.
         first: usize,
         /// The other one.
         second: usize,
+        /// "start" or "goal".
+        what: &'static str,
         /// The cell.
         cell: u32,
     },
@@ -83,7 +87,7 @@ impl ProblemError {
             Self::Blocked { .. } => {
                 "check that coordinates are not swapped: cell = row · cols + col"
             }
-            Self::Duplicate { .. } => "give every agent a start of its own",
+            Self::Duplicate { .. } => "give every agent a cell of its own",
             Self::Unreachable { .. } => {
                 "start and goals must lie in the same connected part of the map"
             }
@@ -109,49 +113,80 @@ impl From<ProblemError> for Failure {
     }
 }
 
-/// What an agent has to do when it has visited its last goal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// What an agent does after its last goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+#[schemars(rename = "Goals")]
 pub enum GoalRule {
-    /// It stays there for good (standard MAPF: Stern et al., SoCS 2019). Where several
-    /// agents share their last goal only one could: for these a visit is enough.
+    /// It stays there; where several agents share it a visit is enough.
+    // Standard MAPF: Stern et al., SoCS 2019.
     #[default]
     Stay,
-    /// It may go anywhere, as long as it is in nobody's way (MAPF4L: Morag, Felner, Stern,
-    /// Atzmon, Boyarski 2025).
+    /// A visit is enough: it may go on to where it is in nobody's way (MAPF4L).
+    // Morag, Felner, Stern, Atzmon, Boyarski 2025.
     Transient,
+}
+
+/// The graph of a grid. The host has checked that there is one entry for each cell.
+pub fn graph_of(grid: &GridEnvironment) -> Result<Graph, ProblemError> {
+    let (rows, cols) = (grid.rows as usize, grid.cols as usize);
+    if rows.checked_mul(cols) != Some(grid.passable.len())
+        || grid.passable.len() >= u32::MAX as usize / DIRECTIONS
+    {
+        let reason = format!("a map of {rows} × {cols} cells cannot be searched");
+        return Err(ProblemError::Malformed { reason });
+    }
+    let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
+    Ok(Graph::new(rows, cols, &passable))
+}
+
+/// The vertex of a cell that an agent begins or ends at.
+pub fn vertex_of(
+    graph: &Graph,
+    agent: usize,
+    what: &'static str,
+    cell: u32,
+) -> Result<Vertex, ProblemError> {
+    let blocked = ProblemError::Blocked { agent, what, cell };
+    graph.vertex(cell).ok_or(blocked)
+}
+
+/// The vertices of cells that no two agents may share: starts, or goals.
+pub fn vertices_of(
+    graph: &Graph,
+    cells: &[u32],
+    what: &'static str,
+) -> Result<Vec<Vertex>, ProblemError> {
+    let mut owner = vec![None; graph.len()];
+    let mut vertices = Vec::with_capacity(cells.len());
+    for (second, &cell) in cells.iter().enumerate() {
+        let vertex = vertex_of(graph, second, what, cell)?;
+        if let Some(first) = owner[vertex as usize].replace(second) {
+            return Err(ProblemError::Duplicate {
+                first,
+                second,
+                what,
+                cell,
+            });
+        }
+        vertices.push(vertex);
+    }
+    Ok(vertices)
 }
 
 /// What stays between calls: the map as a graph, and tables of distances.
 #[derive(Debug)]
 pub struct Ground {
     graph: Arc<Graph>,
-    cells: usize,
     tables: Tables,
     lanes: Option<Arc<Lanes>>,
 }
 
 impl Ground {
     /// A map, and how many bytes the tables that are kept between calls may take.
-    pub fn new(environment: &Environment, limit: u64) -> Result<Self, ProblemError> {
-        let Some(grid) = environment.grid() else {
-            let what = "other maps than grids are";
-            return Err(ProblemError::Unsupported { what });
-        };
-        if grid.connectivity != 4 {
-            let what = "eight-connected grids are";
-            return Err(ProblemError::Unsupported { what });
-        }
-        let (rows, cols) = (grid.rows as usize, grid.cols as usize);
-        if rows.checked_mul(cols) != Some(grid.passable.len())
-            || grid.passable.len() >= u32::MAX as usize / DIRECTIONS
-        {
-            let reason = format!("a map of {rows} × {cols} cells cannot be searched");
-            return Err(ProblemError::Malformed { reason });
-        }
-        let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
+    pub fn new(grid: &GridEnvironment, limit: u64) -> Result<Self, ProblemError> {
         Ok(Self {
-            graph: Arc::new(Graph::new(rows, cols, &passable)),
-            cells: passable.len(),
+            graph: Arc::new(graph_of(grid)?),
             tables: Tables::new(limit),
             lanes: None,
         })
@@ -175,7 +210,8 @@ impl Ground {
         &self.tables
     }
 
-    /// What an instance asks. `stop`, asked between tables, ends the work early.
+    /// What an instance asks, which fits the map ([`Instance::check`]). `stop`, asked between
+    /// tables, ends the work early.
     pub fn problem(
         &mut self,
         instance: &Instance,
@@ -190,34 +226,12 @@ impl Ground {
                 return Err(ProblemError::Unsupported { what });
             }
         };
-        let malformed = |reason| ProblemError::Malformed { reason };
-        instance.check(self.cells).map_err(malformed)?;
         let graph = Arc::clone(&self.graph);
-        let vertex = |agent: usize, what: &'static str, cell: u32| {
-            let blocked = ProblemError::Blocked { agent, what, cell };
-            graph.vertex(cell).ok_or(blocked)
-        };
-        let mut owner = vec![None; graph.len()];
+        let starts = vertices_of(&graph, &instance.starts, "start")?;
         let mut last_goals = vec![0_u32; graph.len()];
-        let mut starts = Vec::with_capacity(instance.agents());
-        for (first, (&cell, goals)) in instance
-            .starts
-            .iter()
-            .zip(instance.goals.iter())
-            .enumerate()
-        {
-            let start = vertex(first, "start", cell)?;
-            if let Some(before) = owner[start as usize].replace(first) {
-                let (first, second) = (before, first);
-                return Err(ProblemError::Duplicate {
-                    first,
-                    second,
-                    cell,
-                });
-            }
-            starts.push(start);
+        for (agent, goals) in instance.goals.iter().enumerate() {
             if let Some(&last) = goals.last() {
-                last_goals[vertex(first, "goal", last)? as usize] += 1;
+                last_goals[vertex_of(&graph, agent, "goal", last)? as usize] += 1;
             }
         }
         let in_window = |_: &Arc<Lanes>| instance.window_steps > 0;
@@ -239,7 +253,7 @@ impl Ground {
                 after: Vec::new(),
             };
             for &cell in instance.goals.get(agent) {
-                let goal = vertex(agent, "goal", cell)?;
+                let goal = vertex_of(&graph, agent, "goal", cell)?;
                 wanted += 1;
                 let memory = ProblemError::Memory {
                     goals: wanted,

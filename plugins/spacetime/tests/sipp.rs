@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use fleetyard_abi::{Environment, Goals, GridEnvironment, Heading, Instance, Motion, Status};
+use fleetyard_abi::{Goals, GridEnvironment, Heading, Instance, Motion, Status};
 use fleetyard_plugin_spacetime::distance::{Table, Tables};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
@@ -13,22 +13,13 @@ use fleetyard_plugin_spacetime::reservation::{NEVER, Reservations};
 use fleetyard_plugin_spacetime::sipp::{Guidance, Miss, Query, Sipp};
 use proptest::prelude::*;
 
-fn environment(rows: u32, cols: u32, passable: &[bool]) -> Environment {
+fn environment(rows: u32, cols: u32, passable: &[bool]) -> GridEnvironment {
     let passable: Vec<u8> = passable.iter().map(|free| u8::from(*free)).collect();
-    Environment::Grid(GridEnvironment {
-        map_name: "test".into(),
-        rows,
-        cols,
-        connectivity: 4,
-        cell_size_m: 1.0,
-        step_s: 1.0,
-        terrain: passable.clone(),
-        passable,
-    })
+    GridEnvironment::four_connected(rows, cols, passable)
 }
 
 fn problem(
-    environment: &Environment,
+    environment: &GridEnvironment,
     instance: &Instance,
     rule: GoalRule,
 ) -> Result<Problem, ProblemError> {
@@ -533,7 +524,10 @@ fn what_is_wrong_is_said() {
         "agent 0: no path of at most 65533 steps from cell 0 to cell 2"
     );
     let (_, text) = asked(&Instance::one_shot(vec![0], vec![9]));
-    assert_eq!(text, "cell 9 is not on a map of 6 cells");
+    assert_eq!(
+        text,
+        "agent 0: goal cell 9 is not a passable cell of the map"
+    );
     let any_angle = Instance {
         motion: Motion::AnyAngle,
         ..Instance::one_shot(vec![0], vec![3])

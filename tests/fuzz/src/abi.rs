@@ -17,7 +17,8 @@ use std::ffi::c_void;
 use std::ptr;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use fleetyard_abi::sdk::{Catalog, Object, Options, Rejected, Sink};
+use fleetyard_abi::object::Object;
+use fleetyard_abi::sdk::{Catalog, Options, Rejected, Sink};
 use fleetyard_abi::{
     Assignment, Budget, Environment, Goals, GridEnvironment, Heading, Instance, Kind, LogLevel,
     Motion, Objective, Plan, PlanRef, Status, c,

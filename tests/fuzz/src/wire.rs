@@ -291,10 +291,10 @@ mod server {
     use std::io::{Cursor, Write};
     use std::sync::{Arc, Mutex, PoisonError};
 
-    use fleetyard_abi::sdk::{
-        Entry, FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Object, Options, Planner,
-        Sink, StaticCatalog,
+    use fleetyard_abi::object::{
+        FailPolicy, InstanceGenerator, InvocationPolicy, Object, Planner, Prepare,
     };
+    use fleetyard_abi::sdk::{Entry, Failure, Options, Sink, StaticCatalog};
     use fleetyard_abi::wire::{CancelParams, Envelope};
     use fleetyard_abi::{
         Assignment, Budget, Descriptor, FleetState, FleetStatus, Goals, Instance, Kind, LogLevel,
@@ -303,26 +303,22 @@ mod server {
 
     struct Calm;
 
-    macro_rules! prepare {
-        () => {
-            fn prepare(
-                &mut self,
-                environment: &SharedEnvironment,
-                _: &Budget,
-                sink: &dyn Sink,
-            ) -> Result<(), Failure> {
-                let grid = environment.grid().expect("a grid");
-                let cells = u64::from(grid.rows) * u64::from(grid.cols);
-                assert!(grid.passable.len() as u64 == cells && cells > 0);
-                sink.log(LogLevel::Info, &grid.map_name);
-                Ok(())
-            }
-        };
+    impl Prepare for Calm {
+        fn prepare(
+            &mut self,
+            environment: &SharedEnvironment,
+            _: &Budget,
+            sink: &dyn Sink,
+        ) -> Result<(), Failure> {
+            let grid = environment.grid().expect("a grid");
+            let cells = u64::from(grid.rows) * u64::from(grid.cols);
+            assert!(grid.passable.len() as u64 == cells && cells > 0);
+            sink.log(LogLevel::Info, &grid.map_name);
+            Ok(())
+        }
     }
 
     impl Planner for Calm {
-        prepare!();
-
         fn plan(
             &mut self,
             instance: &Instance,
@@ -346,8 +342,6 @@ mod server {
     }
 
     impl FailPolicy for Calm {
-        prepare!();
-
         fn recover(
             &mut self,
             instance: &Instance,
@@ -362,8 +356,6 @@ mod server {
     }
 
     impl InstanceGenerator for Calm {
-        prepare!();
-
         fn generate(
             &mut self,
             state: &FleetState,

@@ -30,7 +30,10 @@ impl Default for SafePrefixOptions {
 /// Keeps what is free of collisions at the beginning of the failed paths.
 pub struct SafePrefix {
     options: SafePrefixOptions,
-    /// Per cell, the cells that one move reaches.
+}
+
+/// The map: per cell, the cells that one move reaches.
+pub struct Map {
     neighbours: Vec<Vec<u32>>,
 }
 
@@ -56,26 +59,28 @@ impl Plugin for SafePrefix {
     fn create(options: Options<'_>) -> Result<Self, Failure> {
         Ok(Self {
             options: options.parse()?,
-            neighbours: Vec::new(),
         })
     }
 }
 
 impl FailPolicy for SafePrefix {
+    type Map = Map;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
+    ) -> Result<Map, Failure> {
         let unknown = || Failure::new(Status::Unsupported, "this policy knows grids only");
         let grid = environment.grid().ok_or_else(unknown)?;
-        self.neighbours = neighbours(grid);
-        Ok(())
+        let neighbours = neighbours(grid);
+        Ok(Map { neighbours })
     }
 
     fn recover(
         &mut self,
+        map: &mut Map,
         instance: &Instance,
         failed: Option<PlanRef<'_>>,
         _budget: &Budget,
@@ -90,7 +95,7 @@ impl FailPolicy for SafePrefix {
                 // An agent without a path is on no map.
                 let after = failed.paths().map(|path| at(path).unwrap_or(u32::MAX));
                 let after: Vec<u32> = after.collect();
-                if sink.cancelled() || !self.is_safe(&now, &after) {
+                if sink.cancelled() || !map.is_safe(&now, &after) {
                     break;
                 }
                 for (path, cell) in paths.iter_mut().zip(after) {
@@ -103,7 +108,7 @@ impl FailPolicy for SafePrefix {
     }
 }
 
-impl SafePrefix {
+impl Map {
     /// Whether all agents can go from their cells to these in one step.
     fn is_safe(&self, now: &[u32], after: &[u32]) -> bool {
         let moves: Vec<(u32, u32)> = now.iter().copied().zip(after.iter().copied()).collect();

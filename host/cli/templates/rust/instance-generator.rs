@@ -33,7 +33,10 @@ impl Default for NearestIdleOptions {
 /// Gives each open task to the nearest agent that has nothing to do.
 pub struct NearestIdle {
     options: NearestIdleOptions,
-    /// Per cell, the cells that one move reaches.
+}
+
+/// The map: per cell, the cells that one move reaches.
+pub struct Map {
     neighbours: Vec<Vec<u32>>,
 }
 
@@ -59,26 +62,28 @@ impl Plugin for NearestIdle {
     fn create(options: Options<'_>) -> Result<Self, Failure> {
         Ok(Self {
             options: options.parse()?,
-            neighbours: Vec::new(),
         })
     }
 }
 
 impl InstanceGenerator for NearestIdle {
+    type Map = Map;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
+    ) -> Result<Map, Failure> {
         let unknown = || Failure::new(Status::Unsupported, "this generator knows grids only");
         let grid = environment.grid().ok_or_else(unknown)?;
-        self.neighbours = neighbours(grid);
-        Ok(())
+        let neighbours = neighbours(grid);
+        Ok(Map { neighbours })
     }
 
     fn generate(
         &mut self,
+        map: &mut Map,
         state: &FleetState,
         _budget: &Budget,
         sink: &dyn Sink,
@@ -99,7 +104,7 @@ impl InstanceGenerator for NearestIdle {
             let (Some(first), Some(last)) = (task.cells.first(), task.cells.last()) else {
                 continue;
             };
-            let distances = self.distances(*first);
+            let distances = map.distances(*first);
             let steps = |cell: u32| distances[cell as usize];
             let reachable = task.cells.iter().all(|cell| steps(*cell).is_some());
             if ends.contains(last) || !reachable {
@@ -120,7 +125,7 @@ impl InstanceGenerator for NearestIdle {
         }
         for (agent, list) in goals.iter_mut().enumerate() {
             if list.is_empty() {
-                list.push(self.place_to_wait(state.cells[agent], &ends)?);
+                list.push(map.place_to_wait(state.cells[agent], &ends)?);
                 ends.extend(list.last());
             }
         }
@@ -132,7 +137,7 @@ impl InstanceGenerator for NearestIdle {
     }
 }
 
-impl NearestIdle {
+impl Map {
     /// Steps from a cell to every other when nobody is in the way.
     fn distances(&self, from: u32) -> Vec<Option<u32>> {
         let mut distances = vec![None; self.neighbours.len()];

@@ -33,7 +33,10 @@ impl Default for PrioritizedOptions {
 /// Prioritized planning, in another order when an agent finds no path.
 pub struct Prioritized {
     options: PrioritizedOptions,
-    /// Per cell, the cells that one move reaches.
+}
+
+/// The map: per cell, the cells that one move reaches.
+pub struct Map {
     neighbours: Vec<Vec<u32>>,
 }
 
@@ -59,26 +62,28 @@ impl Plugin for Prioritized {
     fn create(options: Options<'_>) -> Result<Self, Failure> {
         Ok(Self {
             options: options.parse()?,
-            neighbours: Vec::new(),
         })
     }
 }
 
 impl Planner for Prioritized {
+    type Map = Map;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
+    ) -> Result<Map, Failure> {
         let unknown = || Failure::new(Status::Unsupported, "this planner knows grids only");
         let grid = environment.grid().ok_or_else(unknown)?;
-        self.neighbours = neighbours(grid);
-        Ok(())
+        let neighbours = neighbours(grid);
+        Ok(Map { neighbours })
     }
 
     fn plan(
         &mut self,
+        map: &mut Map,
         instance: &Instance,
         _budget: &Budget,
         sink: &dyn Sink,
@@ -92,7 +97,7 @@ impl Planner for Prioritized {
                     sink.submit_plan(Plan::from_paths(paths.into_values()).as_ref())?;
                     return Ok(());
                 };
-                match self.find_path(instance, agent, &paths, sink)? {
+                match map.find_path(instance, agent, &paths, sink)? {
                     Some(path) => paths.insert(agent, path),
                     None => break paths.len(),
                 };
@@ -111,7 +116,7 @@ impl Planner for Prioritized {
     }
 }
 
-impl Prioritized {
+impl Map {
     /// The cells of a shortest path that meets none of the other paths, if there is one.
     fn find_path(
         &self,

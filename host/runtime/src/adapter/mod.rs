@@ -25,7 +25,8 @@ use std::process::Command;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Sink};
+use fleetyard_abi::object::Object;
+use fleetyard_abi::sdk::{Catalog, Failure, Options, Sink};
 use fleetyard_abi::{Descriptor, Kind, LogLevel, Status};
 use fleetyard_core::{InputError, is_unseen, read_file};
 

@@ -9,7 +9,8 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fleetyard_abi::sdk::{Failure, Planner, Sink};
+use fleetyard_abi::object::{Planner, Prepare};
+use fleetyard_abi::sdk::{Failure, Sink};
 use fleetyard_abi::{
     Budget, Capability, Environment, GridEnvironment, Instance, LogLevel, Motion, Plan,
     SharedEnvironment, Status, monotonic_ns,
@@ -458,7 +459,7 @@ fn seconds(time: Duration) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-impl Planner for Solver {
+impl Prepare for Solver {
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
@@ -485,7 +486,9 @@ impl Planner for Solver {
         self.environment = Some(environment.clone());
         Ok(())
     }
+}
 
+impl Planner for Solver {
     fn plan(
         &mut self,
         instance: &Instance,

@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use fleetyard_abi::{Environment, Goals, GridEnvironment, Heading, Instance, Motion};
+use fleetyard_abi::{Goals, GridEnvironment, Heading, Instance, Motion};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 
 /// A map and who has to go where on it.
@@ -80,17 +80,12 @@ impl Case {
         self
     }
 
-    pub(crate) fn environment(&self) -> Environment {
-        Environment::Grid(GridEnvironment {
-            map_name: "test".into(),
-            rows: self.rows,
-            cols: self.cols,
-            connectivity: 4,
-            cell_size_m: 1.0,
-            step_s: 1.0,
-            passable: self.passable.iter().map(|free| u8::from(*free)).collect(),
-            terrain: Vec::new(),
-        })
+    pub(crate) fn environment(&self) -> GridEnvironment {
+        GridEnvironment::four_connected(
+            self.rows,
+            self.cols,
+            self.passable.iter().map(|free| u8::from(*free)).collect(),
+        )
     }
 
     pub(crate) fn problem(&self) -> Problem {

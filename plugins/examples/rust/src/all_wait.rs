@@ -43,12 +43,15 @@ impl Plugin for AllWait {
 }
 
 impl FailPolicy for AllWait {
+    type Map = ();
+
     fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
         Ok(())
     }
 
     fn recover(
         &mut self,
+        (): &mut (),
         instance: &Instance,
         _failed: Option<PlanRef<'_>>,
         _: &Budget,

@@ -11,8 +11,8 @@
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Motion, Plan, SharedEnvironment,
-    Status, monotonic_ns,
+    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Plan, SharedEnvironment, Status,
+    monotonic_ns,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng as _, SeedableRng};
@@ -27,6 +27,10 @@ const NEVER: usize = usize::MAX;
 /// Plans agents one after the other, layer of time by layer of time.
 pub struct Layered {
     options: LayeredOptions,
+}
+
+/// The map as it is searched.
+pub struct Map {
     neighbours: Vec<Vec<u32>>,
     passable: Vec<u8>,
 }
@@ -62,44 +66,46 @@ impl Plugin for Layered {
     fn create(options: Options<'_>) -> Result<Self, Failure> {
         Ok(Self {
             options: options.parse()?,
-            neighbours: Vec::new(),
-            passable: Vec::new(),
         })
     }
 }
 
 impl Planner for Layered {
+    type Map = Map;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
+    ) -> Result<Map, Failure> {
         let grid = four_connected(environment)?;
-        self.neighbours = neighbours(grid);
-        self.passable.clone_from(&grid.passable);
-        Ok(())
+        Ok(Map {
+            neighbours: neighbours(grid),
+            passable: grid.passable.clone(),
+        })
     }
 
     fn plan(
         &mut self,
+        map: &mut Map,
         instance: &Instance,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let goals = self.check(instance)?;
+        let goals = map.check(instance)?;
         let agents = instance.agents();
         let mut random = ChaCha8Rng::seed_from_u64(budget.seed);
         let mut order: Vec<usize> = (0..agents).collect();
         let mut attempts: u32 = 0;
         loop {
             attempts += 1;
-            let mut traffic = Traffic::new(self.passable.len());
+            let mut traffic = Traffic::new(map.passable.len());
             let mut paths = vec![Vec::new(); agents];
             let mut failed = None;
             for (rank, agent) in order.iter().enumerate() {
                 let (start, goal) = (instance.starts[*agent], goals[*agent]);
-                match self.path(start, goal, &traffic, budget, sink)? {
+                match map.path(start, goal, &traffic, budget, sink)? {
                     Some(path) => {
                         traffic.reserve(*agent as u32, &path);
                         paths[*agent] = path;
@@ -131,18 +137,11 @@ impl Planner for Layered {
     }
 }
 
-impl Layered {
-    /// The goals, if the instance is one that this planner solves.
+impl Map {
+    /// The goals, if agents can stand at them and at their starts. What this planner does not
+    /// claim (windows, several or shared goals, other motions) the SDK refuses.
     fn check(&self, instance: &Instance) -> Result<Vec<u32>, Failure> {
-        let unsupported = |reason: &str| Failure::new(Status::Unsupported, reason);
         let invalid = |reason: String| Failure::new(Status::InvalidInput, reason);
-        instance.check(self.passable.len()).map_err(invalid)?;
-        if instance.motion != Motion::Pebble {
-            return Err(unsupported("this planner knows pebble motion only"));
-        }
-        if instance.goals.cells().len() != instance.agents() {
-            return Err(unsupported("this planner knows one goal per agent only"));
-        }
         let goals = instance.goals.cells().to_vec();
         for cells in [&instance.starts, &goals] {
             if let Some(cell) = cells
@@ -159,9 +158,6 @@ impl Layered {
         };
         if !all_differ(&instance.starts) {
             return Err(invalid("two agents start in the same cell".into()));
-        }
-        if !all_differ(&goals) {
-            return Err(unsupported("two agents have the same goal"));
         }
         Ok(goals)
     }

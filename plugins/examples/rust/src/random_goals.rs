@@ -17,10 +17,11 @@ use crate::{NoOptions, four_connected, neighbours};
 
 /// Gives agents without a goal a random one.
 pub struct RandomGoals {
-    /// Per cell the number of its connected region; `u32::MAX` where it is blocked.
-    region: Vec<u32>,
     calls: u64,
 }
+
+/// Per cell the number of its connected region; `u32::MAX` where it is blocked.
+pub struct Regions(Vec<u32>);
 
 impl Plugin for RandomGoals {
     fn descriptor() -> Descriptor {
@@ -45,48 +46,48 @@ impl Plugin for RandomGoals {
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
         options.parse::<NoOptions>()?;
-        Ok(Self {
-            region: Vec::new(),
-            calls: 0,
-        })
+        Ok(Self { calls: 0 })
     }
 }
 
 impl InstanceGenerator for RandomGoals {
+    type Map = Regions;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
+    ) -> Result<Regions, Failure> {
         let grid = four_connected(environment)?;
         let neighbours = neighbours(grid);
-        self.region = vec![u32::MAX; neighbours.len()];
+        let mut region = vec![u32::MAX; neighbours.len()];
         for cell in 0..neighbours.len() {
-            if grid.passable[cell] == 0 || self.region[cell] != u32::MAX {
+            if grid.passable[cell] == 0 || region[cell] != u32::MAX {
                 continue;
             }
             let mut stack = vec![cell as u32];
-            self.region[cell] = cell as u32;
+            region[cell] = cell as u32;
             while let Some(at) = stack.pop() {
                 for near in &neighbours[at as usize] {
-                    if self.region[*near as usize] == u32::MAX {
-                        self.region[*near as usize] = cell as u32;
+                    if region[*near as usize] == u32::MAX {
+                        region[*near as usize] = cell as u32;
                         stack.push(*near);
                     }
                 }
             }
         }
-        Ok(())
+        Ok(Regions(region))
     }
 
     fn generate(
         &mut self,
+        regions: &mut Regions,
         state: &FleetState,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let cells = self.region.len();
+        let cells = regions.0.len();
         if state.goals.len() != state.cells.len()
             || state.cells.iter().any(|cell| *cell as usize >= cells)
         {
@@ -110,7 +111,7 @@ impl InstanceGenerator for RandomGoals {
                 return Err(Failure::new(Status::Cancelled, "cancelled"));
             }
             if open.is_empty() {
-                let goal = self.draw(&mut random, state.cells[agent], &taken)?;
+                let goal = regions.draw(&mut random, state.cells[agent], &taken)?;
                 taken.insert(goal);
                 goals.push(goal);
             } else {
@@ -125,7 +126,7 @@ impl InstanceGenerator for RandomGoals {
     }
 }
 
-impl RandomGoals {
+impl Regions {
     /// A free cell of the same region that nobody goes to.
     fn draw(
         &self,
@@ -133,11 +134,10 @@ impl RandomGoals {
         from: u32,
         taken: &BTreeSet<u32>,
     ) -> Result<u32, Failure> {
-        let region = self.region[from as usize];
-        let fits = |cell: &u32| {
-            self.region[*cell as usize] == region && *cell != from && !taken.contains(cell)
-        };
-        let cells = self.region.len() as u32;
+        let region = self.0[from as usize];
+        let fits =
+            |cell: &u32| self.0[*cell as usize] == region && *cell != from && !taken.contains(cell);
+        let cells = self.0.len() as u32;
         // Most draws hit; where few cells are left, count them instead.
         for _ in 0..64 {
             let cell = (random.next_u64() % u64::from(cells)) as u32;

@@ -5,7 +5,8 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 
-use fleetyard_abi::sdk::{Catalog, Failure, Object, Options, Rejected, Sink};
+use fleetyard_abi::object::Object;
+use fleetyard_abi::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use fleetyard_abi::{
     Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Instance, Kind, LogLevel,
     Motion, Objective, Plan, PlanRef, SharedEnvironment, Status,

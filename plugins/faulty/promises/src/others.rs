@@ -42,12 +42,15 @@ impl Plugin for Policy {
 }
 
 impl FailPolicy for Policy {
+    type Map = ();
+
     fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
         Ok(())
     }
 
     fn recover(
         &mut self,
+        (): &mut (),
         instance: &Instance,
         failed: Option<PlanRef<'_>>,
         _: &Budget,
@@ -72,10 +75,7 @@ impl FailPolicy for Policy {
 }
 
 /// Who has no goal gets the cell where it is.
-pub(crate) struct Generator {
-    mistake: Mistake,
-    blocked: Vec<u32>,
-}
+pub(crate) struct Generator(Mistake);
 
 impl Plugin for Generator {
     fn descriptor() -> Descriptor {
@@ -86,30 +86,34 @@ impl Plugin for Generator {
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
-        Ok(Self {
-            mistake: Choice::read(options)?.mistake,
-            blocked: Vec::new(),
-        })
+        Ok(Self(Choice::read(options)?.mistake))
     }
 }
 
 impl InstanceGenerator for Generator {
+    /// The blocked cells.
+    type Map = Vec<u32>;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         _: &dyn Sink,
-    ) -> Result<(), Failure> {
+    ) -> Result<Vec<u32>, Failure> {
         let passable = environment.grid().map(|grid| grid.passable.clone());
         let passable = passable.unwrap_or_default();
-        self.blocked = (0..passable.len() as u32)
-            .filter(|cell| passable[*cell as usize] == 0)
-            .collect();
-        Ok(())
+        let blocked = |cell: &u32| passable[*cell as usize] == 0;
+        Ok((0..passable.len() as u32).filter(blocked).collect())
     }
 
-    fn generate(&mut self, state: &FleetState, _: &Budget, sink: &dyn Sink) -> Result<(), Failure> {
-        if self.mistake == Mistake::IdleFleetFails && state.goals.cells().is_empty() {
+    fn generate(
+        &mut self,
+        blocked: &mut Vec<u32>,
+        state: &FleetState,
+        _: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        if self.0 == Mistake::IdleFleetFails && state.goals.cells().is_empty() {
             return Err(Failure::new(Status::InternalError, "nobody has a goal"));
         }
         let (mut offsets, mut goals) = (vec![0], Vec::new());
@@ -120,13 +124,13 @@ impl InstanceGenerator for Generator {
             }
             offsets.push(goals.len() as u64);
         }
-        if let (Mistake::BlockedGoals, Some(cell)) = (self.mistake, self.blocked.first()) {
+        if let (Mistake::BlockedGoals, Some(cell)) = (self.0, blocked.first()) {
             goals[0] = *cell;
         }
         let goals = Goals::from_flat(offsets, goals)
             .ok_or_else(|| Failure::new(Status::InternalError, "broken lists"))?;
         let mut instance = state.instance(goals);
-        match self.mistake {
+        match self.0 {
             Mistake::MovesFleet => instance.starts.reverse(),
             Mistake::ForgetsHeadings => instance.headings = None,
             Mistake::ForgetsWindow => instance.window_steps = 0,
@@ -178,6 +182,8 @@ macro_rules! described {
         }
 
         impl Planner for $name {
+            type Map = ();
+
             fn prepare(
                 &mut self,
                 _: &SharedEnvironment,
@@ -187,7 +193,13 @@ macro_rules! described {
                 Ok(())
             }
 
-            fn plan(&mut self, _: &Instance, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
+            fn plan(
+                &mut self,
+                (): &mut (),
+                _: &Instance,
+                _: &Budget,
+                _: &dyn Sink,
+            ) -> Result<(), Failure> {
                 Err(Failure::new(Status::GaveUp, "not before it is described"))
             }
         }

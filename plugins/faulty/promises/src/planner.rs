@@ -123,6 +123,9 @@ impl Drop for Planner {
 }
 
 impl sdk::Planner for Planner {
+    // It keeps the map by itself, and so may keep an old one.
+    type Map = ();
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
@@ -151,6 +154,7 @@ impl sdk::Planner for Planner {
 
     fn plan(
         &mut self,
+        (): &mut (),
         instance: &Instance,
         budget: &Budget,
         sink: &dyn Sink,

@@ -23,6 +23,10 @@ use serde::Deserialize;
 /// Misbehaves on request.
 pub struct Faulty {
     options: FaultyOptions,
+}
+
+/// The map, on which an honest plan is made.
+pub struct Map {
     cols: usize,
     passable: Vec<u8>,
 }
@@ -173,32 +177,32 @@ impl Plugin for Faulty {
     fn create(options: Options<'_>) -> Result<Self, Failure> {
         let options: FaultyOptions = options.parse()?;
         options.misbehave(During::Create, &StandardError);
-        Ok(Self {
-            options,
-            cols: 0,
-            passable: Vec::new(),
-        })
+        Ok(Self { options })
     }
 }
 
 impl Planner for Faulty {
+    type Map = Map;
+
     fn prepare(
         &mut self,
         environment: &SharedEnvironment,
         _: &Budget,
         sink: &dyn Sink,
-    ) -> Result<(), Failure> {
+    ) -> Result<Map, Failure> {
         self.options.misbehave(During::Prepare, sink);
         let grid = environment.grid().filter(|grid| grid.connectivity == 4);
         let grid =
             grid.ok_or_else(|| Failure::new(Status::Unsupported, "grids with 4 neighbours only"))?;
-        self.cols = grid.cols as usize;
-        self.passable.clone_from(&grid.passable);
-        Ok(())
+        Ok(Map {
+            cols: grid.cols as usize,
+            passable: grid.passable.clone(),
+        })
     }
 
     fn plan(
         &mut self,
+        map: &mut Map,
         instance: &Instance,
         budget: &Budget,
         sink: &dyn Sink,
@@ -218,7 +222,7 @@ impl Planner for Faulty {
             }
             _ => {}
         }
-        let mut paths = self.honest(instance)?;
+        let mut paths = map.honest(instance)?;
         if fault == Fault::TooFewAgents {
             paths.pop();
         }
@@ -249,7 +253,7 @@ impl Drop for Faulty {
     }
 }
 
-impl Faulty {
+impl Map {
     /// One agent after the other goes to its last goal, whoever has a way.
     fn honest(&self, instance: &Instance) -> Result<Vec<Vec<u32>>, Failure> {
         let mut paths: Vec<Vec<u32>> = instance.starts.iter().map(|start| vec![*start]).collect();

@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Vertex};
 
-use super::Question;
+use super::Problem;
 
 /// How often the order may be changed in one step.
 const PATIENCE: u32 = 2;
@@ -50,13 +50,13 @@ enum Fate {
 /// order in each cell is that of the times in the paths; who has the lower number goes first
 /// where two come at once.
 pub(super) fn drive(
-    question: &Question<'_>,
+    problem: &Problem<'_>,
     paths: &[Vec<Vertex>],
     stop: &mut dyn FnMut() -> bool,
 ) -> Vec<Vec<Vertex>> {
-    let mut convoy = Convoy::new(question, paths);
-    let mut driven: Vec<Vec<Vertex>> = question.starts.iter().map(|start| vec![*start]).collect();
-    let steps = question.window.unwrap_or(u32::MAX);
+    let mut convoy = Convoy::new(problem, paths);
+    let mut driven: Vec<Vec<Vertex>> = problem.starts.iter().map(|start| vec![*start]).collect();
+    let steps = problem.window.unwrap_or(u32::MAX);
     for _ in 0..steps {
         if stop() || !convoy.step() {
             break;
@@ -69,7 +69,7 @@ pub(super) fn drive(
 }
 
 struct Convoy<'q> {
-    question: &'q Question<'q>,
+    problem: &'q Problem<'q>,
     /// Where an agent still has to go, nearest first, and where it is.
     ahead: Vec<VecDeque<Vertex>>,
     at: Vec<Vertex>,
@@ -85,9 +85,9 @@ struct Convoy<'q> {
 }
 
 impl<'q> Convoy<'q> {
-    fn new(question: &'q Question<'q>, paths: &[Vec<Vertex>]) -> Self {
-        let vertices = question.ground.graph.len();
-        let agents = question.starts.len();
+    fn new(problem: &'q Problem<'q>, paths: &[Vec<Vertex>]) -> Self {
+        let vertices = problem.ground.graph.len();
+        let agents = problem.starts.len();
         let mut queues = vec![VecDeque::new(); vertices];
         let mut ahead = vec![VecDeque::new(); agents];
         let longest = paths.iter().map(Vec::len).max().unwrap_or(0);
@@ -103,14 +103,14 @@ impl<'q> Convoy<'q> {
             }
         }
         let mut occupant = vec![NOBODY; vertices];
-        for (agent, start) in question.starts.iter().enumerate() {
+        for (agent, start) in problem.starts.iter().enumerate() {
             occupant[*start as usize] = agent as u32;
         }
         Self {
-            question,
+            problem,
             ahead,
-            at: question.starts.clone(),
-            headings: question.headings.clone(),
+            at: problem.starts.clone(),
+            headings: problem.headings.clone(),
             queues,
             occupant,
             acts: vec![Act::Open; agents],
@@ -158,7 +158,7 @@ impl<'q> Convoy<'q> {
 
     /// The direction from where an agent is to where it goes.
     fn towards(&self, agent: usize, to: Vertex) -> u8 {
-        let around = self.question.ground.graph.around(self.at[agent]);
+        let around = self.problem.ground.graph.around(self.at[agent]);
         let direction = around.iter().position(|v| *v == to).unwrap_or(0);
         direction as u8
     }
@@ -188,7 +188,7 @@ impl<'q> Convoy<'q> {
                 Act::Asked => {
                     // A ring of agents, each in the next one's way. Two would change places.
                     let length = self.chain.iter().rev().take_while(|a| **a != asked).count() + 1;
-                    break self.question.rings && length > 2;
+                    break self.problem.rings && length > 2;
                 }
                 Act::Open => {}
             }

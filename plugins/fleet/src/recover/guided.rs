@@ -6,66 +6,59 @@
 //! from where less of the path is left.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
-use fleetyard_abi::{Budget, Descriptor, Goals, Instance, Kind, PlanRef, SharedEnvironment};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Environment, Goals, Instance, PlanRef};
 use fleetyard_plugin_mapf::lifelong::{Place, Ranking};
 use fleetyard_plugin_spacetime::graph::Vertex;
+use fleetyard_plugin_spacetime::plugin::Call;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use super::Question;
-use super::pibt::{CAPABILITIES, Stepping, SteppingOptions};
-use crate::described;
+use super::pibt::{SteppedMap, SteppingOptions};
+use super::{Policy, Problem, Recovery};
 use crate::ground::Ground;
 
 /// PIBT along the failed paths.
-#[derive(Debug)]
-pub struct GuidedPibt(Stepping);
+pub type GuidedPibt = Policy<GuidedOptions>;
 
-impl Plugin for GuidedPibt {
-    fn descriptor() -> Descriptor {
-        described::<SteppingOptions>(
-            Kind::FailPolicy,
-            ("guided-pibt", "Guided PIBT"),
-            "Plans anew with PIBT along the paths that the planner left: moves are ranked by how \
-             near they lead to the path, then by how much of it is left (Chen, Harabor, Li, \
-             Stuckey, AAAI 2024). Where a path ends before a goal, PIBT goes on by itself.",
-            CAPABILITIES,
-        )
+/// The options, for the policy that goes by guide paths.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct GuidedOptions(SteppingOptions);
+
+impl Recovery for GuidedOptions {
+    const NAMES: (&'static str, &'static str) = ("guided-pibt", "Guided PIBT");
+    const ABOUT: &'static str = "Plans anew with PIBT along the paths that the planner left: moves \
+         are ranked by how near they lead to the path, then by how much of it is left (Chen, \
+         Harabor, Li, Stuckey, AAAI 2024). Where a path ends before a goal, PIBT goes on by itself.";
+    type Map = SteppedMap;
+
+    fn check(&self) -> Result<(), String> {
+        self.0.faults()
     }
 
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        Stepping::new(options).map(Self)
-    }
-}
-
-impl FailPolicy for GuidedPibt {
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.0.learn(environment)
+    fn learn(&self, environment: &Environment) -> Result<SteppedMap, Failure> {
+        SteppedMap::learn(environment)
     }
 
     fn recover(
-        &mut self,
+        &self,
+        map: &mut SteppedMap,
         instance: &Instance,
         failed: Option<PlanRef<'_>>,
-        budget: &Budget,
-        sink: &dyn Sink,
+        call: &Call<'_>,
     ) -> Result<(), Failure> {
-        let guides = |ground: &Arc<Ground>, question: &Question<'_>, goals: &Goals| {
-            Guides::new(ground, question, goals, failed)
-        };
-        self.0.recover(instance, budget, sink, guides)
+        self.0
+            .recover(map, instance, call, |ground, problem, goals| {
+                Guides::new(ground, problem, goals, failed)
+            })
     }
 }
 
 /// The guide paths of a fleet.
-struct Guides {
-    ground: Arc<Ground>,
+struct Guides<'g> {
+    ground: &'g Ground,
     agents: Vec<Guide>,
 }
 
@@ -90,14 +83,14 @@ struct Field {
     distance: u32,
 }
 
-impl Guides {
+impl<'g> Guides<'g> {
     fn new(
-        ground: &Arc<Ground>,
-        question: &Question<'_>,
+        ground: &'g Ground,
+        problem: &Problem<'_>,
         goals: &Goals,
         failed: Option<PlanRef<'_>>,
     ) -> Self {
-        let paths = question.paths(failed).into_iter();
+        let paths = problem.paths(failed).into_iter();
         let guide = |(mut path, goals): (Vec<Vertex>, &[u32])| {
             path.dedup();
             let mut visits = Vec::new();
@@ -118,7 +111,7 @@ impl Guides {
         };
         Self {
             agents: paths.zip(goals.iter()).map(guide).collect(),
-            ground: Arc::clone(ground),
+            ground,
         }
     }
 }
@@ -192,7 +185,7 @@ impl Field {
     }
 }
 
-impl Ranking for Guides {
+impl Ranking for Guides<'_> {
     fn rank(&mut self, place: Place, cells: &mut [u32]) {
         let Some(field) = self.agents[place.agent].field(place.visited) else {
             return;
@@ -205,7 +198,7 @@ impl Ranking for Guides {
             return;
         }
         cells.sort_by_cached_key(|cell| match vertex(*cell) {
-            Some(v) => field.get(&self.ground, v),
+            Some(v) => field.get(self.ground, v),
             None => (u32::MAX, u32::MAX),
         });
     }

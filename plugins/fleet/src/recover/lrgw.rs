@@ -7,66 +7,46 @@
 //! Y. Zhang, Z. Chen, D. Harabor, P. Le Bodic, P. J. Stuckey, "Planning and execution in
 //! multi-agent path finding: models and algorithms", ICAPS 2024.
 
-use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
-use fleetyard_abi::{Budget, Capability, Descriptor, Instance, Kind, PlanRef};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Environment, Instance, PlanRef};
+use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Question, convoy, learns, stop};
+use super::{Policy, Problem, Recovery, convoy};
 use crate::ground::Ground;
-use crate::{described, unprepared};
 
 /// Follows the failed paths with as few waits as keep agents apart.
-#[derive(Debug)]
-pub struct Lrgw {
-    ground: Option<Ground>,
-}
+pub type Lrgw = Policy<LrgwOptions>;
 
 /// Options of `lrgw`: none.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct LrgwOptions {}
+pub struct LrgwOptions {}
 
-impl Plugin for Lrgw {
-    fn descriptor() -> Descriptor {
-        described::<LrgwOptions>(
-            Kind::FailPolicy,
-            ("lrgw", "LRGW"),
-            "Local repair by guided waits: agents follow the paths that the planner left and wait \
-             where they would collide, in the order in which the planner lets them pass (Li, \
-             Tinka, Kiesel, Durham, Kumar, Koenig, AAAI 2021; Zhang, Chen, Harabor, Le Bodic, \
-             Stuckey, ICAPS 2024). Who has no path waits.",
-            &[
-                Capability::Grid,
-                Capability::Pebble,
-                Capability::Rotation,
-                Capability::Windowed,
-                Capability::DuplicateGoals,
-                Capability::Deterministic,
-            ],
-        )
+impl Recovery for LrgwOptions {
+    const NAMES: (&'static str, &'static str) = ("lrgw", "LRGW");
+    const ABOUT: &'static str = "Local repair by guided waits: agents follow the paths that the \
+         planner left and wait where they would collide, in the order in which the planner lets \
+         them pass (Li, Tinka, Kiesel, Durham, Kumar, Koenig, AAAI 2021; Zhang, Chen, Harabor, Le \
+         Bodic, Stuckey, ICAPS 2024). Who has no path waits.";
+    type Map = Ground;
+
+    fn learn(&self, environment: &Environment) -> Result<Ground, Failure> {
+        Ground::learn(environment)
     }
-
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        let LrgwOptions {} = options.parse()?;
-        Ok(Self { ground: None })
-    }
-}
-
-impl FailPolicy for Lrgw {
-    learns!();
 
     fn recover(
-        &mut self,
+        &self,
+        ground: &mut Ground,
         instance: &Instance,
         failed: Option<PlanRef<'_>>,
-        budget: &Budget,
-        sink: &dyn Sink,
+        call: &Call<'_>,
     ) -> Result<(), Failure> {
-        let ground = self.ground.as_ref().ok_or_else(unprepared)?;
-        let question = Question::new(ground, instance)?;
-        let paths = question.paths(failed);
-        let driven = convoy::drive(&question, &paths, &mut stop(budget, sink));
-        question.submit(&driven, sink)
+        let problem = Problem::new(ground, instance)?;
+        let paths = problem.paths(failed);
+        let driven = convoy::drive(&problem, &paths, &mut || call.stop());
+        problem.submit(&driven, call);
+        Ok(())
     }
 }

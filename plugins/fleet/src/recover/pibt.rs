@@ -6,16 +6,16 @@
 
 use std::sync::Arc;
 
-use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
-use fleetyard_abi::{Budget, Capability, Descriptor, Goals, Instance, Kind, PlanRef};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Environment, Goals, Instance, PlanRef};
 use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query, Ranking};
 use fleetyard_plugin_spacetime::graph::Vertex;
+use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Question, convoy, stop};
+use super::{Policy, Problem, Recovery, convoy};
 use crate::ground::Ground;
-use crate::{described, invalid, unprepared};
 
 /// Tables of ways to goals that are kept from call to call.
 const TABLE_BYTES: u64 = 256 << 20;
@@ -40,90 +40,84 @@ impl Default for SteppingOptions {
     }
 }
 
-/// What both policies that plan step by step keep and do.
-#[derive(Debug)]
-pub(super) struct Stepping {
-    options: SteppingOptions,
-    map: Option<(Arc<Ground>, Lifelong)>,
-}
-
-impl Stepping {
-    pub(super) fn new(options: Options<'_>) -> Result<Self, Failure> {
-        let options: SteppingOptions = options.parse()?;
-        if options.steps == Some(0) {
-            return Err(invalid("options: `steps` is 0, but has to be 1 or more"));
+impl SteppingOptions {
+    pub(super) fn faults(self) -> Result<(), String> {
+        match self.steps {
+            Some(0) => Err("`steps` is 0, but has to be 1 or more".into()),
+            _ => Ok(()),
         }
-        Ok(Self { options, map: None })
-    }
-
-    pub(super) fn learn(
-        &mut self,
-        environment: &fleetyard_abi::Environment,
-    ) -> Result<(), Failure> {
-        self.map = None;
-        let ground = Ground::learn(environment)?;
-        let planner = Lifelong::new(ground.rows, ground.cols, &ground.passable, TABLE_BYTES)
-            .map_err(|error| invalid(error.to_string()))?;
-        self.map = Some((Arc::new(ground), planner));
-        Ok(())
     }
 
     /// Plans and submits. What `rank` makes says where agents had better go; it is told the
-    /// map, the question, and the goals that agents can reach.
-    pub(super) fn recover<R: Ranking>(
-        &mut self,
+    /// problem, and the goals that agents can reach.
+    pub(super) fn recover<'m, R: Ranking>(
+        self,
+        map: &'m mut SteppedMap,
         instance: &Instance,
-        budget: &Budget,
-        sink: &dyn Sink,
-        rank: impl FnOnce(&Arc<Ground>, &Question<'_>, &Goals) -> R,
+        call: &Call<'_>,
+        rank: impl FnOnce(&'m Ground, &Problem<'_>, &Goals) -> R,
     ) -> Result<(), Failure> {
-        let (ground, planner) = self.map.as_mut().ok_or_else(unprepared)?;
-        let mut question = Question::new(ground, instance)?;
-        let steps = self.options.steps.or(question.window).unwrap_or(100);
-        let goals = reachable(&question, &instance.goals);
-        let mut ranking = rank(ground, &question, &goals);
+        let SteppedMap { ground, planner } = map;
+        let mut problem = Problem::new(ground, instance)?;
+        let steps = self.steps.or(problem.window).unwrap_or(100);
+        let goals = reachable(&problem, &instance.goals);
+        let mut ranking = rank(ground, &problem, &goals);
         let query = Query {
             starts: &instance.starts,
             goals: &goals,
             headings: instance.headings.as_deref(),
             window: Some(steps),
             step_limit: steps.into(),
-            swap: self.options.swap,
+            swap: self.swap,
             // In a ring nobody could turn.
-            rings: question.rings && question.headings.is_none(),
-            memory_limit: budget.memory_bytes,
+            rings: problem.rings && problem.headings.is_none(),
+            memory_limit: call.budget.memory_bytes,
             samples: 1,
             retries: 0,
-            seed: budget.seed,
+            seed: call.budget.seed,
         };
-        let mut stop = stop(budget, sink);
+        let mut stop = || call.stop();
         // A plan that was stopped goes as far as it goes.
-        let (plan, _) = planner
-            .run(&query, &mut ranking, &mut stop)
-            .map_err(|error| invalid(error.to_string()))?;
+        let (plan, _) = planner.run(&query, &mut ranking, &mut stop)?;
         let vertex = |cell: &u32| ground.graph.vertex(*cell);
         let mut paths: Vec<Vec<Vertex>> = plan
             .paths()
             .map(|path| path.iter().filter_map(vertex).collect())
             .collect();
-        if question.headings.is_some() {
-            question.window = Some(steps);
-            paths = convoy::drive(&question, &paths, &mut stop);
+        if problem.headings.is_some() {
+            problem.window = Some(steps);
+            paths = convoy::drive(&problem, &paths, &mut stop);
         }
-        question.submit(&paths, sink)
+        problem.submit(&paths, call);
+        Ok(())
+    }
+}
+
+/// What both policies that plan step by step keep between calls.
+#[derive(Debug)]
+pub struct SteppedMap {
+    ground: Ground,
+    planner: Lifelong,
+}
+
+impl SteppedMap {
+    pub(super) fn learn(environment: &Environment) -> Result<Self, Failure> {
+        let ground = Ground::learn(environment)?;
+        let planner = Lifelong::new(Arc::clone(&ground.graph), TABLE_BYTES);
+        Ok(Self { ground, planner })
     }
 }
 
 /// Of each agent's goals those that it can reach, up to the first that it cannot.
-fn reachable(question: &Question<'_>, goals: &Goals) -> Goals {
+fn reachable(problem: &Problem<'_>, goals: &Goals) -> Goals {
     let mut offsets = Vec::with_capacity(goals.len() + 1);
     let mut cells = Vec::with_capacity(goals.cells().len());
     offsets.push(0);
-    for (start, goals) in question.starts.iter().zip(goals.iter()) {
-        let region = question.ground.region(*start);
+    for (start, goals) in problem.starts.iter().zip(goals.iter()) {
+        let region = problem.ground.region(*start);
         let good = |cell: &&u32| {
-            let goal = question.ground.graph.vertex(**cell);
-            goal.is_some_and(|goal| question.ground.region(goal) == region)
+            let goal = problem.ground.graph.vertex(**cell);
+            goal.is_some_and(|goal| problem.ground.region(goal) == region)
         };
         cells.extend(goals.iter().take_while(good));
         offsets.push(cells.len() as u64);
@@ -132,53 +126,35 @@ fn reachable(question: &Question<'_>, goals: &Goals) -> Goals {
     Goals::from_flat(offsets, cells).unwrap_or_else(|| Goals::single(Vec::new()))
 }
 
-pub(super) const CAPABILITIES: &[Capability] = &[
-    Capability::Grid,
-    Capability::Pebble,
-    Capability::Rotation,
-    Capability::Windowed,
-    Capability::DuplicateGoals,
-    Capability::Deterministic,
-];
-
 /// Plans anew with PIBT, whatever the planner has left.
-#[derive(Debug)]
-pub struct Pibt(Stepping);
+pub type Pibt = Policy<PibtOptions>;
 
-impl Plugin for Pibt {
-    fn descriptor() -> Descriptor {
-        described::<SteppingOptions>(
-            Kind::FailPolicy,
-            ("pibt", "PIBT"),
-            "Plans anew with priority inheritance with backtracking, for the window (Okumura, \
-             Machida, Défago, Tamura, AIJ 2022).",
-            CAPABILITIES,
-        )
+/// The options, for the policy that goes by distances.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct PibtOptions(SteppingOptions);
+
+impl Recovery for PibtOptions {
+    const NAMES: (&'static str, &'static str) = ("pibt", "PIBT");
+    const ABOUT: &'static str = "Plans anew with priority inheritance with backtracking, for the \
+         window (Okumura, Machida, Défago, Tamura, AIJ 2022).";
+    type Map = SteppedMap;
+
+    fn check(&self) -> Result<(), String> {
+        self.0.faults()
     }
 
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        Stepping::new(options).map(Self)
-    }
-}
-
-impl FailPolicy for Pibt {
-    fn prepare(
-        &mut self,
-        environment: &fleetyard_abi::SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<(), Failure> {
-        self.0.learn(environment)
+    fn learn(&self, environment: &Environment) -> Result<SteppedMap, Failure> {
+        SteppedMap::learn(environment)
     }
 
     fn recover(
-        &mut self,
+        &self,
+        map: &mut SteppedMap,
         instance: &Instance,
         _: Option<PlanRef<'_>>,
-        budget: &Budget,
-        sink: &dyn Sink,
+        call: &Call<'_>,
     ) -> Result<(), Failure> {
-        let by_distance = |_: &Arc<Ground>, _: &Question<'_>, _: &Goals| ByDistance;
-        self.0.recover(instance, budget, sink, by_distance)
+        self.0.recover(map, instance, call, |_, _, _| ByDistance)
     }
 }

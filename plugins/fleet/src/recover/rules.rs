@@ -8,75 +8,55 @@
 
 use std::collections::VecDeque;
 
-use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
-use fleetyard_abi::{Budget, Capability, Descriptor, Instance, Kind, PlanRef};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Environment, Instance, PlanRef};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Vertex};
+use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Question, learns};
+use super::{Policy, Problem, Recovery};
 use crate::ground::Ground;
-use crate::{described, unprepared};
 
 /// Lets those go who are in nobody's way.
-#[derive(Debug)]
-pub struct RuleBased {
-    ground: Option<Ground>,
-}
+pub type RuleBased = Policy<RuleBasedOptions>;
 
 /// Options of `rule-based`: none.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct RuleBasedOptions {}
+pub struct RuleBasedOptions {}
 
-impl Plugin for RuleBased {
-    fn descriptor() -> Descriptor {
-        described::<RuleBasedOptions>(
-            Kind::FailPolicy,
-            ("rule-based", "Rule-based"),
-            "Agents whose paths meet no other path follow them; the others wait at their starts, \
-             and make one move out of somebody's way if they can; if not, that one waits too \
-             (Morag, Stern, Felner, SoCS 2023).",
-            &[
-                Capability::Grid,
-                Capability::Pebble,
-                Capability::Rotation,
-                Capability::Windowed,
-                Capability::DuplicateGoals,
-                Capability::Deterministic,
-            ],
-        )
+impl Recovery for RuleBasedOptions {
+    const NAMES: (&'static str, &'static str) = ("rule-based", "Rule-based");
+    const ABOUT: &'static str = "Agents whose paths meet no other path follow them; the others wait \
+         at their starts, and make one move out of somebody's way if they can; if not, that one \
+         waits too (Morag, Stern, Felner, SoCS 2023).";
+    type Map = Ground;
+
+    fn learn(&self, environment: &Environment) -> Result<Ground, Failure> {
+        Ground::learn(environment)
     }
-
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        let RuleBasedOptions {} = options.parse()?;
-        Ok(Self { ground: None })
-    }
-}
-
-impl FailPolicy for RuleBased {
-    learns!();
 
     fn recover(
-        &mut self,
+        &self,
+        ground: &mut Ground,
         instance: &Instance,
         failed: Option<PlanRef<'_>>,
-        _: &Budget,
-        sink: &dyn Sink,
+        call: &Call<'_>,
     ) -> Result<(), Failure> {
-        let ground = self.ground.as_ref().ok_or_else(unprepared)?;
-        let question = Question::new(ground, instance)?;
-        let mut paths = question.paths(failed);
-        cut_turns(&question, &mut paths);
-        let waits = meet(&question, &paths);
-        apply(&question, &mut paths, waits);
-        question.submit(&paths, sink)
+        let problem = Problem::new(ground, instance)?;
+        let mut paths = problem.paths(failed);
+        cut_turns(&problem, &mut paths);
+        let waits = meet(&problem, &paths);
+        apply(&problem, &mut paths, waits);
+        problem.submit(&paths, call);
+        Ok(())
     }
 }
 
 /// A turn takes steps: a path that has not left time for it ends before.
-fn cut_turns(question: &Question<'_>, paths: &mut [Vec<Vertex>]) {
-    let Some(headings) = &question.headings else {
+fn cut_turns(problem: &Problem<'_>, paths: &mut [Vec<Vertex>]) {
+    let Some(headings) = &problem.headings else {
         return;
     };
     for (path, heading) in paths.iter_mut().zip(headings) {
@@ -88,7 +68,7 @@ fn cut_turns(question: &Question<'_>, paths: &mut [Vec<Vertex>]) {
                 waited += 1;
                 continue;
             }
-            let towards = direction(question.ground, step[0], step[1]);
+            let towards = direction(problem.ground, step[0], step[1]);
             if waited < quarters(heading, towards) {
                 good = at + 1;
                 break;
@@ -117,11 +97,11 @@ fn at(path: &[Vertex], time: usize) -> Vertex {
 }
 
 /// Whose paths meet: in a cell, between two cells, or in a ring where that is not allowed.
-fn meet(question: &Question<'_>, paths: &[Vec<Vertex>]) -> Vec<bool> {
+fn meet(problem: &Problem<'_>, paths: &[Vec<Vertex>]) -> Vec<bool> {
     const NOBODY: u32 = u32::MAX;
     let mut waits = vec![false; paths.len()];
     // Who is in a cell at a time, and the one before.
-    let mut before = vec![NOBODY; question.ground.graph.len()];
+    let mut before = vec![NOBODY; problem.ground.graph.len()];
     let mut now = before.clone();
     let longest = paths.iter().map(Vec::len).max().unwrap_or(0);
     // In which round a ring was looked for at an agent.
@@ -165,7 +145,7 @@ fn meet(question: &Question<'_>, paths: &[Vec<Vertex>]) -> Vec<bool> {
                     }
                 }
             };
-            if ring && (length == 2 || !question.rings) {
+            if ring && (length == 2 || !problem.rings) {
                 let mut one = agent;
                 for _ in 0..length {
                     waits[one] = true;
@@ -187,8 +167,8 @@ fn meet(question: &Question<'_>, paths: &[Vec<Vertex>]) -> Vec<bool> {
 }
 
 /// Lets those wait who have to, and those make way who can.
-fn apply(question: &Question<'_>, paths: &mut [Vec<Vertex>], mut waits: Vec<bool>) {
-    let graph = &question.ground.graph;
+fn apply(problem: &Problem<'_>, paths: &mut [Vec<Vertex>], mut waits: Vec<bool>) {
+    let graph = &problem.ground.graph;
     // Who comes to a cell, and when first. Those who wait are taken out as they are found.
     let mut visits: Vec<Vec<(u32, u32)>> = vec![Vec::new(); graph.len()];
     for (agent, path) in paths.iter().enumerate().filter(|(agent, _)| !waits[*agent]) {
@@ -200,12 +180,12 @@ fn apply(question: &Question<'_>, paths: &mut [Vec<Vertex>], mut waits: Vec<bool
         }
     }
     let mut starts = vec![false; graph.len()];
-    for start in &question.starts {
+    for start in &problem.starts {
         starts[*start as usize] = true;
     }
     let mut open: VecDeque<usize> = (0..paths.len()).filter(|agent| waits[*agent]).collect();
     while let Some(agent) = open.pop_front() {
-        let start = question.starts[agent];
+        let start = problem.starts[agent];
         paths[agent] = vec![start];
         let come = |v: Vertex| {
             let coming = visits[v as usize].iter();
@@ -221,7 +201,7 @@ fn apply(question: &Question<'_>, paths: &mut [Vec<Vertex>], mut waits: Vec<bool
                 **v != graph.wall() && !starts[**v as usize] && come(**v).next().is_none()
             })
             .map(|(towards, v)| {
-                let headings = question.headings.as_ref();
+                let headings = problem.headings.as_ref();
                 (headings.map_or(0, |all| quarters(all[agent], towards)), *v)
             })
             .min()

@@ -1,62 +1,43 @@
 //! Everybody stays where it is.
+//!
+//! J. Morag, R. Stern, A. Felner, "Adapting to planning failures in lifelong multi-agent path
+//! finding", SoCS 2023, compare better policies with it.
 
-use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
-use fleetyard_abi::{
-    Budget, Capability, Descriptor, Instance, Kind, Plan, PlanRef, SharedEnvironment,
-};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Capability, Environment, Instance, Plan, PlanRef};
+use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::described;
+use super::{Policy, Recovery};
 
-/// Keeps everybody where it is. J. Morag, R. Stern, A. Felner, "Adapting to planning failures in
-/// lifelong multi-agent path finding", SoCS 2023, compare better policies with it.
-#[derive(Debug)]
-pub struct AllWait;
+/// Keeps everybody where it is.
+pub type AllWait = Policy<AllWaitOptions>;
 
 /// Options of `all-wait`: none.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct AllWaitOptions {}
+pub struct AllWaitOptions {}
 
-impl Plugin for AllWait {
-    fn descriptor() -> Descriptor {
-        described::<AllWaitOptions>(
-            Kind::FailPolicy,
-            ("all-wait", "All wait"),
-            "Keeps everybody where it is until the planner is called again.",
-            &[
-                Capability::Grid,
-                Capability::EightConnected,
-                Capability::Pebble,
-                Capability::Rotation,
-                Capability::Windowed,
-                Capability::DuplicateGoals,
-                Capability::Deterministic,
-            ],
-        )
-    }
+impl Recovery for AllWaitOptions {
+    const NAMES: (&'static str, &'static str) = ("all-wait", "All wait");
+    const ABOUT: &'static str = "Keeps everybody where it is until the planner is called again.";
+    const EXTRA: &'static [Capability] = &[Capability::EightConnected];
+    type Map = ();
 
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        let AllWaitOptions {} = options.parse()?;
-        Ok(Self)
-    }
-}
-
-impl FailPolicy for AllWait {
-    fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
+    fn learn(&self, _: &Environment) -> Result<(), Failure> {
         Ok(())
     }
 
     fn recover(
-        &mut self,
+        &self,
+        (): &mut (),
         instance: &Instance,
         _: Option<PlanRef<'_>>,
-        _: &Budget,
-        sink: &dyn Sink,
+        call: &Call<'_>,
     ) -> Result<(), Failure> {
         let stay = instance.starts.iter().map(|start| [*start]);
-        sink.submit_plan(Plan::from_paths(stay).as_ref())?;
+        call.submit(Plan::from_paths(stay).as_ref());
         Ok(())
     }
 }

@@ -46,16 +46,9 @@ impl Sink for Host {
 
 pub(crate) fn map(rows: u32, cols: u32, free: impl Fn(u32) -> bool) -> SharedEnvironment {
     let passable: Vec<u8> = (0..rows * cols).map(|cell| free(cell).into()).collect();
-    Arc::new(Environment::Grid(GridEnvironment {
-        map_name: "map".into(),
-        rows,
-        cols,
-        connectivity: 4,
-        cell_size_m: 1.0,
-        step_s: 0.5,
-        terrain: passable.iter().map(|free| b"@."[*free as usize]).collect(),
-        passable,
-    }))
+    Arc::new(Environment::Grid(GridEnvironment::four_connected(
+        rows, cols, passable,
+    )))
 }
 
 pub(crate) fn drawn(rows: &[&str]) -> SharedEnvironment {

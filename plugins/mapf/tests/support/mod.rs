@@ -5,7 +5,8 @@
 use std::error::Error;
 use std::path::Path;
 
-use fleetyard_plugin_mapf::{Observer, Plan, Problem};
+use fleetyard_plugin_mapf::{Observer, Options, Outcome, Plan, Problem, ProblemError, solve};
+use fleetyard_plugin_spacetime::graph::Graph;
 
 /// Never stops; remembers the sums of costs it is told.
 #[derive(Debug, Default)]
@@ -28,9 +29,40 @@ impl Observer for Patient {
     }
 }
 
-/// A problem from rows of text, `.` passable, and (start, goal) cells.
-pub(crate) fn problem(map: &[&str], agents: &[(u32, u32)]) -> Problem {
-    Problem {
+/// A map, and a start and a goal cell for each agent.
+#[derive(Debug, Clone)]
+pub(crate) struct Case {
+    pub(crate) rows: u32,
+    pub(crate) cols: u32,
+    /// One entry per cell, row by row.
+    pub(crate) passable: Vec<bool>,
+    pub(crate) starts: Vec<u32>,
+    pub(crate) goals: Vec<u32>,
+}
+
+impl Case {
+    pub(crate) fn graph(&self) -> Graph {
+        Graph::new(self.rows as usize, self.cols as usize, &self.passable)
+    }
+
+    pub(crate) fn solve(
+        &self,
+        options: &Options,
+        seed: u64,
+        observer: &mut dyn Observer,
+    ) -> Result<Outcome, ProblemError> {
+        let problem = Problem {
+            graph: &self.graph(),
+            starts: &self.starts,
+            goals: &self.goals,
+        };
+        solve(&problem, options, seed, observer)
+    }
+}
+
+/// A case from rows of text, `.` passable, and (start, goal) cells.
+pub(crate) fn problem(map: &[&str], agents: &[(u32, u32)]) -> Case {
+    Case {
         rows: map.len() as u32,
         cols: map.first().map_or(0, |row| row.len() as u32),
         passable: map
@@ -44,7 +76,7 @@ pub(crate) fn problem(map: &[&str], agents: &[(u32, u32)]) -> Problem {
 }
 
 /// The first agents of a MovingAI scenario.
-pub(crate) fn read(map: &Path, scenario: &Path, agents: usize) -> Result<Problem, Box<dyn Error>> {
+pub(crate) fn read(map: &Path, scenario: &Path, agents: usize) -> Result<Case, Box<dyn Error>> {
     let map = std::fs::read_to_string(map)?;
     let (head, body) = map.split_once("map\n").ok_or("the map has no body")?;
     let number = |key: &str| {
@@ -58,7 +90,7 @@ pub(crate) fn read(map: &Path, scenario: &Path, agents: usize) -> Result<Problem
         .flat_map(|l| l.trim_end().bytes())
         .map(|c| c == b'.')
         .collect();
-    let mut problem = Problem {
+    let mut problem = Case {
         rows,
         cols,
         passable,
@@ -82,7 +114,7 @@ pub(crate) fn read(map: &Path, scenario: &Path, agents: usize) -> Result<Problem
 }
 
 /// Says what is wrong with a plan, if anything is.
-pub(crate) fn verify(problem: &Problem, plan: &Plan) -> Result<(), String> {
+pub(crate) fn verify(problem: &Case, plan: &Plan) -> Result<(), String> {
     let agents = problem.starts.len();
     if plan.agents() != agents || plan.offsets().len() != agents + 1 {
         return Err(format!("{} paths for {agents} agents", plan.agents()));

@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use fleetyard_abi::{Environment, GridEnvironment, Instance};
+use fleetyard_abi::{GridEnvironment, Instance};
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem, ProblemError};
 
@@ -21,21 +21,8 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    pub(crate) fn environment(&self) -> Environment {
-        Environment::Grid(GridEnvironment {
-            map_name: "scene".into(),
-            rows: self.rows,
-            cols: self.cols,
-            connectivity: 4,
-            cell_size_m: 1.0,
-            step_s: 1.0,
-            terrain: self
-                .passable
-                .iter()
-                .map(|p| if *p == 1 { b'.' } else { b'@' })
-                .collect(),
-            passable: self.passable.clone(),
-        })
+    pub(crate) fn environment(&self) -> GridEnvironment {
+        GridEnvironment::four_connected(self.rows, self.cols, self.passable.clone())
     }
 
     pub(crate) fn instance(&self) -> Instance {

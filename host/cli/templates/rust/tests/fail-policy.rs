@@ -13,10 +13,12 @@ fn recover(options: &str, failed: Option<[&[u32]; 2]>) -> Vec<Vec<u32>> {
     let host = Host::default();
     let failed = failed.map(Plan::from_paths);
     let mut policy = SafePrefix::create(Options::new(options)).unwrap();
-    policy.prepare(&map(&["...."]), &BUDGET, &host).unwrap();
+    let mut map = policy.prepare(&map(&["...."]), &BUDGET, &host).unwrap();
     let instance = Instance::one_shot(vec![0, 3], vec![3, 0]);
     let failed = failed.as_ref().map(Plan::as_ref);
-    policy.recover(&instance, failed, &BUDGET, &host).unwrap();
+    policy
+        .recover(&mut map, &instance, failed, &BUDGET, &host)
+        .unwrap();
     host.paths.into_inner().unwrap()
 }
 

@@ -43,16 +43,12 @@ pub const BUDGET: Budget = Budget {
 
 /// A map of rows, `.` where a robot may stand.
 pub fn map(rows: &[&str]) -> SharedEnvironment {
-    let terrain = rows.concat().into_bytes();
-    let free = |letter: &u8| u8::from(*letter == b'.');
-    Arc::new(Environment::Grid(GridEnvironment {
-        map_name: "test".into(),
-        rows: rows.len() as u32,
-        cols: rows[0].len() as u32,
-        connectivity: 4,
-        cell_size_m: 1.0,
-        step_s: 1.0,
-        passable: terrain.iter().map(free).collect(),
-        terrain,
-    }))
+    let (height, width) = (rows.len() as u32, rows[0].len() as u32);
+    let letters = rows.concat().into_bytes();
+    let passable = letters.iter().map(|letter| u8::from(*letter == b'.'));
+    Arc::new(Environment::Grid(GridEnvironment::four_connected(
+        height,
+        width,
+        passable.collect(),
+    )))
 }

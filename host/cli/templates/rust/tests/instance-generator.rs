@@ -13,7 +13,7 @@ use example_plugin::NearestIdle;
 fn generate(row: &str, cells: [u32; 2], goal: u32, task: &[u32]) -> Result<Vec<Vec<u32>>, Failure> {
     let host = Host::default();
     let mut generator = NearestIdle::create(Options::new("{}"))?;
-    generator.prepare(&map(&[row]), &BUDGET, &host)?;
+    let mut map = generator.prepare(&map(&[row]), &BUDGET, &host)?;
     let state = FleetState {
         time_s: 0.0,
         cells: cells.to_vec(),
@@ -29,7 +29,7 @@ fn generate(row: &str, cells: [u32; 2], goal: u32, task: &[u32]) -> Result<Vec<V
         radius_m: 0.35,
         allows_cycles: false,
     };
-    generator.generate(&state, &BUDGET, &host)?;
+    generator.generate(&mut map, &state, &BUDGET, &host)?;
     Ok(host.goals.into_inner().unwrap())
 }
 

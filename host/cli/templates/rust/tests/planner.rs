@@ -12,9 +12,9 @@ use example_plugin::Prioritized;
 fn plan(rows: &[&str], starts: &[u32], goals: &[u32]) -> Result<Vec<Vec<u32>>, Failure> {
     let host = Host::default();
     let mut planner = Prioritized::create(Options::new(r#"{"attempts": 3}"#))?;
-    planner.prepare(&map(rows), &BUDGET, &host)?;
+    let mut map = planner.prepare(&map(rows), &BUDGET, &host)?;
     let instance = Instance::one_shot(starts.to_vec(), goals.to_vec());
-    planner.plan(&instance, &BUDGET, &host)?;
+    planner.plan(&mut map, &instance, &BUDGET, &host)?;
     Ok(host.paths.into_inner().unwrap())
 }
 

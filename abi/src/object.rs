@@ -1,0 +1,276 @@
+//! Plugins that have been made, as hosts call them: one trait for each kind, the same for a
+//! Rust crate, for a library that was loaded and for an adapter.
+//!
+//! [`Object::planner`] and its like make one of a plugin that is written with the
+//! [SDK](crate::sdk): they keep the map that `prepare` learns, and refuse what authors would
+//! have to refuse otherwise, each in the same words: calls before a map, instances that are
+//! not whole, and what an instance needs and the descriptor does not claim.
+
+use std::fmt;
+
+use crate::model::{
+    Budget, Capabilities, FleetState, FleetStatus, Instance, Kind, PlanRef, SharedEnvironment,
+    Status,
+};
+use crate::sdk::{self, Failure, Sink};
+
+/// Learns maps.
+pub trait Prepare: Send {
+    /// Learns a map, within a budget of its own.
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+}
+
+/// A planner that has been made.
+pub trait Planner: Prepare {
+    /// Solves an instance on the map that it has learnt; `Ok` claims that the last plan
+    /// submitted solves it.
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+}
+
+/// A fail policy that has been made.
+pub trait FailPolicy: Prepare {
+    /// Submits a collision-free plan; `failed` is what the planner left.
+    fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+}
+
+/// An instance generator that has been made.
+pub trait InstanceGenerator: Prepare {
+    /// Submits one instance.
+    fn generate(
+        &mut self,
+        state: &FleetState,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure>;
+}
+
+/// An invocation policy that has been made.
+pub trait InvocationPolicy: Send {
+    /// Whether to call the planner now.
+    fn should_invoke(&mut self, status: &FleetStatus, sink: &dyn Sink) -> Result<bool, Failure>;
+}
+
+/// A plugin that has been made.
+pub enum Object {
+    /// A planner.
+    Planner(Box<dyn Planner>),
+    /// A fail policy.
+    FailPolicy(Box<dyn FailPolicy>),
+    /// An instance generator.
+    InstanceGenerator(Box<dyn InstanceGenerator>),
+    /// An invocation policy.
+    InvocationPolicy(Box<dyn InvocationPolicy>),
+}
+
+impl fmt::Debug for Object {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Object").field(&self.kind()).finish()
+    }
+}
+
+impl Object {
+    /// Its kind.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Planner(_) => Kind::Planner,
+            Self::FailPolicy(_) => Kind::FailPolicy,
+            Self::InstanceGenerator(_) => Kind::InstanceGenerator,
+            Self::InvocationPolicy(_) => Kind::InvocationPolicy,
+        }
+    }
+
+    /// Teaches it a map; `None` for a kind that learns none.
+    pub fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Option<Result<(), Failure>> {
+        Some(match self {
+            Self::Planner(plugin) => plugin.prepare(environment, budget, sink),
+            Self::FailPolicy(plugin) => plugin.prepare(environment, budget, sink),
+            Self::InstanceGenerator(plugin) => plugin.prepare(environment, budget, sink),
+            Self::InvocationPolicy(_) => return None,
+        })
+    }
+
+    /// Of a planner that is written with the SDK.
+    pub fn planner<P: sdk::Planner>(plugin: P) -> Self {
+        Self::Planner(Box::new(PlannerOf(Held::new(plugin))))
+    }
+
+    /// Of a fail policy that is written with the SDK.
+    pub fn fail_policy<P: sdk::FailPolicy>(plugin: P) -> Self {
+        Self::FailPolicy(Box::new(FailPolicyOf(Held::new(plugin))))
+    }
+
+    /// Of an instance generator that is written with the SDK.
+    pub fn instance_generator<P: sdk::InstanceGenerator>(plugin: P) -> Self {
+        Self::InstanceGenerator(Box::new(InstanceGeneratorOf(Held::new(plugin))))
+    }
+
+    /// Of an invocation policy that is written with the SDK.
+    pub fn invocation_policy<P: sdk::InvocationPolicy>(plugin: P) -> Self {
+        Self::InvocationPolicy(Box::new(InvocationPolicyOf(plugin)))
+    }
+}
+
+/// A plugin of an author, and what it has learnt.
+struct Held<P, M> {
+    plugin: P,
+    claims: Capabilities,
+    map: Option<Learnt<M>>,
+}
+
+/// A map as the plugin knows it, and as the host gave it.
+struct Learnt<M> {
+    map: M,
+    environment: SharedEnvironment,
+}
+
+impl<P: sdk::Plugin, M> Held<P, M> {
+    fn new(plugin: P) -> Self {
+        Self {
+            plugin,
+            claims: P::descriptor().capabilities,
+            map: None,
+        }
+    }
+
+    /// Learns with `learn`; a map that was known is forgotten, whatever comes of it.
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        learn: impl FnOnce(&mut P) -> Result<M, Failure>,
+    ) -> Result<(), Failure> {
+        self.map = None;
+        claimed(self.claims, "map", environment.needs())?;
+        let map = learn(&mut self.plugin)?;
+        let environment = environment.clone();
+        self.map = Some(Learnt { map, environment });
+        Ok(())
+    }
+
+    /// The plugin with its map.
+    fn ready(&mut self) -> Result<(&mut P, &mut Learnt<M>), Failure> {
+        match &mut self.map {
+            Some(learnt) => Ok((&mut self.plugin, learnt)),
+            None => Err(Failure::new(
+                Status::InvalidInput,
+                "the call came before a successful `prepare`",
+            )),
+        }
+    }
+
+    /// The plugin with its map, for an instance that is whole.
+    fn ready_for(&mut self, instance: &Instance) -> Result<(&mut P, &mut M), Failure> {
+        let (plugin, learnt) = self.ready()?;
+        if let Some(grid) = learnt.environment.grid() {
+            instance
+                .check(grid.passable.len())
+                .map_err(|reason| Failure::new(Status::InvalidInput, reason))?;
+        }
+        Ok((plugin, &mut learnt.map))
+    }
+}
+
+/// That a plugin claims what a map or an instance needs.
+fn claimed(claims: Capabilities, what: &str, needed: Capabilities) -> Result<(), Failure> {
+    let Some(lacking) = needed.iter().find(|needed| !claims.has(*needed)) else {
+        return Ok(());
+    };
+    let reason = format!(
+        "the {what} needs the capability `{}`, which this plugin does not claim; hint: take one \
+         that does",
+        lacking.as_str()
+    );
+    Err(Failure::new(Status::Unsupported, reason))
+}
+
+struct PlannerOf<P: sdk::Planner>(Held<P, P::Map>);
+struct FailPolicyOf<P: sdk::FailPolicy>(Held<P, P::Map>);
+struct InstanceGeneratorOf<P: sdk::InstanceGenerator>(Held<P, P::Map>);
+struct InvocationPolicyOf<P>(P);
+
+macro_rules! prepares {
+    ($($held:ident: $kind:ident),*) => {$(
+        impl<P: sdk::$kind> Prepare for $held<P> {
+            fn prepare(
+                &mut self,
+                environment: &SharedEnvironment,
+                budget: &Budget,
+                sink: &dyn Sink,
+            ) -> Result<(), Failure> {
+                let learn = |plugin: &mut P| plugin.prepare(environment, budget, sink);
+                self.0.prepare(environment, learn)
+            }
+        }
+    )*};
+}
+
+prepares!(
+    PlannerOf: Planner,
+    FailPolicyOf: FailPolicy,
+    InstanceGeneratorOf: InstanceGenerator
+);
+
+impl<P: sdk::Planner> Planner for PlannerOf<P> {
+    fn plan(
+        &mut self,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let claims = self.0.claims;
+        let (planner, map) = self.0.ready_for(instance)?;
+        claimed(claims, "instance", instance.needs())?;
+        planner.plan(map, instance, budget, sink)
+    }
+}
+
+impl<P: sdk::FailPolicy> FailPolicy for FailPolicyOf<P> {
+    fn recover(
+        &mut self,
+        instance: &Instance,
+        failed: Option<PlanRef<'_>>,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let (policy, map) = self.0.ready_for(instance)?;
+        policy.recover(map, instance, failed, budget, sink)
+    }
+}
+
+impl<P: sdk::InstanceGenerator> InstanceGenerator for InstanceGeneratorOf<P> {
+    fn generate(
+        &mut self,
+        state: &FleetState,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let (generator, learnt) = self.0.ready()?;
+        generator.generate(&mut learnt.map, state, budget, sink)
+    }
+}
+
+impl<P: sdk::InvocationPolicy> InvocationPolicy for InvocationPolicyOf<P> {
+    fn should_invoke(&mut self, status: &FleetStatus, sink: &dyn Sink) -> Result<bool, Failure> {
+        self.0.should_invoke(status, sink)
+    }
+}
