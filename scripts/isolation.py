@@ -20,10 +20,9 @@ report whether they succeeded, and the record has to name the right limit.
 Then it measures the time from spawn to ready with all layers and with none in turns,
 and one honest trial with and without the sandbox.
 
-Writes the tables between the marker comments of docs/isolation.md, those of refused
-conditions apart from the others, and leaves the rest of that file alone; with --only or
---print it prints them instead. --raw keeps every single run. Takes about half an hour on
-two cores. Standard library only.
+Writes the tables between the marker comments of docs/results/isolation.md and leaves the
+rest of that file alone; with --only or --print it prints them instead. --raw keeps every
+single run. Takes about half an hour on two cores. Standard library only.
 """
 
 import argparse
@@ -820,23 +819,24 @@ def of(results, behaviour, condition=None):
 
 def containment_tables(results, conditions):
     names = [condition.name for condition in conditions]
-    head = ["behaviour", "plugins", *(TITLES[name] for name in names)]
-    rows, times = [], []
+    rows, odd, times = [], [], []
     for group, behaviours in GROUPS.items():
         tried = [b for b in behaviours if of(results, b)]
-        if tried:
-            rows.append([f"**{group}**", *[""] * (len(head) - 1)])
+        whole = []
         for behaviour in tried:
-            cells = []
-            for name in names:
-                ones = of(results, behaviour, name)
-                good = sum(one["contained"] for one in ones)
-                cell = f"{good}/{len(ones)}" if ones else ""
-                cells.append(f"**{cell}**" if good < len(ones) else cell)
-            letters = sorted({one["letter"] for one in of(results, behaviour)})
-            by = ", ".join(LETTERS[letter] for letter in letters)
-            rows.append([title(behaviour), by, *cells])
             everything = of(results, behaviour)
+            letters = sorted({one["letter"] for one in everything})
+            by = ", ".join(LETTERS[letter] for letter in letters)
+            if all(one["contained"] for one in everything):
+                whole.append(f"{title(behaviour)} in {by}")
+            else:
+                cells = []
+                for name in names:
+                    ones = of(results, behaviour, name)
+                    good = sum(one["contained"] for one in ones)
+                    cell = f"{good}/{len(ones)}" if ones else ""
+                    cells.append(f"**{cell}**" if good < len(ones) else cell)
+                odd.append([title(behaviour), by, *cells])
             if any(one["limit"] for one in everything) or behaviour.limits.strip():
                 right = sum(one["right"] for one in everything)
                 named = sorted({one["limit"] or "none" for one in everything})
@@ -855,8 +855,14 @@ def containment_tables(results, conditions):
                         *(milliseconds(kill(name)) for name in names),
                     ]
                 )
+        if tried:
+            rows.append([group, "; ".join(whole)])
+    head = ["behaviour", "plugins", *(TITLES[name] for name in names)]
+    contained = [table(["group", "contained in every run"], rows, 2), summary(results, names)]
+    if odd:
+        contained.insert(0, table(head, odd, 2))
     return {
-        "contained": table(head, rows, 2) + "\n\n" + summary(results, names),
+        "contained": "\n\n".join(contained),
         "limits": table(
             ["behaviour", "limit named", "right", *(TITLES[name] for name in names)], times, 2
         ),
@@ -1014,7 +1020,7 @@ def fidelity(yard, conditions, repeats):
 
 # ---- The document ------------------------------------------------------------------
 
-SKELETON = """# Isolation: what was measured
+SKELETON = """# Results: isolation
 
 {}
 """
@@ -1142,7 +1148,8 @@ def parse():
         help="[default: all, with --only the first]",
     )
     parser.add_argument("--raw", type=pathlib.Path, help="write every run to this file, as JSON")
-    parser.add_argument("--docs", type=pathlib.Path, default=ROOT / "docs" / "isolation.md")
+    docs = ROOT / "docs" / "results" / "isolation.md"
+    parser.add_argument("--docs", type=pathlib.Path, default=docs)
     parser.add_argument("--print", action="store_true", help="print the tables, write nothing")
     arguments = parser.parse_args()
     every = ["containment", "overhead", "fidelity"]
@@ -1206,14 +1213,8 @@ def main():
     try:
         if "containment" in arguments.parts:
             results = containment(yard, conditions, arguments)
-            for suffix, refused in [("", False), ("-refused", True)]:
-                some = [c for c in conditions if c.refused == refused]
-                names = [c.name for c in some]
-                ones = [one for one in results if one["condition"] in names]
-                if ones:
-                    made_of = {"layers": layers_table(ones, some)}
-                    made_of.update(containment_tables(ones, some))
-                    tables.update({name + suffix: made_of[name] for name in made_of})
+            tables["layers"] = layers_table(results, conditions)
+            tables.update(containment_tables(results, conditions))
         # Namespaces that are refused make no difference to what it costs.
         plain = [c for c in conditions if not c.refused] or conditions
         if "overhead" in arguments.parts:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads a trace file (docs/traces.md) and prints where every body is at every tick, as CSV;
+"""Reads a trace file (docs/trace-format.md) and prints where every body is at every tick, as CSV;
 events, and what a fleet did, go to standard error.
 
 The whole format in one page, to be read beside the specification. It needs Python 3.14

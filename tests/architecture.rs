@@ -365,9 +365,15 @@ fn simulation_and_judgement_use_no_float_function_of_the_platform() {
 #[test]
 fn links_and_anchors_of_the_documentation_lead_somewhere() {
     let root = root();
-    let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"]
-        .map(|name| root.join(name))
-        .to_vec();
+    let mut pages: Vec<PathBuf> = [
+        "README.md",
+        "ARCHITECTURE.md",
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "SECURITY.md",
+    ]
+    .map(|name| root.join(name))
+    .to_vec();
     for folder in [
         "docs",
         "docs/results",

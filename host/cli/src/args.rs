@@ -693,7 +693,7 @@ pub(crate) struct FleetAsked {
           value_parser = seconds)]
     pub(crate) dwell: f64,
     /// Motion model or preset of all robots, such as agv or lsmart-effective; pebble for discs
-    /// that move by one cell per step. docs/motion.md lists them
+    /// that move by one cell per step. docs/execution.md lists them
     #[arg(long, help_heading = ROBOTS, value_name = "NAME", default_value = "agv",
           conflicts_with = "fleet")]
     pub(crate) model: String,
@@ -1051,7 +1051,7 @@ pub(crate) enum Mishap {
 #[derive(Debug, Args)]
 pub(crate) struct RobotArgs {
     /// Motion model or preset of all robots, such as pebble, agv, holonomic or go2;
-    /// docs/motion.md lists them [default: pebble]
+    /// docs/execution.md lists them [default: pebble]
     #[arg(
         long,
         help_heading = "Robots",

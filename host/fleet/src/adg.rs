@@ -13,7 +13,63 @@
 //! exactly when its visit is at the front. Every robot has a list of nodes that begins
 //! with the one that took it to where it stands. What is done is forgotten.
 //!
-//! Proofs of what is promised here are in `docs/adg.md`.
+//! # Guarantees
+//!
+//! Let batches be those that [`judge`](crate::batch::judge) lets pass. Then, whatever the
+//! delays and however late, often or seldom messages come:
+//!
+//! **(A) The last visit of a robot is the last one in its cell's queue, so that robots end in
+//! distinct cells.** True at the start. A batch begins at the ends, and has nobody in the
+//! same cell at any step of its window: who is in a cell at its last step is alone there and
+//! entered it last. A robot stopped by a ring stays in its cell, and everybody who would enter
+//! it stops. A cut: see (E).
+//!
+//! **(B) At most one robot is in a cell, comes to it, or leaves it without being clear of
+//! it.** From the moment a node is enqueued until its robot is known to have left its cell,
+//! its visit is at the front of the queue, and a queue has one front. What is known has
+//! happened, and a robot that is clear of a cell only gets farther from it, since it drives on
+//! to the next one.
+//!
+//! **(C) Centres are never nearer than the lesser of the side of a cell and c = 2 (r + t)**,
+//! with the largest radius r and the tolerances t of arrival and of the way, up to how exactly
+//! robots keep to their way. By (B) two robots are at the same time on two segments between
+//! adjacent cells, or in cells, that have no cell in common but one that one of them, X, has
+//! left. Without such a cell, the nearest points of the segments include an end of one of
+//! them, and a point of the unit lattice is at least 1 from a unit segment of the lattice that
+//! does not contain it. With it, call it A and the next one of X B: the other robot is on a
+//! segment that ends in A and not in B, which the passing order of B still keeps for X. So
+//! that segment leads away from X or is at right angles to its way, and A is its nearest
+//! point to X, at c or more. So discs of a radius below half a cell do not touch.
+//!
+//! **(D) The graph has no cycle, and everything that is pending gets done** if every robot
+//! does what it is told some day and news arrives some day. Order nodes by batch, then by
+//! step. A node depends on nodes of its robot at earlier steps, and on leaving moves at no
+//! later steps, since the plan has nobody in a cell that has not been left. Within a step
+//! everybody goes to one cell, which at most one other leaves; such a relation has chains and
+//! rings, and rings were cut. So there is always a pending node that depends on nothing
+//! pending; its robot has nothing before it to do, so that it is enqueued, and done some day.
+//!
+//! **(E) A cut keeps all of this.** What is kept contains what it depends on, by construction.
+//! If two kept visits were in one cell, the later one depends on the move by which the first
+//! one leaves; so that move is kept, and the first one's robot does not end there: ends are
+//! distinct. What is dropped was enqueued to nobody.
+//!
+//! **(F) The order of news does not matter.** News is a number: the robot has done so many
+//! nodes since the start. The graph is a function of the batches, the cuts and the largest
+//! numbers so far, so that repeated and stale news changes nothing, and one number may jump
+//! over several nodes. A number above what was enqueued cannot be true and counts as what was
+//! enqueued.
+//!
+//! (B), (D), (E), (F) and the passing order are tested on random maps with random walks,
+//! rings, windows, cuts and delays (`tests/adg.rs`), (C) with robots that drive, noise and
+//! lost messages (`tests/live.rs` of the simulator).
+//!
+//! # Costs
+//!
+//! `append` is linear in the cells of all paths, `enqueue` in what has changed, `complete` in
+//! the nodes that are news, `cut` and `is_acyclic` in what is pending. Memory is 44 bytes a
+//! pending node, with room for up to twice as many since it grows by doubling, 40 an agent and
+//! 12 a cell of the map.
 
 use std::mem;
 

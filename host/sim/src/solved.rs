@@ -20,7 +20,7 @@ const DENSITY: f64 = 500.0;
 const GRIP: f64 = 6.0;
 
 /// What bodies without limits accelerate with, in m/s² and rad/s²: harder drives press
-/// robots into each other (docs/contact-tier.md).
+/// robots into each other (docs/execution.md).
 const UNLIMITED: f64 = 15.0;
 
 /// The bodies of an execution as a world in which they push each other.

@@ -217,10 +217,10 @@ fn profiles_are_written_as_they_are_read() {
     }
 }
 
-/// What docs/motion.md shows is a fleet, and its error is what a mistake in it gives.
+/// What docs/execution.md shows is a fleet, and its error is what a mistake in it gives.
 #[test]
 fn the_documented_file_is_a_fleet() {
-    let page = include_str!("../../../docs/motion.md");
+    let page = include_str!("../../../docs/execution.md");
     let (_, rest) = page.split_once("```json\n").unwrap();
     let (text, rest) = rest.split_once("```").unwrap();
     let fleet = read_fleet("fleet.json", text.as_bytes())

@@ -2,7 +2,7 @@
 
 /// Colours of agents, in turn: Okabe and Ito's set ("Color Universal Design",
 /// 2008) without black, without yellow, which vanishes on white, and without
-/// vermillion, which is [`CONTACT`]. All of them show on light and dark ground.
+/// vermilion, which is [`CONTACT`]. All of them show on light and dark ground.
 pub(crate) const AGENTS: [&str; 5] = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9"];
 
 /// Contacts, which have a shape of their own besides.

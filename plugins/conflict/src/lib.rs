@@ -9,6 +9,9 @@
 //! [`End::Infeasible`] is a proof, but where agents block each other for good the search often
 //! goes on without end instead. [`Outcome::lower_bound`] is one too.
 //!
+//! Tests compare the costs with brute force on tiny grids: pebbles and turning robots, with
+//! and without delays, rings and each improvement.
+//!
 //! # Time and memory
 //!
 //! Both grow exponentially with the number of conflicts that cost something; a node takes a few

@@ -2,7 +2,8 @@
 //!
 //! Of the cells where an agent could be next it prefers the one from where the way to its
 //! goal is the shortest, with what moves against [`Lanes`] are charged; of equals those that
-//! PIBT prefers by itself.
+//! PIBT prefers by itself. Who goes first is decided by that way too, so that the first of
+//! all still arrives.
 
 use std::sync::Arc;
 

@@ -1,4 +1,7 @@
 //! What both planners do: the path of one agent among those of others.
+//!
+//! Whoever has priority leaves the others time to turn and get away from where they start:
+//! otherwise two robots that face each other in a corridor have no plan in either order.
 
 use fleetyard_plugin_spacetime::graph::DIRECTIONS;
 use fleetyard_plugin_spacetime::plan::Paths;

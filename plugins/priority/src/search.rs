@@ -14,6 +14,10 @@
 //! or the one with fewer collisions (Chan, Stern, Felner, Koenig, "Greedy priority-based
 //! search for suboptimal multi-agent path finding", SoCS 2023), which ends sooner.
 //!
+//! A ring is resolved by ordering its members, two at a time, until the last has to keep out
+//! of it. After some dead ends the search begins anew, with those agents first that found no
+//! path.
+//!
 //! Among equally long paths of an agent the one is taken that meets fewest of those that
 //! it need not keep out of the way of.
 

@@ -10,7 +10,7 @@
 //!
 //! What must be controlled and what must be reported follows Beyer, Löwe and
 //! Wendler, "Reliable benchmarking: requirements and solutions", STTT 21 (2019).
-//! `docs/measurement.md` lists every figure with its unit and source.
+//! `docs/performance.md` lists every figure with its unit and source.
 
 pub mod cores;
 mod cpus;

@@ -14,11 +14,20 @@
 //!
 //! It is not a controller: it keeps no route and no target. It is no validator
 //! either: bodies under load overlap by fractions of a millimetre, and a mover
-//! that presses a robot against a wall overlaps it. `docs/contact-tier.md` says
+//! that presses a robot against a wall overlaps it. `docs/execution.md` says
 //! what is modelled, what is not, and which tier to use for what.
 //!
 //! Equal worlds that are told equal things are in bitwise equal states, on every
 //! machine and in every build: see [`ContactWorld::digest`].
+//!
+//! # Choices
+//!
+//! Instructions per tick with 1000 robots in a warehouse, where 100 is rapier as it comes:
+//! boxes of the broad phase that are 0.12 m wider than bodies instead of 0.04 m, 84 (kept);
+//! as wide as an eighth of a body, 90; across the 15 cm between robot and shelf, 145 in
+//! time; no reordering of the tree, 87, but it gets worse with time; no sweeping of fast
+//! bodies, 94, but small fast robots come through walls; contacts found anew instead of
+//! reused while bodies hardly move, 101 (kept, since reused ones do not turn with bodies).
 
 #![allow(clippy::float_cmp, reason = "whether anything changed at all")]
 

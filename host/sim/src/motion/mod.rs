@@ -8,7 +8,7 @@
 //! `+ − × ÷`, square roots and the functions of `libm`.
 //!
 //! What each model and controller does, and where its numbers come from, is in
-//! `docs/motion.md`.
+//! `docs/execution.md`.
 
 mod error;
 mod fleet;

@@ -1,4 +1,9 @@
 //! Rounding the corners of a path with Bézier curves.
+//!
+//! A corner is replaced by a quadratic curve with a given largest deviation δ. The curve
+//! begins and ends at the distance t from the corner on both legs, t = min(4·δ / |u − w|, half
+//! of either leg) with the directions u, w of the legs; its nearest point to the corner is
+//! t·|u − w| / 4 away from it. Headings follow the same curve.
 
 use super::error::{MotionError, within};
 

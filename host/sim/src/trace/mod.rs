@@ -5,7 +5,7 @@
 //! frame or into another sink ([`TraceReader::replay`]). A file explains itself:
 //! with its [`Header`] it can be drawn without map, plan and fleet.
 //!
-//! The format is specified in `docs/traces.md`. States are lossless, to the bit;
+//! The format is specified in `docs/trace-format.md`. States are lossless, to the bit;
 //! memory is bounded on both sides, by the number of bodies and not by the length
 //! of the execution, and for a reader also by what the file really has.
 //!
