@@ -181,7 +181,10 @@ fn states_that_are_none_are_refused() {
     );
     refused(&state(&[0], &[&[2]]), "cell 2, is not a free cell");
     refused(&state(&[0], &[&[9]]), "cell 9, is not a free cell");
-    refused(&state(&[2], &[&[0]]), "agent 0: start cell 2 is not a passable cell");
+    refused(
+        &state(&[2], &[&[0]]),
+        "agent 0: start cell 2 is not a passable cell",
+    );
     refused(
         &state(&[1, 1], &[&[0], &[0]]),
         "agents 0 and 1 have the same start cell 1",
