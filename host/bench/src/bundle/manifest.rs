@@ -18,7 +18,7 @@ pub const FORMAT: &str = "fleetyard.bundle/1";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a manifest: a JSON object")]
 pub struct Manifest {
-    format: String,
+    pub(super) format: String,
     /// Version of the program that wrote the store.
     pub fleetyard: String,
     /// Version and commit of the program that wrote the bundle.
