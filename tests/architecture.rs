@@ -77,6 +77,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const HOMES: &[(&str, &str)] = &[
     ("abi_stable", "fleetyard-abi"),
     ("clap*", "fleetyard"),
+    ("flate2", "fleetyard-bench"),
     ("geo", "fleetyard-world"),
     ("libloading", "fleetyard-runtime"),
     ("parquet", "fleetyard-bench"),
@@ -84,6 +85,7 @@ const HOMES: &[(&str, &str)] = &[
     ("rapier2d*", "fleetyard-sim"),
     ("resvg", "fleetyard-view"),
     ("rusqlite", "fleetyard-bench"),
+    ("tar", "fleetyard-bench"),
     ("zstd", "fleetyard-sim"),
 ];
 

@@ -297,6 +297,11 @@ fn adapter() {
 }
 
 #[test]
+fn bundle() {
+    corpus_and_mutations("bundle", 30_000, 1 << 20);
+}
+
+#[test]
 fn fleet() {
     corpus_and_mutations("fleet", 200_000, 1 << 20);
 }

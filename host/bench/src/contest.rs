@@ -19,6 +19,8 @@ use serde_json::{Map, Value, json};
 use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::error::BenchError;
 use crate::fleet::{Crew, DriveError, blamed};
+use crate::kept;
+use crate::options::Robots;
 use crate::plan::{Planned, Schedule};
 use crate::record::{self, Ending, Record};
 use crate::row::{Incumbent, Row};
@@ -270,6 +272,10 @@ impl<'s> Contest<'s> {
                     not_pinned: outcome.record.measurement.not_pinned.clone(),
                 });
                 row.fill(&outcome.record, self.suite.protocol.clock);
+                if self.suite.protocol.keep_plans {
+                    let plan = outcome.plan.as_ref();
+                    row.plan = plan.and_then(|plan| kept::packed(instance, plan));
+                }
             }
             Err(error) => {
                 let termination = match &error {
@@ -438,17 +444,51 @@ impl Entrant {
 
     /// Stands for the planner as it is asked in this suite.
     fn digest(&self, context: &Value) -> Digest {
-        let mut hasher = Hasher::new("fleetyard.entrant/2");
-        hasher.bytes(&self.candidate.digest().0.to_le_bytes());
-        hasher.bytes(self.descriptor.id.as_bytes());
-        hasher.bytes(name(&self.attach).as_bytes());
-        hasher.bytes(Value::Object(self.options.clone()).to_string().as_bytes());
-        hasher.value(context);
+        let mut hasher = of_planner(
+            self.candidate.digest(),
+            &self.descriptor.id,
+            &name(&self.attach),
+            &Value::Object(self.options.clone()).to_string(),
+            context,
+        );
         if let Some(crew) = &self.crew {
             hasher.bytes(&crew.digest().0.to_le_bytes());
         }
         hasher.finish()
     }
+}
+
+/// What stands for a planner as it is asked, but for the rest of a fleet.
+fn of_planner(code: Digest, id: &str, attach: &str, options: &str, context: &Value) -> Hasher {
+    let mut hasher = Hasher::new("fleetyard.entrant/2");
+    hasher.bytes(&code.0.to_le_bytes());
+    hasher.bytes(id.as_bytes());
+    hasher.bytes(attach.as_bytes());
+    hasher.bytes(options.as_bytes());
+    hasher.value(context);
+    hasher
+}
+
+/// The key that a trial has in a suite without fleets, from the row that it left; the instance is
+/// given by its digest and by how many before have the same. `None` if the row has no digest of the
+/// planner's code.
+pub(crate) fn key_of(suite: &Suite, row: &Row, instance: (Digest, u64)) -> Option<String> {
+    let code = u128::from_str_radix(row.planner_digest.as_ref()?, 16).ok()?;
+    let planner = of_planner(
+        Digest(code),
+        &row.planner_id,
+        &row.attach,
+        &row.options,
+        &context(suite),
+    );
+    let (instance, twins) = instance;
+    Some(crate::plan::key(
+        planner.finish(),
+        instance,
+        twins,
+        row.seed,
+        row.repeat,
+    ))
 }
 
 /// All of a suite that results may depend on, beside planners, instances, seeds and repeats.
@@ -466,7 +506,7 @@ fn context(suite: &Suite) -> Value {
         "output_bytes": sandbox.output_bytes,
         "pin": sandbox.pin,
         "config": suite.config,
-        "robots": suite.robots,
+        "robots": suite.robots.as_ref().map(Robots::said),
         "reuse": protocol.reuse.name(),
         "clock": protocol.clock.name(),
         "path_rule": protocol.path_rule,

@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod bundle;
 mod calibration;
 mod candidate;
 mod changes;
@@ -13,6 +14,7 @@ pub mod evaluate;
 pub mod export;
 mod failure;
 mod fleet;
+mod kept;
 mod manifest;
 mod options;
 mod places;
@@ -45,7 +47,7 @@ pub use record::{
 };
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
 pub use run::{Progress, Ran, SharedStore, run};
-pub use store::{Asked, Merged, Meta, Store, schema};
+pub use store::{Asked, KeptPlan, Merged, Meta, Store, schema};
 pub use trial::{Host, Outcome, Trial, execute, milliseconds};
 pub use trial_error::TrialError;
 pub use verify::{Difference, Verified, What, verify};

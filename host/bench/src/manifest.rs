@@ -1,5 +1,6 @@
 //! The manifest beside a store: what was run, where, by what, in one JSON file for people and
-//! scripts. Reports read the store; nothing reads the manifest back.
+//! scripts. Reports read the store; nothing reads the manifest back. That of an archive is
+//! [`bundle::Manifest`](crate::bundle::Manifest).
 
 use std::path::{Path, PathBuf};
 

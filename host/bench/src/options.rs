@@ -10,6 +10,7 @@ use fleetyard_sim::motion::{FleetError, FleetFile, Model, MotionError};
 use fleetyard_sim::{Fleet, Profile, SimConfig};
 use fleetyard_world::Footprint;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 /// The budget of every call of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -144,6 +145,14 @@ impl Robots {
     /// that of pebbles: with 0.35 a controller has 7 mm to err where a plan turns robots
     /// in a ring.
     pub const DRIVEN_RADIUS_CELLS: f64 = 0.3;
+
+    /// What it says as JSON, without the name of a file: where files lie is no part of a question.
+    pub(crate) fn said(&self) -> Value {
+        match self {
+            Self::File(_, file) => json!({ "file": file }),
+            other => json!(other),
+        }
+    }
 
     /// The fleet of so many agents; pebbles need none.
     pub fn fleet(&self, agents: usize, config: &SimConfig) -> Result<Option<Fleet>, RobotsError> {

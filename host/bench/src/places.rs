@@ -11,6 +11,9 @@ use crate::contest::Contest;
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Places {
+    /// The suite.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suite: Option<PathBuf>,
     /// Scenarios and their maps; none that shares both names with another one.
     pub scenarios: Vec<ScenarioPlace>,
     /// Files of planners by their labels; none of built-in ones.
@@ -31,8 +34,8 @@ pub struct ScenarioPlace {
 }
 
 impl Places {
-    /// Of a suite that is ready to run.
-    pub fn of(contest: &Contest<'_>) -> Self {
+    /// Of a suite that is ready to run, and its file.
+    pub fn of(contest: &Contest<'_>, suite: Option<&Path>) -> Self {
         let mut scenarios: BTreeMap<(String, String), Vec<[PathBuf; 2]>> = BTreeMap::new();
         for question in contest.questions() {
             if let Some(files) = question.files() {
@@ -60,6 +63,7 @@ impl Places {
             Some((entrant.label.clone(), whole(&file)))
         });
         Self {
+            suite: suite.map(whole),
             scenarios: scenarios.collect(),
             planners: planners.collect(),
         }

@@ -117,18 +117,13 @@ impl Schedule {
 
     /// What a trial is known by, as 32 hexadecimal digits.
     pub fn key(&self, planned: &Planned) -> String {
-        let mut hasher = Hasher::new("fleetyard.trial/1");
-        let digests = [
+        key(
             self.planners[planned.planner],
             self.instances[planned.instance],
-        ];
-        for digest in digests {
-            hasher.bytes(&digest.0.to_le_bytes());
-        }
-        hasher.u64(self.twins[planned.instance]);
-        hasher.u64(planned.seed);
-        hasher.u64(u64::from(planned.repeat));
-        hasher.finish().to_string()
+            self.twins[planned.instance],
+            planned.seed,
+            planned.repeat,
+        )
     }
 
     /// The trials of an instance in the order of their numbers.
@@ -196,6 +191,18 @@ impl Schedule {
                 warm_ups.map(Step::WarmUp).chain(trials.map(Step::Trial))
             })
     }
+}
+
+/// What a trial is known by; `twins` instances before have the same digest.
+pub(crate) fn key(planner: Digest, instance: Digest, twins: u64, seed: u64, repeat: u32) -> String {
+    let mut hasher = Hasher::new("fleetyard.trial/1");
+    for digest in [planner, instance] {
+        hasher.bytes(&digest.0.to_le_bytes());
+    }
+    hasher.u64(twins);
+    hasher.u64(seed);
+    hasher.u64(u64::from(repeat));
+    hasher.finish().to_string()
 }
 
 /// The planners of a round in their order: the row of a Williams design with that number, after whose

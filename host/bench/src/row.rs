@@ -101,6 +101,9 @@ macro_rules! columns {
             $($(#[doc = $doc])+ pub $name: $type,)*
             /// The plans that came in time, in order of arrival.
             pub incumbents: Vec<Incumbent>,
+            /// The plan that counts, a compressed plan file, where the suite keeps plans. Rows
+            /// that are read do without; see [`Store::plans`](crate::Store::plans).
+            pub plan: Option<Vec<u8>>,
         }
 
         /// Every column, in the order of [`Row::values`].
@@ -127,6 +130,7 @@ macro_rules! columns {
                         .and_then(Field::from_value)
                         .ok_or(stringify!($name))?,)*
                     incumbents: Vec::new(),
+                    plan: None,
                 })
             }
         }

@@ -2,7 +2,7 @@
 //!
 //! The table `trials` has the columns of [`COLUMNS`], `incumbents` the plans that came in
 //! time, `meta` what the trials belong to, `machines` and `code` what their digests stand
-//! for. A trial is one transaction, written when it has ended: whatever kills the process
+//! for, `plans` the plans of a suite that keeps them. A trial is one transaction, written when it has ended: whatever kills the process
 //! costs the trial in flight and nothing else. A power cut costs the trials of the last
 //! second at most, for so often the log is forced to the disk; the file is whole all the same.
 //!
@@ -26,6 +26,7 @@ use rusqlite::types::{ToSqlOutput, ValueRef};
 use rusqlite::{Connection, ErrorCode, OpenFlags, ToSql, Transaction, TransactionBehavior, ffi};
 use rustix::fs::FlockOperation;
 
+use crate::kept::unpacked;
 use crate::places::Places;
 use crate::row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
 
@@ -40,6 +41,9 @@ const SYNC_EVERY: Duration = Duration::from_secs(1);
 
 /// The time to wait for a process that is just ending.
 const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Most bytes of plans that a store keeps; trials are kept beyond.
+const PLANS_LIMIT: u64 = 16 << 30;
 
 /// File systems on which a lock of the whole file and SQLite's locks of its parts are of one
 /// kind, and in each other's way: NFS, SMB and CIFS, 9p. Nothing but the name is locked there.
@@ -67,6 +71,8 @@ pub struct Store {
     /// The expression that is read for each column of [`COLUMNS`].
     select: String,
     synced: Option<Instant>,
+    /// Bytes of its plans, once one was written.
+    plan_bytes: Option<u64>,
     /// True if this process has begun to write it, with a log beside it.
     has_log: bool,
     /// The right to write it, released after the connection is closed.
@@ -184,9 +190,35 @@ pub fn schema() -> String {
            path TEXT NOT NULL,\n  \
            sha256 TEXT NOT NULL,\n  \
            PRIMARY KEY (planner_digest, path)\n\
-         ) STRICT, WITHOUT ROWID;\n",
+         ) STRICT, WITHOUT ROWID;\n\
+         {PLANS};\n",
         columns.join(",\n  ")
     )
+}
+
+/// The table of plans, which stores of earlier versions lack. The digest of a plan does not say how
+/// large its map is.
+const PLANS: &str = "CREATE TABLE IF NOT EXISTS plans (
+  plan_digest TEXT NOT NULL,
+  map_rows INTEGER NOT NULL,
+  map_cols INTEGER NOT NULL,
+  file BLOB NOT NULL,
+  UNIQUE (plan_digest, map_rows, map_cols)
+) STRICT";
+
+const INSERT_PLAN: &str = "INSERT OR IGNORE INTO plans VALUES (?1, ?2, ?3, ?4)";
+
+/// A plan that a store keeps.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KeptPlan {
+    /// Its digest.
+    pub digest: String,
+    /// Rows of its map.
+    pub map_rows: u32,
+    /// Columns of its map.
+    pub map_cols: u32,
+    /// The plan as a file of this project.
+    pub file: Vec<u8>,
 }
 
 impl Store {
@@ -239,6 +271,7 @@ impl Store {
         store.check_whole()?;
         store.begin_log()?;
         store.add_columns()?;
+        store.run(|connection| connection.execute_batch(PLANS))?;
         Ok(store)
     }
 
@@ -277,6 +310,7 @@ impl Store {
             path: path.to_owned(),
             select: String::new(),
             synced: None,
+            plan_bytes: None,
             has_log: false,
             _lock: lock,
         };
@@ -382,8 +416,97 @@ impl Store {
     }
 
     /// Writes a trial as a whole or not at all. A key that is there already is an error.
+    /// The plan of it is kept as long as there is room for plans.
     pub fn insert(&mut self, row: &Row) -> Result<()> {
-        self.transact(|transaction| insert(transaction, row, true))
+        let plan = row.plan_digest.as_ref().zip(row.plan.as_ref());
+        let mut bytes = 0;
+        if let Some((_, plan)) = plan {
+            bytes = match self.plan_bytes {
+                Some(bytes) => bytes,
+                None => self.run(|connection| {
+                    let sum = "SELECT coalesce(sum(length(file)), 0) FROM plans";
+                    connection.query_row(sum, [], |row| row.get(0).map(i64::cast_unsigned))
+                })?,
+            }
+            .saturating_add(plan.len() as u64);
+        }
+        let plan = plan.filter(|_| bytes <= PLANS_LIMIT);
+        let added = self.transact(|transaction| {
+            insert(transaction, row, true)?;
+            match plan {
+                Some((digest, plan)) => {
+                    transaction.execute(INSERT_PLAN, (digest, row.map_rows, row.map_cols, plan))
+                }
+                None => Ok(0),
+            }
+        })?;
+        if added > 0 {
+            self.plan_bytes = Some(bytes);
+        }
+        Ok(())
+    }
+
+    /// False for stores of earlier versions, which have no table of plans.
+    fn has_plans(&self) -> Result<bool> {
+        self.run(|connection| {
+            let found =
+                "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = 'plans'";
+            connection.query_row(found, [], |row| row.get(0))
+        })
+    }
+
+    /// Hands over the plans that were kept, one after the other in the order of their digests.
+    pub fn plans(&self, each: &mut dyn FnMut(KeptPlan) -> Result<()>) -> Result<()> {
+        self.packed_plans(&mut |digest, map_rows, map_cols, packed| {
+            let file = unpacked(packed)
+                .ok_or_else(|| damaged(&self.path, &format!("plan {digest} cannot be unpacked")))?;
+            let digest = digest.to_owned();
+            each(KeptPlan {
+                digest,
+                map_rows,
+                map_cols,
+                file,
+            })
+        })
+    }
+
+    fn packed_plans(
+        &self,
+        each: &mut dyn FnMut(&str, u32, u32, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        if !self.has_plans()? {
+            return Ok(());
+        }
+        let failed = |error: rusqlite::Error| failed(&self.path, &error);
+        let mut statement = self
+            .connection
+            .prepare("SELECT plan_digest, map_rows, map_cols, file FROM plans ORDER BY 1, 2, 3")
+            .map_err(failed)?;
+        let mut found = statement.query([]).map_err(failed)?;
+        while let Some(row) = found.next().map_err(failed)? {
+            let digest: String = row.get(0).map_err(failed)?;
+            let [rows, cols] = [row.get(1), row.get(2)];
+            let file = row.get_ref(3).map_err(failed)?;
+            let file = file
+                .as_blob()
+                .map_err(|_| damaged(&self.path, &format!("plan {digest} is no file")))?;
+            each(&digest, rows.map_err(failed)?, cols.map_err(failed)?, file)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a copy without a log, free pages or a lock: equal content gives equal bytes. There
+    /// must be nothing at `path`.
+    pub fn copy(&self, path: &Path) -> Result<()> {
+        // SQLite takes a text.
+        let Some(text) = path.to_str() else {
+            let reason = "the name of the file is no UTF-8 text";
+            return Err(InputError::new(shown(path), reason));
+        };
+        self.connection
+            .execute("VACUUM INTO ?1", [text])
+            .map(drop)
+            .map_err(|error| failed(path, &error))
     }
 
     /// Every trial that the suite asks for, in its order. What is compared of them is the
@@ -695,6 +818,12 @@ impl Store {
                         .map_err(failed)?;
                 }
             }
+            store.packed_plans(&mut |digest, rows, cols, file| {
+                transaction
+                    .execute(INSERT_PLAN, (digest, rows, cols, file))
+                    .map(drop)
+                    .map_err(failed)
+            })?;
             for current in [true, false] {
                 store.visit(current, &mut |row| {
                     let there = same_key(&transaction, &row.key).map_err(failed)?;

@@ -140,6 +140,7 @@ description = "Everything"
 repeats = 3
 warm_ups = 1
 retry_contended = 2
+keep_plans = true
 seeds = { from = 0, to = 4 }
 reuse = "planner"
 clock = "call"
@@ -186,6 +187,7 @@ fn everything_that_a_suite_may_say() {
     let protocol = &suite.protocol;
     assert_eq!((protocol.repeats, protocol.warm_ups), (3, 1));
     assert_eq!(protocol.retry_contended, 2);
+    assert!(protocol.keep_plans);
     assert_eq!(protocol.seeds, [0, 1, 2, 3, 4]);
     let names = [
         protocol.reuse.name(),
@@ -226,9 +228,9 @@ fn everything_that_a_suite_may_say() {
     );
     assert_eq!(other.attach, Some(fleetyard_runtime::Attach::InProcess));
     let place = one.plugin_place.error("there is no planner").to_string();
-    assert_eq!(place, "s.toml:37:10: there is no planner");
+    assert_eq!(place, "s.toml:38:10: there is no planner");
     let place = one.options_place.error("no such option").to_string();
-    assert_eq!(place, "s.toml:38:11: no such option");
+    assert_eq!(place, "s.toml:39:11: no such option");
     assert_eq!(suite.questions().unwrap().len(), 4);
 }
 

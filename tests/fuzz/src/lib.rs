@@ -12,6 +12,7 @@
 
 pub mod abi;
 pub mod adapter;
+pub mod bundle;
 pub mod fleet;
 pub mod formats;
 pub mod league;
@@ -38,6 +39,7 @@ pub type Target = fn(&[u8]);
 pub const TARGETS: &[(&str, Target)] = &[
     ("abi", abi::run),
     ("adapter", adapter::run),
+    ("bundle", bundle::run),
     ("fleet", fleet::run),
     ("formats", formats::run),
     ("league", league::run),

@@ -75,6 +75,17 @@ pub(super) struct InstanceSet {
 }
 
 impl InstanceSet {
+    /// The files and folders that it names, with wildcards as they are.
+    pub(super) fn named(&self) -> Vec<PathBuf> {
+        let (named, maps) = match &self.kind {
+            Kind::Files { files, maps } => (files.as_slice(), maps.as_slice()),
+            Kind::Maps(maps) => (maps.as_slice(), &[][..]),
+            Kind::Mazes(_) | Kind::Generated(_) => (&[][..], &[][..]),
+        };
+        let named = named.iter().map(|named| named.path.clone());
+        named.chain(maps.iter().cloned()).collect()
+    }
+
     /// The files that it names; a folder of maps may hold anything.
     pub(super) fn files(&self) -> Result<Vec<PathBuf>, InputError> {
         let (named, maps) = match &self.kind {
@@ -180,6 +191,8 @@ pub(super) struct Loaded {
     path: PathBuf,
     /// The file of its map, if it has one of its own.
     map: Option<PathBuf>,
+    /// Files that it names.
+    others: Vec<PathBuf>,
     instance: Arc<GridInstance>,
 }
 
@@ -404,6 +417,18 @@ impl Recipe {
         }
     }
 
+    /// The files of a base: of its map, if that has one, then of its starts and goals.
+    pub(super) fn places(&self, base: u64) -> Vec<&Path> {
+        match self {
+            Self::Maps(maps) => vec![&maps[base as usize].0],
+            Self::Loaded(loaded) => {
+                let Loaded { path, map, .. } = &loaded[base as usize];
+                map.iter().chain([path]).map(PathBuf::as_path).collect()
+            }
+            Self::Made { .. } => Vec::new(),
+        }
+    }
+
     /// The identity of a base: equal ones have equal starts, goals and maps.
     fn identity(&self, base: u64) -> Digest {
         let mut hasher = Hasher::new("fleetyard.base/2");
@@ -434,6 +459,27 @@ impl Recipe {
 pub(super) struct FoundSet<'s> {
     set: &'s InstanceSet,
     recipe: Arc<Recipe>,
+}
+
+/// The files of a set of instances.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Sources {
+    /// True if its instances are made, and have no files.
+    pub(crate) made: bool,
+    /// True if the set says where the maps of its scenarios are.
+    pub(crate) maps_named: bool,
+    /// Scenarios, or the maps of fleets.
+    pub(crate) files: Vec<Source>,
+}
+
+/// A file with starts and goals, or the map of a fleet.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Source {
+    pub(crate) file: PathBuf,
+    /// Its map, if that is a file of its own.
+    pub(crate) map: Option<PathBuf>,
+    /// Other files that it names.
+    pub(crate) others: Vec<PathBuf>,
 }
 
 impl InstanceSet {
@@ -541,6 +587,7 @@ impl InstanceSet {
         Ok(Some(Loaded {
             path,
             map,
+            others: parts.files(),
             instance: Arc::new(instance),
         }))
     }
@@ -565,6 +612,14 @@ impl Parts {
         match self {
             Self::Scenario(_) => None,
             Self::Other(contents) => contents.grid.clone(),
+        }
+    }
+
+    /// Files that were read besides the file itself and a map that it only names.
+    fn files(&self) -> Vec<PathBuf> {
+        match self {
+            Self::Scenario(_) => Vec::new(),
+            Self::Other(contents) => contents.files.clone(),
         }
     }
 
@@ -593,6 +648,35 @@ impl Parts {
 }
 
 impl FoundSet<'_> {
+    /// The files of the set, in the order of its questions; none of what is made.
+    pub(super) fn sources(&self) -> Sources {
+        let mut found = Vec::new();
+        let mut maps_named = false;
+        match &*self.recipe {
+            Recipe::Loaded(loaded) => {
+                if let Kind::Files { maps, .. } = &self.set.kind {
+                    maps_named = !maps.is_empty();
+                }
+                found.extend(loaded.iter().map(|loaded| Source {
+                    file: loaded.path.clone(),
+                    map: loaded.map.clone(),
+                    others: loaded.others.clone(),
+                }));
+            }
+            Recipe::Maps(maps) => found.extend(maps.iter().map(|(file, _)| Source {
+                file: file.clone(),
+                map: None,
+                others: Vec::new(),
+            })),
+            Recipe::Made { .. } => {}
+        }
+        Sources {
+            made: matches!(*self.recipe, Recipe::Made { .. }),
+            maps_named,
+            files: found,
+        }
+    }
+
     /// The most questions that there are; nothing if that is more than can be counted.
     pub(super) fn count(&self) -> Option<u64> {
         let teams = self.set.teams.as_ref();

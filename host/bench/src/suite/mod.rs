@@ -24,6 +24,7 @@ use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 pub use fleet::{FleetPlugin, FleetSetup};
 use instances::InstanceSet;
+pub(crate) use instances::{Source, Sources};
 pub use question::{MazeOrigin, Origin, Question};
 pub use read::KEYS;
 
@@ -73,6 +74,8 @@ pub struct Protocol {
     pub warm_ups: u32,
     /// How often a trial is made again that others disturbed.
     pub retry_contended: u32,
+    /// True if the plans that count are kept in the store.
+    pub keep_plans: bool,
     /// Seeds given to planners, all different.
     pub seeds: Vec<u64>,
     /// How long a planner's process is kept.
@@ -93,6 +96,7 @@ impl Default for Protocol {
             repeats: 1,
             warm_ups: 0,
             retry_contended: 0,
+            keep_plans: false,
             seeds: vec![0],
             reuse: Reuse::Never,
             clock: Clock::Host,
@@ -216,6 +220,20 @@ impl Suite {
         format!("{:#}", Value::Object(self.normal.clone()))
     }
 
+    /// What the suite says as JSON values.
+    pub(crate) fn values(&self) -> &Map<String, Value> {
+        &self.normal
+    }
+
+    /// Every file and folder that the suite names to be read by the host, as it names them.
+    pub(crate) fn named(&self) -> Vec<PathBuf> {
+        let mut named: Vec<PathBuf> = self.sets.iter().flat_map(InstanceSet::named).collect();
+        if let Some(Robots::File(name, _)) = &self.robots {
+            named.push(name.into());
+        }
+        named
+    }
+
     /// Digest of what the suite says, names and descriptions apart. What the files say
     /// that it names is not in it: see [`Question::digest`].
     pub fn digest(&self) -> Digest {
@@ -262,6 +280,13 @@ impl Suite {
     /// are asked for ([`Question::instance`]); of each set one is made here, so that
     /// what cannot be made is found.
     pub fn questions(&self) -> Result<Vec<Question>, InputError> {
+        Ok(self.questions_and_sources()?.0)
+    }
+
+    /// The instances, and set by set the files that they are read from.
+    pub(crate) fn questions_and_sources(
+        &self,
+    ) -> Result<(Vec<Question>, Vec<Sources>), InputError> {
         let mut library = instances::Library::default();
         let mut found = Vec::new();
         for set in &self.sets {
@@ -271,6 +296,7 @@ impl Suite {
             .iter()
             .try_fold(0, |sum: u64, set| sum.checked_add(set.count()?));
         self.trials(count.unwrap_or(u64::MAX))?;
+        let sources = found.iter().map(instances::FoundSet::sources).collect();
         let mut seen = HashSet::new();
         let mut questions = Vec::new();
         for set in found {
@@ -280,7 +306,7 @@ impl Suite {
             let reason = "the suite has no instance: every team is larger than its scenario";
             return Err(self.place.error(reason));
         }
-        Ok(questions)
+        Ok((questions, sources))
     }
 }
 

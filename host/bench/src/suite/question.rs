@@ -96,6 +96,11 @@ impl Question {
         self.recipe.files(self.base)
     }
 
+    /// The files that it was read from, its map before its scenario; none of what is made.
+    pub(crate) fn places(&self) -> Vec<&Path> {
+        self.recipe.places(self.base)
+    }
+
     /// The map.
     pub fn grid(&self) -> Result<Arc<Grid>, InputError> {
         self.recipe.grid(self.base)

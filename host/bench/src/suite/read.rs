@@ -51,6 +51,7 @@ const PROTOCOL: &[&str] = &[
     "repeats",
     "warm_ups",
     "retry_contended",
+    "keep_plans",
     "seeds",
     "reuse",
     "clock",
@@ -196,8 +197,9 @@ pub(super) fn suite(
     let document = Document::with_settings(source, text, settings);
     let root = document.parse()?;
     let root = Table::new(document, "", 0, root.get_ref(), ROOT)?;
+    let lifelong = root.get("fleet").is_some();
     let protocol = match root.get("protocol") {
-        Some(value) => protocol(&value)?,
+        Some(value) => protocol(&value, lifelong)?,
         None => Protocol::default(),
     };
     let budget = match root.get("budget") {
@@ -222,7 +224,6 @@ pub(super) fn suite(
             .is_some_and(|table| table.get("step_s").is_some()),
     };
     let planners = planners(&root, &around, paths)?;
-    let lifelong = root.get("fleet").is_some();
     let sets = some(&root.require("instances")?)?;
     let sets: Result<Vec<InstanceSet>, InputError> = (sets.iter())
         .map(|set| instance_set(set, lifelong, paths))
@@ -324,7 +325,7 @@ pub(super) fn small(value: &Value<'_, '_>, low: u32, high: u32) -> Result<u32, I
     Ok(number as u32)
 }
 
-fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
+fn protocol(value: &Value<'_, '_>, lifelong: bool) -> Result<Protocol, InputError> {
     let table = value.table("[protocol]", PROTOCOL)?;
     let mut protocol = Protocol::default();
     if let Some(repeats) = table.get("repeats") {
@@ -335,6 +336,14 @@ fn protocol(value: &Value<'_, '_>) -> Result<Protocol, InputError> {
     }
     if let Some(retries) = table.get("retry_contended") {
         protocol.retry_contended = small(&retries, 0, 1000)?;
+    }
+    if let Some(keep) = table.get("keep_plans") {
+        protocol.keep_plans = keep.flag()?;
+        if protocol.keep_plans && lifelong {
+            return Err(keep
+                .error("a fleet has no plan that could be kept")
+                .hint("leave it out; `fleetyard fleet --record FILE` keeps all of a run"));
+        }
     }
     if let Some(seeds) = table.get("seeds") {
         protocol.seeds = numbers(&seeds, 0, u64::MAX)?.iter().collect();

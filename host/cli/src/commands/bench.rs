@@ -61,6 +61,9 @@ pub(crate) struct Bench {
     /// protocol.retry_contended of the suite
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(0..=1000))]
     retry_contended: Option<u32>,
+    /// Keep the plans that count in the store. Instead of protocol.keep_plans of the suite
+    #[arg(long)]
+    keep_plans: bool,
     /// Say what would be run and how long it may take, and run nothing
     #[arg(long)]
     dry_run: bool,
@@ -110,6 +113,9 @@ impl Bench {
             let text = format!("protocol.retry_contended={retries}");
             settings.push(Setting::new("--retry-contended", &text)?);
         }
+        if self.keep_plans {
+            settings.push(Setting::new("--keep-plans", "protocol.keep_plans=true")?);
+        }
         Ok(settings)
     }
 }
@@ -145,7 +151,7 @@ pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
     if arguments.dry_run {
         return dry_run(arguments, &contest, &place);
     }
-    let meta = meta(&contest, there.as_ref())?;
+    let meta = meta(&contest, &arguments.suite, there.as_ref())?;
     let begun = begin(&contest, &meta, there, &place)?;
     let outcome = go(arguments, &mut contest, &meta, &begun.store, &place)?;
     report(arguments, &contest, &place, &begun, outcome)
@@ -243,7 +249,7 @@ fn existing(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Store> {
     Ok(store)
 }
 
-fn meta(contest: &Contest<'_>, there: Option<&Store>) -> Result<Meta> {
+fn meta(contest: &Contest<'_>, suite_file: &Path, there: Option<&Store>) -> Result<Meta> {
     let suite = contest.suite();
     Ok(Meta {
         suite: suite.name.clone(),
@@ -256,7 +262,7 @@ fn meta(contest: &Contest<'_>, there: Option<&Store>) -> Result<Meta> {
             None => now_unix_ms(),
         },
         asked: Some(contest.schedule().len()),
-        places: Places::of(contest),
+        places: Places::of(contest, Some(suite_file)),
     })
 }
 
@@ -798,7 +804,7 @@ struct Verification<'a> {
 fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> {
     let store = Store::open_read_only(place)?;
     let mut contest = contest(arguments, suite)?;
-    let meta = meta(&contest, Some(&store))?;
+    let meta = meta(&contest, &arguments.suite, Some(&store))?;
     let changed = changes(&contest, &store, &meta)?;
     let rows = store.rows()?;
     let schedule = contest.schedule().clone();
@@ -811,24 +817,8 @@ fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> 
     for line in &changed {
         output::note(&format!("changed since the store was written: {line}"));
     }
-    let (bar, longest) = (output::trials(0), contest.longest());
-    let verified = verify(
-        &schedule,
-        arguments.shard,
-        &rows,
-        arguments.verify_sample,
-        longest,
-        &mut |planned| contest.trial(planned),
-        &mut |progress| {
-            bar.set_length(progress.total);
-            bar.set_position(progress.done);
-            let differ = format!("{} differ", progress.failed);
-            bar.set_message(output::with_left(progress.left, &differ));
-        },
-    );
-    bar.finish_and_clear();
-    contest.finish();
-    let verified = verified?;
+    let sample = arguments.verify_sample;
+    let verified = make_again(&mut contest, arguments.shard, &rows, sample)?;
     if verified.equal + verified.not_comparable + verified.differ.len() as u64 == 0 {
         let reason = "the store has no trial of this state of the suite";
         return Err(Failure::from(
@@ -850,16 +840,47 @@ fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> 
             output::print(&output::plain(&text))?;
         }
     }
-    Ok(
-        if verified.differ.is_empty() && verified.nondeterministic.is_empty() {
-            Exit::Success
-        } else {
-            Exit::NoPlan
-        },
-    )
+    Ok(verdict(&verified))
 }
 
-fn verification_text(verified: &Verified, superseded: u64) -> String {
+/// Makes recorded trials once more, all or a sample of them, and says how far it is.
+pub(super) fn make_again(
+    contest: &mut Contest<'_>,
+    shard: Shard,
+    rows: &[Row],
+    sample: Option<u64>,
+) -> Result<Verified> {
+    let schedule = contest.schedule().clone();
+    let (bar, longest) = (output::trials(0), contest.longest());
+    let verified = verify(
+        &schedule,
+        shard,
+        rows,
+        sample,
+        longest,
+        &mut |planned| contest.trial(planned),
+        &mut |progress| {
+            bar.set_length(progress.total);
+            bar.set_position(progress.done);
+            let differ = format!("{} differ", progress.failed);
+            bar.set_message(output::with_left(progress.left, &differ));
+        },
+    );
+    bar.finish_and_clear();
+    contest.finish();
+    Ok(verified?)
+}
+
+/// How a command ends that made trials again.
+pub(super) fn verdict(verified: &Verified) -> Exit {
+    if verified.differ.is_empty() && verified.nondeterministic.is_empty() {
+        Exit::Success
+    } else {
+        Exit::NoPlan
+    }
+}
+
+pub(super) fn verification_text(verified: &Verified, superseded: u64) -> String {
     let mut text = format!(
         "{} made again: {} equal, {} different",
         trials(verified.equal + verified.differ.len() as u64),

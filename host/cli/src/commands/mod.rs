@@ -21,6 +21,7 @@ use crate::exit::{Exit, Result};
 use crate::output;
 
 pub(crate) mod bench;
+mod bundle;
 pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod convert;

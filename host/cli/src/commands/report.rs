@@ -182,6 +182,7 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
             let Places {
                 scenarios,
                 planners,
+                ..
             } = meta.places;
             subject.places.scenarios.extend(scenarios);
             subject.places.planners.extend(planners);

@@ -11,6 +11,7 @@ use fleetyard_runtime::CodeFile;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::bundle::{StoreBundle, StoreRepeat, bundle_store, repeat};
 use super::export::{StoreExport, export_store};
 use crate::args::Format;
 use crate::exit::{Exit, Result};
@@ -37,6 +38,10 @@ pub(crate) enum Stores {
     },
     /// Write the trials of a store in the formats of other tools
     Export(StoreExport),
+    /// Write a finished suite into one archive, from which others repeat it
+    Bundle(StoreBundle),
+    /// Make the trials of a bundle again and compare plans and executions; exit code 1 if any differs
+    Repeat(StoreRepeat),
 }
 
 pub(crate) fn stores(what: &Stores) -> Result<Exit> {
@@ -44,6 +49,8 @@ pub(crate) fn stores(what: &Stores) -> Result<Exit> {
         Stores::Info { store, format } => info(store, *format),
         Stores::Merge { out, parts } => merge(out, parts),
         Stores::Export(arguments) => export_store(arguments),
+        Stores::Bundle(arguments) => bundle_store(arguments),
+        Stores::Repeat(arguments) => repeat(arguments),
     }
 }
 

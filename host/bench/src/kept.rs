@@ -1,0 +1,65 @@
+//! Plans that a store keeps: plan files of this project, compressed.
+
+use std::io::{Read, Write};
+
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use fleetyard_core::plan_file::PLAN_FILE_LIMIT;
+use fleetyard_core::{GridInstance, GridPlan, PlanFile, write_plan};
+
+/// The largest plan that is kept, in bytes as it is stored.
+const LARGEST: usize = 64 << 20;
+
+/// The plan file of a plan, compressed; `None` for one that is too large to be kept. It names
+/// neither planner nor instance: equal plans are equal files.
+pub(crate) fn packed(instance: &GridInstance, plan: &GridPlan) -> Option<Vec<u8>> {
+    let file = PlanFile {
+        instance_digest: None,
+        map: None,
+        ..PlanFile::new(instance, plan.clone())
+    };
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(&write_plan(&file)).ok()?;
+    let packed = encoder.finish().ok()?;
+    (packed.len() <= LARGEST).then_some(packed)
+}
+
+/// The plan file that was kept; `None` if the bytes are none.
+pub(crate) fn unpacked(packed: &[u8]) -> Option<Vec<u8>> {
+    let mut text = Vec::new();
+    let decoder = ZlibDecoder::new(packed);
+    decoder
+        .take(PLAN_FILE_LIMIT + 1)
+        .read_to_end(&mut text)
+        .ok()?;
+    (text.len() as u64 <= PLAN_FILE_LIMIT).then_some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use fleetyard_core::{Connectivity, Grid, read_plan};
+
+    use super::*;
+
+    #[test]
+    fn a_plan_comes_back_as_a_file_that_names_nobody() {
+        let grid = Arc::new(Grid::new("hall", 2, 3, vec![b'.'; 6]).unwrap());
+        let instance = GridInstance::new(grid, Connectivity::Four, vec![0], vec![5]).unwrap();
+        let plan = GridPlan::from_paths([[0, 1, 2, 5]]);
+        let packed = packed(&instance, &plan).unwrap();
+        let text = unpacked(&packed).unwrap();
+        let file = read_plan("p.json", &text).unwrap();
+        assert_eq!(file.plan, plan);
+        assert_eq!(file.plan_digest, Some(plan.digest()));
+        assert_eq!((file.rows, file.cols), (2, 3));
+        assert_eq!(
+            (file.planner, file.map, file.instance_digest),
+            (None, None, None)
+        );
+        assert_eq!(unpacked(&packed[..packed.len() / 2]), None);
+        assert_eq!(unpacked(b"plan"), None);
+    }
+}
