@@ -457,7 +457,7 @@ impl Store {
 
     /// Hands over the plans that were kept, one after the other in the order of their digests.
     pub fn plans(&self, each: &mut dyn FnMut(KeptPlan) -> Result<()>) -> Result<()> {
-        self.packed_plans(&mut |digest, map_rows, map_cols, packed| {
+        self.packed_plans(|digest, map_rows, map_cols, packed| {
             let file = unpacked(packed)
                 .ok_or_else(|| damaged(&self.path, &format!("plan {digest} cannot be unpacked")))?;
             let digest = digest.to_owned();
@@ -472,7 +472,7 @@ impl Store {
 
     fn packed_plans(
         &self,
-        each: &mut dyn FnMut(&str, u32, u32, &[u8]) -> Result<()>,
+        mut each: impl FnMut(&str, u32, u32, &[u8]) -> Result<()>,
     ) -> Result<()> {
         if !self.has_plans()? {
             return Ok(());
@@ -818,7 +818,7 @@ impl Store {
                         .map_err(failed)?;
                 }
             }
-            store.packed_plans(&mut |digest, rows, cols, file| {
+            store.packed_plans(|digest, rows, cols, file| {
                 transaction
                     .execute(INSERT_PLAN, (digest, rows, cols, file))
                     .map(drop)

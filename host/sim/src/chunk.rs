@@ -34,10 +34,10 @@ impl Span {
     }
 }
 
-/// How one body moves through a block: uniformly between moments.
+/// Motion of one body through a block: uniform between moments.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Track<'a> {
-    /// At least two moments, ascending, the first and last those of the block.
+    /// At least two ascending moments, from the start to the end of the block.
     pub(crate) t: &'a [f64],
     pub(crate) x: &'a [f64],
     pub(crate) y: &'a [f64],
@@ -46,13 +46,13 @@ pub(crate) struct Track<'a> {
 }
 
 impl Track<'_> {
-    /// Where the body is at one of the moments.
+    /// Pose of the body at one of the moments.
     pub(crate) fn pose(&self, at: usize) -> Pose {
         let heading = self.heading.get(at).copied().unwrap_or(0.0);
         Pose::new(self.x[at], self.y[at], heading)
     }
 
-    /// Left, bottom, right and top of where it gets.
+    /// Bounding box of the body's path: left, bottom, right and top.
     pub(crate) fn bounds(&self) -> [f64; 4] {
         let range = |values: &[f64]| {
             let first = (values[0], values[0]);
@@ -64,14 +64,14 @@ impl Track<'_> {
         [left, bottom, right, top]
     }
 
-    /// Where the body is within the stretch that ends at the moment `next`.
+    /// Pose of the body within the stretch that ends at the moment `next`.
     pub(crate) fn within(&self, next: usize, when: f64) -> Pose {
         let share = fraction(self.t[next - 1], self.t[next], when);
         self.pose(next - 1).toward(self.pose(next), share)
     }
 }
 
-/// How well bodies follow their references.
+/// Tracking errors of bodies.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Tracking {
     pub(crate) max_m: f64,
@@ -89,7 +89,7 @@ impl Tracking {
         self.sum += error * substeps;
     }
 
-    /// Joins that of agents of higher indices.
+    /// Merges the tracking errors of agents with higher indices.
     pub(crate) fn join(&mut self, later: Self) {
         if later.max_m > self.max_m {
             self.max_m = later.max_m;
@@ -102,7 +102,7 @@ impl Tracking {
 /// The tracks of a chunk in one block.
 #[derive(Debug, Default)]
 pub(crate) struct Tracks {
-    /// Where each body's moments begin; one more entry than bodies.
+    /// Index of each body's first moment; one more entry than bodies.
     starts: Vec<u32>,
     t: Vec<f64>,
     x: Vec<f64>,
@@ -130,7 +130,7 @@ impl Tracks {
         }
     }
 
-    /// The next body's track begins.
+    /// Opens the track of the next body.
     pub(crate) fn open(&mut self) {
         self.starts.push(self.t.len() as u32);
     }
@@ -149,7 +149,7 @@ impl Tracks {
         }
     }
 
-    /// Where a body is at the start of the block.
+    /// Position of a body at the start of the block.
     pub(crate) fn first(&self, lane: usize) -> (f64, f64) {
         let at = self.starts[lane] as usize;
         (self.x[at], self.y[at])
@@ -161,13 +161,13 @@ impl Tracks {
         values * size_of::<f64>() + self.starts.capacity() * size_of::<u32>()
     }
 
-    /// Whether every track is one uniform stretch.
+    /// True if every track is one uniform stretch.
     fn is_simple(&self, bodies: usize) -> bool {
         self.t.len() == 2 * bodies
     }
 }
 
-/// Some bodies with all that belongs to them.
+/// State of some successive bodies.
 pub(crate) struct Chunk {
     /// Index of the first body.
     pub(crate) first: u32,
@@ -175,21 +175,21 @@ pub(crate) struct Chunk {
     pub(crate) y: Vec<f64>,
     /// Unwrapped.
     pub(crate) heading: Vec<f64>,
-    /// Of bodies that are driven; empty where none is.
+    /// One per driven body; empty if no body is driven.
     pub(crate) pilots: Vec<Pilot>,
-    /// Which part of its speed each of them has in the block.
+    /// Speed factor of each driven body in the block.
     pub(crate) factors: Vec<f64>,
-    /// How far each of them is from where it should be; NaN where nobody asks.
+    /// Tracking error of each driven body; NaN if it is not needed.
     pub(crate) errors: Vec<f64>,
-    /// Nobody moved in the last block, or does without a new reason.
+    /// Set if no body moved in the last block and none moves before a new release.
     pub(crate) is_still: bool,
     pub(crate) tracks: Tracks,
-    /// How far each body gets from where it was at the start of the block, at most.
+    /// Largest distance of each body from its position at the start of the block.
     pub(crate) travel: Vec<f64>,
-    /// What begins and ends to touch obstacles in the block.
+    /// Begins and ends of contacts with obstacles in the block.
     pub(crate) changes: Vec<Change>,
     pub(crate) tracking: Tracking,
-    /// Of the bodies' states at ticks.
+    /// Hash of the bodies' states at ticks.
     pub(crate) states: Box<Xxh3>,
     /// States at the ticks of the block: per tick x, y and, if they matter,
     /// headings of all bodies.
@@ -223,7 +223,7 @@ impl Chunk {
         self.x.len()
     }
 
-    /// What the chunk takes in memory, in bytes.
+    /// Memory of the chunk in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let values = [
             &self.x,
@@ -243,7 +243,7 @@ impl Chunk {
             + values * size_of::<f64>()
     }
 
-    /// Before the tracks of a new block are made.
+    /// Clears the tracks before a new block.
     pub(crate) fn begin_block(&mut self) {
         self.tracks.clear();
         self.changes.clear();
@@ -257,7 +257,7 @@ impl Chunk {
         self.tracks.push(block.end, x, y, heading);
     }
 
-    /// After the tracks of a block are made: bodies are at their ends.
+    /// Closes the block: every body is now at the end of its track.
     pub(crate) fn end_block(&mut self) {
         for lane in 0..self.len() {
             let track = self.tracks.get(lane);
@@ -276,13 +276,13 @@ impl Chunk {
         }
     }
 
-    /// Whether all bodies stood through the block.
+    /// True if all bodies stood through the block.
     pub(crate) fn stood(&self) -> bool {
         self.tracks.is_simple(self.len()) && (0..self.len()).all(|lane| !self.has_moved(lane))
     }
 
-    /// A block in which everybody stands as in the last one: what
-    /// [`Chunk::rest`], [`Chunk::end_block`] and [`Chunk::sample`] come to for all.
+    /// A block in which no body moves, as in the last one: the combined effect of
+    /// [`Chunk::rest`], [`Chunk::end_block`] and [`Chunk::sample`] for all bodies.
     pub(crate) fn stand(&mut self, block: Span, moments: &[f64], keep: bool) {
         self.changes.clear();
         for ends in self.tracks.t.as_chunks_mut::<2>().0 {
@@ -310,8 +310,7 @@ impl Chunk {
         }
     }
 
-    /// Whether a body is not where it was at the start of the block, or got there by a
-    /// way round.
+    /// True if a body moved or turned during the block, even if it came back.
     pub(crate) fn has_moved(&self, lane: usize) -> bool {
         let turned = || {
             let track = (lane < self.tracks.starts.len()).then(|| self.tracks.get(lane));
@@ -320,9 +319,9 @@ impl Chunk {
         self.travel[lane] > 0.0 || turned()
     }
 
-    /// Samples the states of the bodies at the given moments, all within the
-    /// block, and hashes them. They stay in `samples` if they are to be kept, and
-    /// otherwise a few at a time go through it.
+    /// Samples the states of the bodies at the given moments, all within the block, and
+    /// hashes them. `keep` leaves all of them in `samples`; otherwise it holds a few at a
+    /// time.
     pub(crate) fn sample(&mut self, moments: &[f64], keep: bool) {
         let batch = if keep { moments.len() } else { 8 };
         for moments in moments.chunks(batch.max(1)) {
@@ -379,8 +378,8 @@ impl Chunk {
         }
     }
 
-    /// The same where every body moves uniformly through the block: straight
-    /// loops over all bodies.
+    /// [`Chunk::fill`] where every body moves uniformly through the block: straight loops
+    /// over all bodies.
     fn sample_simple(&mut self, moments: &[f64], bodies: usize, row: usize) {
         let Tracks {
             t, x, y, heading, ..
@@ -409,7 +408,7 @@ fn hash(states: &mut Xxh3, row: &[f64]) {
     states.update(&buffer[..8 * row.len()]);
 }
 
-/// How much of the way from `start` to `end` is over at `moment`.
+/// Fraction of the time from `start` to `end` that has passed at `moment`.
 pub(crate) fn fraction(start: f64, end: f64, moment: f64) -> f64 {
     if end > start {
         (moment - start) / (end - start)
@@ -418,7 +417,7 @@ pub(crate) fn fraction(start: f64, end: f64, moment: f64) -> f64 {
     }
 }
 
-/// Between two values; exactly the second at the end.
+/// Linear interpolation; exactly the second value at the end.
 pub(crate) fn interpolate(from: f64, to: f64, fraction: f64) -> f64 {
     if fraction >= 1.0 {
         to

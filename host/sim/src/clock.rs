@@ -35,7 +35,7 @@ impl Clock {
         }
     }
 
-    /// How many ticks it takes until a moment is over.
+    /// Number of ticks until a moment has passed.
     pub(crate) fn ticks_until(&self, when: f64) -> Result<u64, SimError> {
         let most = (1u64 << 40) as f64;
         let ticks = (when / self.substeps_per_tick).ceil();

@@ -1,4 +1,4 @@
-//! What the caller decides about an execution, and the check of it.
+//! Parameters of an execution, and their validation.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,17 +10,17 @@ use serde::{Deserialize, Serialize};
 use crate::SimError;
 use crate::noise::Disturbance;
 
-/// How bodies move and how contacts are found.
+/// Model of motion and method of contact detection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Tier {
-    /// Our own engine over flat arrays: bodies go where the reference takes
-    /// them, contacts come from closed-form swept tests in continuous time.
+    /// Kinematic engine over flat arrays: bodies follow their references, and closed-form
+    /// swept tests find contacts in continuous time.
     #[default]
     Kinematic,
-    /// rapier2d: every agent is a body with mass that its controller drives with
-    /// bounded forces; bodies push each other, and contacts are known at the end of
-    /// a tick.
+    /// rapier2d: every agent is a body with mass, which its controller drives with
+    /// bounded forces. Bodies push each other, and contacts are detected at the end of a
+    /// tick.
     Contact,
 }
 
@@ -57,15 +57,15 @@ impl FromStr for Tier {
     }
 }
 
-/// What decides when an agent may go on.
+/// Rule by which agents proceed along their routes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Policy {
-    /// The times of the plan, whatever the others do.
+    /// By the times of the plan, regardless of other agents.
     #[default]
     Time,
-    /// The order of the plan: an agent goes on when all whom it has to let pass
-    /// have passed (an action dependency graph, see [`gate`](crate::gate)).
+    /// By the order of the plan: an agent proceeds once every agent before it has passed
+    /// (an action dependency graph, see [`gate`](crate::gate)).
     Adg,
 }
 
@@ -101,50 +101,49 @@ pub struct SimConfig {
     pub ticks_hz: u32,
     /// Substeps per tick.
     pub substeps: u32,
-    /// How bodies move and how contacts are found.
+    /// Model of motion and method of contact detection.
     pub tier: Tier,
-    /// The speed at which a body can follow its reference, in cells per step of
-    /// the plan. The default of 1.5 is a little more than a diagonal move needs
-    /// (√2), so that every move of a valid plan is followed exactly and nothing
-    /// much faster is.
+    /// Largest speed of a body that follows its reference, in cells per step of the plan.
+    /// The default of 1.5 is a little more than a diagonal move needs (√2), so that every
+    /// move of a valid plan is followed exactly and nothing much faster is.
     pub max_speed_cells_per_step: f64,
     /// Pairs farther apart than this (between centres, in cells) do not count as
     /// an approach. Bounds the search for neighbours.
     pub approach_range_cells: f64,
-    /// How many contacts [`Contacts::first`](crate::Contacts::first) keeps; all
-    /// of them are counted, hashed and traced.
+    /// Number of contacts that [`Contacts::first`](crate::Contacts::first) keeps; all of
+    /// them are counted, hashed and traced.
     pub max_contacts_kept: usize,
-    /// Take every substep apart even where all bodies move uniformly for longer.
-    /// The kinematic tier otherwise treats a uniform stretch as one, which gives
-    /// the same contacts (up to rounding of their times) in less time. The
-    /// contact tier always takes every substep.
+    /// Process every substep separately even where all bodies move uniformly for longer.
+    /// The kinematic tier otherwise treats a uniform stretch as one, which gives the same
+    /// contacts (up to rounding of their times) in less time. The contact tier always
+    /// processes every substep.
     pub every_substep: bool,
-    /// The most candidate pairs held at a time; an execution with more crowding
-    /// is refused, since only plans that are far from valid come near it.
+    /// Largest number of candidate pairs held at a time. Executions with more crowding
+    /// are refused: only plans that are far from valid come near it.
     pub max_pairs: usize,
-    /// How many threads do the work. Results do not depend on it.
+    /// Number of threads. Results do not depend on it.
     pub threads: usize,
-    /// What decides when an agent may go on.
+    /// Rule by which agents proceed along their routes.
     pub policy: Policy,
-    /// Time between two exchanges of messages between the agents and the server
-    /// that knows the dependency graph, and between two looks of an agent at the
-    /// plan's clock, in seconds. Rounded to whole ticks. Agents that follow the
-    /// plan's reference exactly need no messages.
+    /// Time between two exchanges of messages between the agents and the server that
+    /// holds the dependency graph, and between two updates of an agent's plan time, in
+    /// seconds. Rounded to whole ticks. Agents that follow the plan's reference exactly
+    /// need no messages.
     pub message_period_s: f64,
-    /// How far agents keep from each other's ways beyond what their controllers
-    /// need, in metres, if they go by order.
+    /// Distance in metres between the ways of agents, beyond what their controllers need,
+    /// under [`Policy::Adg`].
     pub margin_m: f64,
     /// Delays, noise and losses.
     pub disturbance: Disturbance,
-    /// Go on until everybody has arrived, and not only until the plan's time is
-    /// over. Always so under [`Policy::Adg`].
+    /// Continue until all agents have arrived instead of stopping at the plan's makespan.
+    /// Implied by [`Policy::Adg`].
     pub until_done: bool,
-    /// The execution ends at this time at the latest, in seconds.
+    /// Latest end of the execution, in seconds.
     pub time_limit_s: Option<f64>,
-    /// The heading of agents at the start of a plan that gives none, in radians:
-    /// north, as LSMART has it.
+    /// Heading of agents at the start of a plan without headings, in radians: north, as
+    /// in LSMART.
     pub start_heading_rad: f64,
-    /// Execute also what begins with agents in obstacles or in each other.
+    /// Execute plans whose agents start in obstacles or overlapping each other.
     pub overlapping_starts: bool,
     /// Refuse executions that need more memory than this, in bytes.
     pub memory_limit_bytes: Option<u64>,
@@ -201,7 +200,7 @@ impl SimConfig {
             .unwrap_or(Self::DEFAULT_RADIUS_CELLS * self.cell_size_m)
     }
 
-    /// The disc that agents without a fleet are.
+    /// Footprint of agents without a fleet: a disc.
     pub(crate) fn footprint(&self) -> Result<Shape, SimError> {
         let radius_m = self.radius_m();
         Footprint::Disc { radius_m }
@@ -219,7 +218,7 @@ impl SimConfig {
         Self::TOUCH_TOLERANCE_CELLS * self.cell_size_m
     }
 
-    /// Digest of everything that decides about an execution.
+    /// Digest of all parameters that affect an execution.
     pub(crate) fn digest(&self) -> Digest {
         let Self {
             cell_size_m,
@@ -272,7 +271,7 @@ impl SimConfig {
         hasher.finish()
     }
 
-    /// Whether an execution can be run with these parameters.
+    /// Checks that all parameters are in their ranges.
     pub fn validate(&self) -> Result<(), SimError> {
         let range = |field, value: f64, low: f64, high: f64, hint| {
             // Written so that NaN is out of range.

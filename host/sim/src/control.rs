@@ -1,9 +1,9 @@
-//! Bodies that drive: controllers and models take them along their routes.
+//! Driven bodies: controllers and models move them along their routes.
 //!
-//! A policy says how far an agent may go: `released` is the last knot of its
-//! route that it may head for. Released actions that lie on one straight line
-//! are driven as one leg with one stop at its end. Within a block of ticks no
-//! agent influences another, so that all of them can be driven at once.
+//! A policy bounds each agent's progress: `released` is the last knot of its route that
+//! it may head for. Released actions that lie on one straight line are driven as one leg
+//! with one stop at its end. Within a block of ticks no agent influences another, so that
+//! all of them can be driven at once.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -19,26 +19,25 @@ use crate::route::Place;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pilot {
     pub(crate) state: State,
-    /// The last knot that was reached.
+    /// The last knot reached.
     pub(crate) done: u32,
-    /// The knot at the end of the present leg.
+    /// The knot at the end of the current leg.
     pub(crate) leg: u32,
-    /// Where the leg begins.
+    /// Start of the leg.
     from: Place,
-    /// The body may not set out before this moment, in substeps.
+    /// Earliest departure, in substeps.
     hold: f64,
-    /// The body stands until this moment, wherever it is, in substeps.
+    /// End of the current stop, in substeps; the body stands wherever it is.
     stop: f64,
-    /// The last knot whose planned time has come.
+    /// The last knot whose planned time has passed.
     due: u32,
     /// The last action whose delay was drawn.
     drawn: u32,
-    /// How much of its time the present action has taken, for bodies without a
-    /// controller.
+    /// Time spent on the current action, for bodies without a controller.
     spent: f64,
-    /// When the last knot was reached for good, in substeps; infinite until then.
+    /// Time at which the last knot was reached for good, in substeps; infinite before.
     pub(crate) arrival: f64,
-    /// Whether the arrival has been reported.
+    /// Set once the arrival has been reported.
     pub(crate) told: bool,
 }
 
@@ -64,7 +63,7 @@ impl Pilot {
     }
 }
 
-/// Who decides how far agents may go.
+/// Source of the agents' releases.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Releases<'a> {
     /// The times of the plan.
@@ -77,16 +76,16 @@ pub(crate) enum Releases<'a> {
 #[derive(Clone, Copy)]
 pub(crate) struct Driver<'a> {
     pub(crate) routes: &'a dyn Routes,
-    /// Whether the headings of the routes mean something.
+    /// Set if the headings of the routes are meaningful.
     pub(crate) headings: bool,
-    /// A plan of poses is followed in time by chasing where it is now.
+    /// Set if a plan of poses is followed in time by chasing its current pose.
     pub(crate) chase: bool,
     pub(crate) substeps_per_s: f64,
     /// The largest speed of bodies without a controller, in metres per second.
     pub(crate) plan_speed: f64,
     pub(crate) releases: Releases<'a>,
     pub(crate) noise: &'a Noise,
-    /// The number of the block, for the noise.
+    /// Index of the block, for the noise.
     pub(crate) number: u64,
     pub(crate) block: Span,
     /// The ends of the block's ticks.
@@ -104,7 +103,7 @@ impl Place {
     }
 }
 
-/// Part of the way from one place to another.
+/// Interpolates between two places.
 fn between(from: Place, to: Place, share: f64) -> Place {
     Place {
         x: interpolate(from.x, to.x, share),
@@ -116,14 +115,14 @@ fn between(from: Place, to: Place, share: f64) -> Place {
     }
 }
 
-/// Bodies without a controller that others may push have arrived so near to a
-/// place, in metres.
+/// Arrival tolerance, in metres, of bodies without a controller that can be pushed.
 const CLOSE_M: f64 = 0.01;
 
-/// Places nearer than this to each other are one, in metres.
+/// Places nearer than this to each other, in metres, are equal.
 const SAME_M: f64 = 1e-9;
 
-/// Whether a body is at the end of its leg, which may be that of its way.
+/// True if a body is at the end of its leg; `last` if the leg ends at the route's last
+/// knot.
 fn is_there(model: &Model, last: bool, state: &State, target: &Target) -> bool {
     if last {
         model.has_finished(state, target)
@@ -141,8 +140,7 @@ fn same(a: Place, b: Place) -> bool {
     dx * dx + dy * dy <= SAME_M * SAME_M && heading
 }
 
-/// Whether the way from one place to the next goes on straight to a third one, with the
-/// same turn for every metre.
+/// True if the way continues straight through `by` to `to`, with the same turn per metre.
 fn goes_on(from: Place, by: Place, to: Place) -> bool {
     let turn = |from: Place, to: Place| {
         let headings = from.heading.zip(to.heading);
@@ -167,7 +165,7 @@ impl Driver<'_> {
         }
     }
 
-    /// When the plan has the agent at a knot, in substeps.
+    /// Planned time of a knot, in substeps.
     fn time(&self, agent: usize, knot: u32) -> f64 {
         self.routes.time_s(agent, knot as usize) * self.substeps_per_s
     }
@@ -176,7 +174,7 @@ impl Driver<'_> {
         self.routes.actions(agent) as u32
     }
 
-    /// Brings up to date which knot's planned time has come.
+    /// Updates the last knot whose planned time has passed.
     fn look_at_the_clock(&self, agent: usize, pilot: &mut Pilot, when: f64) {
         let last = self.last(agent);
         while pilot.due < last && self.time(agent, pilot.due + 1) <= when {
@@ -184,7 +182,7 @@ impl Driver<'_> {
         }
     }
 
-    /// Where the plan has the agent at a moment whose knot is known.
+    /// Planned place of the agent at a moment, from `pilot.due`.
     fn planned(&self, agent: usize, pilot: &Pilot, when: f64) -> Place {
         let here = self.place(agent, pilot.due);
         if pilot.due >= self.last(agent) {
@@ -195,7 +193,7 @@ impl Driver<'_> {
         between(here, next, fraction(from, to, when))
     }
 
-    /// The last knot that the agent may head for.
+    /// The last released knot of the agent.
     fn released(&self, agent: usize, pilot: &mut Pilot) -> u32 {
         match self.releases {
             Releases::Time => {
@@ -206,7 +204,7 @@ impl Driver<'_> {
         }
     }
 
-    /// Makes the track of the next body of a chunk, which has a model with a
+    /// Appends the track of the next body of a chunk, which has a model with a
     /// controller.
     pub(crate) fn drive(&self, model: &Model, chunk: &mut Chunk, lane: usize) {
         let agent = chunk.first as usize + lane;
@@ -249,8 +247,7 @@ impl Driver<'_> {
             let target = target
                 .unwrap_or_else(|| self.place(agent, pilot.done))
                 .target();
-            // A body that gets there in the middle of the block goes on with
-            // its next leg at once.
+            // A body that finishes its leg within the block starts its next leg at once.
             let last = pilot.leg == self.last(agent);
             let mut arrived: Option<(usize, State)> = None;
             let mut count = 0;
@@ -289,7 +286,7 @@ impl Driver<'_> {
         }
         let known = chunk.errors[lane];
         let by_order = matches!(self.releases, Releases::Order(_));
-        // Who stands is as far from its leg as before.
+        // A standing body keeps its distance from the end of its leg.
         let error = if stood && by_order && before == (pilot.done, pilot.leg) && !known.is_nan() {
             known
         } else {
@@ -301,10 +298,9 @@ impl Driver<'_> {
             .note(agent as u32, error, self.block.length());
     }
 
-    /// The velocity that an agent wants to have at the end of a tick from where
-    /// it is, for bodies that others may push: its model's next step, or for
-    /// bodies without a controller the way to where the plan has them. `now` is
-    /// the start of the tick.
+    /// Velocity that the agent requests for the end of a tick from its current state, for
+    /// bodies that can be pushed: the next step of its model, or for bodies without a
+    /// controller the way to the planned place. `now` is the start of the tick.
     pub(crate) fn wish(
         &self,
         model: Option<&Model>,
@@ -349,7 +345,7 @@ impl Driver<'_> {
         state
     }
 
-    /// Takes note of where a body got to that others may have pushed.
+    /// Updates the progress of a body that can be pushed from its actual place.
     pub(crate) fn notice(&self, model: Option<&Model>, agent: usize, pilot: &mut Pilot, now: f64) {
         let target = self.place(agent, pilot.leg.max(pilot.done)).target();
         let arrived = if let Some(model) = model.filter(|model| !model.is_ideal()) {
@@ -370,8 +366,8 @@ impl Driver<'_> {
         }
     }
 
-    /// How far a body is from where it should be at the end of the block: from
-    /// where the plan has it then, or, if it goes by order, from its leg.
+    /// Tracking error of a body at the end of the block: its distance from the planned
+    /// place or, under an order of passing, from its leg.
     pub(crate) fn error_m(&self, agent: usize, pilot: &mut Pilot) -> f64 {
         let (x, y) = (pilot.state.x, pilot.state.y);
         let place = match self.releases {
@@ -400,10 +396,10 @@ impl Driver<'_> {
         (dx * dx + dy * dy).sqrt()
     }
 
-    /// Where the present leg ends, if the agent may go on now.
+    /// End of the current leg, if the agent may proceed.
     fn leg(&self, agent: usize, pilot: &mut Pilot, released: u32, now: f64) -> Option<Place> {
         if pilot.leg <= pilot.done {
-            // What takes no way is done as soon as it is allowed.
+            // Actions without a way are done as soon as they are released.
             let here = loop {
                 if pilot.done >= released {
                     self.note_arrival(agent, pilot, now);
@@ -437,7 +433,7 @@ impl Driver<'_> {
         Some(end)
     }
 
-    /// How many substeps the agent waits before it sets out on an action.
+    /// Delay of the agent before an action, in substeps.
     fn delay(&self, agent: usize, action: u32) -> f64 {
         if self.noise.delays_starts() {
             self.noise.start_delay_s(agent, action as usize) * self.substeps_per_s
@@ -446,7 +442,7 @@ impl Driver<'_> {
         }
     }
 
-    /// Draws the speeds of a chunk's bodies in this block, in which some stop.
+    /// Draws the speed factors of a chunk's bodies in this block, and their stops.
     pub(crate) fn draw(&self, chunk: &mut Chunk) {
         let (first, count) = (chunk.first as usize, chunk.pilots.len());
         let now = self.block.start;
@@ -463,7 +459,7 @@ impl Driver<'_> {
         }
     }
 
-    /// Draws who of a chunk's bodies stops.
+    /// Draws the stops of a chunk's bodies.
     pub(crate) fn draw_stops(&self, chunk: &mut Chunk) {
         let (first, pilots) = (chunk.first as usize, &mut chunk.pilots);
         let (now, agents) = (self.block.start, first..first + pilots.len());
@@ -472,7 +468,8 @@ impl Driver<'_> {
         });
     }
 
-    /// Whether a chunk's bodies stand and have no order to do anything else.
+    /// True if all bodies of a chunk are driven by order, stand, and have reached their
+    /// releases.
     pub(crate) fn is_idle(&self, chunk: &Chunk) -> bool {
         let Releases::Order(released) = self.releases else {
             return false;
@@ -485,7 +482,7 @@ impl Driver<'_> {
             })
     }
 
-    /// Whether the stay at the knot before an action and the delay of the action are over.
+    /// True once the stay at the knot before an action and the action's delay are over.
     fn is_ready(&self, agent: usize, pilot: &mut Pilot, action: u32, now: f64) -> bool {
         if pilot.drawn < action && now >= pilot.hold {
             pilot.drawn = action;
@@ -494,14 +491,14 @@ impl Driver<'_> {
         now >= pilot.hold
     }
 
-    /// The body is at the end of its leg.
+    /// Marks the end of the leg as reached.
     fn reach(&self, agent: usize, pilot: &mut Pilot, now: f64) {
         pilot.done = pilot.leg;
         self.stay(agent, pilot, now);
         self.note_arrival(agent, pilot, now);
     }
 
-    /// The body stays at the knot that it is at, if it has to.
+    /// Starts the stay at the current knot, if the route has one.
     fn stay(&self, agent: usize, pilot: &mut Pilot, now: f64) {
         let stay_s = self.routes.stay_s(agent, pilot.done as usize);
         if stay_s > 0.0 {
@@ -515,7 +512,7 @@ impl Driver<'_> {
         }
     }
 
-    /// Counts the knots within the leg that the body has passed.
+    /// Counts the knots passed within the leg.
     fn pass(&self, agent: usize, pilot: &mut Pilot, target: &Target) {
         let (dx, dy) = (target.x - pilot.from.x, target.y - pilot.from.y);
         while pilot.done + 1 < pilot.leg {
@@ -528,10 +525,10 @@ impl Driver<'_> {
         }
     }
 
-    /// Makes the track of the next body of a chunk, which has no controller and
-    /// takes for each action the time that the plan gives it, from the moment at
-    /// which it may set out. Waits take none. `quarter_turn`, in substeps, is what
-    /// a turn in place takes that has to come before a move, if the body has one.
+    /// Appends the track of the next body of a chunk, which has no controller: each
+    /// action takes its planned duration from the moment of departure; waits take none.
+    /// `quarter_turn`, in substeps, is the duration of a turn in place before a move, for
+    /// bodies that turn.
     pub(crate) fn follow(&self, quarter_turn: Option<f64>, chunk: &mut Chunk, lane: usize) {
         let agent = chunk.first as usize + lane;
         let pilot = &mut chunk.pilots[lane];

@@ -1,5 +1,5 @@
-//! The one place that converts between vector types: rapier and parry speak glam
-//! vectors; the rest of this crate speaks plain coordinates in flat arrays.
+//! Conversions between plain coordinates in flat arrays and the glam vectors of rapier
+//! and parry.
 
 pub use fleetyard_core::{cell_center_m, cell_of_point};
 use fleetyard_world::Pose;

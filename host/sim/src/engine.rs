@@ -1,8 +1,7 @@
-//! The engine of all executions: it takes everybody through one block of time after
-//! another.
+//! The engine of all executions: it advances all bodies block by block.
 //!
-//! Within a block agents move without knowing of each other, so that all of them can be
-//! moved at once, on any number of threads, before it is found out who came near whom.
+//! Within a block agents move independently of each other: all of them can be moved at
+//! once, on any number of threads, before contacts and approaches are searched.
 
 use fleetyard_core::Digest;
 use xxhash_rust::xxh3::Xxh3;
@@ -22,16 +21,16 @@ use crate::setup::Setup;
 use crate::solved::Solved;
 use crate::trace::{EventsDigest, Header, States, Summary, TraceSink};
 
-/// What takes agents where they go.
+/// Source of the agents' motion.
 pub(crate) enum Guide<'g> {
-    /// They follow the plan exactly, by time.
+    /// All agents follow the plan exactly, by time.
     Follow(&'g Reference<'g>),
-    /// They drive.
+    /// Controllers drive the agents.
     Drive {
         routes: &'g dyn Routes,
-        /// Whether the headings of the routes mean something.
+        /// Set if the headings of the routes are meaningful.
         headings: bool,
-        /// A plan of poses is followed in time by chasing where it is now.
+        /// Set if a plan of poses is followed in time by chasing its current pose.
         chase: bool,
         releases: Releases<'g>,
     },
@@ -42,23 +41,24 @@ pub(crate) struct Engine<'a> {
     pub(crate) setup: Setup<'a>,
     pub(crate) shapes: Shapes,
     noise: Noise,
-    /// The bodies that push each other, in the contact tier.
+    /// The bodies of the contact tier.
     pub(crate) solved: Option<Solved>,
     pub(crate) chunks: Vec<Chunk>,
     pairs: Pairs,
     sweep: Sweep,
     nearest: Nearest,
-    /// Where bodies are at the start of the block, and how far they get.
+    /// Positions of the bodies at the start of the block, and their largest distances
+    /// from them.
     pub(crate) places: Vec<[f64; 3]>,
     pub(crate) log: Log,
     next_tick: u64,
-    /// The moments of the block at which ticks start.
+    /// Starts of the ticks in the block.
     moments: Vec<f64>,
-    /// The ends of its ticks.
+    /// Ends of the ticks in the block.
     tick_ends: Vec<f64>,
     events: EventsDigest,
     settled: Vec<Event>,
-    /// A state of everybody, put together for the trace.
+    /// State of all bodies, assembled for the trace.
     state: [Vec<f64>; 3],
 }
 
@@ -105,7 +105,7 @@ impl<'a> Engine<'a> {
         self.block(start, 0, guide, sink, false)
     }
 
-    /// The state at the very end, and everything that was not told yet.
+    /// Emits the final state and all remaining events.
     pub(crate) fn end(
         &mut self,
         now: f64,
@@ -121,7 +121,7 @@ impl<'a> Engine<'a> {
         self.settle(sink, f64::INFINITY)
     }
 
-    /// Executes a block, which has a number for the noise.
+    /// Executes a block; `number` is its index, for the noise.
     pub(crate) fn advance(
         &mut self,
         block: Span,
@@ -132,7 +132,7 @@ impl<'a> Engine<'a> {
         self.block(block, number, guide, sink, false)
     }
 
-    /// `last` is true at the very end, of which the state is told.
+    /// Executes a block; `last` is true for the final moment, whose state is emitted.
     fn block(
         &mut self,
         block: Span,
@@ -208,7 +208,7 @@ impl<'a> Engine<'a> {
                 chunk.begin_block();
             }
             if is_solved {
-                // Their tracks are made: where they get depends on all of them.
+                // Tracks already made: the solver moves all bodies together.
             } else if last {
                 for lane in 0..chunk.len() {
                     chunk.rest(block, lane);
@@ -279,7 +279,7 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Collects what chunks found out, and notes arrivals.
+    /// Collects the contacts and arrivals that the chunks found.
     fn collect(&mut self) {
         for chunk in &mut self.chunks {
             self.log.pending.append(&mut chunk.changes);
@@ -294,12 +294,12 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Refuses what begins with agents in obstacles or in each other. `is_all` if
-    /// nothing happens after the start.
+    /// Refuses executions that start with agents in obstacles or overlapping each other.
+    /// `is_all` if nothing happens after the start.
     pub(crate) fn check_starts(&mut self, is_all: bool) -> Result<(), SimError> {
         if self.setup.config.overlapping_starts {
             if self.solved.is_some() && !is_all {
-                // The world will find them by itself.
+                // The world of the contact tier finds these contacts itself.
                 self.log.forget();
             }
             return Ok(());
@@ -310,7 +310,7 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Finds what came near and into contact in the block.
+    /// Searches the block for approaches and contacts.
     fn search(&mut self, block: Span, first: bool) -> Result<(), SimError> {
         let Setup { config, clock, .. } = &self.setup;
         let mut travel = 0f64;
@@ -322,8 +322,8 @@ impl<'a> Engine<'a> {
                 travel = travel.max(*reach);
             }
         }
-        // A list lasts while bodies move by a part of a cell, or for the block if
-        // they move more.
+        // A list of pairs stays valid while bodies move by a part of a cell, or for the
+        // block if they move farther.
         let horizon = 0.375 * config.cell_size_m;
         let places = |x: &mut Vec<f64>, y: &mut Vec<f64>| {
             x.extend(self.places.iter().map(|place| place[0]));
@@ -354,7 +354,7 @@ impl<'a> Engine<'a> {
         Ok(())
     }
 
-    /// Passes on the states at the ticks of the block.
+    /// Emits the states at the ticks of the block.
     fn tell_states(&mut self, sink: &mut dyn TraceSink) -> Result<(), SimError> {
         let before = self.next_tick - self.moments.len() as u64;
         let columns = if self.setup.with_heading { 3 } else { 2 };
@@ -382,7 +382,7 @@ impl<'a> Engine<'a> {
         Ok(())
     }
 
-    /// Hashes and passes on the events that nothing can precede any more.
+    /// Hashes and emits the events that no later one can precede.
     fn settle(&mut self, sink: &mut dyn TraceSink, now: f64) -> Result<(), SimError> {
         self.log.settle(now, &mut self.settled);
         if !self.settled.is_empty() {
@@ -392,7 +392,7 @@ impl<'a> Engine<'a> {
         Ok(())
     }
 
-    /// How near an agent came to another one.
+    /// Nearest approach of an agent to another one.
     fn nearest_of(&self, agent: usize) -> Option<Approach> {
         let nearest = &self.nearest;
         nearest.distance[agent].is_finite().then(|| Approach {
@@ -402,7 +402,7 @@ impl<'a> Engine<'a> {
         })
     }
 
-    /// How near any two agents came.
+    /// Nearest approach of any two agents.
     pub(crate) fn nearest(&self) -> Option<Approach> {
         let each = (0..self.setup.agents).filter_map(|agent| self.nearest_of(agent));
         each.min_by(|a, b| {
@@ -413,8 +413,8 @@ impl<'a> Engine<'a> {
         })
     }
 
-    /// What the execution takes in memory, in bytes, beside the world and the bodies of
-    /// the contact tier.
+    /// Memory of the execution in bytes, without the world and the bodies of the contact
+    /// tier.
     pub(crate) fn memory_bytes(&self) -> usize {
         let agents = self.setup.agents;
         let columns: usize = self.state.iter().map(Vec::capacity).sum();
@@ -429,15 +429,15 @@ impl<'a> Engine<'a> {
             + self.settled.capacity() * size_of::<Event>()
     }
 
-    /// When the last tick began whose state is known, in substeps.
+    /// Start of the last tick with a known state, in substeps.
     pub(crate) fn last_tick(&self) -> f64 {
         self.setup
             .clock
             .tick_start(self.next_tick.saturating_sub(1))
     }
 
-    /// What the execution came to, after its end. `arrivals` says when each agent
-    /// arrived, in substeps; infinite for those that did not.
+    /// Outcome of the execution, after its end. `arrivals` are the agents' times of
+    /// arrival in substeps; infinite for agents that did not arrive.
     pub(crate) fn outcome(
         self,
         header: &Header,

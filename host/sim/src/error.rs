@@ -1,4 +1,4 @@
-//! Why an execution was refused or broken off.
+//! Errors of executions.
 
 use std::io;
 
@@ -6,7 +6,7 @@ use crate::contact::ContactError;
 use crate::event::Other;
 use crate::gate::GateError;
 
-/// Why an execution was refused or broken off. Agents and times are counted
+/// Reason for which an execution was refused or aborted. Agents and times are counted
 /// from 0.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages document the fields")]
@@ -74,7 +74,7 @@ pub enum SimError {
 }
 
 impl SimError {
-    /// What the user can do.
+    /// Remedy for the user.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
             Self::Config { hint, .. } | Self::Order { hint, .. } => Some(hint),

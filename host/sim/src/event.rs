@@ -1,24 +1,23 @@
-//! Contact events: what begins and ends to touch, when, and in which order it
-//! is told.
+//! Contact events and their order.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Whether a contact begins or ends.
+/// Kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EventKind {
-    /// Two things begin to overlap.
+    /// Two bodies begin to overlap.
     Begin,
-    /// They no longer overlap.
+    /// Two bodies no longer overlap.
     End,
-    /// An agent is at the end of its route, for good.
+    /// An agent reaches the end of its route for good.
     Arrive,
 }
 
-/// What an agent is in contact with.
+/// The other party of an agent's contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Other {
@@ -41,11 +40,11 @@ pub enum Other {
 }
 
 impl Other {
-    /// Key that puts agents in order, then obstacles, then the goal.
+    /// Sort key: agents first, then obstacles, then the goal.
     fn key(self) -> (u8, u32) {
         match self {
             Self::Agent(agent) => (0, agent),
-            // Whichever cell it is, there is one such contact at a time.
+            // An agent has one such contact at a time, whatever its cell.
             Self::Obstacle { .. } => (1, 0),
             Self::Polygon(index) => (2, index),
             Self::Mover(index) => (3, index),
@@ -54,50 +53,49 @@ impl Other {
     }
 }
 
-/// Something begins or ends to touch, or an agent arrives. Events are told in the
-/// order of substep, then agent, then the other one (agents, cells, polygons,
-/// moving obstacles, the goal), then time.
+/// The begin or end of a contact, or an arrival. Events are ordered by substep, agent,
+/// other party (agents, cells, polygons, moving obstacles, the goal) and time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    /// The substep that it happens in, counted from 0.
+    /// Substep of the event, counted from 0.
     pub substep: u64,
     /// Simulated time in seconds.
     pub time_s: f64,
-    /// What happens.
+    /// Kind of the event.
     pub kind: EventKind,
     /// The agent, the lower index of two.
     pub agent: u32,
-    /// What it touches.
+    /// The other party.
     pub other: Other,
 }
 
 /// A contact from beginning to end.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// When it begins, in simulated seconds.
+    /// Begin, in simulated seconds.
     pub begin_s: f64,
-    /// When it ends; `None` if it lasts to the end of the execution.
+    /// End, in simulated seconds; `None` if it lasts to the end of the execution.
     pub end_s: Option<f64>,
     /// The agent, the lower index of two.
     pub agent: u32,
-    /// What it touches.
+    /// The other party.
     pub other: Other,
 }
 
 /// The contacts of an execution.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Contacts {
-    /// How many contacts between agents began.
+    /// Number of contacts between agents.
     pub agent_agent: u64,
-    /// How many contacts of agents with obstacles began, standing or moving.
+    /// Number of contacts of agents with standing or moving obstacles.
     pub agent_obstacle: u64,
-    /// The first of them in the order of their beginnings, at most
+    /// The first contacts in the order of their beginnings, at most
     /// [`SimConfig::max_contacts_kept`](crate::SimConfig::max_contacts_kept).
     pub first: Vec<Contact>,
 }
 
 impl Contacts {
-    /// How many contacts of either kind began.
+    /// Number of contacts of either kind.
     pub fn total(&self) -> u64 {
         self.agent_agent + self.agent_obstacle
     }
@@ -135,15 +133,15 @@ impl Change {
     }
 }
 
-/// Brings changes into order and keeps the account of contacts.
+/// Sorts changes into events and keeps the list of contacts.
 #[derive(Debug)]
 pub(crate) struct Log {
-    /// Changes that may still be preceded by others.
+    /// Changes that later ones can still precede.
     pub(crate) pending: Vec<Change>,
     pub(crate) contacts: Contacts,
     substeps_per_s: f64,
     keep: usize,
-    /// Kept contacts that have not ended.
+    /// Indices of the kept contacts that have not ended.
     open: BTreeMap<(u32, (u8, u32)), usize>,
 }
 
@@ -158,19 +156,19 @@ impl Log {
         }
     }
 
-    /// What the log takes in memory, in bytes.
+    /// Memory of the log in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.pending.capacity() * size_of::<Change>()
             + self.contacts.first.capacity() * size_of::<Contact>()
             + self.open.len() * size_of::<((u32, (u8, u32)), usize)>()
     }
 
-    /// Forgets what is pending.
+    /// Drops the pending changes.
     pub(crate) fn forget(&mut self) {
         self.pending.clear();
     }
 
-    /// The first contact in order that is pending or known.
+    /// The first contact in order, pending or settled.
     pub(crate) fn first_contact(&self) -> Option<(u32, Other)> {
         let kept = self.contacts.first.first();
         kept.map(|contact| (contact.agent, contact.other))
@@ -185,8 +183,8 @@ impl Log {
             })
     }
 
-    /// Hands out, in order, the events that nothing can precede any more: those
-    /// of substeps that are over when `now` is reached.
+    /// Moves to `settled`, in order, the events that no later one can precede: those of
+    /// substeps that end by `now`.
     pub(crate) fn settle(&mut self, now: f64, settled: &mut Vec<Event>) {
         settled.clear();
         if self.pending.is_empty() {

@@ -1,7 +1,7 @@
 //! The execution of a plan, block by block.
 //!
-//! A block is a step of a grid plan if everybody follows it exactly, and a
-//! period of messages otherwise.
+//! A block is a step of a grid plan if all agents follow the plan exactly, and a message
+//! period otherwise.
 
 use fleetyard_core::TrajectoryPlan;
 
@@ -15,14 +15,14 @@ use crate::outcome::Outcome;
 use crate::route::{Plan, Reference};
 use crate::trace::TraceSink;
 
-/// An execution ends if nobody has got anywhere for so long, in seconds.
+/// The execution ends after this time without progress of any agent, in seconds.
 const STALL_S: f64 = 600.0;
 
-/// How often that is looked at, in seconds.
+/// Interval between checks for progress, in seconds.
 const LOOK_S: f64 = 10.0;
 
-/// Nearer to where it was, in cells, a body has got nowhere: one that pushes against a
-/// wall trembles for ever.
+/// A body within this distance of its last checked position, in cells, has made no
+/// progress: one that pushes against a wall trembles for ever.
 const NOWHERE_CELLS: f64 = 0.25;
 
 /// The execution of a plan under way.
@@ -31,14 +31,14 @@ pub(crate) struct Run<'a> {
     plan: Plan<'a>,
     reference: Reference<'a>,
     gates: Option<Gates>,
-    /// When it was seen last that somebody had got anywhere, and where all were then.
+    /// Time of the last observed progress, and the positions of all bodies then.
     moved: f64,
     were: Vec<[f64; 2]>,
-    /// When that was looked at last.
+    /// Time of the last check for progress.
     looked: f64,
 }
 
-/// What agents do under a plan.
+/// Motion of the agents under a plan.
 fn guide<'g>(
     engine: &Engine<'_>,
     plan: Plan<'_>,
@@ -115,7 +115,7 @@ impl<'a> Run<'a> {
         self.engine.outcome(&header, arrivals.into_iter(), sink)
     }
 
-    /// Does something with the engine and what agents do.
+    /// Calls `job` with the engine and the agents' motion.
     fn with_guide<R>(&mut self, job: impl FnOnce(&mut Engine<'a>, &Guide<'_>) -> R) -> R {
         let gates = self.gates.as_ref();
         let refined = gates.map(|gates| gates.graph().routes(&self.reference));
@@ -129,7 +129,7 @@ impl<'a> Run<'a> {
         job(&mut self.engine, &guide)
     }
 
-    /// Executes a block: messages, ways, and which knots agents have reached.
+    /// Executes a block: messages, motion, and the knots that agents reach.
     fn advance(
         &mut self,
         block: Span,
@@ -151,7 +151,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// The moment at which the execution ends at the latest.
+    /// Latest end of the execution.
     fn limit(&self) -> Result<f64, SimError> {
         let (config, clock) = (self.engine.setup.config, self.engine.setup.clock);
         let planned = clock.ticks_until(self.reference.horizon())?;
@@ -169,7 +169,7 @@ impl<'a> Run<'a> {
         }))
     }
 
-    /// Whether the execution goes on until everybody has arrived.
+    /// True if the execution continues until all agents have arrived.
     fn goes_on(&self) -> bool {
         let setup = &self.engine.setup;
         !setup.exact && (setup.config.until_done || setup.policy == Policy::Adg)
@@ -185,7 +185,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Whether nothing more will happen.
+    /// True once all agents have arrived or none makes progress.
     fn is_over(&self, now: f64) -> bool {
         if !self.goes_on() {
             return false;
@@ -195,7 +195,7 @@ impl<'a> Run<'a> {
             || now - self.moved > STALL_S * self.engine.setup.clock.substeps_per_s
     }
 
-    /// Notes now and then whether anybody is elsewhere than when that was so last.
+    /// Checks for progress every [`LOOK_S`] seconds.
     fn look_around(&mut self, now: f64) {
         if now - self.looked < LOOK_S * self.engine.setup.clock.substeps_per_s {
             return;
@@ -215,8 +215,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// When each agent arrived, in substeps; infinite for those that did not until
-    /// the end.
+    /// Times of arrival in substeps; infinite for agents that have not arrived by `end`.
     fn arrivals(&self, end: f64) -> impl Iterator<Item = f64> {
         (0..self.engine.setup.agents).map(move |agent| {
             if self.engine.setup.exact {

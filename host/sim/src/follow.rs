@@ -80,7 +80,7 @@ impl Follower<'_> {
         }
     }
 
-    /// How far a body may go in so many substeps.
+    /// Largest distance that a body covers in a number of substeps.
     fn most(&self, substeps: f64) -> f64 {
         match self.reference {
             Reference::Grid { cell_size_m, .. } => {
@@ -91,13 +91,13 @@ impl Follower<'_> {
         }
     }
 
-    /// The stretch from `now` on in which the reference is uniform: whether it
-    /// ends at the next knot, when, and where the reference is then.
+    /// The uniform stretch of the reference from `now` on: true if it ends at the next
+    /// knot, its end, and the place of the reference there.
     fn piece(&self, agent: usize, knot: usize, last: usize, now: f64) -> (bool, f64, Place) {
         if knot < last {
             let next = self.reference.time(agent, knot + 1);
             if next <= self.block.end {
-                // Rounding must not make time stand still.
+                // Rounding must not stop time.
                 return (true, next.max(now), self.reference.place(agent, knot + 1));
             }
         }
@@ -105,7 +105,7 @@ impl Follower<'_> {
         (false, end, self.reference.between(agent, knot, end))
     }
 
-    /// Whether a body is where its reference is, which it can follow.
+    /// True if a body is on its reference and can follow it.
     fn on_reference(&self, agent: usize, knot: usize, now: f64, (x, y): (f64, f64)) -> bool {
         if let Reference::Trajectories { .. } = self.reference {
             return true;
@@ -127,7 +127,7 @@ impl Follower<'_> {
     }
 }
 
-/// Makes the track of the next body of a chunk, which is a moving obstacle.
+/// Appends the track of the next body of a chunk, which is a moving obstacle.
 pub(crate) fn follow_mover(
     mover: &Mover,
     substeps_per_s: f64,

@@ -1,5 +1,5 @@
-//! Contacts and approaches of bodies whose motion is known: closed-form swept
-//! tests over candidate pairs. Nothing is sampled.
+//! Contacts and approaches of bodies in known motion: closed-form swept tests over
+//! candidate pairs, without sampling.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use crate::chunk::{CHUNK, Chunk, Span, Track};
 use crate::event::{Change, EventKind, Other};
 use crate::workers::Workers;
 
-/// Pairs that are swept as one piece of work.
+/// Number of pairs per piece of work.
 const PIECE: usize = 512;
 
 /// The nearest approach of every agent to any other, between centres.
@@ -24,8 +24,8 @@ pub(crate) struct Nearest {
 impl Nearest {
     pub(crate) fn new(agents: usize, range_m: f64) -> Self {
         Self {
-            // Distances on grids are whole numbers of cells more often than not: the
-            // range includes its end, whatever the rounding.
+            // Distances on grids are often whole numbers of cells: the range includes its
+            // end despite rounding.
             range: range_m * (1.0 + 1e-9),
             distance: vec![f64::INFINITY; agents],
             when: vec![0.0; agents],
@@ -33,13 +33,13 @@ impl Nearest {
         }
     }
 
-    /// The distance at which something new would be nearer.
+    /// Distance below which an approach is a new minimum.
     fn limit(&self, agent: u32) -> f64 {
         self.distance[agent as usize].min(self.range)
     }
 
-    /// Takes note of an approach. The result does not depend on the order of
-    /// calls: ties go to the earlier time, then to the lower index.
+    /// Records an approach. The result does not depend on the order of calls: ties go to
+    /// the earlier time, then to the lower index.
     fn note(&mut self, agent: u32, other: u32, distance: f64, when: f64) {
         let at = agent as usize;
         if distance > self.distance[at] {
@@ -56,7 +56,7 @@ impl Nearest {
     }
 }
 
-/// How near two agents come in a block.
+/// Nearest approach of two agents in a block.
 #[derive(Debug, Clone, Copy)]
 struct Near {
     i: u32,
@@ -65,7 +65,7 @@ struct Near {
     when: f64,
 }
 
-/// What a piece of the list of pairs found.
+/// Findings of one piece of the list of pairs.
 #[derive(Debug, Default)]
 struct Findings {
     near: Vec<Near>,
@@ -78,25 +78,25 @@ pub(crate) struct Sweep {
     findings: Vec<Findings>,
 }
 
-/// What bodies are, for the search.
+/// The bodies of a search.
 pub(crate) struct Bodies<'a> {
     pub(crate) chunks: &'a [Chunk],
-    /// Where each is at the start of the block, and how far it gets from there at
-    /// most: side by side, since most pairs are told apart by these alone.
+    /// Position of each body at the start of the block and its largest distance from it,
+    /// side by side: these alone rule most pairs out.
     pub(crate) places: &'a [[f64; 3]],
-    /// Agents come first; the rest are moving obstacles.
+    /// Number of agents, which come first; the rest are moving obstacles.
     pub(crate) agents: u32,
     pub(crate) shapes: &'a Shapes,
-    /// Contact is looked for; otherwise only approaches.
+    /// Set to search contacts; otherwise only approaches.
     pub(crate) contacts: bool,
     pub(crate) tolerance_m: f64,
 }
 
-/// The shapes of all bodies, most of which are alike.
+/// The shapes of all bodies, by kind.
 #[derive(Debug)]
 pub(crate) struct Shapes {
     pub(crate) kinds: Vec<Shape>,
-    /// The kind of every body; empty if there is one.
+    /// Kind of every body; empty if there is one kind.
     pub(crate) of_body: Vec<u32>,
 }
 
@@ -123,7 +123,7 @@ impl Bodies<'_> {
 }
 
 impl Sweep {
-    /// What the search takes in memory, in bytes.
+    /// Memory of the search in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let each = |findings: &Findings| {
             findings.near.capacity() * size_of::<Near>()
@@ -133,8 +133,8 @@ impl Sweep {
         own + self.findings.iter().map(each).sum::<usize>()
     }
 
-    /// Sweeps all candidate pairs through a block. `first` is true in the block
-    /// of the start: what overlaps at its start begins then.
+    /// Sweeps all candidate pairs through a block. `first` is true in the first block:
+    /// overlaps at its start begin then.
     pub(crate) fn run(
         &mut self,
         workers: Workers,
@@ -183,7 +183,7 @@ fn sweep_pair(
     nearest: &Nearest,
     findings: &mut Findings,
 ) {
-    // Pairs have their lower index first: of these, one is an agent or none.
+    // Pairs have the lower index first: here, at most one is an agent.
     if i >= bodies.agents {
         return;
     }
@@ -192,7 +192,7 @@ fn sweep_pair(
     let discs = one.is_disc() && two.is_disc();
     let [ax, ay, a_travel] = bodies.places[i as usize];
     let [bx, by, b_travel] = bodies.places[j as usize];
-    // Of discs that stood all the time the block before has told everything.
+    // Two discs without travel keep the relation of the block before.
     if discs && !first && a_travel + b_travel <= 0.0 {
         return;
     }
@@ -206,8 +206,8 @@ fn sweep_pair(
     } else {
         f64::NEG_INFINITY
     };
-    // Neither is any nearer than this in the block, so that most pairs that
-    // go their ways side by side need no sweep.
+    // Lower bound of their distance in the block: most pairs that move side by side need
+    // no sweep.
     let reach = (near.max(touch) + a_travel + b_travel) * (1.0 + 1e-12);
     let (dx, dy) = (bx - ax, by - ay);
     if reach < 0.0 || dx * dx + dy * dy > reach * reach {
@@ -264,7 +264,7 @@ fn sweep_pair(
     }
 }
 
-/// Reports where a body begins and ends to overlap another in a span.
+/// Reports the begins and ends of a body's overlaps with another in a span.
 pub(crate) fn report(
     inside: Inside,
     span: Span,
@@ -283,8 +283,8 @@ pub(crate) fn report(
     }
 }
 
-/// Calls `visit` for every stretch in which both bodies move uniformly, with the
-/// way of the second relative to the first and the poses of both at its ends.
+/// Calls `visit` for every stretch in which both bodies move uniformly, with the motion
+/// of the second relative to the first and the poses of both at its ends.
 fn each_common_span(
     a: Track<'_>,
     b: Track<'_>,

@@ -1,4 +1,4 @@
-//! An execution without an end, in which robots drive what they are sent meanwhile.
+//! An execution without an end, in which robots drive orders that arrive meanwhile.
 
 use std::collections::VecDeque;
 
@@ -20,12 +20,12 @@ use crate::simulator::{Crowd, Simulator};
 use crate::trace::{Header, TraceSink};
 use crate::workers::Workers;
 
-/// What a robot is to do next.
+/// A robot's next move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Order {
-    /// The cell to go to: next to that of the order before, or the same.
+    /// Target cell: next to the cell of the order before, or the same.
     pub cell: u32,
-    /// How long the robot stays there before it goes on, in seconds.
+    /// Dwell of the robot there, in seconds.
     pub dwell_s: f64,
 }
 
@@ -70,28 +70,28 @@ pub struct Order {
 pub struct Live<'a> {
     engine: Engine<'a>,
     orders: Orders<'a>,
-    /// The last order that robots have, as sent and as received.
+    /// Number of each robot's last order, as sent and as received.
     sent: Channel,
-    /// The last order that is done, as robots know and as the server does: twice its number,
-    /// and one more if the robot has left its cell.
+    /// Progress of each robot, as the robot and as the server knows it: twice the number
+    /// of the last finished order, plus one if the robot has left its cell.
     reports: Channel,
-    /// How far from the middle of a cell a robot has left it, in metres.
+    /// Distance from the centre of a cell at which a robot has left it, in metres.
     clear_m: f64,
     news: Vec<u32>,
-    /// How many blocks are over.
+    /// Number of finished blocks.
     blocks: u64,
     header: Option<Header>,
-    /// The first order that could not be accepted.
+    /// The first order that was not accepted.
     fault: Option<SimError>,
-    /// Threads to work on, if there is more than one.
+    /// Thread pool, if there is more than one thread.
     pool: Option<ThreadPool>,
 }
 
 impl<'a> Live<'a> {
-    /// Robots at rest in the middles of cells: for each its cell and its heading in
+    /// Robots at rest at the centres of cells: for each its cell and its heading in
     /// radians. Without a fleet they are discs that move by one cell per step.
     ///
-    /// `config.policy`, `config.until_done` and `config.time_limit_s` are not looked at.
+    /// `config.policy`, `config.until_done` and `config.time_limit_s` are ignored.
     pub fn new(
         config: &'a SimConfig,
         grid: &'a Grid,
@@ -172,9 +172,9 @@ impl<'a> Live<'a> {
         })
     }
 
-    /// Tells `sink` what the execution is about, and refuses robots that begin in
-    /// obstacles or in each other. It comes before everything else, and happens by
-    /// itself if it is left out.
+    /// Sends the header to `sink`, and refuses robots that start in obstacles or
+    /// overlapping each other. [`Live::advance`] and [`Live::finish`] call it if it was
+    /// left out.
     pub fn begin(&mut self, sink: &mut dyn TraceSink) -> Result<(), SimError> {
         if self.header.is_some() {
             return Ok(());
@@ -189,7 +189,7 @@ impl<'a> Live<'a> {
         self.engine.check_starts(false)
     }
 
-    /// How long a block takes, in seconds.
+    /// Duration of a block in seconds.
     pub fn period_s(&self) -> f64 {
         self.engine.setup.clock.period_s()
     }
@@ -199,7 +199,7 @@ impl<'a> Live<'a> {
         self.moment(self.blocks) / self.engine.setup.clock.substeps_per_s
     }
 
-    /// The tick at which the next block begins.
+    /// First tick of the next block.
     pub fn tick(&self) -> u64 {
         self.blocks * self.engine.setup.clock.ticks_per_period
     }
@@ -209,11 +209,10 @@ impl<'a> Live<'a> {
         self.engine.setup.agents
     }
 
-    /// Appends an order to those of a robot.
+    /// Appends an order to a robot's queue.
     ///
-    /// One that cannot be driven breaks the execution off: [`Live::advance`] says which.
-    /// It is not driven, and neither is anything that is sent after it. A robot can
-    /// have 2³¹ − 1 orders in all.
+    /// An invalid order aborts the execution: [`Live::advance`] returns the error.
+    /// Neither it nor any later order is driven. A robot can have 2³¹ − 1 orders in all.
     pub fn send(&mut self, agent: usize, order: Order) {
         if self.fault.is_some() {
             return;
@@ -226,24 +225,24 @@ impl<'a> Live<'a> {
         }
     }
 
-    /// How many orders were sent to a robot.
+    /// Number of orders sent to a robot.
     pub fn sent(&self, agent: usize) -> u32 {
         self.sent.latest()[agent]
     }
 
-    /// The last order of a robot that is done, as far as the server knows.
+    /// The last finished order of a robot, as far as the server knows.
     pub fn done(&self, agent: usize) -> u32 {
         self.reports.known()[agent] / 2
     }
 
-    /// The last order for which a robot has left the cell of the order before, as far as the
-    /// server knows: that which is done, or the next one if the robot is so far on its way that
-    /// nobody in the cell behind it touches it, at twice the largest radius and tolerances.
+    /// The last order for which a robot has left the cell of the order before, as far as
+    /// the server knows: the last finished one, or the next one once no agent in the cell
+    /// behind can touch the robot, at twice the largest radius and tolerances.
     pub fn left(&self, agent: usize) -> u32 {
         self.reports.known()[agent].div_ceil(2)
     }
 
-    /// The robots of which [`Live::done`] or [`Live::left`] has changed in the last block,
+    /// Robots whose [`Live::done`] or [`Live::left`] changed in the last block,
     /// ascending.
     pub fn news(&self) -> &[u32] {
         &self.news
@@ -284,13 +283,13 @@ impl<'a> Live<'a> {
         Ok(())
     }
 
-    /// Whether a robot moved or turned in the last block.
+    /// True if a robot moved or turned in the last block.
     pub fn is_moving(&self, agent: usize) -> bool {
         let (chunk, lane) = self.lane(agent);
         chunk.has_moved(lane)
     }
 
-    /// Where a robot is.
+    /// Pose of a robot.
     pub fn pose(&self, agent: usize) -> Pose {
         let (chunk, lane) = self.lane(agent);
         Pose::new(chunk.x[lane], chunk.y[lane], chunk.heading[lane])
@@ -301,13 +300,14 @@ impl<'a> Live<'a> {
         &self.engine.log.contacts
     }
 
-    /// How near any two robots came so far, between centres. Looks at every robot.
+    /// Nearest approach of any two robots so far, between centres. Takes time linear in
+    /// the number of robots.
     pub fn nearest_approach(&self) -> Option<Approach> {
         self.engine.nearest()
     }
 
-    /// What the execution keeps in memory, in bytes, beside the map and the bodies of the
-    /// contact tier. It does not grow with time.
+    /// Memory of the execution in bytes, without the map and the bodies of the contact
+    /// tier. It does not grow with time.
     pub fn memory_bytes(&self) -> usize {
         self.engine.memory_bytes()
             + self.orders.memory_bytes()
@@ -316,7 +316,7 @@ impl<'a> Live<'a> {
             + self.news.capacity() * size_of::<u32>()
     }
 
-    /// Ends the execution. There are no ends of routes, so that nobody has arrived.
+    /// Ends the execution. Routes have no ends, so that no agent counts as arrived.
     pub fn finish(mut self, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
         self.begin(sink)?;
         let (now, number) = (self.moment(self.blocks), self.blocks);
@@ -328,7 +328,7 @@ impl<'a> Live<'a> {
         self.engine.outcome(&header, arrivals, sink)
     }
 
-    /// When a block begins, in substeps.
+    /// Start of a block, in substeps.
     fn moment(&self, block: u64) -> f64 {
         let clock = self.engine.setup.clock;
         clock.tick_start(block * clock.ticks_per_period)
@@ -338,7 +338,8 @@ impl<'a> Live<'a> {
         (&self.engine.chunks[agent / CHUNK], agent % CHUNK)
     }
 
-    /// Does something with the engine and what robots do, on the threads for it.
+    /// Runs `job` with the engine and the robots' routes, in the thread pool if there is
+    /// one.
     fn with_engine<R: Send>(
         &mut self,
         job: impl FnOnce(&mut Engine<'a>, &Guide<'_>) -> R + Send,
@@ -357,18 +358,18 @@ impl<'a> Live<'a> {
     }
 }
 
-/// The orders of robots that are not done: the routes that they drive.
+/// The unfinished orders of robots: the routes that they drive.
 struct Orders<'a> {
     grid: &'a Grid,
     cell_size_m: f64,
-    /// What a move takes of a robot without a controller.
+    /// Duration of a move of a robot without a controller.
     step_s: f64,
     ways: Vec<Way>,
 }
 
-/// What a robot has to do.
+/// Orders of a robot.
 struct Way {
-    /// The number of the first order that is known: the last one that is done.
+    /// Number of the first order kept: the last finished one.
     first: u32,
     orders: VecDeque<Order>,
 }
@@ -382,7 +383,7 @@ impl Way {
         }
     }
 
-    /// The order of a number; the nearest one that is known, if it is not.
+    /// The order of a number, or the nearest one that is kept.
     fn order(&self, number: usize) -> Order {
         let at = number.saturating_sub(self.first as usize);
         self.orders[at.min(self.orders.len() - 1)]
@@ -390,7 +391,7 @@ impl Way {
 }
 
 impl Orders<'_> {
-    /// Appends an order that can be driven, and says its number.
+    /// Appends a valid order, and returns its number.
     fn append(&mut self, agent: usize, order: Order) -> Result<u32, SimError> {
         let agents = self.ways.len();
         let Some(way) = self.ways.get_mut(agent) else {
@@ -436,8 +437,8 @@ impl Orders<'_> {
         orders * size_of::<Order>() + self.ways.capacity() * size_of::<Way>()
     }
 
-    /// How far a robot at a point is from the cell of an order towards that of the next one,
-    /// in metres.
+    /// Distance of a robot at a point from the cell of a finished order towards the next
+    /// cell, in metres.
     fn on_way_m(&self, agent: usize, done: u32, (x, y): (f64, f64)) -> f64 {
         let way = &self.ways[agent];
         let [from, to] = [done, done + 1].map(|number| {
@@ -448,7 +449,7 @@ impl Orders<'_> {
         (along_x * (x - from.0) + along_y * (y - from.1)) / self.cell_size_m
     }
 
-    /// Forgets the orders before one that is done.
+    /// Drops the orders before a finished one.
     fn forget(&mut self, agent: usize, done: u32) {
         let way = &mut self.ways[agent];
         while way.first < done && way.orders.len() > 1 {
@@ -458,10 +459,10 @@ impl Orders<'_> {
     }
 }
 
-/// Reports say twice their number, and one more.
+/// Reports are twice an order's number, plus one.
 const MOST_ORDERS: usize = (u32::MAX / 2) as usize;
 
-/// The longest that a robot can be told to stay, in seconds.
+/// Longest dwell of an order, in seconds.
 const MOST_DWELL_S: f64 = 1e9;
 
 impl Routes for Orders<'_> {
@@ -469,7 +470,7 @@ impl Routes for Orders<'_> {
         self.ways.len()
     }
 
-    /// Nobody is ever at the end of everything.
+    /// Routes never end.
     fn actions(&self, _agent: usize) -> usize {
         u32::MAX as usize
     }

@@ -1,9 +1,9 @@
-//! What goes otherwise than planned: delays, uneven speed, late and lost messages.
+//! Disturbances: delays, uneven speed, late and lost messages.
 //!
-//! Every random value is a function of the seed, a purpose, and what it is for (an
-//! agent and its action, or an agent and a block of time): it is the value of that
-//! index in a ChaCha8 stream of that number. So values do not depend on which
-//! thread asks for them, in which order, or whether anybody asks for others.
+//! Every random value is a function of the seed, a purpose, and its subject (an agent and
+//! its action, or an agent and a block of time): the value of that index in the ChaCha8
+//! stream of that number. So values do not depend on threads, on the order of draws, or
+//! on other draws.
 
 use std::fmt;
 use std::str::FromStr;
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::SimError;
 
-/// Everything random in an execution. The default disturbs nothing.
+/// All disturbances of an execution. The default disturbs nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Disturbance {
@@ -27,7 +27,7 @@ pub struct Disturbance {
     pub messages: Messages,
 }
 
-/// How agents are delayed.
+/// Delays of agents.
 ///
 /// In text: `none`, `bernoulli:P,SECONDS`, `uniform:MIN,MAX`, `gaussian:MEAN,STD`,
 /// `bursts:RATE,SECONDS`, where times are like `2s`, `250ms`, or a number of
@@ -35,42 +35,41 @@ pub struct Disturbance {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Delay {
-    /// Not at all.
+    /// No delay.
     #[default]
     None,
-    /// Each action begins late with a probability, always by the same time.
+    /// Each action begins late with a probability, by a constant time.
     Bernoulli {
         /// Probability, 0 to 1.
         p: f64,
         /// Delay in seconds.
         seconds: f64,
     },
-    /// Each action begins late by a time that is uniform between two.
+    /// Each action begins late by a uniformly distributed time.
     Uniform {
         /// Least delay in seconds.
         min_s: f64,
         /// Largest delay in seconds.
         max_s: f64,
     },
-    /// Each action begins late by a normally distributed time; where that is
-    /// negative, it begins in time.
+    /// Each action begins late by a normally distributed time; negative values become 0.
     Gaussian {
         /// Mean in seconds, before negative times become 0.
         mean_s: f64,
         /// Standard deviation in seconds.
         std_s: f64,
     },
-    /// Each agent stops now and then, wherever it is.
+    /// Agents stop at random times, wherever they are.
     Bursts {
-        /// How often per second of simulated time; stops begin in a Poisson process.
+        /// Rate of stops per second of simulated time, a Poisson process.
         rate_per_s: f64,
-        /// For how many seconds. A stop during a stop begins it anew.
+        /// Duration of a stop in seconds. A stop during a stop restarts it.
         seconds: f64,
     },
 }
 
-/// How uneven speeds are. In every block an agent has 1 − std·|z| of its speed, z
-/// a standard normal variate, but at least the floor.
+/// Variation of speeds. In every block an agent has 1 − std·|z| of its speed, z a
+/// standard normal variate, but at least the floor.
 ///
 /// In text: `STD,FLOOR`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -91,8 +90,8 @@ impl Default for VelocityNoise {
     }
 }
 
-/// How messages travel, in both directions: each takes a time that is uniform
-/// between two, or is lost.
+/// Latency and loss of messages, in both directions: the latency is uniform between two
+/// times.
 ///
 /// In text: `MIN,MAX,LOSS`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -102,8 +101,7 @@ pub struct Messages {
     pub delay_min_s: f64,
     /// Largest latency in seconds.
     pub delay_max_s: f64,
-    /// Probability that a message is lost, below 1. It is sent again in the next
-    /// period.
+    /// Probability that a message is lost, below 1. The next period sends it again.
     pub loss: f64,
 }
 
@@ -111,17 +109,17 @@ const TIMES: &str = "give seconds from 0 to 1e6";
 const MOST_S: f64 = 1e6;
 
 impl Disturbance {
-    /// Whether agents are ever late or slow.
+    /// True if agents can be late or slow.
     pub fn moves_agents(&self) -> bool {
         !matches!(self.delay, Delay::None) || !self.velocity.is_none()
     }
 
-    /// Whether nothing is disturbed.
+    /// True if nothing is disturbed.
     pub fn is_none(&self) -> bool {
         self.delay == Delay::None && self.velocity.is_none() && self.messages.is_none()
     }
 
-    /// Whether all parameters are in their ranges.
+    /// Checks that all parameters are in their ranges.
     pub fn validate(&self) -> Result<(), SimError> {
         self.delay.validate()?;
         self.velocity.validate()?;
@@ -129,7 +127,7 @@ impl Disturbance {
     }
 }
 
-/// Refuses what is not in a range, NaN included.
+/// Refuses values out of a range, NaN included.
 fn range(
     field: &'static str,
     value: f64,
@@ -149,7 +147,7 @@ fn range(
 }
 
 impl Delay {
-    /// Whether all parameters are in their ranges.
+    /// Checks that all parameters are in their ranges.
     pub fn validate(&self) -> Result<(), SimError> {
         match *self {
             Self::None => Ok(()),
@@ -174,7 +172,7 @@ impl Delay {
                 let hint = "give stops per second from 0 to 1e3";
                 range("delay.rate_per_s", rate_per_s, 0.0, 1e3, hint)?;
                 range("delay.seconds", seconds, 0.0, MOST_S, TIMES)?;
-                // Who stops as often and as long as this hardly moves at all.
+                // Beyond this, stops leave hardly any time to move.
                 let hint = "give stops that leave time to move: rate times seconds at most 10";
                 let share = rate_per_s * seconds;
                 range("delay.rate_per_s * seconds", share, 0.0, 10.0, hint)
@@ -184,12 +182,12 @@ impl Delay {
 }
 
 impl VelocityNoise {
-    /// Whether speeds are even.
+    /// True if speeds are even.
     pub fn is_none(&self) -> bool {
         self.std == 0.0
     }
 
-    /// Whether all parameters are in their ranges.
+    /// Checks that all parameters are in their ranges.
     pub fn validate(&self) -> Result<(), SimError> {
         let hint = "give a share of the speed from 0 to 10";
         range("velocity.std", self.std, 0.0, 10.0, hint)?;
@@ -199,12 +197,12 @@ impl VelocityNoise {
 }
 
 impl Messages {
-    /// Whether messages take no time and arrive.
+    /// True if messages take no time and arrive.
     pub fn is_none(&self) -> bool {
         self.delay_max_s == 0.0 && self.loss == 0.0
     }
 
-    /// Whether all parameters are in their ranges.
+    /// Checks that all parameters are in their ranges.
     pub fn validate(&self) -> Result<(), SimError> {
         range("messages.delay_min_s", self.delay_min_s, 0.0, MOST_S, TIMES)?;
         let hint = "give at least delay_min_s and at most 1e6 seconds";
@@ -215,7 +213,7 @@ impl Messages {
     }
 }
 
-/// The delays and speeds that a disturbance comes to.
+/// The delays and speeds drawn from a disturbance.
 #[derive(Debug, Clone)]
 pub struct Noise {
     delay: Delay,
@@ -245,8 +243,7 @@ impl Noise {
         }
     }
 
-    /// By how many seconds an agent's action begins late, counted from when it
-    /// could begin.
+    /// Delay of an agent's action in seconds, counted from its earliest start.
     pub fn start_delay_s(&self, agent: usize, action: usize) -> f64 {
         let unit = || {
             let mut random = self.delays.clone();
@@ -261,18 +258,18 @@ impl Noise {
         }
     }
 
-    /// Whether [`Noise::start_delay_s`] is ever above 0.
+    /// True if [`Noise::start_delay_s`] can be above 0.
     pub fn delays_starts(&self) -> bool {
         !matches!(self.delay, Delay::None | Delay::Bursts { .. })
     }
 
-    /// Whether [`Noise::stops`] ever tells of one.
+    /// True if [`Noise::stops`] can report stops.
     pub fn has_stops(&self) -> bool {
         self.stop > 0.0
     }
 
-    /// Tells of every agent of `agents` that a stop begins for at the beginning of
-    /// a block, and how many seconds it lasts.
+    /// Reports every agent of `agents` with a stop at the beginning of a block, and its
+    /// duration in seconds.
     pub fn stops(
         &self,
         block: u64,
@@ -291,13 +288,13 @@ impl Noise {
         }
     }
 
-    /// Whether [`Noise::speed_factors`] are ever other than 1.
+    /// True if [`Noise::speed_factors`] can differ from 1.
     pub fn has_velocity(&self) -> bool {
         !self.velocity.is_none()
     }
 
-    /// The share of their speed, above 0 and at most 1, that the agents from
-    /// `first` on have in a block.
+    /// Writes the speed factors, above 0 and at most 1, of the agents from `first` on in
+    /// a block.
     pub fn speed_factors(&self, block: u64, first: usize, factors: &mut [f64]) {
         if self.velocity.is_none() {
             factors.fill(1.0);
@@ -312,7 +309,7 @@ impl Noise {
     }
 }
 
-/// How long messages of one direction are under way.
+/// Latencies and losses of messages of one direction.
 #[derive(Debug, Clone)]
 pub(crate) struct MessageNoise {
     messages: Messages,
@@ -330,8 +327,8 @@ impl MessageNoise {
         }
     }
 
-    /// After how many blocks a message from or to an agent arrives that is sent in a
-    /// block; `None` if it is lost.
+    /// Latency, in blocks, of an agent's message that is sent in a block; `None` if it is
+    /// lost.
     pub(crate) fn travel(&mut self, block: u64, agent: u32) -> Option<u64> {
         self.random.go_to(block, u64::from(agent));
         let bits = self.random.next_u64();
@@ -349,15 +346,14 @@ impl MessageNoise {
             return None;
         }
         let delay_s = delay_min_s + (delay_max_s - delay_min_s) * unit(bits & 0xFFFF_FFFF);
-        // Rounding is no reason for another block.
+        // Rounding must not add a block.
         Some((delay_s / self.period_s * (1.0 - 1e-12)).ceil() as u64)
     }
 }
 
-/// The value below which a standard normal variate is with probability p, between
-/// 0 and 1: the inverse of its distribution function. Rational approximations of
-/// Wichura (Algorithm AS 241, Applied Statistics 37, 1988), PPND16: to about 1 part
-/// in 10¹⁶, and one variate for one random number.
+/// Quantile function of the standard normal distribution, for p between 0 and 1. Rational
+/// approximations of Wichura (Algorithm AS 241, Applied Statistics 37, 1988), PPND16: to
+/// about 1 part in 10¹⁶, and one variate for one random number.
 fn normal(p: f64) -> f64 {
     let polynomial = |coefficients: &[f64; 8], x: f64| {
         let terms = coefficients.iter().rev();
@@ -450,7 +446,7 @@ fn seconds(text: &str) -> Option<f64> {
         Some(number) => (number, 1e-3),
         None => (text.strip_suffix('s').unwrap_or(text), 1.0),
     };
-    // Without the other words that Rust takes for numbers.
+    // Without the other number words that Rust parses.
     let looks_right = number.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
     let number: f64 = number.parse().ok().filter(|_| looks_right)?;
     number.is_finite().then_some(number * unit)
@@ -462,7 +458,7 @@ fn number(text: &str) -> Option<f64> {
     seconds(text).filter(|_| !has_unit)
 }
 
-/// Two values, apart by a comma.
+/// Two values, separated by a comma.
 fn two(text: &str) -> Option<(&str, &str)> {
     let (one, two) = text.split_once(',')?;
     Some((one.trim(), two.trim()))
@@ -662,7 +658,7 @@ mod tests {
         assert!(truncated.iter().all(|delay| *delay >= 0.0) && (9500..10_500).contains(&never));
     }
 
-    /// Values are the same whoever asks for them, in which order, in which pieces.
+    /// Values do not depend on the order or the partition of draws.
     #[test]
     fn values_do_not_depend_on_the_order_of_evaluation() {
         let velocity = VelocityNoise {

@@ -1,4 +1,4 @@
-//! Everything that stands: solid cells, polygons, and the edge of the workspace.
+//! Static obstacles: solid cells, polygons, and the edge of the workspace.
 
 use fleetyard_core::Grid;
 use fleetyard_world::{Bounds, Inside, Polygon, Pose, Shape, Workspace, contacts_in_span};
@@ -7,7 +7,7 @@ use crate::chunk::{Span, Track};
 use crate::event::{Change, Other};
 use crate::statics::{Statics, report_union};
 
-/// What agents can touch that does not move.
+/// All static obstacles.
 #[derive(Debug)]
 pub(crate) struct Obstacles {
     cells: Option<Cells>,
@@ -60,8 +60,8 @@ impl Obstacles {
         Self { cells, parts, bins }
     }
 
-    /// Finds where a body begins and ends to overlap obstacles by more than the
-    /// tolerance on its way through a block.
+    /// Finds the begins and ends of a body's overlaps with obstacles, beyond the
+    /// tolerance, on its track through a block.
     pub(crate) fn sweep_track(
         &self,
         agent: u32,
@@ -115,7 +115,7 @@ impl Obstacles {
 }
 
 impl Cells {
-    /// The same as [`Statics::sweep_track`] for shapes that are no discs.
+    /// [`Statics::sweep_track`] for shapes other than discs.
     fn sweep(
         &self,
         agent: u32,
@@ -233,7 +233,7 @@ impl Bins {
         }) else {
             return Self::default();
         };
-        // About two bins a part, in a square grid.
+        // About two bins per part, in a square grid.
         let (width, height) = (whole[2] - whole[0], whole[3] - whole[1]);
         let side = (width * height / (2 * parts.len()) as f64).sqrt();
         let mut bins = Self {
@@ -272,7 +272,7 @@ impl Bins {
         }
     }
 
-    /// The parts that may meet a box, in ascending order.
+    /// Parts that may intersect a box, in ascending order.
     fn find(&self, bounds: [f64; 4]) -> Vec<u32> {
         let mut found = Vec::new();
         self.each(bounds, |bin| {

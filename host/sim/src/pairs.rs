@@ -1,9 +1,9 @@
-//! Candidate pairs: which agents can come near each other for a while.
+//! Candidate pairs: agents that can come near each other for a while.
 //!
-//! A Verlet list over a uniform grid of bins: all pairs within a reach that is
-//! larger than the distance of interest by what the agents can move until the
-//! list is built again. The order of the list carries no meaning; consumers
-//! reduce it in ways that do not depend on order.
+//! A Verlet list over a uniform grid of bins: all pairs within a reach, which is the
+//! distance of interest plus the distance that agents can move until the list is rebuilt.
+//! The order of the list carries no meaning; consumers reduce it in ways that do not
+//! depend on order.
 
 use rayon::prelude::*;
 
@@ -15,11 +15,11 @@ pub(crate) struct Pairs {
     list: Vec<(u32, u32)>,
     /// Distance of interest, in metres.
     range: f64,
-    /// How much farther every agent may still move.
+    /// Remaining travel of every agent before a rebuild.
     allowance: f64,
     built: bool,
     most: usize,
-    /// Where everybody was when the list was built.
+    /// Positions at the last rebuild.
     x: Vec<f64>,
     y: Vec<f64>,
     starts: Vec<u32>,
@@ -44,7 +44,7 @@ impl Pairs {
         &self.list
     }
 
-    /// What the list takes in memory, in bytes.
+    /// Memory of the list in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let places = self.x.capacity() + self.y.capacity();
         let bins = self.starts.capacity() + self.order.capacity() + self.bin.capacity();
@@ -53,10 +53,10 @@ impl Pairs {
             + bins * size_of::<u32>()
     }
 
-    /// Makes the list good for a block in which no body moves farther than
-    /// `travel`, building it again if it must be. A new list lasts until
-    /// bodies have moved `horizon`, at least. `places` puts the positions at the
-    /// start of the block into the two lists.
+    /// Makes the list valid for a block in which no body moves farther than `travel`,
+    /// rebuilding it if necessary. A new list lasts at least until bodies have moved
+    /// `horizon`. `places` writes the positions at the start of the block into the two
+    /// lists.
     pub(crate) fn cover(
         &mut self,
         workers: Workers,
@@ -128,8 +128,8 @@ impl Pairs {
         };
         let limit = reach * reach;
         let most = self.most;
-        // Each unordered pair of bins once: itself, east, and the three to the
-        // north. Rows are searched on their own and their pairs joined in order.
+        // Each unordered pair of bins once: the bin itself, east, and the three to the
+        // north. Rows are searched separately and their pairs joined in order.
         let search = |row: usize, list: &mut Vec<(u32, u32)>| {
             let mut pair_up = |i: u32, others: &[u32]| {
                 let (xi, yi) = (x[i as usize], y[i as usize]);
@@ -161,7 +161,7 @@ impl Pairs {
         };
         self.list.clear();
         if workers.are_many() {
-            // A few rows at a time, so that a list is worth its making.
+            // A few rows per task, to amortise its list.
             let step = rows.div_ceil(8 * workers.count()).max(1);
             let parts: Vec<Vec<(u32, u32)>> = (0..rows.div_ceil(step))
                 .into_par_iter()
@@ -200,8 +200,8 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Against all pairs: nothing is missing while agents move less than
-        /// the list allows, nothing is there twice.
+        /// Compared with all pairs: none is missing while agents move less than the list
+        /// allows, and none occurs twice.
         #[test]
         fn the_list_is_complete(
             places in proptest::collection::vec((0.0..30.0f64, 0.0..3.0f64), 1..60),

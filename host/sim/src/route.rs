@@ -1,8 +1,8 @@
-//! What agents are to do: the plan as a sequence of knots per agent.
+//! Plans as sequences of knots per agent.
 //!
-//! A route is an agent's knots 0, 1, …, K: places, each with a planned time.
-//! Action k goes from knot k − 1 to knot k; a wait is an action that stays.
-//! Times are in substeps since the start of the execution.
+//! A route is an agent's knots 0, 1, …, K: places, each with a planned time. Action k
+//! goes from knot k − 1 to knot k; a wait is an action that stays. Times are in substeps
+//! since the start of the execution.
 
 use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
 
@@ -51,7 +51,7 @@ impl<'a> From<&'a TrajectoryPlan> for Plan<'a> {
     }
 }
 
-/// Where something is to be, and which way it is to face, where that is said.
+/// A planned position, with a heading where the plan gives one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Place {
     pub(crate) x: f64,
@@ -59,8 +59,8 @@ pub(crate) struct Place {
     pub(crate) heading: Option<f64>,
 }
 
-/// The plan as the reference that bodies are to follow. Times are in substeps
-/// since the start of the execution.
+/// The plan as the reference of bodies. Times are in substeps since the start of the
+/// execution.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Reference<'a> {
     Grid {
@@ -87,7 +87,7 @@ impl Reference<'_> {
         }
     }
 
-    /// When an agent is to be at a knot.
+    /// Planned time of a knot.
     pub(crate) fn time(&self, agent: usize, knot: usize) -> f64 {
         match self {
             Self::Grid {
@@ -100,7 +100,7 @@ impl Reference<'_> {
         }
     }
 
-    /// Where an agent is to be at a knot.
+    /// Planned place of a knot.
     pub(crate) fn place(&self, agent: usize, knot: usize) -> Place {
         match self {
             Self::Grid {
@@ -127,7 +127,7 @@ impl Reference<'_> {
         }
     }
 
-    /// Where an agent is to be at a time between two knots.
+    /// Planned place of an agent at a time between two knots.
     pub(crate) fn between(&self, agent: usize, from: usize, when: f64) -> Place {
         let here = self.place(agent, from);
         if from >= self.last(agent) {
@@ -148,7 +148,7 @@ impl Reference<'_> {
         }
     }
 
-    /// The last knot whose planned time has come, from a known one on.
+    /// The last knot whose planned time has passed, searched from a known one.
     pub(crate) fn due(&self, agent: usize, from: usize, when: f64) -> usize {
         let last = self.last(agent);
         match self {
@@ -172,7 +172,7 @@ impl Reference<'_> {
         }
     }
 
-    /// When the last agent is to be at its last knot.
+    /// Planned time of the last arrival.
     pub(crate) fn horizon(&self) -> f64 {
         match self {
             Self::Grid {

@@ -1,4 +1,4 @@
-//! What an execution is about, and what its trace says of that.
+//! Constants of an execution, and its trace header.
 
 use fleetyard_core::{Digest, Grid, Hasher, Roadmap, Role};
 use fleetyard_world::{Mover, Shape, Workspace, write_workspace};
@@ -14,28 +14,28 @@ use crate::route::Reference;
 use crate::trace::{Bounds, Cells, Digests, Header, Outline, Profile, Scene};
 use crate::workers::Workers;
 
-/// What does not change in an execution.
+/// Constants of an execution.
 pub(crate) struct Setup<'a> {
     pub(crate) config: &'a SimConfig,
     pub(crate) clock: Clock,
     pub(crate) workers: Workers,
     pub(crate) agents: usize,
     pub(crate) movers: &'a [Mover],
-    /// What decides when an agent may go on.
+    /// Rule by which agents proceed.
     pub(crate) policy: Policy,
-    /// Digest of what is executed.
+    /// Digest of the plan.
     pub(crate) plan: Digest,
-    /// By kind of shape; none follows its reference exactly.
+    /// By kind of shape; a kind without a model follows its reference exactly.
     pub(crate) models: Vec<Option<&'a Model>>,
     pub(crate) obstacles: Obstacles,
-    /// Whether states have headings.
+    /// Set if states have headings.
     pub(crate) with_heading: bool,
-    /// Everybody follows the plan exactly, by time.
+    /// Set if all agents follow the plan exactly, by time.
     pub(crate) exact: bool,
     pub(crate) grid: Option<&'a Grid>,
     pub(crate) workspace: Option<&'a Workspace>,
     pub(crate) fleet: Option<&'a Fleet>,
-    /// What the plan goes along, to be seen.
+    /// Roadmap of the plan, for display only.
     pub(crate) roadmap: Option<&'a Roadmap>,
 }
 
@@ -58,8 +58,8 @@ impl Setup<'_> {
         }
     }
 
-    /// What a trace says of the execution, of a plan if there is one. The scene is
-    /// made for those who look at it only.
+    /// The trace header of the execution, and of its plan if there is one. The scene is
+    /// made only for sinks that read it.
     pub(crate) fn header(
         &self,
         shapes: &Shapes,
@@ -148,7 +148,7 @@ impl Setup<'_> {
                 .roadmap
                 .into_iter()
                 .flat_map(Roadmap::lines)
-                // As many as a frame of a trace holds.
+                // At most as many as a frame of a trace holds.
                 .take(u32::MAX as usize / 32)
                 .collect(),
             profile_of_body: bodies.map(|body| shapes.kind_of(body) as u32).collect(),
@@ -156,8 +156,7 @@ impl Setup<'_> {
         }
     }
 
-    /// What is to be seen in a picture: the map and the workspace, or else where
-    /// the plan goes.
+    /// Extent of a picture: the map and the workspace, or else the plan.
     fn bounds(&self, reference: Option<&Reference<'_>>) -> Bounds {
         let mut bounds: Option<Bounds> = None;
         let mut add = |min_x: f64, min_y: f64, max_x: f64, max_y: f64| {
@@ -233,7 +232,7 @@ impl Setup<'_> {
     }
 }
 
-/// Digest of who is who and moves how.
+/// Digest of the profiles and of each agent's profile.
 fn fleet_digest(fleet: &Fleet) -> Digest {
     let mut hasher = Hasher::new("fleetyard.fleet/2");
     for profile in fleet.profiles() {

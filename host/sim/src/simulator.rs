@@ -1,4 +1,4 @@
-//! The simulator: what is to be executed, the check of it, and the start.
+//! The simulator: setup, validation and start of executions.
 
 use std::borrow::Cow;
 
@@ -37,7 +37,7 @@ pub struct Simulator<'a> {
 }
 
 impl<'a> Simulator<'a> {
-    /// Executions in an empty, unbounded plane.
+    /// A simulator of an empty, unbounded plane.
     pub fn new(config: &'a SimConfig) -> Self {
         Self {
             grid: None,
@@ -48,8 +48,7 @@ impl<'a> Simulator<'a> {
         }
     }
 
-    /// The same with a map, whose lower left corner is the origin. Plans on
-    /// grids need one.
+    /// Adds a map, whose lower left corner is the origin. Plans on grids need one.
     #[must_use]
     pub fn on_grid(self, grid: &'a Grid) -> Self {
         Self {
@@ -58,7 +57,7 @@ impl<'a> Simulator<'a> {
         }
     }
 
-    /// The same with the bounds, obstacles and moving obstacles of a workspace.
+    /// Adds the bounds, obstacles and moving obstacles of a workspace.
     #[must_use]
     pub fn in_workspace(self, workspace: &'a Workspace) -> Self {
         Self {
@@ -67,7 +66,7 @@ impl<'a> Simulator<'a> {
         }
     }
 
-    /// The same with agents of a fleet.
+    /// Uses the robots of a fleet as agents.
     #[must_use]
     pub fn with_fleet(self, fleet: &'a Fleet) -> Self {
         Self {
@@ -76,7 +75,7 @@ impl<'a> Simulator<'a> {
         }
     }
 
-    /// The same with the roadmap that the plan goes along, which traces show.
+    /// Adds the roadmap of the plan, which traces show.
     #[must_use]
     pub fn over_roadmap(self, roadmap: &'a Roadmap) -> Self {
         Self {
@@ -85,7 +84,7 @@ impl<'a> Simulator<'a> {
         }
     }
 
-    /// Executes a plan and tells `sink` what happens meanwhile.
+    /// Executes a plan and reports its events to `sink`.
     ///
     /// Memory is bounded by the map, the number of agents, the crowding and, if
     /// agents go by order, the dependencies between them.
@@ -98,7 +97,8 @@ impl<'a> Simulator<'a> {
         self.check(plan)?;
         let workers = Workers::new(self.config.threads);
         workers.run(|| match plan {
-            // An agent stays where its path ends; to say so again is no plan.
+            // An agent stays where its path ends: a path that ends in waits is the same
+            // plan.
             Plan::Grid(plan) => {
                 let waits =
                     |path: &[u32]| path.len() > 1 && path[path.len() - 2] == path[path.len() - 1];
@@ -113,7 +113,7 @@ impl<'a> Simulator<'a> {
         })
     }
 
-    /// Refuses what cannot be executed at all.
+    /// Refuses plans that cannot be executed at all.
     fn check(&self, plan: Plan<'_>) -> Result<(), SimError> {
         self.check_agents(plan.agents())?;
         let Plan::Grid(plan) = plan else {
@@ -133,7 +133,7 @@ impl<'a> Simulator<'a> {
         Ok(())
     }
 
-    /// Refuses parameters out of their ranges, and numbers of agents that cannot be.
+    /// Refuses parameters out of range, and invalid numbers of agents.
     pub(crate) fn check_agents(&self, agents: usize) -> Result<(), SimError> {
         self.config.validate()?;
         // Traces number agents with 32 bits and states with twice as many.
@@ -164,9 +164,9 @@ impl<'a> Simulator<'a> {
         Ok(())
     }
 
-    /// About how much memory an execution takes beyond the map and the plan, in
-    /// bytes, if nobody is crowded: what `benches/table.rs` measures, rounded up.
-    /// Crowds, and dependencies between agents beyond a few steps, come on top.
+    /// Estimate of an execution's memory in bytes, without the map, the plan and
+    /// crowding, as `benches/table.rs` measures it, rounded up. Crowds, and dependencies
+    /// between agents beyond a few steps, come on top.
     pub fn memory_bytes(&self, agents: usize) -> u64 {
         let driven = match self.fleet {
             Some(fleet) => fleet
@@ -237,7 +237,7 @@ impl<'a> Simulator<'a> {
         if by_time && let Plan::Trajectories(plan) = plan {
             self.check_speeds(plan)?;
         }
-        // Pebbles that nothing disturbs go with the plan's clock.
+        // Undisturbed pebbles move with the plan's clock.
         let ideal = self.models().into_iter().flatten().all(is_pebble);
         let kinematic = config.tier == Tier::Kinematic;
         let crowd = Crowd {
@@ -277,7 +277,7 @@ impl<'a> Simulator<'a> {
         Run::new(engine, plan, reference, gates).execute(sink)
     }
 
-    /// How each kind of robot moves; none follows its reference exactly.
+    /// Model of each kind of robot; a kind without a model follows its reference exactly.
     fn models(&self) -> Vec<Option<&'a Model>> {
         match self.fleet {
             Some(fleet) => {
@@ -288,7 +288,7 @@ impl<'a> Simulator<'a> {
         }
     }
 
-    /// The engine with everybody at the start.
+    /// The engine with all agents at the start.
     pub(crate) fn engine(
         &self,
         workers: Workers,
@@ -308,7 +308,7 @@ impl<'a> Simulator<'a> {
                 return movers[body - agents].pose_at(0.0);
             }
             let place = (crowd.start)(body);
-            // What has no model has no heading of its own: plans say how it lies.
+            // A body without a model has no heading of its own: plans give it.
             let model = self.model(body);
             let heading = if model.is_none_or(is_pebble) {
                 0.0
@@ -361,8 +361,8 @@ impl<'a> Simulator<'a> {
         Ok(Engine::new(setup, shapes, solved, chunks))
     }
 
-    /// Refuses speeds at which a model falls behind the plan for good. What it lacks of
-    /// acceleration, at corners and on its course, is what executing a plan shows.
+    /// Refuses plan speeds above a model's limit, at which it falls behind for good.
+    /// Acceleration limits show in the execution instead.
     fn check_speeds(&self, plan: &fleetyard_core::TrajectoryPlan) -> Result<(), SimError> {
         for (agent, knots) in plan.paths().enumerate() {
             let Some(model) = self.model(agent) else {
@@ -392,29 +392,29 @@ impl<'a> Simulator<'a> {
 /// The agents of an execution.
 pub(crate) struct Crowd<'c> {
     pub(crate) agents: usize,
-    /// What decides when an agent may go on.
+    /// Rule by which agents proceed.
     pub(crate) policy: Policy,
-    /// Everybody follows the plan exactly, by time.
+    /// Set if all agents follow the plan exactly, by time.
     pub(crate) exact: bool,
-    /// Whether what they are to do has headings.
+    /// Set if the plan has headings.
     pub(crate) headings: bool,
-    /// Digest of what they are to do.
+    /// Digest of the plan.
     pub(crate) plan: Digest,
-    /// Where they begin.
+    /// Initial places.
     pub(crate) start: &'c dyn Fn(usize) -> Place,
 }
 
-/// What a kind of robots is for the dependency graph.
+/// Geometry of a kind of robots for the dependency graph.
 struct Swept {
-    /// The disc around its footprint, if its heading is not known: plans on grids and
+    /// The disc around its footprint, if its heading is unknown: plans on grids and
     /// roadmaps give none, and wheels head where their controllers drive.
     disc: Option<Shape>,
-    /// By how much a point of it may be off what it sweeps along the plan, in metres.
+    /// Largest deviation of a point of it from its planned sweep, in metres.
     off_m: f64,
 }
 
-/// For every kind of robots, how far the graph may rely on the plan's poses: to within
-/// the tolerances of the model, of place and, where the headings count, of heading.
+/// For every kind of robots, the accuracy of the plan's poses: the tolerances of the
+/// model, of place and, where headings count, of heading.
 fn swept_shapes(shapes: &Shapes, models: &[Option<&Model>], headings: bool) -> Vec<Swept> {
     let kinds = shapes.kinds.iter().zip(models);
     kinds
@@ -447,7 +447,7 @@ fn swept_shapes(shapes: &Shapes, models: &[Option<&Model>], headings: bool) -> V
         .collect()
 }
 
-/// Whether a model follows its reference with no time for anything else.
+/// True if a model follows its reference without any time to spare.
 fn is_pebble(model: &Model) -> bool {
     matches!(model, Model::Pebble(_))
 }

@@ -1,5 +1,5 @@
-//! The contact tier's way through a block: what agents want, tick by tick, and
-//! what the world lets them have.
+//! The contact tier within a block: requested velocities, tick by tick, and the world's
+//! results.
 
 use fleetyard_core::Grid;
 use fleetyard_world::{Pose, Workspace};
@@ -13,17 +13,17 @@ use crate::event::Change;
 use crate::kinematic::Shapes;
 use crate::motion::Model;
 
-/// What a square metre of robot weighs, in kilograms: an AGV of 70 cm and 200 kg.
+/// Mass of a robot per square metre, in kilograms: an AGV of 70 cm and 200 kg.
 const DENSITY: f64 = 500.0;
 
 /// The sideways grip of wheels in m/s²: rubber on a dry floor.
 const GRIP: f64 = 6.0;
 
-/// What bodies without limits accelerate with, in m/s² and rad/s²: harder drives press
-/// robots into each other (docs/execution.md).
+/// Acceleration of bodies without limits, in m/s² and rad/s²: harder drives press robots
+/// into each other (docs/execution.md).
 const UNLIMITED: f64 = 15.0;
 
-/// The bodies of an execution as a world in which they push each other.
+/// The bodies of an execution as a contact world.
 pub(crate) struct Solved {
     world: ContactWorld,
     wishes: Vec<Twist>,
@@ -78,7 +78,7 @@ impl Solved {
         })
     }
 
-    /// Moves everybody through a block and reports what began and ended to touch.
+    /// Moves all bodies through a block and reports the begins and ends of contacts.
     pub(crate) fn drive<'m>(
         &mut self,
         driver: &Driver<'_>,
@@ -86,7 +86,7 @@ impl Solved {
         chunks: &mut [Chunk],
         changes: &mut Vec<Change>,
     ) -> Result<(), SimError> {
-        // Ticks come first and bodies second here, but tracks are body by body.
+        // The world goes tick by tick, but tracks are body by body.
         let ticks = driver.ticks.len();
         let mut poses: Vec<Pose> = Vec::with_capacity(ticks * self.agents);
         let starts: Vec<Pose> = (0..self.agents)
@@ -155,7 +155,7 @@ impl Solved {
     }
 }
 
-/// What the drive of a body with this model can do.
+/// Drive of a body with this model.
 fn drive_of(model: Option<&Model>) -> Drive {
     let (acceleration, angular, on_wheels) = match model {
         Some(Model::DifferentialDrive(model)) => (

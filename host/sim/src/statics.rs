@@ -1,4 +1,4 @@
-//! The static world: which cells are solid, as a bitmap and as rectangles.
+//! The static world: solid cells, as a bitmap and as rectangles.
 
 use fleetyard_core::Grid;
 
@@ -42,7 +42,7 @@ impl Statics {
         self.solid[cell as usize / 64] >> (cell % 64) & 1 == 1
     }
 
-    /// Whether no solid cell has more than an edge in common with a box.
+    /// True if no solid cell shares more than an edge with a box.
     pub(crate) fn box_is_clear(&self, left: f64, bottom: f64, right: f64, top: f64) -> bool {
         let cols = self.columns(left)..=self.columns(right);
         let (high, low) = (self.rows_up(top), self.rows_up(bottom));
@@ -52,7 +52,8 @@ impl Statics {
         })
     }
 
-    /// Shows every solid cell that meets a box, in ascending order, with its centre.
+    /// Visits every solid cell that intersects a box, in ascending order, with its
+    /// centre.
     pub(crate) fn each_solid(
         &self,
         [left, bottom, right, top]: [f64; 4],
@@ -72,17 +73,17 @@ impl Statics {
         }
     }
 
-    /// The column of a place, the first or last one outside of the map.
+    /// Column of a place, clamped to the map.
     fn columns(&self, x: f64) -> u32 {
         (x / self.cell).floor().clamp(0.0, f64::from(self.cols - 1)) as u32
     }
 
-    /// The row of a place, counted from below.
+    /// Row of a place, counted from below.
     fn rows_up(&self, y: f64) -> u32 {
         (y / self.cell).floor().clamp(0.0, f64::from(self.rows - 1)) as u32
     }
 
-    /// Finds where a disc begins and ends to overlap solid cells on its way
+    /// Finds the begins and ends of a disc's overlaps with solid cells on its track
     /// through a block, span by span.
     pub(crate) fn sweep_track(
         &self,
@@ -107,9 +108,9 @@ impl Statics {
         }
     }
 
-    /// Finds where the disc of one agent begins and ends to overlap solid cells
-    /// in a span. The cell of a beginning is the first one met, the cell of an
-    /// end the last one left, and in ties the one of the lowest index.
+    /// Finds the begins and ends of an agent's overlaps with solid cells in a span. The
+    /// cell of a begin is the first one met, the cell of an end the last one left; the
+    /// lowest index wins ties.
     pub(crate) fn sweep(
         &self,
         agent: u32,
@@ -225,9 +226,9 @@ impl Statics {
     }
 }
 
-/// Reports a contact with a thing of several parts, given when the body is
-/// inside which part: it begins when the first part is met and ends when the
-/// last is left. Parts come in ascending order.
+/// Reports a contact with a thing of several parts, given the overlaps with each part: it
+/// begins when the first part is met and ends when the last is left. Parts come in
+/// ascending order.
 pub(crate) fn report_union(
     met: &mut [(Inside, u32)],
     agent: u32,
@@ -313,7 +314,7 @@ mod tests {
             }
         }
 
-        /// The ways from cell to cell that a glance finds clear are clear.
+        /// Ways from cell to cell that the quick test finds clear are clear.
         #[test]
         fn clear_ways_meet_nothing(grid in maps(), cell_size_m in 0.1..10.0f64) {
             let statics = Statics::new(&grid, cell_size_m);

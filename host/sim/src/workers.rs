@@ -1,15 +1,14 @@
-//! How many threads do the work.
+//! Threads of an execution.
 //!
-//! Parallel stages give the same bits for any number of threads: work is cut
-//! into pieces that do not depend on it, and results are joined in the order of
-//! the pieces.
+//! Parallel stages give the same bits for any number of threads: work is cut into pieces
+//! that do not depend on it, and results are joined in the order of the pieces.
 
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::error::SimError;
 
-/// The threads of an execution, of which it uses the pool that it runs in.
+/// Number of threads of an execution, which uses the pool that it runs in.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Workers(usize);
 
@@ -26,7 +25,7 @@ impl Workers {
         self.0 > 1
     }
 
-    /// Runs `job` in a pool of these threads, or right here if there is one.
+    /// Runs `job` in a pool of these threads, or on the caller's thread if there is one.
     pub(crate) fn run<R: Send>(
         self,
         job: impl FnOnce() -> Result<R, SimError> + Send,
@@ -52,7 +51,7 @@ impl Workers {
         })
     }
 
-    /// Does `work` for each item, on its own.
+    /// Calls `work` for each item independently.
     pub(crate) fn each<T: Send>(self, items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
         if self.are_many() {
             items.par_iter_mut().for_each(work);

@@ -23,7 +23,7 @@ const CAPABILITIES: &[Capability] = &[
 fn search(
     ground: &mut Ground,
     rule: GoalRule,
-    settings: Settings,
+    settings: &Settings,
     instance: &Instance,
     call: &Call<'_>,
 ) -> Result<(), Failure> {
@@ -32,7 +32,7 @@ fn search(
     let settings = Settings {
         node_limit: call.node_limit(),
         memory_limit: half_of_memory(call.budget),
-        ..settings
+        ..settings.clone()
     };
     let outcome = solve(&problem, &settings, &mut stop);
     call.metric("expansions", outcome.expanded as f64);
@@ -101,7 +101,7 @@ impl Method for OptimalOptions {
             delay: self.k.into(),
             ..Settings::default()
         };
-        search(ground, self.goals, settings, instance, call)
+        search(ground, self.goals, &settings, instance, call)
     }
 }
 
@@ -167,6 +167,6 @@ impl Method for BoundedOptions {
             weight: self.suboptimality,
             ..Settings::default()
         };
-        search(ground, self.goals, settings, instance, call)
+        search(ground, self.goals, &settings, instance, call)
     }
 }

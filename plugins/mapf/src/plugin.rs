@@ -102,7 +102,7 @@ impl Method for LacamOptions {
             anytime: self.anytime,
             ..Options::default()
         };
-        roads.plan(options, instance, call)
+        roads.plan(&options, instance, call)
     }
 }
 
@@ -163,7 +163,7 @@ impl Method for PibtOptions {
             step_limit: self.step_limit,
             ..Options::default()
         };
-        roads.plan(options, instance, call)
+        roads.plan(&options, instance, call)
     }
 }
 
@@ -195,12 +195,12 @@ impl Roads {
 
     fn plan(
         &mut self,
-        options: Options,
+        options: &Options,
         instance: &Instance,
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         if is_lifelong(instance) {
-            return self.go_on(&options, instance, call);
+            return self.go_on(options, instance, call);
         }
         let problem = Problem {
             graph: self.lifelong.graph(),
@@ -215,7 +215,7 @@ impl Roads {
                 0 => options.memory_limit,
                 bytes => bytes,
             },
-            ..options
+            ..options.clone()
         };
         let failure = |status, reason: &str| Err(Failure::new(status, reason));
         match solve(

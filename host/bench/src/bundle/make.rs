@@ -196,7 +196,7 @@ fn read_suite(wanted: &Wanted<'_>, meta: &Meta) -> Result<Suite> {
     let source = format!("{source}, as the store has it");
     let again = Suite::read(&source, &text, &[], folder, &variable);
     // What is wrong with both is said with its place in the file.
-    again.or_else(|error| Err(read.err().unwrap_or(error)))
+    again.map_err(|error| read.err().unwrap_or(error))
 }
 
 fn to_toml(values: &Value) -> Result<String> {

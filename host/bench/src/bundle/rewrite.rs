@@ -244,14 +244,13 @@ fn module(
         _ => (read, None),
     };
     let known = modules.iter().find(|known| known.file == Path::new(path));
-    let name = match known {
-        Some(known) => known.name.clone(),
-        None => {
-            let new = place(Path::new(path))?;
-            let name = new.name.clone();
-            modules.push(new);
-            name
-        }
+    let name = if let Some(known) = known {
+        known.name.clone()
+    } else {
+        let new = place(Path::new(path))?;
+        let name = new.name.clone();
+        modules.push(new);
+        name
     };
     *said = match id {
         Some(id) => format!("{name}:{id}").into(),

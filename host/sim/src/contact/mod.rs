@@ -47,16 +47,16 @@ use crate::statics::{Block, Statics};
 pub use touch::ContactEvent;
 use touch::Touches;
 
-/// How a world is stepped.
+/// Parameters of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Solver substeps per tick, at least 1. More make long chains of pushing
     /// robots stiffer.
     pub substeps: usize,
-    /// The surface of everything that is not an agent.
+    /// Surface of everything but agents.
     pub walls: Material,
-    /// Whether agents that are told to stand and do so are left out of the work
-    /// until something touches them.
+    /// Let rapier skip agents that are commanded to stand, and do stand, until they are
+    /// touched.
     pub sleeping: bool,
 }
 
@@ -70,7 +70,7 @@ impl Default for Settings {
     }
 }
 
-/// A surface. Where two meet, the averages of their numbers count.
+/// A surface. A contact uses the averages of both surfaces' coefficients.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// Coulomb friction coefficient, at least 0.
@@ -89,7 +89,7 @@ impl Default for Material {
     }
 }
 
-/// What resists acceleration.
+/// Mass of an agent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mass {
     /// Kilograms per square metre of footprint.
@@ -98,9 +98,9 @@ pub enum Mass {
     Total(f64),
 }
 
-/// How hard an agent can drive, as what its force would do to it alone: forces
-/// are these times its mass, torques times its moment of inertia. The same
-/// bounds hold for braking, and for holding its place when it is pushed.
+/// Bounds of an agent's drive, as accelerations of the agent alone: forces are these
+/// times its mass, torques times its moment of inertia. The same bounds hold for braking,
+/// and for keeping its place when it is pushed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
     /// Metres per second squared: along the heading if there is a `lateral`
@@ -114,18 +114,18 @@ pub struct Drive {
     pub angular: f64,
 }
 
-/// One agent as it is put into a world.
+/// An agent to add to a world.
 #[derive(Debug, Clone)]
 pub struct Agent<'a> {
     /// Its footprint. The centre of mass is the footprint's origin.
     pub shape: &'a Shape,
-    /// Where it is.
+    /// Initial pose.
     pub pose: Pose,
-    /// How it moves.
+    /// Initial velocity.
     pub velocity: Twist,
     /// Its mass; the moment of inertia follows from the footprint.
     pub mass: Mass,
-    /// Its bounds.
+    /// Bounds of its drive.
     pub drive: Drive,
     /// Its surface.
     pub material: Material,
@@ -148,19 +148,19 @@ impl Twist {
     }
 }
 
-/// Why a world could not be built or stepped.
+/// Errors of building or stepping a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ContactError {
-    /// A number is not what it may be.
+    /// A number is out of range.
     #[error("{what} is {value}, which is not {must}\nhint: {hint}")]
     Number {
-        /// Which number.
+        /// Name of the number.
         what: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// What it has to be.
+        /// Its allowed range.
         must: &'static str,
-        /// What to do.
+        /// Remedy for the user.
         hint: &'static str,
     },
     /// A shape that rapier cannot use, because it is too thin or too small.
@@ -168,7 +168,7 @@ pub enum ContactError {
         "{what} {index} has no area that could be pushed\nhint: give it a width of at least a micrometre"
     )]
     Flat {
-        /// What has the shape.
+        /// Kind of the body.
         what: &'static str,
         /// Its index.
         index: u32,
@@ -176,19 +176,19 @@ pub enum ContactError {
     /// A tick with commands for another number of agents.
     #[error("{commands} commands for {agents} agents\nhint: give one velocity per agent, in order")]
     Commands {
-        /// How many there are.
+        /// Number of commands.
         commands: usize,
-        /// How many there should be.
+        /// Number of agents.
         agents: usize,
     },
-    /// A body left the range of numbers.
+    /// The state of a body is no longer finite.
     #[error(
         "agent {agent} is nowhere after {time_s} s\nhint: masses or forces differ by too many orders of magnitude"
     )]
     Diverged {
-        /// The first of them.
+        /// The first such agent.
         agent: u32,
-        /// When.
+        /// Time in seconds.
         time_s: f64,
     },
 }
@@ -205,7 +205,7 @@ fn positive(what: &'static str, value: f64, hint: &'static str) -> Result<f64, C
     })
 }
 
-/// What a world knows about an agent beside its rapier body.
+/// State of an agent beside its rapier body.
 #[derive(Debug)]
 struct Driven {
     handle: RigidBodyHandle,
@@ -214,22 +214,22 @@ struct Driven {
     max_force: f64,
     max_lateral: Option<f64>,
     max_torque: f64,
-    /// What it exerts now.
+    /// Current drive force.
     force: [f64; 2],
     torque: f64,
-    /// What everything else did to it in the last tick, as an even force.
+    /// Mean force of everything else on the agent in the last tick.
     load: [f64; 2],
     load_torque: f64,
-    /// Whether it is told to stand.
+    /// Set while the agent is commanded to stand.
     parked: bool,
     velocity: Twist,
-    /// The heading, and the cosine and sine that it belongs to.
+    /// Heading for which `rotation` holds the cosine and sine.
     heading: f64,
     rotation: [f64; 2],
 }
 
-/// Below this, in metres or radians per second, a velocity is the one that was
-/// asked for.
+/// Velocities that differ by less than this, in metres or radians per second, count as
+/// equal.
 const SAME_VELOCITY: f64 = 1e-9;
 
 /// The broad phase keeps boxes that are larger than the bodies by 0.04 of the
@@ -240,7 +240,7 @@ const SLACK_UNIT: f64 = 3.0;
 /// Half the thickness of the walls around a world, in metres.
 const BORDER_M: f64 = 1.0;
 
-/// Robots that stand move less than this, in metres or radians per second.
+/// Largest displacement of a standing robot, in metres or radians per second.
 const STILL: f64 = 1e-4;
 
 /// A world of bodies that push each other.
@@ -279,8 +279,8 @@ impl ContactWorld {
                 / SLACK_UNIT,
             normalized_prediction_distance: usual.normalized_prediction_distance / SLACK_UNIT,
             normalized_max_linear_velocity: usual.normalized_max_linear_velocity / SLACK_UNIT,
-            // Contacts that are found anew in every tick follow what turns, and
-            // finding them is a small part of the work.
+            // Recycled contacts do not turn with the bodies; finding them anew is a small
+            // part of the work.
             contact_recycling: false,
             ..usual
         };
@@ -297,8 +297,8 @@ impl ContactWorld {
         })
     }
 
-    /// Makes the solid cells of a grid solid, merged to rectangles. A world has
-    /// at most one grid; a second one replaces what contacts call its cells.
+    /// Adds the solid cells of a grid, merged to rectangles. A world has at most one
+    /// grid; a second one replaces the cells that contacts refer to.
     pub fn add_grid(&mut self, grid: &Grid, cell_size_m: f64) -> Result<(), ContactError> {
         positive("the cell size", cell_size_m, "give it in metres")?;
         let statics = Statics::new(grid, cell_size_m);
@@ -333,8 +333,8 @@ impl ContactWorld {
         );
     }
 
-    /// Puts walls around a rectangle, and returns the index that contacts with
-    /// them have: that of one more polygon.
+    /// Adds walls around a rectangle, and returns the polygon index of contacts with
+    /// them.
     pub fn add_border(&mut self, bounds: Bounds) -> u32 {
         let index = self.obstacles;
         let Bounds { min, max } = bounds;
@@ -363,8 +363,7 @@ impl ContactWorld {
         index
     }
 
-    /// Puts the outside of a boundary around everything, and returns the index that
-    /// contacts with it have: that of one more polygon.
+    /// Adds the outside of a boundary, and returns the polygon index of contacts with it.
     pub fn add_boundary(&mut self, boundary: &Boundary) -> Result<u32, ContactError> {
         let index = self.add_border(boundary.polygon().bounds());
         for (pose, shape) in boundary.outside() {
@@ -374,8 +373,7 @@ impl ContactWorld {
         Ok(index)
     }
 
-    /// Adds an obstacle that goes where its script says, whatever is in its way,
-    /// and returns its index.
+    /// Adds a scripted obstacle, which no body can stop, and returns its index.
     pub fn add_mover(&mut self, mover: &Mover) -> Result<u32, ContactError> {
         let index = self.movers.len() as u32;
         let walls = self.settings.walls;
@@ -467,24 +465,24 @@ impl ContactWorld {
         Ok(index)
     }
 
-    /// How many agents there are.
+    /// Number of agents.
     pub fn agents(&self) -> usize {
         self.agents.len()
     }
 
-    /// Simulated seconds so far.
+    /// Simulated time in seconds.
     pub fn time_s(&self) -> f64 {
         self.time_s
     }
 
-    /// One tick of `dt` seconds. Every agent gets the velocity that its
-    /// controller wants it to have at the end of the tick.
+    /// One tick of `dt` seconds. `commands` are the velocities that the controllers
+    /// request for the end of the tick.
     ///
-    /// The force is the one that would bring it about against what the agent had
-    /// to bear in the tick before, cut to the agent's bounds, and even over the
-    /// tick. With nothing in the way and within bounds, an agent has exactly the
-    /// velocity that was asked for at the end, and has come as far as if its
-    /// velocity had changed in equal steps, one per substep.
+    /// The force is constant over the tick: the one that reaches the requested velocity
+    /// against the load of the tick before, clamped to the agent's bounds. Without
+    /// obstruction and within bounds, an agent has exactly the requested velocity at the
+    /// end, and has moved as far as if its velocity had changed in equal steps, one per
+    /// substep.
     pub fn step(&mut self, commands: &[Twist], dt: f64) -> Result<(), ContactError> {
         if commands.len() != self.agents.len() {
             return Err(ContactError::Commands {
@@ -525,7 +523,7 @@ impl ContactWorld {
         let rate = 1.0 / dt;
         for (agent, command) in self.agents.iter_mut().zip(commands) {
             let rounded = |need: f64, inertia: f64| {
-                // The rest is rounding, and touching a body has its price.
+                // Anything smaller is rounding, and writing to a body costs time.
                 if need.abs() < SAME_VELOCITY * inertia * rate {
                     0.0
                 } else {
@@ -544,8 +542,7 @@ impl ContactWorld {
             }
             let parking = parked != agent.parked;
             (agent.force, agent.torque, agent.parked) = (force, torque, parked);
-            // Looking at a body is free; whatever is done to it makes rapier
-            // look at it again.
+            // Reading a body is free; writing to it makes rapier examine it again.
             let Some(body) = self.world.bodies.get_mut(agent.handle) else {
                 continue;
             };
@@ -563,7 +560,7 @@ impl ContactWorld {
         }
     }
 
-    /// Takes note of where everybody is after a tick, and of what it had to bear.
+    /// Records the poses of all agents after a tick, and the load on each.
     fn read_back(&mut self, dt: f64) -> Result<(), ContactError> {
         let rate = 1.0 / dt;
         for (index, agent) in self.agents.iter_mut().enumerate() {
@@ -571,7 +568,7 @@ impl ContactWorld {
             let (at, linear) = (body.position(), body.linvel());
             let now = [at.rotation.re, at.rotation.im];
             if now != agent.rotation {
-                // The way from the old direction to the new one, which is short.
+                // Angle from the old direction to the new one; it is small.
                 let [cos, sin] = agent.rotation;
                 let across = cos * now[1] - sin * now[0];
                 let along = cos * now[0] + sin * now[1];
@@ -605,32 +602,31 @@ impl ContactWorld {
         Ok(())
     }
 
-    /// Where an agent is, its heading not wrapped. The agent must exist.
+    /// Pose of an agent, heading unwrapped. The agent must exist.
     pub fn pose(&self, agent: usize) -> Pose {
         let driven = &self.agents[agent];
         let at = self.world.bodies[driven.handle].translation();
         Pose::new(at.x, at.y, driven.heading)
     }
 
-    /// How it moves. The agent must exist.
+    /// Velocity of an agent. The agent must exist.
     pub fn velocity(&self, agent: usize) -> Twist {
         self.agents[agent].velocity
     }
 
-    /// What an agent exerts in the last tick: its drive force in newtons, in the
-    /// world frame, and its torque in newton metres. The agent must exist.
+    /// Effort of an agent in the last tick: its drive force in newtons, in the world
+    /// frame, and its torque in newton metres. The agent must exist.
     pub fn effort(&self, agent: usize) -> ([f64; 2], f64) {
         let driven = &self.agents[agent];
         (driven.force, driven.torque)
     }
 
-    /// What began and ended to touch since the last call, in order of tick, then
-    /// agent, then what it touches.
+    /// Contact events since the last call, ordered by tick, agent and other body.
     pub fn drain_events(&mut self) -> std::vec::Drain<'_, ContactEvent> {
         self.touches.events.drain(..)
     }
 
-    /// A digest of where everybody is and how it moves.
+    /// Digest of the poses and velocities of all bodies.
     pub fn digest(&self) -> u128 {
         let mut hash = Xxh3Default::new();
         for agent in 0..self.agents.len() {
@@ -651,7 +647,7 @@ impl ContactWorld {
 }
 
 impl Driven {
-    /// The part of a force that the drive can exert.
+    /// Clamps a force to the bounds of the drive.
     fn bounded(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.max_lateral {
             None => {
@@ -693,7 +689,7 @@ fn check_material(material: Material) -> Result<(), ContactError> {
     Ok(())
 }
 
-/// A shape as rapier has it.
+/// The rapier collider of a shape.
 fn solid(what: &'static str, index: u32, shape: &Shape) -> Result<ColliderBuilder, ContactError> {
     let vertices = shape.vertices();
     let builder = if shape.is_disc() {
@@ -708,8 +704,8 @@ fn solid(what: &'static str, index: u32, shape: &Shape) -> Result<ColliderBuilde
         .ok_or(ContactError::Flat { what, index })
 }
 
-/// Those of a rectangle around the origin, for which rapier has faster tests
-/// than for other polygons.
+/// Half extents if the polygon is a rectangle around the origin, for which rapier has
+/// faster tests than for other polygons.
 fn half_extents(vertices: &[[f64; 2]]) -> Option<[f64; 2]> {
     let [x, y] = vertices.first()?.map(f64::abs);
     let is_corner = |vertex: &[f64; 2]| vertex[0].abs() == x && vertex[1].abs() == y;

@@ -1,4 +1,4 @@
-//! Who touches what: events from what the solver did.
+//! Contact events from the solver's contact pairs.
 
 use std::cmp::Ordering;
 
@@ -8,27 +8,26 @@ use rapier2d_f64::prelude::{ContactPair, PhysicsWorld};
 use crate::event::{EventKind, Other};
 use crate::statics::{Block, Statics};
 
-/// Something begins or ends to touch.
+/// The begin or end of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ContactEvent {
-    /// The tick in which it happens, counted from 0.
+    /// Tick of the event, counted from 0.
     pub tick: u64,
     /// Begin or end.
     pub kind: EventKind,
     /// The agent, the lower index of two.
     pub agent: u32,
-    /// What it touches. Of solid cells it is, at a beginning, the one that it
-    /// touches most firmly, at an end the last of these.
+    /// The other body. For solid cells: at a beginning, the cell with the firmest
+    /// contact; at an end, the last of these.
     pub other: Other,
 }
 
-/// A contact has ended when there is this much air, in metres, and no force.
-/// Bodies that rest against each other tremble by less.
+/// A contact ends at this gap, in metres, without force. Bodies that rest against each
+/// other tremble by less.
 const RELEASE_M: f64 = 1e-3;
 
-// Colliders carry what they belong to: kinds in the bits from 64, in the order
-// of `Other`, and an index below. Agents have kind 0, so that of two tags the
-// lower one is an agent.
+// Collider tags: the kind in the bits from 64, in the order of `Other`, and an index
+// below. Agents have kind 0, so that of two tags the lower one is an agent.
 const KIND: u32 = 64;
 
 /// The tag of a block of solid cells.
@@ -44,8 +43,8 @@ pub(super) fn mover(index: u32) -> u128 {
     3 << KIND | u128::from(index)
 }
 
-/// A contact: agent, kind and index of what it touches (0 for the cells),
-/// and the cell if there is one.
+/// A contact: agent, kind and index of the other body (0 for the cells), and the cell if
+/// there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Touch {
     agent: u32,
@@ -55,7 +54,7 @@ struct Touch {
 }
 
 impl Touch {
-    /// What makes it the same contact as in the tick before.
+    /// Identity of the contact from tick to tick.
     fn key(self) -> (u32, u8, u32) {
         (self.agent, self.kind, self.other)
     }
@@ -76,7 +75,7 @@ impl Touch {
     }
 }
 
-/// The contacts of the last tick, and the events that nobody asked for yet.
+/// The contacts of the last tick, and the events not yet drained.
 #[derive(Debug, Default)]
 pub(super) struct Touches {
     now: Vec<Touch>,
@@ -85,17 +84,17 @@ pub(super) struct Touches {
     pub(super) events: Vec<ContactEvent>,
 }
 
-/// What the solver says of a pair of colliders.
+/// Contact of two colliders as the solver reports it.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     touch: Touch,
-    /// Newton seconds.
+    /// In newton seconds.
     impulse: f64,
     gap_m: f64,
 }
 
 impl Touches {
-    /// Compares the contacts after a tick with those before. `blocks` are the
+    /// Compares the contacts after a tick with those of the tick before. `blocks` are the
     /// merged cells of `statics`, in the order of their tags.
     pub(super) fn update(
         &mut self,
@@ -109,7 +108,7 @@ impl Touches {
                 self.found.push(found);
             }
         }
-        // The firmest first, of all colliders that belong to one thing.
+        // Of all colliders of one body, the firmest contact comes first.
         self.found.sort_unstable_by(|a, b| {
             let firmer = b.impulse.total_cmp(&a.impulse);
             let firmer = firmer.then(a.gap_m.total_cmp(&b.gap_m));
@@ -143,7 +142,7 @@ impl Touches {
         self.tell(tick);
     }
 
-    /// The difference of two ordered lists.
+    /// Emits the difference of the two sorted lists as events.
     fn tell(&mut self, tick: u64) {
         let (mut before, mut now) = (self.before.iter().peekable(), self.now.iter().peekable());
         loop {
@@ -167,8 +166,7 @@ impl Touches {
     }
 }
 
-/// How near a pair of colliders is to each other and how hard they push, if the
-/// solver had anything to do with them.
+/// Gap and impulse of a pair of colliders, if the solver processed it.
 fn look_at(
     pair: &ContactPair,
     world: &PhysicsWorld,

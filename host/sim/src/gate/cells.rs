@@ -1,31 +1,30 @@
 //! Dependencies by cell, for bodies that fit their cells.
 //!
-//! A disc with 2·radius + margin ≤ cell side that moves between centres of
-//! neighbouring cells stays half a margin inside the two cells. So two moves meet
-//! exactly if they have a cell in common, and whoever visits a cell has only to
-//! wait until the visitor before has left it (Hönig et al. 2016, 2019).
+//! A disc with 2·radius + margin ≤ cell side that moves between centres of neighbouring
+//! cells stays half a margin inside the two cells. So two moves conflict exactly if they
+//! share a cell, and each visitor of a cell only waits until the previous visitor has
+//! left (Hönig et al. 2016, 2019).
 
 use super::graph::{Edge, Wait};
 use super::meet::Bodies;
 use super::routes::Routes;
 
-/// From where one action enters a cell to where another one leaves it.
+/// An agent's stay in a cell, from the action that enters it to the one that leaves it.
 #[derive(Debug, Clone, Copy)]
 struct Visit {
     row: i32,
     col: i32,
-    /// When the agent arrives; 0 if it starts there.
+    /// Arrival of the agent; 0 if it starts there.
     arrives_s: f64,
     agent: u32,
-    /// The action that enters, 0 if the agent starts here, and the one that
-    /// leaves, one more than it has if the agent stays.
+    /// The entering action, 0 if the agent starts here, and the leaving action, one more
+    /// than the agent has if it stays.
     enters: u32,
     leaves: u32,
 }
 
-/// The dependencies, or none if the routes are not of this kind. Nor are plans in
-/// which two agents are in a cell at the same time: these are left to the search
-/// by distance, which says what is wrong with them.
+/// The dependencies, or `None` if the routes are not of this kind, or if two agents are
+/// in a cell at the same time: the search by distance then reports the fault.
 pub(super) fn edges<R: Routes + ?Sized>(
     routes: &R,
     bodies: &Bodies<'_>,
@@ -92,8 +91,8 @@ pub(super) fn edges<R: Routes + ?Sized>(
             continue;
         }
         let stays = before.leaves as usize > routes.actions(before.agent as usize);
-        // Ends that never descend along a dependency make every cycle one of
-        // moves that end together, which is what the search for rings relies on.
+        // With ends that never descend along a dependency, all moves of a cycle end
+        // together. The search for rings relies on that.
         if stays
             || after.enters == 0
             || routes.time_s(before.agent as usize, before.leaves as usize) > after.arrives_s
@@ -112,10 +111,10 @@ pub(super) fn edges<R: Routes + ?Sized>(
     Some(edges)
 }
 
-/// How far, in cell sides, a centre may be off by rounding.
+/// Largest rounding error of a centre, in cell sides.
 const ROUNDING: f64 = 1e-9;
 
-/// The number of the cell with its centre at a coordinate, in cell sides.
+/// Index of the cell with its centre at a coordinate, in cell sides.
 fn index(coordinate: f64) -> Option<i32> {
     let number = coordinate.floor();
     let is_centre = (coordinate - number - 0.5).abs() <= ROUNDING * coordinate.abs().max(1.0);

@@ -1,10 +1,10 @@
-//! Messages of one direction, between robots and the server.
+//! One-way messages between robots and the server.
 
 use std::collections::BTreeMap;
 
 use crate::noise::{MessageNoise, Messages};
 
-/// Numbers that only grow, one per agent, on their way to the other side.
+/// Increasing numbers, one per agent, sent from one side to the other.
 ///
 /// A message is cumulative ("up to here"), so that a later one stands for all before
 /// it, and is sent again in every block until the other side has it: losses and latency
@@ -12,16 +12,16 @@ use crate::noise::{MessageNoise, Messages};
 /// up to a block and on the seed alone, not on the order in which it was said.
 #[derive(Debug, Clone)]
 pub(crate) struct Channel {
-    /// What the one side has to say, and what the other side knows of it.
+    /// Latest numbers of the sender, and the numbers that the receiver knows.
     latest: Vec<u32>,
     known: Vec<u32>,
-    /// Agents of which the two differ, and marks of who is among them.
+    /// Agents whose numbers differ between the sides, and membership flags.
     waiting: Vec<u32>,
     waits: Vec<bool>,
     network: Option<Network>,
 }
 
-/// Messages that take time or are lost.
+/// State of a network with latency or loss.
 #[derive(Debug, Clone)]
 struct Network {
     noise: MessageNoise,
@@ -30,7 +30,7 @@ struct Network {
 }
 
 impl Channel {
-    /// Both sides know the first numbers; messages take no time.
+    /// A channel without latency. Both sides know the first numbers.
     pub(crate) fn new(first: Vec<u32>) -> Self {
         Self {
             waiting: Vec::new(),
@@ -41,8 +41,8 @@ impl Channel {
         }
     }
 
-    /// The same with messages that are late or lost. A block takes `period_s` seconds;
-    /// `direction` keeps the random values of the two directions apart.
+    /// Adds latency and loss. A block takes `period_s` seconds; `direction` keeps the
+    /// random values of the two directions apart.
     pub(crate) fn over(
         mut self,
         direction: &str,
@@ -57,8 +57,8 @@ impl Channel {
         self
     }
 
-    /// The one side has a number to say. Whether it is a new one: a smaller one says
-    /// nothing.
+    /// Sets the sender's number of an agent. Returns true if it is larger than the one
+    /// before; otherwise nothing changes.
     pub(crate) fn say(&mut self, agent: u32, number: u32) -> bool {
         let latest = &mut self.latest[agent as usize];
         if number <= *latest {
@@ -71,8 +71,8 @@ impl Channel {
         true
     }
 
-    /// Sends and receives at the beginning of a block, and tells of every number that
-    /// the other side did not know. Blocks are exchanged in order, each once.
+    /// Sends and receives at the beginning of a block; calls `tell` with every number new
+    /// to the receiver. Blocks are exchanged in order, each once.
     pub(crate) fn exchange(&mut self, block: u64, mut tell: impl FnMut(u32, u32)) {
         let Self {
             latest,
@@ -111,7 +111,7 @@ impl Channel {
         }
     }
 
-    /// What the channel takes in memory, in bytes.
+    /// Memory of the channel in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let numbers = self.latest.capacity() + self.known.capacity() + self.waiting.capacity();
         let due = self.network.iter().flat_map(|network| network.due.values());
@@ -119,12 +119,12 @@ impl Channel {
         numbers * size_of::<u32>() + self.waits.capacity() + due * size_of::<(u32, u32)>()
     }
 
-    /// What the one side has to say.
+    /// Latest numbers of the sender.
     pub(crate) fn latest(&self) -> &[u32] {
         &self.latest
     }
 
-    /// What the other side knows.
+    /// Numbers that the receiver knows.
     pub(crate) fn known(&self) -> &[u32] {
         &self.known
     }

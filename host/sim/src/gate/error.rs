@@ -1,9 +1,9 @@
-//! Why a plan cannot be executed by order.
+//! Errors of building a dependency graph.
 
 use std::fmt::Write as _;
 
-/// Why a plan has no dependency graph. Agents, knots and times in seconds are
-/// those of the plan; agents and knots are counted from 0.
+/// Reason for which a plan has no dependency graph. Agents, knots and times in seconds
+/// are those of the plan; agents and knots are counted from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages document the fields")]
 #[non_exhaustive]
@@ -31,7 +31,7 @@ pub enum GateError {
     NoOrder { agents: Vec<u32>, time_s: f64 },
 }
 
-/// The first few agents of a ring, and how many more there are.
+/// The first few agents of a ring, and the number of the others.
 fn list(agents: &[u32]) -> String {
     const SHOWN: usize = 8;
     let mut text = String::new();

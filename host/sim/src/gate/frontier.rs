@@ -1,29 +1,29 @@
-//! How far agents may go, given how far all have come.
+//! Releases of agents, given the progress of all.
 
 use super::graph::DependencyGraph;
 
 const NONE: u32 = u32::MAX;
 
-/// The state of an execution as far as the dependency graph is concerned: per
-/// agent, the knot it has reached and the knot that it may go to.
+/// State of an execution in the dependency graph: per agent, the last reached and the
+/// last released knot.
 ///
-/// Every agent waits for at most one other agent at a time, the one that its
-/// first unmet dependency names, and is in that agent's list. So the state is a
-/// few numbers per agent, and a step costs as much as there are agents that wait
-/// for the one that made it.
+/// An agent waits for at most one other agent at a time, the one of its first unmet
+/// dependency, and is in that agent's list of waiting agents. So the state is a few
+/// numbers per agent, and a step costs time in proportion to the agents waiting for it.
 #[derive(Debug, Clone)]
 pub(super) struct Frontier {
     reached: Vec<u32>,
     released: Vec<u32>,
-    /// How many dependencies of the agent are met.
+    /// Number of met dependencies per agent.
     met: Vec<u32>,
-    /// The first agent that waits for this one, and the next one after that.
+    /// Lists of waiting agents: the first agent that waits for this one, and the next one
+    /// in the list of this agent.
     head: Vec<u32>,
     next: Vec<u32>,
 }
 
 impl Frontier {
-    /// Everybody at the start.
+    /// All agents at the start.
     pub(super) fn new(graph: &DependencyGraph) -> Self {
         let agents = graph.agents();
         let mut frontier = Self {
@@ -47,13 +47,13 @@ impl Frontier {
         self.released[agent]
     }
 
-    /// Index of the agent's first dependency that is not met.
+    /// Index of the agent's first unmet dependency.
     pub(super) fn met(&self, agent: usize) -> usize {
         self.met[agent] as usize
     }
 
-    /// The agent has reached a knot. Tells of every agent that may go farther now,
-    /// and to which knot.
+    /// Records that the agent has reached a knot. Calls `tell` with each agent that is
+    /// released farther, and the knot.
     pub(super) fn reach(
         &mut self,
         graph: &DependencyGraph,
@@ -75,8 +75,8 @@ impl Frontier {
         }
     }
 
-    /// Passes over dependencies that are met, and enters the agent with the other
-    /// one that it waits for. Whether it may go farther than before.
+    /// Skips met dependencies, and enters the agent in the list of the one that it waits
+    /// for. Returns true if its release has grown.
     fn settle(&mut self, graph: &DependencyGraph, agent: usize) -> bool {
         let waits = graph.waits(agent);
         let mut met = self.met[agent] as usize;
@@ -98,9 +98,9 @@ impl Frontier {
         std::mem::replace(&mut self.released[agent], released) < released
     }
 
-    /// Lets everybody go as far as the dependencies allow. Whether all arrive,
-    /// which they do exactly if the graph has no cycle: of agents that stand
-    /// still, each waits for another one of them.
+    /// Lets all agents advance as far as the dependencies allow. Returns true if all
+    /// arrive, which they do exactly if the graph has no cycle: among deadlocked agents,
+    /// each waits for another one of them.
     pub(super) fn run(&mut self, graph: &DependencyGraph) -> bool {
         let agents = graph.agents();
         let mut ready: Vec<u32> = (0..agents as u32).rev().collect();

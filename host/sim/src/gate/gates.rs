@@ -1,36 +1,35 @@
-//! The state of a gated execution: what robots have done and may do, and the
-//! messages between them and the server that knows the graph.
+//! State of a gated execution: progress and releases of robots, and the messages between
+//! them and the server that holds the graph.
 
 use super::channel::Channel;
 use super::frontier::Frontier;
 use super::graph::DependencyGraph;
 use crate::noise::Messages;
 
-/// Who may go how far, while a plan is executed by order.
+/// Releases of agents while a plan is executed by order.
 ///
-/// Robots report the knots that they have reached, the server passes on which
-/// actions that releases. All messages are cumulative ("up to here"), so that a
-/// later one stands for all before it, and each is sent again in every period
-/// until the other side has it: losses delay an execution, and change nothing
-/// else. Time advances in blocks of one period each; what robots do within a
-/// block reaches the server at the end of it.
+/// Robots report the knots that they have reached; the server replies with the actions
+/// that are thereby released. All messages are cumulative ("up to here") and each is sent
+/// again in every period until it has arrived: losses delay an execution and change
+/// nothing else. Time advances in blocks of one period each; progress within a block
+/// reaches the server at the end of it.
 ///
-/// The state depends on the graph, the reports and the seed alone, not on the
-/// order in which reports come within a block.
+/// The state depends on the graph, the reports and the seed alone, not on the order of
+/// reports within a block.
 #[derive(Debug, Clone)]
 pub struct Gates {
     graph: DependencyGraph,
-    /// What the server knows and grants.
+    /// Progress and releases that the server knows.
     server: Frontier,
-    /// The knots that robots have reached, and those that they may go to.
+    /// Channels of the reached and of the released knots.
     reports: Channel,
     releases: Channel,
     finished: usize,
 }
 
 impl Gates {
-    /// All robots at the start of their routes, knowing what they may do without
-    /// waiting for anybody; messages take no time.
+    /// All robots at the start of their routes, knowing their first releases; messages
+    /// without latency.
     pub fn new(graph: DependencyGraph) -> Self {
         let agents = graph.agents();
         let server = Frontier::new(&graph);
@@ -45,8 +44,8 @@ impl Gates {
         }
     }
 
-    /// The same with messages that are late or lost. A block takes `period_s`
-    /// seconds, a positive number.
+    /// Adds latency and loss of messages. A block takes `period_s` seconds, a positive
+    /// number.
     pub fn with_messages(
         graph: DependencyGraph,
         messages: &Messages,
@@ -59,13 +58,13 @@ impl Gates {
         gates
     }
 
-    /// The graph, whose numbers of actions and knots everything here is in.
+    /// The graph, which defines the numbers of actions and knots in this type.
     pub fn graph(&self) -> &DependencyGraph {
         &self.graph
     }
 
-    /// The robot has reached a knot of its route. Knots that it had reached
-    /// before say nothing new.
+    /// Records that the robot has reached a knot of its route. Knots before the last
+    /// reached one have no effect.
     pub fn done(&mut self, agent: usize, knot: usize) {
         let last = self.graph.actions(agent) as u32;
         let knot = u32::try_from(knot).map_or(last, |knot| knot.min(last));
@@ -92,17 +91,17 @@ impl Gates {
         releases.exchange(block, |_, _| {});
     }
 
-    /// Per agent, the last knot that it may go to.
+    /// Per agent, the last released knot.
     pub fn released(&self) -> &[u32] {
         self.releases.known()
     }
 
-    /// Per agent, the last knot that it has reached.
+    /// Per agent, the last reached knot.
     pub fn reached(&self) -> &[u32] {
         self.reports.latest()
     }
 
-    /// Whether all agents have reached the ends of their routes.
+    /// True once all agents have reached the ends of their routes.
     pub fn is_finished(&self) -> bool {
         self.finished == self.graph.agents()
     }

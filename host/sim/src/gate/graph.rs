@@ -1,4 +1,4 @@
-//! The dependency graph: who waits for whom, and the proof that nobody waits for ever.
+//! The dependency graph between agents, and the proof that it is free of deadlock.
 
 use std::cmp::Reverse;
 
@@ -9,23 +9,22 @@ use super::meet::Bodies;
 use super::routes::{Cuts, Refined, Routes};
 use super::{GateError, cells, near, rings};
 
-/// What a dependency graph is to keep apart, and how finely.
+/// Distances and resolution of a dependency graph.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GateOptions {
-    /// Swept footprints that come nearer than this, in metres, are not driven at
-    /// the same time. It has to cover what both bodies may be off their ways:
-    /// beside them, and beyond the knots where they stop.
+    /// Actions whose swept footprints come nearer than this, in metres, are never under
+    /// way at the same time. It must cover the deviation of both bodies from their ways,
+    /// to the side and beyond the knots where they stop.
     pub margin_m: f64,
-    /// Where the plan has agents pass nearer than the margin, at least this is kept,
-    /// in metres, at most the margin; a plan that leaves less is refused. With 0 the
-    /// plan's own distance will do, which is enough for robots that are never off
-    /// their ways.
+    /// Where the plan has agents pass nearer than the margin, at least this is kept, in
+    /// metres, at most the margin; a plan that leaves less is refused. With 0 the plan's
+    /// own distance suffices, which is enough for robots without tracking error.
     pub least_margin_m: f64,
-    /// Longer actions are cut into equal pieces, in metres of any point of the
-    /// body: who follows another agent then waits for a piece and not for its
-    /// whole way. `None` is twice the largest effective radius. Moves between
-    /// neighbouring cells are not cut.
+    /// Longer actions are cut into equal pieces, in metres of any point of the body: an
+    /// agent then waits for a piece of another agent's action instead of the whole.
+    /// `None` is twice the largest effective radius. Moves between neighbouring cells are
+    /// not cut.
     pub longest_action_m: Option<f64>,
     /// Side of a grid cell in metres, for routes along the cells of a grid. Where
     /// the bodies fit their cells, dependencies are then found by cell.
@@ -55,19 +54,19 @@ pub struct Wait {
     pub knot: u32,
 }
 
-/// A [`Wait`] and the agent that has it.
+/// A [`Wait`] with the waiting agent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Edge {
     pub(super) agent: u32,
     pub(super) wait: Wait,
 }
 
-/// The temporal plan graph of routes: which actions wait for which.
+/// Temporal plan graph of routes: the dependencies between actions.
 ///
-/// Actions follow each other along a route (type-1 edges, not stored). Wherever
-/// two agents sweep the same place, the one that has it first in the plan leaves
-/// it before the other one comes (type-2 edges, stored at the agent that waits,
-/// in order of its actions). The graph has no cycle.
+/// Actions follow each other along a route (type-1 edges, not stored). Wherever two
+/// agents sweep the same place, the agent that has it first in the plan leaves before the
+/// other one comes (type-2 edges, stored at the waiting agent in order of its actions).
+/// The graph has no cycle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DependencyGraph {
     actions: Vec<u32>,
@@ -80,8 +79,8 @@ pub struct DependencyGraph {
 impl DependencyGraph {
     /// Finds the dependencies between routes of agents with the given shapes.
     ///
-    /// Fails if the plan has two agents in one place at one time, or so near each
-    /// other that there is no order in which they can pass.
+    /// Fails if two agents of the plan collide, or are so near each other that they
+    /// cannot pass in any order.
     pub fn build<'s, R: Routes + ?Sized>(
         routes: &R,
         shape: &'s (dyn Fn(usize) -> &'s Shape + Sync),
@@ -110,15 +109,15 @@ impl DependencyGraph {
         rings::resolve(graph, routes, &bodies, options)
     }
 
-    /// Sorts edges to their agents, without those that follow from earlier ones
-    /// of the same two agents.
+    /// Sorts edges to their agents, without those implied by earlier edges of the same
+    /// two agents.
     pub(super) fn assemble(actions: Vec<u32>, mut edges: Vec<Edge>) -> Self {
         edges.sort_unstable_by_key(|edge| {
             let wait = edge.wait;
             (edge.agent, wait.action, wait.other, Reverse(wait.knot))
         });
         let agents = actions.len();
-        // Per agent, up to which knot it is waited for, and by whom.
+        // Per agent, the last knot waited for, and the waiting agent.
         let mut waited = vec![(u32::MAX, 0); agents];
         edges.retain(|edge| {
             let (by, knot) = &mut waited[edge.wait.other as usize];
@@ -161,12 +160,12 @@ impl DependencyGraph {
         self.actions.len()
     }
 
-    /// Number of actions of an agent; pieces of actions count.
+    /// Number of actions of an agent, counting pieces.
     pub fn actions(&self, agent: usize) -> usize {
         self.actions[agent] as usize
     }
 
-    /// What an agent waits for, in order of its actions.
+    /// Dependencies of an agent, in order of its actions.
     pub fn waits(&self, agent: usize) -> &[Wait] {
         &self.waits[self.offsets[agent] as usize..self.offsets[agent + 1] as usize]
     }
@@ -176,8 +175,8 @@ impl DependencyGraph {
         self.waits.len()
     }
 
-    /// The distance in metres that is kept everywhere: the margin that was asked
-    /// for, or the least one if the plan itself has two agents pass nearer than that.
+    /// The distance in metres that is kept everywhere: the requested margin, or the least
+    /// one if the plan itself has two agents pass nearer than the margin.
     pub fn margin_m(&self) -> f64 {
         self.margin_m
     }
@@ -190,16 +189,15 @@ impl DependencyGraph {
             + self.cuts.memory_bytes()
     }
 
-    /// The routes that agents and knots of this graph count, from the routes that
-    /// it was built from: where agents pass each other closely, actions are cut
-    /// into pieces.
+    /// The routes to which this graph's actions and knots refer, from the routes it was
+    /// built from: where agents pass each other closely, actions are cut into pieces.
     pub fn routes<'a, R: Routes + ?Sized>(&'a self, routes: &'a R) -> Refined<'a, R> {
         let cuts = &self.cuts;
         Refined { routes, cuts }
     }
 }
 
-/// Whether routes and options are such that their geometry can be computed.
+/// Checks that the geometry of the routes can be computed under the options.
 fn check<R: Routes + ?Sized>(routes: &R, options: &GateOptions) -> Result<(), GateError> {
     let positive = |value: Option<f64>| value.is_none_or(|v| v > 0.0 && v.is_finite());
     let margin_m = options.margin_m;

@@ -1,8 +1,8 @@
-//! Whether what bodies sweep meets: the one place that asks the geometry.
+//! Geometric tests between swept bodies.
 
 use fleetyard_world::{Pose, Shape, swept_shapes_meet};
 
-/// A uniform motion of an agent, or its rest if both poses are the same.
+/// A uniform motion of an agent, or a rest if both poses are the same.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sweep {
     pub(super) agent: u32,
@@ -36,8 +36,8 @@ pub(super) struct Bodies<'a> {
 }
 
 impl<'a> Bodies<'a> {
-    /// Footprints that overlap by no more than this share of the smallest radius
-    /// touch: discs as wide as their cells do so all the time.
+    /// Footprints that overlap by at most this share of the smallest radius only touch:
+    /// discs as wide as their cells always do.
     const TOUCH: f64 = 1e-6;
 
     pub(super) fn new(agents: usize, shape: &'a (dyn Fn(usize) -> &'a Shape + Sync)) -> Self {
@@ -54,15 +54,15 @@ impl<'a> Bodies<'a> {
         self.shape(agent).effective_radius_m()
     }
 
-    /// Whether the areas that two motions sweep come nearer than the margin,
-    /// whatever their times.
+    /// True if the areas that two motions sweep come nearer than the margin, whatever
+    /// their times.
     pub(super) fn meet(&self, a: Sweep, b: Sweep, margin_m: f64) -> bool {
         let (one, two) = (self.shape(a.agent), self.shape(b.agent));
         let margin_m = margin_m - self.touch_m;
         swept_shapes_meet(one, (a.from, a.to), two, (b.from, b.to), margin_m)
     }
 
-    /// A box around what a motion sweeps, half the margin wider.
+    /// Bounding box of a motion's swept area, half the margin wider.
     pub(super) fn bounds(&self, sweep: Sweep, margin_m: f64) -> Bounds {
         let reach = self.radius_m(sweep.agent) + 0.5 * margin_m;
         let (a, b) = (sweep.from, sweep.to);
@@ -84,7 +84,7 @@ pub(super) struct Timed {
 }
 
 impl Timed {
-    /// Where the agent is at a time within the motion.
+    /// Pose of the agent at a time within the motion.
     fn at(&self, time_s: f64) -> Pose {
         if self.sweep.is_rest() {
             return self.sweep.from;
@@ -93,7 +93,7 @@ impl Timed {
         self.sweep.from.toward(self.sweep.to, share)
     }
 
-    /// What the agent sweeps between two times within the motion.
+    /// Sweep of the agent between two times within the motion.
     pub(super) fn part(&self, start_s: f64, end_s: f64) -> Sweep {
         Sweep {
             agent: self.sweep.agent,
@@ -102,8 +102,8 @@ impl Timed {
         }
     }
 
-    /// When, of a few times that both motions have in common, the agents are
-    /// nearer than the margin for the first time.
+    /// The first of a few common times of both motions at which the agents are nearer
+    /// than the margin.
     pub(super) fn collides(&self, other: &Self, bodies: &Bodies<'_>, margin_m: f64) -> Option<f64> {
         const SAMPLES: u32 = 32;
         let start = self.start_s.max(other.start_s);
@@ -124,21 +124,20 @@ pub(super) fn pair(a: &Timed, b: &Timed) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Which of two motions that meet goes first.
+/// Order of two motions that conflict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
     First,
     Second,
-    /// Neither can wait for the other one where it begins, or be passed where the
-    /// other one ends.
+    /// Neither motion can wait for the other at its start or be passed at its end.
     Neither,
 }
 
 /// The order of two motions that meet.
 ///
-/// If one has ended when the other begins, the plan says so. If they are under
-/// way at the same time, one may go first if it can be passed where it ends, and
-/// the other one can wait where it begins; if both may, the plan's times decide.
+/// If one has ended when the other begins, the plan says so. If they are simultaneous, a
+/// motion may go first if it can be passed at its end and the other motion can wait at
+/// its start; if both may, the plan's times decide.
 pub(super) fn order(a: &Timed, b: &Timed, bodies: &Bodies<'_>, margin_m: f64) -> Order {
     if a.end_s <= b.start_s {
         return Order::First;

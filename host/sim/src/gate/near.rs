@@ -1,5 +1,5 @@
-//! Dependencies between any routes: whatever is swept near each other is found by
-//! a hash of the plane and judged by its geometry.
+//! Dependencies between arbitrary routes: a spatial hash finds the candidates, and their
+//! geometry decides.
 
 use rayon::prelude::*;
 
@@ -8,14 +8,14 @@ use super::graph::{Edge, GateOptions, Wait};
 use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
 use super::routes::{Cuts, Routes, Split};
 
-/// The most actions and rests of all agents together.
+/// Largest total number of actions and rests of all agents.
 const MOST_MOTIONS: usize = 1 << 27;
 
-/// An action that moves, or a rest between two of them.
+/// A moving action, or a rest between two of them.
 #[derive(Debug, Clone, Copy)]
 struct Motion {
     timed: Timed,
-    /// The action; of a rest, the one after which it begins, 0 at the start.
+    /// The action; for a rest, the action before it, 0 at the start.
     action: u32,
     rests: bool,
 }
@@ -60,9 +60,9 @@ pub(super) fn cut_long<R: Routes + ?Sized>(
     Ok(Cuts::default().refine(agents, &splits))
 }
 
-/// The dependencies: for every action, the last action of every other agent that
-/// meets it and goes first, unless an earlier action waits for it or a later one.
-/// With them, the distance that agents keep from those who rest, at most the margin.
+/// The dependencies: for every action, the last conflicting action of every other agent
+/// that goes first, unless an earlier action already waits for it or a later one. Returns
+/// with them the distance kept from resting agents, at most the margin.
 pub(super) fn edges<R: Routes + ?Sized>(
     routes: &R,
     bodies: &Bodies<'_>,
@@ -76,7 +76,7 @@ pub(super) fn edges<R: Routes + ?Sized>(
     for (at, motion) in motions.iter().enumerate() {
         begins[motion.timed.sweep.agent as usize + 1] = at + 1;
     }
-    // Threads make no difference: every agent's edges depend on the routes alone.
+    // Deterministic under threads: every agent's edges depend on the routes alone.
     let found: Vec<Result<(Vec<Edge>, f64), GateError>> = (0..agents)
         .into_par_iter()
         .with_min_len(8)
@@ -103,7 +103,7 @@ pub(super) fn edges<R: Routes + ?Sized>(
     Ok((edges, kept_m))
 }
 
-/// Actions that move and rests of all agents, one after the other.
+/// Moving actions and rests of all agents, agent by agent.
 fn motions<R: Routes + ?Sized>(routes: &R) -> Result<Vec<Motion>, GateError> {
     let mut motions = Vec::new();
     for agent in 0..routes.agents() {
@@ -118,7 +118,7 @@ fn motions<R: Routes + ?Sized>(routes: &R) -> Result<Vec<Motion>, GateError> {
         };
         let id = agent as u32;
         let mut here = routes.pose(agent, 0);
-        // Since when the agent rests here, and after which action.
+        // Start of the agent's current rest, and the action before it.
         let (mut since_s, mut arrived) = (0.0, 0);
         for action in 1..=routes.actions(agent) {
             let there = routes.pose(agent, action);
@@ -147,7 +147,7 @@ fn motions<R: Routes + ?Sized>(routes: &R) -> Result<Vec<Motion>, GateError> {
     Ok(motions)
 }
 
-/// Which motions come near which squares of the plane.
+/// Index of motions by the squares of the plane that they come near.
 struct Plane {
     bounds: Vec<Bounds>,
     side_m: f64,
@@ -164,7 +164,7 @@ impl Plane {
             .iter()
             .map(|motion| bodies.bounds(motion.timed.sweep, margin_m))
             .collect();
-        // As large as the largest box, so that none covers more than four.
+        // As large as the largest box, so that no box covers more than four.
         let side_m = bounds
             .iter()
             .map(|b| (b[2] - b[0]).max(b[3] - b[1]))
@@ -192,8 +192,8 @@ impl Plane {
         }
     }
 
-    /// Motions near another one, later ones of an agent before earlier ones; those
-    /// in several squares several times.
+    /// Motions near another one, later ones of an agent before earlier ones; motions in
+    /// several squares occur several times.
     fn near(&self, motion: usize) -> impl Iterator<Item = usize> {
         squares(self.bounds[motion], self.side_m).flat_map(|square| {
             let range = match self.squares.binary_search(&square) {
@@ -205,25 +205,25 @@ impl Plane {
     }
 }
 
-/// The squares that a box covers. Far from the origin squares become one, which
-/// costs time alone.
+/// The squares that a box covers. Far from the origin squares merge, which only costs
+/// time.
 fn squares(bounds: Bounds, side_m: f64) -> impl Iterator<Item = (i32, i32)> {
     let [left, bottom, right, top] = bounds.map(|metres| (metres / side_m).floor() as i32);
     (left..=right).flat_map(move |x| (bottom..=top).map(move |y| (x, y)))
 }
 
-/// What one agent's search remembers.
+/// Working memory of one agent's search.
 struct Scratch {
-    /// Counts agents and motions, to tell old entries from new ones.
+    /// Counters of agents and motions, to tell old entries from new ones.
     agent: u32,
     motion: u32,
-    /// Per motion, for which one it was looked at last.
+    /// Per motion, the motion for which it was last examined.
     seen: Vec<u32>,
-    /// Per agent, up to which of its actions this agent waits already, and for
-    /// which agent that was found.
+    /// Per agent, its last action that this agent already waits for, and the agent of
+    /// that entry.
     waited: Vec<(u32, u32)>,
-    /// Per agent, the last of its actions that goes before this motion, and for
-    /// which motion that was found.
+    /// Per agent, its last action that goes before this motion, and the motion of that
+    /// entry.
     last: Vec<(u32, u32)>,
     /// Agents with an action that goes before this motion.
     others: Vec<u32>,
@@ -242,7 +242,7 @@ impl Scratch {
     }
 }
 
-/// What one motion waits for. Returns the distance that is kept from rests.
+/// Dependencies of one motion. Returns the distance kept from rests.
 fn waits(
     at: usize,
     motions: &[Motion],
@@ -262,7 +262,7 @@ fn waits(
         let other = motions[near];
         let agent = other.timed.sweep.agent;
         if agent == timed.sweep.agent || other.timed.start_s >= timed.end_s {
-            // Both rest at the start, one of them for no time at all.
+            // Both agents rest at the start, one of them with zero duration.
             let both_start = motion.rests && other.rests && motion.action + other.action == 0;
             if agent == timed.sweep.agent || !both_start {
                 continue;
@@ -284,8 +284,8 @@ fn waits(
         {
             continue;
         }
-        // Where neither may go first, both edges are there, for the search for
-        // rings to find.
+        // Where neither may go first, both edges exist, and the search for rings finds
+        // them.
         if order(&other.timed, &timed, bodies, margin_m) == Order::Second {
             continue;
         }
@@ -311,9 +311,9 @@ fn waits(
     Ok(kept_m)
 }
 
-/// A plan that has an agent in another one's way while it rests collides. Passing
-/// nearer than the margin is the plan's own affair, since no order would change it.
-/// Returns the distance that is kept: the margin, or the least one.
+/// Refuses a plan in which an agent runs into a resting one. A pass nearer than the
+/// margin is accepted, since no order would change it. Returns the distance kept: the
+/// margin, or the least one.
 fn check_rest(
     motion: &Motion,
     other: &Motion,
@@ -328,8 +328,8 @@ fn check_rest(
     if !both_start && begin_s >= end_s {
         return Ok(margin_m);
     }
-    // Of a motion, only the part that falls into the rest counts; since one of the
-    // two stands still, sweeping the same place is being there at the same time.
+    // Only the part of a motion during the rest counts; since one of the two stands
+    // still, sweeping the same place is a collision.
     let (one, two) = (a.part(begin_s, end_s), b.part(begin_s, end_s));
     if bodies.meet(one, two, 0.0) {
         return Err(GateError::Collision {

@@ -1,10 +1,10 @@
-//! Rings: agents of which each waits for the next one's action to end before its
-//! own begins, all at the same time.
+//! Rings: cycles of agents that each wait for the end of the next agent's action before
+//! their own begins, all at the same time.
 //!
-//! Four agents that go round in a square do that, and planners such as PIBT and
-//! LaCAM let them. Whole actions have no order then; parts of them have, as long
-//! as the plan keeps the bodies apart: everybody moves on by a little in turn. So
-//! the actions of a ring are cut into as few pieces as have an order.
+//! Four agents that rotate in a square form a ring, and planners such as PIBT and LaCAM
+//! permit that. Whole actions have no order then; parts of them have one, as long as the
+//! plan keeps the bodies apart: the agents advance a little in turn. So the actions of a
+//! ring are cut into the fewest pieces that have an order.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ use super::graph::{DependencyGraph, Edge, GateOptions, Wait};
 use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
 use super::routes::{Routes, Split};
 
-/// Into how many pieces an action of a ring is cut at most.
+/// Largest number of pieces per action of a ring.
 const MOST_PIECES: u32 = 256;
 
 /// Actions `first..=last` of an agent.
@@ -25,8 +25,8 @@ struct Part {
     last: u32,
 }
 
-/// The actions of a ring, in order of agents. For each agent they are successive:
-/// between two actions that wait for each other, all do.
+/// The actions of a ring, in order of agents. The actions of an agent are successive:
+/// between two of them in a cycle, all are.
 type Ring = Vec<Part>;
 
 /// A ring in order: the number of pieces, and the edges between pieces, which are
@@ -45,8 +45,8 @@ struct Link {
     from: (u32, u32),
 }
 
-/// The graph itself if it has no cycle, else one in which the actions of cycles
-/// are cut into pieces.
+/// The graph itself if it has no cycle, else a graph with the actions of cycles cut into
+/// pieces.
 pub(super) fn resolve<R: Routes + ?Sized>(
     graph: DependencyGraph,
     routes: &R,
@@ -65,19 +65,19 @@ pub(super) fn resolve<R: Routes + ?Sized>(
         .collect();
     let solved: Vec<Solved> = solved.into_iter().collect::<Result<_, _>>()?;
     let ordered = replace(&graph, &refined, &rings, &solved)?;
-    // Every ring has an order now, and between rings there never was a cycle; but
-    // that nobody waits for ever is not to be believed without a check.
+    // Every ring now has an order, and there never was a cycle between rings; freedom
+    // from deadlock is checked all the same.
     if Frontier::new(&ordered).run(&ordered) {
         return Ok(ordered);
     }
     Err(unordered(&rings[0], &refined))
 }
 
-/// The strongly connected components of what cannot be executed, with more than
-/// one action (Tarjan 1972, without recursion).
+/// The strongly connected components with more than one action among the actions that
+/// cannot be executed (Tarjan 1972, without recursion).
 fn find(graph: &DependencyGraph, frontier: &Frontier) -> Vec<Ring> {
     const UNSEEN: u32 = 0;
-    // Numbers of the actions that are left, agent by agent.
+    // Numbers of the remaining actions, agent by agent.
     let mut begins = vec![0];
     let mut owner = Vec::new();
     for agent in 0..graph.agents() {
@@ -89,7 +89,7 @@ fn find(graph: &DependencyGraph, frontier: &Frontier) -> Vec<Ring> {
         let reached = frontier.reached(agent as usize);
         (action > reached).then(|| begins[agent as usize] + action - reached - 1)
     };
-    // What an action waits for, entry by entry: the one before it, then its waits.
+    // Predecessors of an action, entry by entry: the action before it, then its waits.
     let first_wait: Vec<u32> = {
         let mut first = Vec::with_capacity(owner.len());
         for agent in 0..graph.agents() {
@@ -190,7 +190,7 @@ fn ring(members: &[u32], owner: &[u32], action: impl Fn(u32, u32) -> u32) -> Rin
 /// An agent's part of a ring in pieces.
 struct Pieces {
     motions: Vec<Timed>,
-    /// For every piece, up to where the pieces of the same action go.
+    /// For every piece, the end of the pieces of the same action.
     ends: Vec<usize>,
     bounds: Bounds,
 }
@@ -292,17 +292,17 @@ impl Pieces {
     }
 }
 
-/// Why pieces have no order.
+/// Reason for which pieces have no order.
 enum Stuck {
     /// Two agents are nearer than the margin at the same time, however small the
     /// pieces are.
     TooClose { agents: [u32; 2], time_s: f64 },
-    /// Smaller pieces may have one.
+    /// Smaller pieces may have an order.
     Coarse,
 }
 
-/// Finds the fewest pieces that have an order, with the margin if there are any,
-/// else with the least one.
+/// Finds the fewest pieces with an order, at the full margin if possible, else at the
+/// least one.
 fn solve<R: Routes + ?Sized>(
     ring: &Ring,
     routes: &R,
@@ -373,7 +373,7 @@ fn cut<R: Routes + ?Sized>(
             if from == to || !overlap(waiting.bounds, reach) {
                 continue;
             }
-            // Pieces of the other agent up to here are waited for already.
+            // The last piece of the other agent that is already waited for.
             let mut waited = 0;
             for (piece, motion) in waiting.motions.iter().enumerate() {
                 let others = &other.motions;
@@ -437,21 +437,20 @@ fn cut<R: Routes + ?Sized>(
     }
 }
 
-/// The graph with the actions of rings in pieces.
+/// The graph with the actions of rings cut into pieces.
 ///
-/// Edges within a ring become the edges between its pieces. Those also stood for
-/// dependencies of earlier actions of the one agent, and of later actions of the
-/// other one: what comes before the ring still comes before it, and the same for
-/// what comes after. All of that followed from the old edges, so no new cycle can
-/// go through more than one ring.
+/// Edges within a ring become edges between its pieces. An old edge also stood for
+/// dependencies of earlier actions of the one agent and of later actions of the other
+/// one: actions before or after the ring keep their order. All of that followed from the
+/// old edges, so no new cycle can go through more than one ring.
 fn replace<R: Routes + ?Sized>(
     graph: &DependencyGraph,
     routes: &R,
     rings: &[Ring],
     solved: &[Solved],
 ) -> Result<DependencyGraph, GateError> {
-    // Of every action of a ring: its agent, itself, its ring, and which agent of
-    // the ring it belongs to.
+    // For every action of a ring: its agent, the action, its ring, and the agent's index
+    // in the ring.
     let mut members: Vec<(u32, u32, u32, u32)> = Vec::new();
     let mut splits = Vec::new();
     for (number, (ring, solved)) in rings.iter().zip(solved).enumerate() {
@@ -476,7 +475,7 @@ fn replace<R: Routes + ?Sized>(
         let at = members.binary_search_by_key(&(agent, action), |member| (member.0, member.1));
         at.ok().map(|at| (members[at].2, members[at].3))
     };
-    // How many actions an agent's splits up to and with one add, in their order.
+    // Cumulative number of actions added by an agent's splits, in their order.
     let mut added = Vec::with_capacity(splits.len());
     let mut total = (u32::MAX, 0u64);
     for split in &splits {
@@ -486,7 +485,7 @@ fn replace<R: Routes + ?Sized>(
         total.1 += u64::from(split.pieces - 1);
         added.push(total.1);
     }
-    // The number that the last piece of an action has, and its first one.
+    // Numbers of the last and of the first piece of an action.
     let last_piece = |agent: u32, action: u32| {
         let after = splits.partition_point(|split| (split.agent, split.action) <= (agent, action));
         let more = match after.checked_sub(1) {

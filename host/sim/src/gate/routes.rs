@@ -1,25 +1,24 @@
-//! Routes: what agents are to drive, as sequences of knots.
+//! Routes: sequences of knots that agents drive.
 
 use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
 use fleetyard_world::Pose;
 
-/// What every agent is to drive: knots 0..=K, and action k from knot k − 1 to
-/// knot k.
+/// Routes of all agents: knots 0..=K, and action k from knot k − 1 to knot k.
 ///
-/// Poses and headings are linear in time within an action, an action between
-/// equal poses is a wait, and after its last knot an agent rests. Times ascend
-/// strictly along a route and are those of the plan, in seconds.
+/// Poses and headings are linear in time within an action, an action between equal poses
+/// is a wait, and after its last knot an agent rests. Times ascend strictly along a route
+/// and are those of the plan, in seconds.
 pub trait Routes: Sync {
     /// Number of agents.
     fn agents(&self) -> usize;
-    /// Number of actions of an agent: one less than it has knots.
+    /// Number of actions of an agent, one less than its knots.
     fn actions(&self, agent: usize) -> usize;
-    /// Where the agent is at a knot.
+    /// Pose of the agent at a knot.
     fn pose(&self, agent: usize, knot: usize) -> Pose;
-    /// When the plan has the agent there, in seconds.
+    /// Planned time of the knot, in seconds.
     fn time_s(&self, agent: usize, knot: usize) -> f64;
-    /// How long the agent stays there at least, once it has got there, in seconds. In
-    /// plans, waits say that.
+    /// Least stay of the agent at the knot after reaching it, in seconds. Plans express
+    /// stays as waits.
     fn stay_s(&self, agent: usize, knot: usize) -> f64 {
         let _ = (agent, knot);
         0.0
@@ -89,14 +88,14 @@ struct Cut {
     pieces: u32,
     /// The action that it is a part of.
     action: u32,
-    /// Which part, as fractions of the action. The parts of an action follow each
-    /// other from 0 to 1.
+    /// The part as fractions of the action. The parts of an action follow each other from
+    /// 0 to 1.
     from: f64,
     to: f64,
 }
 
-/// Which actions are cut into pieces. A piece is an action of its own, so that a
-/// refined route has more knots on the same way.
+/// Actions that are cut into pieces. A piece is an action of its own: a refined route has
+/// more knots on the same way.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Cuts {
     /// Cuts of agent i are `cuts[offsets[i]..offsets[i + 1]]`; empty without cuts.
@@ -124,7 +123,7 @@ impl Cuts {
         }
     }
 
-    /// How many actions the agent has more than without cuts.
+    /// Number of actions of the agent beyond those without cuts.
     fn added(&self, agent: usize) -> usize {
         let cuts = self.of(agent);
         let pieces: u32 = cuts.iter().map(|cut| cut.pieces).sum();
@@ -132,8 +131,8 @@ impl Cuts {
         pieces as usize - wholes
     }
 
-    /// The action in which a refined knot lies and how far in it; fraction 1 is the
-    /// action's own knot. Knot 0 is at fraction 1 of action 0, which none has.
+    /// The action that contains a refined knot, and the fraction of it; fraction 1 is the
+    /// action's own knot. Knot 0 is fraction 1 of action 0, which does not exist.
     fn place(&self, agent: usize, knot: usize) -> (usize, f64) {
         let cuts = self.of(agent);
         let after = cuts.partition_point(|cut| cut.first as usize <= knot);
@@ -151,8 +150,7 @@ impl Cuts {
         (cut.action as usize + (knot - last), 1.0)
     }
 
-    /// Cuts actions of the routes that these cuts make, given in order of agents and
-    /// actions.
+    /// Cuts actions of the refined routes, given in order of agents and actions.
     pub(super) fn refine(&self, agents: usize, splits: &[Split]) -> Self {
         let mut refined = Self {
             offsets: Vec::with_capacity(agents + 1),
@@ -174,7 +172,7 @@ impl Cuts {
                     split.agent as usize == agent && split.action < next
                 });
                 if let Some(split) = split {
-                    // A whole action, or nothing: pieces of cuts are found below.
+                    // Whole actions only; pieces of cuts follow below.
                     let (action, _) = self.place(agent, split.action as usize);
                     refined.cuts.push(Cut {
                         first: split.action + added,
@@ -242,8 +240,8 @@ pub struct Refined<'a, R: ?Sized> {
 }
 
 impl<R: Routes + ?Sized> Refined<'_, R> {
-    /// The knot of the routes without cuts that an agent has reached when it is at
-    /// a knot of these.
+    /// The last knot of the routes without cuts that an agent has reached at a refined
+    /// knot.
     pub fn whole_knot(&self, agent: usize, knot: usize) -> usize {
         match self.cuts.place(agent, knot) {
             (action, fraction) if fraction < 1.0 => action - 1,

@@ -1,20 +1,20 @@
-//! Why the parameters of a model are refused.
+//! Errors in the parameters of a model.
 
-/// A parameter that no body can have. The field is named as in the file.
+/// An invalid parameter. The field is named as in the file.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{field} = {value} {reason}")]
 pub struct MotionError {
     /// The parameter, with the names of the objects around it: `heading.p`.
     pub field: &'static str,
-    /// What was given.
+    /// The given value.
     pub value: String,
-    /// What is wrong with it.
+    /// The fault.
     pub reason: &'static str,
-    /// What the user can do.
+    /// Remedy for the user.
     pub hint: &'static str,
 }
 
-/// Refuses a value outside `low..=high`; not-a-number is outside.
+/// Refuses a value outside `low..=high`; NaN is outside.
 pub(super) fn within(
     field: &'static str,
     value: f64,
@@ -33,7 +33,7 @@ pub(super) fn within(
     })
 }
 
-/// Speeds and accelerations.
+/// Checks a speed or an acceleration.
 pub(super) fn limit(field: &'static str, value: f64) -> Result<(), MotionError> {
     within(
         field,
@@ -44,12 +44,12 @@ pub(super) fn limit(field: &'static str, value: f64) -> Result<(), MotionError> 
     )
 }
 
-/// How near is near enough, in metres.
+/// Checks a tolerance in metres.
 pub(super) fn tolerance_m(field: &'static str, value: f64) -> Result<(), MotionError> {
     within(field, value, 1e-6, 1e3, "give metres between 1e-6 and 1000")
 }
 
-/// How near is near enough, in radians.
+/// Checks a tolerance in radians.
 pub(super) fn tolerance_rad(field: &'static str, value: f64) -> Result<(), MotionError> {
     within(
         field,
@@ -60,7 +60,7 @@ pub(super) fn tolerance_rad(field: &'static str, value: f64) -> Result<(), Motio
     )
 }
 
-/// How long an action of an ideal model takes.
+/// Checks the duration of an action of an ideal model.
 pub(super) fn duration_s(field: &'static str, value: f64) -> Result<(), MotionError> {
     within(field, value, 1e-6, 1e6, "give seconds between 1e-6 and 1e6")
 }

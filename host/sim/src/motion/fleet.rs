@@ -1,4 +1,4 @@
-//! Fleets: which robot has which body and moves how.
+//! Fleets: footprint and motion model of every robot.
 
 use fleetyard_world::{Footprint, FootprintError, Shape};
 use serde::de::value::MapAccessDeserializer;
@@ -17,13 +17,13 @@ use super::{Model, MotionError};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", deny_unknown_fields)]
 pub struct Profile {
-    /// What it covers of the floor.
+    /// Area that it covers of the floor.
     pub footprint: Footprint,
-    /// How it moves.
+    /// Motion model.
     pub model: Model,
 }
 
-/// Why robots do not make a fleet.
+/// Reason for which robots do not form a fleet.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages document the fields")]
 #[non_exhaustive]
@@ -45,7 +45,7 @@ pub enum FleetError {
 }
 
 impl FleetError {
-    /// What the user can do.
+    /// Remedy for the user.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Motion(error) => error.hint,
@@ -60,7 +60,7 @@ impl FleetError {
 }
 
 impl Profile {
-    /// The robot of a preset.
+    /// The profile of a preset.
     pub fn preset(name: &str) -> Result<Self, FleetError> {
         let preset = find(name)?;
         match preset.footprint {
@@ -74,7 +74,7 @@ impl Profile {
         }
     }
 
-    /// Whether there can be such a robot. A profile that was read from a file can be.
+    /// Checks the profile. A profile that was read from a file is valid.
     pub fn validate(&self) -> Result<(), FleetError> {
         self.footprint.shape()?;
         Ok(self.model.validate()?)
@@ -172,12 +172,12 @@ impl Fleet {
         &self.profile_of
     }
 
-    /// How a robot moves.
+    /// Motion model of a robot.
     pub fn model(&self, agent: usize) -> &Model {
         &self.profiles[self.profile_of[agent] as usize].model
     }
 
-    /// What a robot covers.
+    /// Footprint of a robot.
     pub fn shape(&self, agent: usize) -> &Shape {
         &self.shapes[self.profile_of[agent] as usize]
     }

@@ -38,16 +38,16 @@ pub const FLEET_FILE_LIMIT: u64 = 1 << 28;
 
 const HINT: &str = "a fleet file is a JSON object with format, profiles and agents";
 
-/// What a fleet file says.
+/// Content of a fleet file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FleetFile {
     /// The kinds of robots with their names, in the order of the file.
     pub profiles: Vec<(String, Profile)>,
-    /// Which agent is of which kind.
+    /// Profile of each agent.
     pub agents: Assignment,
 }
 
-/// Which agent has which profile, as indices.
+/// Assignment of profiles to agents, as indices.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Assignment {
@@ -60,7 +60,7 @@ pub enum Assignment {
 }
 
 impl FleetFile {
-    /// The fleet of an instance with so many agents.
+    /// The fleet of an instance with this number of agents.
     pub fn fleet(&self, agents: usize) -> Result<Fleet, FleetError> {
         let profile_of = match &self.agents {
             Assignment::Each(list) if list.len() != agents => {
@@ -85,7 +85,7 @@ pub fn load_fleet(path: impl AsRef<Path>) -> Result<FleetFile, InputError> {
     read_fleet(&path.display().to_string(), &bytes)
 }
 
-/// Parses the content of a fleet file. `source` is named in errors.
+/// Parses the content of a fleet file. Errors name `source`.
 pub fn read_fleet(source: &str, bytes: &[u8]) -> Result<FleetFile, InputError> {
     let hinted = |error: InputError| match error.hint {
         Some(_) => error,
@@ -93,8 +93,8 @@ pub fn read_fleet(source: &str, bytes: &[u8]) -> Result<FleetFile, InputError> {
     };
     let document: Document = read_object(source, bytes, HINT).map_err(hinted)?;
     let Profiles(profiles) = document.profiles;
-    // Names can only be looked up when all profiles are known, and an unknown one is to be
-    // refused where it stands: so the agents are read in a second pass.
+    // Names can only be resolved when all profiles are known, and an unknown one is
+    // refused at its place: so the agents are read in a second pass.
     let mut again = serde_json::Deserializer::from_slice(bytes);
     let agents = AgentsKey(&profiles).deserialize(&mut again);
     let agents = agents.map_err(|error| hinted(json_error(source, bytes, &error)))?;
@@ -150,7 +150,7 @@ impl<'de> Deserialize<'de> for Profiles {
     }
 }
 
-/// Finds the key `agents` in a document that is otherwise known to be right.
+/// Finds the key `agents` in a document that is otherwise valid.
 struct AgentsKey<'a>(&'a [(String, Profile)]);
 
 impl<'de> DeserializeSeed<'de> for AgentsKey<'_> {

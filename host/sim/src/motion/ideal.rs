@@ -53,8 +53,8 @@ impl Rotation {
     }
 }
 
-/// Moves uniformly so that the body is at the target after the last tick, or as much
-/// nearer as the speed factor says.
+/// Moves uniformly so that the body is at the target after the last tick, or falls short
+/// of it in proportion to the speed factor.
 pub(super) fn run(
     state: &mut State,
     target: &Target,

@@ -20,11 +20,11 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{MotionError, within};
 
-/// Closer than this, in metres or radians, is there.
+/// Distances below this, in metres or radians, count as zero.
 pub(super) const THERE: f64 = 1e-9;
 
-/// Gains of a controller: the speed that is asked for is
-/// p · error + i · ∫ error dt − d · speed, before any limit.
+/// Gains of a controller, whose requested speed is p · error + i · ∫ error dt − d ·
+/// speed, before any limit.
 ///
 /// The derivative acts on the measured speed (the target is at rest), so that a new
 /// target gives no kick. The integral grows only while no limit holds the speed back, and
@@ -32,16 +32,16 @@ pub(super) const THERE: f64 = 1e-9;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Pid {
-    /// Proportional gain in 1/s. From 1/Δt on, the limits alone rule.
+    /// Proportional gain in 1/s. From 1/Δt on, only the limits matter.
     pub p: f64,
     /// Integral gain in 1/s².
     pub i: f64,
-    /// Derivative gain, without a unit.
+    /// Derivative gain, dimensionless.
     pub d: f64,
 }
 
 impl Default for Pid {
-    /// So stiff that the limits alone rule at up to 1000 ticks per second.
+    /// So stiff that only the limits matter at up to 1000 ticks per second.
     fn default() -> Self {
         Self::proportional(1000.0)
     }
@@ -66,10 +66,10 @@ impl Pid {
 pub(super) struct Axis {
     pid: Pid,
     cap: f64,
-    /// What a tick may add to a speed, and take from it.
+    /// Largest increase and decrease of the speed per tick.
     up: f64,
     down: f64,
-    /// 2·a and q of the law, and q/2.
+    /// The terms 2·a, q and q/2 of the law.
     two_a: f64,
     q: f64,
     half_q: f64,
@@ -100,7 +100,7 @@ impl Axis {
         }
     }
 
-    /// Speed changes at once. In the terms of the law: what is left always fits one tick.
+    /// Speed changes at once. In the terms of the law: the rest always fits one tick.
     pub(super) fn first_order(pid: Pid, cap: f64, dt: f64) -> Self {
         Self {
             pid,
@@ -115,7 +115,7 @@ impl Axis {
         }
     }
 
-    /// Nothing may move.
+    /// True if no motion is possible.
     pub(super) fn is_stalled(&self) -> bool {
         self.cap <= 0.0
     }
@@ -131,7 +131,7 @@ impl Axis {
         }
     }
 
-    /// The speed of the next tick, `speed` now and the signed `gap` to go.
+    /// Speed of the next tick, from the current speed and the signed `gap` to go.
     #[inline]
     pub(super) fn next(&self, speed: f64, gap: f64, integral: &mut f64) -> f64 {
         let mut wanted = 0.0;
@@ -151,7 +151,7 @@ impl Axis {
         self.slew(speed, wanted)
     }
 
-    /// As near to `wanted` as a tick comes.
+    /// The speed nearest to `wanted` that a tick reaches.
     #[inline]
     pub(super) fn slew(&self, speed: f64, wanted: f64) -> f64 {
         // Through zero, at most as fast as from zero.
@@ -171,11 +171,12 @@ impl Axis {
         let room = self.two_a * gap;
         let faster = (speed + self.up).min(self.cap);
         let square = (faster + self.half_q) * (faster + self.half_q);
-        // Where this holds, `faster` is below the bound, in both of its cases.
+        // If this holds, `faster` is below the bound in both of its cases.
         if square <= room && speed <= self.cap && faster <= asked {
             return faster;
         }
-        // Who is at the bound stays there by losing q: up to rounding, so it is looked at.
+        // A body at the bound stays there by losing q; rounding makes the check
+        // necessary.
         let slower = speed - self.q;
         let square = (slower + self.half_q) * (slower + self.half_q);
         if slower > 0.0

@@ -1,14 +1,14 @@
-//! How bodies move: models with limits, and the controllers that drive them.
+//! Motion models with limits, and the controllers that drive them.
 //!
-//! A [`Model`] takes a body from its [`State`] towards a [`Target`], at which it is to
+//! A [`Model`] moves a body from its [`State`] towards a [`Target`], at which it is to
 //! rest, tick by tick. It never passes the target by more than
 //! [`Model::arrival_tolerance_m`], and a body that starts from rest stays within
-//! [`Model::lateral_tolerance_m`] of the straight line to it: execution that is gated by
-//! dependencies between robots relies on both. Models are deterministic to the bit: only
-//! `+ − × ÷`, square roots and the functions of `libm`.
+//! [`Model::lateral_tolerance_m`] of the straight line to it: gated execution relies on
+//! both. Models are deterministic to the bit: only `+ − × ÷`, square roots and the
+//! functions of `libm`.
 //!
-//! What each model and controller does, and where its numbers come from, is in
-//! `docs/execution.md`.
+//! `docs/execution.md` describes every model and controller, with the sources of its
+//! numbers.
 
 mod error;
 mod fleet;
@@ -42,10 +42,10 @@ pub use state::{State, Target};
 pub use waypoint::{WaypointLaw, WheelSpeeds};
 pub use wheeled::{DifferentialDrive, TurnAndDrive, Unicycle1, Unicycle2};
 
-/// How a body moves: what it can do, and the controller that does it.
+/// Motion model of a body: its limits and its controller.
 ///
 /// In files either the name of a preset, or an object with the name of a model and its
-/// parameters, of which each has a default: `"agv"`, `{"differential-drive": {}}`.
+/// parameters, all of which have defaults: `"agv"`, `{"differential-drive": {}}`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", rename_all = "kebab-case")]
 pub enum Model {
@@ -87,12 +87,12 @@ impl Model {
         }
     }
 
-    /// Whether bodies follow their reference exactly, with no controller.
+    /// True if bodies follow their reference exactly, without a controller.
     pub fn is_ideal(&self) -> bool {
         matches!(self, Self::Pebble(_) | Self::Rotation(_))
     }
 
-    /// Whether a body can have these parameters. A model that was read from a file can.
+    /// Checks the parameters. A model that was read from a file is valid.
     pub fn validate(&self) -> Result<(), MotionError> {
         match self {
             Self::Pebble(model) => model.validate(),
@@ -109,9 +109,9 @@ impl Model {
 
     /// Moves a body for `ticks` ticks of `dt` seconds and shows it at the end of each.
     ///
-    /// `speed_factor` in `[0, 1]` lowers the speeds and turn rates that are asked for; a
-    /// body that is faster slows down under its limits. Ideal models move uniformly and
-    /// are at the target after the last tick.
+    /// `speed_factor` in `[0, 1]` lowers the requested speeds and turn rates; a body that
+    /// is faster slows down under its limits. Ideal models move uniformly and are at the
+    /// target after the last tick.
     #[inline]
     pub fn run(
         &self,
@@ -160,7 +160,7 @@ impl Model {
         }
     }
 
-    /// Whether the body is at the target, and would stop within the tolerances.
+    /// True if the body is at the target, and would stop within the tolerances.
     pub fn has_arrived(&self, state: &State, target: &Target) -> bool {
         let near = match self {
             Self::WaypointLaw(model) => model.arrival_tolerance_m,
@@ -169,7 +169,8 @@ impl Model {
         self.is_within(near, state, target)
     }
 
-    /// Whether the body is at the last target of its way, which may be less exact.
+    /// True if the body is at the last target of its route, which may have a larger
+    /// tolerance.
     pub fn has_finished(&self, state: &State, target: &Target) -> bool {
         self.is_within(self.arrival_tolerance_m(), state, target)
     }
@@ -203,8 +204,8 @@ impl Model {
         error <= tolerance && half_square(state.omega, deceleration) <= tolerance
     }
 
-    /// How far the body goes on from its top speed if it brakes as hard as it can, in
-    /// metres; 0 where no speed is too high to stop at once.
+    /// Braking distance from top speed at the largest deceleration, in metres; 0 for
+    /// models that stop at once from any speed.
     pub fn longest_stop_m(&self) -> f64 {
         let speed = self.max_speed_m_per_s();
         if !speed.is_finite() {
@@ -216,8 +217,7 @@ impl Model {
         })
     }
 
-    /// How far the body goes on from its top speed if it brakes as its controller does, in
-    /// metres.
+    /// Braking distance from top speed at the controller's deceleration, in metres.
     pub fn usual_stop_m(&self) -> f64 {
         let braking = match self {
             Self::DifferentialDrive(model) => model.braking_m_per_s2,
@@ -229,7 +229,7 @@ impl Model {
         stop_m.max(self.longest_stop_m())
     }
 
-    /// How far the body goes on at least if it brakes as hard as it can.
+    /// Least braking distance from the current state.
     pub fn stop_distance_m(&self, state: &State) -> f64 {
         let deceleration = match self {
             Self::Pebble(_)
@@ -247,7 +247,8 @@ impl Model {
         (state.vx * state.vx + state.vy * state.vy) / (2.0 * deceleration)
     }
 
-    /// Arrived is who stops within this distance; no body goes past its target by more.
+    /// A body has arrived if it stops within this distance; no body passes its target by
+    /// more.
     pub fn arrival_tolerance_m(&self) -> f64 {
         match self {
             Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
@@ -262,8 +263,8 @@ impl Model {
         }
     }
 
-    /// From rest within the arrival tolerance of one knot, and on the way to one or more
-    /// others in a straight line, a body stays within this distance of that line.
+    /// Largest distance from the line on the way to one or more knots in a straight line,
+    /// from rest within the arrival tolerance of a knot.
     pub fn lateral_tolerance_m(&self) -> f64 {
         match self {
             Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
@@ -278,11 +279,11 @@ impl Model {
         }
     }
 
-    /// Whether a body has the headings that a plan gives it, wherever it moves: from rest
-    /// within the tolerances of a pose and on the way to another one its place and its
-    /// heading change in proportion, so that at some fraction of the way it is within
-    /// [`Model::lateral_tolerance_m`] and [`Model::heading_tolerance_rad`] of it. Wheels
-    /// head where they drive.
+    /// True if a body has the planned headings wherever it moves: from rest within the
+    /// tolerances of a pose, on the way to another one, its place and its heading change
+    /// in proportion, so that at some fraction of the way it is within
+    /// [`Model::lateral_tolerance_m`] and [`Model::heading_tolerance_rad`] of it. Wheeled
+    /// bodies head where they drive instead.
     pub fn keeps_headings(&self) -> bool {
         matches!(
             self,
@@ -290,7 +291,7 @@ impl Model {
         )
     }
 
-    /// Arrived is who is within this angle of the heading that is asked for.
+    /// A body has arrived if it is within this angle of the requested heading.
     pub fn heading_tolerance_rad(&self) -> f64 {
         match self {
             Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
@@ -305,8 +306,8 @@ impl Model {
         }
     }
 
-    /// The largest speed over ground; infinite for ideal models, which are as fast as
-    /// their reference.
+    /// Largest speed over ground; infinite for ideal models, which are as fast as their
+    /// reference.
     pub fn max_speed_m_per_s(&self) -> f64 {
         match self {
             Self::Pebble(_) | Self::Rotation(_) => f64::INFINITY,
@@ -324,7 +325,7 @@ impl Model {
         }
     }
 
-    /// The largest turn rate; infinite for models whose heading is free.
+    /// Largest turn rate; infinite for models whose heading is free.
     pub fn max_turn_rate_rad_per_s(&self) -> f64 {
         match self {
             Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => f64::INFINITY,
@@ -339,7 +340,7 @@ impl Model {
 }
 
 impl Model {
-    /// What the body can do at most, as plans are held against it.
+    /// Limits against which plans are validated.
     pub fn dynamics(&self) -> Dynamics {
         let unlimited = f64::INFINITY;
         let (travel, turn_acceleration) = match self {
@@ -395,7 +396,7 @@ impl Model {
                 ),
                 model.max_turn_acceleration_rad_per_s2,
             ),
-            // It sets out by what it slows down with, and a turn takes speed at once.
+            // It starts at its deceleration, and turns cost speed at once.
             Self::WaypointLaw(model) => (
                 wheels(
                     model.max_speed_m_per_s,
@@ -423,7 +424,7 @@ fn wheels(speed: f64, reverse: bool, acceleration: f64, deceleration: f64) -> Tr
     }
 }
 
-/// How far something turns on while it stops.
+/// Angle or distance covered while a rate falls to zero.
 fn half_square(rate: f64, deceleration: f64) -> f64 {
     rate * rate / (2.0 * deceleration)
 }

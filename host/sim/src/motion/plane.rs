@@ -1,8 +1,8 @@
 //! Bodies that move in any direction: integrators and holonomic robots.
 //!
 //! From rest a body moves on the straight line to its target: both coordinates follow the
-//! law of [`super::law`] with limits in proportion to their share of the way, so that they
-//! arrive together. A heading that is asked for changes in proportion to the way, as the
+//! law of [`super::law`] with limits in proportion to their share of the way, so that
+//! they arrive together. A requested heading changes in proportion to the way, as the
 //! headings of a trajectory plan do.
 
 use core::f64::consts::PI;
@@ -13,8 +13,9 @@ use super::error::{MotionError, limit, tolerance_m, tolerance_rad, within};
 use super::law::{Axis, Pid, THERE};
 use super::{State, Target};
 
-/// Stop and go at one common speed, in any direction: the agents of roadmaps in GRACE,
-/// section III-B. The last tick of a way is as slow as it must be to end at the target.
+/// Motion in any direction at one common speed, without acceleration: the agents of
+/// roadmaps in GRACE, section III-B. The last tick of a way is slower, to end at the
+/// target.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SingleIntegrator {
@@ -35,7 +36,7 @@ impl Default for SingleIntegrator {
 }
 
 impl SingleIntegrator {
-    /// It lands on its targets; this is what rounding may leave.
+    /// Largest rounding error at a target; the body lands on it otherwise.
     pub(super) const TOLERANCE: f64 = 1e-6;
 
     pub(super) fn validate(&self) -> Result<(), MotionError> {
@@ -88,8 +89,8 @@ impl SingleIntegrator {
     }
 }
 
-/// A point whose inputs are accelerations, bounded per axis of the world. The defaults are
-/// those of dynobench and of GRACE's continuous experiments.
+/// A point with bounded accelerations per world axis as inputs. The defaults are those of
+/// dynobench and of GRACE's continuous experiments.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DoubleIntegrator {
@@ -99,11 +100,13 @@ pub struct DoubleIntegrator {
     pub max_acceleration_m_per_s2: f64,
     /// Largest turn rate, reached at once (the model has no heading); by default 180°/s.
     pub max_turn_rate_rad_per_s: f64,
-    /// Speed asked for per distance, in 1/s; by default 1000: the limits alone rule.
+    /// Requested speed per distance, in 1/s; by default 1000: only the limits matter.
     pub distance_gain_per_s: f64,
-    /// Arrived is who stops within this distance of the target; by default 5 mm.
+    /// A body has arrived if it stops within this distance of the target; by default 5
+    /// mm.
     pub arrival_tolerance_m: f64,
-    /// Arrived is who stops within this angle of the heading asked for; by default 0.5°.
+    /// A body has arrived if it stops within this angle of the requested heading; by
+    /// default 0.5°.
     pub heading_tolerance_rad: f64,
 }
 
@@ -157,7 +160,7 @@ impl DoubleIntegrator {
     }
 }
 
-/// A body that takes twists: speeds forwards and sideways and a turn rate, each under
+/// A body with twists as inputs: speeds forwards and sideways and a turn rate, each under
 /// limits. The heading is independent of the direction of travel. The controller is
 /// proportional in the frame of the body (Multi-Quadruped MAPF, section 3).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -177,13 +180,15 @@ pub struct Holonomic {
     pub max_turn_rate_rad_per_s: f64,
     /// Largest change of the turn rate; by default 2 rad/s².
     pub max_turn_acceleration_rad_per_s2: f64,
-    /// Speed asked for per distance, in 1/s; by default 4.
+    /// Requested speed per distance, in 1/s; by default 4.
     pub distance_gain_per_s: f64,
-    /// Turn rate asked for per angle in turns in place, in 1/s; by default 4.
+    /// Requested turn rate per angle in turns in place, in 1/s; by default 4.
     pub heading_gain_per_s: f64,
-    /// Arrived is who stops within this distance of the target; by default 2 cm.
+    /// A body has arrived if it stops within this distance of the target; by default 2
+    /// cm.
     pub arrival_tolerance_m: f64,
-    /// Arrived is who stops within this angle of the heading asked for; by default 1°.
+    /// A body has arrived if it stops within this angle of the requested heading; by
+    /// default 1°.
     pub heading_tolerance_rad: f64,
 }
 
@@ -246,7 +251,7 @@ impl Holonomic {
         tolerance_rad("heading_tolerance_rad", self.heading_tolerance_rad)
     }
 
-    /// The deceleration that it has in every direction.
+    /// The deceleration available in every direction.
     pub(super) fn least_acceleration(&self) -> f64 {
         let forward = self.max_forward_acceleration_m_per_s2;
         forward.min(self.max_lateral_acceleration_m_per_s2)
@@ -295,7 +300,7 @@ pub(super) struct Plane {
     most_turn: f64,
     /// Largest change of the turn rate.
     turn_rate: f64,
-    /// Whether the limits turn with the body.
+    /// Set if the limits turn with the body.
     body_frame: bool,
     near_squared: f64,
     heading_tolerance: f64,
@@ -344,8 +349,8 @@ impl Plane {
         }
     }
 
-    /// Moves with the heading as it is; `frame` is the cosine and sine of the axes in
-    /// which the limits hold.
+    /// Moves with the heading fixed; `frame` is the cosine and sine of the axes of the
+    /// limits.
     fn glide(
         &self,
         state: &mut State,
@@ -356,7 +361,8 @@ impl Plane {
     ) {
         let (gap, speed) = (into(frame, way), into(frame, [state.vx, state.vy]));
         let axes = self.axes(gap);
-        // Mirrored so that the way is forwards in both: the law for that is the cheaper one.
+        // Mirrored so that both coordinates move forwards: that case of the law is
+        // cheaper.
         let signs = gap.map(|gap| if gap < 0.0 { -1.0 } else { 1.0 });
         let mut gap = [gap[0] * signs[0], gap[1] * signs[1]];
         let mut speed = [speed[0] * signs[0], speed[1] * signs[1]];
@@ -378,12 +384,12 @@ impl Plane {
         }
     }
 
-    /// Both coordinates under limits in proportion to what each has to go.
+    /// Both coordinates under limits in proportion to their distances.
     fn axes(&self, gap: [f64; 2]) -> [Axis; 2] {
         let [forward, backward, lateral] = self.caps;
         let caps = [if gap[0] >= 0.0 { forward } else { backward }, lateral];
         let size = gap.map(f64::abs);
-        // How long the way takes at the limit, of speed and of acceleration.
+        // Duration of the way at the limit of speed, and at that of acceleration.
         let slowest = (size[0] / caps[0]).max(size[1] / caps[1]);
         let laziest = (size[0] / self.rates[0]).max(size[1] / self.rates[1]);
         let there = size[0] <= THERE && size[1] <= THERE;
@@ -399,7 +405,7 @@ impl Plane {
         [axis(0), axis(1)]
     }
 
-    /// A tick of a body that turns: its heading changes in proportion to its way.
+    /// A tick of a turning body: its heading changes in proportion to its way.
     fn turning(&self, state: &mut State, target: &Target) {
         let (dx, dy, squared) = state.way(target);
         let distance = squared.sqrt();
@@ -414,11 +420,11 @@ impl Plane {
         let omega = state.omega;
         state.omega = if moves {
             let way = [dx / distance, dy / distance];
-            // No faster than it can stop at its heading.
+            // At most the speed from which it can stop at its heading.
             let most = self.most_turn(velocity).min(self.turn.bound(turn.abs()));
             self.keep_up(&mut velocity, before, way, [per_metre, omega, most], frame);
-            // Who still moves away has not set out, and who moves past its target turns no
-            // further than that.
+            // A body that still moves away has not set out; one that moves past its
+            // target turns no further than it.
             let closing = velocity[0] * way[0] + velocity[1] * way[1];
             let closing = closing.max(0.0).min(distance / self.dt);
             self.turn
@@ -445,15 +451,15 @@ impl Plane {
         state.y += state.vy * self.dt;
     }
 
-    /// The acceleration that a body has in every direction while it turns. Turning the
-    /// velocity along with the body takes some too: half of it is kept for that.
+    /// Acceleration available in every direction while the body turns. Turning the
+    /// velocity along with the body needs some of it: half is reserved for that.
     fn rate(&self) -> f64 {
         let reserve = if self.body_frame { 0.5 } else { 1.0 };
         self.rates[0].min(self.rates[1]) * reserve
     }
 
-    /// The velocity of the next tick on a way on which the body turns by so much a metre,
-    /// under limits that hold whatever the heading.
+    /// Velocity of the next tick on a way with the given turn per metre, under limits
+    /// that hold whatever the heading.
     fn slowly(
         &self,
         frame: [f64; 2],
@@ -488,7 +494,7 @@ impl Plane {
         out_of(frame, speed)
     }
 
-    /// The axes in which the limits hold.
+    /// The axes of the limits.
     fn frame(&self, state: &mut State) -> [f64; 2] {
         if self.body_frame {
             state.face();
@@ -498,7 +504,7 @@ impl Plane {
         }
     }
 
-    /// The largest speed and acceleration along a way.
+    /// Largest speed and acceleration along a way.
     fn along(&self, frame: [f64; 2], way: [f64; 2]) -> [f64; 2] {
         let gap = into(frame, way);
         let distance = size(gap);
@@ -507,9 +513,9 @@ impl Plane {
         [caps, self.rates].map(|most| least_along(most, gap) * distance)
     }
 
-    /// The velocity of the next tick of a body that does not move along its way: it brakes
-    /// across the way as hard as it can, and only what that leaves of its acceleration
-    /// takes it along. So it stays as near to its way as where it was to stop before.
+    /// Velocity of the next tick of a body that does not move along its way: it brakes
+    /// across the way as hard as it can, and uses only the rest of its acceleration along
+    /// it. So it stays as near to its way as its stopping point was.
     fn onto(
         &self,
         frame: [f64; 2],
@@ -548,8 +554,8 @@ impl Plane {
         out_of(frame, next)
     }
 
-    /// The largest turn rate at a velocity, whatever the speed that is asked for now: a
-    /// body that slows down turns on in proportion.
+    /// Largest turn rate at a velocity, whatever the requested speed: a body that slows
+    /// down turns on in proportion.
     fn most_turn(&self, [vx, vy]: [f64; 2]) -> f64 {
         let speed = (vx * vx + vy * vy).sqrt();
         if self.body_frame && speed > 0.0 {
@@ -560,8 +566,8 @@ impl Plane {
     }
 
     /// Slows a velocity down until the turn keeps up with it, as hard as the body brakes.
-    /// From rest it does; who arrives with some speed left, or is sent on, first has to
-    /// turn as fast as the way asks for.
+    /// From rest it always does; a body that arrives with speed left, or gets a new
+    /// target while moving, first has to reach the turn rate of the way.
     fn keep_up(
         &self,
         velocity: &mut [f64; 2],
@@ -579,7 +585,7 @@ impl Plane {
             before[0] * way[0] + before[1] * way[1],
             velocity[0] * way[0] + velocity[1] * way[1],
         );
-        // What it lags behind by meanwhile is no part of the tolerance worth a stop.
+        // The lag meanwhile is not worth a stop within this part of the tolerance.
         let slack = (0.1 * self.turn_rate * self.heading_tolerance).sqrt();
         let lacks = bend * closed - turns;
         let allowed = if lacks > slack {
@@ -593,7 +599,7 @@ impl Plane {
         if excess <= 0.0 {
             return;
         }
-        // Along the way alone, as far as what is left of the acceleration takes it.
+        // Along the way alone, as far as the remaining acceleration permits.
         let (ahead, now, old) = (
             into(frame, way),
             into(frame, *velocity),
@@ -608,19 +614,19 @@ impl Plane {
     }
 }
 
-/// On a shorter way a body turns in place, in metres: a turn in proportion to it would be
-/// one to rounding.
+/// On a shorter way, in metres, a body turns in place: a turn in proportion to it would
+/// amplify rounding.
 const NO_WAY_M: f64 = 1e-6;
 
-/// Whether a body moves along its way: then both coordinates slow down in proportion, so
-/// that it stays there. Else it has to get onto it first.
+/// True if a body moves along its way: then both coordinates slow down in proportion, so
+/// that it stays there. Otherwise it has to reach the way first.
 fn is_along(speed: [f64; 2], way: [f64; 2]) -> bool {
     let aside = speed[0] * way[1] - speed[1] * way[0];
     let ahead = speed[0] * way[0] + speed[1] * way[1];
     aside.abs() <= 1e-3 * ahead
 }
 
-/// How far a vector can go in a direction before one of its coordinates is at its most.
+/// Largest length of a vector in a direction with every coordinate within its bound.
 fn least_along(most: [f64; 2], direction: [f64; 2]) -> f64 {
     (most[0] / direction[0].abs()).min(most[1] / direction[1].abs())
 }
@@ -634,7 +640,7 @@ fn into([cos, sin]: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
     [x * cos + y * sin, y * cos - x * sin]
 }
 
-/// A vector of such a frame in the world.
+/// Inverse of [`into`]: a vector of the frame in the world.
 fn out_of([cos, sin]: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
     [x * cos - y * sin, x * sin + y * cos]
 }

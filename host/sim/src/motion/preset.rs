@@ -1,4 +1,4 @@
-//! Robots and benchmarks by name.
+//! Presets: robots and benchmarks by name.
 
 use core::f64::consts::PI;
 use std::str::FromStr;
@@ -15,15 +15,15 @@ use super::{
 pub struct Preset {
     /// The name, as in files and on the command line.
     pub name: &'static str,
-    /// What it is, and where its numbers are from.
+    /// Description, with the source of its numbers.
     pub about: &'static str,
     /// The model.
     pub model: fn() -> Model,
-    /// The body, of robots that have one.
+    /// The footprint, for presets of robots.
     pub footprint: Option<fn() -> Footprint>,
 }
 
-/// All presets: first every model with its defaults.
+/// All presets; every model with its defaults comes first.
 pub const PRESETS: &[Preset] = &[
     Preset {
         name: "pebble",
@@ -161,8 +161,8 @@ fn rectangle(length_m: f64, width_m: f64) -> Footprint {
     Footprint::Rectangle { length_m, width_m }
 }
 
-/// Public figures name the speed forwards alone; half of it in other directions, and a
-/// quarter turn per second, are ours.
+/// Published figures give the forward speed alone; half of it in other directions, and a
+/// quarter turn per second, are our choice.
 fn quadruped(speed_m_per_s: f64, acceleration_m_per_s2: f64) -> Model {
     Model::Holonomic(Holonomic {
         max_forward_m_per_s: speed_m_per_s,

@@ -64,7 +64,7 @@ pub fn smooth(
     Ok(smoothed)
 }
 
-/// Where the curve of a corner begins and ends.
+/// Begin and end of a corner's curve.
 fn round(
     before: Waypoint,
     at: Waypoint,
@@ -88,7 +88,7 @@ fn round(
     let ((ux, wx), (uy, wy)) = (along(0), along(1));
     let (x, y) = (wx - ux, wy - uy);
     let sharpness = (x * x + y * y).sqrt();
-    // No corner, or a turn on the spot, of which a curve would cut off the end.
+    // No corner, or a turn on the spot, whose end a curve would cut off.
     if sharpness <= 1e-9 || sharpness >= 2.0 - 1e-9 {
         return None;
     }

@@ -1,4 +1,4 @@
-//! Where a body is and how it moves, and where it is to be.
+//! State and target of a body.
 
 /// Pose, velocity and the memory of the controller: 88 bytes.
 ///
@@ -13,7 +13,7 @@ pub struct State {
     pub y: f64,
     /// Heading, unwrapped.
     pub heading: f64,
-    /// Velocity in the world frame, that of the tick that ends here.
+    /// Velocity in the world frame during the tick that ends here.
     pub vx: f64,
     /// Velocity in the world frame.
     pub vy: f64,
@@ -48,7 +48,7 @@ impl State {
         state
     }
 
-    /// Takes over the memory of the controller from a state that was not reached.
+    /// Copies the controller's memory from a state that was not reached.
     pub(crate) fn remember(&mut self, of: &Self) {
         self.sum_distance = of.sum_distance;
         self.sum_heading = of.sum_heading;
@@ -59,7 +59,7 @@ impl State {
         (self.vx * self.vx + self.vy * self.vy).sqrt()
     }
 
-    /// Brings cosine and sine up to date.
+    /// Updates cosine and sine of the heading.
     #[inline]
     pub(super) fn face(&mut self) {
         if self.of.to_bits() != self.heading.to_bits() {
@@ -68,14 +68,13 @@ impl State {
         }
     }
 
-    /// A vector of the world as the body sees it, ahead and to its left; after
-    /// [`State::face`].
+    /// A world vector in the body frame, ahead and to the left; needs [`State::face`].
     #[inline]
     pub(super) fn seen(&self, x: f64, y: f64) -> [f64; 2] {
         [x * self.cos + y * self.sin, y * self.cos - x * self.sin]
     }
 
-    /// The memory of the controller ends where a body rests.
+    /// Clears the controller's memory at rest.
     #[inline]
     pub(super) fn forget(&mut self) {
         self.sum_distance = 0.0;
@@ -90,7 +89,7 @@ impl State {
     }
 }
 
-/// Where a body is to be at rest.
+/// Pose at which a body is to rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// Position in metres.

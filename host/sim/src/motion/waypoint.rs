@@ -8,10 +8,11 @@ use super::error::{MotionError, limit, tolerance_m, within};
 use super::law::wrap;
 use super::{State, Target};
 
-/// A differential drive that steers while it drives: the closer to its course, the faster.
+/// A differential drive that steers while it drives: the smaller its heading error, the
+/// faster.
 ///
-/// The paper gives the law and not the values; the defaults are those of a Clearpath Husky
-/// (its default robot) where published, and otherwise ours.
+/// The paper gives the law and not the values; the defaults are those of a Clearpath
+/// Husky (its default robot) where published, and otherwise our choice.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WaypointLaw {
@@ -35,9 +36,9 @@ pub struct WaypointLaw {
     pub turn_up_rad_per_s2: f64,
     /// `a_ω,−`; by default 6 rad/s².
     pub turn_down_rad_per_s2: f64,
-    /// How much of the speed is lost at the full turn rate; 0.68 in equation 35.
+    /// Share of the speed lost at the full turn rate; 0.68 in equation 35.
     pub turn_slowdown: f64,
-    /// The share of the speed that is always left; 0.18 in equation 35.
+    /// Least share of the speed; 0.18 in equation 35.
     pub turn_floor: f64,
     /// `b`, the distance between the wheels; by default 0.555 m (Husky).
     pub axle_track_m: f64,
@@ -48,7 +49,7 @@ pub struct WaypointLaw {
     /// `ε` of the last waypoint, no less than that of the others, and by default the
     /// same. The body counts as arrived there, and goes on to `arrival_tolerance_m`.
     pub final_tolerance_m: Option<f64>,
-    /// As near to a heading that is asked for; by default 1°. The paper has no headings.
+    /// Tolerance of a requested heading; by default 1°. The paper has no headings.
     pub heading_tolerance_rad: f64,
 }
 
@@ -115,7 +116,7 @@ impl WaypointLaw {
             0.5 * PI,
             hint,
         )?;
-        // So that the gate has a width by which its argument can be divided.
+        // A width above zero, by which the gate's argument is divided.
         let most = self.turn_beyond_rad - 1e-9;
         within("drive_within_rad", self.drive_within_rad, 0.0, most, hint)?;
         let hint = "give a share between 0 and 1";
@@ -144,7 +145,7 @@ impl WaypointLaw {
         self.final_tolerance_m.unwrap_or(self.arrival_tolerance_m)
     }
 
-    /// What the wheels do in the tick that ends in `state`.
+    /// Wheel speeds in the tick that ends in `state`.
     pub fn wheel_speeds(&self, state: &State) -> WheelSpeeds {
         let (sin, cos) = libm::sincos(state.heading);
         let speed = state.vx * cos + state.vy * sin;
@@ -239,9 +240,9 @@ impl WaypointLaw {
         }
     }
 
-    /// How far a body that starts from rest leaves the straight line at most.
+    /// Largest distance from the straight line of a body that starts from rest.
     ///
-    /// It moves off at the turn gate, at no more than `a_v,+ · t`, with an error that
+    /// It starts at the turn gate, at no more than `a_v,+ · t`, with an error that
     /// shrinks at the turn rate and then exponentially.
     pub(super) fn lateral_tolerance_m(&self) -> f64 {
         let (gain, rate) = (self.heading_gain_per_s, self.max_turn_rate_rad_per_s);

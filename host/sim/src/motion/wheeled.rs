@@ -1,8 +1,8 @@
 //! Bodies that drive where they head: differential drive and unicycles.
 //!
 //! One controller for all: it turns in place until it faces the target, then drives, and
-//! holds its course with small corrections. What is far off course while moving stops
-//! first. So from rest a body keeps to the straight line to its target.
+//! holds its course with small corrections. A moving body far off course stops first. So
+//! from rest a body keeps to the straight line to its target.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -20,14 +20,15 @@ pub struct TurnAndDrive {
     pub distance: Pid,
     /// From heading error to turn rate.
     pub heading: Pid,
-    /// Arrived is who stops within this distance of the target, in metres.
+    /// A body has arrived if it stops within this distance of the target, in metres.
     pub arrival_tolerance_m: f64,
-    /// Arrived is who stops within this angle of the heading asked for, in radians.
+    /// A body has arrived if it stops within this angle of the requested heading, in
+    /// radians.
     pub heading_tolerance_rad: f64,
-    /// A moving body steers if it is off course by at most this angle, and stops to turn
-    /// in place else.
+    /// A moving body with at most this heading error steers; beyond it stops and turns in
+    /// place.
     pub steer_within_rad: f64,
-    /// Whether it drives backwards to what is behind it.
+    /// Drive backwards to targets behind the body.
     pub reverse: bool,
 }
 
@@ -63,7 +64,7 @@ impl TurnAndDrive {
         tolerance_rad("control.steer_within_rad", self.steer_within_rad)
     }
 
-    /// Whether a body rests where it is to be.
+    /// True if a body rests at its target.
     #[inline]
     pub(super) fn rests(&self, state: &State, target: &Target) -> bool {
         let (_, _, squared) = state.way(target);
@@ -76,7 +77,7 @@ impl TurnAndDrive {
             })
     }
 
-    /// A straight leg is kept to within this distance.
+    /// Largest distance from a straight leg.
     pub(super) fn lateral_tolerance_m(&self) -> f64 {
         1.1 * self.arrival_tolerance_m
     }
@@ -93,8 +94,8 @@ pub struct DifferentialDrive {
     pub max_acceleration_m_per_s2: f64,
     /// Largest deceleration; by default 2 m/s² (LSMART).
     pub max_deceleration_m_per_s2: f64,
-    /// The deceleration that the controller plans with, at most the largest; by default
-    /// the largest.
+    /// Deceleration that the controller plans with, at most the largest; by default the
+    /// largest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub braking_m_per_s2: Option<f64>,
     /// Largest turn rate; by default 45°/s (LSMART).
@@ -253,7 +254,7 @@ pub(super) struct Wheels {
     turn: Axis,
     near_squared: f64,
     heading_tolerance: f64,
-    /// Off course by less than this is on course.
+    /// Largest heading error that counts as on course.
     on_course: f64,
     steer_within: f64,
     reverse: bool,
@@ -327,8 +328,8 @@ impl Wheels {
         }
     }
 
-    /// By how much a body that stands must turn to drive to what lies at (dx, dy). Without
-    /// cosine and sine while it turns: the heading changes with every tick.
+    /// Turn of a standing body that makes it drive to (dx, dy). Without cosine and sine
+    /// while it turns: the heading changes with every tick.
     fn bearing_error(&self, state: &mut State, dx: f64, dy: f64) -> f64 {
         if state.omega == 0.0 {
             state.face();
@@ -345,7 +346,7 @@ impl Wheels {
         }
     }
 
-    /// Drives on with the heading as it is, until it stands or no tick is left.
+    /// Drives on with the heading fixed, until the body stands or no tick is left.
     #[inline]
     fn straight(
         &self,
@@ -398,7 +399,7 @@ impl Wheels {
         state.y += state.vy * self.dt;
     }
 
-    /// Turns where it stands, until it has turned by `error` or no tick is left.
+    /// Turns in place by `error`, or until no tick is left.
     fn turn_in_place(
         &self,
         state: &mut State,
@@ -406,7 +407,7 @@ impl Wheels {
         left: &mut usize,
         visit: &mut impl FnMut(&State),
     ) {
-        // The law for going forwards is the cheaper one.
+        // The law for going forwards is cheaper.
         let way = if error < 0.0 { -1.0 } else { 1.0 };
         let forward = state.omega * way >= 0.0;
         let mut sum = state.sum_heading * way;

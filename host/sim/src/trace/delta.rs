@@ -1,25 +1,24 @@
-//! Groups of states as numbers that are small where motion is smooth.
+//! Encoding of groups of states as numbers that are small where motion is smooth.
 //!
-//! Every coordinate is predicted from its last values, either as going on with
-//! the same velocity or with the same acceleration, whichever would have been the
-//! better guess for the last value. What is stored is the difference of the bit
-//! patterns of value and prediction, taken as integers in the order of the
-//! floats: nothing is lost, and where motion is smooth a few bits are left. Then
-//! the first bytes of all differences of a channel come together, the second
-//! bytes, and so on, body by body, so that zeros stand beside zeros.
+//! Every coordinate is predicted from its last values, with constant velocity or with
+//! constant acceleration, whichever predicted the last value better. The difference of
+//! the bit patterns of value and prediction is stored, taken as integers in the order of
+//! the floats: this is lossless, and smooth motion leaves a few bits. Then the first
+//! bytes of all differences of a channel are stored together, then the second bytes, and
+//! so on, body by body, so that zeros stand beside zeros.
 
 use super::{Header, States};
 
-/// What is known of a coordinate.
+/// Predictor state of a coordinate.
 #[derive(Debug, Clone, Copy, Default)]
 struct Track {
     /// The last values, the latest first.
     last: [f64; 3],
-    /// Whether acceleration rather than velocity is taken to go on.
+    /// Predict with constant acceleration instead of constant velocity.
     curved: bool,
 }
 
-/// The two guesses for the next value.
+/// The two predictions of the next value.
 #[derive(Debug, Clone, Copy)]
 struct Guesses {
     straight: f64,
@@ -36,20 +35,20 @@ impl Track {
         }
     }
 
-    /// A value that nothing precedes.
+    /// Starts with a first value.
     #[inline]
     fn begin(&mut self, value: f64) {
         self.last = [value; 3];
         self.curved = false;
     }
 
-    /// Takes a value; returns its difference to what was predicted.
+    /// Updates the predictor with a value; returns its difference from the prediction.
     #[inline]
     fn learn(&mut self, value: f64, guesses: Guesses) -> u64 {
         let straight = difference(value, guesses.straight);
         let curve = difference(value, guesses.curve);
         let predicted = if self.curved { curve } else { straight };
-        // Of two that are about as good the simpler one: it adds less noise.
+        // If both are about as good, the simpler one: it adds less noise.
         self.curved = curve < straight >> 2;
         self.last = [value, self.last[0], self.last[1]];
         predicted
@@ -71,7 +70,7 @@ fn from_ordered(number: i64) -> f64 {
     f64::from_bits((number ^ ((number >> 63) as u64 >> 1) as i64) as u64)
 }
 
-/// How far a value is from its prediction, with the sign in the lowest bit.
+/// Difference of a value from its prediction, with the sign in the lowest bit.
 fn difference(value: f64, prediction: f64) -> u64 {
     zigzag(ordered(value).wrapping_sub(ordered(prediction)))
 }
@@ -84,23 +83,23 @@ fn from_zigzag(number: u64) -> i64 {
     (number >> 1) as i64 ^ -((number & 1) as i64)
 }
 
-/// What both sides know of all bodies: the same after every tick.
+/// Predictor state of all bodies, equal in encoder and decoder after every tick.
 #[derive(Debug, Default)]
 pub(super) struct Tracks {
     bodies: usize,
     /// x, y and headings (if there are any), each of all bodies.
     coordinates: Vec<Track>,
-    /// Of all bodies, or empty.
+    /// One entry per body, or empty.
     progress: Vec<u32>,
-    /// Whether nothing is known yet.
+    /// Set before the first state.
     fresh: bool,
 }
 
-/// How states are laid out, as the header says.
+/// Layout of states, as in the header.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Layout {
     pub(super) bodies: usize,
-    /// x, y and perhaps headings.
+    /// x, y and optionally headings.
     channels: usize,
     progress: bool,
 }
@@ -114,7 +113,7 @@ impl Layout {
         }
     }
 
-    /// Bytes that each channel has for a body at a tick: floats, then progress.
+    /// Bytes per channel for a body at a tick: floats, then progress.
     fn widths(self) -> impl Iterator<Item = usize> {
         std::iter::repeat_n(8, self.channels).chain(self.progress.then_some(4))
     }
@@ -145,7 +144,7 @@ impl Tracks {
         }
     }
 
-    /// Forgets everything: the next states need nothing before them.
+    /// Resets the predictors: the next states are encoded without earlier ones.
     pub(super) fn reset(&mut self) {
         self.coordinates.fill(Track::default());
         self.progress.fill(0);
@@ -172,8 +171,8 @@ impl Tracks {
         self.fresh = false;
     }
 
-    /// Takes the numbers of the next tick; the states are then in `values` (all
-    /// x, all y, all headings) and [`Tracks::progress`].
+    /// Decodes the numbers of the next tick; the states are then in `values` (all x, all
+    /// y, all headings) and [`Tracks::progress`].
     pub(super) fn decode(&mut self, numbers: &[u64], values: &mut [f64]) {
         let (floats, progress) = numbers.split_at(self.coordinates.len());
         let coordinates = self.coordinates.iter_mut().zip(values);
@@ -210,9 +209,9 @@ impl Tracks {
     }
 }
 
-/// Takes the numbers of a group of ticks apart into planes of bytes: for every
-/// channel the lowest bytes of all its numbers, body by body and tick by tick
-/// within a body, then the second bytes, up to the width of the channel.
+/// Splits the numbers of a group of ticks into planes of bytes: for every channel the
+/// lowest bytes of all its numbers, body by body and tick by tick within a body, then the
+/// second bytes, up to the width of the channel.
 pub(super) fn to_planes(layout: Layout, numbers: &[u64], planes: &mut Vec<u8>) {
     let tick = layout.numbers();
     let ticks = numbers.len() / tick;
@@ -335,7 +334,7 @@ mod tests {
         let ticks: Vec<_> = (0..60).map(tick).collect();
         let numbers = round_trip(&ticks);
         for tick in numbers.chunks_exact(4).skip(4) {
-            // A few units in the last place, and nothing where nothing moves.
+            // A few units in the last place, and 0 for constant values.
             assert!(tick[0] < 32 && tick[1] < 64, "{tick:?}");
             assert_eq!(tick[2..], [0, 0]);
         }

@@ -1,4 +1,4 @@
-//! Digests of states and events, in pieces that can be made in parallel.
+//! Digests of states and events, in pieces that can be computed in parallel.
 
 use fleetyard_core::Digest;
 use xxhash_rust::xxh3::Xxh3;
@@ -6,7 +6,7 @@ use xxhash_rust::xxh3::Xxh3;
 use super::{States, event_bytes};
 use crate::event::Event;
 
-/// Bodies whose states are hashed together.
+/// Number of bodies whose states are hashed together.
 pub const CHUNK: usize = 64;
 
 /// The digest of the states of [`CHUNK`] neighbouring bodies, the last of them
@@ -39,7 +39,7 @@ pub struct StatesDigest {
 }
 
 impl StatesDigest {
-    /// For so many bodies: agents and moving obstacles.
+    /// A digest for this number of bodies: agents and moving obstacles.
     pub fn new(bodies: usize) -> Self {
         Self {
             chunks: vec![ChunkDigest::default(); bodies.div_ceil(CHUNK)],

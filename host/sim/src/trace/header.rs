@@ -1,11 +1,11 @@
-//! What a trace is about: everything that is known before the first tick.
+//! The header of a trace: everything known before the first tick.
 
 use fleetyard_core::{Digest, Grid, Hasher, Role};
 use serde::{Deserialize, Serialize};
 
 use super::{Fields, MAX_BODIES, NO_VALUE, put_number};
 
-/// What a trace is about, enough to draw it without map, plan and fleet.
+/// The header of a trace, sufficient to draw it without map, plan and fleet.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// The program that executed the plan, with its version.
@@ -18,26 +18,26 @@ pub struct Header {
     pub ticks_hz: u32,
     /// Substeps per tick.
     pub substeps: u32,
-    /// How bodies moved and how contacts were found.
+    /// Tier of the execution.
     pub tier: String,
-    /// What decided when an agent may go on.
+    /// Policy of the execution.
     pub policy: String,
     /// Seed of everything random in the execution.
     pub seed: u64,
-    /// Whether states have headings.
+    /// Set if states have headings.
     pub headings: bool,
-    /// Whether states have the progress along the route.
+    /// Set if states have the progress along the route.
     pub progress: bool,
-    /// Ticks between recorded states, 0 if none are recorded. Whoever writes a
-    /// file sets it.
+    /// Ticks between recorded states, 0 if none are recorded. The writer of a file sets
+    /// it.
     pub state_every: u32,
-    /// What has to be in a picture.
+    /// Extent of a picture.
     pub bounds_m: Bounds,
     /// The kinds of bodies.
     pub profiles: Vec<Profile>,
-    /// What was executed.
+    /// Digests of the inputs.
     pub digests: Digests,
-    /// What does not move, and who is who. In frames of its own in files.
+    /// Static parts of the picture, and the bodies. Stored in frames of its own.
     #[serde(skip)]
     pub scene: Scene,
 }
@@ -79,7 +79,7 @@ pub enum Outline {
     },
 }
 
-/// Digests of what was executed; all zero where there is no such thing.
+/// Digests of the inputs; all zero for missing inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Digests {
     /// Of the map or the world.
@@ -92,10 +92,10 @@ pub struct Digests {
     pub config: Digest,
 }
 
-/// What does not move, and who is who.
+/// Static parts of the picture, and the bodies.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scene {
-    /// Cells of a map that are solid. The map's lower left corner is the origin.
+    /// Solid cells of a map. The map's lower left corner is the origin.
     pub cells: Option<Cells>,
     /// Cells of the map that are endpoints, and those that are workstations.
     pub endpoints: Option<Cells>,
@@ -110,7 +110,7 @@ pub struct Scene {
     /// For every body the index of its profile: first the agents, then the
     /// obstacles that move.
     pub profile_of_body: Vec<u32>,
-    /// Where every agent wants to go, in metres; empty if that is not known.
+    /// Goals of the agents, in metres; empty if unknown.
     pub goals_m: Vec<[f64; 2]>,
 }
 
@@ -125,8 +125,8 @@ impl Header {
         tick as f64 / f64::from(self.ticks_hz)
     }
 
-    /// Feeds what decides about the execution, and nothing that only describes it
-    /// (the program, what is recorded, the picture).
+    /// Hashes the fields that affect the execution, without those that only describe it
+    /// (the program, the recording, the picture).
     pub(super) fn identify(&self, hasher: &mut Hasher) {
         for value in [self.agents, self.movers, self.ticks_hz, self.substeps] {
             hasher.u64(u64::from(value));
@@ -146,7 +146,7 @@ impl Header {
         }
     }
 
-    /// What contradicts itself in the header, scene aside.
+    /// The first inconsistency in the header, scene aside.
     pub(super) fn fault(&self) -> Option<&'static str> {
         let Bounds {
             min_x,
@@ -174,7 +174,7 @@ impl Header {
         }
     }
 
-    /// What contradicts the header in its scene.
+    /// The first inconsistency between the scene and the header.
     pub(super) fn scene_fault(&self) -> Option<&'static str> {
         let profiles = self.profiles.len() as u64;
         let scene = &self.scene;
@@ -206,8 +206,8 @@ impl Header {
 
 impl Scene {
     /// The bodies: for each its profile and its goal. 20 bytes for each, never
-    /// compressed: with them a file shows that the bodies which it claims are
-    /// worth the memory that a reader spends on them.
+    /// compressed: a file thereby proves that the bodies which it claims are worth the
+    /// reader's memory.
     pub(super) fn body_bytes(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(BODY_BYTES * self.profile_of_body.len());
         for (body, profile) in self.profile_of_body.iter().enumerate() {
@@ -291,28 +291,28 @@ fn points(payload: &[u8]) -> Option<Vec<[f64; 2]>> {
 
 const BODY_BYTES: usize = 20;
 
-/// Some cells of a map, the solid ones or those of a role, as lengths of alternating
-/// runs of others and of them in the order of rows from the top. Takes as much memory as
-/// in a file.
+/// A set of cells of a map, the solid ones or those of a role, as lengths of alternating
+/// runs outside and inside of the set, in the order of rows from the top. Takes as much
+/// memory as in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cells {
     rows: u32,
     cols: u32,
-    /// Bits, so that cells can be compared.
+    /// Bits of the float, so that sets of cells can be compared.
     cell_size: u64,
-    /// LEB128 numbers, of other cells first.
+    /// LEB128 numbers; the first run is outside of the set.
     runs: Vec<u8>,
 }
 
 impl Cells {
-    /// The cells of a grid that nobody can enter.
+    /// The impassable cells of a grid.
     pub fn new(grid: &Grid, cell_size_m: f64) -> Self {
         Self::of(grid, cell_size_m, |letter| {
             !Grid::letter_is_passable(letter)
         })
     }
 
-    /// The cells of a grid that have a role, if there are some.
+    /// The cells of a grid with a role, if there are any.
     pub fn with_role(grid: &Grid, cell_size_m: f64, role: Role) -> Option<Self> {
         let has_role = |letter| letter == role.letter();
         let some = grid.terrain().iter().copied().any(has_role);
@@ -362,8 +362,7 @@ impl Cells {
         [col, from_below].map(|cells| (f64::from(cells) + 0.5) * self.cell_size_m())
     }
 
-    /// Runs of these cells within a row: row from the top, first column, and how
-    /// many. In order.
+    /// Runs of the set within rows, in order: row from the top, first column, and length.
     pub fn in_rows(&self) -> impl Iterator<Item = (u32, u32, u32)> {
         let cols = u64::from(self.cols);
         self.runs()
@@ -377,7 +376,7 @@ impl Cells {
             })
     }
 
-    /// Whether it is of these cells, first cell and end of each run.
+    /// All runs in order: true inside of the set, first cell, end.
     fn runs(&self) -> impl Iterator<Item = (bool, u64, u64)> {
         let mut rest = Fields(&self.runs);
         let (mut meant, mut at) = (true, 0);
@@ -415,7 +414,7 @@ impl Cells {
         let (mut sum, mut first) = (0, true);
         while !fields.0.is_empty() {
             let length = fields.number32()?;
-            // Only the first run, of other cells, may be empty.
+            // Only the first run, outside of the set, may be empty.
             if length == 0 && !first {
                 return None;
             }

@@ -1,28 +1,28 @@
-//! What a fleet does beside driving, as traces hold it: goals, tasks and calls.
+//! Events of a fleet beside driving, in traces: goals, tasks and calls.
 //!
-//! The *journal* is what happens in simulated time: it is the same whenever a run is
-//! made again. *Remarks* are what the wall clock and plugins said of it, and differ from
-//! run to run. Neither enters the trace digest, which identifies what bodies did.
+//! The *journal* holds events in simulated time: it is the same whenever a run is
+//! repeated. *Remarks* hold wall-clock times and messages of plugins, and differ from run
+//! to run. Neither enters the trace digest, which identifies the motion of bodies.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Fields, Header, NO_VALUE, put_number};
 
-/// Something that happened in a fleet.
+/// An event of a fleet.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Entry {
-    /// The tick at which it happened.
+    /// Tick of the event.
     pub tick: u64,
-    /// What happened.
+    /// The event.
     #[serde(flatten)]
     pub what: Happening,
 }
 
-/// What can happen in a fleet.
+/// Kinds of events of a fleet.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Happening {
-    /// A robot has another goal from now on.
+    /// A robot gets a new goal.
     Goal(Goal),
     /// A robot has reached its goal.
     Reached {
@@ -31,7 +31,7 @@ pub enum Happening {
         /// The number of the goal among those of the robot, from 0.
         number: u32,
     },
-    /// A call was made: planning began.
+    /// A call starts: planning begins.
     Asked {
         /// The number of the call, from 0.
         call: u64,
@@ -40,18 +40,19 @@ pub enum Happening {
     Answered {
         /// The number of the call.
         call: u64,
-        /// Whose plan robots drive.
+        /// Source of the plan that robots drive.
         by: By,
     },
-    /// Something went otherwise than it should; told with the answer to the call.
+    /// A fault; reported with the answer to the call.
     Notice {
         /// The number of the notice, from 0.
         number: u64,
         /// The number of the call.
         call: u64,
-        /// What it is; at most [`Happening::MOST_NAME`] bytes.
+        /// Kind of the notice; at most [`Happening::MOST_NAME`] bytes.
         name: String,
-        /// Who is to blame: the identifier of a plugin, or `host`; as long at most.
+        /// Faulty module: the identifier of a plugin, or `host`; at most
+        /// [`Happening::MOST_NAME`] bytes.
         module: String,
     },
 }
@@ -70,7 +71,7 @@ pub struct Goal {
     pub number: u32,
     /// The cell of the map: row from the top times columns, plus column.
     pub cell: u32,
-    /// The task that it belongs to, if there are tasks.
+    /// The task of the goal, if there are tasks.
     #[serde(flatten)]
     pub errand: Option<Errand>,
 }
@@ -80,13 +81,13 @@ pub struct Goal {
 pub struct Errand {
     /// The number of the task.
     pub task: u64,
-    /// The place of the goal among those of the task, from 0.
+    /// Index of the goal in the task, from 0.
     pub at: u32,
-    /// How many goals the task has.
+    /// Number of goals of the task.
     pub of: u32,
 }
 
-/// Whose plan robots drive.
+/// Source of the plan that robots drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum By {
@@ -94,28 +95,28 @@ pub enum By {
     Planner,
     /// The fail policy's.
     FailPolicy,
-    /// None: everybody waits.
+    /// No plan: all robots wait.
     Nobody,
 }
 
-/// What is told of a run that may be otherwise when it is made again.
+/// Data of a run that may differ when it is repeated.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Remark {
-    /// How long a call took.
+    /// Duration of a call.
     Took {
         /// The number of the call.
         call: u64,
-        /// Wall-clock time of the planner in milliseconds, if it was asked.
+        /// Wall-clock time of the planner in milliseconds, if it was called.
         planner_ms: Option<f64>,
-        /// Wall-clock time of the fail policy in milliseconds, if it was asked.
+        /// Wall-clock time of the fail policy in milliseconds, if it was called.
         fail_policy_ms: Option<f64>,
     },
-    /// What a notice says.
+    /// Text of a notice.
     Said {
         /// The number of the notice.
         number: u64,
-        /// For people; at most [`Remark::MOST_TEXT`] bytes.
+        /// Message to the user; at most [`Remark::MOST_TEXT`] bytes.
         message: String,
     },
 }
@@ -125,7 +126,7 @@ impl Remark {
     pub const MOST_TEXT: usize = 4096;
 }
 
-/// What of a journal is not over: the goal of every robot, and the call under way.
+/// Open entries of a journal: the goal of every robot, and the call under way.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Standing {
     goals: Vec<Option<(u64, Goal)>>,
@@ -133,7 +134,7 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// Nobody of so many robots has a goal.
+    /// No goals and no call, for this number of robots.
     pub fn new(agents: u32) -> Self {
         Self {
             goals: vec![None; agents as usize],
@@ -141,7 +142,7 @@ impl Standing {
         }
     }
 
-    /// Takes what happens next.
+    /// Updates the open entries with the next one.
     pub fn note(&mut self, entry: &Entry) {
         let tick = entry.tick;
         match &entry.what {
@@ -167,7 +168,7 @@ impl Standing {
         open.map(|(_, goal)| goal)
     }
 
-    /// The entries that say all of this, in order.
+    /// The open entries, in order.
     pub(super) fn recap(&self) -> Vec<Entry> {
         let goals = self.goals.iter().flatten().map(|(tick, goal)| Entry {
             tick: *tick,
@@ -190,17 +191,17 @@ pub(super) const ROWS_BYTES: usize = 1 << 16;
 
 /// A row of a frame of the journal or of remarks.
 pub(super) trait Row: Sized {
-    /// Whether its numbers and texts are such as a trace can have.
+    /// True if its numbers and texts are valid in a trace.
     fn fits(&self, limits: Limits) -> bool;
 
-    /// Appends it, after a row of the tick `last`.
+    /// Appends the row, after a row of the tick `last`.
     fn put(&self, out: &mut Vec<u8>, last: &mut u64);
 
-    /// The next one, after a row of the tick `last`.
+    /// Reads the next row, after a row of the tick `last`.
     fn take(fields: &mut Fields<'_>, last: &mut u64) -> Option<Self>;
 }
 
-/// What numbers in rows may be.
+/// Ranges of the numbers in rows.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Limits {
     agents: u32,
@@ -386,8 +387,8 @@ impl Row for Remark {
     }
 }
 
-/// Divides rows into frames: how many there are in each, and their bytes. Ticks begin
-/// from 0 in each, so that it can be read by itself.
+/// Divides rows into frames: number of rows and bytes of each. Ticks begin from 0 in each
+/// frame, so that it can be read by itself.
 pub(super) fn pack<T: Row>(rows: &[T]) -> Vec<(u32, Vec<u8>)> {
     let mut frames: Vec<(u32, Vec<u8>)> = Vec::new();
     let mut last = 0;

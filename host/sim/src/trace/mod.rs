@@ -1,4 +1,4 @@
-//! Traces: what happened in an execution, as a stream and as a file.
+//! Traces: records of executions, as a stream and as a file.
 //!
 //! An execution tells a [`TraceSink`] what happens. [`TraceWriter`] is a sink
 //! that makes a file of it, and [`TraceReader`] gives the file back, frame by
@@ -32,7 +32,7 @@ use serde::Serialize;
 
 use crate::event::{Event, EventKind, Other};
 
-/// The first bytes of a file, which break if it is treated as text.
+/// The first bytes of a file, chosen so that treatment as text corrupts them.
 const MAGIC: [u8; 8] = *b"\x89FYT\r\n\x1a\n";
 /// The last bytes of a file.
 const END_MAGIC: [u8; 8] = *b"FYTend\r\n";
@@ -64,20 +64,20 @@ const FRAME_CHECK: usize = 8;
 /// Bytes of the end of a file: the place of the index, and the magic number.
 const TRAILER_BYTES: usize = 16;
 const EVENT_BYTES: usize = 26;
-/// Of a summary with the digest of the file.
+/// Bytes of a summary, including the digest of the file.
 const SUMMARY_BYTES: usize = 120;
 /// Most events in one frame.
 const EVENTS_PER_FRAME: usize = 4096;
-/// A group of states has one tick, or not more bytes than this before compression.
+/// Limit of a group of states before compression, in bytes, unless it has a single tick.
 const GROUP_BYTES: usize = 4 << 20;
-/// An index with this many entries loses every other one of them.
+/// At this number of entries, an index drops every other entry.
 const INDEX_ENTRIES: usize = 1 << 16;
 const INDEX_ENTRY_BYTES: usize = 16;
 /// Most agents and moving obstacles, together.
 const MAX_BODIES: usize = 1 << 27;
 
-/// Where everybody is at a tick. All slices have one entry per body: first the
-/// agents, then the moving obstacles.
+/// State of all bodies at a tick. All slices have one entry per body: first the agents,
+/// then the moving obstacles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct States<'a> {
     /// x in metres.
@@ -92,50 +92,49 @@ pub struct States<'a> {
     pub progress: Option<&'a [u32]>,
 }
 
-/// Receives an execution as it happens.
+/// Receives an execution while it runs.
 ///
-/// An error breaks the execution off.
+/// An error aborts the execution.
 pub trait TraceSink: Send {
-    /// Whether the sink looks at [`Header::scene`]; otherwise it may stay empty.
+    /// True if the sink reads [`Header::scene`]; otherwise the scene may stay empty.
     fn wants_scene(&self) -> bool {
         true
     }
 
-    /// Whether the sink looks at the states of a tick; otherwise they need not be
-    /// told.
+    /// True if the sink reads the states of a tick; otherwise they need not be sent.
     fn wants_state(&self, tick: u64) -> bool {
         let _ = tick;
         true
     }
 
-    /// Before everything else.
+    /// The header; called before everything else.
     fn begin(&mut self, header: &Header) -> io::Result<()>;
 
-    /// Where everybody is at a tick; ticks come in order, from 0.
+    /// States at a tick; ticks come in order, from 0.
     fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()>;
 
-    /// What happened since the last call, in order. It comes after the states
-    /// of the ticks that the events fall into, not necessarily directly.
+    /// Events since the last call, in order. Called after the states of the ticks of the
+    /// events, not necessarily directly.
     fn events(&mut self, events: &[Event]) -> io::Result<()>;
 
-    /// What a fleet did since the last call, in order. It comes at the beginning of a
-    /// block of time, before the states of the block.
+    /// Journal entries since the last call, in order. Called at the beginning of a block
+    /// of time, before the states of the block.
     fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
         let _ = entries;
         Ok(())
     }
 
-    /// What is told of a fleet that may be otherwise when its run is made again.
+    /// Data of a fleet's run that may differ when it is repeated.
     fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
         let _ = remarks;
         Ok(())
     }
 
-    /// After everything else.
+    /// The summary; called after everything else.
     fn end(&mut self, summary: &Summary) -> io::Result<()>;
 }
 
-/// Forgets everything.
+/// Discards everything.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoTrace;
 
@@ -165,7 +164,7 @@ impl TraceSink for NoTrace {
     }
 }
 
-/// What an execution came to, as traces tell it.
+/// Outcome of an execution in a trace.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Number of ticks; there are states of ticks 0 to this one.
@@ -191,8 +190,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// The trace digest: of the identity of the header, which is everything that
-    /// decides about the execution, and of all other fields of the summary.
+    /// The trace digest: of the identity of the header, which is everything that affects
+    /// the execution, and of all other fields of the summary.
     pub fn digest(&self, header: &Header) -> Digest {
         let mut hasher = Hasher::new("fleetyard.trace/2");
         header.identify(&mut hasher);
@@ -214,7 +213,7 @@ impl Summary {
         out.extend(self.simulated_s.to_le_bytes());
         out.extend(self.contacts_agent_agent.to_le_bytes());
         out.extend(self.contacts_agent_obstacle.to_le_bytes());
-        // One bit pattern for "none", whatever arithmetic would make.
+        // One bit pattern for "none", since arithmetic makes several NaNs.
         let nearest = self.nearest_approach_m.map_or(NO_VALUE, f64::to_bits);
         out.extend(nearest.to_le_bytes());
         out.extend(self.tracking_error_max_m.to_le_bytes());
@@ -243,7 +242,7 @@ impl Summary {
 /// The bits of a float that stands for no value.
 const NO_VALUE: u64 = 0x7ff8_0000_0000_0000;
 
-/// An event as files and digests hold it.
+/// An event in files and digests.
 fn event_bytes(event: &Event) -> [u8; EVENT_BYTES] {
     let (tag, other) = match event.other {
         Other::Agent(agent) => (0, agent),
@@ -294,13 +293,12 @@ fn parse_event(bytes: &[u8; EVENT_BYTES]) -> Option<Event> {
     })
 }
 
-/// The places of the groups of states with which reading can begin, in order:
-/// (first tick, offset in the file). Thinned out when it grows, alike by whoever
-/// writes and whoever reads.
+/// Entry points for reading, in order: (first tick, offset in the file) of groups of
+/// states. Thinned out as it grows, identically by writer and reader.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Index {
     entries: Vec<(u64, u64)>,
-    /// Groups to pass over after each that is entered.
+    /// Number of groups to skip after each entry.
     pass: u64,
     passed: u64,
 }
@@ -378,7 +376,7 @@ impl Fields<'_> {
         for shift in (0..64).step_by(7) {
             let byte = self.u8()?;
             let part = u64::from(byte & 0x7f);
-            // Past 64 bits.
+            // Exceeds 64 bits.
             if shift == 63 && part > 1 {
                 return None;
             }

@@ -1,4 +1,4 @@
-//! Trace files in.
+//! Reading of trace files.
 
 use std::io::{self, Read, Seek, SeekFrom};
 
@@ -18,15 +18,15 @@ use crate::event::Event;
 
 /// The longest header that is read, scene aside.
 const LONGEST_HEADER: usize = 16 << 20;
-/// Bytes of a group of states before what is compressed.
+/// Bytes of a group of states before its compressed part.
 const GROUP_HEAD: usize = 13;
-/// The same of the journal and of remarks.
+/// Bytes of a frame of journal entries or remarks before its compressed part.
 const ROWS_HEAD: usize = 9;
 
 /// One piece of a trace.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Frame<'a> {
-    /// Where everybody is at a tick.
+    /// States of all bodies at a tick.
     State {
         /// The tick.
         tick: u64,
@@ -35,16 +35,16 @@ pub enum Frame<'a> {
     },
     /// Events, in order.
     Events(&'a [Event]),
-    /// What a fleet did, in order. After [`TraceReader::seek`] it begins with what is
-    /// not over at the states there, which happened before: goals, and a call.
+    /// Journal entries, in order. After [`TraceReader::seek`] it begins with earlier
+    /// entries that are still open at that point: goals, and a call.
     Journal(&'a [Entry]),
-    /// What was told of a fleet that may be otherwise when its run is made again.
+    /// Data of a fleet's run that may differ when it is repeated.
     Remarks(&'a [Remark]),
-    /// The end.
+    /// The summary.
     End(&'a Summary),
 }
 
-/// What was read last.
+/// The piece read last.
 enum Piece {
     State,
     Events,
@@ -60,13 +60,13 @@ pub struct TraceReader<R> {
     layout: Layout,
     decompressor: Option<Decompressor<'static>>,
     index: Index,
-    /// The group of states that is given out: its numbers, how many ticks it has
-    /// and how many of them were given out.
+    /// The current group of states: its numbers, its ticks, and the number of ticks
+    /// already returned.
     numbers: Vec<u64>,
     ticks: usize,
     given: usize,
     tracks: Tracks,
-    /// The tick that was given out last, the one that has to follow, and the states.
+    /// The tick returned last, the expected next tick, and the states.
     tick: u64,
     next_tick: u64,
     values: Vec<f64>,
@@ -75,13 +75,13 @@ pub struct TraceReader<R> {
     remarks: Vec<Remark>,
     /// The tick of the last entry of the journal.
     journal_tick: u64,
-    /// Whether the group that was read last is the first one after a leap, so that what
-    /// is not over has to be given out.
+    /// Set if the group read last is the first one after a seek, so that open journal
+    /// entries have to be returned.
     has_leapt: bool,
     summary: Option<Summary>,
     states_digest: StatesDigest,
     events_digest: EventsDigest,
-    /// Whether everything since the beginning was read, so that digests can be checked.
+    /// Set if everything since the beginning was read, so that digests can be checked.
     whole: bool,
     over: bool,
 }
@@ -135,7 +135,7 @@ impl<R: Read> TraceReader<R> {
                 return Err(source.damaged(frame.start, "a part of the scene makes no sense"));
             }
             if frame.kind == kind::BODIES {
-                // From here on the file has shown 20 bytes for every body.
+                // From here on the file has proven 20 bytes for every body.
                 if let Some(fault) = header.scene_fault() {
                     return Err(source.damaged(frame.start, fault));
                 }
@@ -169,18 +169,18 @@ impl<R: Read> TraceReader<R> {
         })
     }
 
-    /// What the trace is about.
+    /// The header of the trace.
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    /// Bytes read so far; all of them are intact.
+    /// Number of bytes read so far, all intact.
     pub fn offset(&self) -> u64 {
         self.source.offset
     }
 
-    /// The next frame; `None` when nothing follows. After an error nothing more
-    /// can be read, but everything returned before is intact.
+    /// The next frame; `None` at the end. After an error nothing more can be read, but
+    /// everything returned before is intact.
     pub fn next_frame(&mut self) -> Result<Option<Frame<'_>>, InputError> {
         if self.over {
             return Ok(None);
@@ -238,7 +238,7 @@ impl<R: Read> TraceReader<R> {
         }
     }
 
-    /// Gives out the next states of the group.
+    /// Advances to the next states of the group.
     fn next_state(&mut self) {
         let tick = self.layout.numbers();
         let numbers = &self.numbers[self.given * tick..][..tick];
@@ -302,8 +302,7 @@ impl<R: Read> TraceReader<R> {
         Ok(())
     }
 
-    /// The entries of a frame; false if they are what was told before, and nothing was
-    /// passed over.
+    /// Reads journal entries; false if they repeat earlier ones and nothing was skipped.
     fn read_journal(&mut self, payload: &[u8]) -> Result<bool, &'static str> {
         let mut fields = Fields(payload);
         let is_recap = match fields.u8() {
@@ -342,7 +341,7 @@ impl<R: Read> TraceReader<R> {
         unpack(count, &bytes, Limits::new(&self.header)).ok_or("an entry makes no sense")
     }
 
-    /// Decompresses what must have a certain length.
+    /// Decompresses data of a known length.
     fn decompress(&mut self, bytes: &[u8], length: usize) -> Result<Vec<u8>, &'static str> {
         let decompressor = match &mut self.decompressor {
             Some(decompressor) => decompressor,
@@ -351,7 +350,7 @@ impl<R: Read> TraceReader<R> {
                 none.insert(made)
             }
         };
-        // It writes into this buffer and keeps no window of its own.
+        // The decompressor writes into this buffer and keeps no window of its own.
         let decompressed = decompressor.decompress(bytes, length);
         let decompressed = decompressed.map_err(|_| "something cannot be decompressed")?;
         if decompressed.len() == length {
@@ -390,7 +389,7 @@ impl<R: Read> TraceReader<R> {
         Ok(())
     }
 
-    /// Reads what follows the summary, only to see that it is in order.
+    /// Reads and checks the rest after the summary.
     fn read_index(&mut self) -> Result<(), InputError> {
         let frame = self.source.frame(|kind| {
             (kind == kind::INDEX).then_some(super::INDEX_ENTRIES * super::INDEX_ENTRY_BYTES)
@@ -415,9 +414,8 @@ impl<R: Read> TraceReader<R> {
         Ok(())
     }
 
-    /// Reads everything that is left and tells it to a sink, as far as it is
-    /// intact. Only errors of the sink are errors; the damage of a trace is told
-    /// in [`TraceContents::damage`].
+    /// Reads the rest and sends its intact part to a sink. Only errors of the sink are
+    /// errors; damage of the trace is in [`TraceContents::damage`].
     pub fn replay(mut self, sink: &mut dyn TraceSink) -> io::Result<TraceContents> {
         sink.begin(&self.header)?;
         let (mut states, mut last_tick, mut events) = (0, None, 0);
@@ -468,14 +466,14 @@ impl<R: Read> TraceReader<R> {
 }
 
 impl<R: Read + Seek> TraceReader<R> {
-    /// Goes to the last place at or before a tick where reading can begin: what
-    /// [`TraceReader::next_frame`] returns next begins with the states there, or
-    /// with the first ones. Digests of the whole cannot be checked any more.
+    /// Seeks the last entry point at or before a tick: the next frame of
+    /// [`TraceReader::next_frame`] has the states there, or the first states. Digests of
+    /// the whole can no longer be checked.
     pub fn seek(&mut self, tick: u64) -> Result<(), InputError> {
         let (first, at) = self.place_of(tick)?;
         self.source.go_to(SeekFrom::Start(at))?;
         self.next_tick = first;
-        // Makes the first group be one that needs none before it.
+        // The first group then needs no earlier one.
         self.values.clear();
         (self.ticks, self.given) = (0, 0);
         self.journal_tick = 0;
@@ -485,7 +483,7 @@ impl<R: Read + Seek> TraceReader<R> {
         Ok(())
     }
 
-    /// First tick and offset of the group to begin with.
+    /// First tick and offset of the entry point.
     fn place_of(&mut self, tick: u64) -> Result<(u64, u64), InputError> {
         self.source.go_to(SeekFrom::End(-(TRAILER_BYTES as i64)))?;
         let start = self.source.offset;
@@ -513,40 +511,40 @@ impl<R: Read + Seek> TraceReader<R> {
     }
 }
 
-/// A trace but for its states and events, and how much of it is intact.
+/// A trace without its states and events, and the extent of its intact part.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TraceContents {
-    /// What the trace is about.
+    /// The header.
     pub header: Header,
-    /// How many states were read.
+    /// Number of states read.
     pub states: u64,
-    /// The last tick of which the state was read.
+    /// The last tick with a state.
     pub last_tick: Option<u64>,
-    /// How many events were read.
+    /// Number of events read.
     pub events: u64,
-    /// How many entries of the journal were read.
+    /// Number of journal entries read.
     pub entries: u64,
-    /// How many remarks were read.
+    /// Number of remarks read.
     pub remarks: u64,
     /// The summary, if it was reached.
     pub end: Option<Summary>,
     /// Bytes from the beginning that are intact.
     pub intact_bytes: u64,
-    /// Why the rest could not be read.
+    /// Reason for which the rest could not be read.
     pub damage: Option<InputError>,
 }
 
-/// Reads a whole trace and checks it. Fails only if the beginning cannot be read;
-/// damage further on is told in [`TraceContents::damage`] beside what is intact.
+/// Reads a whole trace and checks it. Fails only if the beginning cannot be read; later
+/// damage is in [`TraceContents::damage`], beside the intact part.
 pub fn read_trace(input: impl Read, name: impl Into<String>) -> Result<TraceContents, InputError> {
     let reader = TraceReader::open(input, name)?;
     let told = reader.replay(&mut NoTrace);
     told.map_err(|error| InputError::new("trace", error.to_string()))
 }
 
-/// A frame whose check is right.
+/// A frame with a valid check.
 struct RawFrame {
-    /// Where it begins.
+    /// Offset of the frame.
     start: u64,
     kind: u8,
     payload: Vec<u8>,
@@ -554,7 +552,7 @@ struct RawFrame {
     hash_before_file_digest: u128,
 }
 
-/// A file with its place and the hash of what was read.
+/// A file with its offset and the hash of the part read.
 struct Source<R> {
     input: R,
     name: String,
@@ -597,8 +595,8 @@ impl<R: Read> Source<R> {
         Ok(())
     }
 
-    /// The next frame, of a kind for which `most` tells how long its payload may
-    /// be, or of one that may be skipped.
+    /// Reads the next frame, of a kind for which `most` returns the largest payload, or
+    /// of one that may be skipped.
     fn frame(&mut self, most: impl Fn(u8) -> Option<usize>) -> Result<RawFrame, InputError> {
         let start = self.offset;
         let head = self.take(FRAME_HEAD)?;
@@ -647,8 +645,8 @@ impl<R: Read> Source<R> {
         })
     }
 
-    /// Reads so many bytes, or fewer at the end of the input. Memory grows with what
-    /// is there, not with what a damaged length claims.
+    /// Reads this number of bytes, or fewer at the end of the input. Memory grows with
+    /// the data and not with the length that a damaged file claims.
     fn take(&mut self, count: usize) -> Result<Vec<u8>, InputError> {
         let mut bytes = Vec::new();
         let read = (&mut self.input).take(count as u64).read_to_end(&mut bytes);

@@ -1,4 +1,4 @@
-//! Trace files out.
+//! Writing of trace files.
 
 use std::io::{self, Write};
 
@@ -13,16 +13,17 @@ use super::{
 };
 use crate::event::Event;
 
-/// How a trace file is written. None of it changes what is read.
+/// Options of the writer. None of them changes the data that is read back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TraceOptions {
     /// Ticks between recorded states; 1 is every tick, 0 is none.
     pub every: u32,
     /// Level of compression, from 1 (fast) to 19 (small).
     pub level: i32,
-    /// Recorded states between two places where reading can begin.
+    /// Number of recorded states between two entry points.
     pub key_every: u32,
-    /// Recorded states that are compressed together, if they are not too many bytes.
+    /// Number of recorded states that are compressed together, unless they exceed the
+    /// limit of a group.
     pub group: u32,
 }
 
@@ -37,9 +38,8 @@ impl Default for TraceOptions {
     }
 }
 
-/// Writes a trace file while the execution runs. Give it a buffered writer; it
-/// holds one group of states and what it takes to predict the next one, whatever
-/// the length of the execution.
+/// Writes a trace file while the execution runs. Give it a buffered writer; it holds one
+/// group of states and the predictors' state, whatever the length of the execution.
 pub struct TraceWriter<W> {
     out: W,
     options: TraceOptions,
@@ -52,22 +52,22 @@ pub struct TraceWriter<W> {
     tracks: Tracks,
     headings: bool,
     progress: bool,
-    /// The group that is not yet written.
+    /// The group not yet written.
     first_tick: u64,
     ticks: u32,
     /// Most ticks of a group.
     most_ticks: u32,
     is_key: bool,
     numbers: Vec<u64>,
-    /// Recorded states since the last key.
+    /// Recorded states since the last entry point.
     since_key: u32,
-    /// What comes after the group.
+    /// Data that follows the group.
     events: Vec<Event>,
     journal: Vec<Entry>,
     remarks: Vec<Remark>,
     /// The tick of the last entry.
     journal_tick: u64,
-    /// What the journal left open before the group.
+    /// Journal entries that were open before the group.
     standing: Standing,
     limits: Limits,
     frame: Vec<u8>,
@@ -90,7 +90,7 @@ impl<W: Write> TraceWriter<W> {
         Self::with_options(out, options)
     }
 
-    /// The same with everything that can be chosen.
+    /// A writer with all options.
     pub fn with_options(out: W, options: TraceOptions) -> Self {
         Self {
             out,
@@ -170,8 +170,8 @@ impl<W: Write> TraceWriter<W> {
         self.close_frame()
     }
 
-    /// Writes the group of states, and after one with which reading can begin what was
-    /// open in the journal before it.
+    /// Writes the group of states, and after an entry point the journal entries that were
+    /// open before it.
     fn put_states(&mut self) -> io::Result<()> {
         if self.ticks == 0 {
             return Ok(());
@@ -222,7 +222,7 @@ impl<W: Write> TraceWriter<W> {
         self.close_frame()
     }
 
-    /// Writes what is held back: the group of states, then what happened meanwhile.
+    /// Writes the pending data: the group of states, then the events of its time.
     fn put_pending(&mut self) -> io::Result<()> {
         self.put_states()?;
         let journal = std::mem::take(&mut self.journal);
@@ -376,7 +376,7 @@ impl<W: Write + Send> TraceSink for TraceWriter<W> {
         self.open_frame(kind::SUMMARY);
         self.frame.extend(summary.figures());
         self.frame.extend(summary.trace_digest.0.to_le_bytes());
-        // The head of the frame and its fields so far belong to the file's hash.
+        // The head of the frame and its fields so far are part of the file's hash.
         self.frame[1..FRAME_HEAD].copy_from_slice(&(SUMMARY_BYTES as u32).to_le_bytes());
         let mut hash = self.hash.clone();
         hash.update(&self.frame);
