@@ -42,6 +42,7 @@ const DIFFERENCES: usize = 20;
 
 /// Run a suite: every planner on every instance.
 #[derive(Debug, Args)]
+#[allow(clippy::struct_excessive_bools, reason = "a flag each")]
 pub(crate) struct Bench {
     /// The suite, a TOML file
     pub(crate) suite: PathBuf,
