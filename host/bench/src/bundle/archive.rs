@@ -7,9 +7,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{self, BufRead as _, BufReader, Read, Write};
 
-use flate2::read::GzDecoder;
+use flate2::bufread::GzDecoder;
 use flate2::{Compression, GzBuilder};
 use fleetyard_core::{InputError, is_unseen, shown};
 use sha2::{Digest as _, Sha256};
@@ -172,11 +172,10 @@ pub trait Unpack {
 
 /// Reads a gzipped bundle, `source` in errors.
 pub fn unpack(source: &str, zipped: impl Read, to: &mut dyn Unpack) -> Result<Manifest> {
+    let zipped = BufReader::new(zipped);
     let (manifest, gzip) = untar(source, GzDecoder::new(zipped), to)?;
-    let mut more = [0];
-    let rest = gzip.into_inner().read(&mut more);
-    match rest {
-        Ok(0) => Ok(manifest),
+    match gzip.into_inner().fill_buf() {
+        Ok([]) => Ok(manifest),
         Ok(_) => Err(refused(source, "something follows the end of the archive")),
         Err(error) => Err(unreadable(source, &error)),
     }

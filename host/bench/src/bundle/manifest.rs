@@ -159,7 +159,10 @@ impl Manifest {
     /// once.
     pub(super) fn read(source: &str, text: &[u8]) -> Result<Self, InputError> {
         let hint = "the manifest of a bundle is what `fleetyard store bundle` writes";
-        let manifest: Self = read_object(source, text, hint)?;
+        let manifest: Self = read_object(source, text, hint).map_err(|mut error| {
+            error.hint.get_or_insert_with(|| hint.into());
+            error
+        })?;
         let fault = |reason: String| Err(InputError::new(source, reason).hint(hint));
         if manifest.format != FORMAT {
             let found = fleetyard_core::shown(&manifest.format);

@@ -154,9 +154,9 @@ fn what_could_leave_its_folder_is_refused() {
         let bytes = with(|_, entries| entries[1].1 = name.to_owned());
         refused(&bytes, reason);
         // Nor may the manifest say so.
-        if name_fault(name.strip_prefix("s/").unwrap_or(name)).is_some() {
-            let inside = name.strip_prefix("s/").unwrap_or(name).to_owned();
-            refused(&with(|said, _| said.files[1].path = inside), reason);
+        let inside = name.strip_prefix("s/").unwrap_or(name);
+        if let Some(reason) = name_fault(inside) {
+            refused(&with(|said, _| said.files[1].path = inside.into()), reason);
         }
     }
     for (kind, reason) in [
