@@ -1,5 +1,5 @@
 //! Solves scenarios of MovingAI and says what it took:
-//! `solve MAP SCENARIO AGENTS WEIGHT SECONDS [turning]`.
+//! `ecbs MAP SCENARIO AGENTS WEIGHT SECONDS [turning]`.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -14,7 +14,7 @@ use support::Case;
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [map, scenario, agents, weight, seconds, rest @ ..] = words.as_slice() else {
-        return Err("solve MAP SCENARIO AGENTS WEIGHT SECONDS [turning]".into());
+        return Err("ecbs MAP SCENARIO AGENTS WEIGHT SECONDS [turning]".into());
     };
     let mut case = Case::read(Path::new(map), Path::new(scenario), agents.parse()?)?;
     if rest.iter().any(|word| word == "turning") {
