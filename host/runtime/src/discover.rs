@@ -13,9 +13,9 @@ use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_core::{nearest, open_regular};
 use serde::Serialize;
 
-use crate::lock::Standing;
+use crate::lock_file::Standing;
 use crate::plugin_file::{MANIFEST, PluginFile, is_manifest};
-use crate::session::Introduction;
+use crate::sessions::session::Introduction;
 use crate::{Fault, Runtime};
 
 /// Where a plugin comes from.

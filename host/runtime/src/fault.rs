@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fleetyard_abi::Status;
 
-use crate::monitor::Limit;
+use crate::confinement::monitor::Limit;
 
 /// A fault of a plugin; [`Fault::Host`] and [`Fault::Interrupted`] are not its doing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

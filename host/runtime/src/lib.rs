@@ -8,61 +8,46 @@
 //! the budget ends or the host goes away. The same C ABI and the same
 //! [`fleetyard_abi::sdk`] traits stand at every seam.
 //!
+//! The code is in three rooms: `confinement` (processes, sandbox, limits), `sessions`
+//! (attachments and calls), and [`measure`] (cores, load, machine). Beside them stand the
+//! files of plugins: where they are, what their code is, and which of it is pinned.
+//!
 //! This crate does not judge plans (`fleetyard-check` does), and it knows no
 //! files but plugins.
 
 // Loading libraries and supervising processes is what this crate is for.
 #![allow(unsafe_code)]
 
-pub mod adapter;
-pub mod bounds;
-mod cgroup;
-mod client;
-mod collector;
-mod convert;
+mod confinement;
 mod discover;
 mod fault;
-mod incoming;
 mod interrupt;
-mod library;
-mod link;
-mod lock;
-mod log;
+mod lock_file;
 pub mod measure;
-mod memory;
-pub mod message;
-mod monitor;
 mod options;
 mod plugin_file;
-mod process;
-mod promises;
-mod python;
-mod remove;
-pub mod sandbox;
-mod selftest;
-mod session;
-mod state;
-pub mod supervisor;
-mod tree;
+mod sessions;
 
-pub use convert::{environment, environment_of, instance, plan_from_abi};
+pub use confinement::monitor::{CallUsage, Limit, Source, Usage};
+pub use confinement::promises::BrokenPromise;
+pub use confinement::sandbox::{
+    Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Profile, SandboxReport,
+};
+pub use confinement::{sandbox, supervisor};
 pub use discover::{Discovered, Discovery, Found, Origin, by_name, by_path, first_with};
 pub use fault::Fault;
 pub use interrupt::{interrupt_calls, interrupted_by, on_interrupt};
-pub use library::Library;
-pub use lock::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
-pub use log::LogLine;
-pub use monitor::{CallUsage, Limit, Source, Usage};
+pub use lock_file::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
 pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
-pub use promises::BrokenPromise;
-pub use sandbox::{
-    Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Profile, SandboxReport,
-};
-pub use session::{
+pub use sessions::convert::{environment, environment_of, instance, plan_from_abi};
+pub use sessions::library::Library;
+pub use sessions::log::LogLine;
+pub use sessions::session::{
     CallReport, Closing, Contract, HostTime, Incumbent, Introduction, Limits, PlanRun, Runtime,
     Session, Termination,
 };
+pub use sessions::{adapter, bounds, message};
 
 /// The user that this process runs as.
 pub fn user() -> u32 {

@@ -15,10 +15,10 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use crate::Fault;
-use crate::adapter::Adapter;
+use crate::confinement::sandbox::{Hidden, aside, own};
+use crate::confinement::supervisor::Target;
 use crate::discover::candidates_in;
-use crate::sandbox::{Hidden, aside, own};
-use crate::supervisor::Target;
+use crate::sessions::adapter::Adapter;
 
 /// The name of a manifest, alone or after a name and a dot.
 pub(crate) const MANIFEST: &str = "planner.toml";

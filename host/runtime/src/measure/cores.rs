@@ -37,7 +37,7 @@ use serde::Serialize;
 use super::Cpus;
 use super::cpus::CPU_LIMIT;
 use super::source::{Source, values};
-use crate::state;
+use crate::confinement::state;
 
 /// A core with less than this share of the strongest core's capacity is a slow
 /// one. Favoured cores of one kind differ by a few percent, kinds by half.

@@ -12,10 +12,10 @@ use std::time::Duration;
 use fleetyard_abi::monotonic_ns;
 use serde::{Deserialize, Serialize};
 
-use crate::cgroup::Cgroup;
-use crate::memory::Memory;
-use crate::sandbox::jail::{Ended, Jail};
-use crate::tree::Census;
+use crate::confinement::cgroup::Cgroup;
+use crate::confinement::memory::Memory;
+use crate::confinement::process_tree::Census;
+use crate::confinement::sandbox::jail::{Ended, Jail};
 
 /// What looking may take of a processor, as one part of so many: of a plugin that is far
 /// from its limits, and of one that comes near to one.

@@ -16,8 +16,8 @@ use std::io;
 use std::rc::Rc;
 
 use super::*;
-use crate::link::{Interest, Output};
-use crate::supervisor::Report;
+use crate::confinement::supervisor::Report;
+use crate::confinement::transport::{Interest, Output};
 
 const MS: u64 = 1_000_000;
 
@@ -142,7 +142,7 @@ struct State {
     report: Option<Report>,
 }
 
-/// The other end of a [`Link`].
+/// The other end of a [`Transport`].
 #[derive(Clone)]
 struct World(Rc<RefCell<State>>);
 
@@ -486,7 +486,7 @@ impl State {
     }
 }
 
-impl Link for World {
+impl Transport for World {
     fn now_ns(&self) -> u64 {
         let mut state = self.0.borrow_mut();
         let stall = if state.dice.one_in(100) { 5 * MS } else { 2000 };

@@ -12,8 +12,8 @@ use std::fs;
 
 use fleetyard_abi::monotonic_ns;
 
-use crate::monitor::{SHARE, SHARE_NEAR};
-use crate::tree::Census;
+use crate::confinement::monitor::{SHARE, SHARE_NEAR};
+use crate::confinement::process_tree::Census;
 
 /// How often proportional sets are read although no limit asks for it, at most.
 const SHARES_EVERY_NS: u64 = 100_000_000;

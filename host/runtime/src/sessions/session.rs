@@ -25,28 +25,29 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 
-use crate::adapter::FORMAT;
-use crate::bounds::{INTRODUCTION_BYTES, LOG_BYTES, message_bytes, plan_cells};
-use crate::client::{Client, Deadline, Notice, Reply};
-use crate::collector::{Collected, Collector};
-use crate::incoming::Expected;
-use crate::interrupt::{Interruptible, interrupted_by};
-use crate::link::Link;
-use crate::log::{Log, LogLine};
-use crate::measure::Cpus;
-use crate::message;
-use crate::monitor::{CallLimits, CallUsage, Limit, Usage};
-use crate::process::Process;
-use crate::promises::{BrokenPromise, Promises};
-use crate::sandbox::jail::Launch;
-use crate::sandbox::{
+use crate::confinement::monitor::{CallLimits, CallUsage, Limit, Usage};
+use crate::confinement::process::Process;
+use crate::confinement::promises::{BrokenPromise, Promises};
+use crate::confinement::sandbox::jail::Launch;
+use crate::confinement::sandbox::{
     self, Attempt, Filter, Grants, Level, Policy, Profile, SandboxReport, Targets,
 };
-use crate::supervisor::Target;
-use crate::{Attach, Fault, Library, PluginFile, Trust, python, selftest};
+use crate::confinement::supervisor::Target;
+use crate::confinement::transport::Transport;
+use crate::confinement::{python, selftest};
+use crate::interrupt::{Interruptible, interrupted_by};
+use crate::measure::Cpus;
+use crate::sessions::adapter::FORMAT;
+use crate::sessions::bounds::{INTRODUCTION_BYTES, LOG_BYTES, message_bytes, plan_cells};
+use crate::sessions::client::{Client, Deadline, Notice, Reply};
+use crate::sessions::collector::{Collected, Collector};
+use crate::sessions::incoming::Expected;
+use crate::sessions::log::{Log, LogLine};
+use crate::sessions::message;
+use crate::{Attach, Fault, Library, PluginFile, Trust};
 
 /// Limits that are not a call's budget. How much of what a plugin sends is kept is said in
-/// [`bounds`](crate::bounds).
+/// [`bounds`](crate::sessions::bounds).
 #[derive(Debug, Clone)]
 pub struct Limits {
     /// The time that a plugin may take to start and introduce itself.
@@ -346,13 +347,13 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// For a program that calls [`intercept`](crate::supervisor::intercept) with
+    /// For a program that calls [`intercept`](crate::confinement::supervisor::intercept) with
     /// the same entries first of all.
     pub fn new(
         built_in: &'static [&'static c::PluginEntry],
         mut limits: Limits,
     ) -> std::io::Result<Self> {
-        crate::state::reap_orphans();
+        crate::confinement::state::reap_orphans();
         let lock = limits
             .trust
             .lock
@@ -723,7 +724,7 @@ fn result<'a, T: Deserialize<'a>>(method: &str, answer: &'a str) -> Result<T, St
 }
 
 /// Asks something whose answer is short and no plan.
-fn ask<L: Link>(
+fn ask<L: Transport>(
     client: &mut Client<L>,
     method: &str,
     params: impl Serialize,
@@ -756,7 +757,7 @@ fn to_fault(method: &str) -> impl Fn(Failure) -> Fault + '_ {
     }
 }
 
-enum Inner<L: Link = Process> {
+enum Inner<L: Transport = Process> {
     InProcess {
         library: Library,
         object: Option<Object>,
@@ -1091,7 +1092,7 @@ impl Session {
     }
 }
 
-impl<L: Link> Inner<L> {
+impl<L: Transport> Inner<L> {
     fn now_ns(&self) -> u64 {
         match self {
             Self::InProcess { .. } => monotonic_ns(),

@@ -23,11 +23,11 @@ use serde::{Deserialize, Serialize};
 use super::Policy;
 use super::root::SCRATCH;
 use crate::Fault;
-use crate::adapter::Adapter;
+use crate::confinement::python::{Python, is_python};
+use crate::confinement::state::RUN;
+use crate::confinement::supervisor::Target;
 use crate::discover::holds_several;
-use crate::python::{Python, is_python};
-use crate::state::RUN;
-use crate::supervisor::Target;
+use crate::sessions::adapter::Adapter;
 
 /// Folders and links at the root that hold programs and libraries.
 const SYSTEM: &[&str] = &[

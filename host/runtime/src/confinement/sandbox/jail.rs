@@ -30,20 +30,20 @@ use serde::{Deserialize, Serialize};
 
 use super::grants::Grants;
 use super::init::{Inside, counts_alone, reap_descendants};
-pub(crate) use super::link::Ended;
-use super::link::{Packet, receive};
+pub(crate) use super::packets::Ended;
+use super::packets::{Packet, receive};
 use super::root::{INSIDE_USER, Trees, as_errno, take_as_root};
 use super::{
     Backend, Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Refusal, Remark,
     SandboxReport, bwrap, errno_name,
 };
-use crate::cgroup::{Cgroup, Places};
+use crate::confinement::cgroup::{Cgroup, Places};
+use crate::confinement::monitor::Limit;
+use crate::confinement::process_tree::View;
+use crate::confinement::remove::remove_tree;
+use crate::confinement::state;
+use crate::confinement::supervisor::Target;
 use crate::measure::Cpus;
-use crate::monitor::Limit;
-use crate::remove::remove_tree;
-use crate::state;
-use crate::supervisor::Target;
-use crate::tree::View;
 
 /// Users of sandboxes when the host is root: one per supervisor, far from those
 /// that people and containers are given.

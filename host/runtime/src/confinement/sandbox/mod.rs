@@ -7,10 +7,10 @@
 //! refusal costs that layer alone and is written into the record with its error
 //! number. [`Level`] says what to do about it.
 //!
-//! `jail` makes the namespaces, `init` is the first process in them, `link` is what the
-//! two say to each other, `root` builds the tree of files, `lock` takes rights away from the plugin's own process before any
-//! code of the plugin runs (constructors of libraries included), `syscalls` is the
-//! table of system calls, `grants` finds what a plugin needs to read,
+//! `jail` makes the namespaces, `init` is the first process in them, `packets` is what the
+//! two say to each other, `root` builds the tree of files, `lockdown` takes rights away from
+//! the plugin's own process before any code of the plugin runs (constructors of libraries
+//! included), `syscalls` is the table of system calls, `grants` finds what a plugin needs to read,
 //! `bwrap` is the way in where only that program may make namespaces.
 
 mod attempts;
@@ -18,8 +18,8 @@ mod bwrap;
 mod grants;
 mod init;
 pub(crate) mod jail;
-mod link;
-mod lock;
+mod lockdown;
+mod packets;
 mod root;
 mod syscalls;
 
@@ -32,7 +32,7 @@ pub(crate) use grants::{Grants, Hidden, aside, find_program, own, python};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
-use crate::monitor::Limit;
+use crate::confinement::monitor::Limit;
 
 /// What to do about layers that the machine refuses.
 #[derive(

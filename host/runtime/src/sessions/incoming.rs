@@ -12,8 +12,8 @@ use fleetyard_abi::paths::{PathContext, PathsError, PathsReader};
 use serde::de::DeserializeSeed;
 use serde_json::value::RawValue;
 
-use crate::bounds::MESSAGE_BYTES;
-use crate::message::{self, Cut, Message};
+use crate::sessions::bounds::MESSAGE_BYTES;
+use crate::sessions::message::{self, Cut, Message};
 
 /// How much of a line is kept that is no message.
 const STRAY_KEPT: usize = 400;

@@ -1,14 +1,14 @@
 //! The needs of the client of a plugin's process and of the clock.
 //!
-//! [`Process`](crate::process::Process) is the real one. A test plays plugin, supervisor
+//! [`Process`](crate::confinement::process::Process) is the real one. A test plays plugin, supervisor
 //! and clock by turns that a seed decides, thousands of times.
 
 use std::io;
 use std::time::Duration;
 
-use crate::monitor::{CallLimits, CallUsage, Limit};
-use crate::sandbox::SandboxReport;
-use crate::supervisor::Report;
+use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
+use crate::confinement::sandbox::SandboxReport;
+use crate::confinement::supervisor::Report;
 
 /// One of a plugin's two outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub(crate) struct Interest {
 }
 
 /// A plugin's process under its supervisor, and a clock.
-pub(crate) trait Link {
+pub(crate) trait Transport {
     /// The monotonic clock.
     fn now_ns(&self) -> u64;
 

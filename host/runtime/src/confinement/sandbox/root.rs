@@ -15,7 +15,7 @@ use rustix::mount::{
 };
 
 use super::grants::Grants;
-use super::lock::DEVICES;
+use super::lockdown::DEVICES;
 use super::{Layer, Refusal};
 
 /// Where the plugin may write.

@@ -19,13 +19,13 @@ use rustix::process::{
 use rustix::time::Timespec;
 
 use super::jail::Launch;
-use super::link::{Ended, Packet, send};
-use super::lock::{Lock, drop_capabilities};
+use super::lockdown::{Lockdown, drop_capabilities};
+use super::packets::{Ended, Packet, send};
 use super::root::{INSIDE_USER, OF_KERNEL, OF_MACHINE, Root, SCRATCH, Trees, as_errno};
 use super::{Layer, Level, Refusal, attempts, bwrap};
-use crate::state;
-use crate::supervisor::Target;
-use crate::tree::kill_descendants;
+use crate::confinement::process_tree::kill_descendants;
+use crate::confinement::state;
+use crate::confinement::supervisor::Target;
 
 /// What the init and the plugin's process know.
 pub(super) struct Inside<'a> {
@@ -183,7 +183,7 @@ fn start_plugin(
         ),
         0 => plugin(inside, scratch, become_plugin),
         child => {
-            crate::supervisor::release_stdio();
+            crate::confinement::supervisor::release_stdio();
             // Everything is made; what is left needs no rights, but for ending processes of
             // another user where there is no namespace in which this one may.
             if inside.become_user.is_none() {
@@ -205,7 +205,7 @@ fn plugin(
 ) -> ! {
     let launch = inside.launch;
     let grants = &launch.grants;
-    if let Err(error) = crate::supervisor::child_setup() {
+    if let Err(error) = crate::confinement::supervisor::child_setup() {
         inside.give_up("making a session for the plugin", &error);
     }
     // Relative paths of a plugin mean its scratch folder.
@@ -213,7 +213,7 @@ fn plugin(
     let (refused, remarks) = if launch.policy.level == Level::None {
         (Vec::new(), Vec::new())
     } else {
-        Lock {
+        Lockdown {
             read: &readable(inside),
             // A tree that holds nothing else is readable as a whole.
             list: if inside.wants(Layer::MountNamespace) {

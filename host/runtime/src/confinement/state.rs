@@ -10,9 +10,9 @@ use rustix::fs::{Mode, OFlags, fstat, mkdirat, open, openat};
 use rustix::process::{Resource, Rlimit, geteuid, getrlimit, setrlimit};
 use serde::{Deserialize, Serialize};
 
-use crate::cgroup::{self, Places};
-use crate::remove::remove_tree;
-use crate::tree::{self, started_ticks};
+use crate::confinement::cgroup::{self, Places};
+use crate::confinement::process_tree::{self, started_ticks};
+use crate::confinement::remove::remove_tree;
 
 /// The variable that all processes of a run have.
 pub(crate) const RUN: &str = "FLEETYARD_RUN";
@@ -160,7 +160,7 @@ impl Identity {
     }
 
     fn is_gone(self) -> bool {
-        tree::is_gone(self.pid, self.started_ticks)
+        process_tree::is_gone(self.pid, self.started_ticks)
     }
 }
 
@@ -312,7 +312,7 @@ pub(crate) fn end_run(run: &str) {
 fn end(run: Option<&str>, entry: &Entry) {
     // A supervisor ends by itself when its host is gone; one that does not is
     // ended, and takes its sandbox along. What it was about to make is there then.
-    tree::kill_and_wait(entry.supervisor.pid, |_| entry.supervisor.is_alive());
+    process_tree::kill_and_wait(entry.supervisor.pid, |_| entry.supervisor.is_alive());
     cgroup::remove(&entry.cgroups);
     if let Some(run) = run {
         kill_marked(run);
@@ -342,7 +342,7 @@ fn kill_marked(run: &str) {
                 .and_then(|name| name.parse().ok());
             if let Some(pid) = pid.filter(|pid| is_marked(*pid)) {
                 found = true;
-                tree::kill(pid, is_marked);
+                process_tree::kill(pid, is_marked);
             }
         }
         if !found {

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use rustix::io::Errno;
 
-use crate::tree;
+use crate::confinement::process_tree;
 
 /// The version of a hierarchy; files have other names in each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -340,7 +340,7 @@ fn kill(folders: &[PathBuf]) {
             text.lines().filter_map(|line| line.parse().ok()).collect()
         };
         for pid in members() {
-            tree::kill(pid, |pid| members().contains(&pid));
+            process_tree::kill(pid, |pid| members().contains(&pid));
         }
     }
 }

@@ -10,7 +10,7 @@
 //! found all the same: they cannot leave their namespace, and where there is none an
 //! orphan's new parent is the supervisor.
 //!
-//! [sandbox]: crate::sandbox
+//! [sandbox]: crate::confinement::sandbox
 
 use std::convert::Infallible;
 use std::io::{ErrorKind, Read, Write};
@@ -27,15 +27,18 @@ use rustix::process::{Resource, Rlimit, getrlimit};
 use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
-use crate::adapter::Adapter;
-use crate::cgroup::{Cgroup, Places};
-use crate::library::Library;
+use crate::Fault;
+use crate::confinement::cgroup::{Cgroup, Places};
+use crate::confinement::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
+use crate::confinement::sandbox;
+use crate::confinement::sandbox::jail::{
+    self, Ended, Jail, Launch, News, NotStarted, ScratchFolder,
+};
+use crate::confinement::sandbox::{Layer, SandboxReport, Victims};
+use crate::confinement::state::{self, Registered};
 use crate::measure::{affinity, pin};
-use crate::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
-use crate::sandbox::jail::{self, Ended, Jail, Launch, News, NotStarted, ScratchFolder};
-use crate::sandbox::{Layer, SandboxReport, Victims};
-use crate::state::{self, Registered};
-use crate::{Fault, sandbox};
+use crate::sessions::adapter::Adapter;
+use crate::sessions::library::Library;
 
 /// First argument of a process that is a supervisor.
 pub const ARGUMENT: &str = "__supervise";

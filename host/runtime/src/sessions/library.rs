@@ -18,7 +18,7 @@ use fleetyard_abi::{
 };
 
 use crate::Fault;
-use crate::bounds::{PLAN_CELLS, plan_cells};
+use crate::sessions::bounds::{PLAN_CELLS, plan_cells};
 
 /// Most plugins of one kind that a library may claim to have.
 const MOST_PLUGINS: u32 = 1024;

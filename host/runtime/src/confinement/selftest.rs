@@ -12,12 +12,12 @@ use std::sync::OnceLock;
 
 use fleetyard_core::{Hasher, write_atomically};
 
-use crate::link::Link;
-use crate::process::Process;
-use crate::sandbox::{Filter, Profile, find_program};
-use crate::session::Runtime;
-use crate::state;
-use crate::supervisor::{Report, Target};
+use crate::confinement::process::Process;
+use crate::confinement::sandbox::{Filter, Profile, find_program};
+use crate::confinement::state;
+use crate::confinement::supervisor::{Report, Target};
+use crate::confinement::transport::Transport;
+use crate::sessions::session::Runtime;
 
 /// Interpreters by name, and what each is asked to do: threads, processes, files, pipes,
 /// timers, and what its numerical libraries do when they are loaded.

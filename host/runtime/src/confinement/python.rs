@@ -14,10 +14,10 @@ use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 
-use crate::link::{Interest, Link, Output};
-use crate::process::Process;
-use crate::sandbox::Grants;
-use crate::sandbox::jail::Launch;
+use crate::confinement::process::Process;
+use crate::confinement::sandbox::Grants;
+use crate::confinement::sandbox::jail::Launch;
+use crate::confinement::transport::{Interest, Output, Transport};
 
 /// An interpreter and what it needs.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
@@ -110,7 +110,7 @@ fn believe(answer: &[u8], grants: &Grants) -> Option<Python> {
 mod tests {
     use super::*;
     use crate::Policy;
-    use crate::supervisor::Target;
+    use crate::confinement::supervisor::Target;
 
     #[test]
     fn interpreters_are_known_by_name() {

@@ -14,7 +14,7 @@ use super::root::as_errno;
 use super::{Layer, Profile, Refusal, Remark, syscalls};
 
 /// What is to be locked.
-pub(super) struct Lock<'a> {
+pub(super) struct Lockdown<'a> {
     /// Paths that may be read and executed, folders with what is in them.
     pub(super) read: &'a [PathBuf],
     /// Folders whose names may be listed.
@@ -35,7 +35,7 @@ pub(super) struct Lock<'a> {
     pub(super) become_user: Option<u32>,
 }
 
-impl Lock<'_> {
+impl Lockdown<'_> {
     /// Gives everything up. What could not be given up is returned, and what that leaves
     /// open; the rest is.
     pub(super) fn apply(&self) -> (Vec<Refusal>, Vec<Remark>) {

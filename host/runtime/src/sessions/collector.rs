@@ -9,11 +9,13 @@ use fleetyard_abi::sdk::{Rejected, Sink};
 use fleetyard_abi::{Budget, Instance, LogLevel, Plan, PlanRef, monotonic_ns};
 use fleetyard_core::GridPlan;
 
-use crate::bounds::{INCUMBENTS, LOG_BYTES, METRIC_NAME_BYTES, METRICS, OLDER_BYTES, plan_bytes};
-use crate::convert::plan_from_abi;
 use crate::interrupt::interrupted_by;
-use crate::log::Log;
-use crate::session::Incumbent;
+use crate::sessions::bounds::{
+    INCUMBENTS, LOG_BYTES, METRIC_NAME_BYTES, METRICS, OLDER_BYTES, plan_bytes,
+};
+use crate::sessions::convert::plan_from_abi;
+use crate::sessions::log::Log;
+use crate::sessions::session::Incumbent;
 
 /// Takes what a plugin submits during a call, whichever way it comes.
 pub(crate) struct Collector {

@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 use super::Layer;
 use super::grants::find_program;
 use super::jail::{Launch, goes_first};
-use super::lock::DEVICES;
+use super::lockdown::DEVICES;
 use super::root::{OF_KERNEL, SCRATCH, as_errno, not_for_plugins};
-use crate::supervisor::Target;
+use crate::confinement::supervisor::Target;
 
 /// First argument of the host's own program inside of what `bwrap` made.
 pub(crate) const INSIDE_ARGUMENT: &str = "__inside";

@@ -12,16 +12,16 @@ use fleetyard_abi::{Budget, LogLevel};
 use serde::Serialize;
 
 use crate::Fault;
-use crate::bounds::{LOG_BYTES, STDERR_BYTES};
-use crate::incoming::{Expected, Incoming, Part, Read, Whole};
-use crate::link::{Interest, Link, Output};
-use crate::log::Log;
-use crate::message::Message;
-use crate::monitor::{CallLimits, CallUsage, Limit};
-use crate::process::Process;
-use crate::sandbox::{Level, SandboxReport};
-use crate::session::Limits;
-use crate::supervisor::Report;
+use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
+use crate::confinement::process::Process;
+use crate::confinement::sandbox::{Level, SandboxReport};
+use crate::confinement::supervisor::Report;
+use crate::confinement::transport::{Interest, Output, Transport};
+use crate::sessions::bounds::{LOG_BYTES, STDERR_BYTES};
+use crate::sessions::incoming::{Expected, Incoming, Part, Read, Whole};
+use crate::sessions::log::Log;
+use crate::sessions::message::Message;
+use crate::sessions::session::Limits;
 
 /// The reads of a pipe before the rest is looked at again, so that a flood cannot
 /// hide it.
@@ -61,7 +61,7 @@ pub(crate) struct Reply {
 }
 
 /// A connection to a plugin.
-pub(crate) struct Client<L: Link = Process> {
+pub(crate) struct Client<L: Transport = Process> {
     link: L,
     limits: Limits,
     /// Of the last request.
@@ -155,7 +155,7 @@ struct Wait<'a> {
 
 type Notify<'a> = &'a mut dyn FnMut(Notice) -> Result<(), String>;
 
-impl<L: Link> Client<L> {
+impl<L: Transport> Client<L> {
     pub(crate) fn new(link: L, limits: Limits) -> Self {
         // Until a call has limits of its own.
         let call = CallLimits {
@@ -666,7 +666,7 @@ impl<L: Link> Client<L> {
 
 /// Reads as much as there is without waiting, if only nothing; `None` once the pipe is
 /// closed.
-fn read_some<'a, L: Link>(
+fn read_some<'a, L: Transport>(
     link: &mut L,
     output: Output,
     buffer: &'a mut [u8],
