@@ -26,7 +26,7 @@ build() {
 }
 left_out() { printf '%-28sleft out: %s\n' "$1" "$2"; }
 
-golden=(test -p fleetyard-sim --locked --test golden)
+golden=(test -p fleetyard-sim --locked --test it golden::)
 targets=$(rustup target list --installed 2>/dev/null || true)
 
 build "debug" cargo "${golden[@]}"

@@ -1,6 +1,6 @@
 //! How long a report of a large store takes, and how large its page is.
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../tests/it/support/mod.rs"]
 mod support;
 
 use std::time::Instant;

@@ -3,7 +3,7 @@
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 
-#[path = "../tests/walks/mod.rs"]
+#[path = "../tests/it/walks/mod.rs"]
 mod walks;
 
 use std::hint::black_box;

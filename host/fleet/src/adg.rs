@@ -61,8 +61,8 @@
 //! enqueued.
 //!
 //! (B), (D), (E), (F) and the passing order are tested on random maps with random walks,
-//! rings, windows, cuts and delays (`tests/adg.rs`), (C) with robots that drive, noise and
-//! lost messages (`tests/live.rs` of the simulator).
+//! rings, windows, cuts and delays (`tests/it/adg.rs`), (C) with robots that drive, noise and
+//! lost messages (`tests/it/live.rs` of the simulator).
 //!
 //! # Costs
 //!

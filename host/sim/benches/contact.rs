@@ -8,9 +8,9 @@
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
-#[path = "../tests/common/rapier_observer.rs"]
+#[path = "../tests/it/common/rapier_observer.rs"]
 mod rapier_observer;
 
 use std::hint::black_box;

@@ -3,7 +3,7 @@
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;

@@ -10,9 +10,9 @@
 #![allow(missing_docs, reason = "a program")]
 #![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
-#[path = "../tests/common/rapier_observer.rs"]
+#[path = "../tests/it/common/rapier_observer.rs"]
 mod rapier_observer;
 
 use std::process::{Command, ExitCode};

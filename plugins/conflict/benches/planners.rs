@@ -1,11 +1,9 @@
 //! Time to the plan on generated maps, optimal and within a factor, pebbles and robots that turn.
 
-#[path = "../tests/support/mod.rs"]
-mod support;
-
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use fleetyard_plugin_conflict::{Settings, solve};
-use support::Case;
+use fleetyard_plugin_spacetime::problem::{GoalRule, Ground};
+use fleetyard_testkit::Case;
 
 /// An empty square; starts and goals are spread by multiplication.
 fn case(side: u32, agents: u32) -> Case {
@@ -40,7 +38,9 @@ fn planners(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("conflict");
     group.sample_size(10);
     for (name, settings, case) in cases {
-        let problem = case.problem();
+        let problem = Ground::new(&case.map, 1 << 30)
+            .and_then(|mut ground| ground.problem(&case.instance, GoalRule::Stay, &mut || false))
+            .expect("a square without obstacles");
         let id = BenchmarkId::new(name, case.instance.agents());
         group.bench_function(id, |bencher| {
             bencher.iter(|| solve(&problem, &settings, &mut || false));

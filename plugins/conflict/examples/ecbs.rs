@@ -1,15 +1,13 @@
 //! Solves scenarios of MovingAI and says what it took:
 //! `ecbs MAP SCENARIO AGENTS WEIGHT SECONDS [turning]`.
 
-#[path = "../tests/support/mod.rs"]
-mod support;
-
 use std::error::Error;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use fleetyard_plugin_conflict::{Settings, solve};
-use support::Case;
+use fleetyard_plugin_spacetime::problem::{GoalRule, Ground};
+use fleetyard_testkit::Case;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -22,7 +20,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let begin = Instant::now();
     let limit = Duration::from_secs_f64(seconds.parse()?);
-    let problem = case.problem();
+    let problem =
+        Ground::new(&case.map, 1 << 30)?.problem(&case.instance, GoalRule::Stay, &mut || false)?;
     let settings = Settings {
         weight: weight.parse()?,
         ..Settings::default()

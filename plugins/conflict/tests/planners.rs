@@ -1,17 +1,23 @@
 //! The searches at their boundary: the optimum where brute force can find it, validity,
 //! symmetric cases in few nodes, proofs, budgets.
 
-mod support;
-
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 
+use fleetyard_abi::{GridEnvironment, Instance};
 use fleetyard_plugin_conflict::{End, Outcome, Settings, solve};
+use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
+use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
-use support::Case;
+
+fn problem(case: &Case) -> Problem {
+    Ground::new(&case.map, 1 << 30)
+        .and_then(|mut ground| ground.problem(&case.instance, GoalRule::Stay, &mut || false))
+        .expect("a problem that is well formed")
+}
 
 fn run(case: &Case, settings: &Settings) -> (Outcome, Vec<Vec<u32>>) {
-    let problem = case.problem();
+    let problem = problem(case);
     let outcome = solve(&problem, settings, &mut || false);
     let plan = problem.plan(&outcome.paths);
     let paths = plan.as_ref().paths().map(<[u32]>::to_vec).collect();
@@ -39,13 +45,8 @@ fn successors(case: &Case, (poses, history, resting): &State, delay: u32) -> Vec
             return vec![(cell, heading)];
         }
         let mut options = vec![(cell, heading)];
-        for next in case.near(cell) {
-            let towards = match i64::from(next) - i64::from(cell) {
-                d if d == i64::from(case.cols) => 1,
-                d if d == -i64::from(case.cols) => 3,
-                1 => 0,
-                _ => 2,
-            };
+        for next in grid::near(&case.map, cell) {
+            let towards = case.towards(i64::from(next) - i64::from(cell)).code();
             if !turning {
                 options.push((next, 0));
             } else if towards == heading {
@@ -156,30 +157,15 @@ fn grid(rows: u32, cols: u32, agents: usize) -> impl Strategy<Value = Case> {
         .prop_filter_map(
             "connected",
             |((rows, cols, passable), (starts, goals), agents)| {
-                let map: Vec<String> = passable
-                    .chunks(cols as usize)
-                    .map(|row| {
-                        row.iter()
-                            .map(|free| if *free { '.' } else { '@' })
-                            .collect()
-                    })
-                    .collect();
-                let map: Vec<&str> = map.iter().map(String::as_str).collect();
-                let agents: Vec<(u32, u32)> = starts.into_iter().zip(goals).take(agents).collect();
-                let case = Case::new(&map, &agents);
-                let reached = |from: u32, to: u32| {
-                    let mut seen = vec![false; (rows * cols) as usize];
-                    let mut open = vec![from];
-                    while let Some(cell) = open.pop() {
-                        if !std::mem::replace(&mut seen[cell as usize], true) {
-                            open.extend(case.near(cell));
-                        }
-                    }
-                    seen[to as usize]
-                };
-                let all =
-                    !agents.is_empty() && agents.iter().all(|&(start, goal)| reached(start, goal));
-                all.then_some(case)
+                let passable = passable.into_iter().map(u8::from).collect();
+                let map = GridEnvironment::four_connected(rows, cols, passable);
+                let agents = agents.min(starts.len());
+                let pairs = starts.iter().zip(&goals).take(agents);
+                let all = agents > 0 && { pairs }
+                    .all(|(start, goal)| grid::region(&map, *start).contains(goal));
+                let instance =
+                    Instance::one_shot(starts[..agents].to_vec(), goals[..agents].to_vec());
+                all.then_some(Case { map, instance })
             },
         )
 }
@@ -265,8 +251,8 @@ proptest! {
                 let goal = case.instance.goals.get(agent)[0];
                 list.iter().map(|n| if n % 2 == 0 { *start } else { goal }).collect()
             });
-            let goals = goals.collect();
-            case = case.windowed(window, goals);
+            let goals: Vec<_> = goals.collect();
+            case = case.windowed(window, &goals);
         }
         let settings = Settings { weight, delay, node_limit: Some(400), ..Settings::default() };
         let (outcome, paths) = run(&case, &settings);
@@ -367,7 +353,7 @@ fn limits_are_named_and_leave_paths() {
     let map = ["......"; 6];
     let agents: Vec<(u32, u32)> = (0..18).map(|i| (i, 35 - i)).collect();
     let case = Case::new(&map, &agents);
-    let problem = case.problem();
+    let problem = problem(&case);
     let nodes = Settings {
         node_limit: Some(1),
         ..Settings::default()
@@ -401,22 +387,15 @@ fn limits_are_named_and_leave_paths() {
 /// The benchmark files, where they are at hand: costs that CBSH2-RTC finds as well.
 #[test]
 fn benchmark_scenarios_cost_what_is_known() {
-    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
-        return;
-    };
-    let data = std::path::Path::new(&data).join("movingai");
     for (map, scenario, agents, cost) in [
         ("random-32-32-20", 1, 40, 837),
         ("random-32-32-20", 2, 40, 919),
         ("empty-32-32", 1, 80, 1657),
         ("room-64-64-16", 2, 30, 1914),
     ] {
-        let folder = data.join(map);
-        let map_file = folder.join(format!("{map}.map"));
-        if !map_file.exists() {
+        let Some((map_file, scenario)) = grid::movingai(map, scenario) else {
             continue;
-        }
-        let scenario = folder.join(format!("{map}-random-{scenario}.scen"));
+        };
         let case = Case::read(&map_file, &scenario, agents).expect("readable files");
         let patient = Settings {
             node_limit: Some(2000),

@@ -1,16 +1,17 @@
 //! Time to the first plan, of refinement up to a fixed limit, and of calls for a fleet that
 //! works without end, on generated maps.
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../tests/it/support.rs"]
 mod support;
 
 use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use fleetyard_abi::Goals;
+use fleetyard_abi::{Goals, GridEnvironment, Instance};
 use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query};
 use fleetyard_plugin_mapf::{Algorithm, Options};
-use support::{Case, Patient};
+use fleetyard_testkit::{Case, grid};
+use support::Patient;
 
 /// A square map with scattered obstacles; starts and goals spread by multiplication.
 fn instance(side: u32, agents: usize) -> Case {
@@ -20,44 +21,18 @@ fn instance(side: u32, agents: usize) -> Case {
             .rotate_left(15)
             .wrapping_mul(0x85eb_ca6b)
     };
-    let passable: Vec<bool> = (0..size).map(|cell| noise(cell) >> 16 & 15 != 0).collect();
-    let mut reached = vec![false; size as usize];
-    let mut region: Vec<u32> = (0..size)
-        .filter(|&c| passable[c as usize])
-        .take(1)
-        .collect();
-    let mut next = 0;
-    while let Some(&cell) = region.get(next) {
-        next += 1;
-        let (row, col) = (cell / side, cell % side);
-        let around = [
-            (row > 0).then(|| cell - side),
-            (row + 1 < side).then(|| cell + side),
-            (col > 0).then(|| cell - 1),
-            (col + 1 < side).then(|| cell + 1),
-        ];
-        for cell in around.into_iter().flatten() {
-            if passable[cell as usize] && !std::mem::replace(&mut reached[cell as usize], true) {
-                region.push(cell);
-            }
-        }
-    }
-    region.sort_unstable();
-    region.dedup();
+    let passable = (0..size).map(|cell| u8::from(noise(cell) >> 16 & 15 != 0));
+    let map = GridEnvironment::four_connected(side, side, passable.collect());
+    let first = grid::free(&map)[0];
+    let region = grid::region(&map, first);
     let pick = |salt: u32| {
         let mut cells = region.clone();
         cells.sort_by_key(|&cell| noise(cell ^ salt));
         cells.truncate(agents);
         cells
     };
-    let (starts, goals) = (pick(0x5bd1_e995), pick(0x1b87_3593));
-    Case {
-        rows: side,
-        cols: side,
-        passable,
-        starts,
-        goals,
-    }
+    let instance = Instance::one_shot(pick(0x5bd1_e995), pick(0x1b87_3593));
+    Case { map, instance }
 }
 
 fn planners(criterion: &mut Criterion) {
@@ -91,7 +66,7 @@ fn planners(criterion: &mut Criterion) {
             let problem = instance(side, agents);
             let id = BenchmarkId::from_parameter(format!("{side}x{side}, {agents} agents"));
             group.bench_with_input(id, &problem, |bencher, problem| {
-                bencher.iter(|| problem.solve(&options, 0, &mut Patient::default()));
+                bencher.iter(|| support::solve(problem, &options, 0, &mut Patient::default()));
             });
         }
         group.finish();
@@ -105,7 +80,7 @@ fn calls(criterion: &mut Criterion) {
     for (name, samples, retries) in [("pibt", 1, 0), ("lacam", 10, 8)] {
         for (side, agents) in [(64, 400), (80, 1000)] {
             let problem = instance(side, agents);
-            let goals = Goals::single(problem.goals.clone());
+            let goals = problem.instance.goals.clone();
             let query = query(&problem, &goals, samples, retries);
             let mut planner = planner(&problem);
             let id = BenchmarkId::new(name, format!("{side}x{side}, {agents} agents"));
@@ -123,7 +98,7 @@ fn first_calls(criterion: &mut Criterion) {
     group.sample_size(10);
     for (side, agents) in [(64, 400), (80, 1000), (200, 10_000)] {
         let problem = instance(side, agents);
-        let goals = Goals::single(problem.goals.clone());
+        let goals = problem.instance.goals.clone();
         let query = query(&problem, &goals, 1, 0);
         let id = BenchmarkId::new("pibt", format!("{side}x{side}, {agents} agents"));
         group.bench_function(id, |bencher| {
@@ -134,12 +109,12 @@ fn first_calls(criterion: &mut Criterion) {
 }
 
 fn planner(problem: &Case) -> Lifelong {
-    Lifelong::new(Arc::new(problem.graph()), 512 << 20)
+    Lifelong::new(Arc::new(support::graph(problem)), 512 << 20)
 }
 
 fn query<'a>(problem: &'a Case, goals: &'a Goals, samples: u32, retries: u32) -> Query<'a> {
     Query {
-        starts: &problem.starts,
+        starts: &problem.instance.starts,
         goals,
         headings: None,
         window: Some(10),

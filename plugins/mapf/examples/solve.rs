@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome, Plan};
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../tests/it/support.rs"]
 mod support;
 
 struct Console {
@@ -84,8 +84,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [map, scen, agents] = words.as_slice() else {
         return Err("give a map, a scenario and a number of agents".into());
     };
-    let problem = support::read(map.as_ref(), scen.as_ref(), agents.parse()?)?;
-    match problem.solve(&options, seed, &mut console)? {
+    let problem = fleetyard_testkit::Case::read(map.as_ref(), scen.as_ref(), agents.parse()?)?;
+    match support::solve(&problem, &options, seed, &mut console)? {
         Outcome::Solved {
             plan,
             sum_of_costs,

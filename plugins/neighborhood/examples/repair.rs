@@ -1,15 +1,14 @@
 //! Time to the first plan of MovingAI scenarios:
 //! `cargo run --example repair -- MAP SCENARIO AGENTS [SECONDS [SEED]]`.
 
-#[path = "../tests/support/mod.rs"]
-mod support;
-
 use std::error::Error;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use fleetyard_plugin_neighborhood::repair::{Control, repair};
 use fleetyard_plugin_spacetime::plan::sum_of_costs;
+use fleetyard_plugin_spacetime::problem::{GoalRule, Ground};
+use fleetyard_testkit::Case;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let given: Vec<String> = std::env::args().skip(1).collect();
@@ -19,9 +18,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seconds = rest.first().map_or(Ok(60), |text| text.parse())?;
     let seed = rest.get(1).map_or(Ok(0), |text| text.parse())?;
     let (map, scenario) = (PathBuf::from(map), PathBuf::from(scenario));
-    let scene = support::read(&map, &scenario, agents.parse()?)?;
+    let case = Case::read(&map, &scenario, agents.parse()?)?;
     let begin = Instant::now();
-    let problem = scene.problem()?;
+    let problem =
+        Ground::new(&case.map, 1 << 30)?.problem(&case.instance, GoalRule::Stay, &mut || false)?;
     let tables = begin.elapsed();
     let deadline = begin + Duration::from_secs(seconds);
     let mut control = Control {

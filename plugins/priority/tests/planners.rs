@@ -1,15 +1,13 @@
 //! Both planners: every plan is checked by rules written down here once more, small cases
 //! with known answers, and what is promised about seeds, limits and failures.
 
-use std::collections::BTreeMap;
-
 use fleetyard_abi::{Goals, GridEnvironment, Heading, Instance, Motion};
 use fleetyard_plugin_priority::prioritized;
 use fleetyard_plugin_priority::search::{self, Prefer};
 use fleetyard_plugin_priority::{Control, Outcome};
-use fleetyard_plugin_spacetime::plan::Paths;
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use fleetyard_plugin_spacetime::random::Random;
+use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
 
 const HEADINGS: [Heading; 4] = [Heading::North, Heading::East, Heading::South, Heading::West];
@@ -57,153 +55,34 @@ fn run(problem: &Problem, planner: Planner, seed: u64, nodes: u64) -> Outcome {
     }
 }
 
-/// A map and an instance from a drawing: `@` is blocked, letters in the first drawing are
-/// starts, in the second goals.
-fn drawn(from: &[&str], to: &[&str]) -> (GridEnvironment, Instance) {
-    let passable: Vec<bool> = from.concat().bytes().map(|b| b != b'@').collect();
-    let places = |rows: &[&str]| -> Vec<u32> {
-        let text = rows.concat();
-        let mut found: Vec<(u8, u32)> = text
-            .bytes()
-            .zip(0..)
-            .filter(|(b, _)| b.is_ascii_lowercase())
-            .collect();
-        found.sort_unstable();
-        found.into_iter().map(|(_, cell)| cell).collect()
-    };
-    let map = environment(from.len() as u32, from[0].len() as u32, &passable);
-    (map, Instance::one_shot(places(from), places(to)))
+fn problem(case: &Case, rule: GoalRule) -> Option<Problem> {
+    let mut ground = Ground::new(&case.map, 1 << 20).unwrap();
+    ground.problem(&case.instance, rule, &mut || false).ok()
 }
 
-fn environment(rows: u32, cols: u32, passable: &[bool]) -> GridEnvironment {
-    let passable: Vec<u8> = passable.iter().map(|free| u8::from(*free)).collect();
-    GridEnvironment::four_connected(rows, cols, passable)
+fn cells(problem: &Problem, outcome: &Outcome) -> Vec<Vec<u32>> {
+    let plan = problem.plan(outcome.paths());
+    plan.as_ref().paths().map(<[u32]>::to_vec).collect()
 }
 
-fn problem(map: &GridEnvironment, instance: &Instance, rule: GoalRule) -> Option<Problem> {
-    let mut ground = Ground::new(map, 1 << 20).unwrap();
-    ground.problem(instance, rule, &mut || false).ok()
-}
-
-/// The first thing that is wrong with paths, if anything is; collisions only on request.
-fn fault(
-    map: &GridEnvironment,
-    instance: &Instance,
-    rule: GoalRule,
-    delay: u32,
-    paths: &Paths,
-    collisions: bool,
-) -> Option<String> {
-    let grid = map;
-    let cols = grid.cols as i64;
-    let problem = problem(map, instance, rule).unwrap();
-    let cells: Vec<Vec<i64>> = paths
-        .iter()
-        .map(|path| {
-            path.iter()
-                .map(|&v| i64::from(problem.graph.cell(v)))
-                .collect()
-        })
-        .collect();
-    let at = |agent: usize, t: usize| *cells[agent].get(t).or(cells[agent].last()).unwrap();
-    for (agent, path) in cells.iter().enumerate() {
-        if path.first() != Some(&i64::from(instance.starts[agent])) {
-            return Some(format!("agent {agent} begins elsewhere"));
-        }
-        let mut heading = instance.headings.as_ref().map_or(0, |all| {
-            HEADINGS.iter().position(|h| *h == all[agent]).unwrap()
-        });
-        let mut stood = 0;
-        for (t, step) in path.windows(2).enumerate() {
-            let moves = [-cols, 1, cols, -1];
-            let by = step[1] - step[0];
-            if by == 0 {
-                stood += 1;
-                continue;
-            }
-            let Some(d) = moves.iter().position(|m| *m == by) else {
-                return Some(format!("agent {agent} jumps at {t}"));
-            };
-            if by.abs() == 1 && step[0] / cols != step[1] / cols {
-                return Some(format!("agent {agent} leaves the row at {t}"));
-            }
-            let apart = (d + 4 - heading) % 4;
-            if instance.motion == Motion::Rotation && stood < apart.min(4 - apart) {
-                return Some(format!("agent {agent} turns in no time at {t}"));
-            }
-            (heading, stood) = (d, 0);
-        }
-        if instance.window_steps == 0 && collisions {
-            let mut left = path.iter();
-            let mut visited = true;
-            let mut before = None;
-            for &goal in instance.goals.get(agent) {
-                // The next goal may be where the agent is.
-                if before != Some(goal) {
-                    visited &= left.any(|cell| *cell == i64::from(goal));
-                }
-                before = Some(goal);
-            }
-            if !visited {
-                return Some(format!("agent {agent} does not visit all goals"));
-            }
-            let last = instance
-                .goals
-                .get(agent)
-                .last()
-                .map(|&goal| i64::from(goal));
-            let shared = instance
-                .goals
-                .iter()
-                .filter(|goals| goals.last().map(|&g| i64::from(g)) == last)
-                .count()
-                > 1;
-            if rule == GoalRule::Stay && !shared && path.last().copied() != last {
-                return Some(format!("agent {agent} does not stay at its goal"));
-            }
+/// Why the paths of a solved problem are no plan: goals that are shared or transient are visited,
+/// others are kept.
+fn judge(case: &Case, rule: GoalRule, delay: u32, paths: &[Vec<u32>]) -> Result<(), String> {
+    let Instance {
+        goals,
+        window_steps,
+        ..
+    } = &case.instance;
+    case.motions(paths)?;
+    for (agent, (list, path)) in goals.iter().zip(paths).enumerate() {
+        let shared = goals.iter().filter(|other| other.last() == list.last());
+        let stays = rule == GoalRule::Stay && shared.count() == 1;
+        let visits = grid::visited(list, path) == list.len();
+        if *window_steps == 0 && !(visits && (!stays || path.last() == list.last())) {
+            return Err(format!("agent {agent} does not keep to its goals"));
         }
     }
-    if !collisions {
-        return None;
-    }
-    let horizon = match instance.window_steps {
-        0 => cells.iter().map(Vec::len).max().unwrap() + delay as usize + 1,
-        window => window as usize,
-    };
-    let agents = cells.len();
-    for t in 0..=horizon {
-        for a in 0..agents {
-            for b in (0..agents).filter(|&b| b != a) {
-                for later in t..=(t + delay as usize).min(horizon) {
-                    if at(a, t) == at(b, later) {
-                        return Some(format!("{a} and {b} meet at {t}"));
-                    }
-                }
-                if t > 0 && at(a, t) == at(b, t - 1) && at(b, t) == at(a, t - 1) {
-                    return Some(format!("{a} and {b} change places at {t}"));
-                }
-            }
-        }
-        if t > 0 && !instance.allows_cycles {
-            let next: BTreeMap<i64, i64> = (0..agents)
-                .filter(|&a| at(a, t - 1) != at(a, t))
-                .map(|a| (at(a, t - 1), at(a, t)))
-                .collect();
-            for &begin in next.keys() {
-                let mut place = begin;
-                for _ in 0..agents {
-                    match next.get(&place) {
-                        Some(&ahead) => place = ahead,
-                        None => break,
-                    }
-                    if place == begin {
-                        return Some(format!("a ring through {begin} at {t}"));
-                    }
-                }
-            }
-        }
-    }
-    None
+    case.collisions(paths, delay)
 }
 
 prop_compose! {
@@ -217,10 +96,11 @@ prop_compose! {
         turning: bool,
         cycles: bool,
         apart: bool,
-    ) -> (GridEnvironment, Instance) {
+    ) -> Case {
         let mut random = Random::new(seed, 9);
-        let passable: Vec<bool> = (0..rows * cols).map(|_| !random.one_in(8)).collect();
-        let mut free: Vec<u32> = (0..rows * cols).filter(|&cell| passable[cell as usize]).collect();
+        let passable = (0..rows * cols).map(|_| u8::from(!random.one_in(8))).collect();
+        let map = GridEnvironment::four_connected(rows, cols, passable);
+        let mut free = grid::free(&map);
         random.shuffle(&mut free);
         let agents = (free.len() * share / 10).max(1).min(free.len());
         let starts = free[..agents.min(free.len())].to_vec();
@@ -241,7 +121,7 @@ prop_compose! {
             allows_cycles: cycles,
             ..Instance::one_shot(starts.clone(), starts)
         };
-        (environment(rows, cols, &passable), instance)
+        Case { map, instance }
     }
 }
 
@@ -250,30 +130,34 @@ proptest! {
 
     #[test]
     fn plans_are_plans_and_failures_are_paths(
-        (map, instance) in crowd(),
+        case in crowd(),
         rule in prop::sample::select(vec![GoalRule::Stay, GoalRule::Transient]),
         delay in 0_u32..3,
         seed in 0_u64..4,
     ) {
-        let Some(problem) = problem(&map, &instance, rule) else { return Ok(()) };
+        let Some(problem) = problem(&case, rule) else { return Ok(()) };
         for planner in [Planner::Prioritized { delay }].into_iter().chain(PLANNERS) {
             let delay = if let Planner::Prioritized { delay } = planner { delay } else { 0 };
             let outcome = run(&problem, planner, seed, 50_000);
             let solved = matches!(outcome, Outcome::Solved(_));
-            prop_assert_eq!(outcome.paths().len(), instance.agents());
-            let fault = fault(&map, &instance, rule, delay, outcome.paths(), solved);
-            prop_assert_eq!(fault, None, "{:?} {:?}", planner, &outcome);
+            let paths = cells(&problem, &outcome);
+            let verdict = if solved {
+                judge(&case, rule, delay, &paths)
+            } else {
+                case.motions(&paths)
+            };
+            prop_assert_eq!(verdict, Ok(()), "{:?} {:?}", planner, &outcome);
             prop_assert_eq!(&outcome, &run(&problem, planner, seed, 50_000));
         }
     }
 }
 
-fn solve(from: &[&str], to: &[&str], planner: Planner) -> (Outcome, Option<String>) {
-    let (map, instance) = drawn(from, to);
-    let problem = problem(&map, &instance, GoalRule::Stay).unwrap();
+fn solve(from: &[&str], to: &[&str], planner: Planner) -> (Outcome, Result<(), String>) {
+    let case = Case::lettered(from, to);
+    let problem = problem(&case, GoalRule::Stay).unwrap();
     let outcome = run(&problem, planner, 7, 0);
-    let wrong = fault(&map, &instance, GoalRule::Stay, 0, outcome.paths(), true);
-    (outcome, wrong)
+    let verdict = judge(&case, GoalRule::Stay, 0, &cells(&problem, &outcome));
+    (outcome, verdict)
 }
 
 fn cost(outcome: &Outcome) -> usize {
@@ -286,9 +170,9 @@ fn whoever_has_to_wait_in_the_bay_has_no_priority() {
     // another order is needed.
     let (from, to) = (["@@.@@@@", "a.b...."], ["@@.@@@@", "b....a."]);
     for planner in PLANNERS {
-        let (outcome, wrong) = solve(&from, &to, planner);
+        let (outcome, verdict) = solve(&from, &to, planner);
         assert!(matches!(outcome, Outcome::Solved(_)), "{planner:?}");
-        assert_eq!(wrong, None, "{planner:?}");
+        assert_eq!(verdict, Ok(()), "{planner:?}");
     }
 }
 
@@ -297,9 +181,9 @@ fn who_parks_in_the_corridor_comes_last() {
     // `b` is at its goal, in the way of `a`.
     let (from, to) = (["@@.@@", "a.b.."], ["@@.@@", "..b.a"]);
     for planner in PLANNERS {
-        let (outcome, wrong) = solve(&from, &to, planner);
+        let (outcome, verdict) = solve(&from, &to, planner);
         assert!(matches!(outcome, Outcome::Solved(_)), "{planner:?}");
-        assert_eq!(wrong, None);
+        assert_eq!(verdict, Ok(()));
         assert_eq!(cost(&outcome), 4 + 3, "{planner:?}");
     }
 }
@@ -307,23 +191,23 @@ fn who_parks_in_the_corridor_comes_last() {
 #[test]
 fn without_room_paths_collide_and_say_so() {
     for planner in PLANNERS {
-        let (outcome, wrong) = solve(&["ab"], &["ba"], planner);
+        let (outcome, verdict) = solve(&["ab"], &["ba"], planner);
         assert!(matches!(outcome, Outcome::Exhausted(_)), "{planner:?}");
-        assert!(wrong.is_some_and(|wrong| wrong.starts_with("0 and 1")));
+        assert!(verdict.is_err_and(|why| why.contains("agents 0 and 1")));
     }
 }
 
 #[test]
 fn a_ring_turns_only_where_it_may() {
-    let (map, mut instance) = drawn(&["ab", "dc"], &["da", "cb"]);
+    let mut case = Case::lettered(&["ab", "dc"], &["da", "cb"]);
     for planner in PLANNERS {
-        instance.allows_cycles = true;
-        let free = problem(&map, &instance, GoalRule::Stay).unwrap();
+        case.instance.allows_cycles = true;
+        let free = problem(&case, GoalRule::Stay).unwrap();
         let outcome = run(&free, planner, 0, 0);
         assert!(matches!(outcome, Outcome::Solved(_)), "{planner:?}");
         assert_eq!(cost(&outcome), 4);
-        instance.allows_cycles = false;
-        let held = problem(&map, &instance, GoalRule::Stay).unwrap();
+        case.instance.allows_cycles = false;
+        let held = problem(&case, GoalRule::Stay).unwrap();
         assert!(!matches!(run(&held, planner, 0, 0), Outcome::Solved(_)));
     }
 }
@@ -331,36 +215,37 @@ fn a_ring_turns_only_where_it_may() {
 #[test]
 fn robots_face_to_face_turn_round() {
     // In a corridor, in a window: one has to go back, which takes two turns.
-    let (map, instance) = drawn(&["....ab....", "@@@@.@@@@@"], &["b........a", "@@@@.@@@@@"]);
-    let instance = Instance {
+    let mut case = Case::lettered(&["....ab....", "@@@@.@@@@@"], &["b........a", "@@@@.@@@@@"]);
+    case.instance = Instance {
         headings: Some(vec![Heading::East, Heading::West]),
         motion: Motion::Rotation,
         window_steps: 20,
         allows_cycles: false,
-        ..instance
+        ..case.instance
     };
-    let problem = problem(&map, &instance, GoalRule::Stay).unwrap();
+    let problem = problem(&case, GoalRule::Stay).unwrap();
     for planner in PLANNERS {
         let outcome = run(&problem, planner, 0, 0);
         assert!(
             matches!(outcome, Outcome::Solved(_)),
             "{planner:?} {outcome:?}"
         );
-        let wrong = fault(&map, &instance, GoalRule::Stay, 0, outcome.paths(), true);
-        assert_eq!(wrong, None, "{planner:?}");
+        let verdict = judge(&case, GoalRule::Stay, 0, &cells(&problem, &outcome));
+        assert_eq!(verdict, Ok(()), "{planner:?}");
     }
 }
 
 #[test]
 fn one_goal_for_all_is_visited_by_all() {
-    let (map, mut instance) = drawn(&["a...", ".@..", "b..c"], &["....", ".@..", "...."]);
-    instance.goals = Goals::single(vec![3, 3, 3]);
+    let mut case = Case::lettered(&["a...", ".@..", "b..c"], &["....", ".@..", "...."]);
+    case.instance.goals = Goals::single(vec![3, 3, 3]);
     for rule in [GoalRule::Stay, GoalRule::Transient] {
-        let problem = problem(&map, &instance, rule).unwrap();
+        let problem = problem(&case, rule).unwrap();
         for planner in PLANNERS {
             let outcome = run(&problem, planner, 0, 0);
             assert!(matches!(outcome, Outcome::Solved(_)), "{planner:?}");
-            assert_eq!(fault(&map, &instance, rule, 0, outcome.paths(), true), None);
+            let paths = cells(&problem, &outcome);
+            assert_eq!(judge(&case, rule, 0, &paths), Ok(()));
         }
     }
 }
@@ -368,12 +253,9 @@ fn one_goal_for_all_is_visited_by_all() {
 #[test]
 fn who_is_done_in_a_window_makes_way() {
     // `b` has nothing to do and stands in the corridor.
-    let (map, instance) = drawn(&["a.b...", "@@@@.@"], &["..b..a", "@@@@.@"]);
-    let instance = Instance {
-        window_steps: 8,
-        ..instance
-    };
-    let problem = problem(&map, &instance, GoalRule::Stay).unwrap();
+    let mut case = Case::lettered(&["a.b...", "@@@@.@"], &["..b..a", "@@@@.@"]);
+    case.instance.window_steps = 8;
+    let problem = problem(&case, GoalRule::Stay).unwrap();
     for planner in PLANNERS {
         let outcome = run(&problem, planner, 0, 0);
         assert!(matches!(outcome, Outcome::Solved(_)), "{planner:?}");
@@ -383,15 +265,12 @@ fn who_is_done_in_a_window_makes_way() {
 
 #[test]
 fn limits_are_kept() {
-    let (map, instance) = drawn(&["a..c", ".@..", "b..d"], &["d..b", ".@..", "c..a"]);
-    let problem = problem(&map, &instance, GoalRule::Stay).unwrap();
+    let case = Case::lettered(&["a..c", ".@..", "b..d"], &["d..b", ".@..", "c..a"]);
+    let problem = problem(&case, GoalRule::Stay).unwrap();
     for planner in PLANNERS {
         let outcome = run(&problem, planner, 0, 3);
         assert!(matches!(outcome, Outcome::Stopped(_)), "{planner:?}");
-        assert_eq!(
-            fault(&map, &instance, GoalRule::Stay, 0, outcome.paths(), false),
-            None
-        );
+        assert_eq!(case.motions(&cells(&problem, &outcome)), Ok(()));
         let mut control = Control {
             stop: &mut || true,
             nodes: 0,
@@ -399,14 +278,11 @@ fn limits_are_kept() {
         };
         let (outcome, _) = search::plan(&problem, by(Prefer::Cost), 0, &mut control);
         assert!(matches!(outcome, Outcome::Stopped(_)));
-        assert_eq!(
-            fault(&map, &instance, GoalRule::Stay, 0, outcome.paths(), false),
-            None
-        );
+        assert_eq!(case.motions(&cells(&problem, &outcome)), Ok(()));
     }
     // Somebody has to be asked to wait, and that takes memory.
-    let (map, instance) = drawn(&["@@.@@@@", "a.b...."], &["@@.@@@@", "b....a."]);
-    let problem = self::problem(&map, &instance, GoalRule::Stay).unwrap();
+    let case = Case::lettered(&["@@.@@@@", "a.b...."], &["@@.@@@@", "b....a."]);
+    let problem = self::problem(&case, GoalRule::Stay).unwrap();
     let mut control = Control {
         stop: &mut || false,
         nodes: 0,

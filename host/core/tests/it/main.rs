@@ -1,0 +1,6 @@
+//! Files and the model, in and out.
+
+mod bad_input;
+mod formats;
+mod plane_files;
+mod trajectories;

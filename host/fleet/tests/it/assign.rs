@@ -1,0 +1,321 @@
+//! Starts and goals: who may be where, what comes after what, and what is refused.
+
+use std::collections::BTreeSet;
+
+use fleetyard_abi::Task;
+use fleetyard_core::formats::{TaskList, read_lorr_tasks};
+use fleetyard_core::{Grid, OFF_MAP, Role};
+use fleetyard_fleet::Assign;
+use fleetyard_fleet::assign::{Assigner, Source};
+
+fn grid(rows: &[&str]) -> Grid {
+    let terrain = rows.concat().into_bytes();
+    Grid::new("drawn", rows.len() as u32, rows[0].len() as u32, terrain).unwrap()
+}
+
+fn tasks(grid: &Grid, text: &str, reveal: f64) -> Source {
+    let list = read_lorr_tasks("t.tasks", text.as_bytes(), grid).unwrap();
+    Source::Tasks { list, reveal }
+}
+
+fn refused(assigner: Result<Assigner, fleetyard_core::InputError>) -> String {
+    let error = assigner.map(|_| ()).unwrap_err();
+    match &error.hint {
+        Some(hint) => format!("{error} (hint: {hint})"),
+        None => error.to_string(),
+    }
+}
+
+/// Two rooms and a cell by itself.
+const ROOMS: &[&str] = &["...@..", "...@@@", "...@.@"];
+
+#[test]
+fn starts_are_distinct_and_have_somewhere_to_go() {
+    let grid = grid(ROOMS);
+    let assigner = Assigner::new(&grid, Source::Random, 11, 3).unwrap();
+    let starts = assigner.starts();
+    let distinct: BTreeSet<u32> = starts.iter().copied().collect();
+    let alone = grid.cell(2, 4).unwrap();
+    assert_eq!(distinct.len(), 11);
+    assert!(!distinct.contains(&alone));
+    assert!(starts.iter().all(|cell| grid.is_passable(*cell)));
+    // The first of more agents are those of fewer; other seeds are others.
+    let few = Assigner::new(&grid, Source::Random, 4, 3).unwrap();
+    assert_eq!(few.starts(), starts[..4]);
+    let other = Assigner::new(&grid, Source::Random, 11, 4).unwrap();
+    assert_ne!(other.starts(), starts);
+    assert_eq!(
+        refused(Assigner::new(&grid, Source::Random, 12, 3)),
+        "agents: 12 agents on drawn, which has room for 11 (hint: ask for 1 to 11 agents)"
+    );
+}
+
+#[test]
+fn starts_are_uniform() {
+    let grid = grid(ROOMS);
+    let mut counts = vec![0; grid.cell_count() as usize];
+    for seed in 0..5500 {
+        let assigner = Assigner::new(&grid, Source::Random, 2, seed).unwrap();
+        for cell in assigner.starts() {
+            counts[cell as usize] += 1;
+        }
+    }
+    // 1000 each: five standard deviations are 143.
+    let off: Vec<_> = counts
+        .iter()
+        .filter(|count| **count > 0 && !(850..1150).contains(*count))
+        .collect();
+    assert!(off.is_empty(), "{counts:?}");
+}
+
+#[test]
+fn random_goals_are_uniform_and_never_the_cell_before() {
+    let grid = grid(ROOMS);
+    let parts = grid.components();
+    let mut assigner = Assigner::new(&grid, Source::Random, 11, 1).unwrap();
+    let starts = assigner.starts();
+    let mut counts = vec![0; grid.cell_count() as usize];
+    for (agent, start) in starts.iter().enumerate() {
+        let mut before = *start;
+        for index in 0..2000 {
+            let goal = assigner.goal(agent, index);
+            assert_ne!(goal, before);
+            assert_eq!(parts[goal as usize], parts[*start as usize]);
+            counts[goal as usize] += 1;
+            before = goal;
+        }
+    }
+    // Nine agents have nine cells, two have two. Five standard deviations are 210.
+    for (cell, count) in counts.iter().enumerate() {
+        let expected = if grid.is_passable(cell as u32) && cell != 16 {
+            2000
+        } else {
+            0
+        };
+        assert!(
+            (expected - 210..=expected + 210).contains(count),
+            "{cell}: {count}"
+        );
+    }
+}
+
+#[test]
+fn goals_depend_on_seed_agent_and_index_alone() {
+    let grid = grid(ROOMS);
+    let new = |agents, seed| Assigner::new(&grid, Source::Random, agents, seed).unwrap();
+    let (mut one, mut other, mut fewer) = (new(8, 9), new(8, 9), new(3, 9));
+    let goals: Vec<Vec<u32>> = (0..8)
+        .map(|agent| (0..50).map(|index| one.goal(agent, index)).collect())
+        .collect();
+    for index in (0..50).rev() {
+        for agent in (0..8).rev() {
+            assert_eq!(other.goal(agent, index), goals[agent][index as usize]);
+        }
+    }
+    assert_eq!(fewer.goal(2, 49), goals[2][49]);
+    // What was reached is forgotten, what comes is the same.
+    other.reached(5, 20);
+    assert_eq!(other.goal(5, 20), OFF_MAP);
+    assert_eq!(other.goal(5, 21), goals[5][21]);
+    let mut late = new(8, 9);
+    late.reached(5, 30);
+    assert_eq!(late.goal(5, 31), goals[5][31]);
+    assert_ne!(new(8, 10).goal(5, 31), OFF_MAP);
+}
+
+#[test]
+fn roles_take_turns() {
+    let grid = grid(&["w..e", "...e", "@@@@", "w..."]);
+    let mut assigner = Assigner::new(&grid, Source::Roles, 8, 5).unwrap();
+    // The lower room has no endpoint.
+    assert!(assigner.starts().iter().all(|cell| *cell < 8));
+    for (agent, start) in assigner.starts().into_iter().enumerate() {
+        let first = if start == 0 {
+            Role::Endpoint
+        } else {
+            Role::Workstation
+        };
+        for index in 0..20 {
+            let role = grid.role(assigner.goal(agent, index));
+            assert_eq!(role == Some(first), index % 2 == 0);
+        }
+    }
+    assert_eq!(
+        refused(Assigner::new(&grid, Source::Roles, 9, 5)),
+        "agents: 9 agents on drawn, which has room for 8 (hint: ask for 1 to 8 agents)"
+    );
+}
+
+#[test]
+fn auto_is_tasks_then_roles_then_random() {
+    let plain = grid(&["...."]);
+    let roles = grid(&["w..e"]);
+    let half = grid(&["w..."]);
+    let list = || read_lorr_tasks("t", b"1\n1\n", &plain).unwrap();
+    let source = |assign, grid, list| Source::new(assign, grid, list, 1.0);
+    assert_eq!(source(Assign::Auto, &plain, None), Ok(Source::Random));
+    assert_eq!(source(Assign::Auto, &half, None), Ok(Source::Random));
+    assert_eq!(source(Assign::Auto, &roles, None), Ok(Source::Roles));
+    assert_eq!(source(Assign::Random, &roles, None), Ok(Source::Random));
+    for assign in [Assign::Auto, Assign::Tasks] {
+        let found = source(assign, &roles, Some(list()));
+        assert!(matches!(found, Ok(Source::Tasks { .. })));
+    }
+    let text = |found: Result<Source, fleetyard_core::InputError>| found.unwrap_err().to_string();
+    assert_eq!(
+        text(source(Assign::Tasks, &plain, None)),
+        "assign: there are no tasks"
+    );
+    assert_eq!(
+        text(source(Assign::Roles, &half, None)),
+        "drawn: the map has not both workstations (w) and endpoints (e)"
+    );
+    assert_eq!(
+        text(source(Assign::Random, &plain, Some(list()))),
+        "t: tasks are given, but goals do not come from tasks"
+    );
+}
+
+#[test]
+fn enough_goals_for_the_window_are_told_and_two_at_least() {
+    let grid = grid(&["w........e"]);
+    let mut assigner = Assigner::with_starts(&grid, Source::Roles, &[1], 0).unwrap();
+    let told =
+        |assigner: &mut Assigner, window| assigner.upcoming(&[1], &[0], window).get(0).to_vec();
+    assert_eq!(told(&mut assigner, 0), [0, 9]);
+    // 1 and 9 steps are 10, which is not longer than 10.
+    assert_eq!(told(&mut assigner, 9), [0, 9]);
+    assert_eq!(told(&mut assigner, 10), [0, 9, 0]);
+    assert_eq!(told(&mut assigner, 40), [0, 9, 0, 9, 0, 9]);
+    assert_eq!(assigner.upcoming(&[1], &[3], 0).get(0), [9, 0]);
+    // However large the window is, there is an end.
+    assert_eq!(told(&mut assigner, u32::MAX).len(), 1000);
+}
+
+#[test]
+fn tasks_are_revealed_given_and_done() {
+    let grid = grid(&["..........", ".........."]);
+    // Cells of tasks 0 to 3, and from the beginning again.
+    let source = tasks(&grid, "4\n9,8\n2\n0\n19,11\n", 1.5);
+    let mut assigner = Assigner::with_starts(&grid, source, &[1, 5], 0).unwrap();
+    let ids = |assigner: &Assigner| -> Vec<u64> {
+        assigner.open_tasks().iter().map(|task| task.id).collect()
+    };
+    assert_eq!(ids(&assigner), [0, 1, 2]);
+    // Nobody has a goal before tasks are given: the nearest first, the older of two.
+    assert_eq!(assigner.goal(0, 0), OFF_MAP);
+    let goals = assigner.upcoming(&[1, 5], &[0, 0], 0);
+    assert_eq!((goals.get(0), goals.get(1)), (&[2][..], &[9, 8][..]));
+    assert_eq!(ids(&assigner), [2]);
+    assert_eq!(assigner.goal(1, 1), 8);
+    assert_eq!(assigner.goal(1, 2), OFF_MAP);
+    // The first of two errands is no task done; a task done makes room for the next.
+    assigner.reached(1, 0);
+    assert_eq!(ids(&assigner), [2]);
+    assigner.reached(0, 0);
+    assigner.reached(0, 0);
+    assert_eq!(ids(&assigner), [2, 3]);
+    // Who runs out of goals within the window gets its next task now.
+    let goals = assigner.upcoming(&[2, 9], &[1, 1], 5);
+    assert_eq!((goals.get(0), goals.get(1)), (&[0][..], &[8, 19, 11][..]));
+    // Nobody has a task for the first one when its own is planned: it stays.
+    let goals = assigner.upcoming(&[0, 9], &[2, 1], 0);
+    assert_eq!(goals.get(0), [0]);
+    assert_eq!(assigner.goal(0, 2), OFF_MAP);
+    assigner.reached(1, 1);
+    assert_eq!(
+        assigner.open_tasks(),
+        [Task {
+            id: 4,
+            cells: vec![9, 8]
+        }]
+    );
+    // A generator may give tasks itself.
+    assert_eq!(assigner.give(0, 4), Ok(()));
+    assert_eq!(assigner.goal(0, 2), 9);
+    assert_eq!(
+        assigner.give(0, 4),
+        Err("task 4 is given to agent 0, but it is not open".into())
+    );
+    assert_eq!(
+        assigner.give(7, 4),
+        Err("task 4 is given to agent 7, there are 2 agents".into())
+    );
+}
+
+#[test]
+fn memory_of_tasks_does_not_grow() {
+    let grid = grid(&["......"]);
+    let mut assigner =
+        Assigner::with_starts(&grid, tasks(&grid, "3\n1,1\n2\n5\n", 2.0), &[0, 4], 0).unwrap();
+    let mut next = [0, 0];
+    for _ in 0..1000 {
+        let goals = assigner.upcoming(&[0, 4], &next, 4);
+        for (agent, next) in next.iter_mut().enumerate() {
+            assert!((1..=10).contains(&goals.get(agent).len()));
+            if assigner.goal(agent, *next) != OFF_MAP {
+                assigner.reached(agent, *next);
+                *next += 1;
+            }
+        }
+        assert!(assigner.open_tasks().len() <= 4);
+    }
+    assert!(next.iter().all(|next| *next > 400));
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_its_place() {
+    let grid = grid(ROOMS);
+    assert_eq!(
+        refused(Assigner::new(
+            &grid,
+            tasks(&grid, "2\n0,1\n2,5\n", 1.0),
+            1,
+            0
+        )),
+        "t.tasks:3: cell 5 (row 0, column 5) of task 1 cannot be reached from the tasks before \
+         it (hint: keep the tasks of one part of the map)"
+    );
+    let blocked = Source::Tasks {
+        list: TaskList {
+            source: "t".into(),
+            tasks: vec![vec![0], vec![3]],
+            lines: vec![2, 3],
+        },
+        reveal: 1.0,
+    };
+    assert_eq!(
+        refused(Assigner::new(&grid, blocked, 1, 0)),
+        "t:3: cell 3 of task 1 is no free cell of the map"
+    );
+    for reveal in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+        let text = refused(Assigner::new(&grid, tasks(&grid, "1\n0\n", reveal), 2, 0));
+        assert!(text.starts_with("reveal: "), "{text}");
+    }
+    let alone = self::grid(&[".@."]);
+    assert_eq!(
+        refused(Assigner::new(&alone, Source::Random, 1, 0)),
+        "agents: 1 agents on drawn, which has room for 0 \
+         (hint: no part of the map has two free cells beside each other)"
+    );
+    let with_starts =
+        |starts: &[u32]| refused(Assigner::with_starts(&grid, Source::Random, starts, 0));
+    assert_eq!(with_starts(&[]), "starts: there are no agents");
+    assert_eq!(
+        with_starts(&[0, 3]),
+        "starts: agent 1 starts in no free cell"
+    );
+    assert_eq!(
+        with_starts(&[0, 99]),
+        "starts: agent 1 starts in no free cell"
+    );
+    assert_eq!(
+        with_starts(&[2, 2]),
+        "starts: agents 0 and 1 both start at row 0, column 2"
+    );
+    assert_eq!(
+        with_starts(&[16]),
+        "starts: agent 0 starts at row 2, column 4, with no goals to go to \
+         (hint: start in a part of the map that has two free cells beside each other)"
+    );
+}

@@ -1,0 +1,6 @@
+//! Batches, the action dependency graph and tasks.
+
+mod adg;
+mod assign;
+mod batch;
+mod walks;

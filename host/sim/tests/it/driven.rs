@@ -1,0 +1,360 @@
+//! Robots with models and controllers: by time and by order, alone and disturbed,
+//! on any number of threads.
+
+use crate::common;
+use fleetyard_core::{Grid, GridPlan, Knot, TrajectoryPlan};
+use fleetyard_sim::motion::Model;
+use fleetyard_sim::{
+    Fleet, NoTrace, Outcome, Policy, Profile, SimConfig, SimError, Simulator, Tier,
+};
+use fleetyard_world::{Boundary, Footprint, Workspace};
+
+fn fleet(model: &str, agents: usize) -> Fleet {
+    let profile = Profile {
+        footprint: Footprint::Disc { radius_m: 0.3 },
+        model: model.parse().expect("a model"),
+    };
+    Fleet::uniform(profile, agents).expect("a fleet")
+}
+
+fn run(grid: &Grid, plan: &GridPlan, model: &str, config: &SimConfig) -> Outcome {
+    let fleet = fleet(model, plan.agents());
+    Simulator::new(config)
+        .on_grid(grid)
+        .with_fleet(&fleet)
+        .run(plan, &mut NoTrace)
+        .unwrap_or_else(|error| panic!("{model}: {error}"))
+}
+
+fn world(seed: u64, agents: usize, steps: usize) -> (Grid, GridPlan) {
+    let mut rng = common::rng(seed);
+    let grid = common::random_grid(&mut rng, 14, 18, 15);
+    let plan = common::valid_drives(&mut rng, &grid, agents, steps);
+    (grid, plan)
+}
+
+fn disturbed(seed: u64) -> SimConfig {
+    let mut config = SimConfig {
+        policy: Policy::Adg,
+        max_contacts_kept: usize::MAX,
+        ..SimConfig::default()
+    };
+    config.disturbance.seed = seed;
+    config.disturbance.delay = match seed % 4 {
+        0 => "bernoulli:0.3,4s",
+        1 => "uniform:0s,3s",
+        2 => "gaussian:0.5s,1s",
+        _ => "bursts:0.05,10s",
+    }
+    .parse()
+    .expect("a delay");
+    config.disturbance.velocity = "0.3,0.1".parse().expect("a noise");
+    if seed.is_multiple_of(2) {
+        config.disturbance.messages = "0s,0.7s,0.3".parse().expect("messages");
+    }
+    config
+}
+
+const MODELS: &[&str] = &[
+    "pebble",
+    "rotation",
+    "single-integrator",
+    "agv",
+    "unicycle-1",
+    "unicycle-2",
+    "double-integrator",
+    "holonomic",
+    "waypoint-law",
+];
+
+/// Gated execution: whatever is late or lost, nobody touches anybody and everybody
+/// arrives.
+#[test]
+fn gated_robots_never_touch_and_always_arrive() {
+    for seed in 0..8 {
+        let (grid, plan) = world(seed, 40, 30);
+        for model in MODELS {
+            let outcome = run(&grid, &plan, model, &disturbed(seed));
+            let contacts = outcome.contacts.first.first();
+            assert_eq!(contacts, None, "{model}, seed {seed}");
+            assert_eq!(outcome.arrived, 40, "{model}, seed {seed}");
+            assert!(outcome.makespan_s.is_some_and(|makespan| makespan > 0.0));
+        }
+    }
+}
+
+/// The plan's walks follow each other closely and turn in rings.
+#[test]
+fn gated_robots_follow_each_other() {
+    for seed in 0..6 {
+        let mut rng = common::rng(1000 + seed);
+        let grid = common::random_grid(&mut rng, 10, 10, 10);
+        let plan = common::valid_walks(&mut rng, &grid, 25, 20);
+        for model in ["pebble", "agv"] {
+            let outcome = run(&grid, &plan, model, &disturbed(seed));
+            assert_eq!(outcome.contacts.total(), 0, "{model}, seed {seed}");
+            assert_eq!(outcome.arrived, 25, "{model}, seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn threads_change_nothing() {
+    let (grid, plan) = world(7, 150, 25);
+    for model in ["agv", "pebble"] {
+        for config in [
+            SimConfig::default(),
+            disturbed(1),
+            disturbed(2),
+            SimConfig {
+                until_done: true,
+                time_limit_s: Some(60.0),
+                ..SimConfig::default()
+            },
+        ] {
+            let one = run(&grid, &plan, model, &config);
+            for threads in 2..=8 {
+                let config = SimConfig {
+                    threads,
+                    ..config.clone()
+                };
+                assert_eq!(one, run(&grid, &plan, model, &config), "{model}, {threads}");
+            }
+        }
+    }
+}
+
+/// Robots are slower than pebbles, and by time they do not wait for each other:
+/// they fall behind the plan and meet.
+#[test]
+fn by_time_robots_fall_behind() {
+    let (grid, plan) = world(3, 60, 40);
+    let config = SimConfig {
+        until_done: true,
+        ..SimConfig::default()
+    };
+    let pebbles = run(&grid, &plan, "pebble", &SimConfig::default());
+    let robots = run(&grid, &plan, "agv", &config);
+    assert_eq!(pebbles.contacts.total(), 0);
+    assert!(pebbles.tracking_error_max_m <= 0.0);
+    assert!(robots.contacts.agent_agent > 0);
+    assert_eq!(robots.contacts.agent_obstacle, 0);
+    assert!(robots.tracking_error_max_m > 1.0);
+    assert_eq!(robots.arrived, 60);
+    assert!(robots.makespan_s > pebbles.makespan_s);
+}
+
+/// On a grid nobody says which way a rectangle lies: it may lie any way.
+#[test]
+fn gated_rectangles_on_a_grid_have_room_to_turn() {
+    let (grid, plan) = world(11, 40, 25);
+    for preset in ["go2", "anymal-c"] {
+        let profile = Profile::preset(preset).expect("a preset with a body");
+        let turning = Profile {
+            model: "agv".parse().expect("a model"),
+            ..profile.clone()
+        };
+        let profiles = vec![profile, turning];
+        let fleet = Fleet::new(profiles, (0..40).map(|agent| agent % 2).collect()).unwrap();
+        let config = SimConfig {
+            cell_size_m: 1.5,
+            ..disturbed(2)
+        };
+        let outcome = Simulator::new(&config)
+            .on_grid(&grid)
+            .with_fleet(&fleet)
+            .run(&plan, &mut NoTrace)
+            .unwrap_or_else(|error| panic!("{preset}: {error}"));
+        assert_eq!(outcome.contacts.total(), 0, "{preset}");
+        assert_eq!(outcome.arrived, 40, "{preset}");
+    }
+}
+
+/// One robot, one straight way: the time is that of the speed profile.
+#[test]
+fn a_straight_drive_takes_as_long_as_it_must() {
+    let grid = Grid::new("aisle", 1, 30, vec![b'.'; 30]).unwrap();
+    let plan = GridPlan::from_paths([(0..=20).collect::<Vec<u32>>()]);
+    let config = SimConfig {
+        policy: Policy::Adg,
+        start_heading_rad: 0.0,
+        ..SimConfig::default()
+    };
+    let outcome = run(&grid, &plan, "agv", &config);
+    // 20 m with 2 m/s and 2 m/s²: a second up, a second down, nine in between.
+    let makespan = outcome.makespan_s.unwrap();
+    assert!((10.9..12.0).contains(&makespan), "{makespan}");
+}
+
+fn circle(agents: usize, radius: f64) -> TrajectoryPlan {
+    let mut plan = TrajectoryPlan::default();
+    for agent in 0..agents {
+        let phase = std::f64::consts::TAU * agent as f64 / agents as f64;
+        let knots = (0..=40).map(|step| {
+            let angle = phase + 0.05 * f64::from(step);
+            Knot {
+                time_s: f64::from(step),
+                x_m: radius * libm::cos(angle),
+                y_m: radius * libm::sin(angle),
+                heading_rad: Some(angle + std::f64::consts::FRAC_PI_2),
+            }
+        });
+        plan.push_path(knots).expect("a plan");
+    }
+    plan
+}
+
+/// Rectangles on a merry-go-round: exact by time, and safe by order.
+#[test]
+fn rectangles_that_turn() {
+    let plan = circle(8, 4.0);
+    for (model, policy) in [
+        ("pebble", Policy::Time),
+        ("pebble", Policy::Adg),
+        ("holonomic", Policy::Time),
+        ("holonomic", Policy::Adg),
+    ] {
+        let profile = Profile {
+            footprint: Footprint::Rectangle {
+                length_m: 1.1,
+                width_m: 0.5,
+            },
+            model: model.parse().expect("a model"),
+        };
+        let fleet = Fleet::uniform(profile, 8).expect("a fleet");
+        let config = SimConfig {
+            policy,
+            until_done: true,
+            ..SimConfig::default()
+        };
+        let outcome = Simulator::new(&config)
+            .with_fleet(&fleet)
+            .run(&plan, &mut NoTrace)
+            .unwrap_or_else(|error| panic!("{model}, {policy}: {error}"));
+        assert_eq!(outcome.contacts.total(), 0, "{model}, {policy}");
+        assert_eq!(outcome.arrived, 8, "{model}, {policy}");
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let (grid, plan) = world(1, 5, 5);
+    let config = SimConfig::default();
+    let alone = fleet("agv", 4);
+    let on_grid = Simulator::new(&config).on_grid(&grid);
+    let error = on_grid.with_fleet(&alone).run(&plan, &mut NoTrace);
+    assert!(
+        matches!(error, Err(SimError::OtherFleet { .. })),
+        "{error:?}"
+    );
+    let error = Simulator::new(&config).run(&plan, &mut NoTrace);
+    assert!(matches!(error, Err(SimError::NoMap)), "{error:?}");
+    // In each other, and in a wall.
+    let error = on_grid.run(&GridPlan::from_paths([[0], [0]]), &mut NoTrace);
+    assert!(
+        matches!(error, Err(SimError::StartOverlap { .. })),
+        "{error:?}"
+    );
+    let small = SimConfig {
+        memory_limit_bytes: Some(1000),
+        ..SimConfig::default()
+    };
+    let error = Simulator::new(&small)
+        .on_grid(&grid)
+        .run(&plan, &mut NoTrace);
+    assert!(matches!(error, Err(SimError::TooLarge { .. })), "{error:?}");
+    // Faster than the model.
+    let fast = circle(2, 40.0);
+    let slow = fleet("holonomic", 2);
+    let error = Simulator::new(&config)
+        .with_fleet(&slow)
+        .run(&fast, &mut NoTrace);
+    assert!(matches!(error, Err(SimError::TooFast { .. })), "{error:?}");
+    // Two agents that change places can pass in no order.
+    let swap = GridPlan::from_paths([[0, 1], [1, 0]]);
+    let open = Grid::new("open", 1, 2, b"..".to_vec()).unwrap();
+    let gated = SimConfig {
+        policy: Policy::Adg,
+        ..SimConfig::default()
+    };
+    let error = Simulator::new(&gated)
+        .on_grid(&open)
+        .run(&swap, &mut NoTrace);
+    assert!(matches!(error, Err(SimError::Gate(_))), "{error:?}");
+}
+
+/// In the contact tier robots push each other; by order they have no reason to.
+#[test]
+fn the_contact_tier_drives_the_same_robots() {
+    let (grid, plan) = world(5, 20, 15);
+    let config = SimConfig {
+        tier: Tier::Contact,
+        policy: Policy::Adg,
+        ..SimConfig::default()
+    };
+    let outcome = run(&grid, &plan, "agv", &config);
+    assert_eq!(outcome.contacts.total(), 0);
+    assert_eq!(outcome.arrived, 20);
+    let again = run(&grid, &plan, "agv", &config);
+    assert_eq!(outcome, again);
+}
+
+#[test]
+fn every_model_has_a_name() {
+    for model in MODELS {
+        assert!(model.parse::<Model>().is_ok(), "{model}");
+    }
+}
+
+/// The edge of a world is no rectangle: by time a robot drives over it, and where contacts
+/// are solved it stops it.
+#[test]
+fn the_edge_of_a_world_is_met() {
+    let corners = [
+        [0.0, 0.0],
+        [6.0, 0.0],
+        [6.0, 2.0],
+        [2.0, 2.0],
+        [2.0, 6.0],
+        [0.0, 6.0],
+    ];
+    let boundary = Boundary::new(&corners).unwrap();
+    let workspace = Workspace {
+        name: String::new(),
+        bounds: boundary.polygon().bounds(),
+        boundary: Some(boundary),
+        obstacles: Vec::new(),
+        movers: Vec::new(),
+    };
+    let knot = |time_s: f64, x_m: f64, y_m: f64| Knot {
+        time_s,
+        x_m,
+        y_m,
+        heading_rad: None,
+    };
+    let mut plan = TrajectoryPlan::default();
+    plan.push_path([knot(0.0, 5.0, 1.0), knot(4.0, 1.0, 5.0)])
+        .unwrap();
+    let disc = fleet("pebble", 1);
+    let run = |tier: Tier| {
+        let config = SimConfig {
+            tier,
+            max_contacts_kept: usize::MAX,
+            ..SimConfig::default()
+        };
+        Simulator::new(&config)
+            .in_workspace(&workspace)
+            .with_fleet(&disc)
+            .run(&plan, &mut NoTrace)
+            .unwrap()
+    };
+    let kinematic = run(Tier::Kinematic);
+    assert_eq!(kinematic.contacts.agent_obstacle, 1);
+    let first = &kinematic.contacts.first[0];
+    // Its upper side is at y = 2 when its middle is at 1.7: after 0.7 s.
+    assert!((first.begin_s - 0.7).abs() < 1e-3, "{first:?}");
+    assert_eq!(kinematic.arrived, 1);
+    let solved = run(Tier::Contact);
+    assert!(solved.contacts.agent_obstacle >= 1);
+    assert_eq!(solved.arrived, 0, "it does not get through the notch");
+}

@@ -1,0 +1,247 @@
+//! Robots that keep the headings of a plan: they stay within what their footprints sweep
+//! along it, as far inflated as the dependency graph takes them to be, and so pass each
+//! other as closely as rectangles can.
+
+use crate::common;
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::io;
+
+use crate::common::below;
+use fleetyard_core::{Knot, TrajectoryPlan};
+use fleetyard_sim::motion::{Holonomic, Model, PRESETS};
+use fleetyard_sim::trace::{Header, States, Summary};
+use fleetyard_sim::{Event, Fleet, NoTrace, Policy, Profile, SimConfig, Simulator, TraceSink};
+use fleetyard_world::Footprint;
+use rand_chacha::ChaCha8Rng;
+
+/// Looks at every tick whether bodies are within their tolerances of the plan.
+struct Watch<'a> {
+    plan: &'a TrajectoryPlan,
+    model: Model,
+    wrong: Vec<String>,
+}
+
+impl Watch<'_> {
+    /// Whether a pose is near one of a knot's way to the next: at one fraction of it, in
+    /// place and heading.
+    fn is_near(&self, from: Knot, to: Knot, [x, y, heading]: [f64; 3]) -> bool {
+        const ROUNDING: f64 = 1e-7;
+        let near = self.model.lateral_tolerance_m() + ROUNDING;
+        let turned = self.model.heading_tolerance_rad() + ROUNDING;
+        let (wx, wy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+        let (px, py) = (x - from.x_m, y - from.y_m);
+        let turn = to.heading_rad.unwrap() - from.heading_rad.unwrap();
+        let off = heading - from.heading_rad.unwrap();
+        // |p − f·w| ≤ near and |off − f·turn| ≤ turned for one f.
+        let (mut low, mut high): (f64, f64) = (0.0, 1.0);
+        let (ww, pw) = (wx * wx + wy * wy, px * wx + py * wy);
+        let pp = px * px + py * py - near * near;
+        if ww > 0.0 {
+            let root = pw * pw - ww * pp;
+            if root < 0.0 {
+                return false;
+            }
+            low = low.max((pw - root.sqrt()) / ww);
+            high = high.min((pw + root.sqrt()) / ww);
+        } else if pp > 0.0 {
+            return false;
+        }
+        if turn != 0.0 {
+            let ends = [(off - turned) / turn, (off + turned) / turn];
+            low = low.max(ends[0].min(ends[1]));
+            high = high.min(ends[0].max(ends[1]));
+        } else if off.abs() > turned {
+            return false;
+        }
+        low <= high
+    }
+}
+
+impl TraceSink for Watch<'_> {
+    fn begin(&mut self, _: &Header) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
+        for agent in 0..self.plan.agents() {
+            let heading = states.heading_rad.unwrap()[agent];
+            let pose = [states.x_m[agent], states.y_m[agent], heading];
+            let knots = self.plan.knots(agent);
+            let end = knots.get(knots.len() - 1);
+            let near = (1..knots.len())
+                .any(|to| self.is_near(knots.get(to - 1), knots.get(to), pose))
+                || self.is_near(end, end, pose);
+            if !near && self.wrong.len() < 3 {
+                self.wrong
+                    .push(format!("agent {agent} at tick {tick}: {pose:?}"));
+            }
+        }
+        Ok(())
+    }
+
+    fn events(&mut self, _: &[Event]) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn end(&mut self, _: &Summary) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Two agents a place that drive the same way one after the other: by order the second is
+/// released bit by bit.
+fn ways(rng: &mut ChaCha8Rng, places: usize) -> TrajectoryPlan {
+    let mut plan = TrajectoryPlan::default();
+    for place in 0..places {
+        let base = 40.0 * place as f64;
+        let mut unit = |low: f64, high: f64| low + (high - low) * below(rng, 1001) as f64 / 1000.0;
+        let mut middle = Vec::new();
+        let (mut x, mut y, mut heading): (f64, f64, f64) = (0.0, 0.0, unit(-PI, PI));
+        for _ in 0..9 {
+            let kind = unit(0.0, 5.0);
+            if kind < 1.0 {
+                heading += unit(-2.0, 2.0);
+            } else {
+                let (length, way) = (unit(0.02, 2.5), unit(-PI, PI));
+                let way = if kind < 2.0 {
+                    (way / FRAC_PI_2).round() * FRAC_PI_2
+                } else {
+                    way
+                };
+                let to = (x + length * libm::cos(way), y + length * libm::sin(way));
+                (x, y) = (to.0.clamp(-3.0, 3.0), to.1.clamp(-3.0, 3.0));
+                if kind > 3.5 {
+                    heading += unit(-2.0, 2.0);
+                }
+            }
+            middle.push((base + x, y, heading));
+        }
+        let mut path = |first: Option<f64>, last: Option<f64>, begin_s: f64| {
+            let mut knots: Vec<(f64, f64, f64)> = Vec::new();
+            knots.extend(first.map(|x| (base + x, 0.0, middle[0].2)));
+            knots.extend(&middle);
+            knots.extend(last.map(|x| (base + x, 0.0, middle[8].2)));
+            let mut time_s = 0.0;
+            let knots = knots
+                .into_iter()
+                .enumerate()
+                .map(|(at, (x_m, y_m, heading))| {
+                    time_s += if at == 1 { begin_s } else { 10.0 };
+                    let time_s = if at == 0 { 0.0 } else { time_s };
+                    Knot {
+                        time_s,
+                        x_m,
+                        y_m,
+                        heading_rad: Some(heading),
+                    }
+                });
+            plan.push_path(knots).expect("a path");
+        };
+        path(None, Some(9.0), 10.0);
+        path(Some(-9.0), None, 1000.0);
+    }
+    plan
+}
+
+/// Those that keep headings, and one that brakes much better ahead than aside.
+fn models() -> Vec<(&'static str, Model)> {
+    let lopsided = Model::Holonomic(Holonomic {
+        max_forward_acceleration_m_per_s2: 4.0,
+        max_lateral_acceleration_m_per_s2: 0.5,
+        ..Holonomic::default()
+    });
+    let presets = PRESETS.iter().map(|preset| (preset.name, (preset.model)()));
+    presets
+        .filter(|(_, model)| model.keeps_headings())
+        .chain([("lopsided", lopsided)])
+        .collect()
+}
+
+fn robots(model: &Model, agents: usize) -> Fleet {
+    let footprint = Footprint::Rectangle {
+        length_m: 0.7,
+        width_m: 0.31,
+    };
+    let model = *model;
+    Fleet::uniform(Profile { footprint, model }, agents).expect("a fleet")
+}
+
+#[test]
+fn robots_stay_within_what_the_plan_sweeps() {
+    for seed in 0..24 {
+        let mut rng = common::rng(seed);
+        let plan = ways(&mut rng, 6);
+        for (name, model) in models() {
+            let mut config = SimConfig {
+                policy: Policy::Adg,
+                ticks_hz: [60, 20, 240][seed as usize % 3],
+                ..SimConfig::default()
+            };
+            config.disturbance.seed = seed;
+            if seed > 2 {
+                config.disturbance.delay = "bernoulli:0.3,1s".parse().unwrap();
+                config.disturbance.velocity = "0.4,0.1".parse().unwrap();
+                config.disturbance.messages = "0s,0.4s,0.2".parse().unwrap();
+            }
+            let fleet = robots(&model, plan.agents());
+            let mut watch = Watch {
+                plan: &plan,
+                model,
+                wrong: Vec::new(),
+            };
+            let outcome = Simulator::new(&config)
+                .with_fleet(&fleet)
+                .run(&plan, &mut watch)
+                .unwrap_or_else(|error| panic!("{name}, seed {seed}: {error}"));
+            assert!(
+                watch.wrong.is_empty(),
+                "{name}, seed {seed}: {:?}",
+                watch.wrong
+            );
+            assert_eq!(outcome.contacts.total(), 0, "{name}, seed {seed}");
+            assert_eq!(
+                outcome.arrived as usize,
+                plan.agents(),
+                "{name}, seed {seed}"
+            );
+        }
+    }
+}
+
+/// Side by side, each in its lane, the two are never nearer than 0.19 m; the discs around
+/// them overlap.
+#[test]
+fn two_quadrupeds_pass_half_a_metre_apart() {
+    let mut plan = TrajectoryPlan::default();
+    let knot = |time_s: f64, x_m: f64, y_m: f64, heading: f64| Knot {
+        time_s,
+        x_m,
+        y_m,
+        heading_rad: Some(heading),
+    };
+    plan.push_path([knot(0.0, 0.0, 0.0, 0.0), knot(5.0, 5.0, 0.0, 0.0)])
+        .unwrap();
+    plan.push_path([knot(0.0, 5.0, 0.5, PI), knot(5.0, 0.0, 0.5, PI)])
+        .unwrap();
+    let config = SimConfig {
+        policy: Policy::Adg,
+        ..SimConfig::default()
+    };
+    let dogs = Fleet::uniform(Profile::preset("go2").unwrap(), 2).unwrap();
+    let outcome = Simulator::new(&config)
+        .with_fleet(&dogs)
+        .run(&plan, &mut NoTrace)
+        .unwrap();
+    assert_eq!(outcome.contacts.total(), 0);
+    // Nobody waits for the other: 5 m take 3 s at 2.5 m/s and 2.5 m/s².
+    assert!(
+        outcome.makespan_s.is_some_and(|makespan| makespan < 3.5),
+        "{outcome:?}"
+    );
+    // Wheels turn to where they drive, whatever headings say: for them discs count.
+    let wheels = robots(&"agv".parse().unwrap(), 2);
+    let refused = Simulator::new(&config)
+        .with_fleet(&wheels)
+        .run(&plan, &mut NoTrace);
+    assert!(refused.is_err());
+}

@@ -1,0 +1,4 @@
+//! Pictures and pages.
+
+mod page;
+mod pictures;

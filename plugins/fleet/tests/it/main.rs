@@ -1,0 +1,5 @@
+//! Instance generators and fail policies.
+
+mod common;
+mod generate;
+mod recover;

@@ -1,0 +1,442 @@
+//! Plans for fleets that work without end: what is promised about single calls, and that
+//! the fleet goes on working from call to call.
+
+use std::sync::Arc;
+
+use fleetyard_abi::{Goals, GridEnvironment, Instance};
+use fleetyard_plugin_mapf::lanes::Streets;
+use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
+use fleetyard_plugin_mapf::{Plan, ProblemError};
+use fleetyard_plugin_spacetime::graph::Graph;
+use fleetyard_testkit::{Case, grid};
+use proptest::prelude::*;
+
+fn open(side: u32) -> GridEnvironment {
+    GridEnvironment::four_connected(side, side, vec![1; (side * side) as usize])
+}
+
+/// Shelves of ten by two cells with aisles of one cell between them.
+fn warehouse(rows: u32, cols: u32) -> GridEnvironment {
+    let free = |row: u32, col: u32| {
+        row.is_multiple_of(3)
+            || col.is_multiple_of(11)
+            || !(4..cols - 4).contains(&col)
+            || row >= rows - 1
+    };
+    let cells = (0..rows).flat_map(|row| (0..cols).map(move |col| u8::from(free(row, col))));
+    GridEnvironment::four_connected(rows, cols, cells.collect())
+}
+
+fn lifelong(map: &GridEnvironment) -> Lifelong {
+    let passable: Vec<bool> = map.passable.iter().map(|free| *free != 0).collect();
+    let graph = Graph::new(map.rows as usize, map.cols as usize, &passable);
+    Lifelong::new(Arc::new(graph), 1 << 20)
+}
+
+/// Starts, moves, collisions, and rings if not allowed; nobody has to arrive.
+fn judge(map: &GridEnvironment, starts: &[u32], plan: &Plan, rings: bool) -> Result<(), String> {
+    let case = Case {
+        map: map.clone(),
+        instance: Instance {
+            allows_cycles: rings,
+            ..Instance::one_shot(starts.to_vec(), starts.to_vec())
+        },
+    };
+    let paths: Vec<&[u32]> = plan.paths().collect();
+    case.motions(&paths)?;
+    case.collisions(&paths, 0)
+}
+
+fn query<'a>(starts: &'a [u32], goals: &'a Goals, window: Option<u32>) -> Query<'a> {
+    Query {
+        starts,
+        goals,
+        headings: None,
+        window,
+        step_limit: 10_000,
+        swap: true,
+        rings: false,
+        memory_limit: 0,
+        samples: 1,
+        retries: 0,
+        seed: 1,
+    }
+}
+
+fn run(planner: &mut Lifelong, query: &Query<'_>) -> (Plan, End) {
+    planner.run(query, &mut ByDistance, &mut || false).unwrap()
+}
+
+/// What became of a fleet that was driven call after call.
+struct Drive {
+    reached: u64,
+    /// Steps that the slowest goal has taken, and goals of the least successful agent.
+    longest: u32,
+    least: u32,
+    cells: Vec<u32>,
+}
+
+/// Drives a fleet, each time by a planner that knows nothing of before if it is `fresh`, and
+/// along lanes if moves against them are charged.
+fn drive(
+    map: &GridEnvironment,
+    agents: usize,
+    window: u32,
+    calls: u32,
+    fresh: bool,
+    charge: u32,
+) -> Drive {
+    let free = grid::free(map);
+    let stream = |agent: usize, index: u32| {
+        free[(grid::mix((agent as u64) << 32 | u64::from(index)) % free.len() as u64) as usize]
+    };
+    let mut cells = free.clone();
+    cells.sort_by_key(|&cell| grid::mix(u64::from(cell)));
+    cells.truncate(agents);
+    let (mut next, mut since) = (vec![0_u32; agents], vec![0_u32; agents]);
+    let mut planner = lifelong(map);
+    let mut streets = Streets::new(planner.graph(), charge, 1 << 24);
+    let (mut reached, mut longest) = (0, 0);
+    for call in 0..calls {
+        if fresh {
+            planner = lifelong(map);
+            streets = Streets::new(planner.graph(), charge, 1 << 24);
+        }
+        let lists: Vec<Vec<u32>> = (0..agents)
+            .map(|a| (0..3).map(|k| stream(a, next[a] + k)).collect())
+            .collect();
+        let goals = grid::goals(&lists);
+        let query = Query {
+            seed: grid::mix(u64::from(call)),
+            ..query(&cells, &goals, Some(window))
+        };
+        let (plan, end) = if charge > 0 {
+            let mut by_lane = streets.ranking(&goals, &mut || false).unwrap();
+            let run = planner.run(&query, &mut by_lane, &mut || false);
+            run.unwrap()
+        } else {
+            run(&mut planner, &query)
+        };
+        assert_eq!(end, End::Done);
+        assert_eq!(judge(map, &cells, &plan, false), Ok(()));
+        assert!(plan.makespan() <= u64::from(window));
+        for agent in 0..agents {
+            let path = plan.path(agent);
+            let done = grid::visited(&lists[agent], path) as u32;
+            next[agent] += done;
+            reached += u64::from(done);
+            since[agent] = if done > 0 { 0 } else { since[agent] + window };
+            longest = longest.max(since[agent]);
+            cells[agent] = path[path.len() - 1];
+        }
+    }
+    Drive {
+        reached,
+        longest,
+        least: next.iter().copied().min().unwrap(),
+        cells,
+    }
+}
+
+#[test]
+fn a_window_is_used_up_going_from_goal_to_goal() {
+    let map = grid::drawn(&["......"]);
+    let goals = grid::goals(&[vec![2, 4, 3, 3, 0]]);
+    let (plan, end) = run(&mut lifelong(&map), &query(&[0], &goals, Some(7)));
+    assert_eq!(end, End::Done);
+    assert_eq!(plan.path(0), [0, 1, 2, 3, 4, 3, 2, 1]);
+    // Without a window, up to the last goal.
+    let (plan, end) = run(&mut lifelong(&map), &query(&[0], &goals, None));
+    assert_eq!(end, End::Done);
+    assert_eq!(plan.path(0), [0, 1, 2, 3, 4, 3, 2, 1, 0]);
+}
+
+#[test]
+fn agents_without_goals_make_room() {
+    let bay = grid::drawn(&["....", "@.@@"]);
+    let lane = grid::drawn(&["....", "...."]);
+    for (map, lists, starts) in [
+        (&bay, vec![vec![3], vec![]], vec![0, 1]),
+        (&lane, vec![vec![3], vec![], vec![2]], vec![0, 1, 2]),
+    ] {
+        let goals = grid::goals(&lists);
+        for window in [Some(12), None] {
+            let (plan, end) = run(&mut lifelong(map), &query(&starts, &goals, window));
+            assert_eq!(end, End::Done);
+            assert_eq!(judge(map, &starts, &plan, false), Ok(()));
+            assert_eq!(grid::visited(&[3], plan.path(0)), 1, "{plan:?}");
+        }
+    }
+}
+
+#[test]
+fn a_goal_can_be_shared() {
+    let map = open(4);
+    let goals = grid::goals(&vec![vec![5]; 6]);
+    let starts = [0, 3, 12, 15, 6, 9];
+    for window in [Some(40), None] {
+        let (plan, end) = run(&mut lifelong(&map), &query(&starts, &goals, window));
+        assert_eq!(end, End::Done);
+        assert_eq!(judge(&map, &starts, &plan, false), Ok(()));
+        for path in plan.paths() {
+            assert_eq!(grid::visited(&[5], path), 1, "{plan:?}");
+        }
+    }
+}
+
+#[test]
+fn without_a_window_everybody_ends_at_the_last_goal() {
+    let map = grid::drawn(&[".....", ".@.@.", "....."]);
+    let lists = [vec![14, 0], vec![4, 10], vec![0, 4, 14]];
+    let goals = grid::goals(&lists);
+    let starts = [0, 14, 7];
+    let (plan, end) = run(&mut lifelong(&map), &query(&starts, &goals, None));
+    assert_eq!(end, End::Done);
+    assert_eq!(judge(&map, &starts, &plan, false), Ok(()));
+    for (list, path) in lists.iter().zip(plan.paths()) {
+        assert_eq!(grid::visited(list, path), list.len());
+        assert_eq!(path.last(), list.last());
+    }
+}
+
+#[test]
+fn four_in_a_square_turn_only_if_they_may() {
+    let map = open(2);
+    let starts = [0, 1, 3, 2];
+    let goals = grid::goals(&[vec![1], vec![3], vec![2], vec![0]]);
+    for rings in [true, false] {
+        let query = Query {
+            rings,
+            ..query(&starts, &goals, Some(3))
+        };
+        let (plan, _) = run(&mut lifelong(&map), &query);
+        assert_eq!(judge(&map, &starts, &plan, rings), Ok(()));
+        assert_eq!(plan.makespan() > 0, rings);
+    }
+}
+
+#[test]
+fn a_ranking_has_the_last_word() {
+    /// Up wherever that is possible.
+    struct Up;
+    impl Ranking for Up {
+        fn rank(&mut self, Place { step, agent, .. }: Place, cells: &mut [u32]) {
+            assert!(step < 3 && agent == 0 && (3..=5).contains(&cells.len()));
+            cells.sort_unstable();
+        }
+    }
+    let map = open(3);
+    let goals = grid::goals(&[vec![8]]);
+    let query = query(&[7], &goals, Some(3));
+    let run = lifelong(&map).run(&query, &mut Up, &mut || false);
+    let (plan, _) = run.unwrap();
+    assert_eq!(plan.path(0), [7, 4, 1, 0]);
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    let map = grid::drawn(&[".@.."]);
+    let mut planner = lifelong(&map);
+    let mut ask = |starts: &[u32], lists: &[Vec<u32>]| {
+        let goals = grid::goals(lists);
+        let query = query(starts, &goals, Some(5));
+        planner.run(&query, &mut ByDistance, &mut || false)
+    };
+    let error = ask(&[2], &[vec![3], vec![2]]).unwrap_err();
+    assert_eq!(error.to_string(), "1 starts and 2 lists of goals");
+    let error = ask(&[2, 2], &[vec![3], vec![2]]).unwrap_err();
+    assert!(matches!(
+        error,
+        ProblemError::Duplicate { what: "start", .. }
+    ));
+    let error = ask(&[2, 3], &[vec![3], vec![2, 9]]).unwrap_err();
+    let (agent, what, cell) = (1, "goal", 9);
+    assert_eq!(error, ProblemError::Blocked { agent, what, cell });
+    let error = ask(&[2, 3], &[vec![3], vec![0]]).unwrap_err();
+    assert!(matches!(
+        error,
+        ProblemError::Unreachable {
+            agent: 1,
+            goal: 0,
+            ..
+        }
+    ));
+    // Nothing is held back: the next call works.
+    assert!(ask(&[2, 3], &[vec![3], vec![2]]).is_ok());
+}
+
+#[test]
+fn limits_end_a_run() {
+    let map = open(8);
+    let starts: Vec<u32> = (0..40).collect();
+    let lists: Vec<Vec<u32>> = (0..40).map(|cell| vec![63 - cell]).collect();
+    let goals = grid::goals(&lists);
+    let mut planner = lifelong(&map);
+    let tight = Query {
+        memory_limit: 100,
+        ..query(&starts, &goals, Some(5))
+    };
+    assert_eq!(run(&mut planner, &tight).1, End::Memory);
+    let few = Query {
+        step_limit: 2,
+        ..query(&starts, &goals, None)
+    };
+    let (plan, end) = run(&mut planner, &few);
+    assert_eq!((plan.makespan(), end), (2, End::Steps));
+    let long = query(&starts, &goals, Some(10_000));
+    let (plan, end) = planner.run(&long, &mut ByDistance, &mut || true).unwrap();
+    assert_eq!(end, End::Stopped);
+    assert_eq!(judge(&map, &starts, &plan, false), Ok(()));
+}
+
+/// By how much agents come nearer to their first goals, on an open map.
+#[test]
+fn samples_and_retries_bring_agents_further() {
+    let map = open(10);
+    let (mut plain, mut searched) = (0, 0);
+    for seed in 0..20 {
+        let mut cells: Vec<u32> = grid::free(&map);
+        cells.sort_by_key(|&cell| grid::mix(seed ^ u64::from(cell)));
+        let (starts, ends) = (cells[..60].to_vec(), cells[40..].to_vec());
+        let lists: Vec<Vec<u32>> = ends.iter().map(|&end| vec![end]).collect();
+        let goals = grid::goals(&lists);
+        let gained = |samples, retries| {
+            let query = Query {
+                samples,
+                retries,
+                seed,
+                ..query(&starts, &goals, Some(6))
+            };
+            let (plan, _) = run(&mut lifelong(&map), &query);
+            assert_eq!(judge(&map, &starts, &plan, false), Ok(()));
+            let away = |cell: u32, goal: u32| {
+                (cell / 10).abs_diff(goal / 10) + (cell % 10).abs_diff(goal % 10)
+            };
+            let agents = plan.paths().zip(&ends);
+            let gain = agents.map(|(path, &end)| {
+                // Whoever has been there need not stay.
+                let left = if path.contains(&end) {
+                    0
+                } else {
+                    away(path[path.len() - 1], end)
+                };
+                i64::from(away(path[0], end)) - i64::from(left)
+            });
+            gain.sum::<i64>()
+        };
+        plain += gained(1, 0);
+        searched += gained(10, 8);
+    }
+    assert!(searched > plain * 21 / 20, "{searched} {plain}");
+}
+
+#[test]
+fn what_went_before_makes_no_difference() {
+    let map = warehouse(16, 30);
+    for charge in [0, 2] {
+        let kept = drive(&map, 60, 5, 30, false, charge);
+        let fresh = drive(&map, 60, 5, 30, true, charge);
+        assert_eq!(kept.cells, fresh.cells);
+        assert_eq!(kept.reached, fresh.reached);
+    }
+}
+
+/// However short the windows, and however crowded the map: everybody comes to goals again
+/// and again.
+#[test]
+fn a_crowded_fleet_goes_on() {
+    for (map, agents, least) in [
+        (open(12), 100, 1),
+        (warehouse(22, 41), 120, 1),
+        (warehouse(22, 41), 240, 0),
+    ] {
+        for (window, charge) in [(1, 0), (2, 0), (10, 0), (1, 2), (2, 3), (10, 2)] {
+            let drive = drive(&map, agents, window, 600 / window, false, charge);
+            let per_agent = drive.reached as f64 / agents as f64;
+            println!(
+                "{}x{} {agents} agents, window {window}, charge {charge}: {per_agent:.1} goals each, least {}, \
+                 longest {} steps",
+                map.rows, map.cols, drive.least, drive.longest
+            );
+            assert!(per_agent > 4.0 && drive.least >= least);
+        }
+    }
+}
+
+#[test]
+fn a_lane_is_worth_a_way_round() {
+    // Row 0 leads east and row 1 west; column 0 leads south and column 5 north.
+    let map = open(6);
+    let goals = grid::goals(&[vec![0], vec![11]]);
+    let mut planner = lifelong(&map);
+    for (charge, length) in [(0, 5), (2, 7)] {
+        let mut streets = Streets::new(planner.graph(), charge, 1 << 24);
+        let mut by_lane = streets.ranking(&goals, &mut || false).unwrap();
+        let query = query(&[5, 6], &goals, Some(20));
+        let run = planner.run(&query, &mut by_lane, &mut || false);
+        let (plan, _) = run.unwrap();
+        assert_eq!(judge(&map, &[5, 6], &plan, false), Ok(()));
+        let way = plan.path(0).iter().position(|cell| *cell == 0);
+        assert_eq!(way, Some(length), "{plan:?}");
+    }
+    // No time, or a map so large that the tables would be too large: no lanes.
+    let mut streets = Streets::new(planner.graph(), 2, 1 << 24);
+    assert!(streets.ranking(&goals, &mut || true).is_none());
+    let large = open(1000);
+    let mut streets = Streets::new(lifelong(&large).graph(), 2, 1 << 24);
+    let many = self::grid::goals(&vec![vec![0]; 5]);
+    assert!(streets.ranking(&many, &mut || false).is_none());
+}
+
+fn crowds() -> impl Strategy<Value = (GridEnvironment, Vec<u32>, Vec<Vec<u32>>)> {
+    (2_u32..7, 2_u32..7, any::<u64>(), 1_usize..30, 0_u64..4).prop_map(
+        |(rows, cols, seed, agents, blocked)| {
+            let size = u64::from(rows * cols);
+            let mut passable: Vec<u8> = (0..size)
+                .map(|cell| u8::from(grid::mix(seed ^ cell) % 8 >= blocked))
+                .collect();
+            passable[0] = 1;
+            let mut map = GridEnvironment::four_connected(rows, cols, passable);
+            // Only what hangs together with the first cell.
+            let reached = grid::region(&map, 0);
+            map.passable.fill(0);
+            for cell in reached {
+                map.passable[cell as usize] = 1;
+            }
+            let mut starts = grid::free(&map);
+            let free = starts.clone();
+            starts.sort_by_key(|&cell| grid::mix(seed ^ 0x4d ^ u64::from(cell)));
+            starts.truncate(agents);
+            let lists = (0..starts.len() as u64)
+                .map(|agent| {
+                    let count = grid::mix(seed ^ agent ^ 5) % 4;
+                    let goal =
+                        |k| free[(grid::mix(seed ^ agent << 8 ^ k) % free.len() as u64) as usize];
+                    (0..count).map(goal).collect()
+                })
+                .collect();
+            (map, starts, lists)
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn plans_are_valid(
+        (map, starts, lists) in crowds(), seed: u64, swap: bool, rings: bool,
+        window in 1_u32..12, samples in 1_u32..4, retries in 0_u32..3
+    ) {
+        let goals = grid::goals(&lists);
+        let window = Some(window).filter(|window| *window < 10);
+        let query = Query {
+            seed, swap, rings, samples, retries, step_limit: 200, ..query(&starts, &goals, window)
+        };
+        let (plan, end) = run(&mut lifelong(&map), &query);
+        prop_assert_eq!(judge(&map, &starts, &plan, rings), Ok(()));
+        if end == End::Done && window.is_none() {
+            for (list, path) in lists.iter().zip(plan.paths()) {
+                prop_assert_eq!(grid::visited(list, path), list.len());
+            }
+        }
+    }
+}

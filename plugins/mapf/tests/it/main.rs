@@ -1,0 +1,5 @@
+//! PIBT and LaCAM*, for one plan and for fleets.
+
+mod lifelong;
+mod planners;
+mod support;
