@@ -1,0 +1,173 @@
+//! Intervals in closed form beside what the least distance of two motions says, sets of intervals beside a list of
+//! moments, and bins beside all pairs.
+
+use fleetyard_plugin_plane::Vector;
+use fleetyard_plugin_plane::bins::{Bins, Rectangle};
+use fleetyard_plugin_plane::motion::{Motion, Span};
+use fleetyard_plugin_plane::spans::Spans;
+use proptest::prelude::*;
+
+/// The least distance of two centres when the second motion begins `later` than the first; infinite when they never are
+/// on their way at once. Where the motions overlap in time, the displacement between them is linear in it.
+fn least_distance(a: &Motion, b: &Motion, later: f64) -> f64 {
+    let (begin, end) = (later.max(0.0), a.duration.min(later + b.duration));
+    if begin > end {
+        return f64::INFINITY;
+    }
+    let offset = a.at(begin) - b.at(begin - later);
+    let drift = a.velocity - b.velocity;
+    let at = if drift.norm_squared() > 0.0 {
+        (-offset.dot(&drift) / drift.norm_squared()).clamp(0.0, end - begin)
+    } else {
+        0.0
+    };
+    (offset + drift * at).norm()
+}
+
+fn back(motion: &Motion) -> Motion {
+    Motion {
+        from: motion.at(motion.duration),
+        velocity: -motion.velocity,
+        duration: motion.duration,
+    }
+}
+
+/// Holds an interval against the least distance, just outside of it and inside.
+fn judge(a: &Motion, b: &Motion, distance: f64, found: Option<Span>) -> Result<(), TestCaseError> {
+    let reach = a.duration + b.duration;
+    let closer = |later: f64| least_distance(a, b, later) < distance - 1e-9;
+    // Motions that touch at an end may have an interval of a rounding error's length.
+    match found.filter(|span| span.high - span.low > 1e-9) {
+        None => {
+            for step in 0..=64 {
+                let later = -b.duration + reach * f64::from(step) / 64.0;
+                prop_assert!(
+                    !closer(later),
+                    "{later} is too close, but no interval was found"
+                );
+            }
+        }
+        Some(span) => {
+            let (outside, length) = (1e-6 * (1.0 + reach), span.high - span.low);
+            for later in [span.low - outside, span.high + outside] {
+                prop_assert!(!closer(later), "{later} is too close outside of {span:?}");
+            }
+            for step in 1..8 {
+                let later = span.low + length * f64::from(step) / 8.0;
+                let least = least_distance(a, b, later);
+                prop_assert!(
+                    least < distance + 1e-9,
+                    "{later} in {span:?} is {least} apart"
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+fn place() -> impl Strategy<Value = Vector> {
+    // Places of a coarse lattice give parallel, touching, crossing and equal motions; the others do not.
+    prop_oneof![
+        (0..5_i32, 0..5_i32).prop_map(|(x, y)| Vector::new(f64::from(x), f64::from(y)) * 0.5),
+        (0.0..2.0, 0.0..2.0).prop_map(|(x, y)| Vector::new(x, y)),
+    ]
+}
+
+fn motion() -> impl Strategy<Value = Motion> {
+    let moving = (place(), place(), prop_oneof![Just(1.0), 0.1..3.0_f64])
+        .prop_filter("a motion leads somewhere", |(from, to, _)| from != to)
+        .prop_map(|(from, to, speed)| Motion::between(from, to, (to - from).norm() / speed));
+    prop_oneof![
+        4 => moving,
+        1 => (place(), 0.0..5.0_f64).prop_map(|(at, duration)| Motion::rest(at, duration)),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+    #[test]
+    fn start_times_are_those_at_which_motions_come_too_close(
+        a in motion(), b in motion(), distance in prop_oneof![Just(0.5), 0.01..1.5_f64],
+    ) {
+        let found = a.overlap(&b, distance);
+        judge(&a, &b, distance, found.map(|overlap| overlap.forward))?;
+        judge(&a, &back(&b), distance, found.map(|overlap| overlap.backward))?;
+    }
+
+    #[test]
+    fn a_place_is_near_while_the_distance_says_so(
+        a in motion(), at in place(), distance in 0.01..1.5_f64,
+    ) {
+        let found = a.near(at, distance);
+        for step in 0..=64 {
+            let time = a.duration * f64::from(step) / 64.0;
+            let apart = (a.at(time) - at).norm();
+            // An interval that begins or ends with the motion has that end.
+            let inside = found.is_some_and(|span| {
+                (span.low < time || span.low == 0.0) && (time < span.high || span.high == a.duration)
+                    && span.low <= time && time <= span.high
+            });
+            if inside {
+                prop_assert!(apart < distance + 1e-9);
+            } else {
+                prop_assert!(apart > distance - 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn spans_hold_what_was_inserted(
+        given in proptest::collection::vec((0..40_i32, 0..12_i32), 0..20), asked in 0..80_i32,
+    ) {
+        let mut spans = Spans::new();
+        let given: Vec<Span> = given
+            .iter()
+            .map(|(low, length)| Span { low: f64::from(*low), high: f64::from(low + length) })
+            .collect();
+        given.iter().for_each(|span| spans.insert(*span));
+        for pair in spans.as_slice().windows(2) {
+            prop_assert!(pair[0].high < pair[1].low);
+        }
+        let within = |spans: &[Span], time: f64| spans.iter().any(|span| span.low < time && time < span.high);
+        // Half steps are at no end of an interval.
+        let time = f64::from(asked) / 2.0 + 0.25;
+        prop_assert_eq!(within(spans.as_slice(), time), within(&given, time));
+        let next = spans.first_outside(time);
+        prop_assert!(next >= time && !within(spans.as_slice(), next));
+        prop_assert_eq!(next == time, !within(&given, time));
+        let safe = spans.safe(spans.ended(next));
+        prop_assert!(safe.low <= next && next <= safe.high);
+    }
+
+    #[test]
+    fn bins_tell_of_every_box_that_meets(
+        given in proptest::collection::vec((place(), place()), 0..40), a in place(), b in place(),
+    ) {
+        let boxes: Vec<Rectangle> =
+            given.iter().map(|(a, b)| Rectangle::around(*a, *b, 0.1)).collect();
+        let asked = Rectangle::around(a, b, 0.05);
+        let mut found = Vec::new();
+        Bins::new(boxes.clone()).meeting(&asked, |number| found.push(number));
+        found.sort_unstable();
+        let meeting = (0..boxes.len()).filter(|number| boxes[*number].meets(&asked));
+        prop_assert_eq!(found, meeting.map(|number| number as u32).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn who_rests_for_ever_is_in_the_way_for_ever() {
+    let parked = Motion::rest(Vector::new(1.0, 0.0), f64::INFINITY);
+    let passing = Motion::between(Vector::zeros(), Vector::new(2.0, 0.0), 2.0);
+    let found = parked.overlap(&passing, 0.5).unwrap().forward;
+    assert_eq!((found.low, found.high), (-1.5, f64::INFINITY));
+}
+
+#[test]
+fn driving_one_behind_the_other_takes_a_headway() {
+    let a = Motion::between(Vector::zeros(), Vector::new(4.0, 0.0), 4.0);
+    let found = a.overlap(&a, 0.5).unwrap();
+    assert!((found.forward.low + 0.5).abs() < 1e-12 && (found.forward.high - 0.5).abs() < 1e-12);
+    // Head on, the second one has to be through before, or to wait until the first one is.
+    assert!((found.backward.low + 4.0).abs() < 1e-12 && (found.backward.high - 4.0).abs() < 1e-12);
+}

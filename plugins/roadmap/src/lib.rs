@@ -1,0 +1,19 @@
+//! Planners of discs on roadmaps, in continuous time.
+//!
+//! Discs of one radius drive along straight edges and may wait at vertices for any time. Two centres must never be closer
+//! than the separation, two radii: on crossing edges, in curves, and beside vertices at which somebody stands.
+//!
+//! - [`roadmap::Roadmap`]: vertices, directed edges, separation;
+//! - [`closeness::Closeness`]: which edges and vertices are too close to each other, and when;
+//! - [`plan`]: paths as visits;
+//! - [`reservation::Reservations`]: the times that paths of others leave;
+//! - [`sipp::Search`]: the earliest path of one disc among the paths of others;
+//! - [`priority`]: prioritised planning with restarts.
+#![forbid(unsafe_code)]
+
+pub mod closeness;
+pub mod plan;
+pub mod priority;
+pub mod reservation;
+pub mod roadmap;
+pub mod sipp;

@@ -1,0 +1,108 @@
+//! The times that the paths of others leave.
+
+use fleetyard_plugin_plane::motion::Span;
+use fleetyard_plugin_plane::spans::Spans;
+
+use crate::closeness::Closeness;
+use crate::plan::Visit;
+use crate::roadmap::{Edge, Vertex};
+
+/// When a disc must not be at a vertex, and when it must not set out on an edge.
+#[derive(Debug, Clone)]
+pub struct Reservations {
+    vertices: Vec<Spans>,
+    edges: Vec<Spans>,
+    used_vertices: Vec<Vertex>,
+    used_edges: Vec<Edge>,
+}
+
+impl Reservations {
+    /// Nobody's.
+    pub fn new(closeness: &Closeness<'_>) -> Self {
+        Self {
+            vertices: vec![Spans::new(); closeness.roadmap().vertices()],
+            edges: vec![Spans::new(); closeness.roadmap().edges()],
+            used_vertices: Vec::new(),
+            used_edges: Vec::new(),
+        }
+    }
+
+    /// When a vertex is taken.
+    pub fn vertex(&self, vertex: Vertex) -> &Spans {
+        &self.vertices[vertex as usize]
+    }
+
+    /// When nobody may set out on an edge.
+    pub fn edge(&self, edge: Edge) -> &Spans {
+        &self.edges[edge as usize]
+    }
+
+    /// Takes what a path needs.
+    pub fn reserve(&mut self, closeness: &Closeness<'_>, path: &[Visit]) {
+        for (at, visit) in path.iter().enumerate() {
+            self.reserve_stay(closeness, visit);
+            if let Some(next) = path.get(at + 1)
+                && let Some(edge) = closeness.roadmap().edge(visit.vertex, next.vertex)
+            {
+                self.reserve_edge(closeness, edge, visit.departure);
+            }
+        }
+    }
+
+    fn reserve_stay(&mut self, closeness: &Closeness<'_>, visit: &Visit) {
+        let close = closeness.of_vertex(visit.vertex);
+        let stay = Span {
+            low: visit.arrival,
+            high: visit.departure,
+        };
+        for (vertex, _) in &close.vertices {
+            self.take_vertex(*vertex, stay);
+        }
+        for (edge, near) in &close.edges {
+            // Who sets out later is near after the stay, and who sets out earlier was near before.
+            self.take_edge(
+                *edge,
+                Span {
+                    low: stay.low - near.high,
+                    high: stay.high - near.low,
+                },
+            );
+        }
+    }
+
+    fn reserve_edge(&mut self, closeness: &Closeness<'_>, edge: Edge, departure: f64) {
+        let close = closeness.of_edge(edge);
+        for (vertex, near) in &close.vertices {
+            self.take_vertex(*vertex, near.after(departure));
+        }
+        for (other, later) in &close.edges {
+            self.take_edge(*other, later.after(departure));
+        }
+    }
+
+    fn take_vertex(&mut self, vertex: Vertex, span: Span) {
+        let spans = &mut self.vertices[vertex as usize];
+        if spans.as_slice().is_empty() {
+            self.used_vertices.push(vertex);
+        }
+        spans.insert(span);
+    }
+
+    fn take_edge(&mut self, edge: Edge, span: Span) {
+        let spans = &mut self.edges[edge as usize];
+        if spans.as_slice().is_empty() {
+            self.used_edges.push(edge);
+        }
+        spans.insert(span);
+    }
+
+    /// Gives everything back.
+    pub fn clear(&mut self) {
+        for vertex in self.used_vertices.drain(..) {
+            self.vertices[vertex as usize].clear();
+        }
+        for edge in self.used_edges.drain(..) {
+            self.edges[edge as usize].clear();
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! Paths on roadmaps: judged by the least distance of centres, and held against an exhaustive search in steps of time.
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::path::Path as File;
+
+use fleetyard_plugin_plane::Vector;
+use fleetyard_plugin_roadmap::closeness::Closeness;
+use fleetyard_plugin_roadmap::plan::{Path, Visit, cost, length};
+use fleetyard_plugin_roadmap::priority::{End, plan, sum_of_costs};
+use fleetyard_plugin_roadmap::reservation::Reservations;
+use fleetyard_plugin_roadmap::roadmap::{NONE, Refused, Roadmap, Vertex};
+use fleetyard_plugin_roadmap::sipp::{Found, Search};
+use proptest::prelude::*;
+use support::{Case, apart, least_distance};
+
+const SEPARATION: f64 = 0.6;
+
+/// Roadmaps with crossing, directed and parallel edges, with vertices that nothing leads to, and with vertices closer than
+/// the separation.
+fn roadmap() -> impl Strategy<Value = Roadmap> {
+    let places = proptest::collection::hash_set((0..80_i32, 0..80_i32), 4..16);
+    let places = places.prop_map(|places| {
+        let mut places: Vec<(i32, i32)> = places.into_iter().collect();
+        places.sort_unstable();
+        places
+            .into_iter()
+            .map(|(x, y)| Vector::new(f64::from(x), f64::from(y)) * 0.05)
+            .collect::<Vec<_>>()
+    });
+    let edges =
+        proptest::collection::vec((0..16_u32, 0..16_u32, 0.5..2.0_f64, any::<bool>()), 6..40);
+    (places, edges).prop_map(|(places, edges)| {
+        let count = places.len() as u32;
+        let mut list = Vec::new();
+        for (a, b, speed, both) in edges {
+            let (a, b) = (a % count, b % count);
+            if a != b {
+                let seconds = (places[a as usize] - places[b as usize]).norm() / speed;
+                list.push((a, b, seconds));
+                if both {
+                    list.push((b, a, seconds));
+                }
+            }
+        }
+        Roadmap::new(places, list, SEPARATION).unwrap()
+    })
+}
+
+/// Starts and goals that do not block each other: every one at its own vertex, all far enough apart.
+fn tasks(roadmap: &Roadmap, wanted: &[(usize, usize)]) -> Vec<(Vertex, Vertex)> {
+    let (mut starts, mut goals): (Vec<Vertex>, Vec<Vertex>) = (Vec::new(), Vec::new());
+    let apart = |chosen: &[Vertex], vertex: Vertex| {
+        let distance = |other: &Vertex| (roadmap.place(vertex) - roadmap.place(*other)).norm();
+        chosen.iter().all(|other| distance(other) > SEPARATION)
+    };
+    for (start, goal) in wanted {
+        let start = (start % roadmap.vertices()) as Vertex;
+        let reachable: Vec<Vertex> = (0..roadmap.vertices() as Vertex)
+            .filter(|goal| roadmap.times_to(*goal)[start as usize].is_finite())
+            .collect();
+        let goal = reachable[goal % reachable.len()];
+        if apart(&starts, start) && apart(&goals, goal) {
+            starts.push(start);
+            goals.push(goal);
+        }
+    }
+    starts.into_iter().zip(goals).collect()
+}
+
+/// A path begins and ends where it should, drives edges of the roadmap, each as long as it takes.
+fn judge_path(roadmap: &Roadmap, path: &Path, task: (Vertex, Vertex)) -> Result<(), TestCaseError> {
+    prop_assert_eq!((path[0].vertex, path[path.len() - 1].vertex), task);
+    prop_assert_eq!(path[0].arrival, 0.0);
+    prop_assert_eq!(path[path.len() - 1].departure, f64::INFINITY);
+    for hop in path.windows(2) {
+        let edge = roadmap
+            .edge(hop[0].vertex, hop[1].vertex)
+            .expect("an edge of the roadmap");
+        prop_assert!(hop[0].departure >= hop[0].arrival);
+        let late = hop[1].arrival - hop[0].departure - roadmap.duration(edge);
+        prop_assert!(late.abs() < 1e-9, "{late} s beyond the time of the edge");
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn teams_keep_their_distance_in_continuous_time(
+        roadmap in roadmap(), wanted in proptest::collection::vec((0..16_usize, 0..16_usize), 1..6), seed in 0..4_u64,
+    ) {
+        let tasks = tasks(&roadmap, &wanted);
+        let closeness = Closeness::new(&roadmap);
+        let outcome = plan(&closeness, &tasks, 20, seed, &mut || false);
+        prop_assert_eq!(&outcome, &plan(&Closeness::new(&roadmap), &tasks, 20, seed, &mut || false));
+        if let End::Solved(paths) = outcome.end {
+            for (path, task) in paths.iter().zip(&tasks) {
+                judge_path(&roadmap, path, *task)?;
+            }
+            let apart = least_distance(&roadmap, &paths);
+            prop_assert!(apart > SEPARATION - 1e-7, "{apart} m apart");
+        } else {
+            prop_assert!(tasks.len() > 1, "one disc alone has a path");
+        }
+    }
+}
+
+/// A 4 × 4 lattice of edges of a metre, driven at 1 m/s, with the diagonals of some squares.
+fn lattice(diagonals: &[bool]) -> Roadmap {
+    let place = |vertex: u32| Vector::new(f64::from(vertex % 4), f64::from(vertex / 4));
+    let mut edges = Vec::new();
+    for a in 0..16_u32 {
+        for b in 0..16_u32 {
+            let apart = (place(a) - place(b)).norm();
+            let diagonal = apart > 1.1 && diagonals[(a.min(b) % 9) as usize];
+            if a != b && apart < if diagonal { 1.5 } else { 1.1 } {
+                edges.push((a, b, apart));
+            }
+        }
+    }
+    Roadmap::new((0..16).map(place).collect(), edges, SEPARATION).unwrap()
+}
+
+/// A path along edges that are chosen by numbers, with waits between them.
+fn walk(roadmap: &Roadmap, start: Vertex, choices: &[(u32, u8)]) -> Path {
+    let (mut vertex, mut time, mut path) = (start, 0.0, Path::new());
+    for (choice, wait) in choices {
+        let leaving = roadmap.leaving(vertex);
+        let edge = leaving.start + choice % leaving.len() as u32;
+        let departure = time + f64::from(*wait) * 0.3;
+        path.push(Visit {
+            vertex,
+            arrival: time,
+            departure,
+        });
+        (vertex, time) = (roadmap.target(edge), departure + roadmap.duration(edge));
+    }
+    path.push(Visit {
+        vertex,
+        arrival: time,
+        departure: f64::INFINITY,
+    });
+    path
+}
+
+/// The earliest arrival of a disc that sets out at multiples of a fifth of a second only, among paths of others, by trying
+/// everything.
+fn exhaustive(roadmap: &Roadmap, others: &[Path], (start, goal): (Vertex, Vertex)) -> Option<f64> {
+    const STEP: f64 = 0.2;
+    const HORIZON: u32 = 90;
+    let clear = |path: &Path, from: f64, to: f64| {
+        others
+            .iter()
+            .all(|other| apart(roadmap, path, other, from, to) > SEPARATION + 1e-7)
+    };
+    let mut reached = vec![BTreeSet::from([start])];
+    for step in 0..HORIZON {
+        let time = f64::from(step) * STEP;
+        for vertex in reached.get(step as usize).cloned().unwrap_or_default() {
+            let stay = vec![Visit {
+                vertex,
+                arrival: 0.0,
+                departure: f64::INFINITY,
+            }];
+            if vertex == goal && clear(&stay, time, 100.0) {
+                return Some(time);
+            }
+            let mut go = |to: Vertex, seconds: f64| {
+                let steps = (seconds / STEP).ceil() as usize;
+                let arrival = time + seconds;
+                let drive = vec![
+                    Visit {
+                        vertex,
+                        arrival: 0.0,
+                        departure: time,
+                    },
+                    Visit {
+                        vertex: to,
+                        arrival,
+                        departure: f64::INFINITY,
+                    },
+                ];
+                // Who arrives between two steps waits for the next.
+                let until = time + steps as f64 * STEP;
+                if clear(if to == vertex { &stay } else { &drive }, time, until) {
+                    let at = step as usize + steps;
+                    reached.resize_with(reached.len().max(at + 1), BTreeSet::new);
+                    reached[at].insert(to);
+                }
+            };
+            go(vertex, STEP);
+            roadmap
+                .leaving(vertex)
+                .for_each(|edge| go(roadmap.target(edge), roadmap.duration(edge)));
+        }
+    }
+    None
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn no_search_in_steps_of_time_arrives_earlier(
+        diagonals in proptest::collection::vec(any::<bool>(), 9),
+        walks in proptest::collection::vec((0..16_u32, proptest::collection::vec((0..8_u32, 0..6_u8), 1..6)), 1..4),
+        task in (0..16_u32, 0..16_u32),
+    ) {
+        let roadmap = lattice(&diagonals);
+        let others: Vec<Path> = walks.iter().map(|(start, choices)| walk(&roadmap, *start, choices)).collect();
+        let closeness = Closeness::new(&roadmap);
+        let mut taken = Reservations::new(&closeness);
+        others.iter().for_each(|other| taken.reserve(&closeness, other));
+        let rest = roadmap.times_to(task.1);
+        let found = Search::new(&roadmap).find(&roadmap, &taken, task, &rest, &mut || false);
+        let tried = exhaustive(&roadmap, &others, task);
+        match found {
+            Found::Path(path) => {
+                judge_path(&roadmap, &path, task)?;
+                for other in &others {
+                    let least = apart(&roadmap, &path, other, 0.0, 100.0);
+                    prop_assert!(least > SEPARATION - 1e-7, "{least} m apart");
+                }
+                if let Some(tried) = tried {
+                    prop_assert!(cost(&path) < tried + 1e-9, "{} s, but {tried} s would do", cost(&path));
+                }
+            }
+            other => prop_assert_eq!((other, tried), (Found::None, None)),
+        }
+    }
+}
+
+#[test]
+fn a_roadmap_that_is_none_is_refused() {
+    let places = vec![Vector::zeros(), Vector::new(1.0, 0.0)];
+    let of = |edges: Vec<(Vertex, Vertex, f64)>| {
+        Roadmap::new(places.clone(), edges, 0.5).map(|roadmap| roadmap.edges())
+    };
+    assert_eq!(of(vec![(0, 2, 1.0)]), Err(Refused::NoVertex { edge: 0 }));
+    assert_eq!(
+        of(vec![(0, 1, 1.0), (1, 0, 0.0)]),
+        Err(Refused::NoDuration { edge: 1 })
+    );
+    assert_eq!(
+        of(vec![(0, 1, f64::INFINITY)]),
+        Err(Refused::NoDuration { edge: 0 })
+    );
+    let nowhere = vec![Vector::new(f64::NAN, 0.0)];
+    assert_eq!(
+        Roadmap::new(nowhere, [], 0.5).err(),
+        Some(Refused::NoPlace { vertex: 0 })
+    );
+    // An edge to where one is leads nowhere, and of parallel ones the fastest counts.
+    assert_eq!(of(vec![(0, 0, 1.0), (0, 1, 2.0), (0, 1, 1.0)]), Ok(1));
+    let both = Roadmap::new(places.clone(), [(0, 1, 1.0), (1, 0, 2.0)], 0.5).unwrap();
+    assert_eq!((both.twin(0), both.duration(1)), (NONE, 2.0));
+}
+
+/// Two discs that have to pass each other on a line with one place to step aside.
+#[test]
+fn who_finds_no_path_goes_first_in_the_next_order() {
+    let places = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 1.0)];
+    let places = places.map(|(x, y)| Vector::new(x, y)).to_vec();
+    let edges = [(0, 1), (1, 2), (1, 3)]
+        .into_iter()
+        .flat_map(|(a, b)| [(a, b, 1.0), (b, a, 1.0)]);
+    let roadmap = Roadmap::new(places, edges, SEPARATION).unwrap();
+    let closeness = Closeness::new(&roadmap);
+    // The first one parks in the middle, where the second has to pass: that one has to go first.
+    let outcome = plan(&closeness, &[(3, 1), (0, 2)], 10, 1, &mut || false);
+    let End::Solved(paths) = outcome.end else {
+        panic!("{outcome:?}")
+    };
+    assert!(least_distance(&roadmap, &paths) > SEPARATION - 1e-9);
+    assert_eq!(cost(&paths[1]), 2.0);
+    assert_eq!(length(&roadmap, &paths[0]), 1.0);
+    // Head on both would have to give way to each other in turn, which no order does.
+    let stuck = plan(&closeness, &[(0, 2), (2, 0)], 10, 1, &mut || false);
+    assert_eq!((stuck.end, stuck.orders), (End::GaveUp, 2));
+}
+
+/// Problems of the shared data, where they are at hand: rooms with doors, sixty discs.
+#[test]
+fn sixty_discs_pass_the_doors_of_rooms() {
+    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
+        eprintln!("skipped: FLEETYARD_DATA is not set");
+        return;
+    };
+    for number in 1..=3 {
+        let name = format!("continuous/roadmap-tasks/rooms-32-sparse-{number}.tasks.json");
+        let file = File::new(&data).join(name);
+        if !file.exists() {
+            eprintln!("skipped: {} is not there", file.display());
+            return;
+        }
+        let case = Case::read(&file, 60).unwrap();
+        let outcome = plan(
+            &Closeness::new(&case.roadmap),
+            &case.tasks,
+            100,
+            1,
+            &mut || false,
+        );
+        let End::Solved(paths) = outcome.end else {
+            panic!("{}: {:?}", file.display(), outcome.end)
+        };
+        let apart = least_distance(&case.roadmap, &paths);
+        assert!(apart > case.roadmap.separation() - 1e-7, "{apart}");
+        assert!(sum_of_costs(&paths) > 0.0);
+    }
+}
