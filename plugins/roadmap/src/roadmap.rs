@@ -101,8 +101,9 @@ impl Roadmap {
         // Of parallel edges a planner needs the fastest.
         list.dedup_by_key(|edge| (edge.0, edge.1));
         let mut starts = vec![0; count + 1];
-        list.iter()
-            .for_each(|edge| starts[edge.0 as usize + 1] += 1);
+        for edge in &list {
+            starts[edge.0 as usize + 1] += 1;
+        }
         for vertex in 0..count {
             starts[vertex + 1] += starts[vertex];
         }
@@ -110,7 +111,7 @@ impl Roadmap {
             let found = list.binary_search_by(|edge| (edge.0, edge.1).cmp(&(target, source)));
             found
                 .ok()
-                .filter(|edge| list[*edge].2 == duration)
+                .filter(|edge| list[*edge].2.total_cmp(&duration).is_eq())
                 .map_or(NONE, |edge| edge as Edge)
         };
         let twins = list.iter().map(back).collect();

@@ -1,5 +1,8 @@
 //! Paths on roadmaps: judged by the least distance of centres, and held against an exhaustive search in steps of time.
 
+// Ends of intervals are copied, not worked out anew.
+#![allow(clippy::float_cmp)]
+
 mod support;
 
 use std::collections::BTreeSet;
@@ -213,7 +216,9 @@ proptest! {
         let others: Vec<Path> = walks.iter().map(|(start, choices)| walk(&roadmap, *start, choices)).collect();
         let closeness = Closeness::new(&roadmap);
         let mut taken = Reservations::new(&closeness);
-        others.iter().for_each(|other| taken.reserve(&closeness, other));
+        for other in &others {
+            taken.reserve(&closeness, other);
+        }
         let rest = roadmap.times_to(task.1);
         let found = Search::new(&roadmap).find(&roadmap, &taken, task, &rest, &mut || false);
         let tried = exhaustive(&roadmap, &others, task);
