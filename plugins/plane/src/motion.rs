@@ -104,6 +104,13 @@ impl Motion {
     /// `distance` to each other while both last. None where they never do.
     pub fn overlap(&self, other: &Self, distance: f64) -> Option<Overlap> {
         let (p, v, w) = (self.from - other.from, self.velocity, other.velocity);
+        // Most pairs that are asked for are near, but not near enough: seen from the middle of the first, the second is
+        // beyond all that both reach.
+        let reach = (v * self.duration).norm() + (w * other.duration).norm();
+        let middles = p * 2.0 + v * self.duration - w * other.duration;
+        if middles.norm_squared() > (reach + 2.0 * distance).powi(2) {
+            return None;
+        }
         let (vv, ww, vw) = (v.norm_squared(), w.norm_squared(), v.dot(&w));
         let (pv, pw) = (p.dot(&v), p.dot(&w));
         let gap = p.norm_squared() - distance * distance;

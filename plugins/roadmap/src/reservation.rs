@@ -50,33 +50,27 @@ impl Reservations {
     }
 
     fn reserve_stay(&mut self, closeness: &Closeness<'_>, visit: &Visit) {
-        let close = closeness.of_vertex(visit.vertex);
-        let stay = Span {
-            low: visit.arrival,
-            high: visit.departure,
-        };
-        for (vertex, _) in &close.vertices {
+        let (from, to) = (visit.arrival, visit.departure);
+        for vertex in closeness.vertices_of_vertex(visit.vertex) {
+            let stay = Span {
+                low: from,
+                high: to,
+            };
             self.take_vertex(*vertex, stay);
         }
-        for (edge, near) in &close.edges {
+        for (edge, near) in closeness.edges_of_vertex(visit.vertex) {
             // Who sets out later is near after the stay, and who sets out earlier was near before.
-            self.take_edge(
-                *edge,
-                Span {
-                    low: stay.low - near.high,
-                    high: stay.high - near.low,
-                },
-            );
+            let (low, high) = (from - near.high, to - near.low);
+            self.take_edge(*edge, Span { low, high });
         }
     }
 
     fn reserve_edge(&mut self, closeness: &Closeness<'_>, edge: Edge, departure: f64) {
-        let close = closeness.of_edge(edge);
-        for (vertex, near) in &close.vertices {
-            self.take_vertex(*vertex, near.after(departure));
+        for (vertex, near) in closeness.vertices_of_edge(edge) {
+            self.take_vertex(vertex, near.after(departure));
         }
-        for (other, later) in &close.edges {
-            self.take_edge(*other, later.after(departure));
+        for (other, later) in closeness.edges_of_edge(edge) {
+            self.take_edge(other, later.after(departure));
         }
     }
 

@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use std::path::Path as File;
 
 use fleetyard_plugin_plane::Vector;
+use fleetyard_plugin_plane::motion::Span;
 use fleetyard_plugin_roadmap::closeness::Closeness;
 use fleetyard_plugin_roadmap::plan::{Path, Visit, cost, length};
 use fleetyard_plugin_roadmap::priority::{End, plan, sum_of_costs};
@@ -107,6 +108,56 @@ proptest! {
             prop_assert!(apart > SEPARATION - 1e-7, "{apart} m apart");
         } else {
             prop_assert!(tasks.len() > 1, "one disc alone has a path");
+        }
+    }
+}
+
+/// Spans of both agree, but for the rounding of stored ones.
+fn agree(found: &[(u32, Span)], expected: &[(u32, Span)]) -> Result<(), TestCaseError> {
+    let names = |list: &[(u32, Span)]| list.iter().map(|(name, _)| *name).collect::<Vec<_>>();
+    prop_assert_eq!(names(found), names(expected));
+    for ((_, found), (_, expected)) in found.iter().zip(expected) {
+        prop_assert!(
+            (found.low - expected.low).abs() < 1e-5 && (found.high - expected.high).abs() < 1e-5
+        );
+        prop_assert!(found.low <= expected.low + 1e-9 && found.high >= expected.high - 1e-9);
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn what_is_close_is_the_same_asked_for_or_worked_out_at_once_or_by_hand(roadmap in roadmap()) {
+        let (lazy, whole) = (Closeness::new(&roadmap), Closeness::new(&roadmap));
+        whole.annotate();
+        let edges = 0..roadmap.edges() as u32;
+        // Pairs that touch may have a span of a rounding error's length on one way and none on the other.
+        let long = |list: Vec<(u32, Span)>| list.into_iter().filter(|(_, span)| span.high - span.low > 1e-5).collect::<Vec<_>>();
+        let sorted = |list: Vec<(u32, Span)>| {
+            let mut list = long(list);
+            list.sort_by_key(|(name, _)| *name);
+            list
+        };
+        for edge in edges.clone() {
+            let motion = roadmap.motion(edge);
+            let by_hand = edges.clone().filter_map(|other| {
+                let overlap = motion.overlap(&roadmap.motion(other), SEPARATION * (1.0 + 1e-9))?;
+                Some((other, overlap.forward))
+            });
+            let by_hand = long(by_hand.collect());
+            agree(&sorted(lazy.edges_of_edge(edge).collect()), &by_hand)?;
+            agree(&sorted(whole.edges_of_edge(edge).collect()), &by_hand)?;
+            let vertices = (0..roadmap.vertices() as u32)
+                .filter_map(|vertex| Some((vertex, motion.near(roadmap.place(vertex), SEPARATION * (1.0 + 1e-9))?)));
+            agree(&sorted(lazy.vertices_of_edge(edge).collect()), &long(vertices.collect()))?;
+        }
+        for vertex in 0..roadmap.vertices() as u32 {
+            let place = roadmap.place(vertex);
+            let by_hand = edges.clone()
+                .filter_map(|edge| Some((edge, roadmap.motion(edge).near(place, SEPARATION * (1.0 + 1e-9))?)));
+            agree(&sorted(lazy.edges_of_vertex(vertex).to_vec()), &long(by_hand.collect()))?;
         }
     }
 }
