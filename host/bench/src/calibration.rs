@@ -15,10 +15,10 @@ use fleetyard_sim::{NoTrace, SimConfig};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::error::BenchError;
+use crate::plugin::{GivenOptions, Plugin, Running};
 use crate::statistics::{quantile, sorted};
-use crate::suite::Question;
+use crate::suite::SuiteInstance;
 use crate::trial::{Host, Trial};
 use crate::trial_error::TrialError;
 
@@ -77,22 +77,22 @@ impl Calibration {
         })
     }
 
-    /// Makes the empty calls for these questions.
+    /// Makes the empty calls for these instances.
     pub(crate) fn take(
         host: &Host,
-        questions: &[Question],
+        instances: &[SuiteInstance],
         config: &SimConfig,
         attachments: &[Attach],
     ) -> Result<Self, BenchError> {
-        let mut sizes: BTreeMap<usize, &Question> = BTreeMap::new();
-        for question in questions {
-            sizes.entry(question.agents()).or_insert(question);
+        let mut sizes: BTreeMap<usize, &SuiteInstance> = BTreeMap::new();
+        for instance in instances {
+            sizes.entry(instance.agents()).or_insert(instance);
         }
-        let all: Vec<&Question> = sizes.into_values().collect();
+        let all: Vec<&SuiteInstance> = sizes.into_values().collect();
         let chosen = all.len().min(SIZES);
         let mut taken = Self::default();
         for index in 0..chosen {
-            let instance = all[index * all.len() / chosen].instance()?;
+            let instance = all[index * all.len() / chosen].grid_instance()?;
             let agents = instance.agents().max(1);
             let bound = metrics(&instance, &GridPlan::default(), config.cell_size_m);
             let steps = (bound.lower_bound_steps / agents as u64).min(LONGEST / agents as u64);
@@ -119,12 +119,12 @@ fn sample(
         planner: format!("the host's planner `{PLANNER}`"),
         error: Box::new(error),
     };
-    let candidate = Candidate::built_in(&host.runtime, PLANNER).map_err(|f| failed(f.into()))?;
+    let planner = Plugin::built_in(&host.runtime, PLANNER).map_err(|f| failed(f.into()))?;
     let options = json!({ "steps": steps });
     let options = GivenOptions::Values(options.as_object().cloned().unwrap_or_default());
     let trial = Trial {
         host,
-        candidate: &candidate,
+        planner: &planner,
         // Programs and adapters are spoken to as workers are.
         attach: Some(if attach == Attach::InProcess {
             Attach::InProcess

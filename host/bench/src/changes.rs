@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use fleetyard_core::InputError;
 use serde_json::Value;
 
-use crate::contest::Contest;
+use crate::experiment::Experiment;
 use crate::store::{Meta, Store};
 
 /// In words, a line each: values of the suite, and planners' code.
 pub fn changes(
-    contest: &Contest<'_>,
+    experiment: &Experiment<'_>,
     store: &Store,
     meta: &Meta,
 ) -> Result<Vec<String>, InputError> {
@@ -18,16 +18,16 @@ pub fn changes(
     let mut lines = suite_changes(&before.suite_values, &meta.suite_values);
     let planners = store.planners()?;
     let code = store.code()?;
-    for entrant in contest.entrants() {
-        let Some(known) = planners.get(&entrant.label) else {
+    for planner in experiment.planners() {
+        let Some(known) = planners.get(&planner.label) else {
             continue;
         };
-        let now = entrant.candidate.digest().to_string();
+        let now = planner.plugin.digest().to_string();
         if known.contains(&now) || known.is_empty() {
             continue;
         }
-        let files: Vec<String> = entrant
-            .candidate
+        let files: Vec<String> = planner
+            .plugin
             .code()
             .iter()
             .filter(|file| {
@@ -41,7 +41,7 @@ pub fn changes(
         } else {
             format!("{} is another one", files.join(", "))
         };
-        lines.push(format!("the code of `{}`: {what}", entrant.label));
+        lines.push(format!("the code of `{}`: {what}", planner.label));
     }
     Ok(lines)
 }

@@ -16,28 +16,28 @@ use fleetyard_runtime::{
 use fleetyard_sim::{NoTrace, TraceSink};
 use serde_json::{Map, Value};
 
-use crate::candidate::{Candidate, GivenOptions};
 use crate::error::BenchError;
+use crate::plugin::{GivenOptions, Plugin};
 use crate::record::{unranked, watched};
 use crate::row::Row;
 use crate::suite::{Clock, FleetPlugin, FleetSetup};
 use crate::trial_error::TrialError;
 
 /// The plugins of a setup beside its planner, found and started once.
-pub(crate) struct Crew {
+pub(crate) struct FleetModules {
     setup: FleetSetup,
     members: [Member; 3],
 }
 
 struct Member {
-    candidate: Candidate,
+    plugin: Plugin,
     id: String,
     given: GivenOptions,
     /// Checked against the plugin's schema.
     options: Map<String, Value>,
 }
 
-/// The kinds of [`Crew::members`], in their order.
+/// The kinds of [`FleetModules::members`], in their order.
 const KINDS: [Kind; 3] = [
     Kind::InstanceGenerator,
     Kind::InvocationPolicy,
@@ -53,7 +53,7 @@ pub(crate) fn blamed(place: &Place, error: &TrialError) -> BenchError {
     }
 }
 
-impl Crew {
+impl FleetModules {
     /// Finds the plugins, and starts each of them once.
     pub(crate) fn new(
         setup: &FleetSetup,
@@ -68,16 +68,16 @@ impl Crew {
                 let reason = format!("no {} is called `{name}`", kind.as_str());
                 Err(Fault::Refused { reason, hint: None })
             });
-            let candidate = found
-                .and_then(|found| Candidate::new(runtime, found, kind, name))
+            let plugin = found
+                .and_then(|found| Plugin::new(runtime, found, kind, name))
                 .map_err(|fault| blamed(fault.into()))?;
             let given = GivenOptions::Values(asked.options.clone());
-            let attach = candidate.attach(None);
-            let running = candidate.start(runtime, attach, &given).map_err(blamed)?;
+            let attach = plugin.attach(None);
+            let running = plugin.start(runtime, attach, &given).map_err(blamed)?;
             let member = Member {
                 id: running.descriptor.id.clone(),
                 options: running.options.clone(),
-                candidate,
+                plugin,
                 given,
             };
             running.close();
@@ -106,7 +106,7 @@ impl Crew {
         let mut hasher = Hasher::new("fleetyard.crew/2");
         hasher.value(&(self.asked(), &self.setup.robots));
         for member in &self.members {
-            hasher.bytes(&member.candidate.digest().0.to_le_bytes());
+            hasher.bytes(&member.plugin.digest().0.to_le_bytes());
             hasher.bytes(member.id.as_bytes());
             hasher.bytes(Value::Object(member.options.clone()).to_string().as_bytes());
         }
@@ -146,11 +146,11 @@ impl Crew {
         row.fleet = Some(Value::Object(said).to_string());
     }
 
-    /// Lets a fleet drive. The planner is `candidate` with its options.
+    /// Lets a fleet drive. The planner is `plugin` with its options.
     pub(crate) fn run(
         &self,
         runtime: &Runtime,
-        planner: (&Candidate, Option<Attach>, &GivenOptions),
+        planner: (&Plugin, Option<Attach>, &GivenOptions),
         grid: &Arc<Grid>,
         agents: u32,
         seed: u64,
@@ -164,11 +164,11 @@ impl Crew {
             .robots
             .fleet(agents as usize, &config.sim)
             .map_err(TrialError::from)?;
-        let (candidate, attach, options) = planner;
+        let (plugin, attach, options) = planner;
         let [generator, invocation, fail_policy] = &self.members;
-        let start = |member: &Member| member.candidate.module(runtime, None, &member.given);
+        let start = |member: &Member| member.plugin.module(runtime, None, &member.given);
         let modules = Modules {
-            planner: candidate.module(runtime, attach, options)?,
+            planner: plugin.module(runtime, attach, options)?,
             generator: start(generator)?,
             invocation: start(invocation)?,
             fail_policy: start(fail_policy)?,
@@ -178,9 +178,9 @@ impl Crew {
             fleet: bodies.as_ref(),
             tasks: None,
         };
-        let mut ears = Ears::default();
+        let mut watch = PlannerWatch::default();
         let before = Snapshot::take(None);
-        let outcome = run(&ground, &config, modules, &mut ears)?;
+        let outcome = run(&ground, &config, modules, &mut watch)?;
         // Modules compute on any core, by turns with the simulator: what they waited for is known of
         // the machine alone.
         let load = Snapshot::take(None).since(&before);
@@ -194,9 +194,9 @@ impl Crew {
         Ok(Drive {
             contended: contended(&load, &spent),
             outcome,
-            usage: ears.usage,
-            sandbox: ears.sandbox,
-            unsupervised: ears.unsupervised,
+            usage: watch.usage,
+            sandbox: watch.sandbox,
+            unsupervised: watch.unsupervised,
         })
     }
 }
@@ -235,14 +235,14 @@ pub(crate) struct Drive {
 
 /// Hears what the planner used.
 #[derive(Default)]
-struct Ears {
+struct PlannerWatch {
     nothing: NoTrace,
     usage: Option<Usage>,
     sandbox: Option<SandboxReport>,
     unsupervised: Option<String>,
 }
 
-impl Watch for Ears {
+impl Watch for PlannerWatch {
     fn sink(&mut self) -> &mut dyn TraceSink {
         &mut self.nothing
     }

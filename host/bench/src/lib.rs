@@ -4,13 +4,12 @@
 
 pub mod bundle;
 mod calibration;
-mod candidate;
 mod changes;
 pub mod claims;
-mod contest;
 mod error;
 mod estimate;
 pub mod evaluate;
+mod experiment;
 pub mod export;
 mod failure;
 mod fleet;
@@ -19,6 +18,7 @@ mod manifest;
 mod options;
 mod places;
 mod plan;
+mod plugin;
 mod record;
 pub mod report;
 mod row;
@@ -32,15 +32,15 @@ mod trial_error;
 mod verify;
 
 pub use calibration::Correction;
-pub use candidate::{Candidate, GivenOptions, Running};
 pub use changes::changes;
-pub use contest::{Contest, Entrant, Pin, now_unix_ms};
 pub use error::BenchError;
 pub use estimate::{Estimate, Left, rough};
+pub use experiment::{Experiment, Pin, Planner, now_unix_ms};
 pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
 pub use places::{Places, ScenarioPlace};
 pub use plan::{Planned, Schedule, Shard, Step, in_turn};
+pub use plugin::{GivenOptions, Plugin, Running};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, number,

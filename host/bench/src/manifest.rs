@@ -10,7 +10,7 @@ use fleetyard_runtime::{Attach, CodeFile, SandboxReport};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::contest::{Contest, Pin};
+use crate::experiment::{Experiment, Pin};
 use crate::store::Meta;
 
 /// What a store was made from.
@@ -75,7 +75,7 @@ struct Planner {
 impl Manifest {
     /// Of a run that begins.
     pub fn new(
-        contest: &Contest<'_>,
+        experiment: &Experiment<'_>,
         meta: &Meta,
         store: &Path,
         shard: Option<String>,
@@ -99,7 +99,7 @@ impl Manifest {
             started_unix_ms,
             ended_unix_ms: None,
             trials: Counts::default(),
-            planners: planners(contest),
+            planners: planners(experiment),
             pin: None,
             machine_digest: Machine::here().digest(),
             machine: Machine::here(),
@@ -107,9 +107,9 @@ impl Manifest {
     }
 
     /// What is known when the run has ended.
-    pub fn end(&mut self, contest: &Contest<'_>, ended_unix_ms: u64) {
-        self.planners = planners(contest);
-        self.pin = contest.pin().cloned();
+    pub fn end(&mut self, experiment: &Experiment<'_>, ended_unix_ms: u64) {
+        self.planners = planners(experiment);
+        self.pin = experiment.pin().cloned();
         self.ended_unix_ms = Some(ended_unix_ms);
     }
 
@@ -133,19 +133,19 @@ impl Manifest {
     }
 }
 
-fn planners(contest: &Contest<'_>) -> Vec<Planner> {
-    let entrants = contest.entrants().iter();
-    entrants
-        .map(|entrant| Planner {
-            label: entrant.label.clone(),
-            id: entrant.descriptor.id.clone(),
-            version: entrant.descriptor.version.clone(),
-            attach: entrant.attach,
-            path: entrant.candidate.path(),
-            digest: entrant.candidate.digest(),
-            code: entrant.candidate.code().to_vec(),
-            options: entrant.options.clone(),
-            sandbox: entrant.sandbox.clone(),
+fn planners(experiment: &Experiment<'_>) -> Vec<Planner> {
+    let planners = experiment.planners().iter();
+    planners
+        .map(|planner| Planner {
+            label: planner.label.clone(),
+            id: planner.descriptor.id.clone(),
+            version: planner.descriptor.version.clone(),
+            attach: planner.attach,
+            path: planner.plugin.path(),
+            digest: planner.plugin.digest(),
+            code: planner.plugin.code().to_vec(),
+            options: planner.options.clone(),
+            sandbox: planner.sandbox.clone(),
         })
         .collect()
 }

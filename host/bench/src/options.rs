@@ -146,7 +146,7 @@ impl Robots {
     /// in a ring.
     pub const DRIVEN_RADIUS_CELLS: f64 = 0.3;
 
-    /// What it says as JSON, without the name of a file: where files lie is no part of a question.
+    /// What it says as JSON, without the name of a file: no result depends on where files lie.
     pub(crate) fn said(&self) -> Value {
         match self {
             Self::File(_, file) => json!({ "file": file }),

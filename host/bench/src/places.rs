@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::contest::Contest;
+use crate::experiment::Experiment;
 
 /// Files that a suite and its planners were read from, with their whole paths.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,11 +35,11 @@ pub struct ScenarioPlace {
 
 impl Places {
     /// Of a suite that is ready to run, and its file.
-    pub fn of(contest: &Contest<'_>, suite: Option<&Path>) -> Self {
+    pub fn of(experiment: &Experiment<'_>, suite: Option<&Path>) -> Self {
         let mut scenarios: BTreeMap<(String, String), Vec<[PathBuf; 2]>> = BTreeMap::new();
-        for question in contest.questions() {
-            if let Some(files) = question.files() {
-                let origin = question.origin();
+        for instance in experiment.instances() {
+            if let Some(files) = instance.files() {
+                let origin = instance.origin();
                 let known = scenarios.entry((origin.map, origin.scenario)).or_default();
                 let files = files.map(whole);
                 if !known.contains(&files) {
@@ -58,9 +58,9 @@ impl Places {
                     scenario_file,
                 })
             });
-        let planners = contest.entrants().iter().filter_map(|entrant| {
-            let file = entrant.candidate.path()?;
-            Some((entrant.label.clone(), whole(&file)))
+        let planners = experiment.planners().iter().filter_map(|planner| {
+            let file = planner.plugin.path()?;
+            Some((planner.label.clone(), whole(&file)))
         });
         Self {
             suite: suite.map(whole),

@@ -18,15 +18,15 @@ use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
 use serde_json::Value;
 
 use crate::calibration::Calibration;
-use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::claims;
 use crate::error::BenchError;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
+use crate::plugin::{GivenOptions, Plugin, Running};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, InstanceInfo, Measurement,
     Metrics, PlannerInfo, Record, VerdictInfo, unranked,
 };
-use crate::suite::Question;
+use crate::suite::SuiteInstance;
 use crate::trial_error::TrialError;
 
 /// The most violations that a record lists; all are counted.
@@ -87,11 +87,11 @@ impl Host {
     /// No plugin of a stranger may run meanwhile.
     pub(crate) fn calibrate(
         &mut self,
-        questions: &[Question],
+        instances: &[SuiteInstance],
         config: &SimConfig,
         attachments: &[Attach],
     ) -> Result<(), BenchError> {
-        self.calibration = Calibration::take(self, questions, config, attachments)?;
+        self.calibration = Calibration::take(self, instances, config, attachments)?;
         Ok(())
     }
 
@@ -125,7 +125,7 @@ pub struct Trial<'a> {
     /// The host on which it runs.
     pub host: &'a Host,
     /// The planner that is asked.
-    pub candidate: &'a Candidate,
+    pub planner: &'a Plugin,
     /// The planner's attachment, if it is not the usual one.
     pub attach: Option<Attach>,
     /// The planner's options.
@@ -178,13 +178,12 @@ impl Trial<'_> {
                 .hint("plans of several agents are judged by the rule `steps`")
                 .into());
         }
-        running.check_capabilities(self.instance, self.path_rule, &self.candidate.name)
+        running.check_capabilities(self.instance, self.path_rule, &self.planner.name)
     }
 
     fn start(&self) -> Result<Running, TrialError> {
-        let attach = self.candidate.attach(self.attach);
-        self.candidate
-            .start(&self.host.runtime, attach, self.options)
+        let attach = self.planner.attach(self.attach);
+        self.planner.start(&self.host.runtime, attach, self.options)
     }
 
     /// Asks a process of its own.
@@ -305,10 +304,10 @@ impl Trial<'_> {
                 attach,
                 ranked: unranked.is_none(),
                 unranked,
-                path: self.candidate.path().map(|path| path.display().to_string()),
-                digest: self.candidate.digest(),
-                code: self.candidate.code().to_vec(),
-                pinned: self.candidate.is_pinned(),
+                path: self.planner.path().map(|path| path.display().to_string()),
+                digest: self.planner.digest(),
+                code: self.planner.code().to_vec(),
+                pinned: self.planner.is_pinned(),
                 options: Value::Object(options),
             },
             instance: InstanceInfo {

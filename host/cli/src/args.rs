@@ -787,7 +787,7 @@ pub(crate) struct Compare {
     #[arg(long, help_heading = INSTANCE, value_enum, default_value = "steps")]
     pub(crate) path_rule: PathRuleArg,
     #[command(flatten)]
-    pub(crate) planners: Contestants,
+    pub(crate) planners: PlannerArgs,
     #[command(flatten)]
     pub(crate) budget: BudgetArgs,
     #[command(flatten)]
@@ -802,7 +802,7 @@ pub(crate) struct Compare {
 
 /// A plugin that is asked for, and its options.
 #[derive(Debug, Clone)]
-pub(crate) struct Contestant {
+pub(crate) struct PluginArg {
     pub(crate) plugin: String,
     /// `NAME=VALUE` each.
     pub(crate) options: Vec<String>,
@@ -811,13 +811,13 @@ pub(crate) struct Contestant {
 /// Every `--planner PLUGIN [NAME=VALUE]…`, in order. The parser's derive keeps no
 /// occurrences apart.
 #[derive(Debug)]
-pub(crate) struct Contestants(pub(crate) Vec<Contestant>);
+pub(crate) struct PlannerArgs(pub(crate) Vec<PluginArg>);
 
-impl Contestants {
+impl PlannerArgs {
     const ID: &str = "planner";
 }
 
-impl Contestant {
+impl PluginArg {
     /// The words after `--planner` or its like, and options that were given otherwise.
     pub(crate) fn new(words: &[String], options: &[String]) -> Result<Self, exit::Failure> {
         let (plugin, own) = words
@@ -836,20 +836,20 @@ impl Contestant {
     }
 }
 
-impl FromArgMatches for Contestants {
+impl FromArgMatches for PlannerArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let given = matches.get_occurrences::<String>(Self::ID);
-        let mut contestants = Vec::new();
+        let mut planners = Vec::new();
         for words in given.into_iter().flatten() {
             let words: Vec<String> = words.cloned().collect();
-            let contestant = Contestant::new(&words, &[]).map_err(|failure| {
+            let planner = PluginArg::new(&words, &[]).map_err(|failure| {
                 let hint = failure.hint.unwrap_or_default();
                 let message = format!("{}\n\n  tip: {hint}\n", failure.message);
                 clap::Error::raw(ErrorKind::ValueValidation, message)
             })?;
-            contestants.push(contestant);
+            planners.push(planner);
         }
-        Ok(Self(contestants))
+        Ok(Self(planners))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -858,7 +858,7 @@ impl FromArgMatches for Contestants {
     }
 }
 
-impl Args for Contestants {
+impl Args for PlannerArgs {
     fn augment_args(command: clap::Command) -> clap::Command {
         command.arg(
             Arg::new(Self::ID)

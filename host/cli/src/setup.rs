@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use fleetyard_abi::Kind;
-use fleetyard_bench::{BudgetOptions, Candidate, Host, SandboxOptions, half_of_memory};
+use fleetyard_bench::{BudgetOptions, Host, Plugin, SandboxOptions, half_of_memory};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, LOCK_FILE, Limits, Lock, PluginFile, Policy, Runtime,
     Standing, Trust,
@@ -102,14 +102,14 @@ pub(crate) fn policy(grants: &GrantArgs, hidden: Vec<PathBuf>) -> Result<Policy>
 }
 
 /// A planner by path, `PATH:ID` or identifier.
-pub(crate) fn candidate(runtime: &Runtime, name: &str) -> Result<Candidate> {
-    candidate_of(runtime, Kind::Planner, name)
+pub(crate) fn find_planner(runtime: &Runtime, name: &str) -> Result<Plugin> {
+    find_plugin(runtime, Kind::Planner, name)
 }
 
 /// The same of any kind.
-pub(crate) fn candidate_of(runtime: &Runtime, kind: Kind, name: &str) -> Result<Candidate> {
+pub(crate) fn find_plugin(runtime: &Runtime, kind: Kind, name: &str) -> Result<Plugin> {
     let found = find(runtime, Some(kind), name)?;
-    Ok(Candidate::new(runtime, found, kind, name)?)
+    Ok(Plugin::new(runtime, found, kind, name)?)
 }
 
 /// Finds a plugin by path, `PATH:ID` or identifier, and says what the user should know

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use fleetyard_bench::suite::{MOST_QUESTIONS, Suite};
+use fleetyard_bench::suite::{MOST_INSTANCES, Suite};
 use fleetyard_core::InputError;
 use fleetyard_core::document::Setting;
 
@@ -56,7 +56,7 @@ pub fn run(data: &[u8]) {
     assert!(!suite.name.is_empty() && suite.name.bytes().all(fits));
     let protocol = &suite.protocol;
     assert!(protocol.repeats > 0);
-    assert!((1..=MOST_QUESTIONS).contains(&(protocol.seeds.len() as u64)));
+    assert!((1..=MOST_INSTANCES).contains(&(protocol.seeds.len() as u64)));
     // Of many the memory is limited.
     let seeds: BTreeSet<&u64> = protocol.seeds.iter().take(FEW).collect();
     assert_eq!(seeds.len(), protocol.seeds.len().min(FEW));

@@ -15,11 +15,11 @@ use super::archive::{self, digest_of, name_fault};
 use super::manifest::{BundledFile, BundledModule, BundledPlanner, BundledPlans, Manifest};
 use super::rewrite::{Names, PluginPlace, Rewritten, rewrite};
 use super::{PLANS, SUITE};
-use crate::contest::key_of;
+use crate::experiment::key_of;
 use crate::options::Robots;
 use crate::row::Row;
 use crate::store::{Meta, Store};
-use crate::suite::{Question, SUITE_LIMIT, Suite};
+use crate::suite::{SUITE_LIMIT, Suite, SuiteInstance};
 
 type Result<T> = std::result::Result<T, InputError>;
 
@@ -68,8 +68,8 @@ pub fn bundle(wanted: &Wanted<'_>) -> Result<Bundled> {
         return Err(InputError::new(place, "there is a file of this name")
             .hint("remove it, or name another one with --out"));
     }
-    let (questions, sources) = suite.questions_and_sources()?;
-    unchanged(&suite, &questions, &rows, &meta, wanted.store)?;
+    let (instances, sources) = suite.instances_and_sources()?;
+    unchanged(&suite, &instances, &rows, &meta, wanted.store)?;
     let mut names = Names::default();
     let ids: BTreeMap<String, String> = (rows.iter())
         .map(|row| (row.planner.clone(), row.planner_id.clone()))
@@ -221,7 +221,7 @@ fn suite_text(rewritten: &Rewritten) -> Result<Vec<u8>> {
 /// Refuses inputs that are no longer what the trials were made on.
 fn unchanged(
     suite: &Suite,
-    questions: &[Question],
+    instances: &[SuiteInstance],
     rows: &[Row],
     meta: &Meta,
     store: &Path,
@@ -230,7 +230,7 @@ fn unchanged(
                 --resume`";
     let rounds = suite.protocol.seeds.len() as u64 * u64::from(suite.protocol.repeats);
     let each = rounds * suite.planners.len() as u64;
-    let asked = questions.len() as u64 * each;
+    let asked = instances.len() as u64 * each;
     if asked != rows.len() as u64 {
         let reason = format!(
             "the suite asks for {asked} trials, and the store has {}: files that it names are there \
@@ -241,22 +241,22 @@ fn unchanged(
     }
     let mut twins: BTreeMap<Digest, u64> = BTreeMap::new();
     let mut digests = Vec::new();
-    for question in questions {
-        let digest = question.digest()?;
+    for instance in instances {
+        let digest = instance.digest()?;
         let count = twins.entry(digest).or_default();
         digests.push((digest, *count));
         *count += 1;
     }
     for row in rows {
         let at = usize::try_from(row.trial / each).unwrap_or(usize::MAX);
-        let (Some(question), Some((digest, _))) = (questions.get(at), digests.get(at)) else {
+        let (Some(instance), Some((digest, _))) = (instances.get(at), digests.get(at)) else {
             let reason = format!("trial {} is none of the suite's", row.trial);
             return Err(InputError::new(store.display().to_string(), reason).hint(hint));
         };
         if row.instance_digest == digest.to_string() {
             continue;
         }
-        let (place, others) = match question.places().as_slice() {
+        let (place, others) = match instance.places().as_slice() {
             [] => (suite.name.clone(), String::new()),
             [only] => (only.display().to_string(), String::new()),
             [map, scenario, ..] => (
@@ -265,7 +265,7 @@ fn unchanged(
             ),
         };
         let reason = format!(
-            "the file{others} changed since the trials were made: {question} has the digest \
+            "the file{others} changed since the trials were made: {instance} has the digest \
              {digest}, and had {}",
             shown(&row.instance_digest)
         );
@@ -276,8 +276,8 @@ fn unchanged(
     let ours = meta.fleetyard == env!("CARGO_PKG_VERSION");
     if let Some(Robots::File(file, _)) = suite.robots.as_ref().filter(|_| ours && !lifelong) {
         let changed = rows.iter().find(|row| {
-            let instance = digests[(row.trial / each) as usize];
-            key_of(suite, row, instance).is_some_and(|key| key != row.key)
+            let with_twins = digests[(row.trial / each) as usize];
+            key_of(suite, row, with_twins).is_some_and(|key| key != row.key)
         });
         if changed.is_some() {
             let reason = "the file changed since the trials were made: their keys are others";

@@ -12,7 +12,7 @@ use fleetyard_runtime::{Attach, Level};
 use super::SUITE;
 use super::archive::{MANIFEST, MANIFEST_LIMIT, Unpack, digest_of, unpack};
 use super::manifest::{BundledFile, Manifest};
-use crate::contest::Contest;
+use crate::experiment::Experiment;
 use crate::row::Row;
 use crate::suite::Suite;
 
@@ -207,16 +207,16 @@ impl Unpack for Folder<'_> {
 
 /// The recorded trials of a bundle under the keys that they have here, where the code of planners may
 /// be another.
-pub fn recorded(contest: &Contest<'_>, rows: Vec<Row>) -> Result<Vec<Row>> {
+pub fn recorded(experiment: &Experiment<'_>, rows: Vec<Row>) -> Result<Vec<Row>> {
     let mut by_number: BTreeMap<u64, Row> = rows.into_iter().map(|row| (row.trial, row)).collect();
-    let schedule = contest.schedule();
+    let schedule = experiment.schedule();
     let mut found = Vec::new();
     for planned in schedule.trials() {
         let Some(mut row) = by_number.remove(&planned.number) else {
             continue;
         };
-        let label = &contest.entrants()[planned.planner].label;
-        let question = &contest.questions()[planned.instance];
+        let label = &experiment.planners()[planned.planner].label;
+        let instance = &experiment.instances()[planned.instance];
         let place = || format!("trial {}", planned.number);
         if row.planner != *label || row.seed != planned.seed || row.repeat != planned.repeat {
             let reason = "the store has this trial of another planner, seed or repeat";
@@ -224,10 +224,10 @@ pub fn recorded(contest: &Contest<'_>, rows: Vec<Row>) -> Result<Vec<Row>> {
                 InputError::new(place(), reason).hint("the store does not belong to the suite")
             );
         }
-        let digest = question.digest()?.to_string();
+        let digest = instance.digest()?.to_string();
         if row.instance_digest != digest {
             let reason = format!(
-                "{question} is another instance here: its digest is {digest}, and was {}",
+                "{instance} is another instance here: its digest is {digest}, and was {}",
                 shown(&row.instance_digest)
             );
             return Err(InputError::new(place(), reason)

@@ -181,30 +181,27 @@ pub(super) fn rewrite(
     // What all planners of fleets have in common is looked at beside them.
     let mut common = found.values.remove("fleet");
     let mut tables = one_or_more(found.values.get_mut("planner"));
-    for (contestant, table) in suite.planners.iter().zip(&mut tables) {
+    for (planner, table) in suite.planners.iter().zip(&mut tables) {
         let Value::Object(table) = table else {
             continue;
         };
-        table.insert("label".into(), contestant.label.clone().into());
-        let by_path = contestant.plugin.contains('/');
-        if let Some(file) = planners
-            .get(&contestant.label)
-            .filter(|_| by_path || plugins)
-        {
+        table.insert("label".into(), planner.label.clone().into());
+        let by_path = planner.plugin.contains('/');
+        if let Some(file) = planners.get(&planner.label).filter(|_| by_path || plugins) {
             let place = place(file)?;
-            let plugin = match ids.get(&contestant.label) {
+            let plugin = match ids.get(&planner.label) {
                 Some(id) => format!("{}:{id}", place.name),
                 None => place.name.clone(),
             };
             table.insert("plugin".into(), plugin.into());
-            found.planners.insert(contestant.label.clone(), place);
+            found.planners.insert(planner.label.clone(), place);
         }
     }
     for (key, of) in MODULES {
         // Who has none of its own has that of all, which is read as each of theirs.
         let mut without = None;
-        for (contestant, table) in suite.planners.iter().zip(&mut tables) {
-            let Some(setup) = &contestant.fleet else {
+        for (planner, table) in suite.planners.iter().zip(&mut tables) {
+            let Some(setup) = &planner.fleet else {
                 continue;
             };
             let read = of(setup);

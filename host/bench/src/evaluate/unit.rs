@@ -3,7 +3,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::Row;
-use crate::suite::instances::map_seed_of;
+use crate::suite::sets::map_seed_of;
 
 /// For what else than itself a suite is to speak: these are drawn and counted by whatever is inferred.
 /// Seeds and repeats of an instance, team sizes of a scenario and scenarios of a map are alike, and say

@@ -1,13 +1,13 @@
-//! Suites: who is asked, what, how often, and under which budget.
+//! Suites: planners, instances, seeds and repeats, and the budget of a trial.
 //!
 //! A suite is a TOML file; `docs/suites.md` is its reference. Reading one
 //! ([`load_suite`]) looks at the file alone, so that every fault in it has its place;
-//! [`Suite::questions`] then reads the files that it names.
+//! [`Suite::instances`] then reads the files that it names.
 
 mod fleet;
-pub(crate) mod instances;
-mod question;
+mod instance;
 mod read;
+pub(crate) mod sets;
 mod settings;
 
 use std::collections::HashSet;
@@ -23,10 +23,10 @@ use serde_json::{Map, Value};
 use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 pub use fleet::{FleetPlugin, FleetSetup};
-use instances::InstanceSet;
-pub(crate) use instances::{Source, Sources};
-pub use question::{MazeOrigin, Origin, Question};
+pub use instance::{MazeOrigin, Origin, SuiteInstance};
 pub use read::KEYS;
+use sets::InstanceSet;
+pub(crate) use sets::{Source, Sources};
 
 /// The largest suite file that is read, in bytes.
 pub const SUITE_LIMIT: u64 = 1 << 20;
@@ -35,7 +35,7 @@ pub const SUITE_LIMIT: u64 = 1 << 20;
 pub const MOST_TRIALS: u64 = 10_000_000;
 
 /// Most instances of a suite.
-pub const MOST_QUESTIONS: u64 = 1_000_000;
+pub const MOST_INSTANCES: u64 = 1_000_000;
 
 /// What a suite file says.
 #[derive(Debug, Clone)]
@@ -57,7 +57,7 @@ pub struct Suite {
     /// Who executes plans; `None` when nobody does.
     pub robots: Option<Robots>,
     /// Who is asked, at least one; no two have the same label.
-    pub planners: Vec<Contestant>,
+    pub planners: Vec<PlannerSetup>,
     sets: Vec<InstanceSet>,
     /// The file as a whole.
     place: Place,
@@ -147,7 +147,7 @@ names!(Clock: Host = "host", LessEmpty = "call", Cpu = "cpu");
 
 /// A planner of a suite.
 #[derive(Debug, Clone)]
-pub struct Contestant {
+pub struct PlannerSetup {
     /// What it is called in tables; no other planner of the suite is called so.
     pub label: String,
     /// An identifier, the path of a library or program, or `PATH:ID`.
@@ -235,7 +235,7 @@ impl Suite {
     }
 
     /// Digest of what the suite says, names and descriptions apart. What the files say
-    /// that it names is not in it: see [`Question::digest`].
+    /// that it names is not in it: see [`SuiteInstance::digest`].
     pub fn digest(&self) -> Digest {
         let mut said = self.normal.clone();
         said.remove("name");
@@ -246,10 +246,10 @@ impl Suite {
     }
 
     /// How many timed trials so many instances are.
-    fn trials(&self, questions: u64) -> Result<u64, InputError> {
+    fn trials(&self, instances: u64) -> Result<u64, InputError> {
         let parts = [
             (self.planners.len() as u64, "planner"),
-            (questions, "instance"),
+            (instances, "instance"),
             (self.protocol.seeds.len() as u64, "seed"),
             (u64::from(self.protocol.repeats), "repeat"),
         ];
@@ -257,7 +257,7 @@ impl Suite {
             .iter()
             .try_fold(1, |product: u64, (count, _)| product.checked_mul(*count));
         match product {
-            Some(trials) if trials <= MOST_TRIALS && questions <= MOST_QUESTIONS => Ok(trials),
+            Some(trials) if trials <= MOST_TRIALS && instances <= MOST_INSTANCES => Ok(trials),
             _ => {
                 let parts = parts.map(|(count, what)| match count {
                     1 => format!("1 {what}"),
@@ -266,7 +266,7 @@ impl Suite {
                 let total = product.map_or("too many".to_owned(), |trials| trials.to_string());
                 let reason = format!("the suite has {} = {total} trials", parts.join(" × "));
                 Err(self.place.error(reason).hint(format!(
-                    "a suite has at most {MOST_QUESTIONS} instances and {MOST_TRIALS} trials; \
+                    "a suite has at most {MOST_INSTANCES} instances and {MOST_TRIALS} trials; \
                      split it"
                 )))
             }
@@ -277,17 +277,17 @@ impl Suite {
     /// scenario, then connectivity, then team size.
     ///
     /// Scenarios and maps are read here, mazes and generated maps are made when they
-    /// are asked for ([`Question::instance`]); of each set one is made here, so that
+    /// are asked for ([`SuiteInstance::grid_instance`]); of each set one is made here, so that
     /// what cannot be made is found.
-    pub fn questions(&self) -> Result<Vec<Question>, InputError> {
-        Ok(self.questions_and_sources()?.0)
+    pub fn instances(&self) -> Result<Vec<SuiteInstance>, InputError> {
+        Ok(self.instances_and_sources()?.0)
     }
 
     /// The instances, and set by set the files that they are read from.
-    pub(crate) fn questions_and_sources(
+    pub(crate) fn instances_and_sources(
         &self,
-    ) -> Result<(Vec<Question>, Vec<Sources>), InputError> {
-        let mut library = instances::Library::default();
+    ) -> Result<(Vec<SuiteInstance>, Vec<Sources>), InputError> {
+        let mut library = sets::Library::default();
         let mut found = Vec::new();
         for set in &self.sets {
             found.push(set.find(&mut library)?);
@@ -296,17 +296,17 @@ impl Suite {
             .iter()
             .try_fold(0, |sum: u64, set| sum.checked_add(set.count()?));
         self.trials(count.unwrap_or(u64::MAX))?;
-        let sources = found.iter().map(instances::FoundSet::sources).collect();
+        let sources = found.iter().map(sets::FoundSet::sources).collect();
         let mut seen = HashSet::new();
-        let mut questions = Vec::new();
+        let mut instances = Vec::new();
         for set in found {
-            set.questions(self.protocol.path_rule, &mut seen, &mut questions)?;
+            set.instances(self.protocol.path_rule, &mut seen, &mut instances)?;
         }
-        if questions.is_empty() {
+        if instances.is_empty() {
             let reason = "the suite has no instance: every team is larger than its scenario";
             return Err(self.place.error(reason));
         }
-        Ok((questions, sources))
+        Ok((instances, sources))
     }
 }
 

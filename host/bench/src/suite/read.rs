@@ -17,9 +17,9 @@ use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, SandboxOptions};
 
 use super::fleet::{self, Around, FLEET};
-use super::instances::{Generated, InstanceSet, Kind, Mazes, Numbers, SeriesSeeds, Teams};
+use super::sets::{Generated, InstanceSet, Kind, Mazes, Numbers, SeriesSeeds, Teams};
 use super::settings::{self, BUDGET, EXECUTION, SANDBOX};
-use super::{Clock, Contestant, Named, Protocol, Reuse, Suite};
+use super::{Clock, Named, PlannerSetup, Protocol, Reuse, Suite};
 
 /// Every table of a suite file with its keys; the root has no name.
 pub const KEYS: &[(&str, &[&str])] = &[
@@ -287,18 +287,18 @@ fn series(value: &Value<'_, '_>, low: u64, high: u64) -> Result<Numbers, InputEr
     let count = match (table.get("to"), table.get("count")) {
         (Some(to), None) => {
             let count = (to.whole(first, high)? - first) / step;
-            if count >= super::MOST_QUESTIONS {
+            if count >= super::MOST_INSTANCES {
                 let reason = format!(
                     "`{}` has more than {} numbers",
                     shown(&key),
-                    super::MOST_QUESTIONS
+                    super::MOST_INSTANCES
                 );
                 return Err(to.error(reason));
             }
             count + 1
         }
         (None, Some(given)) => {
-            let count = given.whole(1, super::MOST_QUESTIONS)?;
+            let count = given.whole(1, super::MOST_INSTANCES)?;
             let last = step
                 .checked_mul(count - 1)
                 .and_then(|far| first.checked_add(far));
@@ -373,9 +373,9 @@ fn planners(
     root: &Table<'_, '_>,
     around: &Around<'_>,
     paths: &Paths<'_>,
-) -> Result<Vec<Contestant>, InputError> {
+) -> Result<Vec<PlannerSetup>, InputError> {
     let fleet = root.get("fleet");
-    let mut planners: Vec<Contestant> = Vec::new();
+    let mut planners: Vec<PlannerSetup> = Vec::new();
     for value in some(&root.require("planner")?)? {
         let table = value.table("[[planner]]", PLANNER)?;
         let plugin = table.require("plugin")?;
@@ -413,7 +413,7 @@ fn planners(
             }
             (None, None) => None,
         };
-        planners.push(Contestant {
+        planners.push(PlannerSetup {
             label,
             fleet,
             plugin: paths.plugin(named),
@@ -640,7 +640,7 @@ fn series_seeds(table: &Table<'_, '_>) -> Result<SeriesSeeds, InputError> {
         None => DEFAULT_BASE_SEED,
     };
     let given = table.require("count")?;
-    let count = given.whole(1, super::MOST_QUESTIONS)?;
+    let count = given.whole(1, super::MOST_INSTANCES)?;
     if schedule.seed(base, count - 1).is_none() {
         return Err(given.error("the last seeds are more than a seed can be"));
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fleetyard_bench::suite::{KEYS, Question, Suite, load_suite};
+use fleetyard_bench::suite::{KEYS, Suite, SuiteInstance, load_suite};
 use fleetyard_bench::{BudgetOptions, Robots};
 use fleetyard_core::document::Setting;
 use fleetyard_core::{Connectivity, InputError};
@@ -27,12 +27,12 @@ fn with(instances: &str) -> String {
     format!("name = \"test\"\nplanner = [{{ plugin = \"lacam\" }}]\n[[instances]]\n{instances}\n")
 }
 
-fn questions(text: &str) -> Result<Vec<Question>, InputError> {
-    read(text)?.questions()
+fn instances(text: &str) -> Result<Vec<SuiteInstance>, InputError> {
+    read(text)?.instances()
 }
 
-fn told(questions: &[Question]) -> Vec<String> {
-    questions.iter().map(ToString::to_string).collect()
+fn told(instances: &[SuiteInstance]) -> Vec<String> {
+    instances.iter().map(ToString::to_string).collect()
 }
 
 #[test]
@@ -40,10 +40,10 @@ fn scenarios_by_team_size_and_connectivity() {
     let text = with(
         "scen = \"${PLACE}/random-32-32-20-random-?.scen\"\nagents = [20, 10]\nconnectivity = [4, 8]",
     );
-    let questions = questions(&text).unwrap();
+    let instances = instances(&text).unwrap();
     let first = "random-32-32-20, random-32-32-20-random-1.scen";
     assert_eq!(
-        told(&questions),
+        told(&instances),
         [
             format!("{first}, 20 agents"),
             format!("{first}, 10 agents"),
@@ -51,25 +51,25 @@ fn scenarios_by_team_size_and_connectivity() {
             format!("{first}, 10 agents, 8-connected"),
         ]
     );
-    let large = questions[0].instance().unwrap();
-    let small = questions[3].instance().unwrap();
+    let large = instances[0].grid_instance().unwrap();
+    let small = instances[3].grid_instance().unwrap();
     assert_eq!(small.connectivity(), Connectivity::Eight);
     assert_eq!(small.starts(), &large.starts()[..10]);
     assert!(std::sync::Arc::ptr_eq(small.grid(), large.grid()));
-    assert_eq!(questions[3].digest().unwrap(), small.digest());
+    assert_eq!(instances[3].digest().unwrap(), small.digest());
 }
 
 #[test]
 fn mazes_of_the_paper() {
     let text = with("maze = { width = 15, height = 15, random = \"python\", count = 50 }");
-    let questions = questions(&text).unwrap();
-    assert_eq!(questions.len(), 50);
-    let last = questions[49].origin();
+    let instances = instances(&text).unwrap();
+    assert_eq!(instances.len(), 50);
+    let last = instances[49].origin();
     let maze = last.maze.unwrap();
     assert_eq!((maze.index, maze.seed, maze.width), (49, 56, 15));
     assert_eq!(last.map, "maze-31-31-1-backtracker");
     assert_eq!(last.scenario, "python seed 56");
-    let instance = questions[49].instance().unwrap();
+    let instance = instances[49].grid_instance().unwrap();
     let grid = instance.grid();
     assert_eq!((grid.rows(), grid.cols()), (31, 31));
     assert_eq!(grid.row_col(instance.starts()[0]), (1, 1));
@@ -82,21 +82,21 @@ fn generated_maps_by_seed() {
         "generate = { kind = \"random\", rows = 16, cols = 16, obstacle_density = 0.2, \
          seeds = { from = 3, count = 2 }, scenario_seeds = [1, 9] }\nagents = { from = 5, to = 15, step = 5 }",
     );
-    let questions = questions(&text).unwrap();
-    assert_eq!(questions.len(), 2 * 2 * 3);
+    let instances = instances(&text).unwrap();
+    assert_eq!(instances.len(), 2 * 2 * 3);
     assert_eq!(
-        questions[4].to_string(),
+        instances[4].to_string(),
         "random-16-16-20, map seed 3, agents seed 9, 10 agents"
     );
-    let digests: std::collections::BTreeSet<_> = questions
+    let digests: std::collections::BTreeSet<_> = instances
         .iter()
-        .map(|question| question.digest().unwrap())
+        .map(|instance| instance.digest().unwrap())
         .collect();
-    assert_eq!(digests.len(), questions.len());
+    assert_eq!(digests.len(), instances.len());
     // In any order, and however often it is asked for.
-    let again = read(&text).unwrap().questions().unwrap();
-    assert_eq!(again[4].digest(), questions[4].digest());
-    let grids = [0, 1].map(|at| questions[at].instance().unwrap().grid().clone());
+    let again = read(&text).unwrap().instances().unwrap();
+    assert_eq!(again[4].digest(), instances[4].digest());
+    let grids = [0, 1].map(|at| instances[at].grid_instance().unwrap().grid().clone());
     assert!(std::sync::Arc::ptr_eq(&grids[0], &grids[1]));
 }
 
@@ -104,9 +104,9 @@ fn generated_maps_by_seed() {
 fn a_hundred_thousand_mazes_are_not_made_before_they_are_asked_for() {
     let text =
         with("maze = { size = 255, algorithm = [\"backtracker\", \"prim\"], count = 50_000 }");
-    let questions = questions(&text).unwrap();
-    assert_eq!(questions.len(), 100_000);
-    let maze = questions[99_999].origin().maze.unwrap();
+    let instances = instances(&text).unwrap();
+    assert_eq!(instances.len(), 100_000);
+    let maze = instances[99_999].origin().maze.unwrap();
     assert_eq!((maze.index, maze.seed), (49_999, 50_006));
     assert_eq!(maze.algorithm.name(), "prim");
 }
@@ -127,9 +127,9 @@ fn other_formats_name_their_agents_and_maps() {
     .unwrap();
     let text = with("scen = \"a.txt\"");
     let suite = Suite::read("s.toml", &text, &[], folder.path(), &|_| None).unwrap();
-    let questions = suite.questions().unwrap();
-    assert_eq!(told(&questions), ["m, a.txt, 1 agent"]);
-    assert_eq!(questions[0].instance().unwrap().goals(), [3]);
+    let instances = suite.instances().unwrap();
+    assert_eq!(told(&instances), ["m, a.txt, 1 agent"]);
+    assert_eq!(instances[0].grid_instance().unwrap().goals(), [3]);
 }
 
 const FULL: &str = r#"
@@ -231,7 +231,7 @@ fn everything_that_a_suite_may_say() {
     assert_eq!(place, "s.toml:38:10: there is no planner");
     let place = one.options_place.error("no such option").to_string();
     assert_eq!(place, "s.toml:39:11: no such option");
-    assert_eq!(suite.questions().unwrap().len(), 4);
+    assert_eq!(suite.instances().unwrap().len(), 4);
 }
 
 #[test]
@@ -256,16 +256,16 @@ fn scenarios_that_are_too_small_may_be_left_out() {
     let text = with(
         "scen = \"empty-8-8-random-1.scen\"\nagents = [10, 10000]\ntoo_many_agents = \"skip\"",
     );
-    assert_eq!(questions(&text).unwrap().len(), 1);
+    assert_eq!(instances(&text).unwrap().len(), 1);
     let none = text.replace("[10, 10000]", "10000");
-    let error = questions(&none).unwrap_err().to_string();
+    let error = instances(&none).unwrap_err().to_string();
     assert!(error.ends_with("the suite has no instance: every team is larger than its scenario"));
 }
 
 /// The error of a text, shown as the command shows it.
 fn fault(text: &str) -> String {
     let error = read(text)
-        .and_then(|suite| suite.questions().map(drop))
+        .and_then(|suite| suite.instances().map(drop))
         .expect_err(text);
     let hint = error
         .hint
@@ -593,7 +593,7 @@ fn the_suites_of_the_repository_can_be_read() {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let suite = load_suite(&path).unwrap_or_else(|error| panic!("{error} {:?}", error.hint));
-        assert!(!suite.questions().unwrap().is_empty(), "{}", path.display());
+        assert!(!suite.instances().unwrap().is_empty(), "{}", path.display());
         names.push(suite.name);
     }
     names.sort();
@@ -639,15 +639,15 @@ fn fleets_are_read_setup_by_setup() {
     assert_eq!(b.generator.options["x"], 1);
     assert_eq!(a.generator.plugin, "windowed-multi-goals");
     assert_eq!(b.invocation.options["period_s"], 2.0);
-    let questions = suite.questions().unwrap();
+    let instances = suite.instances().unwrap();
     let hall = "warehouse-3-4-5-1-1-m2-a2-open-e-w3, lifelong";
     assert_eq!(
-        told(&questions),
+        told(&instances),
         [format!("{hall}, 5 agents"), format!("{hall}, 9 agents")]
     );
     assert_ne!(
-        questions[0].digest().unwrap(),
-        questions[1].digest().unwrap()
+        instances[0].digest().unwrap(),
+        instances[1].digest().unwrap()
     );
     // Roles decide where goals are: they are a part of what is asked.
     let plain = FLEET.replace(
@@ -655,12 +655,12 @@ fn fleets_are_read_setup_by_setup() {
         "generate = { kind = \"warehouse\", blocks_across = 3, blocks_down = 4, block_cols = 5, \
          block_rows = 1, aisle = 1, margin = 2, aisle_rows = 2, open = true }",
     );
-    let plain = self::questions(&plain).unwrap();
+    let plain = self::instances(&plain).unwrap();
     assert_eq!(
         plain[0].grid().unwrap().digest(),
-        questions[0].grid().unwrap().digest()
+        instances[0].grid().unwrap().digest()
     );
-    assert_ne!(plain[0].digest().unwrap(), questions[0].digest().unwrap());
+    assert_ne!(plain[0].digest().unwrap(), instances[0].digest().unwrap());
 }
 
 #[test]
@@ -669,7 +669,7 @@ fn what_is_wrong_with_a_fleet_has_its_place() {
         assert!(FLEET.contains(from), "{from}");
         let text = FLEET.replace(from, to);
         let error = match read(&text) {
-            Ok(suite) => suite.questions().expect_err(to),
+            Ok(suite) => suite.instances().expect_err(to),
             Err(error) => error,
         };
         let hint = error.hint.clone().unwrap_or_default();

@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use fleetyard_bench::evaluate::{Evaluation, PlannerSummary, SOLVE_TIME, Trials};
 use fleetyard_bench::suite::Suite;
 use fleetyard_bench::{
-    Asked, Contest, Counts, Manifest, Meta, Places, Planned, Progress, Ran, Row, Shard,
+    Asked, Counts, Experiment, Manifest, Meta, Places, Planned, Progress, Ran, Row, Shard,
     SharedStore, Step, Store, Verified, changes, now_unix_ms, rough, run, verify,
 };
 use fleetyard_core::document::Setting;
@@ -148,14 +148,14 @@ pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
         Ok(_) if !arguments.dry_run => Some(existing(arguments, &suite, &place)?),
         _ => None,
     };
-    let mut contest = contest(arguments, &suite)?;
+    let mut experiment = experiment(arguments, &suite)?;
     if arguments.dry_run {
-        return dry_run(arguments, &contest, &place);
+        return dry_run(arguments, &experiment, &place);
     }
-    let meta = meta(&contest, &arguments.suite, there.as_ref())?;
-    let begun = begin(&contest, &meta, there, &place)?;
-    let outcome = go(arguments, &mut contest, &meta, &begun.store, &place)?;
-    report(arguments, &contest, &place, &begun, outcome)
+    let meta = meta(&experiment, &arguments.suite, there.as_ref())?;
+    let begun = begin(&experiment, &meta, there, &place)?;
+    let outcome = go(arguments, &mut experiment, &meta, &begun.store, &place)?;
+    report(arguments, &experiment, &place, &begun, outcome)
 }
 
 /// Submits the suite in parts, each of which is this command again with its part.
@@ -165,11 +165,11 @@ fn on_cluster(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> {
         return Err(Failure::new(Exit::Usage, reason)
             .hint("`fleetyard jobs requeue RUN` goes on with a run on a cluster"));
     }
-    let mut contest = contest(arguments, suite)?;
-    let schedule = contest.schedule().clone();
-    let longest = contest.longest();
-    contest.finish();
-    let instances = contest.questions().len() as u32;
+    let mut experiment = experiment(arguments, suite)?;
+    let schedule = experiment.schedule().clone();
+    let longest = experiment.longest();
+    experiment.finish();
+    let instances = experiment.instances().len() as u32;
     let shards = arguments.cluster.shards.unwrap_or(instances.min(PARTS));
     if shards > instances {
         return Err(Failure::new(
@@ -215,8 +215,8 @@ fn on_cluster(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> {
     )
 }
 
-fn contest<'s>(arguments: &Bench, suite: &'s Suite) -> Result<Contest<'s>> {
-    Ok(Contest::new(suite, BUILT_IN, trust(&arguments.trust)?)?)
+fn experiment<'s>(arguments: &Bench, suite: &'s Suite) -> Result<Experiment<'s>> {
+    Ok(Experiment::new(suite, BUILT_IN, trust(&arguments.trust)?)?)
 }
 
 /// A store that is there, if it may be gone on with.
@@ -250,20 +250,20 @@ fn existing(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Store> {
     Ok(store)
 }
 
-fn meta(contest: &Contest<'_>, suite_file: &Path, there: Option<&Store>) -> Result<Meta> {
-    let suite = contest.suite();
+fn meta(experiment: &Experiment<'_>, suite_file: &Path, there: Option<&Store>) -> Result<Meta> {
+    let suite = experiment.suite();
     Ok(Meta {
         suite: suite.name.clone(),
         suite_text: suite.text.clone(),
         suite_values: suite.normal(),
-        suite_digest: contest.schedule().digest().to_string(),
+        suite_digest: experiment.schedule().digest().to_string(),
         fleetyard: env!("CARGO_PKG_VERSION").into(),
         created_unix_ms: match there {
             Some(store) => store.meta()?.created_unix_ms,
             None => now_unix_ms(),
         },
-        asked: Some(contest.schedule().len()),
-        places: Places::of(contest, Some(suite_file)),
+        asked: Some(experiment.schedule().len()),
+        places: Places::of(experiment, Some(suite_file)),
     })
 }
 
@@ -276,13 +276,18 @@ struct Begun {
     superseded: u64,
 }
 
-fn begin(contest: &Contest<'_>, meta: &Meta, there: Option<Store>, place: &Path) -> Result<Begun> {
+fn begin(
+    experiment: &Experiment<'_>,
+    meta: &Meta,
+    there: Option<Store>,
+    place: &Path,
+) -> Result<Begun> {
     let mut changed = Vec::new();
     let mut store = match there {
         None => Store::create(place, meta)?,
         Some(mut store) => {
-            changed = changes(contest, &store, meta)?;
-            adopt(contest, &mut store, meta)?;
+            changed = changes(experiment, &store, meta)?;
+            adopt(experiment, &mut store, meta)?;
             store
         }
     };
@@ -302,8 +307,8 @@ fn begin(contest: &Contest<'_>, meta: &Meta, there: Option<Store>, place: &Path)
         fleetyard_runtime::measure::Machine::here().digest(),
         &serde_json::to_string(fleetyard_runtime::measure::Machine::here()).map_err(internal)?,
     )?;
-    for entrant in contest.entrants() {
-        store.add_code(entrant.candidate.digest(), entrant.candidate.code())?;
+    for planner in experiment.planners() {
+        store.add_code(planner.plugin.digest(), planner.plugin.code())?;
     }
     Ok(Begun {
         store: SharedStore::new(store),
@@ -312,8 +317,8 @@ fn begin(contest: &Contest<'_>, meta: &Meta, there: Option<Store>, place: &Path)
     })
 }
 
-fn adopt(contest: &Contest<'_>, store: &mut Store, meta: &Meta) -> Result<()> {
-    let schedule = contest.schedule();
+fn adopt(experiment: &Experiment<'_>, store: &mut Store, meta: &Meta) -> Result<()> {
+    let schedule = experiment.schedule();
     let asked: Vec<(Planned, String)> = schedule
         .trials()
         .map(|planned| (planned, schedule.key(&planned)))
@@ -321,7 +326,7 @@ fn adopt(contest: &Contest<'_>, store: &mut Store, meta: &Meta) -> Result<()> {
     let asked = asked.iter().map(|(planned, key)| Asked {
         key,
         trial: planned.number,
-        planner: &contest.entrants()[planned.planner].label,
+        planner: &experiment.planners()[planned.planner].label,
     });
     Ok(store.adopt(meta, asked)?)
 }
@@ -336,16 +341,16 @@ struct Outcome {
 /// planner, and everything else is kept.
 fn go(
     arguments: &Bench,
-    contest: &mut Contest<'_>,
+    experiment: &mut Experiment<'_>,
     meta: &Meta,
     store: &SharedStore,
     place: &Path,
 ) -> Result<Outcome> {
-    let schedule = contest.schedule().clone();
+    let schedule = experiment.schedule().clone();
     let shard = arguments.shard;
     let asked = schedule.len_of(shard);
     let part = (shard != Shard::ALL).then(|| shard.to_string());
-    let manifest = Manifest::new(contest, meta, place, part, now_unix_ms());
+    let manifest = Manifest::new(experiment, meta, place, part, now_unix_ms());
     let manifest = Arc::new(Mutex::new(manifest));
     let record = {
         let manifest = Arc::clone(&manifest);
@@ -365,24 +370,24 @@ fn go(
     store.with(|store| record(store).map(drop))?;
     interrupted(store.clone(), record.clone(), asked, resume_line(arguments));
     let started = Instant::now();
-    let longest = contest.longest();
+    let longest = experiment.longest();
     let mut watch = Watch::new(arguments, asked);
     let ran = run(
         &schedule,
         shard,
         store,
         longest,
-        contest.suite().protocol.retry_contended,
-        &mut |planned| contest.trial(planned),
+        experiment.suite().protocol.retry_contended,
+        &mut |planned| experiment.trial(planned),
         &mut |row, progress| watch.ended(row, progress),
     );
     watch.finish();
     let elapsed = started.elapsed();
-    contest.finish();
+    experiment.finish();
     manifest
         .lock()
         .unwrap_or_else(PoisonError::into_inner)
-        .end(contest, now_unix_ms());
+        .end(experiment, now_unix_ms());
     // What failed first is what matters, and a manifest that is not written then is not.
     let written = store.with(|store| record(store).map(drop));
     let ran = ran?;
@@ -538,7 +543,7 @@ struct Report<'a> {
 
 fn report(
     arguments: &Bench,
-    contest: &Contest<'_>,
+    experiment: &Experiment<'_>,
     place: &Path,
     begun: &Begun,
     Outcome { ran, elapsed }: Outcome,
@@ -546,11 +551,11 @@ fn report(
     let rows = begun.store.with(|store| store.rows())?;
     // From here on others may write.
     begun.store.close(drop);
-    let suite = contest.suite();
+    let suite = experiment.suite();
     let trials_of = Trials::speaking_for(suite.protocol.generalise_over, &rows);
     let order = suite.protocol.ranking;
     let evaluation = Evaluation::of(&trials_of, order);
-    let asked = contest.schedule().len_of(arguments.shard);
+    let asked = experiment.schedule().len_of(arguments.shard);
     let shard = (arguments.shard != Shard::ALL).then(|| arguments.shard.to_string());
     match arguments.format {
         Format::Json => output::print_json(&Report {
@@ -677,8 +682,8 @@ struct Next<'a> {
     repeat: u32,
 }
 
-fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exit> {
-    let (schedule, suite) = (contest.schedule(), contest.suite());
+fn dry_run(arguments: &Bench, experiment: &Experiment<'_>, place: &Path) -> Result<Exit> {
+    let (schedule, suite) = (experiment.schedule(), experiment.suite());
     let keys = match place.symlink_metadata() {
         Ok(_) => Store::open_read_only(place)?.keys()?,
         Err(_) => BTreeSet::new(),
@@ -701,15 +706,15 @@ fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exi
             first.push(Next {
                 warm_up,
                 trial: planned.number,
-                planner: &contest.entrants()[planned.planner].label,
-                instance: contest.questions()[planned.instance].to_string(),
+                planner: &experiment.planners()[planned.planner].label,
+                instance: experiment.instances()[planned.instance].to_string(),
                 seed: planned.seed,
                 repeat: planned.repeat,
             });
         }
     }
     let trials_of = schedule.len_of(arguments.shard);
-    let at_most = contest
+    let at_most = experiment
         .longest()
         .saturating_mul(u32::try_from(wanted + warm_ups).unwrap_or(u32::MAX));
     let plan = Plan {
@@ -722,7 +727,7 @@ fn dry_run(arguments: &Bench, contest: &Contest<'_>, place: &Path) -> Result<Exi
             .iter()
             .map(|planner| planner.label.as_str())
             .collect(),
-        instances: contest.questions().len(),
+        instances: experiment.instances().len(),
         seeds: &suite.protocol.seeds,
         repeats: suite.protocol.repeats,
         trials: trials_of,
@@ -804,11 +809,11 @@ struct Verification<'a> {
 
 fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> {
     let store = Store::open_read_only(place)?;
-    let mut contest = contest(arguments, suite)?;
-    let meta = meta(&contest, &arguments.suite, Some(&store))?;
-    let changed = changes(&contest, &store, &meta)?;
+    let mut experiment = experiment(arguments, suite)?;
+    let meta = meta(&experiment, &arguments.suite, Some(&store))?;
+    let changed = changes(&experiment, &store, &meta)?;
     let rows = store.rows()?;
-    let schedule = contest.schedule().clone();
+    let schedule = experiment.schedule().clone();
     let keys: BTreeSet<String> = schedule
         .trials()
         .map(|planned| schedule.key(&planned))
@@ -819,7 +824,7 @@ fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> 
         output::note(&format!("changed since the store was written: {line}"));
     }
     let sample = arguments.verify_sample;
-    let verified = make_again(&mut contest, arguments.shard, &rows, sample)?;
+    let verified = make_again(&mut experiment, arguments.shard, &rows, sample)?;
     if verified.equal + verified.not_comparable + verified.differ.len() as u64 == 0 {
         let reason = "the store has no trial of this state of the suite";
         return Err(Failure::from(
@@ -846,20 +851,20 @@ fn verification(arguments: &Bench, suite: &Suite, place: &Path) -> Result<Exit> 
 
 /// Makes recorded trials once more, all or a sample of them, and says how far it is.
 pub(super) fn make_again(
-    contest: &mut Contest<'_>,
+    experiment: &mut Experiment<'_>,
     shard: Shard,
     rows: &[Row],
     sample: Option<u64>,
 ) -> Result<Verified> {
-    let schedule = contest.schedule().clone();
-    let (bar, longest) = (output::trials(0), contest.longest());
+    let schedule = experiment.schedule().clone();
+    let (bar, longest) = (output::trials(0), experiment.longest());
     let verified = verify(
         &schedule,
         shard,
         rows,
         sample,
         longest,
-        &mut |planned| contest.trial(planned),
+        &mut |planned| experiment.trial(planned),
         &mut |progress| {
             bar.set_length(progress.total);
             bar.set_position(progress.done);
@@ -868,7 +873,7 @@ pub(super) fn make_again(
         },
     );
     bar.finish_and_clear();
-    contest.finish();
+    experiment.finish();
     Ok(verified?)
 }
 

@@ -10,7 +10,7 @@ use clap::Args;
 use fleetyard_abi::Kind;
 use fleetyard_bench::bundle::{Bundle, BundledPlanner, BundledPlans, Wanted, bundle, recorded};
 use fleetyard_bench::suite::Suite;
-use fleetyard_bench::{Candidate, Contest, Shard, Store, Verified};
+use fleetyard_bench::{Experiment, Plugin, Shard, Store, Verified};
 use fleetyard_core::{InputError, quoted};
 use fleetyard_runtime::{Discovery, on_interrupt};
 use serde::Serialize;
@@ -203,9 +203,9 @@ pub(super) fn repeat(arguments: &StoreRepeat) -> Result<Exit> {
         .iter()
         .zip(found)
         .map(|(planner, found)| {
-            let candidate =
-                found.and_then(|found| Candidate::new(&runtime, found, kind, &planner.plugin));
-            let digest = candidate.map(|candidate| candidate.digest().to_string());
+            let plugin =
+                found.and_then(|found| Plugin::new(&runtime, found, kind, &planner.plugin));
+            let digest = plugin.map(|plugin| plugin.digest().to_string());
             (
                 planner.label.as_str(),
                 digest.map_err(|fault| fault.to_string()),
@@ -235,9 +235,9 @@ pub(super) fn repeat(arguments: &StoreRepeat) -> Result<Exit> {
         let kept = is_folder || arguments.into.is_some();
         return Err(missing(&bundle, &suite, &here, kept));
     }
-    let mut contest = Contest::new(&suite, BUILT_IN, trust)?;
-    let rows = recorded(&contest, rows)?;
-    let verified = make_again(&mut contest, Shard::ALL, &rows, arguments.sample)?;
+    let mut experiment = Experiment::new(&suite, BUILT_IN, trust)?;
+    let rows = recorded(&experiment, rows)?;
+    let verified = make_again(&mut experiment, Shard::ALL, &rows, arguments.sample)?;
     if verified.equal + verified.not_comparable + verified.differ.len() as u64 == 0 {
         let place = arguments.bundle.display().to_string();
         return Err(InputError::new(place, "the bundle has no trial of its suite").into());

@@ -8,7 +8,7 @@ use std::time::Instant;
 use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::statistics::{mean, median, sorted};
 use fleetyard_bench::{
-    Candidate, Estimate, GivenOptions, Host, Record, Robots, Trial, TrialError, in_turn, number,
+    Estimate, GivenOptions, Host, Plugin, Record, Robots, Trial, TrialError, in_turn, number,
 };
 use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
 use fleetyard_runtime::Fault;
@@ -19,7 +19,7 @@ use super::file_name;
 use crate::args::{Compare, Format};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use crate::setup::{candidate, host, sim_config};
+use crate::setup::{find_planner, host, sim_config};
 
 /// One line of the table. Means and medians are over the trials that succeeded; how
 /// many did stands beside them.
@@ -88,74 +88,74 @@ struct Report {
 }
 
 /// What all planners are asked.
-struct Question {
+struct Asked {
     agents: usize,
     scenario: String,
     instance: GridInstance,
 }
 
-impl Question {
+impl Asked {
     fn map(&self) -> &str {
         self.instance.grid().name()
     }
 }
 
 pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
-    let questions = questions(arguments)?;
+    let instances = instances(arguments)?;
     let maps = arguments.map.iter().filter(|map| map.is_file());
     let hidden = arguments.scen.iter().chain(maps).cloned().collect();
     let host = host(&arguments.budget, None, hidden)?;
     let config = sim_config(&arguments.world);
-    let contestants = &arguments.planners.0;
-    let candidates: Vec<Candidate> = contestants
+    let asked = &arguments.planners.0;
+    let planners: Vec<Plugin> = asked
         .iter()
-        .map(|contestant| candidate(&host.runtime, &contestant.plugin))
+        .map(|asked| find_planner(&host.runtime, &asked.plugin))
         .collect::<Result<_>>()?;
-    let labels: Vec<String> = candidates
+    let labels: Vec<String> = planners
         .iter()
-        .zip(contestants)
-        .map(|(candidate, contestant)| {
-            let name = std::iter::once(candidate.name.as_str());
+        .zip(asked)
+        .map(|(planner, asked)| {
+            let name = std::iter::once(planner.name.as_str());
             let words: Vec<&str> = name
-                .chain(contestant.options.iter().map(String::as_str))
+                .chain(asked.options.iter().map(String::as_str))
                 .collect();
             words.join(" ")
         })
         .collect();
-    let options: Vec<GivenOptions> = contestants
+    let options: Vec<GivenOptions> = asked
         .iter()
-        .map(|contestant| GivenOptions::Texts(contestant.options.clone()))
+        .map(|asked| GivenOptions::Texts(asked.options.clone()))
         .collect();
     let ask = Ask {
         host: &host,
-        candidates: &candidates,
+        planners: &planners,
         options: &options,
         config: &config,
         arguments,
     };
-    if let Some(first) = questions.first() {
+    if let Some(first) = instances.first() {
         // Before budgets are spent, not after the first hour.
-        for which in 0..candidates.len() {
+        for which in 0..planners.len() {
             ask.trial(which, first).check()?;
         }
     }
-    let bar = output::trials((questions.len() * candidates.len()) as u64);
+    let bar = output::trials((instances.len() * planners.len()) as u64);
     let mut estimate = Estimate::new(host.longest());
-    for _ in &questions {
-        (0..candidates.len()).for_each(|which| estimate.expect(which));
+    for _ in &instances {
+        (0..planners.len()).for_each(|which| estimate.expect(which));
     }
     let mut trials: Vec<(usize, Record)> = Vec::new();
     let mut missed: Vec<Missed> = Vec::new();
-    for (number, question) in questions.iter().enumerate() {
-        let of_question = trials.len();
-        for which in in_turn(number, candidates.len()) {
+    for (number, asked) in instances.iter().enumerate() {
+        let of_instance = trials.len();
+        for which in in_turn(number, planners.len()) {
             let what = format!(
                 "{} on {} with {} agents",
-                labels[which], question.scenario, question.agents
+                labels[which], asked.scenario, asked.agents
             );
             bar.set_message(output::with_left(estimate.left(), &what));
             let started = Instant::now();
-            let outcome = ask.trial(which, question).run(&mut NoTrace);
+            let outcome = ask.trial(which, asked).run(&mut NoTrace);
             // A file of the planner that is gone meanwhile is its affair, and not the command's.
             let is_its_file = matches!(&outcome, Err(TrialError::Fault(Fault::File { .. })));
             let failed = match outcome.map_err(Failure::from) {
@@ -167,9 +167,9 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
                 Err(failure) if failure.exit == Exit::Plugin || is_its_file => {
                     missed.push(Missed {
                         planner: labels[which].clone(),
-                        map: question.map().to_owned(),
-                        scenario: question.scenario.clone(),
-                        agents: question.agents,
+                        map: asked.map().to_owned(),
+                        scenario: asked.scenario.clone(),
+                        agents: asked.agents,
                         reason: failure.message.clone(),
                     });
                     Some(failure.message)
@@ -183,7 +183,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             bar.inc(1);
         }
         // Told in the order in which planners were named, whoever was asked first.
-        trials[of_question..].sort_by_key(|(which, _)| *which);
+        trials[of_instance..].sort_by_key(|(which, _)| *which);
     }
     bar.finish_and_clear();
     let mut named: Vec<(&str, &mut Record)> = trials
@@ -192,7 +192,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
         .collect();
     claims::confront(&mut named);
     let claims = gather(&labels, &trials);
-    let rows = rows(&questions, &labels, &trials, &missed);
+    let rows = rows(&instances, &labels, &trials, &missed);
     let solved_all = rows.iter().all(|row| row.solved == row.trials);
     let each = |of: fn(&Row) -> &BTreeSet<String>| -> Option<String> {
         let texts: BTreeSet<&String> = rows.iter().flat_map(of).collect();
@@ -235,21 +235,21 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
 /// What all trials have in common.
 struct Ask<'a> {
     host: &'a Host,
-    candidates: &'a [Candidate],
+    planners: &'a [Plugin],
     options: &'a [GivenOptions],
     config: &'a SimConfig,
     arguments: &'a Compare,
 }
 
 impl<'a> Ask<'a> {
-    fn trial(&self, which: usize, question: &'a Question) -> Trial<'a> {
+    fn trial(&self, which: usize, asked: &'a Asked) -> Trial<'a> {
         Trial {
             host: self.host,
-            candidate: &self.candidates[which],
+            planner: &self.planners[which],
             attach: None,
             options: &self.options[which],
-            instance: &question.instance,
-            scenario: &question.scenario,
+            instance: &asked.instance,
+            scenario: &asked.scenario,
             path_rule: self.arguments.path_rule.into(),
             seed: self.arguments.budget.seed,
             config: self.config,
@@ -259,9 +259,9 @@ impl<'a> Ask<'a> {
 }
 
 /// Every instance, scenario by scenario.
-fn questions(arguments: &Compare) -> Result<Vec<Question>> {
+fn instances(arguments: &Compare) -> Result<Vec<Asked>> {
     let mut grids: BTreeMap<PathBuf, Arc<Grid>> = BTreeMap::new();
-    let mut questions = Vec::new();
+    let mut instances = Vec::new();
     for file in &arguments.scen {
         let scenario = load_scen(file)?;
         let name = scenario.map_name().unwrap_or_default();
@@ -275,34 +275,34 @@ fn questions(arguments: &Compare) -> Result<Vec<Question>> {
         };
         for agents in &arguments.agents {
             let instance = scenario.instance(Arc::clone(&grid), *agents, arguments.connectivity)?;
-            questions.push(Question {
+            instances.push(Asked {
                 agents: *agents,
                 scenario: file_name(file),
                 instance,
             });
         }
     }
-    Ok(questions)
+    Ok(instances)
 }
 
 /// A line for every map, team size and planner, in the order in which they were given.
 fn rows(
-    questions: &[Question],
+    instances: &[Asked],
     labels: &[String],
     trials: &[(usize, Record)],
     missed: &[Missed],
 ) -> Vec<Row> {
     let mut groups: Vec<(&str, usize)> = Vec::new();
     let mut maps: Vec<&str> = Vec::new();
-    for question in questions {
-        if !maps.contains(&question.map()) {
-            maps.push(question.map());
+    for asked in instances {
+        if !maps.contains(&asked.map()) {
+            maps.push(asked.map());
         }
     }
     for map in maps {
-        for question in questions.iter().filter(|question| question.map() == map) {
-            if !groups.contains(&(map, question.agents)) {
-                groups.push((map, question.agents));
+        for asked in instances.iter().filter(|asked| asked.map() == map) {
+            if !groups.contains(&(map, asked.agents)) {
+                groups.push((map, asked.agents));
             }
         }
     }

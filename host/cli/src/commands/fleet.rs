@@ -26,9 +26,9 @@ use serde::{Deserialize, Serialize};
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
 use super::{TraceFile, draw_document};
-use crate::args::{Cli, Contestant, Fleet, FleetAsked, Format, LibraryAttachArg};
+use crate::args::{Cli, Fleet, FleetAsked, Format, LibraryAttachArg, PluginArg};
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::setup::{candidate_of, policy, trust};
+use crate::setup::{find_plugin, policy, trust};
 use crate::{BUILT_IN, output};
 
 /// The signal that told this process to end; 0 if none did.
@@ -178,7 +178,7 @@ fn about(recording: &Recording) {
 
 fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
     let plugin = |kind, words: &[String], options: &[String]| {
-        let Contestant { plugin, options } = Contestant::new(words, options)?;
+        let PluginArg { plugin, options } = PluginArg::new(words, options)?;
         Ok(Plugin {
             kind,
             name: plugin,
@@ -326,11 +326,11 @@ fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Mod
             Failure::new(Exit::Input, format!("the recording names no {kind}"))
                 .hint("it was not recorded by `fleetyard fleet --record`")
         })?;
-        let candidate = candidate_of(&host.runtime, kind, &plugin.name)?;
-        let library = candidate.attach(None) == Attach::Worker;
+        let found = find_plugin(&host.runtime, kind, &plugin.name)?;
+        let library = found.attach(None) == Attach::Worker;
         let attach = (setup.in_process && library).then_some(Attach::InProcess);
         let options = GivenOptions::Texts(plugin.options.clone());
-        Ok::<_, Failure>(candidate.module(&host.runtime, attach, &options)?)
+        Ok::<_, Failure>(found.module(&host.runtime, attach, &options)?)
     };
     Ok(Modules {
         planner: start(Kind::Planner)?,

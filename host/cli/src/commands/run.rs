@@ -13,13 +13,13 @@ use fleetyard_view::{Picture, World};
 
 use super::simulate::Sinks;
 use super::{draw, file_name, load_instance};
-use crate::args::{Contestant, Format, Run};
+use crate::args::{Format, PluginArg, Run};
 use crate::exit::{Exit, Result};
 use crate::output;
-use crate::setup::{candidate, host, sim_config};
+use crate::setup::{find_planner, host, sim_config};
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
-    let planner = Contestant::new(&arguments.planner, &arguments.options)?;
+    let asked = PluginArg::new(&arguments.planner, &arguments.options)?;
     let instance = load_instance(&arguments.instance)?;
     for path in [&arguments.plan_out, &arguments.picture]
         .into_iter()
@@ -39,10 +39,10 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         arguments.instance.map.map.clone(),
     ]);
     let host = host(&arguments.budget, attach, hidden)?;
-    let candidate = candidate(&host.runtime, &planner.plugin)?;
+    let planner = find_planner(&host.runtime, &asked.plugin)?;
     let bar = output::spinner(&format!(
         "{} on {}, {} agents",
-        candidate.name,
+        planner.name,
         file_name(&arguments.instance.scen),
         arguments.instance.agents
     ));
@@ -53,9 +53,9 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let execute = arguments.execute || arguments.trace_out.is_some();
     let trial = Trial {
         host: &host,
-        candidate: &candidate,
+        planner: &planner,
         attach,
-        options: &GivenOptions::Texts(planner.options),
+        options: &GivenOptions::Texts(asked.options),
         instance: &instance,
         scenario: &file_name(&arguments.instance.scen),
         path_rule: arguments.path_rule.into(),

@@ -16,26 +16,26 @@ use fleetyard_sim::NoTrace;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use crate::candidate::{Candidate, GivenOptions, Running};
 use crate::error::BenchError;
-use crate::fleet::{Crew, DriveError, blamed};
+use crate::fleet::{DriveError, FleetModules, blamed};
 use crate::kept;
 use crate::options::Robots;
 use crate::plan::{Planned, Schedule};
+use crate::plugin::{GivenOptions, Plugin, Running};
 use crate::record::{self, Ending, Record};
 use crate::row::{Incumbent, Row};
-use crate::suite::{Clock, Contestant, MazeOrigin, Origin, Question, Reuse, Suite};
+use crate::suite::{Clock, MazeOrigin, Origin, PlannerSetup, Reuse, Suite, SuiteInstance};
 use crate::trial::{Host, Trial, milliseconds};
 use crate::trial_error::TrialError;
 
 /// A suite with its planners and instances.
-pub struct Contest<'s> {
+pub struct Experiment<'s> {
     suite: &'s Suite,
     host: Host,
-    entrants: Vec<Entrant>,
-    questions: Vec<Question>,
+    planners: Vec<Planner>,
+    instances: Vec<SuiteInstance>,
     schedule: Schedule,
-    /// The instance that was asked last: its trials follow each other.
+    /// The instance of the latest trial: those of one instance follow each other.
     latest: Option<(usize, GridInstance)>,
     pin: Option<Pin>,
 }
@@ -50,11 +50,11 @@ pub struct Pin {
 }
 
 /// A planner of the suite that was found, and has said what it is.
-pub struct Entrant {
+pub struct Planner {
     /// Its name in the suite.
     pub label: String,
     /// Its code.
-    pub candidate: Candidate,
+    pub plugin: Plugin,
     /// Its own description.
     pub descriptor: Descriptor,
     /// Its options, checked.
@@ -67,10 +67,10 @@ pub struct Entrant {
     wanted: Option<Attach>,
     running: Option<Running>,
     /// The rest of its fleet, in a suite of fleets.
-    crew: Option<Crew>,
+    fleet: Option<FleetModules>,
 }
 
-impl<'s> Contest<'s> {
+impl<'s> Experiment<'s> {
     /// Finds the planners of a suite and starts each of them once, so that a name, an
     /// option or a file that is wrong shows before any budget is spent.
     pub fn new(
@@ -78,7 +78,7 @@ impl<'s> Contest<'s> {
         built_in: &'static [&'static PluginEntry],
         trust: Trust,
     ) -> Result<Self, BenchError> {
-        let questions = suite.questions()?;
+        let instances = suite.instances()?;
         let apart = suite
             .planners
             .iter()
@@ -97,30 +97,30 @@ impl<'s> Contest<'s> {
                 all if all == suite.planners.len() => &[Attach::InProcess],
                 _ => &[Attach::Worker, Attach::InProcess],
             };
-            host.calibrate(&questions, &suite.config, attachments)?;
+            host.calibrate(&instances, &suite.config, attachments)?;
         }
         let keep = suite.protocol.reuse == Reuse::Planner && !lifelong;
         let names = suite.planners.iter().map(|planner| planner.plugin.as_str());
         let discovery = Discovery::from_environment();
         let found = discovery.find_all(&host.runtime, Some(Kind::Planner), names);
-        let mut entrants = Vec::new();
-        for (contestant, found) in suite.planners.iter().zip(found) {
-            let mut entrant = Entrant::new(contestant, found, &host.runtime, keep)?;
-            if let Some(setup) = &contestant.fleet {
-                entrant.crew = Some(Crew::new(setup, &discovery, &host.runtime)?);
+        let mut planners = Vec::new();
+        for (setup, found) in suite.planners.iter().zip(found) {
+            let mut planner = Planner::new(setup, found, &host.runtime, keep)?;
+            if let Some(setup) = &setup.fleet {
+                planner.fleet = Some(FleetModules::new(setup, &discovery, &host.runtime)?);
             }
-            entrants.push(entrant);
+            planners.push(planner);
         }
         let context = context(suite);
-        let planners: Vec<Digest> = entrants
+        let digests: Vec<Digest> = planners
             .iter()
-            .map(|entrant| entrant.digest(&context))
+            .map(|planner| planner.digest(&context))
             .collect();
-        for (index, digest) in planners.iter().enumerate() {
-            if let Some(twin) = planners[..index].iter().position(|other| other == digest) {
+        for (index, digest) in digests.iter().enumerate() {
+            if let Some(twin) = digests[..index].iter().position(|other| other == digest) {
                 let reason = format!(
                     "`{}` is the same as `{}`: the same code, options and attachment",
-                    entrants[index].label, entrants[twin].label
+                    planners[index].label, planners[twin].label
                 );
                 let place = &suite.planners[index].plugin_place;
                 return Err(place
@@ -129,14 +129,14 @@ impl<'s> Contest<'s> {
                     .into());
             }
         }
-        let instances = questions
+        let instance_digests = instances
             .iter()
-            .map(Question::digest)
+            .map(SuiteInstance::digest)
             .collect::<Result<_, InputError>>()?;
         let protocol = &suite.protocol;
         let schedule = Schedule::new(
-            planners,
-            instances,
+            digests,
+            instance_digests,
             protocol.seeds.clone(),
             protocol.repeats,
             protocol.warm_ups,
@@ -144,8 +144,8 @@ impl<'s> Contest<'s> {
         Ok(Self {
             suite,
             host,
-            entrants,
-            questions,
+            planners,
+            instances,
             schedule,
             latest: None,
             pin: None,
@@ -163,13 +163,13 @@ impl<'s> Contest<'s> {
     }
 
     /// Its planners, in the order of the suite.
-    pub fn entrants(&self) -> &[Entrant] {
-        &self.entrants
+    pub fn planners(&self) -> &[Planner] {
+        &self.planners
     }
 
     /// Its instances, in the order of the suite.
-    pub fn questions(&self) -> &[Question] {
-        &self.questions
+    pub fn instances(&self) -> &[SuiteInstance] {
+        &self.instances
     }
 
     /// The longest that a trial may take with all of its attempts, if its planner has to be started
@@ -181,11 +181,11 @@ impl<'s> Contest<'s> {
 
     fn longest_attempt(&self) -> Duration {
         let budget = self.host.budget();
-        let crews = self
-            .entrants
+        let fleets = self
+            .planners
             .iter()
-            .filter_map(|entrant| entrant.crew.as_ref());
-        let drive = crews.map(Crew::duration_s).fold(0.0, f64::max);
+            .filter_map(|planner| planner.fleet.as_ref());
+        let drive = fleets.map(FleetModules::duration_s).fold(0.0, f64::max);
         if drive > 0.0 {
             // A planner is asked again when its limit is over, so that it takes no longer than
             // the fleet drives, and the rest seldom does.
@@ -200,7 +200,7 @@ impl<'s> Contest<'s> {
     /// Makes a trial. What goes wrong with a planner is in the row; an error is something
     /// that makes going on useless.
     pub fn trial(&mut self, planned: &Planned) -> Result<Row, BenchError> {
-        if self.entrants[planned.planner].crew.is_some() {
+        if self.planners[planned.planner].fleet.is_some() {
             return self.drive(planned);
         }
         let started_unix_ms = now_unix_ms();
@@ -209,29 +209,29 @@ impl<'s> Contest<'s> {
             .as_ref()
             .is_none_or(|(index, _)| *index != planned.instance)
         {
-            let instance = self.questions[planned.instance].instance()?;
+            let instance = self.instances[planned.instance].grid_instance()?;
             self.latest = Some((planned.instance, instance));
         }
         // Just put there.
         let Some((_, instance)) = &self.latest else {
             return Err(InputError::new("suite", "there is no such instance").into());
         };
-        let origin = self.questions[planned.instance].origin();
-        let entrant = &mut self.entrants[planned.planner];
+        let origin = self.instances[planned.instance].origin();
+        let planner = &mut self.planners[planned.planner];
         let limits = self.host.runtime.limits();
-        let unranked = record::unranked(entrant.attach, limits, None, None, []);
+        let unranked = record::unranked(planner.attach, limits, None, None, []);
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
-            planner: entrant.label.clone(),
-            planner_id: entrant.descriptor.id.clone(),
-            planner_version: entrant.descriptor.version.clone(),
-            planner_digest: Some(entrant.candidate.digest().to_string()),
-            options: Value::Object(entrant.options.clone()).to_string(),
-            attach: name(&entrant.attach),
+            planner: planner.label.clone(),
+            planner_id: planner.descriptor.id.clone(),
+            planner_version: planner.descriptor.version.clone(),
+            planner_digest: Some(planner.plugin.digest().to_string()),
+            options: Value::Object(planner.options.clone()).to_string(),
+            attach: name(&planner.attach),
             ranked: unranked.is_none(),
             unranked,
-            built_in: Some(entrant.candidate.is_built_in()),
+            built_in: Some(planner.plugin.is_built_in()),
             instance_digest: instance.digest().to_string(),
             agents: instance.agents() as u64,
             connectivity: instance.connectivity().degree(),
@@ -248,9 +248,9 @@ impl<'s> Contest<'s> {
         };
         let trial = Trial {
             host: &self.host,
-            candidate: &entrant.candidate,
-            attach: entrant.wanted,
-            options: &entrant.given,
+            planner: &planner.plugin,
+            attach: planner.wanted,
+            options: &planner.given,
             instance,
             scenario: &origin.scenario,
             seed: planned.seed,
@@ -259,13 +259,13 @@ impl<'s> Contest<'s> {
             robots: self.suite.robots.as_ref(),
         };
         let outcome = match self.suite.protocol.reuse {
-            Reuse::Planner => trial.run_again(&mut entrant.running, &mut NoTrace),
+            Reuse::Planner => trial.run_again(&mut planner.running, &mut NoTrace),
             Reuse::Never => trial.run(&mut NoTrace),
         };
         match outcome {
             Ok(outcome) => {
                 if outcome.record.sandbox.is_some() {
-                    entrant.sandbox.clone_from(&outcome.record.sandbox);
+                    planner.sandbox.clone_from(&outcome.record.sandbox);
                 }
                 self.pin.get_or_insert_with(|| Pin {
                     cpus: outcome.record.measurement.cpus.clone(),
@@ -282,15 +282,14 @@ impl<'s> Contest<'s> {
                     TrialError::Fault(fault) if !fault.is_of_host() => Termination::from(fault),
                     TrialError::Incapable { .. } => Termination::Unsupported,
                     _ => {
-                        let planner = entrant.label.clone();
                         return Err(BenchError::Trial {
-                            planner,
+                            planner: planner.label.clone(),
                             error: Box::new(error),
                         });
                     }
                 };
                 if let TrialError::Fault(fault) = &error {
-                    row.unranked = record::unranked(entrant.attach, limits, None, None, [fault]);
+                    row.unranked = record::unranked(planner.attach, limits, None, None, [fault]);
                     row.ranked = row.unranked.is_none();
                 }
                 row.termination = termination.to_string();
@@ -309,30 +308,30 @@ impl<'s> Contest<'s> {
 
     /// A trial of a fleet.
     fn drive(&mut self, planned: &Planned) -> Result<Row, BenchError> {
-        let question = &self.questions[planned.instance];
-        let grid = question.grid()?;
-        let entrant = &mut self.entrants[planned.planner];
-        let Some(crew) = &entrant.crew else {
+        let instance = &self.instances[planned.instance];
+        let grid = instance.grid()?;
+        let planner = &mut self.planners[planned.planner];
+        let Some(fleet) = &planner.fleet else {
             return Err(InputError::new("suite", "there is no such fleet").into());
         };
-        let agents = question.agents();
+        let agents = instance.agents();
         let limits = self.host.runtime.limits();
-        let unranked = record::unranked(entrant.attach, limits, None, None, []);
+        let unranked = record::unranked(planner.attach, limits, None, None, []);
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
-            planner: entrant.label.clone(),
-            planner_id: entrant.descriptor.id.clone(),
-            planner_version: entrant.descriptor.version.clone(),
-            planner_digest: Some(entrant.candidate.digest().to_string()),
-            options: Value::Object(entrant.options.clone()).to_string(),
-            attach: name(&entrant.attach),
+            planner: planner.label.clone(),
+            planner_id: planner.descriptor.id.clone(),
+            planner_version: planner.descriptor.version.clone(),
+            planner_digest: Some(planner.plugin.digest().to_string()),
+            options: Value::Object(planner.options.clone()).to_string(),
+            attach: name(&planner.attach),
             ranked: unranked.is_none(),
             unranked,
-            built_in: Some(entrant.candidate.is_built_in()),
-            instance_digest: question.digest()?.to_string(),
+            built_in: Some(planner.plugin.is_built_in()),
+            instance_digest: instance.digest()?.to_string(),
             agents: agents as u64,
-            connectivity: question.connectivity().degree(),
+            connectivity: instance.connectivity().degree(),
             map_rows: grid.rows(),
             map_cols: grid.cols(),
             seed: planned.seed,
@@ -341,15 +340,15 @@ impl<'s> Contest<'s> {
             started_unix_ms: now_unix_ms(),
             ..Row::default()
         };
-        crew.describe(&mut row);
-        let planner = (&entrant.candidate, entrant.wanted, &entrant.given);
+        fleet.describe(&mut row);
+        let asked = (&planner.plugin, planner.wanted, &planner.given);
         let agents = u32::try_from(agents).unwrap_or(u32::MAX);
-        match crew.run(&self.host.runtime, planner, &grid, agents, planned.seed) {
+        match fleet.run(&self.host.runtime, asked, &grid, agents, planned.seed) {
             Ok(drive) => {
                 drive.fill(&mut row);
-                row.unranked = drive.unranked(entrant.attach, limits);
+                row.unranked = drive.unranked(planner.attach, limits);
                 row.ranked = row.unranked.is_none();
-                entrant.sandbox = drive.sandbox.or(entrant.sandbox.take());
+                planner.sandbox = drive.sandbox.or(planner.sandbox.take());
             }
             Err(DriveError::Trial(TrialError::Fault(fault))) if !fault.is_of_host() => {
                 row.termination = Termination::from(&fault).to_string();
@@ -367,19 +366,19 @@ impl<'s> Contest<'s> {
             }
             Err(DriveError::Trial(error)) => {
                 return Err(BenchError::Trial {
-                    planner: entrant.label.clone(),
+                    planner: planner.label.clone(),
                     error: Box::new(error),
                 });
             }
             Err(DriveError::Fleet(error)) => {
-                let fault = InputError::new(entrant.label.as_str(), error.to_string());
+                let fault = InputError::new(planner.label.as_str(), error.to_string());
                 return Err(match error.hint() {
                     Some(hint) => fault.hint(hint).into(),
                     None => fault.into(),
                 });
             }
         }
-        row.place(question.origin());
+        row.place(instance.origin());
         Ok(row)
     }
 
@@ -390,69 +389,69 @@ impl<'s> Contest<'s> {
 
     /// Ends the processes that were kept; by then planners know what their sandboxes were.
     pub fn finish(&mut self) {
-        for entrant in &mut self.entrants {
-            if let Some(running) = entrant.running.take() {
+        for planner in &mut self.planners {
+            if let Some(running) = planner.running.take() {
                 let closing = running.close();
-                entrant.sandbox = closing.sandbox.or(entrant.sandbox.take());
+                planner.sandbox = closing.sandbox.or(planner.sandbox.take());
             }
         }
     }
 }
 
-impl Entrant {
+impl Planner {
     fn new(
-        contestant: &Contestant,
+        setup: &PlannerSetup,
         found: Result<Found, Fault>,
         runtime: &Runtime,
         keep: bool,
     ) -> Result<Self, BenchError> {
-        let place = &contestant.plugin_place;
+        let place = &setup.plugin_place;
         let blamed = |error: TrialError| match &error {
             // No line of the suite is the cause.
             TrialError::Fault(fault) if fault.is_of_host() => BenchError::Trial {
-                planner: contestant.label.clone(),
+                planner: setup.label.clone(),
                 error: Box::new(error),
             },
-            TrialError::Options(_) => blamed(&contestant.options_place, &error),
+            TrialError::Options(_) => blamed(&setup.options_place, &error),
             _ => blamed(place, &error),
         };
         let found = found.map_err(|fault| blamed(fault.into()))?;
-        let candidate = Candidate::new(runtime, found, Kind::Planner, &contestant.plugin)
+        let plugin = Plugin::new(runtime, found, Kind::Planner, &setup.plugin)
             .map_err(|fault: Fault| blamed(fault.into()))?;
-        let attach = candidate.attach(contestant.attach);
-        let given = GivenOptions::Values(contestant.options.clone());
-        let running = candidate.start(runtime, attach, &given).map_err(blamed)?;
-        let mut entrant = Self {
-            label: contestant.label.clone(),
+        let attach = plugin.attach(setup.attach);
+        let given = GivenOptions::Values(setup.options.clone());
+        let running = plugin.start(runtime, attach, &given).map_err(blamed)?;
+        let mut planner = Self {
+            label: setup.label.clone(),
             descriptor: running.descriptor.clone(),
             options: running.options.clone(),
             attach,
             sandbox: None,
-            candidate,
+            plugin,
             given,
-            wanted: contestant.attach,
+            wanted: setup.attach,
             running: None,
-            crew: None,
+            fleet: None,
         };
         if keep {
-            entrant.running = Some(running);
+            planner.running = Some(running);
         } else {
-            entrant.sandbox = running.close().sandbox;
+            planner.sandbox = running.close().sandbox;
         }
-        Ok(entrant)
+        Ok(planner)
     }
 
     /// Stands for the planner as it is asked in this suite.
     fn digest(&self, context: &Value) -> Digest {
         let mut hasher = of_planner(
-            self.candidate.digest(),
+            self.plugin.digest(),
             &self.descriptor.id,
             &name(&self.attach),
             &Value::Object(self.options.clone()).to_string(),
             context,
         );
-        if let Some(crew) = &self.crew {
-            hasher.bytes(&crew.digest().0.to_le_bytes());
+        if let Some(fleet) = &self.fleet {
+            hasher.bytes(&fleet.digest().0.to_le_bytes());
         }
         hasher.finish()
     }
@@ -495,7 +494,7 @@ pub(crate) fn key_of(suite: &Suite, row: &Row, instance: (Digest, u64)) -> Optio
 fn context(suite: &Suite) -> Value {
     let sandbox = &suite.sandbox;
     let protocol = &suite.protocol;
-    // Where the host's own files lie is no part of the question.
+    // No result depends on where the host's own files lie.
     let policy = Policy {
         hidden: Vec::new(),
         ..sandbox.policy.clone()

@@ -1,4 +1,4 @@
-//! Sets of instances: what a suite asks, before and after its files were read.
+//! Sets of instances, before and after their files were read.
 
 use std::collections::{BTreeMap, HashSet};
 use std::fs;
@@ -14,8 +14,8 @@ use fleetyard_core::{
 };
 use fleetyard_world::{MapSpec, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec, ScenarioSpec};
 
-use super::question::{MazeOrigin, Origin, Question};
-use super::{MOST_QUESTIONS, Named};
+use super::instance::{MazeOrigin, Origin, SuiteInstance};
+use super::{MOST_INSTANCES, Named};
 
 /// Numbers of a suite file, all different.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -205,7 +205,7 @@ pub(super) enum Recipe {
     Maps(Vec<(PathBuf, Arc<Grid>)>),
     Made {
         made: Made,
-        /// The one that was made last: its questions follow each other.
+        /// The one that was made last: its instances follow each other.
         latest: Mutex<Option<(u64, Arc<GridInstance>)>>,
     },
 }
@@ -648,7 +648,7 @@ impl Parts {
 }
 
 impl FoundSet<'_> {
-    /// The files of the set, in the order of its questions; none of what is made.
+    /// The files of the set, in the order of its instances; none of what is made.
     pub(super) fn sources(&self) -> Sources {
         let mut found = Vec::new();
         let mut maps_named = false;
@@ -677,7 +677,7 @@ impl FoundSet<'_> {
         }
     }
 
-    /// The most questions that there are; nothing if that is more than can be counted.
+    /// The most instances that there are; nothing if that is more than can be counted.
     pub(super) fn count(&self) -> Option<u64> {
         let teams = self.set.teams.as_ref();
         let teams = teams.map_or(1, |teams| teams.sizes.len());
@@ -686,25 +686,25 @@ impl FoundSet<'_> {
     }
 
     /// Refuses a fleet with more robots than the map has cells for.
-    fn check_room(&self, question: &Question) -> Result<(), InputError> {
-        let free = question.grid()?.passable_count();
-        if question.agents() as u64 <= u64::from(free) {
+    fn check_room(&self, instance: &SuiteInstance) -> Result<(), InputError> {
+        let free = instance.grid()?.passable_count();
+        if instance.agents() as u64 <= u64::from(free) {
             return Ok(());
         }
         let place = self.set.teams.as_ref();
         let place = place.map_or(&self.set.place, |teams| &teams.place);
-        let reason = format!("{question}: the map has {free} free cells");
+        let reason = format!("{instance}: the map has {free} free cells");
         Err(place
             .error(reason)
             .hint("ask for fewer agents, or name a larger map"))
     }
 
-    /// Adds the questions of the set; two that are the same would be one in every table.
-    pub(super) fn questions(
+    /// Adds the instances of the set; two that are the same would be one in every table.
+    pub(super) fn instances(
         &self,
         rule: PathRule,
         seen: &mut HashSet<(Digest, u64, Connectivity)>,
-        questions: &mut Vec<Question>,
+        instances: &mut Vec<SuiteInstance>,
     ) -> Result<(), InputError> {
         for base in 0..self.recipe.bases().unwrap_or(0) {
             let identity = self.recipe.identity(base);
@@ -718,22 +718,22 @@ impl FoundSet<'_> {
                         continue;
                     }
                     let lifelong = self.set.lifelong;
-                    let question =
-                        Question::new(&self.recipe, base, agents, *connectivity, lifelong);
+                    let instance =
+                        SuiteInstance::new(&self.recipe, base, agents, *connectivity, lifelong);
                     if lifelong {
-                        self.check_room(&question)?;
+                        self.check_room(&instance)?;
                     }
-                    if !rule.allows_agents(question.agents()) {
+                    if !rule.allows_agents(instance.agents()) {
                         let place = teams.map_or(&self.set.place, |teams| &teams.place);
-                        let reason = format!("{question}: path rule {rule} is for one agent");
+                        let reason = format!("{instance}: path rule {rule} is for one agent");
                         let hint = "write `agents = 1`, or `path_rule = \"steps\"` in [protocol]";
                         return Err(place.error(reason).hint(hint));
                     }
                     if !seen.insert((identity, agents, *connectivity)) {
-                        let reason = format!("the suite asks twice for {question}");
+                        let reason = format!("the suite asks twice for {instance}");
                         return Err(self.set.place.error(reason).hint("remove one of them"));
                     }
-                    questions.push(question);
+                    instances.push(instance);
                 }
             }
         }
@@ -775,8 +775,8 @@ fn expand(named: &Named) -> Result<Vec<PathBuf>, InputError> {
                 .collect();
             names.sort_unstable();
             next.extend(names.into_iter().map(|name| folder.join(name)));
-            if next.len() as u64 > MOST_QUESTIONS {
-                let reason = format!("more than {MOST_QUESTIONS} files match");
+            if next.len() as u64 > MOST_INSTANCES {
+                let reason = format!("more than {MOST_INSTANCES} files match");
                 return Err(named.place.error(reason));
             }
         }

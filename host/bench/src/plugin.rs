@@ -16,7 +16,7 @@ use crate::trial_error::TrialError;
 
 /// A plugin that was found, not yet started.
 #[derive(Debug, Clone)]
-pub struct Candidate {
+pub struct Plugin {
     /// What it is called in messages and tables.
     pub name: String,
     kind: Kind,
@@ -59,7 +59,7 @@ impl GivenOptions {
     }
 }
 
-impl Candidate {
+impl Plugin {
     /// What a search for a plugin of this kind by `name` found.
     pub fn new(runtime: &Runtime, found: Found, kind: Kind, name: &str) -> Result<Self, Fault> {
         let Found {

@@ -7,14 +7,14 @@ use std::sync::{Arc, OnceLock};
 use fleetyard_core::{Connectivity, Digest, Grid, GridInstance, Hasher, InputError, Role};
 use fleetyard_world::MazeAlgorithm;
 
-use super::instances::Recipe;
+use super::sets::Recipe;
 
 /// The origin of starts and goals of fleets.
 const LIFELONG: &str = "lifelong";
 
-/// A question to every planner of a suite: an instance, and where it comes from.
+/// An instance of a suite, which is made when it is asked for, and its origin.
 #[derive(Debug, Clone)]
-pub struct Question {
+pub struct SuiteInstance {
     recipe: Arc<Recipe>,
     base: u64,
     agents: u32,
@@ -50,7 +50,7 @@ pub struct MazeOrigin {
     pub algorithm: MazeAlgorithm,
 }
 
-impl Question {
+impl SuiteInstance {
     pub(super) fn new(
         recipe: &Arc<Recipe>,
         base: u64,
@@ -107,8 +107,8 @@ impl Question {
     }
 
     /// The instance. Maps that were read are shared; what is generated is made anew unless
-    /// the question before was about the same map and scenario.
-    pub fn instance(&self) -> Result<GridInstance, InputError> {
+    /// the instance before was about the same map and scenario.
+    pub fn grid_instance(&self) -> Result<GridInstance, InputError> {
         let base = self.recipe.base(self.base)?;
         let agents = self.agents();
         let first = |cells: &[u32]| cells[..agents.min(cells.len())].to_vec();
@@ -135,12 +135,12 @@ impl Question {
                 hasher.u64(self.agents.into());
                 Ok(*self.digest.get_or_init(|| hasher.finish()))
             }
-            None => Ok(self.instance()?.digest()),
+            None => Ok(self.grid_instance()?.digest()),
         }
     }
 }
 
-impl fmt::Display for Question {
+impl fmt::Display for SuiteInstance {
     /// Such as `random-32-32-20, random-32-32-20-random-1.scen, 10 agents`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Origin { map, scenario, .. } = self.origin();
