@@ -42,11 +42,11 @@ pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
 pub use sessions::convert::{environment, environment_of, instance, plan_from_abi};
 pub use sessions::library::Library;
+pub use sessions::limits::Limits;
 pub use sessions::log::LogLine;
-pub use sessions::session::{
-    CallReport, Closing, Contract, HostTime, Incumbent, Introduction, Limits, PlanRun, Runtime,
-    Session, Termination,
-};
+pub use sessions::plan_run::{CallReport, HostTime, Incumbent, PlanRun, Termination};
+pub use sessions::runtime::Runtime;
+pub use sessions::session::{Closing, Contract, Introduction, Session};
 pub use sessions::{adapter, bounds, message};
 
 /// The user that this process runs as.

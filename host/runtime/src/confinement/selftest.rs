@@ -17,7 +17,7 @@ use crate::confinement::sandbox::{Filter, Profile, find_program};
 use crate::confinement::state;
 use crate::confinement::supervisor::{Report, Target};
 use crate::confinement::transport::Transport;
-use crate::sessions::session::Runtime;
+use crate::sessions::runtime::Runtime;
 
 /// Interpreters by name, and what each is asked to do: threads, processes, files, pipes,
 /// timers, and what its numerical libraries do when they are loaded.

@@ -14,14 +14,14 @@ use serde::Serialize;
 use crate::Fault;
 use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
 use crate::confinement::process::Process;
-use crate::confinement::sandbox::{Level, SandboxReport};
+use crate::confinement::sandbox::Level;
 use crate::confinement::supervisor::Report;
 use crate::confinement::transport::{Interest, Output, Transport};
 use crate::sessions::bounds::{LOG_BYTES, STDERR_BYTES};
 use crate::sessions::incoming::{Expected, Incoming, Part, Read, Whole};
+use crate::sessions::limits::Limits;
 use crate::sessions::log::Log;
 use crate::sessions::message::Message;
-use crate::sessions::session::Limits;
 
 /// The reads of a pipe before the rest is looked at again, so that a flood cannot
 /// hide it.
@@ -61,9 +61,9 @@ pub(crate) struct Reply {
 }
 
 /// A connection to a plugin.
-pub(crate) struct Client<L: Transport = Process> {
-    link: L,
-    limits: Limits,
+pub(crate) struct Client<T: Transport = Process> {
+    pub(super) transport: T,
+    pub(super) limits: Limits,
     /// Of the last request.
     id: Option<u64>,
     unsent: Vec<u8>,
@@ -155,15 +155,15 @@ struct Wait<'a> {
 
 type Notify<'a> = &'a mut dyn FnMut(Notice) -> Result<(), String>;
 
-impl<L: Transport> Client<L> {
-    pub(crate) fn new(link: L, limits: Limits) -> Self {
+impl<T: Transport> Client<T> {
+    pub(crate) fn new(transport: T, limits: Limits) -> Self {
         // Until a call has limits of its own.
         let call = CallLimits {
             cpu_ns: 0,
             memory_bytes: limits.memory_bytes,
         };
         Self {
-            link,
+            transport,
             limits,
             id: None,
             unsent: Vec::new(),
@@ -186,18 +186,18 @@ impl<L: Transport> Client<L> {
     }
 
     pub(crate) fn now_ns(&self) -> u64 {
-        self.link.now_ns()
+        self.transport.now_ns()
     }
 
     /// The next call has limits of its own, which count from here.
     pub(crate) fn begin(&mut self, call: CallLimits) {
         self.call = call;
-        self.link.begin(call, self.limits.grace);
+        self.transport.begin(call, self.limits.grace);
     }
 
     /// The use since then, if somebody watched to the end.
     pub(crate) fn finish(&mut self, method: &str) -> Result<CallUsage, Fault> {
-        let used = self.link.finish();
+        let used = self.transport.finish();
         match self.unsupervised(method) {
             Some(fault) => {
                 self.fault = Some(fault.clone());
@@ -210,15 +210,17 @@ impl<L: Transport> Client<L> {
     /// Says so when the supervisor is gone or could not do its work. It comes before all
     /// that the plugin did: nobody held it to anything.
     fn unsupervised(&self, method: &str) -> Option<Fault> {
-        self.link.disturbed().map(|reason| Fault::Unsupervised {
-            during: method.to_owned(),
-            reason,
-        })
+        self.transport
+            .disturbed()
+            .map(|reason| Fault::Unsupervised {
+                during: method.to_owned(),
+                reason,
+            })
     }
 
     /// Ends the process for a fault; which one it is when that is done.
     fn stop(&mut self, method: &str, fault: Fault) -> Fault {
-        self.link.end(Duration::ZERO);
+        self.transport.end(Duration::ZERO);
         self.drain_stderr();
         self.unsupervised(method).unwrap_or(fault)
     }
@@ -234,14 +236,9 @@ impl<L: Transport> Client<L> {
         )
     }
 
-    /// The sandbox that the plugin was started in.
-    pub(crate) fn sandbox(&self) -> Option<&SandboxReport> {
-        self.link.sandbox()
-    }
-
     /// The limit that the supervisor found exceeded.
     pub(crate) fn over(&self) -> Option<Limit> {
-        self.link.over()
+        self.transport.over()
     }
 
     /// Sends a request and waits for its answer, until the deadline plus the
@@ -260,7 +257,7 @@ impl<L: Transport> Client<L> {
         }
         let id = match self.id {
             None => FIRST_ID,
-            Some(id) => id + 1 + self.link.secret() % ID_STEP,
+            Some(id) => id + 1 + self.transport.secret() % ID_STEP,
         };
         let grace_ns = self.limits.grace.as_nanos() as u64;
         let mut wait = Wait {
@@ -291,7 +288,7 @@ impl<L: Transport> Client<L> {
     /// Takes in what came before the request is written: none of it can be its answer.
     fn hear_unasked(&mut self, wait: &Wait<'_>, notify: Notify<'_>) -> Result<(), Fault> {
         let behind = std::mem::take(&mut self.behind);
-        let now = self.link.now_ns();
+        let now = self.transport.now_ns();
         self.take(&behind, now, wait, notify)?;
         self.read_stdout(wait, notify).map(drop)
     }
@@ -299,23 +296,23 @@ impl<L: Transport> Client<L> {
     fn wait(&mut self, wait: &Wait<'_>, notify: Notify<'_>) -> Result<Reply, Fault> {
         let mut cancelled = false;
         self.handled_ns = 0;
-        self.asked_ns = self.link.now_ns();
+        self.asked_ns = self.transport.now_ns();
         loop {
             if let Some(fault) = self.unsupervised(wait.method) {
                 self.drain_stderr();
                 return Err(fault);
             }
-            let now = self.link.now_ns();
+            let now = self.transport.now_ns();
             if now >= wait.until_ns {
                 let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
                 return Err(self.stop(wait.method, Fault::TimedOut { during, limit_ms }));
             }
-            if self.link.interrupted() {
+            if self.transport.interrupted() {
                 let during = wait.method.to_owned();
                 return Err(self.stop(wait.method, Fault::Interrupted { during }));
             }
             // With a grace, the supervisor says first that a limit is exceeded.
-            let told = now >= wait.deadline_ns || self.link.over().is_some();
+            let told = now >= wait.deadline_ns || self.transport.over().is_some();
             if told && !cancelled {
                 cancelled = true;
                 let params = CancelParams { id: wait.id };
@@ -335,7 +332,7 @@ impl<L: Transport> Client<L> {
                 stdout: self.stdout_open,
                 stderr: self.stderr_open,
             };
-            self.link.wait(interest, until - now);
+            self.transport.wait(interest, until - now);
             self.write_some();
             let answer = self.read_stdout(wait, notify)?;
             self.drain_stderr();
@@ -348,7 +345,7 @@ impl<L: Transport> Client<L> {
 
     fn write_some(&mut self) {
         while self.stdin_open && self.sent < self.unsent.len() {
-            match self.link.write(&self.unsent[self.sent..]) {
+            match self.transport.write(&self.unsent[self.sent..]) {
                 Ok(written) => self.sent += written,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -367,12 +364,12 @@ impl<L: Transport> Client<L> {
 
     fn close_stdin(&mut self) {
         self.stdin_open = false;
-        self.link.close_stdin();
+        self.transport.close_stdin();
     }
 
     /// The host cannot go on with this process.
     fn lose(&mut self, reason: String) {
-        self.link.give_up(reason);
+        self.transport.give_up(reason);
         self.stdout_open = false;
     }
 
@@ -382,7 +379,7 @@ impl<L: Transport> Client<L> {
         let mut buffer = std::mem::take(&mut self.buffer);
         let mut outcome = Ok(None);
         for _ in 0..ROUNDS {
-            let read = match read_some(&mut self.link, Output::Stdout, &mut buffer) {
+            let read = match read_some(&mut self.transport, Output::Stdout, &mut buffer) {
                 Ok(Some([])) => break,
                 Ok(Some(bytes)) => bytes,
                 Ok(None) => {
@@ -394,7 +391,7 @@ impl<L: Transport> Client<L> {
                     break;
                 }
             };
-            let arrived_ns = self.link.now_ns();
+            let arrived_ns = self.transport.now_ns();
             if arrived_ns >= wait.until_ns {
                 break;
             }
@@ -403,7 +400,7 @@ impl<L: Transport> Client<L> {
             if !matches!(outcome, Ok(None)) {
                 break;
             }
-            self.handled_ns += self.link.now_ns().saturating_sub(arrived_ns);
+            self.handled_ns += self.transport.now_ns().saturating_sub(arrived_ns);
         }
         self.buffer = buffer;
         outcome
@@ -415,7 +412,7 @@ impl<L: Transport> Client<L> {
             if !self.stderr_open {
                 break;
             }
-            match read_some(&mut self.link, Output::Stderr, &mut buffer) {
+            match read_some(&mut self.transport, Output::Stderr, &mut buffer) {
                 Ok(Some([])) => break,
                 Ok(Some(bytes)) => self.stderr.push(bytes, STDERR_BYTES),
                 // What it says there decides nothing.
@@ -561,7 +558,7 @@ impl<L: Transport> Client<L> {
 
     /// Standard output is closed: how did the process end?
     fn ended(&mut self, method: &str) -> Fault {
-        let report = self.link.end(ENDING);
+        let report = self.transport.end(ENDING);
         self.drain_stderr();
         let during = method.to_owned();
         if let Some(fault) = self.unsupervised(method) {
@@ -623,10 +620,10 @@ impl<L: Transport> Client<L> {
 
     /// Asks the plugin to end, gives it `patience`, and makes sure that nothing
     /// of it is left.
-    pub(crate) fn close(&mut self, patience: Duration) -> (Report, Option<Fault>) {
+    pub(crate) fn shut_down(&mut self, patience: Duration) -> (Report, Option<Fault>) {
         let mut fault = None;
         if self.fault.is_none() {
-            let deadline = Deadline::after(self.link.now_ns(), patience);
+            let deadline = Deadline::after(self.transport.now_ns(), patience);
             let expected = Expected::NO_PLAN;
             fault = self
                 .call("shutdown", (), deadline, expected, &mut |_| Ok(()))
@@ -636,7 +633,7 @@ impl<L: Transport> Client<L> {
             self.write_some();
             self.close_stdin();
         }
-        let report = self.link.end(patience);
+        let report = self.transport.end(patience);
         self.drain_stderr();
         (report, self.unsupervised("shutdown").or(fault))
     }
@@ -666,13 +663,13 @@ impl<L: Transport> Client<L> {
 
 /// Reads as much as there is without waiting, if only nothing; `None` once the pipe is
 /// closed.
-fn read_some<'a, L: Transport>(
-    link: &mut L,
+fn read_some<'a, T: Transport>(
+    transport: &mut T,
     output: Output,
     buffer: &'a mut [u8],
 ) -> std::io::Result<Option<&'a [u8]>> {
     loop {
-        match link.read(output, buffer) {
+        match transport.read(output, buffer) {
             Ok(0) => return Ok(None),
             Ok(read) => return Ok(Some(&buffer[..read])),
             Err(error) if error.kind() == ErrorKind::Interrupted => {}

@@ -15,7 +15,7 @@ use crate::sessions::bounds::{
 };
 use crate::sessions::convert::plan_from_abi;
 use crate::sessions::log::Log;
-use crate::sessions::session::Incumbent;
+use crate::sessions::plan_run::Incumbent;
 
 /// Takes what a plugin submits during a call, whichever way it comes.
 pub(crate) struct Collector {
@@ -74,10 +74,6 @@ impl Collector {
         self.collected
             .into_inner()
             .unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(crate) fn into_log(self) -> Log {
-        self.into_inner().log
     }
 
     /// Keeps a plan that was read from so many paths on a map of this size, or says why it

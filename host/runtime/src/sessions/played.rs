@@ -15,9 +15,20 @@ use std::collections::VecDeque;
 use std::io;
 use std::rc::Rc;
 
-use super::*;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use fleetyard_abi::{Budget, GridEnvironment, Instance, PathEncoding};
+
+use super::attachment::Attachment;
+use super::client::{Client, Deadline};
+use super::limits::Limits;
+use super::plan_run::{PlanCall, Solver, Termination};
+use crate::Fault;
+use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
+use crate::confinement::sandbox::SandboxReport;
 use crate::confinement::supervisor::Report;
-use crate::confinement::transport::{Interest, Output};
+use crate::confinement::transport::{Interest, Output, Transport};
 
 const MS: u64 = 1_000_000;
 
@@ -705,7 +716,7 @@ enum Expectation {
 /// A session that is played, and how far its lines were taken.
 struct Play {
     world: World,
-    inner: Inner<World>,
+    client: Client<World>,
     grace_ns: u64,
     /// Lines that earlier calls took.
     taken: usize,
@@ -726,19 +737,12 @@ impl Play {
         };
         let client = Client::new(world.clone(), limits);
         Self {
-            inner: Inner::Process(Box::new(client)),
+            client,
             world,
             grace_ns: grace,
             taken: 0,
             calls: 0,
             ends: Vec::new(),
-        }
-    }
-
-    fn client(&mut self) -> &mut Client<World> {
-        match &mut self.inner {
-            Inner::Process(client) => client,
-            Inner::InProcess { .. } => unreachable!("it was made of a client"),
         }
     }
 
@@ -844,9 +848,8 @@ impl Play {
 
     /// A call that asks for no plan; it may be the last one.
     fn ask(&mut self, method: &str) -> Option<()> {
-        let client = self.client();
-        let deadline = Deadline::after(client.now_ns(), Duration::from_millis(50));
-        let asked = ask(client, method, (), deadline);
+        let deadline = Deadline::after(self.client.now_ns(), Duration::from_millis(50));
+        let asked = self.client.ask(method, (), deadline);
         let (expected, ..) = self.expect(deadline.at_ns, false);
         let until_ns = deadline.at_ns + self.grace_ns;
         self.check_fault(asked.as_ref().err(), &expected, until_ns);
@@ -875,14 +878,16 @@ impl Play {
             threads: 1,
             seed: 0,
         };
-        let broken = self.client().fault().cloned();
+        let broken = self.client.fault().cloned();
         let before = self.world.0.borrow().read_bytes;
         let earliest_ns = self.world.0.borrow().now_ns + wall_ns;
-        let encoding = PathEncoding::default();
-        let question = Question::Plan;
-        let solve = self
-            .inner
-            .solve(question, Some(&grid), encoding, &instance, &budget, None);
+        let call = PlanCall {
+            solver: Solver::Planner,
+            instance: &instance,
+            grid: Some(&grid),
+            encoding: PathEncoding::default(),
+        };
+        let solve = self.client.solve(&call, &budget);
         if broken.is_some() {
             assert_eq!(solve.fault, broken, "nothing is taken after a fault");
             assert!(solve.incumbents.is_empty() && self.world.0.borrow().read_bytes == before);
@@ -951,8 +956,8 @@ fn play(seed: u64) -> Vec<Termination> {
             play.plan();
         }
     }
-    play.client().close(Duration::from_millis(20));
-    let held = play.client().held_bytes();
+    play.client.shut_down(Duration::from_millis(20));
+    let held = play.client.held_bytes();
     assert!(held < 1 << 20, "{held} bytes are held");
     play.ends
 }

@@ -1,0 +1,70 @@
+//! The one trait behind a session: calls of a plugin, whichever way it is attached.
+
+use std::time::Duration;
+
+use fleetyard_abi::{Budget, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status};
+use serde_json::Value;
+
+use crate::Fault;
+use crate::confinement::promises::BrokenPromise;
+use crate::confinement::sandbox::SandboxReport;
+use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun};
+use crate::sessions::session::Closing;
+
+/// A plugin's file that was started, by the way in which its plugins are called.
+///
+/// The host's own process and a process of its own are the two ways
+/// ([`InProcess`](super::in_process::InProcess), [`Client`](super::client::Client)). Each says
+/// in full what one of them does; what they have in common is [`PlanCall`] and its kin.
+pub(super) trait Attachment {
+    /// Makes a plugin, which takes the place of the last one. Its options were checked
+    /// against its schema.
+    fn create(&mut self, kind: Kind, id: &str, options: Value) -> Result<(), Fault>;
+
+    /// Tells the plugin the map.
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        budget: &Budget,
+    ) -> Result<CallReport, Fault>;
+
+    /// Asks a planner or a fail policy for a plan.
+    fn solve(&mut self, call: &PlanCall<'_>, budget: &Budget) -> PlanRun;
+
+    /// Asks an instance generator for the next instance.
+    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault>;
+
+    /// Asks an invocation policy whether to call the planner now.
+    fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault>;
+
+    /// The layers and the limits of the sandbox; absent in process.
+    fn sandbox(&self) -> Option<&SandboxReport>;
+
+    /// The parts of the host's process that the plugin did not leave as they were.
+    fn broken_promises(&mut self) -> &[BrokenPromise];
+
+    /// Ends the plugin; nothing of it is left running.
+    fn close(&mut self) -> Closing;
+}
+
+pub(super) fn protocol(during: &str, reason: impl Into<String>) -> Fault {
+    Fault::Protocol {
+        during: during.into(),
+        reason: reason.into(),
+    }
+}
+
+/// The fault that a plugin says itself, by its status.
+pub(super) fn reported(method: &str, status: Status, message: Option<String>) -> Fault {
+    let message = message.unwrap_or_else(|| "it did not say why".into());
+    Fault::Reported {
+        status,
+        during: method.into(),
+        message,
+    }
+}
+
+/// The fault for which a call gave no instance although it succeeded.
+pub(super) fn no_instance(method: &str) -> Fault {
+    protocol(method, "it claims success but submitted no instance")
+}
