@@ -110,6 +110,46 @@ impl Bins {
         }
     }
 
+    /// Asks `hit` of boxes in the bins that a segment passes, of some several times, until it says yes: then the answer is
+    /// yes too.
+    pub fn any_along(&self, from: Vector, to: Vector, mut hit: impl FnMut(u32) -> bool) -> bool {
+        let (low, high) = if from.y <= to.y {
+            (from, to)
+        } else {
+            (to, from)
+        };
+        let (_, bottom) = self.column_and_row(low);
+        let (_, top) = self.column_and_row(high);
+        for row in bottom..=top {
+            // The part of the segment in this row of bins, a little longer than it is.
+            let at = |y: f64| {
+                let part = (y - low.y) / (high.y - low.y);
+                low + (high - low)
+                    * if part.is_nan() {
+                        0.0
+                    } else {
+                        part.clamp(0.0, 1.0)
+                    }
+            };
+            let floor = self.origin.y + self.side * row as f64;
+            let (enter, leave) = if bottom == top {
+                (low, high)
+            } else {
+                (at(floor - 1e-9), at(floor + self.side + 1e-9))
+            };
+            let (one, _) = self.column_and_row(enter);
+            let (other, _) = self.column_and_row(leave);
+            for column in one.min(other)..=one.max(other) {
+                let bin = row * self.columns + column;
+                let members = self.starts[bin] as usize..self.starts[bin + 1] as usize;
+                if self.members[members].iter().any(|number| hit(*number)) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
     fn column_and_row(&self, place: Vector) -> (usize, usize) {
         let at = (place - self.origin) / self.side;
         (

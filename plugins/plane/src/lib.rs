@@ -5,12 +5,16 @@
 //!
 //! - [`motion`]: straight motions of discs, and when two of them are too close;
 //! - [`spans`]: sets of open intervals of time;
-//! - [`bins`]: which boxes are near each other.
+//! - [`bins`]: which boxes are near each other;
+//! - [`obstacles`]: polygons that a disc must not touch;
+//! - [`tangent`]: the shortest path of one disc among them.
 #![forbid(unsafe_code)]
 
 pub mod bins;
 pub mod motion;
+pub mod obstacles;
 pub mod spans;
+pub mod tangent;
 
 /// A place or a displacement, in metres.
 pub type Vector = nalgebra::Vector2<f64>;

@@ -176,3 +176,187 @@ fn driving_one_behind_the_other_takes_a_headway() {
     // Head on, the second one has to be through before, or to wait until the first one is.
     assert!((found.backward.low + 4.0).abs() < 1e-12 && (found.backward.high - 4.0).abs() < 1e-12);
 }
+
+mod ways {
+    //! Shortest ways held against a search in a graph of many places round each corner, whose lines are tested by sampling.
+
+    use std::f64::consts::PI;
+
+    use fleetyard_plugin_plane::Vector;
+    use fleetyard_plugin_plane::bins::Rectangle;
+    use fleetyard_plugin_plane::obstacles::Obstacles;
+    use fleetyard_plugin_plane::tangent::Tangents;
+
+    const SIDE: f64 = 6.0;
+    const RADIUS: f64 = 0.3;
+
+    /// Numbers from 0 to 1, the same in every run.
+    struct Numbers(u64);
+
+    impl Numbers {
+        fn next(&mut self) -> f64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 33) as f64 / f64::from(1_u32 << 31)
+        }
+
+        fn place(&mut self) -> Vector {
+            Vector::new(self.next(), self.next()) * SIDE
+        }
+    }
+
+    /// Distance of a place to a polygon's border, below zero inside.
+    fn distance(polygon: &[Vector], place: Vector) -> f64 {
+        let (mut least, mut odd) = (f64::INFINITY, false);
+        for (at, a) in polygon.iter().enumerate() {
+            let b = polygon[(at + 1) % polygon.len()];
+            let along = b - a;
+            let part = ((place - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+            least = least.min((a + along * part - place).norm());
+            let above = (a.y > place.y, b.y > place.y);
+            odd ^= above.0 != above.1 && place.x < a.x + (place.y - a.y) / along.y * along.x;
+        }
+        if odd { -least } else { least }
+    }
+
+    fn clear(polygons: &[Vec<Vector>], from: Vector, to: Vector) -> bool {
+        let samples = ((to - from).norm() / 0.02).ceil().max(1.0);
+        (0..=samples as u32).all(|sample| {
+            let place = from + (to - from) * (f64::from(sample) / samples);
+            let wall = place.min().min(SIDE - place.max());
+            let polygon = polygons.iter().map(|polygon| distance(polygon, place));
+            polygon.fold(wall, f64::min) > RADIUS - 1e-4
+        })
+    }
+
+    /// The shortest way over places round the corners, each ten degrees.
+    fn sampled(polygons: &[Vec<Vector>], start: Vector, goal: Vector) -> f64 {
+        let mut places = vec![start, goal];
+        for corner in polygons.iter().flatten() {
+            let around = (0..36).map(|step| {
+                let angle = f64::from(step) * PI / 18.0;
+                corner + Vector::new(angle.cos(), angle.sin()) * (RADIUS / (PI / 36.0).cos() + 1e-6)
+            });
+            places.extend(around.filter(|place| clear(polygons, *place, *place)));
+        }
+        let mut lengths = vec![f64::INFINITY; places.len()];
+        let mut done = vec![false; places.len()];
+        lengths[0] = 0.0;
+        loop {
+            let left = (0..places.len()).filter(|at| !done[*at] && lengths[*at].is_finite());
+            let Some(at) = left.min_by(|a, b| lengths[*a].total_cmp(&lengths[*b])) else {
+                return f64::INFINITY;
+            };
+            if at == 1 {
+                return lengths[1];
+            }
+            done[at] = true;
+            for to in 0..places.len() {
+                let length = lengths[at] + (places[to] - places[at]).norm();
+                if !done[to] && length < lengths[to] && clear(polygons, places[at], places[to]) {
+                    lengths[to] = length;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn ways_are_as_short_as_those_over_many_places_round_each_corner() {
+        let (mut numbers, mut found, mut turned) = (Numbers(7), 0, 0);
+        for _ in 0..150 {
+            let polygons: Vec<Vec<Vector>> = (0..4)
+                .map(|_| {
+                    let (centre, size) = (numbers.place(), 0.7 + numbers.next());
+                    let corners = 3 + (numbers.next() * 3.0) as u32;
+                    (0..corners)
+                        .map(|corner| {
+                            let angle = (f64::from(corner) + 0.8 * numbers.next()) * 2.0 * PI
+                                / f64::from(corners);
+                            // Corners at unequal distances make polygons with corners that point inwards.
+                            let reach = size * (0.5 + 0.5 * numbers.next());
+                            centre + Vector::new(angle.cos(), -angle.sin()) * reach
+                        })
+                        .collect()
+                })
+                .collect();
+            let bounds = Rectangle {
+                min: Vector::zeros(),
+                max: Vector::repeat(SIDE),
+            };
+            let (start, goal) = (
+                numbers.place() * 0.3,
+                Vector::repeat(SIDE) - numbers.place() * 0.3,
+            );
+            let obstacles = Obstacles::new(polygons.clone(), bounds, RADIUS);
+            let way = Tangents::new(&obstacles).shortest(start, goal, &mut || false);
+            if !clear(&polygons, start, start) || !clear(&polygons, goal, goal) {
+                assert_eq!(way, None);
+                continue;
+            }
+            let sampled = sampled(&polygons, start, goal);
+            let Some(way) = way else {
+                assert!(sampled.is_infinite(), "a way of {sampled} m was not found");
+                continue;
+            };
+            found += 1;
+            turned += u32::from(way.places.len() > 2);
+            let driven: f64 = way
+                .places
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).norm())
+                .sum();
+            assert!(
+                way.places
+                    .windows(2)
+                    .all(|pair| clear(&polygons, pair[0], pair[1]))
+            );
+            assert_eq!(
+                (way.places[0], way.places[way.places.len() - 1]),
+                (start, goal)
+            );
+            assert!(way.length <= driven + 1e-9 && driven < way.length * 1.003);
+            assert!(
+                way.length < sampled + 1e-4,
+                "{} m, but {sampled} m would do",
+                way.length
+            );
+            assert!(
+                way.length > sampled * 0.99,
+                "{} m, but {sampled} m over places",
+                way.length
+            );
+        }
+        assert!(
+            found > 20 && turned > 10,
+            "{found} ways, {turned} of them round a corner"
+        );
+    }
+
+    #[test]
+    fn a_disc_that_does_not_fit_through_a_gap_goes_round() {
+        let wall = |x: f64, y: [f64; 2]| {
+            [(x, y[0]), (x + 0.2, y[0]), (x + 0.2, y[1]), (x, y[1])]
+                .map(|(x, y)| Vector::new(x, y))
+                .to_vec()
+        };
+        let bounds = Rectangle {
+            min: Vector::zeros(),
+            max: Vector::new(6.0, 6.0),
+        };
+        let way = |gap: f64| {
+            let polygons = [
+                wall(2.9, [0.0, 3.0 - gap / 2.0]),
+                wall(2.9, [3.0 + gap / 2.0, 5.0]),
+            ];
+            let obstacles = Obstacles::new(polygons, bounds, RADIUS);
+            let mut tangents = Tangents::new(&obstacles);
+            let way =
+                tangents.shortest(Vector::new(1.0, 3.0), Vector::new(5.0, 3.0), &mut || false);
+            way.map(|way| way.length)
+        };
+        assert!((way(0.601).unwrap() - 4.0).abs() < 1e-6);
+        assert!(way(0.599).unwrap() > 5.0);
+    }
+}
