@@ -7,14 +7,20 @@
 //! - [`spans`]: sets of open intervals of time;
 //! - [`bins`]: which boxes are near each other;
 //! - [`obstacles`]: polygons that a disc must not touch;
-//! - [`tangent`]: the shortest path of one disc among them.
+//! - [`tangent`]: the shortest path of one disc among them;
+//! - [`timing`]: the times of a disc on a given way among others;
+//! - [`orders`]: orders of priority;
+//! - [`prioritised`]: teams of discs in the plane.
 #![forbid(unsafe_code)]
 
 pub mod bins;
 pub mod motion;
 pub mod obstacles;
+pub mod orders;
+pub mod prioritised;
 pub mod spans;
 pub mod tangent;
+pub mod timing;
 
 /// A place or a displacement, in metres.
 pub type Vector = nalgebra::Vector2<f64>;

@@ -1,11 +1,12 @@
-//! Polygons that a disc must not touch, in a box that it must not leave.
+//! Polygons and discs at rest that a disc must not touch, in a box that it must not leave.
 
 use crate::Vector;
 use crate::bins::{Bins, Rectangle};
 
-/// Polygons and a box, seen by the centre of a disc.
+/// Polygons, discs at rest and a box, seen by the centre of a disc.
 #[derive(Debug, Clone)]
 pub struct Obstacles {
+    discs: Vec<Disc>,
     /// Counter-clockwise corners of each polygon.
     polygons: Vec<Vec<Vector>>,
     edges: Vec<[Vector; 2]>,
@@ -14,14 +15,25 @@ pub struct Obstacles {
     radius: f64,
 }
 
-/// A corner that sticks out of a polygon: a path may lead round it.
+/// A disc at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Disc {
+    /// Its centre.
+    pub at: Vector,
+    /// In metres.
+    pub radius: f64,
+}
+
+/// A corner that sticks out of a polygon, or a disc at rest: a path may lead round it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corner {
     /// Its place.
     pub at: Vector,
-    /// The outward unit normals of the edges before and after it, counter-clockwise. A disc that touches the corner and
-    /// neither edge has its centre between them.
-    pub normals: [Vector; 2],
+    /// Of a disc, in metres; zero for a corner.
+    pub radius: f64,
+    /// Of a corner the outward unit normals of the edges before and after it, counter-clockwise. A disc that touches the
+    /// corner and neither edge has its centre between them.
+    pub normals: Option<[Vector; 2]>,
 }
 
 /// A centre may be so much nearer than the radius, in metres, before that counts as a contact.
@@ -47,6 +59,7 @@ impl Obstacles {
         let edges: Vec<[Vector; 2]> = polygons.iter().flat_map(|polygon| edges(polygon)).collect();
         let boxes = edges.iter().map(|[a, b]| Rectangle::around(*a, *b, radius));
         Self {
+            discs: Vec::new(),
             bins: Bins::new(boxes.collect()),
             inner: Rectangle::around(bounds.min, bounds.max, -radius),
             polygons,
@@ -55,24 +68,40 @@ impl Obstacles {
         }
     }
 
+    /// The same with these discs at rest, and no others.
+    #[must_use]
+    pub fn with_discs(&self, discs: Vec<Disc>) -> Self {
+        Self {
+            discs,
+            ..self.clone()
+        }
+    }
+
     /// The disc's radius, in metres.
     pub fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// The corners that stick out.
+    /// The corners that stick out, and the discs.
     pub fn corners(&self) -> impl Iterator<Item = Corner> {
-        self.polygons.iter().flat_map(|polygon| {
+        let corners = self.polygons.iter().flat_map(|polygon| {
             (0..polygon.len()).filter_map(|at| {
                 let [before, corner, after] =
                     [polygon.len() - 1, 0, 1].map(|shift| polygon[(at + shift) % polygon.len()]);
                 let normals = [corner - before, after - corner].map(|edge| right(edge).normalize());
                 (cross(normals[0], normals[1]) > 0.0).then_some(Corner {
                     at: corner,
-                    normals,
+                    radius: 0.0,
+                    normals: Some(normals),
                 })
             })
-        })
+        });
+        let discs = self.discs.iter().map(|disc| Corner {
+            at: disc.at,
+            radius: disc.radius,
+            normals: None,
+        });
+        corners.chain(discs)
     }
 
     /// A disc whose centre is at a place touches nothing.
@@ -87,8 +116,13 @@ impl Obstacles {
             low.min().min(high.min()) >= -TOLERANCE
         };
         let least = (self.radius - TOLERANCE).max(0.0).powi(2);
+        let past = |disc: &Disc| {
+            let least = (self.radius + disc.radius - TOLERANCE).max(0.0);
+            squared_distance_to(from, to, disc.at) >= least * least
+        };
         within(from)
             && within(to)
+            && self.discs.iter().all(past)
             && !self.bins.any_along(from, to, |edge| {
                 let [a, b] = self.edges[edge as usize];
                 crossing(from, to, a, b) || squared_distance(from, to, a, b) < least
@@ -136,16 +170,19 @@ fn crossing(a: Vector, b: Vector, c: Vector, d: Vector) -> bool {
 
 /// The squared distance of two segments that do not cross.
 fn squared_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> f64 {
-    let one = |from: Vector, to: Vector, place: Vector| {
-        let (along, offset) = (to - from, place - from);
-        let length = along.norm_squared();
-        let part = if length > 0.0 {
-            (offset.dot(&along) / length).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        (offset - along * part).norm_squared()
+    let both = squared_distance_to(a, b, c).min(squared_distance_to(a, b, d));
+    both.min(squared_distance_to(c, d, a))
+        .min(squared_distance_to(c, d, b))
+}
+
+/// The squared distance of a segment and a place.
+fn squared_distance_to(from: Vector, to: Vector, place: Vector) -> f64 {
+    let (along, offset) = (to - from, place - from);
+    let length = along.norm_squared();
+    let part = if length > 0.0 {
+        (offset.dot(&along) / length).clamp(0.0, 1.0)
+    } else {
+        0.0
     };
-    let both = one(a, b, c).min(one(a, b, d));
-    both.min(one(c, d, a)).min(one(c, d, b))
+    (offset - along * part).norm_squared()
 }

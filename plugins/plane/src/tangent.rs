@@ -141,11 +141,13 @@ impl<'a> Tangents<'a> {
         });
         while let Some(Entry { node, .. }) = open.pop() {
             if let Place::Corner(corner, round) = node.place {
-                let list = &mut closed[2 * corner as usize + usize::from(round == Round::Right)];
+                let list = &closed[2 * corner as usize + usize::from(round == Round::Right)];
                 let reached = |known: &u32| {
                     let known = &nodes[*known as usize];
-                    let turn = turned(known.normal, node.normal, round);
-                    turn.is_some_and(|turn| known.length + turn * self.radius <= node.length)
+                    let turn = self.turned(node.place, known.normal, node.normal);
+                    turn.is_some_and(|turn| {
+                        known.length + turn * self.size(node.place) <= node.length
+                    })
                 };
                 if list.iter().any(reached) {
                     continue;
@@ -205,10 +207,7 @@ impl<'a> Tangents<'a> {
         if !self.exposed(from.place, left) || !self.exposed(to, normal) {
             return None;
         }
-        let turn = match from.place {
-            Place::Corner(_, round) => turned(from.normal, left, round)?,
-            _ => 0.0,
-        };
+        let turn = self.turned(from.place, from.normal, left)?;
         Some(Node {
             place: to,
             normal,
@@ -220,10 +219,9 @@ impl<'a> Tangents<'a> {
 
     /// A disc that touches the corner on this side touches neither of its edges.
     fn exposed(&self, place: Place, normal: Vector) -> bool {
-        let Place::Corner(corner, _) = place else {
+        let Some([before, after]) = self.corner(place).and_then(|corner| corner.normals) else {
             return true;
         };
-        let [before, after] = self.corners[corner as usize].normals;
         cross(before, normal) > -LEVEL
             && cross(normal, after) > -LEVEL
             && (before + after).dot(&normal) > 0.0
@@ -247,7 +245,7 @@ impl<'a> Tangents<'a> {
         let Place::Corner(_, round) = node.place else {
             return vec![centre];
         };
-        let turn = turned(node.normal, left, round).unwrap_or(0.0);
+        let turn = self.turned(node.place, node.normal, left).unwrap_or(0.0);
         let pieces = (turn / STEP).ceil().max(1.0);
         let half = turn / pieces / 2.0;
         let reach = size / libm::cos(half);
@@ -285,6 +283,13 @@ impl<'a> Tangents<'a> {
         }
     }
 
+    fn corner(&self, place: Place) -> Option<&Corner> {
+        match place {
+            Place::Corner(corner, _) => Some(&self.corners[corner as usize]),
+            _ => None,
+        }
+    }
+
     fn centre(&self, place: Place, [start, goal]: [Vector; 2]) -> Vector {
         match place {
             Place::Start => start,
@@ -295,11 +300,22 @@ impl<'a> Tangents<'a> {
 
     /// The radius of a place's circle.
     fn size(&self, place: Place) -> f64 {
-        if matches!(place, Place::Corner(..)) {
-            self.radius
-        } else {
-            0.0
+        self.corner(place)
+            .map_or(0.0, |corner| self.radius + corner.radius)
+    }
+
+    /// The angle from one normal to another on the way round a place. A corner is left before half a turn; none is made at
+    /// a start.
+    fn turned(&self, place: Place, from: Vector, to: Vector) -> Option<f64> {
+        let Place::Corner(corner, round) = place else {
+            return Some(0.0);
+        };
+        let sine = cross(from, to) * round.sign();
+        if sine > -LEVEL {
+            return Some(libm::atan2(sine.max(0.0), from.dot(&to)));
         }
+        let whole = self.corners[corner as usize].normals.is_none();
+        whole.then(|| std::f64::consts::TAU + libm::atan2(sine, from.dot(&to)))
     }
 }
 
@@ -309,10 +325,4 @@ fn sign(place: Place) -> f64 {
         Place::Corner(_, round) => round.sign(),
         _ => 1.0,
     }
-}
-
-/// The angle from one normal to another on the way round a corner, if it is less than half a turn.
-fn turned(from: Vector, to: Vector, round: Round) -> Option<f64> {
-    let sine = cross(from, to) * round.sign();
-    (sine > -LEVEL).then(|| libm::atan2(sine.max(0.0), from.dot(&to)))
 }

@@ -4,6 +4,8 @@
 // Ends of intervals are copied, not worked out anew.
 #![allow(clippy::float_cmp)]
 
+mod support;
+
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::bins::{Bins, Rectangle};
 use fleetyard_plugin_plane::motion::{Motion, Span};
@@ -358,5 +360,124 @@ mod ways {
         };
         assert!((way(0.601).unwrap() - 4.0).abs() < 1e-6);
         assert!(way(0.599).unwrap() > 5.0);
+    }
+}
+
+mod teams {
+    //! Teams of discs of several sizes: whoever is given a plan keeps clear of everybody and everything.
+
+    use fleetyard_plugin_plane::Vector;
+    use fleetyard_plugin_plane::bins::Rectangle;
+    use fleetyard_plugin_plane::obstacles::Obstacles;
+    use fleetyard_plugin_plane::orders::End;
+    use fleetyard_plugin_plane::prioritised::{Disc, Outcome, plan};
+    use proptest::prelude::*;
+
+    use super::support::least_clearance;
+
+    fn bounds() -> Rectangle {
+        Rectangle {
+            min: Vector::zeros(),
+            max: Vector::new(8.0, 6.0),
+        }
+    }
+
+    /// A wall with a door, and a block.
+    fn polygons() -> Vec<Vec<Vector>> {
+        let block = |left: f64, bottom: f64, right: f64, top: f64| {
+            [(left, bottom), (right, bottom), (right, top), (left, top)]
+                .map(|(x, y)| Vector::new(x, y))
+                .to_vec()
+        };
+        vec![
+            block(3.9, 0.0, 4.1, 2.4),
+            block(3.9, 3.6, 4.1, 6.0),
+            block(1.5, 1.0, 2.5, 2.0),
+        ]
+    }
+
+    fn discs() -> impl Strategy<Value = Vec<Disc>> {
+        let place = || (0.4..7.6_f64, 0.4..5.6_f64).prop_map(|(x, y)| Vector::new(x, y));
+        let disc = (
+            prop_oneof![Just(0.2), 0.1..0.35_f64],
+            0.5..2.0_f64,
+            place(),
+            place(),
+        );
+        let disc = disc.prop_map(|(radius, speed, start, goal)| Disc {
+            radius,
+            speed,
+            start,
+            goal,
+        });
+        proptest::collection::vec(disc, 1..12).prop_map(|wanted| {
+            // Starts and goals that are free, and do not block each other.
+            let mut discs: Vec<Disc> = Vec::new();
+            for disc in wanted {
+                let obstacles = Obstacles::new(polygons(), bounds(), disc.radius);
+                let apart = |other: &Disc| {
+                    let least = disc.radius + other.radius + 1e-6;
+                    (disc.start - other.start).norm() > least
+                        && (disc.goal - other.goal).norm() > least
+                };
+                if obstacles.free(disc.start)
+                    && obstacles.free(disc.goal)
+                    && discs.iter().all(apart)
+                {
+                    discs.push(disc);
+                }
+            }
+            discs
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(120))]
+
+        #[test]
+        fn discs_keep_clear_of_each_other_and_of_walls(discs in discs(), seed in 0..3_u64) {
+            let found = plan(&polygons(), bounds(), &discs, 10, seed, &mut || false);
+            prop_assert_eq!(&found, &plan(&polygons(), bounds(), &discs, 10, seed, &mut || false));
+            let Outcome::Ordered { end: End::Solved(plans), .. } = found else {
+                prop_assert!(discs.len() > 1, "one disc alone has a way");
+                return Ok(());
+            };
+            let clearance = least_clearance(&discs, &plans);
+            prop_assert!(clearance > -1e-7, "{clearance} m");
+            for (disc, stops) in discs.iter().zip(&plans) {
+                let (first, last) = (stops[0], stops[stops.len() - 1]);
+                prop_assert_eq!((first.at, first.arrival), (disc.start, 0.0));
+                prop_assert_eq!((last.at, last.departure), (disc.goal, f64::INFINITY));
+                let obstacles = Obstacles::new(polygons(), bounds(), disc.radius - 1e-6);
+                for leg in stops.windows(2) {
+                    prop_assert!(leg[0].departure >= leg[0].arrival);
+                    let seconds = (leg[1].at - leg[0].at).norm() / disc.speed;
+                    prop_assert!((leg[1].arrival - leg[0].departure - seconds).abs() < 1e-9);
+                    prop_assert!(obstacles.clear(leg[0].at, leg[1].at));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn who_cannot_get_out_of_its_room_has_no_way() {
+        let wall = [(4.0, 0.0), (4.1, 0.0), (4.1, 6.0), (4.0, 6.0)]
+            .map(|(x, y)| Vector::new(x, y))
+            .to_vec();
+        let disc = |x: f64, to: f64| Disc {
+            radius: 0.2,
+            speed: 1.0,
+            start: Vector::new(x, 3.0),
+            goal: Vector::new(to, 3.0),
+        };
+        let found = plan(
+            &[wall],
+            bounds(),
+            &[disc(1.0, 2.0), disc(3.0, 5.0)],
+            10,
+            1,
+            &mut || false,
+        );
+        assert_eq!(found, Outcome::NoWay(1));
     }
 }

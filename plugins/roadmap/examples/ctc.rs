@@ -6,8 +6,9 @@ mod support;
 use std::error::Error;
 use std::time::Instant;
 
+use fleetyard_plugin_plane::orders::End;
 use fleetyard_plugin_roadmap::closeness::Closeness;
-use fleetyard_plugin_roadmap::priority::{End, plan, sum_of_costs};
+use fleetyard_plugin_roadmap::priority::{plan, sum_of_costs};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();

@@ -10,9 +10,10 @@ use std::path::Path as File;
 
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::motion::Span;
+use fleetyard_plugin_plane::orders::End;
 use fleetyard_plugin_roadmap::closeness::Closeness;
 use fleetyard_plugin_roadmap::plan::{Path, Visit, cost, length};
-use fleetyard_plugin_roadmap::priority::{End, plan, sum_of_costs};
+use fleetyard_plugin_roadmap::priority::{plan, sum_of_costs};
 use fleetyard_plugin_roadmap::reservation::Reservations;
 use fleetyard_plugin_roadmap::roadmap::{NONE, Refused, Roadmap, Vertex};
 use fleetyard_plugin_roadmap::sipp::{Found, Search};

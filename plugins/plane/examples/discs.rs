@@ -1,0 +1,47 @@
+//! Plans for the first N robots of a file of tasks in the plane: `discs TASKS N [ORDERS [SEED]]`.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use std::error::Error;
+use std::time::Instant;
+
+use fleetyard_plugin_plane::orders::End;
+use fleetyard_plugin_plane::prioritised::{Outcome, plan};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [tasks, discs, rest @ ..] = words.as_slice() else {
+        return Err("discs TASKS N [ORDERS [SEED]]".into());
+    };
+    let number = |at: usize, default| rest.get(at).map_or(Ok(default), |word| word.parse());
+    let (limit, seed) = (number(0, 1000)?, number(1, 1)?);
+    let case = support::Case::read(tasks.as_ref(), discs.parse()?)?;
+    let begin = Instant::now();
+    let outcome = plan(
+        &case.polygons,
+        case.bounds,
+        &case.discs,
+        limit,
+        seed,
+        &mut || false,
+    );
+    let seconds = begin.elapsed().as_secs_f64();
+    match outcome {
+        Outcome::Ordered {
+            end: End::Solved(plans),
+            orders,
+        } => {
+            let cost: f64 = plans
+                .iter()
+                .map(|stops| stops[stops.len() - 1].arrival)
+                .sum();
+            let least = support::least_clearance(&case.discs, &plans);
+            println!(
+                "cost {cost:.3}, {orders} orders, {seconds:.4} s, least clearance {least:.9} m"
+            );
+        }
+        other => println!("{other:?}, {seconds:.4} s"),
+    }
+    Ok(())
+}

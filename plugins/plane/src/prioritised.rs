@@ -1,0 +1,107 @@
+//! Prioritised planning of discs in the plane: one after the other goes a shortest way and, among those planned before, as
+//! early as that way allows.
+//!
+//! A way is the shortest round the goals of those before and the starts of those after ([`crate::tangent`]); where there is none,
+//! round the goals alone, and at last round nobody. Only its times give way to moving discs ([`crate::timing`]). Where starts and
+//! goals leave ways between them everybody arrives in any order (M. Čáp, P. Novák, A. Kleiner, M. Selecký, "Prioritized planning
+//! algorithms for trajectory coordination of multiple mobile robots", IEEE T-ASE 12(3), 2015: well-formed infrastructures).
+
+use crate::Vector;
+use crate::bins::Rectangle;
+use crate::obstacles::{self, Obstacles};
+use crate::orders::{Attempt, End, longest_first, try_orders};
+use crate::tangent::Tangents;
+use crate::timing::{Obstruction, Stop, earliest, obstructions};
+
+/// A disc that wants to go somewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Disc {
+    /// In metres.
+    pub radius: f64,
+    /// Metres per second.
+    pub speed: f64,
+    /// Where its centre is.
+    pub start: Vector,
+    /// Where it wants to stay.
+    pub goal: Vector,
+}
+
+/// How planning ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outcome {
+    /// By orders of priority.
+    Ordered {
+        /// The stops of every disc, if an order gives them.
+        end: End<Vec<Vec<Stop>>>,
+        /// Orders that were tried.
+        orders: u64,
+    },
+    /// This disc has no way, whatever the others do.
+    NoWay(usize),
+    /// It was told to stop before all ways were known.
+    Stopped,
+}
+
+/// Discs keep so much more distance from each other, as a share of their radii: times are rounded.
+const MARGIN: f64 = 1e-9;
+
+/// Plans for discs among polygons, in a box. At most `limit` orders are tried.
+pub fn plan(
+    polygons: &[Vec<Vector>],
+    bounds: Rectangle,
+    discs: &[Disc],
+    limit: u64,
+    seed: u64,
+    stop: &mut dyn FnMut() -> bool,
+) -> Outcome {
+    let mut known: Vec<Obstacles> = Vec::new();
+    let mut places = Vec::with_capacity(discs.len());
+    let mut lengths = Vec::with_capacity(discs.len());
+    for (number, disc) in discs.iter().enumerate() {
+        let same = |obstacles: &Obstacles| obstacles.radius().total_cmp(&disc.radius).is_eq();
+        places.push(known.iter().position(same).unwrap_or_else(|| {
+            known.push(Obstacles::new(polygons.to_vec(), bounds, disc.radius));
+            known.len() - 1
+        }));
+        match Tangents::new(&known[places[number]]).shortest(disc.start, disc.goal, stop) {
+            Some(way) => lengths.push(way.length / disc.speed),
+            None if stop() => return Outcome::Stopped,
+            None => return Outcome::NoWay(number),
+        }
+    }
+    let (end, orders) = try_orders(longest_first(&lengths), limit, seed, |order| {
+        let mut plans: Vec<Vec<Stop>> = vec![Vec::new(); discs.len()];
+        for (place, agent) in order.iter().map(|agent| *agent as usize).enumerate() {
+            let disc = &discs[agent];
+            let rest = |at: Vector, radius: f64| obstacles::Disc { at, radius };
+            let before = order[..place].iter().map(|other| &discs[*other as usize]);
+            let after = order[place + 1..]
+                .iter()
+                .map(|other| &discs[*other as usize]);
+            let goals: Vec<_> = before.map(|other| rest(other.goal, other.radius)).collect();
+            let starts = after.map(|other| rest(other.start, other.radius));
+            let moving = order[..place].iter().flat_map(|other| {
+                let distance = (disc.radius + discs[*other as usize].radius) * (1.0 + MARGIN);
+                obstructions(&plans[*other as usize], distance)
+            });
+            let moving: Vec<Obstruction> = moving.collect();
+            let all = goals.iter().copied().chain(starts).collect();
+            let stops = [all, goals.clone(), Vec::new()]
+                .into_iter()
+                .find_map(|rests| {
+                    let obstacles = known[places[agent]].with_discs(rests);
+                    let way = Tangents::new(&obstacles).shortest(disc.start, disc.goal, stop)?;
+                    earliest(&way.places, disc.speed, &moving)
+                });
+            if stop() {
+                return Attempt::Stopped;
+            }
+            match stops {
+                Some(stops) => plans[agent] = stops,
+                None => return Attempt::Blocked(place),
+            }
+        }
+        Attempt::Solved(plans)
+    });
+    Outcome::Ordered { end, orders }
+}
