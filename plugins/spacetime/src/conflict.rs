@@ -60,6 +60,9 @@ pub struct Conflict {
     pub kind: Kind,
 }
 
+/// Moves that are looked at in search of rings, however few agents there are.
+const LEAST_MOVES: usize = 64;
+
 /// What agents in a [`Conflict`] do.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
@@ -106,6 +109,8 @@ pub struct Conflicts {
     visits: Vec<Vec<Visit>>,
     paths: Vec<Vec<Vertex>>,
     found: Vec<Conflict>,
+    /// Some rings were not looked for: see [`Conflicts::rings`].
+    cut: bool,
 }
 
 impl Conflicts {
@@ -116,6 +121,7 @@ impl Conflicts {
             visits: vec![Vec::new(); vertices],
             paths: vec![Vec::new(); agents],
             found: Vec::new(),
+            cut: false,
         }
     }
 
@@ -130,7 +136,8 @@ impl Conflicts {
     }
 
     /// All conflicts, in no particular order; sort them for one that does not depend on the
-    /// way here.
+    /// way here. Where many agents are in the same cells, some of the rings that pass these may be
+    /// missing; where there is no other conflict none is.
     pub fn all(&self) -> &[Conflict] {
         &self.found
     }
@@ -142,9 +149,9 @@ impl Conflicts {
 
     /// Gives an agent a path in place of the one that it has.
     pub fn set(&mut self, agent: usize, path: &[Vertex]) {
-        self.clear(agent);
+        self.take_away(agent);
         let mut found = std::mem::take(&mut self.found);
-        self.visit_conflicts(agent, path, &mut |conflict| found.push(conflict));
+        self.cut |= !self.visit_conflicts(agent, path, &mut |conflict| found.push(conflict));
         self.found = found;
         for (v, from, until, next) in stays(path) {
             let agent = agent as u32;
@@ -156,10 +163,16 @@ impl Conflicts {
             });
         }
         self.paths[agent].extend_from_slice(path);
+        self.look_again();
     }
 
     /// Takes an agent away.
     pub fn clear(&mut self, agent: usize) {
+        self.take_away(agent);
+        self.look_again();
+    }
+
+    fn take_away(&mut self, agent: usize) {
         if self.paths[agent].is_empty() {
             return;
         }
@@ -175,6 +188,23 @@ impl Conflicts {
         }
         self.paths[agent].clear();
         self.found.retain(|conflict| !conflict.involves(number));
+    }
+
+    /// Looks for rings that were cut, once no other conflict is left: then nobody shares a cell, and
+    /// each move has at most one ring.
+    fn look_again(&mut self) {
+        if !self.cut || !self.found.is_empty() {
+            return;
+        }
+        let mut found = Vec::new();
+        self.cut = false;
+        for (agent, path) in self.paths.iter().enumerate() {
+            self.cut |= !self.visit_conflicts(agent, path, &mut |conflict| found.push(conflict));
+        }
+        // Each member of a ring told of it.
+        found.sort_unstable();
+        found.dedup();
+        self.found = found;
     }
 
     /// How many conflicts an agent has with the others.
@@ -210,18 +240,22 @@ impl Conflicts {
     ) -> Option<Box<[(u32, Vertex)]>> {
         let mut first = None;
         self.rings((agent, from, to), time, &mut |ring| {
-            first.get_or_insert(ring);
+            first = Some(ring);
+            false
         });
         first
     }
 
-    /// Tells of every ring that a move of an agent from a cell to another would close.
+    /// Tells of rings that a move of an agent from a cell to another would close, as long as `tell` says to go on. With
+    /// `k` agents in each of `n` cells there are `k` to the power of `n` of them, so that the search is cut after looking at
+    /// twice as many moves as there are agents: more are only looked at where agents share cells, which is a conflict
+    /// of its own. False if it was cut.
     fn rings(
         &self,
         (agent, from, to): (u32, Vertex, Vertex),
         time: u32,
-        tell: &mut dyn FnMut(Box<[(u32, Vertex)]>),
-    ) {
+        tell: &mut dyn FnMut(Box<[(u32, Vertex)]>) -> bool,
+    ) -> bool {
         let leaving = |at: Vertex| {
             let visits = self.visits[at as usize].iter();
             visits.filter(move |visit| visit.until == time && visit.agent != agent)
@@ -235,10 +269,15 @@ impl Conflicts {
         };
         follow(&mut open, 1, to);
         if open.is_empty() {
-            return;
+            return true;
         }
         let mut members = vec![(agent, from)];
+        let mut patience = LEAST_MOVES + 2 * self.paths.len();
         while let Some((behind, next, at, then)) = open.pop() {
+            if patience == 0 {
+                return false;
+            }
+            patience -= 1;
             members.truncate(behind);
             members.push((next, at));
             if then == from {
@@ -246,18 +285,27 @@ impl Conflicts {
                     let mut ring = members.clone();
                     let lowest = (0..ring.len()).min_by_key(|&i| ring[i].0);
                     ring.rotate_left(lowest.unwrap_or(0));
-                    tell(ring.into());
+                    if !tell(ring.into()) {
+                        return true;
+                    }
                 }
             } else if members.iter().all(|(_, v)| *v != then) {
                 // Others run into a ring without being part of it.
                 follow(&mut open, members.len(), then);
             }
         }
+        true
     }
 
-    /// Tells of every conflict that an agent would have with others on a path.
-    fn visit_conflicts(&self, agent: usize, path: &[Vertex], tell: &mut dyn FnMut(Conflict)) {
+    /// Tells of every conflict that an agent would have with others on a path; false if rings were cut.
+    fn visit_conflicts(
+        &self,
+        agent: usize,
+        path: &[Vertex],
+        tell: &mut dyn FnMut(Conflict),
+    ) -> bool {
         let agent = agent as u32;
+        let mut whole = true;
         let Rules {
             until: last,
             delay,
@@ -302,7 +350,7 @@ impl Conflicts {
                 }
             }
             if rings {
-                self.rings((agent, v, next), until, &mut |members| {
+                whole &= self.rings((agent, v, next), until, &mut |members| {
                     let mut numbers: Vec<u32> = members.iter().map(|(member, _)| *member).collect();
                     numbers.sort_unstable();
                     tell(Conflict {
@@ -310,9 +358,11 @@ impl Conflicts {
                         agents: [numbers[0], numbers[1]],
                         kind: Kind::Ring(members),
                     });
+                    true
                 });
             }
         }
+        whole
     }
 }
 
@@ -489,6 +539,27 @@ mod tests {
         team.set(1, &[8]);
         assert_eq!(rings(&team), 1);
         team.set(4, &[9]);
+        assert!(team.all().is_empty());
+    }
+
+    /// Twelve cells in a circle with six agents each had more rings than anybody can wait for.
+    #[test]
+    fn rings_of_crowds_are_not_all_told_but_the_last_one_is_found() {
+        let circle = [0, 1, 2, 3, 7, 11, 15, 14, 13, 12, 8, 4];
+        let rules = Rules {
+            rings: true,
+            ..Rules::default()
+        };
+        let step = |at: usize| vec![circle[at], circle[(at + 1) % circle.len()]];
+        let paths: Vec<Vec<Vertex>> = (0..72).map(|agent| step(agent % 12)).collect();
+        let mut team = team(&paths, rules);
+        assert!(team.all().len() > 72);
+        for agent in 12..72 {
+            team.clear(agent);
+        }
+        let kinds: Vec<&Kind> = team.all().iter().map(|conflict| &conflict.kind).collect();
+        assert!(matches!(kinds[..], [Kind::Ring(members)] if members.len() == 12));
+        team.clear(3);
         assert!(team.all().is_empty());
     }
 
