@@ -21,6 +21,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
         "fleetyard-view",
         &["fleetyard-core", "fleetyard-sim", "fleetyard-world"],
     ),
+    (
+        "fleetyard-views",
+        &["fleetyard-core", "fleetyard-sim", "fleetyard-world"],
+    ),
     ("fleetyard-runtime", &["fleetyard-abi", "fleetyard-core"]),
     (
         "fleetyard-conformance",
@@ -69,6 +73,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "fleetyard-runtime",
             "fleetyard-sim",
             "fleetyard-view",
+            "fleetyard-views",
             "fleetyard-world",
         ],
     ),
@@ -95,7 +100,7 @@ const HOMES: &[(&str, &str)] = &[
 const MAY_BE_UNSAFE: &[&str] = &["fleetyard-abi", "fleetyard-runtime"];
 
 /// Crates whose results are the same everywhere and every time.
-const REPRODUCIBLE: &[&str] = &["core", "world", "check", "sim"];
+const REPRODUCIBLE: &[&str] = &["core", "world", "check", "sim", "views"];
 
 fn metadata() -> Metadata {
     MetadataCommand::new()

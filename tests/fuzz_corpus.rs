@@ -369,6 +369,11 @@ fn suite() {
 }
 
 #[test]
+fn task() {
+    corpus_and_mutations("task", 40_000, 1 << 20);
+}
+
+#[test]
 fn trace() {
     // A group of states may be of a few megabytes on either side.
     corpus_and_mutations("trace", 20_000, 32 << 20);

@@ -31,7 +31,7 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use fleetyard_core::json::read_object;
-use fleetyard_core::{InputError, read_file, write_atomically};
+use fleetyard_core::{Digest, Hasher, InputError, read_file, write_atomically};
 use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
@@ -128,6 +128,37 @@ impl Mover {
         let start = self.times_s[next - 1];
         let fraction = (time_s - start) / (end - start);
         self.poses[next - 1].toward(self.poses[next], fraction)
+    }
+}
+
+impl Workspace {
+    /// Digest of bounds, obstacles and movers; the name is no part of it.
+    pub fn digest(&self) -> Digest {
+        let mut hasher = Hasher::new(WORLD_FORMAT);
+        let outline = |hasher: &mut Hasher, vertices: &[[f64; 2]]| {
+            hasher.u64(vertices.len() as u64);
+            for coordinate in vertices.iter().flatten() {
+                hasher.f64(*coordinate);
+            }
+        };
+        outline(&mut hasher, &[self.bounds.min, self.bounds.max]);
+        let boundary = self.boundary.as_ref().map(|edge| edge.polygon().vertices());
+        outline(&mut hasher, boundary.unwrap_or_default());
+        hasher.u64(self.obstacles.len() as u64);
+        for obstacle in &self.obstacles {
+            outline(&mut hasher, obstacle.vertices());
+        }
+        hasher.u64(self.movers.len() as u64);
+        for mover in &self.movers {
+            hasher.value(&mover.footprint);
+            hasher.u64(mover.poses.len() as u64);
+            for (time_s, pose) in mover.times_s.iter().zip(&mover.poses) {
+                for number in [*time_s, pose.x, pose.y, pose.heading] {
+                    hasher.f64(number);
+                }
+            }
+        }
+        hasher.finish()
     }
 }
 

@@ -25,6 +25,7 @@ pub mod recording;
 pub mod rows;
 pub mod scen;
 pub mod suite;
+pub mod task;
 pub mod trace;
 pub mod values;
 pub mod wire;
@@ -52,6 +53,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("rows", rows::run),
     ("scen", scen::run),
     ("suite", suite::run),
+    ("task", task::run),
     ("trace", trace::run),
     ("values", values::run),
     ("wire", wire::run),

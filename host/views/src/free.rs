@@ -1,0 +1,264 @@
+//! The free space of a disc: exact tests of places and of swept segments.
+//!
+//! A disc that goes straight from a free place is free all the way exactly if its segment is no
+//! nearer than its radius to any edge of an obstacle or of the world. Edges are sorted into a grid
+//! of buckets of which a test visits those that the swept disc covers.
+
+use fleetyard_world::{Bounds, Workspace};
+
+/// By how much a disc may reach over an edge, in metres: rounding, a thousandth of what a contact is.
+pub const FREE_SLACK_M: f64 = 1e-9;
+
+/// Where discs may be among what stands. Movers are left out.
+#[derive(Debug, Clone)]
+pub struct Free {
+    bounds: Bounds,
+    has_boundary: bool,
+    edges: Vec<Edge>,
+    side_m: f64,
+    size: [usize; 2],
+    /// Per bucket its edges, row by row.
+    buckets: Lists,
+    /// Per row of buckets its edges, each once.
+    rows: Lists,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    from: [f64; 2],
+    to: [f64; 2],
+    of_boundary: bool,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Lists {
+    offsets: Vec<u32>,
+    entries: Vec<u32>,
+}
+
+impl Lists {
+    fn new(count: usize, mut pairs: Vec<(u32, u32)>) -> Self {
+        pairs.sort_unstable();
+        let mut offsets = vec![0; count + 1];
+        for (list, _) in &pairs {
+            offsets[*list as usize + 1] += 1;
+        }
+        for at in 0..count {
+            offsets[at + 1] += offsets[at];
+        }
+        Self {
+            offsets,
+            entries: pairs.into_iter().map(|(_, entry)| entry).collect(),
+        }
+    }
+
+    fn get(&self, list: usize) -> &[u32] {
+        &self.entries[self.offsets[list] as usize..self.offsets[list + 1] as usize]
+    }
+}
+
+/// Most rows and columns of buckets.
+const MOST: f64 = 2048.0;
+
+impl Free {
+    /// The free space of a world.
+    pub fn new(world: &Workspace) -> Self {
+        let mut edges = Vec::new();
+        let mut add = |vertices: &[[f64; 2]], of_boundary| {
+            let ends = vertices.iter().cycle().skip(1);
+            edges.extend(vertices.iter().zip(ends).map(|(from, to)| Edge {
+                from: *from,
+                to: *to,
+                of_boundary,
+            }));
+        };
+        for obstacle in &world.obstacles {
+            add(obstacle.vertices(), false);
+        }
+        if let Some(boundary) = &world.boundary {
+            add(boundary.polygon().vertices(), true);
+        }
+        let bounds = world.bounds;
+        let [width, height] = [0, 1].map(|axis| bounds.max[axis] - bounds.min[axis]);
+        let wanted = (width * height / (2 * edges.len() + 16) as f64).sqrt();
+        let side_m = wanted.max(width.max(height) / MOST);
+        let size = [width, height].map(|extent| ((extent / side_m).ceil() as usize).max(1));
+        let mut free = Self {
+            bounds,
+            has_boundary: world.boundary.is_some(),
+            edges,
+            side_m,
+            size,
+            buckets: Lists::default(),
+            rows: Lists::default(),
+        };
+        let (mut buckets, mut rows) = (Vec::new(), Vec::new());
+        for (number, edge) in free.edges.iter().enumerate() {
+            free.covered(edge.from, edge.to, 0.0, |row, from, to| {
+                rows.push((row as u32, number as u32));
+                let first = row * size[0];
+                buckets.extend(
+                    (first + from..=first + to).map(|bucket| (bucket as u32, number as u32)),
+                );
+                false
+            });
+        }
+        free.buckets = Lists::new(size[0] * size[1], buckets);
+        free.rows = Lists::new(size[1], rows);
+        free
+    }
+
+    /// The box around the world.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    fn index(&self, axis: usize, value: f64) -> usize {
+        let at = (value - self.bounds.min[axis]) / self.side_m;
+        // Below 0 becomes 0.
+        (at as usize).min(self.size[axis] - 1)
+    }
+
+    /// Visits the buckets that a disc covers on its way, as row, first and last column, until
+    /// the visitor is content.
+    fn covered(
+        &self,
+        from: [f64; 2],
+        to: [f64; 2],
+        radius_m: f64,
+        mut visit: impl FnMut(usize, usize, usize) -> bool,
+    ) -> bool {
+        let (low, high) = if from[1] <= to[1] {
+            (from, to)
+        } else {
+            (to, from)
+        };
+        let reach = radius_m + FREE_SLACK_M + 1e-12 * self.side_m;
+        let rise = high[1] - low[1];
+        let last = self.size[1] - 1;
+        for row in self.index(1, low[1] - reach)..=self.index(1, high[1] + reach) {
+            let line = |row: usize| self.bounds.min[1] + row as f64 * self.side_m;
+            let begin = if row == 0 {
+                f64::NEG_INFINITY
+            } else {
+                line(row) - reach
+            };
+            let end = if row == last {
+                f64::INFINITY
+            } else {
+                line(row + 1) + reach
+            };
+            let x_at = |y: f64, flat: f64| {
+                let share = if rise > 0.0 {
+                    ((y - low[1]) / rise).clamp(0.0, 1.0)
+                } else {
+                    flat
+                };
+                low[0] + share * (high[0] - low[0])
+            };
+            let (a, b) = (x_at(begin, 0.0), x_at(end, 1.0));
+            let first = self.index(0, a.min(b) - reach);
+            if visit(row, first, self.index(0, a.max(b) + reach)) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Whether a point is within the world and in no obstacle.
+    pub fn is_inside(&self, point: [f64; 2]) -> bool {
+        if !self.bounds.contains(point) {
+            return false;
+        }
+        let (mut solid, mut around) = (0, 0);
+        for number in self.rows.get(self.index(1, point[1])) {
+            let edge = self.edges[*number as usize];
+            let (below, above) = (edge.from[1] <= point[1], edge.to[1] <= point[1]);
+            if below == above {
+                continue;
+            }
+            let [ax, ay] = edge.from;
+            let [bx, by] = edge.to;
+            let side = (bx - ax) * (point[1] - ay) - (point[0] - ax) * (by - ay);
+            let turn = match (below, side > 0.0) {
+                (true, true) => 1,
+                (false, false) if side < 0.0 => -1,
+                _ => continue,
+            };
+            if edge.of_boundary {
+                around += turn;
+            } else {
+                solid += turn;
+            }
+        }
+        solid == 0 && (!self.has_boundary || around != 0)
+    }
+
+    /// Whether a disc is free at a place.
+    pub fn holds(&self, point: [f64; 2], radius_m: f64) -> bool {
+        self.is_inside(point) && self.sweeps(point, point, radius_m)
+    }
+
+    /// Whether a disc that is free at one place can go straight to another.
+    pub fn sweeps(&self, from: [f64; 2], to: [f64; 2], radius_m: f64) -> bool {
+        let radius = radius_m - FREE_SLACK_M;
+        let within = |point: [f64; 2]| {
+            let (min, max) = (self.bounds.min, self.bounds.max);
+            (0..2)
+                .all(|axis| point[axis] - radius >= min[axis] && point[axis] + radius <= max[axis])
+        };
+        if !(within(from) && within(to)) {
+            return false;
+        }
+        let limit = radius.max(0.0) * radius.max(0.0);
+        !self.covered(from, to, radius_m, |row, first, last| {
+            let row = row * self.size[0];
+            (row + first..=row + last).any(|bucket| {
+                let mut edges = self.buckets.get(bucket).iter();
+                edges.any(|number| {
+                    let edge = self.edges[*number as usize];
+                    squared_distance(from, to, edge.from, edge.to) < limit
+                })
+            })
+        })
+    }
+
+    /// The distance of a point from the nearest edge of an obstacle or of the world, in metres.
+    pub fn clearance_m(&self, point: [f64; 2]) -> f64 {
+        let edges = self.edges.iter();
+        let squared = edges
+            .map(|edge| squared_distance(point, point, edge.from, edge.to))
+            .fold(f64::INFINITY, f64::min);
+        let (min, max) = (self.bounds.min, self.bounds.max);
+        let sides = (0..2).flat_map(|axis| [point[axis] - min[axis], max[axis] - point[axis]]);
+        sides.fold(squared.sqrt(), |least, side| least.min(side.abs()))
+    }
+}
+
+/// The squared distance of two segments.
+fn squared_distance(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> f64 {
+    let cross = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
+        (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
+    };
+    let apart = |p: f64, q: f64| (p > 0.0 && q < 0.0) || (p < 0.0 && q > 0.0);
+    if apart(cross(a, b, c), cross(a, b, d)) && apart(cross(c, d, a), cross(c, d, b)) {
+        return 0.0;
+    }
+    let from = |p: [f64; 2], q: [f64; 2], point: [f64; 2]| {
+        let along = [q[0] - p[0], q[1] - p[1]];
+        let to = [point[0] - p[0], point[1] - p[1]];
+        let length = along[0] * along[0] + along[1] * along[1];
+        let progress = along[0] * to[0] + along[1] * to[1];
+        let share = if length > 0.0 {
+            (progress / length).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let (x, y) = (to[0] - share * along[0], to[1] - share * along[1]);
+        x * x + y * y
+    };
+    from(a, b, c)
+        .min(from(a, b, d))
+        .min(from(c, d, a))
+        .min(from(c, d, b))
+}

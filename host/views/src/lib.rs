@@ -1,0 +1,19 @@
+//! One world, three views: tasks, and the operators that derive from them what planners on grids,
+//! on roadmaps and in the plane are given.
+//!
+//! A [`Task`] is the file that a user edits; a [`Problem`] is a task with the files that it names.
+//! Lengths are metres, times seconds, angles radians counter-clockwise; x right, y up. The same
+//! problem, parameters and seed give the same bits on every machine.
+
+#![forbid(unsafe_code)]
+
+mod free;
+mod task;
+mod world;
+
+pub use free::{FREE_SLACK_M, Free};
+pub use task::{
+    Agent, Fleets, Place, Problem, State, TASK_FILE_LIMIT, TASK_FORMAT, Task, load_problem,
+    load_task, read_task, save_task, write_task,
+};
+pub use world::grid_to_world;

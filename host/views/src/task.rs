@@ -1,0 +1,694 @@
+//! Task files, `fleetyard.task/1`: one JSON object with world or map, robots, starts, goals and seed.
+//!
+//! ```json
+//! {
+//!   "format": "fleetyard.task/1",
+//!   "name": "two rooms",
+//!   "world": "two-rooms.world.json",
+//!   "robots": {
+//!     "cart": {
+//!       "footprint": {"disc": {"radius_m": 0.25}},
+//!       "model": {"single-integrator": {"speed_m_per_s": 1.0}}
+//!     }
+//!   },
+//!   "agents": [
+//!     {"robot": "cart", "start": [1, 1], "goal": [9, 5]},
+//!     {"robot": "cart", "start": [9, 1, 3.14], "goal": [1, 2]}
+//!   ],
+//!   "goal_tolerance_m": 0.01,
+//!   "seed": 1
+//! }
+//! ```
+//!
+//! Either `world` names a world file, or `map` a map on a grid whose cells have the side
+//! `cell_size_m`; its lower left corner is at (0, 0). Either `robots` has kinds of robots, as
+//! profiles of a fleet file, and every agent names its own in `robot`; or `fleet` names a fleet
+//! file, which deals its profiles to the agents. Files are named from the folder of the task.
+//! Starts and goals are `[x, y]` or `[x, y, heading]`; robots rest there. Unknown keys are refused.
+
+use std::fmt;
+use std::path::Path;
+
+use fleetyard_core::json::{self, json_error, read_object, with_hint};
+use fleetyard_core::{
+    Digest, Grid, Hasher, InputError, load_map, read_file, shown, write_atomically,
+};
+use fleetyard_sim::motion::{Fleet, Profile, load_fleet};
+use fleetyard_world::{
+    Boundary, DYNAMICS_TOLERANCE, Placement, Polygon, Pose, Shape, Workspace, common_radius_m,
+    load_workspace, separation_m,
+};
+use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{
+    DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
+};
+use serde_json::{Value, json};
+
+use crate::Free;
+
+/// The value of `format`.
+pub const TASK_FORMAT: &str = "fleetyard.task/1";
+
+/// Largest task file that is read, in bytes.
+pub const TASK_FILE_LIMIT: u64 = 1 << 28;
+
+/// Most agents of a task.
+const MAX_AGENTS: usize = 1 << 20;
+
+const HINT: &str =
+    "a task file is a JSON object with format, world or map, robots or fleet, and agents";
+
+/// Content of a task file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Task {
+    /// The file, for error messages.
+    pub source: String,
+    /// A name for output; may be empty.
+    pub name: String,
+    /// Where the robots are.
+    pub place: Place,
+    /// What the robots are.
+    pub fleet: Fleets,
+    /// Who goes where, at least one.
+    pub agents: Vec<Agent>,
+    /// How far from its goal a robot may end, in metres; for planners in the plane.
+    pub goal_tolerance_m: f64,
+    /// The same of its heading, in radians.
+    pub goal_tolerance_rad: f64,
+    /// Seed of everything random that is derived from the task.
+    pub seed: u64,
+}
+
+/// The world of a task. Files are named from the folder of the task.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Place {
+    /// A world file.
+    World(String),
+    /// A map on a grid.
+    Map {
+        /// Its file.
+        file: String,
+        /// The side of a cell in metres.
+        cell_size_m: f64,
+    },
+}
+
+/// The robots of a task.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Fleets {
+    /// A fleet file.
+    File(String),
+    /// Kinds with their names, in the order of the file; agents have them by number.
+    Kinds(Vec<(String, Profile)>),
+}
+
+/// A robot with its start and its goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agent {
+    /// Number of its kind; 0 where a fleet file deals them.
+    pub robot: u32,
+    /// Where it begins, at rest.
+    pub start: State,
+    /// Where it is to come to rest.
+    pub goal: State,
+}
+
+/// A place at which a robot rests.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    /// x in metres.
+    pub x_m: f64,
+    /// y in metres.
+    pub y_m: f64,
+    /// Its heading in radians; any if there is none.
+    pub heading_rad: Option<f64>,
+}
+
+impl State {
+    /// The place, in metres.
+    pub fn at_m(self) -> [f64; 2] {
+        [self.x_m, self.y_m]
+    }
+
+    fn pose(self) -> Pose {
+        Pose::new(self.x_m, self.y_m, self.heading_rad.unwrap_or(0.0))
+    }
+
+    fn json(self) -> Value {
+        match self.heading_rad {
+            Some(heading) => json!([self.x_m, self.y_m, heading]),
+            None => json!([self.x_m, self.y_m]),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for State {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Numbers;
+
+        impl<'de> Visitor<'de> for Numbers {
+            type Value = State;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a place [x, y] or [x, y, heading]")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<State, A::Error> {
+                let mut numbers = [None; 3];
+                for (count, slot) in numbers.iter_mut().enumerate() {
+                    *slot = seq.next_element::<f64>()?;
+                    if slot.is_none() && count < 2 {
+                        return Err(A::Error::invalid_length(count, &self));
+                    }
+                    if slot.is_none() {
+                        break;
+                    }
+                }
+                if seq.next_element::<IgnoredAny>()?.is_some() {
+                    return Err(A::Error::invalid_length(4, &self));
+                }
+                let [x_m, y_m] = [numbers[0], numbers[1]].map(Option::unwrap_or_default);
+                let most = numbers.iter().flatten().map(|number| number.abs());
+                if most.fold(0.0, f64::max) > Polygon::MOST_M {
+                    let reason = format!("[{x_m}, {y_m}] is too far or turned too often");
+                    let hint = "give coordinates in metres and a heading in radians";
+                    return Err(with_hint(&reason, Some(hint)));
+                }
+                Ok(State {
+                    x_m: x_m + 0.0,
+                    y_m: y_m + 0.0,
+                    heading_rad: numbers[2],
+                })
+            }
+        }
+
+        deserializer.deserialize_seq(Numbers)
+    }
+}
+
+/// Reads and parses a task file, but not the files that it names.
+pub fn load_task(path: impl AsRef<Path>) -> Result<Task, InputError> {
+    let path = path.as_ref();
+    let bytes = read_file(path, TASK_FILE_LIMIT)?;
+    read_task(&path.display().to_string(), &bytes)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a task: a JSON object")]
+struct Document {
+    #[serde(deserialize_with = "format", rename = "format")]
+    _format: (),
+    #[serde(default)]
+    name: String,
+    world: Option<String>,
+    map: Option<String>,
+    cell_size_m: Option<Positive>,
+    robots: Option<Kinds>,
+    fleet: Option<String>,
+    #[serde(rename = "agents")]
+    _agents: IgnoredAny,
+    goal_tolerance_m: Option<Positive>,
+    goal_tolerance_rad: Option<Positive>,
+    #[serde(default)]
+    seed: u64,
+}
+
+fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
+    json::format(deserializer, TASK_FORMAT)
+}
+
+/// A length or an angle that is above 0 and finite.
+struct Positive(f64);
+
+impl<'de> Deserialize<'de> for Positive {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = f64::deserialize(deserializer)?;
+        if value >= Polygon::MOST_M.recip() && value <= Polygon::MOST_M {
+            return Ok(Self(value));
+        }
+        let hint = "give metres or radians between 1e-6 and 1e6";
+        Err(with_hint(&format!("{value} is no size"), Some(hint)))
+    }
+}
+
+/// Kinds of robots by name, in the order of the file.
+struct Kinds(Vec<(String, Profile)>);
+
+impl<'de> Deserialize<'de> for Kinds {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries;
+
+        impl<'de> Visitor<'de> for Entries {
+            type Value = Kinds;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object of kinds of robots by name")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Kinds, A::Error> {
+                let mut kinds: Vec<(String, Profile)> = Vec::new();
+                let mut names = std::collections::BTreeSet::new();
+                while let Some(name) = map.next_key::<String>()? {
+                    if !names.insert(name.clone()) {
+                        let reason = format!("the robot {:?} is there twice", shown(&name));
+                        return Err(with_hint(&reason, Some("give each kind its own name")));
+                    }
+                    kinds.push((name, map.next_value()?));
+                }
+                if kinds.is_empty() {
+                    return Err(A::Error::custom("there are no robots"));
+                }
+                Ok(Kinds(kinds))
+            }
+        }
+
+        deserializer.deserialize_map(Entries)
+    }
+}
+
+/// Parses the content of a task file. Errors name `source`.
+pub fn read_task(source: &str, bytes: &[u8]) -> Result<Task, InputError> {
+    let hinted = |error: InputError| match error.hint {
+        Some(_) => error,
+        None => error.hint(HINT),
+    };
+    let one_of = |reason: &str, hint: &str| Err(InputError::new(source, reason).hint(hint));
+    let document: Document = read_object(source, bytes, HINT).map_err(hinted)?;
+    let place = match (document.world, document.map, document.cell_size_m) {
+        (Some(world), None, None) => Place::World(world),
+        (None, Some(file), Some(Positive(cell_size_m))) => Place::Map { file, cell_size_m },
+        (None, Some(_), None) => {
+            return one_of(
+                "a map has no size without cell_size_m",
+                "add cell_size_m, the side of a cell in metres",
+            );
+        }
+        (Some(_), None, Some(_)) => {
+            return one_of(
+                "a world has no cells",
+                "leave out cell_size_m, or name a map",
+            );
+        }
+        (world, ..) => {
+            let both = world.is_some();
+            let reason = if both {
+                "there are both world and map"
+            } else {
+                "there are neither world nor map"
+            };
+            return one_of(
+                reason,
+                "name a world file with world, or a map with map and cell_size_m",
+            );
+        }
+    };
+    let fleet = match (document.robots, document.fleet) {
+        (Some(Kinds(kinds)), None) => Fleets::Kinds(kinds),
+        (None, Some(file)) => Fleets::File(file),
+        (robots, _) => {
+            let reason = if robots.is_some() {
+                "there are both robots and fleet"
+            } else {
+                "there are neither robots nor fleet"
+            };
+            return one_of(
+                reason,
+                "describe the kinds in robots, or name a fleet file with fleet",
+            );
+        }
+    };
+    // Names can only be resolved when all kinds are known, and an unknown one is refused at
+    // its place: so the agents are read in a second pass.
+    let mut again = serde_json::Deserializer::from_slice(bytes);
+    let agents = AgentsKey(&fleet).deserialize(&mut again);
+    let agents = agents.map_err(|error| hinted(json_error(source, bytes, &error)))?;
+    let tolerance = |given: Option<Positive>| given.map_or(DYNAMICS_TOLERANCE, |value| value.0);
+    Ok(Task {
+        source: source.to_owned(),
+        name: document.name,
+        place,
+        fleet,
+        agents,
+        goal_tolerance_m: tolerance(document.goal_tolerance_m),
+        goal_tolerance_rad: tolerance(document.goal_tolerance_rad),
+        seed: document.seed,
+    })
+}
+
+/// Finds the key `agents` in a document that is otherwise valid.
+struct AgentsKey<'a>(&'a Fleets);
+
+impl<'de> DeserializeSeed<'de> for AgentsKey<'_> {
+    type Value = Vec<Agent>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<Agent>, D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for AgentsKey<'_> {
+    type Value = Vec<Agent>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a task: a JSON object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Vec<Agent>, A::Error> {
+        let mut agents = None;
+        while let Some(key) = map.next_key::<String>()? {
+            if key == "agents" {
+                agents = Some(map.next_value_seed(AgentList(self.0))?);
+            } else {
+                map.next_value::<IgnoredAny>()?;
+            }
+        }
+        agents.ok_or_else(|| A::Error::missing_field("agents"))
+    }
+}
+
+struct AgentList<'a>(&'a Fleets);
+
+impl<'de> DeserializeSeed<'de> for AgentList<'_> {
+    type Value = Vec<Agent>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<Agent>, D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for AgentList<'_> {
+    type Value = Vec<Agent>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of agents")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Vec<Agent>, A::Error> {
+        let mut agents = Vec::new();
+        while let Some(agent) = seq.next_element_seed(AgentEntry(self.0))? {
+            agents.push(agent);
+            if agents.len() > MAX_AGENTS {
+                return Err(A::Error::custom(format!("more than {MAX_AGENTS} agents")));
+            }
+        }
+        if agents.is_empty() {
+            return Err(with_hint(
+                &"there are no agents",
+                Some("give each a start and a goal"),
+            ));
+        }
+        Ok(agents)
+    }
+}
+
+struct AgentEntry<'a>(&'a Fleets);
+
+impl<'de> DeserializeSeed<'de> for AgentEntry<'_> {
+    type Value = Agent;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Agent, D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for AgentEntry<'_> {
+    type Value = Agent;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an agent: an object with robot, start and goal")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Agent, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Raw {
+            robot: Option<String>,
+            start: State,
+            goal: State,
+        }
+        let Raw { robot, start, goal } = Raw::deserialize(MapAccessDeserializer::new(map))?;
+        let robot = match (self.0, robot) {
+            (Fleets::File(_), None) => 0,
+            (Fleets::File(_), Some(_)) => {
+                let reason = "the agent names a robot, but the fleet file deals them";
+                return Err(with_hint(
+                    &reason,
+                    Some("leave out robot, or use robots in place of fleet"),
+                ));
+            }
+            (Fleets::Kinds(kinds), Some(name)) => {
+                let found = kinds.iter().position(|(known, _)| *known == name);
+                let unknown = || {
+                    let reason = format!("{:?} is not one of the robots", shown(&name));
+                    with_hint(&reason, Some("name a kind of robots"))
+                };
+                found.ok_or_else(unknown)? as u32
+            }
+            (Fleets::Kinds(kinds), None) if kinds.len() == 1 => 0,
+            (Fleets::Kinds(_), None) => {
+                let reason = "the agent does not say which robot it is";
+                return Err(with_hint(
+                    &reason,
+                    Some("add robot with the name of a kind"),
+                ));
+            }
+        };
+        Ok(Agent { robot, start, goal })
+    }
+}
+
+/// The content of a task file, one agent per line.
+pub fn write_task(task: &Task) -> Vec<u8> {
+    let mut lines = vec![format!("\"format\": \"{TASK_FORMAT}\"")];
+    let mut key = |key: &str, value: Value| lines.push(format!("\"{key}\": {value}"));
+    if !task.name.is_empty() {
+        key("name", json!(task.name));
+    }
+    match &task.place {
+        Place::World(file) => key("world", json!(file)),
+        Place::Map { file, cell_size_m } => {
+            key("map", json!(file));
+            key("cell_size_m", json!(cell_size_m));
+        }
+    }
+    for (name, tolerance) in [
+        ("goal_tolerance_m", task.goal_tolerance_m),
+        ("goal_tolerance_rad", task.goal_tolerance_rad),
+    ] {
+        if tolerance != DYNAMICS_TOLERANCE {
+            key(name, json!(tolerance));
+        }
+    }
+    key("seed", json!(task.seed));
+    let kinds = match &task.fleet {
+        Fleets::File(file) => {
+            key("fleet", json!(file));
+            None
+        }
+        Fleets::Kinds(kinds) => {
+            let entries = kinds
+                .iter()
+                .map(|(name, profile)| format!("    {}: {}", json!(name), json!(profile)));
+            let entries: Vec<String> = entries.collect();
+            lines.push(format!("\"robots\": {{\n{}\n  }}", entries.join(",\n")));
+            Some(kinds)
+        }
+    };
+    let agents = task.agents.iter().map(|agent| {
+        let robot =
+            kinds.map(|kinds| format!("\"robot\": {}, ", json!(kinds[agent.robot as usize].0)));
+        let (start, goal) = (agent.start.json(), agent.goal.json());
+        format!(
+            "    {{{}\"start\": {start}, \"goal\": {goal}}}",
+            robot.unwrap_or_default()
+        )
+    });
+    let agents: Vec<String> = agents.collect();
+    lines.push(format!("\"agents\": [\n{}\n  ]", agents.join(",\n")));
+    format!("{{\n  {}\n}}\n", lines.join(",\n  ")).into_bytes()
+}
+
+/// Writes a task file.
+pub fn save_task(task: &Task, path: impl AsRef<Path>) -> Result<(), InputError> {
+    write_atomically(path.as_ref(), &write_task(task))
+}
+
+/// A task with everything that it names: the workspace view, from which the others are derived.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// The task.
+    pub task: Task,
+    /// Bounds, obstacles and movers.
+    pub world: Workspace,
+    /// The map, where the task has one; its cells have the side that the task says.
+    pub map: Option<Grid>,
+    /// The robots, one per agent.
+    pub fleet: Fleet,
+}
+
+/// Reads a task file and the files that it names, and checks that every robot is free at its
+/// start and at its goal.
+pub fn load_problem(path: impl AsRef<Path>) -> Result<Problem, InputError> {
+    let path = path.as_ref();
+    let task = load_task(path)?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let (world, map) = match &task.place {
+        Place::World(file) => (load_workspace(folder.join(file))?, None),
+        Place::Map { file, cell_size_m } => {
+            let map = load_map(folder.join(file))?;
+            (
+                crate::grid_to_world(&map, *cell_size_m, [0.0, 0.0])?,
+                Some(map),
+            )
+        }
+    };
+    let fleet = match &task.fleet {
+        Fleets::File(file) => load_fleet(folder.join(file))?.fleet(task.agents.len()),
+        Fleets::Kinds(kinds) => Fleet::new(
+            kinds.iter().map(|(_, profile)| profile.clone()).collect(),
+            task.agents.iter().map(|agent| agent.robot).collect(),
+        ),
+    };
+    let fleet = fleet.map_err(|error| {
+        InputError::new(task.source.as_str(), error.to_string()).hint(error.hint())
+    })?;
+    let problem = Problem {
+        task,
+        world,
+        map,
+        fleet,
+    };
+    problem.check()?;
+    Ok(problem)
+}
+
+impl Problem {
+    /// An agent's shape.
+    pub fn shape(&self, agent: usize) -> &Shape {
+        &self.fleet.shapes()[self.fleet.profile_of()[agent] as usize]
+    }
+
+    /// r_com, the largest effective radius of the agents, in metres.
+    pub fn common_radius_m(&self) -> f64 {
+        common_radius_m((0..self.task.agents.len()).map(|agent| self.shape(agent)))
+    }
+
+    /// Digest of everything that planners can see: names and the kind of file are no part of it.
+    pub fn digest(&self) -> Digest {
+        let mut hasher = Hasher::new("fleetyard.problem/1");
+        let world = self.world.digest().0;
+        hasher.u64(world as u64);
+        hasher.u64((world >> 64) as u64);
+        hasher.u64(self.task.agents.len() as u64);
+        for (agent, kind) in self.task.agents.iter().zip(self.fleet.profile_of()) {
+            hasher.value(&self.fleet.profiles()[*kind as usize]);
+            hasher.value(&[agent.start.json(), agent.goal.json()]);
+        }
+        hasher.f64(self.task.goal_tolerance_m);
+        hasher.f64(self.task.goal_tolerance_rad);
+        hasher.finish()
+    }
+
+    /// Refuses starts and goals at which a robot is not free, or two robots are in each other.
+    fn check(&self) -> Result<(), InputError> {
+        let free = Free::new(&self.world);
+        let source = self.task.source.as_str();
+        for (number, agent) in self.task.agents.iter().enumerate() {
+            for (what, state) in [("start", agent.start), ("goal", agent.goal)] {
+                let shape = self.shape(number);
+                let [x, y] = state.at_m();
+                if free.holds([x, y], shape.effective_radius_m()) {
+                    continue;
+                }
+                let fault = |reason: String| {
+                    let place = format!("the {what} of agent {number} at ({x}, {y}) is {reason}");
+                    Err(InputError::new(source, place)
+                        .hint("move it, or give the agent a smaller footprint"))
+                };
+                let depth = self.depth_m(shape, state);
+                if !free.is_inside([x, y]) {
+                    return fault("outside of the free space".to_owned());
+                }
+                if depth > FORGIVEN_M {
+                    return fault(format!("{depth:.4} m inside an obstacle or the edge"));
+                }
+            }
+        }
+        for (what, states) in [
+            (
+                "starts",
+                self.task
+                    .agents
+                    .iter()
+                    .map(|agent| agent.start)
+                    .collect::<Vec<_>>(),
+            ),
+            (
+                "goals",
+                self.task.agents.iter().map(|agent| agent.goal).collect(),
+            ),
+        ] {
+            if let Some((first, second, depth)) = self.overlap(&states) {
+                let reason =
+                    format!("the {what} of agents {first} and {second} overlap by {depth:.4} m");
+                return Err(InputError::new(source, reason).hint("move one of them"));
+            }
+        }
+        Ok(())
+    }
+
+    /// How deep a shape is in an obstacle or beyond the edge of the world, in metres.
+    fn depth_m(&self, shape: &Shape, state: State) -> f64 {
+        let pose = state.pose();
+        let at = Placement::from(pose);
+        let solid = self.world.obstacles.iter().flat_map(Polygon::parts);
+        let edge = self.world.boundary.iter().flat_map(Boundary::outside);
+        let into = solid
+            .chain(edge)
+            .map(|(pose, part)| -separation_m(shape, at, part, Placement::from(*pose)))
+            .fold(0.0, f64::max);
+        let reach = |axis: usize, sign: f64| {
+            if shape.is_disc() {
+                return shape.effective_radius_m();
+            }
+            let here = [pose.x, pose.y][axis];
+            let corners = shape.vertices().iter();
+            let corners = corners.map(|corner| sign * (pose.apply(*corner)[axis] - here));
+            corners.fold(0.0, f64::max)
+        };
+        let (bounds, point) = (self.world.bounds, state.at_m());
+        let over = [0, 1].map(|axis| {
+            let low = bounds.min[axis] - (point[axis] - reach(axis, -1.0));
+            let high = point[axis] + reach(axis, 1.0) - bounds.max[axis];
+            low.max(high)
+        });
+        into.max(over[0]).max(over[1])
+    }
+
+    /// The first two robots that overlap when all are at these places, and by how much.
+    fn overlap(&self, states: &[State]) -> Option<(usize, usize, f64)> {
+        let reach = 2.0 * self.common_radius_m();
+        let mut order: Vec<usize> = (0..states.len()).collect();
+        order.sort_by(|a, b| states[*a].x_m.total_cmp(&states[*b].x_m).then(a.cmp(b)));
+        let mut found: Option<(usize, usize, f64)> = None;
+        for (at, one) in order.iter().enumerate() {
+            for other in &order[at + 1..] {
+                let (a, b) = (states[*one], states[*other]);
+                if b.x_m - a.x_m > reach {
+                    break;
+                }
+                let (low, high) = (*one.min(other), *one.max(other));
+                let depth = -separation_m(self.shape(*one), a.pose(), self.shape(*other), b.pose());
+                let is_first = found.is_none_or(|(i, j, _)| (low, high) < (i, j));
+                if depth > FORGIVEN_M && is_first {
+                    found = Some((low, high, depth));
+                }
+            }
+        }
+        found
+    }
+}
+
+/// An overlap that is no contact, in metres.
+const FORGIVEN_M: f64 = 1e-6;

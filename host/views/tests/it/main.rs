@@ -1,0 +1,4 @@
+//! Tasks, operators, and the tasks of the repository.
+
+mod tasks;
+mod worlds;

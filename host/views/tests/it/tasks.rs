@@ -1,0 +1,140 @@
+//! Task files: what is read is what is written, and what is wrong is refused at its place.
+
+use std::path::PathBuf;
+
+use fleetyard_core::InputError;
+use fleetyard_views::{load_problem, load_task, read_task, write_task};
+use fleetyard_world::{load_workspace, write_workspace};
+
+fn maps(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../../maps")
+        .join(name)
+}
+
+const TASKS: [&str; 3] = ["two-rooms.task.json", "window.task.json", "maze.task.json"];
+
+/// Set `FLEETYARD_REGENERATE=1` to write the files as they would be written now.
+#[test]
+fn tasks_are_as_they_would_be_written() {
+    let check = |name: &str, written: &[u8]| {
+        if std::env::var_os("FLEETYARD_REGENERATE").is_some() {
+            fleetyard_core::write_atomically(&maps(name), written).unwrap();
+        }
+        let found = std::fs::read(maps(name)).unwrap();
+        assert!(found == written, "{name} is not what would be written");
+    };
+    let world = load_workspace(maps("window.world.json")).unwrap();
+    check("window.world.json", &write_workspace(&world));
+    for name in TASKS {
+        let file = maps(name);
+        let task = load_task(&file).unwrap();
+        let written = write_task(&task);
+        check(name, &written);
+        let again = read_task(&task.source, &written).unwrap();
+        assert_eq!(again, task);
+        let problem = load_problem(&file).unwrap();
+        assert_eq!(problem.fleet.agents(), task.agents.len());
+        assert!(problem.common_radius_m() > 0.0);
+    }
+}
+
+fn refused(text: &str) -> InputError {
+    read_task("a.task.json", text.as_bytes()).unwrap_err()
+}
+
+#[test]
+fn what_is_wrong_has_its_place() {
+    let with = |keys: &str, agents: &str| {
+        format!("{{\n\"format\": \"fleetyard.task/1\",\n{keys},\n\"agents\": [{agents}]\n}}")
+    };
+    let kinds = r#""world": "w", "robots": {"go": "go2", "spot": "spot"}"#;
+    let agent = r#"{"robot": "go", "start": [0, 0], "goal": [1, 1]}"#;
+    assert!(read_task("a", with(kinds, agent).as_bytes()).is_ok());
+    let cases = [
+        (with(kinds, ""), "a.task.json:4:12: there are no agents"),
+        (
+            with(
+                kinds,
+                r#"{"robot": "dog", "start": [0, 0], "goal": [1, 1]}"#,
+            ),
+            "a.task.json:4:60: \"dog\" is not one of the robots",
+        ),
+        (
+            with(kinds, r#"{"start": [0, 0], "goal": [1, 1]}"#),
+            "a.task.json:4:44: the agent does not say which robot it is",
+        ),
+        (
+            with(kinds, r#"{"robot": "go", "start": [0], "goal": [1, 1]}"#),
+            "a.task.json:4:39: invalid length 1, expected a place [x, y] or [x, y, heading]",
+        ),
+        (
+            with(
+                r#""world": "w", "map": "m", "robots": {"go": "go2"}"#,
+                agent,
+            ),
+            "a.task.json: there are both world and map",
+        ),
+        (
+            with(r#""map": "m", "robots": {"go": "go2"}"#, agent),
+            "a.task.json: a map has no size without cell_size_m",
+        ),
+        (
+            with(r#""world": "w""#, agent),
+            "a.task.json: there are neither robots nor fleet",
+        ),
+        (
+            with(r#""world": "w", "fleet": "f""#, agent),
+            "a.task.json:4:59: the agent names a robot, but the fleet file deals them",
+        ),
+    ];
+    for (text, told) in cases {
+        let error = refused(&text);
+        assert_eq!(error.to_string(), told, "{text}");
+        assert!(error.hint.is_some(), "{error:?}");
+    }
+}
+
+/// A problem of a folder of its own, with this world and these agents.
+fn problem(agents: &str) -> Result<fleetyard_views::Problem, InputError> {
+    let folder = tempfile::tempdir().unwrap();
+    let world = r#"{"format": "fleetyard.world/1", "bounds_m": [0, 0, 4, 4],
+        "obstacles": [{"rectangle": {"center": [2, 2], "size": [1, 1]}}]}"#;
+    std::fs::write(folder.path().join("w.json"), world).unwrap();
+    let task = format!(
+        r#"{{"format": "fleetyard.task/1", "world": "w.json", "robots": {{"disc":
+        {{"footprint": {{"disc": {{"radius_m": 0.25}}}}, "model": {{"single-integrator": {{"speed_m_per_s": 1}}}}}}}},
+        "agents": [{agents}]}}"#
+    );
+    let file = folder.path().join("t.task.json");
+    std::fs::write(&file, task).unwrap();
+    load_problem(&file)
+}
+
+#[test]
+fn starts_and_goals_are_free() {
+    let agent = |start: &str, goal: &str| format!(r#"{{"start": {start}, "goal": {goal}}}"#);
+    // Touching is allowed.
+    assert!(problem(&agent("[0.25, 0.25]", "[1.25, 2]")).is_ok());
+    let two = agent("[1, 1]", "[3, 3]") + "," + &agent("[1.4, 1]", "[3, 1]");
+    let cases = [
+        (
+            agent("[1.3, 2]", "[3, 3]"),
+            "the start of agent 0 at (1.3, 2) is 0.0500 m inside",
+        ),
+        (
+            agent("[1, 1]", "[2, 2]"),
+            "the goal of agent 0 at (2, 2) is outside of the free space",
+        ),
+        (
+            agent("[1, 1]", "[3.9, 3]"),
+            "the goal of agent 0 at (3.9, 3) is 0.1500 m inside",
+        ),
+        (two, "the starts of agents 0 and 1 overlap by 0.1000 m"),
+    ];
+    for (agents, told) in cases {
+        let error = problem(&agents).unwrap_err();
+        assert!(error.reason.starts_with(told), "{error}");
+        assert!(error.hint.is_some());
+    }
+}
