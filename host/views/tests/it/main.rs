@@ -1,4 +1,5 @@
 //! Tasks, operators, and the tasks of the repository.
 
+mod grids;
 mod tasks;
 mod worlds;

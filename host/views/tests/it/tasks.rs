@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use fleetyard_core::InputError;
-use fleetyard_views::{load_problem, load_task, read_task, write_task};
+use fleetyard_views::{Problem, load_problem, load_task, read_task, write_task};
 use fleetyard_world::{load_workspace, write_workspace};
 
-fn maps(name: &str) -> PathBuf {
+pub(crate) fn maps(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../../maps")
         .join(name)
@@ -95,11 +95,12 @@ fn what_is_wrong_has_its_place() {
     }
 }
 
-/// A problem of a folder of its own, with this world and these agents.
-fn problem(agents: &str) -> Result<fleetyard_views::Problem, InputError> {
+/// A problem of a folder of its own: discs of 0.25 m on 4 by 4 m.
+pub(crate) fn problem_in(obstacle: &str, agents: &str) -> Result<Problem, InputError> {
     let folder = tempfile::tempdir().unwrap();
-    let world = r#"{"format": "fleetyard.world/1", "bounds_m": [0, 0, 4, 4],
-        "obstacles": [{"rectangle": {"center": [2, 2], "size": [1, 1]}}]}"#;
+    let world = format!(
+        r#"{{"format": "fleetyard.world/1", "bounds_m": [0, 0, 4, 4], "obstacles": [{obstacle}]}}"#
+    );
     std::fs::write(folder.path().join("w.json"), world).unwrap();
     let task = format!(
         r#"{{"format": "fleetyard.task/1", "world": "w.json", "robots": {{"disc":
@@ -113,6 +114,12 @@ fn problem(agents: &str) -> Result<fleetyard_views::Problem, InputError> {
 
 #[test]
 fn starts_and_goals_are_free() {
+    let problem = |agents: &str| {
+        problem_in(
+            r#"{"rectangle": {"center": [2, 2], "size": [1, 1]}}"#,
+            agents,
+        )
+    };
     let agent = |start: &str, goal: &str| format!(r#"{{"start": {start}, "goal": {goal}}}"#);
     // Touching is allowed.
     assert!(problem(&agent("[0.25, 0.25]", "[1.25, 2]")).is_ok());

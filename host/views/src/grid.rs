@@ -1,0 +1,291 @@
+//! World to grid: cells that hold the largest robot's disc, blocked where obstacles cover them.
+
+use std::sync::Arc;
+
+use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
+use fleetyard_world::{Boundary, Bounds, Polygon, Pose, Shape, Workspace};
+use serde::Serialize;
+
+use crate::{FREE_SLACK_M, Origin, Problem, State};
+
+/// How far apart robots stay that keep the rules of a grid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Separation {
+    /// Cells of side 2r, as published: on four neighbours a robot that follows another one round
+    /// a corner comes as near as √2·r.
+    Rules,
+    /// Cells of side 2√2·r: 2r between any two robots at all times.
+    Strict,
+}
+
+/// Parameters of a grid view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GridSpec {
+    /// Moves: four neighbours or eight.
+    pub connectivity: Connectivity,
+    /// The side of a cell follows from it.
+    pub separation: Separation,
+}
+
+/// A task on a grid.
+#[derive(Debug, Clone)]
+pub struct GridView {
+    /// Cells, starts and goals.
+    pub instance: GridInstance,
+    /// The side of a cell in metres.
+    pub cell_m: f64,
+    /// The lower left corner of the grid in the world, in metres.
+    pub corner_m: [f64; 2],
+    /// Per agent, how far start and goal are from the centres of their cells, in metres.
+    pub snapped_m: Vec<[f64; 2]>,
+    /// Operator, parameters and sources.
+    pub origin: Origin,
+}
+
+/// The side of a cell: 2·L·r for moves of at most L cells, and at least 2√2·r where robots keep
+/// 2r from each other. With eight neighbours L = √2, and both are the same.
+pub fn cell_side_m(spec: GridSpec, radius_m: f64) -> f64 {
+    match (spec.connectivity, spec.separation) {
+        (Connectivity::Four, Separation::Rules) => 2.0 * radius_m,
+        _ => 2.0 * core::f64::consts::SQRT_2 * radius_m,
+    }
+}
+
+/// The grid of a problem's world, with its starts and goals in the cells that contain them.
+///
+/// A cell is blocked if an obstacle, or what is outside of the world's boundary, reaches into it
+/// by more than a nanometre. Cells that overhang the box around the world are free where that
+/// box contains the disc in their middle. Movers are left out.
+pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, InputError> {
+    let source = problem.task.source.as_str();
+    let radius_m = problem.common_radius_m();
+    let cell_m = cell_side_m(spec, radius_m);
+    let Workspace {
+        bounds, boundary, ..
+    } = &problem.world;
+    // A length that is a whole number of cells but for rounding has no cell more.
+    let count = |axis: usize| ((bounds.max[axis] - bounds.min[axis]) / cell_m - 1e-9).ceil();
+    let [cols, rows] = [count(0).max(1.0), count(1).max(1.0)];
+    if cols * rows > Grid::MAX_CELLS as f64 {
+        let reason = format!("the grid has {cols} by {rows} cells of {cell_m} m, too many");
+        return Err(InputError::new(source, reason).hint("use larger robots or a smaller world"));
+    }
+    let mut raster = Raster {
+        corner_m: bounds.min,
+        cell_m,
+        cols: cols as u32,
+        rows: rows as u32,
+        letters: vec![b'.'; (cols * rows) as usize],
+    };
+    raster.overhang(bounds, radius_m);
+    let solid = problem.world.obstacles.iter().flat_map(Polygon::parts);
+    let outside = boundary.iter().flat_map(Boundary::outside);
+    for (pose, shape) in solid {
+        raster.block(*pose, shape, None);
+    }
+    for (pose, shape) in outside {
+        raster.block(*pose, shape, Some(*bounds));
+    }
+    let name = problem.world.name.as_str();
+    let grid = Grid::new(name, raster.rows, raster.cols, raster.letters.clone())?;
+    let agents = &problem.task.agents;
+    let mut snapped_m = vec![[0.0; 2]; agents.len()];
+    let mut cells = [Vec::new(), Vec::new()];
+    for (side, what) in ["start", "goal"].into_iter().enumerate() {
+        let mut owner = std::collections::BTreeMap::new();
+        for (number, agent) in agents.iter().enumerate() {
+            let state = [agent.start, agent.goal][side];
+            let (cell, distance) = raster.snap(state);
+            snapped_m[number][side] = distance;
+            let fault = |reason: String| Err(InputError::new(source, reason));
+            let (row, col) = grid.row_col(cell);
+            if !grid.is_passable(cell) {
+                return fault(format!(
+                    "the {what} of agent {number} snaps {distance:.3} m to the cell at row {row}, \
+                     column {col}, which is blocked"
+                ))
+                .map_err(|error| error.hint(raster.way_out(&grid, state)));
+            }
+            if let Some(first) = owner.insert(cell, number) {
+                let other: f64 = snapped_m[first][side];
+                return fault(format!(
+                    "the {what}s of agents {first} and {number} snap {other:.3} m and \
+                     {distance:.3} m to one cell, at row {row}, column {col}"
+                ))
+                .map_err(|error| {
+                    error.hint(format!(
+                        "move one of them by up to {cell_m:.3} m, a cell's side"
+                    ))
+                });
+            }
+            cells[side].push(cell);
+        }
+    }
+    let [starts, goals] = cells;
+    let instance = GridInstance::new(Arc::new(grid), spec.connectivity, starts, goals);
+    let instance = instance.map_err(|error| {
+        InputError::new(source, error.to_string()).hint(
+            "on this grid the way is closed: passages narrower than two cells may hold no free \
+             cell; use a roadmap, smaller robots or wider passages",
+        )
+    })?;
+    let parameters = serde_json::json!({
+        "neighbors": spec.connectivity.degree(),
+        "separation": spec.separation,
+        "cell_m": cell_m,
+        "r_com_m": radius_m,
+    });
+    let origin = Origin::of(problem, "world-to-grid", parameters, None);
+    Ok(GridView {
+        instance,
+        cell_m,
+        corner_m: bounds.min,
+        snapped_m,
+        origin,
+    })
+}
+
+struct Raster {
+    corner_m: [f64; 2],
+    cell_m: f64,
+    cols: u32,
+    rows: u32,
+    /// Row by row from the uppermost.
+    letters: Vec<u8>,
+}
+
+impl Raster {
+    fn letter(&mut self, up: u32, col: u32) -> &mut u8 {
+        &mut self.letters[((self.rows - 1 - up) * self.cols + col) as usize]
+    }
+
+    /// Blocks the cells beyond the bounds whose disc is not within them.
+    fn overhang(&mut self, bounds: &Bounds, radius_m: f64) {
+        let beyond = |axis: usize, number: u32| {
+            let middle = self.corner_m[axis] + (f64::from(number) + 0.5) * self.cell_m;
+            middle + radius_m > bounds.max[axis] + FREE_SLACK_M
+        };
+        let (last_col, last_up) = (self.cols - 1, self.rows - 1);
+        let (right, top) = (beyond(0, last_col), beyond(1, last_up));
+        for up in 0..self.rows {
+            for col in 0..self.cols {
+                if (right && col == last_col) || (top && up == last_up) {
+                    *self.letter(up, col) = b'@';
+                }
+            }
+        }
+    }
+
+    /// Blocks the cells into which a convex shape reaches, row by row: what of the shape is in a
+    /// row is convex too, so that it reaches into all cells between its ends and no other.
+    fn block(&mut self, pose: Pose, shape: &Shape, within: Option<Bounds>) {
+        let mut outline: Vec<[f64; 2]> = shape
+            .vertices()
+            .iter()
+            .map(|corner| pose.apply(*corner))
+            .collect();
+        if let Some(Bounds { min, max }) = within {
+            for axis in 0..2 {
+                outline = clip(&outline, axis, min[axis], 1.0);
+                outline = clip(&outline, axis, max[axis], -1.0);
+            }
+        }
+        let Some((low, high)) = extent(&outline, 1) else {
+            return;
+        };
+        let (corner, side, slack) = (self.corner_m, self.cell_m, FREE_SLACK_M);
+        let at = |axis: usize, value: f64| (value - corner[axis]) / side;
+        let most = [self.cols, self.rows];
+        let range = |axis: usize, low: f64, high: f64| {
+            let first = at(axis, low + slack).floor().max(0.0) as u32;
+            let last = at(axis, high - slack).floor();
+            let reaches = high - low > 2.0 * slack && last >= 0.0;
+            first..if reaches {
+                (last as u32 + 1).min(most[axis])
+            } else {
+                0
+            }
+        };
+        for up in range(1, low, high) {
+            let bottom = corner[1] + f64::from(up) * side;
+            let strip = clip(&outline, 1, bottom + slack, 1.0);
+            let strip = clip(&strip, 1, bottom + side - slack, -1.0);
+            if let Some((left, right)) = extent(&strip, 0) {
+                for col in range(0, left, right) {
+                    *self.letter(up, col) = b'@';
+                }
+            }
+        }
+    }
+
+    /// The cell that contains a place, and how far its centre is.
+    fn snap(&self, state: State) -> (u32, f64) {
+        let point = state.at_m();
+        let most = [self.cols, self.rows];
+        let [col, up] = [0, 1].map(|axis| {
+            let at = (point[axis] - self.corner_m[axis]) / self.cell_m;
+            (at as u32).min(most[axis] - 1)
+        });
+        let middle = [col, up].map(|number| (f64::from(number) + 0.5) * self.cell_m);
+        let (x, y) = (
+            point[0] - self.corner_m[0] - middle[0],
+            point[1] - self.corner_m[1] - middle[1],
+        );
+        (
+            (self.rows - 1 - up) * self.cols + col,
+            (x * x + y * y).sqrt(),
+        )
+    }
+
+    /// Where the nearest free cell is.
+    fn way_out(&self, grid: &Grid, state: State) -> String {
+        let free = (0..grid.cell_count()).filter(|cell| grid.is_passable(*cell));
+        let place = |cell: u32| {
+            let (x, y) = fleetyard_core::cell_center_m(grid, self.cell_m, cell);
+            [self.corner_m[0] + x, self.corner_m[1] + y]
+        };
+        let far = |cell: &u32| {
+            let [x, y] = place(*cell);
+            let (x, y) = (x - state.x_m, y - state.y_m);
+            x * x + y * y
+        };
+        match free.min_by(|a, b| far(a).total_cmp(&far(b))) {
+            Some(cell) => {
+                let ([x, y], distance) = (place(cell), far(&cell).sqrt());
+                format!("the nearest free cell is {distance:.3} m away, around ({x:.3}, {y:.3})")
+            }
+            None => "no cell is free: the robots are too large for this world on a grid".to_owned(),
+        }
+    }
+}
+
+/// The part of a convex outline on one side of a line along an axis: above it for a sign of 1.
+fn clip(outline: &[[f64; 2]], axis: usize, at: f64, sign: f64) -> Vec<[f64; 2]> {
+    let above = |point: [f64; 2]| sign * (point[axis] - at);
+    let mut kept = Vec::with_capacity(outline.len() + 1);
+    let ends = outline.iter().cycle().skip(1);
+    for (from, to) in outline.iter().zip(ends) {
+        let (a, b) = (above(*from), above(*to));
+        if a >= 0.0 {
+            kept.push(*from);
+        }
+        if (a > 0.0 && b < 0.0) || (a < 0.0 && b > 0.0) {
+            let share = a / (a - b);
+            let other = 1 - axis;
+            let mut point = [at; 2];
+            point[other] = from[other] + share * (to[other] - from[other]);
+            kept.push(point);
+        }
+    }
+    kept
+}
+
+/// The least and the largest coordinate, if there are any.
+fn extent(outline: &[[f64; 2]], axis: usize) -> Option<(f64, f64)> {
+    let mut numbers = outline.iter().map(|point| point[axis]);
+    let first = numbers.next()?;
+    Some(numbers.fold((first, first), |(low, high), number| {
+        (low.min(number), high.max(number))
+    }))
+}
