@@ -4,6 +4,7 @@ use super::quality::valid_plans;
 use super::{Case, Planner, Trials};
 use crate::Row;
 use crate::statistics::{Clustered, Interval, clustered_mean_interval, mean, sorted};
+use crate::verify::comparable;
 
 /// Gaps to the best known plan that count as targets.
 pub const GAPS: [f64; 4] = [0.01, 0.02, 0.05, 0.10];
@@ -32,6 +33,79 @@ pub struct Anytime {
     pub targets: [f64; PARTS.len()],
     /// Share of cases whose last plan is within each of [`GAPS`].
     pub within: [f64; GAPS.len()],
+    /// Mean gap when the first planner of the instance had ended by itself with a valid plan, and
+    /// at the budget; of instances that a planner ended so.
+    pub equal_time: Option<[f64; 2]>,
+}
+
+/// Share of targets, one for each case and each of [`GAPS`], that a planner has reached over time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reached {
+    /// Its label.
+    pub planner: String,
+    /// By moment.
+    pub shares: Vec<f64>,
+}
+
+/// Of every planner, in the suite's order, the share of targets that it has reached by each moment,
+/// against the best plans that came by the last of these.
+pub fn targets_reached(trials: &Trials<'_>, times_ms: &[f64]) -> Vec<Reached> {
+    let best = best_known(trials, times_ms.last().copied().unwrap_or(0.0));
+    let planners = trials.planners().iter();
+    let of = |planner: &Planner<'_>| {
+        let solvable = || (planner.cases.iter()).filter(|case| best[case.instance].is_finite());
+        let cases = solvable().count();
+        if cases == 0 {
+            return None;
+        }
+        let shares = times_ms.iter().map(|time_ms| {
+            let of_case = |case: &Case<'_>| {
+                let reached = |row: &&Row| hit(gap_by(row, best[case.instance], *time_ms));
+                case.repeats.iter().map(reached).sum::<f64>() / case.repeats.len() as f64
+            };
+            solvable().map(of_case).sum::<f64>() / cases as f64
+        });
+        Some(Reached {
+            planner: planner.label.into(),
+            shares: shares.collect(),
+        })
+    };
+    planners.filter_map(of).collect()
+}
+
+/// Share of targets that a gap is within.
+fn hit(gap: f64) -> f64 {
+    GAPS.iter().filter(|target| gap <= **target).count() as f64 / GAPS.len() as f64
+}
+
+/// By instance, the smallest sum of costs of any planner's valid plan that came by then; infinite
+/// where there is none.
+fn best_known(trials: &Trials<'_>, time_ms: f64) -> Vec<f64> {
+    let mut best = vec![f64::INFINITY; trials.instances().len()];
+    for case in trials.planners().iter().flat_map(|planner| &planner.cases) {
+        for row in &case.repeats {
+            let known = &mut best[case.instance];
+            *known = valid_plans(row)
+                .filter(|(time, _)| *time <= time_ms)
+                .map(|(_, cost)| cost)
+                .fold(*known, f64::min);
+        }
+    }
+    best
+}
+
+/// By instance, the time that the first planner had used that ended by itself with a valid plan;
+/// infinite where none did.
+fn first_ends(trials: &Trials<'_>) -> Vec<f64> {
+    let mut ends = vec![f64::INFINITY; trials.instances().len()];
+    for case in trials.planners().iter().flat_map(|planner| &planner.cases) {
+        let ended = (case.repeats.iter()).filter(|row| row.success && comparable(row));
+        for row in ended {
+            let known = &mut ends[case.instance];
+            *known = known.min(row.planning_time_ms);
+        }
+    }
+    ends
 }
 
 impl Anytime {
@@ -40,20 +114,14 @@ impl Anytime {
         if !trials.rows().any(|row| row.incumbents.len() > 1) {
             return Vec::new();
         }
-        let mut best = vec![f64::INFINITY; trials.instances().len()];
-        for case in trials.planners().iter().flat_map(|planner| &planner.cases) {
-            for row in &case.repeats {
-                let known = &mut best[case.instance];
-                *known = valid_plans(row)
-                    .map(|(_, cost)| cost)
-                    .fold(*known, f64::min);
-            }
-        }
+        let (best, ends) = (best_known(trials, f64::INFINITY), first_ends(trials));
         let planners = trials.planners().iter();
-        planners.map(|planner| Self::of(planner, &best)).collect()
+        planners
+            .map(|planner| Self::of(planner, &best, &ends))
+            .collect()
     }
 
-    fn of(planner: &Planner<'_>, best: &[f64]) -> Self {
+    fn of(planner: &Planner<'_>, best: &[f64], ends: &[f64]) -> Self {
         // An instance without any plan says nothing of who was asked.
         let solvable = || {
             planner
@@ -77,17 +145,31 @@ impl Anytime {
             planner: planner.label.into(),
             primal_integral: mean_of(&integrals),
             interval: clustered_mean_interval(&integrals),
-            targets: PARTS.map(|part| {
-                share(&|row, best| {
-                    let gap = gap_by(row, best, part * row.budget_ms);
-                    GAPS.iter().filter(|target| gap <= **target).count() as f64 / GAPS.len() as f64
-                })
-            }),
+            targets: PARTS
+                .map(|part| share(&|row, best| hit(gap_by(row, best, part * row.budget_ms)))),
             within: GAPS.map(|target| {
                 share(&|row, best| f64::from(u8::from(gap_by(row, best, f64::INFINITY) <= target)))
             }),
+            equal_time: equal_time(planner, best, ends),
         }
     }
+}
+
+/// Mean gap of a planner when the first of all had ended, and at the end.
+fn equal_time(planner: &Planner<'_>, best: &[f64], ends: &[f64]) -> Option<[f64; 2]> {
+    let ended = || {
+        let cases = planner.cases.iter();
+        cases.filter(|case| best[case.instance].is_finite() && ends[case.instance].is_finite())
+    };
+    let of = |until: &dyn Fn(&Case<'_>) -> f64| {
+        let gaps = ended().filter_map(|case| {
+            let gaps =
+                (case.repeats.iter()).map(|row| gap_by(row, best[case.instance], until(case)));
+            mean(&sorted(gaps))
+        });
+        mean(&sorted(gaps))
+    };
+    Some([of(&|case| ends[case.instance])?, of(&|_| f64::INFINITY)?])
 }
 
 /// 1 − C\*/C; everybody at the goal from the beginning is as good as can be.

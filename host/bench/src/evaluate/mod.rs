@@ -25,7 +25,7 @@ mod summary;
 mod trials;
 mod unit;
 
-pub use anytime::{Anytime, GAPS, PARTS};
+pub use anytime::{Anytime, GAPS, PARTS, Reached, targets_reached};
 pub use censored::{Censored, censored};
 pub use curves::{
     BoxPlot, Cactus, Curve, CurvePoint, Mark, Scatter, ScatterPoint, box_plots, cactus,

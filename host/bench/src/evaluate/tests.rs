@@ -718,6 +718,7 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
         budget_ms: 1000.0,
         soc_steps: Some(100),
         incumbents: vec![plan(5.0, 200), plan(500.0, 100)],
+        planning_time_ms: 500.0,
         ..row("anytime", 0, Some(500.0))
     };
     let once = Row {
@@ -751,6 +752,20 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
     assert_eq!(per_cent(&of("once").targets), [0, 0, 50]);
     assert_eq!(per_cent(&of("once").within), [0, 0, 100, 100]);
     assert_eq!(of("anytime").interval, None);
+    // The first to end by itself took 250 ms.
+    let at = |planner: &str| of(planner).equal_time.unwrap();
+    near(at("anytime")[0], 0.5);
+    near(at("anytime")[1], 0.0);
+    near(at("once")[0], 1.0 - 100.0 / 104.0);
+    assert_eq!(at("never"), [1.0, 1.0]);
+    let moments = [1.0, 250.0, 499.0, 500.0];
+    let reached = targets_reached(&Trials::new(&all), &moments);
+    let shares: Vec<&[f64]> = reached.iter().map(|found| &*found.shares).collect();
+    let never: &[f64] = &[0.0; 4];
+    assert_eq!(
+        shares,
+        [&[0.0, 0.0, 0.0, 1.0], never, &[0.0, 0.5, 0.5, 0.5]]
+    );
     // Nobody sends anything on the way.
     let found = Evaluation::of(&Trials::new(&all[1..]), Order::Text);
     assert_eq!(found.anytime, []);

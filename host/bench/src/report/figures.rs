@@ -6,8 +6,8 @@ use super::figure::{Axis, Figure, Marks, Series};
 use super::format::capital;
 use crate::evaluate::{
     Cactus, Dimension, EXPANSIONS, Evaluation, METRICS, Metric, PATH_LENGTH, PlannerSummary,
-    Ranking, Reference, SOLVE_TIME, Trials, box_plots, cactus, curves, log_spaced, profiles,
-    quality_over_time, scatter,
+    Ranking, Reached, Reference, SOLVE_TIME, Trials, box_plots, cactus, curves, log_spaced,
+    profiles, quality_over_time, scatter, targets_reached,
 };
 use crate::statistics::{Interval, Summary};
 
@@ -149,7 +149,7 @@ impl<'a> Maker<'a> {
         if let [first, second, ..] = &self.ranking.planners[..] {
             figures.extend(self.scatter(&first.planner, &second.planner, &SOLVE_TIME));
         }
-        figures.push(self.quality());
+        figures.extend([self.quality(), self.targets()]);
         if let Some(size) = size_of(self.trials) {
             figures.extend(METRICS.iter().map(|metric| self.by_size(size, metric)));
         }
@@ -408,6 +408,41 @@ impl<'a> Maker<'a> {
             },
             diagonal: false,
             series: quality.into_iter().filter_map(curve).collect(),
+        }
+    }
+
+    fn targets(&self) -> Figure {
+        let times_ms = moments(self.trials);
+        let curve = |found: Reached| {
+            let mut points: Vec<[f64; 2]> = Vec::new();
+            for (time_ms, share) in times_ms.iter().zip(found.shares) {
+                if share > points.last().map_or(0.0, |point| point[1]) {
+                    points.push([*time_ms, share]);
+                }
+            }
+            let some = !points.is_empty();
+            let steps = self.series(&found.planner, Marks::Steps { points });
+            some.then_some(steps)
+        };
+        let found = targets_reached(self.trials, &times_ms);
+        Figure {
+            id: "targets".into(),
+            title: "Targets reached over time".into(),
+            caption: "The share of targets that each planner has reached within how long; a target is an \
+                      instance and a gap of 1, 2, 5 or 10 % to the best plan that any planner found of it. \
+                      Higher and further left is better."
+                .into(),
+            x: Axis {
+                label: "time, ms".into(),
+                log: true,
+                ..Axis::default()
+            },
+            y: Axis {
+                label: "targets reached".into(),
+                ..solved()
+            },
+            diagonal: false,
+            series: found.into_iter().filter_map(curve).collect(),
         }
     }
 

@@ -217,7 +217,9 @@ pub(super) fn anytime(evaluation: &Evaluation) -> Option<Table> {
     let note = format!(
         "Against the best plan that any planner found of the instance. Primal integral: the mean gap over \
          the budget, 1 as long as there is no plan, with its 95 % interval. Targets: share of cases and \
-         gaps of {} that were reached within a part of the budget.",
+         gaps of {} that were reached within a part of the budget. Gap at equal time: when the first \
+         planner of the instance had ended by itself with a valid plan, beside the gap at the budget, of \
+         instances that one ended so.",
         gaps.join(", ")
     );
     let targets = parts.iter().map(|part| format!("Targets by {part}"));
@@ -225,6 +227,7 @@ pub(super) fn anytime(evaluation: &Evaluation) -> Option<Table> {
     let names: Vec<String> = targets.chain(within).collect();
     let mut head = vec![("Planner", true), ("Primal integral", false)];
     head.extend(names.iter().map(|name| (name.as_str(), false)));
+    head.extend([("Gap at equal time", false), ("Gap at the budget", false)]);
     let mut table = Table::new("Plans on the way", note, &head);
     for ranked in &evaluation.ranking.planners {
         let mut found = evaluation.anytime.iter();
@@ -243,6 +246,8 @@ pub(super) fn anytime(evaluation: &Evaluation) -> Option<Table> {
         let mut row = vec![found.planner.clone(), integral];
         let shares = found.targets.iter().chain(&found.within);
         row.extend(shares.map(|share| percent(Some(*share))));
+        let [equal, budget] = found.equal_time.map_or([None; 2], |gaps| gaps.map(Some));
+        row.extend([percent(equal), percent(budget)]);
         table.rows.push(row);
     }
     (!table.rows.is_empty()).then_some(table)

@@ -225,6 +225,7 @@ fn figures_and_tables_have_the_same_numbers() {
         "times",
         "means-expansions",
         "quality",
+        "targets",
     ] {
         assert!(ids.contains(&id), "{ids:?}");
     }

@@ -214,6 +214,33 @@ const FIGURES = {
     };
   },
 
+  targets() {
+    const { moments_ms } = data.quality, { found } = story, known = bestKnown();
+    const reached = (cost, best) => GAPS.filter((gap) => (cost === Infinity ? 1 : cost > 0 ? 1 - best / cost : 0) <= gap).length / GAPS.length;
+    return {
+      title: 'Targets reached over time',
+      caption: 'The share of targets that each planner has reached within how long; a target is an instance and a gap of 1, 2, 5 or 10 % '
+        + 'to the best plan that any planner found of it. Higher and further left is better.',
+      x: { label: 'time, ms', log: true }, y: { label: 'targets reached', percent: true, range: [0, 1] },
+      series: bySlot((p) => {
+        const cases = p.all.filter((c) => known[instanceOfCase[c]] < Infinity);
+        const sums = new Float64Array(moments_ms.length), best = new Float64Array(moments_ms.length);
+        for (const c of cases) {
+          const trials = Array.from(found.trials(c));
+          const hits = new Float64Array(moments_ms.length);
+          for (const i of trials) bestBy(i, best).forEach((cost, at) => { hits[at] += reached(cost, known[instanceOfCase[c]]); });
+          hits.forEach((hit, at) => { sums[at] += hit / trials.length; });
+        }
+        const points = [];
+        moments_ms.forEach((time, at) => {
+          const share = sums[at] / cases.length;
+          if (share > (points.at(-1)?.[1] ?? 0)) points.push([time, share]);
+        });
+        return points.length ? { kind: 'steps', name: p.name, slot: p.slot, points, behind: () => cases } : null;
+      }),
+    };
+  },
+
   size(name) {
     const metric = metricOf(name);
     return {
@@ -238,6 +265,19 @@ function references() {
   if (story.references) return story.references;
   const of = story.references = new Float64Array(instances.groups).fill(Infinity), { numbers } = columns.lower_bound_steps;
   for (const i of story.rows) of[instances.of[i]] = Math.min(of[instances.of[i]], numbers[i]);
+  return of;
+}
+
+/** Gaps to the best known plan that count as targets. */
+const GAPS = [0.01, 0.02, 0.05, 0.10];
+
+/** The smallest sum of costs of a valid plan of every instance, among the trials that pass. */
+function bestKnown() {
+  if (story.known) return story.known;
+  const of = story.known = new Float64Array(instances.groups).fill(Infinity), { first, soc } = changes;
+  for (const i of story.rows) {
+    if (first[i + 1] > first[i]) of[instances.of[i]] = Math.min(of[instances.of[i]], soc.numbers[first[i + 1] - 1]);
+  }
   return of;
 }
 
@@ -304,7 +344,10 @@ function makeFigures() {
       const [quantity, x, y] = [metrics('solve_time_ms'), planners('Horizontal', data.scatter[0]), planners('Vertical', data.scatter[1])];
       addCard('scatter', [x, y, quantity], () => FIGURES.scatter(quantity.value, Number(x.value), Number(y.value)));
     }
-    if (data.quality.moments_ms.length) addCard('quality', [], FIGURES.quality);
+    if (data.quality.moments_ms.length) {
+      addCard('quality', [], FIGURES.quality);
+      addCard('targets', [], FIGURES.targets);
+    }
     if (size) {
       const quantity = metrics('solve_time_ms');
       addCard('size', [quantity], () => FIGURES.size(quantity.value));
