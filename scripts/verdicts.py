@@ -10,8 +10,11 @@ cells of a seed share its random numbers; at least six of them are needed. A cla
 
 and is confirmed or contradicted where Student's t test over seeds tells so with 5 % at most, after
 Holm's correction (1979) for all claims that are judged together; else it is undecided. "Similar" takes
-two one-sided tests (Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15, 1987). The
-margin is fixed before anything is measured.
+two one-sided tests (Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15, 1987). They also
+make a claim of "better" that is neither confirmed nor contradicted equivalent, with a Holm correction of
+their own: the difference is within the margin, whatever its sign. The margin is fixed before anything is
+measured. Not for fewer than six seeds, for seeds that share random numbers, or for a margin that was chosen
+after looking.
 """
 
 import math
@@ -120,17 +123,24 @@ class Claim:
         bound = 0.0 if self.kind == "better" else -self.margin
         return min(2 * seeds.p_above(bound, n), 1.0), min(2 * seeds.p_below(bound, n), 1.0)
 
-    def p(self):
-        return min(self.tests())
+    def p(self, n=None):
+        return min(self.tests(n))
 
-    def decided(self, p):
-        """The verdict where p is what correction made of it."""
+    def p_equivalent(self, n=None):
+        """Of two one-sided tests that the difference is within the margin: at most 5 % where the 90 %
+        interval is."""
+        return max(self.seeds.p_above(-self.margin, n), self.seeds.p_below(self.margin, n))
+
+    def decided(self, p, p_equivalent):
+        """The verdict where these are what correction made of both p."""
         if self.seeds is None:
             return "not measured"
-        if self.seeds.n < FEWEST_SEEDS or p > LEVEL:
+        if self.seeds.n < FEWEST_SEEDS:
             return "undecided"
-        for_it, against = self.tests()
-        return "confirmed" if for_it < against else "contradicted"
+        if p <= LEVEL:
+            for_it, against = self.tests()
+            return "confirmed" if for_it < against else "contradicted"
+        return "equivalent" if self.kind == "better" and p_equivalent <= LEVEL else "undecided"
 
     def seeds_needed(self):
         """How many seeds of this mean and spread would decide, before correction; None where a
@@ -138,20 +148,27 @@ class Claim:
         if self.seeds.n < 2:
             return None
         for n in range(max(self.seeds.n + 1, FEWEST_SEEDS), 1001):
-            if min(self.tests(n)) <= LEVEL:
+            if min(self.p(n), self.p_equivalent(n) if self.kind == "better" else 1.0) <= LEVEL:
                 return n
         return None
 
 
+def holm(p_values):
+    """What Holm's correction makes of p-values, by their keys."""
+    adjusted, largest = {}, 0.0
+    for rank, key in enumerate(sorted(p_values, key=p_values.get)):
+        largest = max(largest, min((len(p_values) - rank) * p_values[key], 1.0))
+        adjusted[key] = largest
+    return adjusted
+
+
 def judge(claims):
     """Verdicts on claims, with Holm's correction for those that are measured."""
-    measured = [at for at, claim in enumerate(claims) if claim.seeds is not None and claim.seeds.n >= FEWEST_SEEDS]
-    adjusted = dict.fromkeys(range(len(claims)), 1.0)
-    largest = 0.0
-    for rank, at in enumerate(sorted(measured, key=lambda at: claims[at].p())):
-        largest = max(largest, min((len(measured) - rank) * claims[at].p(), 1.0))
-        adjusted[at] = largest
-    return [claim.decided(adjusted[at]) for at, claim in enumerate(claims)]
+    measured = {at: claim for at, claim in enumerate(claims)
+                if claim.seeds is not None and claim.seeds.n >= FEWEST_SEEDS}
+    adjusted = holm({at: claim.p() for at, claim in measured.items()})
+    equivalent = holm({at: claim.p_equivalent() for at, claim in measured.items() if claim.kind == "better"})
+    return [claim.decided(adjusted.get(at, 1.0), equivalent.get(at, 1.0)) for at, claim in enumerate(claims)]
 
 
 def log_odds(failed, calls):
