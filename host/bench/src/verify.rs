@@ -7,6 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
+use fleetyard_abi::Status;
 use serde::Serialize;
 
 use crate::error::BenchError;
@@ -156,13 +157,16 @@ fn chosen<'r>(again: &mut [(Planned, &'r Row)], sample: Option<u64>) -> Vec<(Pla
     chosen
 }
 
-/// True if something else than time decided how the trial ended.
+/// True if something else than time decided how the trial ended, by the planner's own word too: a solver
+/// that is given less than the budget stops before it.
 pub(crate) fn comparable(row: &Row) -> bool {
     if let (Some(longest), Some(limit)) = (row.planner_call_max_ms, row.planner_limit_ms) {
         // A fleet drives as long as it is told to, but each call of its planner has a deadline.
         return row.termination == "completed" && longest < SPENT * limit;
     }
+    let by_its_own_clock = row.claim.as_deref() == Some(&*Status::TimedOut.to_string());
     !matches!(row.termination.as_str(), "timed-out" | "over-limit")
+        && !by_its_own_clock
         && row.planning_time_ms < SPENT * row.budget_ms
 }
 

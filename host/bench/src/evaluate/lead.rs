@@ -1,7 +1,7 @@
 use serde::Serialize;
 
 use super::paired::{correct, pairs};
-use super::{Paired, Planner, Ranking, SOLVE_TIME, Trials};
+use super::{Case, Paired, Planner, Ranking, SOLVE_TIME, Trials};
 use crate::statistics::{
     BOOTSTRAP_SEED, Clustered, Interval, cluster_means, clustered_mean_interval, mean,
     paired_rate_difference, sign_flip_test, sorted,
@@ -57,19 +57,23 @@ pub struct Success {
     /// either, and else that of a mean in clusters.
     pub interval: Option<Interval>,
     /// Sign flips of the clusters' differences, which is McNemar's exact test where each cluster is one
-    /// trial of either; corrected in a [`Lead`].
+    /// trial of either; corrected for all tests of a [`Lead`], or all comparisons of a table.
     pub p: Option<f64>,
 }
 
 impl Success {
-    pub(super) fn of(first: &Planner<'_>, second: &Planner<'_>) -> Self {
+    /// Of two planners of the same trials.
+    pub(crate) fn between(first: &Planner<'_>, second: &Planner<'_>) -> Self {
+        let theirs = second.cases.iter();
+        Self::of(theirs.filter_map(|theirs| Some((first.case(theirs.instance)?, theirs))))
+    }
+
+    /// Of cases of the same questions; clusters are those of the first.
+    pub(super) fn of<'a>(pairs: impl Iterator<Item = (&'a Case<'a>, &'a Case<'a>)>) -> Self {
         let mut counts = [0; 4];
         let mut differences: Vec<Clustered> = Vec::new();
         let mut single = true;
-        for theirs in &second.cases {
-            let Some(ours) = first.case(theirs.instance) else {
-                continue;
-            };
+        for (ours, theirs) in pairs {
             let at = match (ours.success(), theirs.success()) {
                 (true, true) => 0,
                 (true, false) => 1,
@@ -120,7 +124,7 @@ impl Lead {
             let times = Paired::of(&times, 0, &SOLVE_TIME);
             rivals.push(Rival {
                 planner: label.clone(),
-                solved: Success::of(leader, trials.planner(label)?),
+                solved: Success::between(leader, trials.planner(label)?),
                 slower: times.greater,
                 faster: times.smaller,
                 p_time: times.p,

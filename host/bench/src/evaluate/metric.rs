@@ -87,6 +87,7 @@ metrics! {
     call_time_ms: "planning time that the planner claims", "ms", LESS, known;
     startup_time_ms: "start of the plugin", "ms", LESS, known;
     prepare_time_ms: "learning the map", "ms", LESS, known;
+    total_time_ms: "start, map and call together", "ms", LESS, known;
     cpu_time_ms: "processor time", "ms", LESS, known;
     peak_memory_kb: "peak memory", "KiB", LESS, counted;
     rtf: "real-time factor", "", MORE, known;
@@ -98,6 +99,19 @@ metrics! {
     fail_policy_ratio: "fail-policy ratio", "", LESS, known;
     waiting_share: "share of time standing still", "", LESS, known;
 }
+
+/// Metrics of which planners are held against each other one by one, as far as they have them.
+pub(crate) const COMPARED: [&str; 9] = [
+    "solve_time_ms",
+    "first_solution_ms",
+    "soc_steps",
+    "makespan_steps",
+    "path_length_cells",
+    "total_time_ms",
+    "cpu_time_ms",
+    "peak_memory_kb",
+    "throughput_per_s",
+];
 
 /// The time that planners are ranked by.
 pub const SOLVE_TIME: Metric = METRICS[0];

@@ -33,8 +33,9 @@ pub use curves::{
 };
 pub use groups::{Dimension, Filter, Group, Level, groups};
 pub use lead::{Lead, Rival, Success};
+pub(crate) use metric::COMPARED;
 pub use metric::{EXPANSIONS, METRICS, Metric, PATH_LENGTH, SOLVE_TIME};
-pub use paired::{Comparison, EQUIVALENT, Paired, compare_with};
+pub use paired::{Against, Comparison, EQUIVALENT, Paired, compare_with};
 pub(crate) use quality::best_of;
 pub use quality::{Quality, QualityPoint, Reference, log_spaced, quality_over_time};
 pub use ranking::{Order, RankStability, Ranked, Ranking, rank, rank_stability};
@@ -42,7 +43,7 @@ pub use runs::{
     Digests, MetricDifference, PlannerDifference, RunComparison, SettingDifference, TrialPair,
     compare_runs,
 };
-pub use standing::Standing;
+pub use standing::{Standing, VirtualBest};
 pub use summary::{FailureCount, MetricSummary, Overview, PlannerSummary};
 pub use trials::{Case, Planner, Trials};
 pub use unit::{Counts, Unit};
@@ -62,33 +63,42 @@ pub struct Evaluation {
     pub planners: Vec<PlannerSummary>,
     /// One per planner, in the order of their ranks.
     pub standings: Vec<Standing>,
+    /// All of them together; absent without trials.
+    pub virtual_best: Option<VirtualBest>,
     /// One per planner, in the suite's order; none where no planner sends plans on the way.
     pub anytime: Vec<Anytime>,
     /// Every planner's solve times against those of the best; absent with one planner.
     pub comparison: Option<Comparison>,
+    /// The same of sums of costs; absent where nobody has one of an instance of which the
+    /// first has one.
+    pub costs: Option<Comparison>,
 }
 
 impl Evaluation {
     /// Of trials.
     pub fn of(trials: &Trials<'_>, order: Order) -> Self {
         let ranking = rank(trials, order);
+        let shared = trials.shared();
         let summary = |ranked: &Ranked| {
             let planner = trials.planner(&ranked.planner)?;
-            Some(PlannerSummary::of(planner))
+            Some(PlannerSummary::of(planner, &shared))
         };
         let planners = ranking.planners.iter().filter_map(summary).collect();
-        let best = ranking.planners.first();
-        let comparison = best
-            .filter(|_| trials.planners().len() > 1)
-            .and_then(|best| compare_with(trials, &best.planner, &SOLVE_TIME));
+        let best = (ranking.planners.first()).filter(|_| trials.planners().len() > 1);
+        let compared = |metric| compare_with(trials, &best?.planner, metric);
+        let costs = Metric::named("soc_steps").and_then(compared);
+        let some = |costs: &Comparison| costs.planners.iter().any(|one| one.paired.pairs > 0);
+        let (standings, virtual_best) = Standing::all(trials, &ranking);
         Self {
             overview: Overview::of(trials),
             lead: Lead::of(trials, &ranking),
-            standings: Standing::all(trials, &ranking),
+            standings,
+            virtual_best,
             anytime: Anytime::all(trials),
+            comparison: compared(&SOLVE_TIME),
+            costs: costs.filter(some),
             ranking,
             planners,
-            comparison,
         }
     }
 }

@@ -1,6 +1,6 @@
 use serde::Serialize;
 
-use super::{Metric, SOLVE_TIME, Trials, Unit};
+use super::{Metric, SOLVE_TIME, Success, Trials, Unit};
 use crate::statistics::{
     BOOTSTRAP_SEED, Clustered, Interval, MIN_CLUSTERS, Posterior, bayesian_signed_rank,
     cluster_means, holm, mean, median, median_interval, sign_test, sorted,
@@ -133,7 +133,19 @@ pub struct Comparison {
     /// Whether p-values are exploratory, because some case has no repeats.
     pub descriptive: bool,
     /// The others, by median difference.
-    pub planners: Vec<(String, Paired)>,
+    pub planners: Vec<Against>,
+}
+
+/// A planner against the one that others are compared with.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Against {
+    /// Its label.
+    pub planner: String,
+    /// On the instances that both solved.
+    #[serde(flatten)]
+    pub paired: Paired,
+    /// On the instances that both were asked; the first is the other one.
+    pub solved: Success,
 }
 
 /// The values of two planners on the instances that both solved; `None` if there is no planner of
@@ -158,21 +170,27 @@ pub(super) fn pairs(
 /// Compares every planner with the one of that label, on the instances that both solved;
 /// `None` if there is no such planner.
 pub fn compare_with(trials: &Trials<'_>, baseline: &str, metric: &Metric) -> Option<Comparison> {
-    trials.planner(baseline)?;
-    let labels = trials.planners().iter().map(|planner| planner.label);
-    let mut planners: Vec<(String, Paired)> = labels
-        .filter(|label| *label != baseline)
-        .filter_map(|label| {
-            let pairs = pairs(trials, baseline, label, metric)?;
+    let first = trials.planner(baseline)?;
+    let others = trials.planners().iter();
+    let mut planners: Vec<Against> = others
+        .filter(|other| other.label != baseline)
+        .filter_map(|other| {
+            let pairs = pairs(trials, baseline, other.label, metric)?;
             let left_out = trials.instances().len() - pairs.len();
-            Some((label.to_owned(), Paired::of(&pairs, left_out, metric)))
+            Some(Against {
+                planner: other.label.to_owned(),
+                paired: Paired::of(&pairs, left_out, metric),
+                solved: Success::between(first, other),
+            })
         })
         .collect();
-    Paired::correct(planners.iter_mut().map(|(_, paired)| paired));
-    planners.sort_by(|(a_label, a), (b_label, b)| {
-        let delta = |paired: &Paired| paired.median_delta.unwrap_or(f64::INFINITY);
+    Paired::correct(planners.iter_mut().map(|against| &mut against.paired));
+    let solved = planners.iter_mut().map(|against| &mut against.solved);
+    correct(solved.filter_map(|solved| solved.p.as_mut()));
+    planners.sort_by(|a, b| {
+        let delta = |against: &Against| against.paired.median_delta.unwrap_or(f64::INFINITY);
         let by_delta = delta(a).total_cmp(&delta(b));
-        by_delta.then_with(|| a_label.cmp(b_label))
+        by_delta.then_with(|| a.planner.cmp(&b.planner))
     });
     let mut cases = trials.planners().iter().flat_map(|planner| &planner.cases);
     Some(Comparison {

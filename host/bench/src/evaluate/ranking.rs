@@ -1,4 +1,5 @@
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +55,7 @@ impl Order {
 /// A planner's rank, and what it is ranked by.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Ranked {
-    /// From 1; no two planners have the same.
+    /// From 1; planners that are equal in all of it have the same.
     pub rank: usize,
     /// Its label.
     pub planner: String,
@@ -107,9 +108,13 @@ pub fn rank(trials: &Trials<'_>, order: Order) -> Ranking {
         let by_keys = by(order, by_expansions, &a.keys(), &b.keys());
         by_keys.then_with(|| a.planner.cmp(&b.planner))
     });
-    let mut before = None;
+    let (mut before, mut equal) = (None, (0, KeyValues::default()));
     for (at, planner) in ranked.iter_mut().enumerate() {
-        planner.rank = at + 1;
+        let keys = planner.keys();
+        if equal.0 == 0 || by(order, by_expansions, &equal.1, &keys).is_ne() {
+            equal = (at + 1, keys);
+        }
+        planner.rank = equal.0;
         let here = planner.comparable_time_ms.zip(planner.uncertainty_ms);
         planner.near = before
             .zip(here)
@@ -245,7 +250,7 @@ fn ranked(planner: &Planner<'_>, shared: &[usize]) -> Ranked {
     // Of sorted values, so that a sum does not depend on the order of instances.
     let mean = |values: Vec<f64>| mean(&sorted(values));
     let over_shared = |metric: &Metric| -> Option<f64> {
-        let cases = shared.iter().filter_map(|instance| planner.case(*instance));
+        let cases = planner.of_instances(shared);
         mean(cases.filter_map(|case| case.value(metric)).collect())
     };
     let cases = planner.cases.iter();
@@ -319,29 +324,23 @@ pub fn rank_stability<'a>(
     order: Order,
 ) -> RankStability {
     let groups = groups(rows, by);
-    let rankings: Vec<Vec<String>> = groups
+    let rankings: Vec<BTreeMap<String, usize>> = groups
         .iter()
         .map(|group| {
             let ranking = rank(&Trials::new(group.rows.iter().copied()), order);
-            ranking
-                .planners
-                .into_iter()
-                .map(|ranked| ranked.planner)
-                .collect()
+            let ranked = ranking.planners.into_iter();
+            ranked.map(|ranked| (ranked.planner, ranked.rank)).collect()
         })
         .collect();
-    let mut planners = rankings.first().cloned().unwrap_or_default();
-    planners.retain(|planner| rankings.iter().all(|ranking| ranking.contains(planner)));
-    planners.sort();
+    let first = rankings.first().into_iter().flat_map(BTreeMap::keys);
+    let in_all = |planner: &&String| rankings.iter().all(|found| found.contains_key(*planner));
+    let planners: Vec<String> = first.filter(in_all).cloned().collect();
     let ranks: Vec<Vec<usize>> = rankings
         .iter()
         .map(|ranking| {
-            let common: Vec<&String> = ranking
-                .iter()
-                .filter(|planner| planners.contains(planner))
-                .collect();
-            let rank = |planner| common.iter().position(|other| *other == planner);
-            planners.iter().filter_map(rank).map(|at| at + 1).collect()
+            let common: Vec<usize> = planners.iter().map(|planner| ranking[planner]).collect();
+            let rank = |own: &usize| 1 + common.iter().filter(|other| *other < own).count();
+            common.iter().map(rank).collect()
         })
         .collect();
     let number = |ranks: &[usize]| -> Vec<f64> { ranks.iter().map(|rank| *rank as f64).collect() };

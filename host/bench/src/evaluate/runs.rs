@@ -2,8 +2,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use super::paired::Pair;
-use super::{Case, METRICS, Metric, Paired, Planner, Trials, Unit};
+use super::paired::{Pair, correct};
+use super::{Case, METRICS, Metric, Paired, Planner, Success, Trials, Unit};
 use crate::Row;
 
 /// Two runs of one suite beside each other.
@@ -20,6 +20,13 @@ pub struct RunComparison {
     pub same_machines: bool,
     /// Settings of the trials that differ between the runs.
     pub settings: Vec<SettingDifference>,
+    /// How long threads of the calls waited for a processor, as a share of the calls, in either run;
+    /// absent where one does not tell.
+    pub run_delay: Option<[f64; 2]>,
+    /// What intervals and tests count, and how many of them there are.
+    pub unit: Unit,
+    /// See `unit`.
+    pub clusters: usize,
     /// Planners of both, by label.
     pub planners: Vec<PlannerDifference>,
 }
@@ -29,21 +36,28 @@ pub struct RunComparison {
 pub struct SettingDifference {
     /// The column that has it.
     pub name: &'static str,
-    /// Every value in the first run.
+    /// Values that only the first run has; all of its values, if the second has these too.
     pub a: Vec<String>,
-    /// Every value in the second run.
+    /// The same the other way round.
     pub b: Vec<String>,
 }
 
 /// A setting on which times depend: its column, and its value in a row.
 type Setting = (&'static str, fn(&Row) -> Option<String>);
-const SETTINGS: [Setting; 5] = [
+const SETTINGS: [Setting; 7] = [
     ("clock", |row| row.clock.clone()),
     ("threads", |row| {
         row.threads.map(|threads| threads.to_string())
     }),
     ("reuse", |row| row.reuse.clone()),
     ("attach", |row| Some(row.attach.clone())),
+    ("options", |row| {
+        Some(format!("{} {}", row.planner, row.options))
+    }),
+    ("fleet", |row| {
+        let fleet = row.fleet.as_ref()?;
+        Some(format!("{} {fleet}", row.planner))
+    }),
     // Which processors is chance; having some is not.
     ("cpus", |row| {
         let own = row.clock.is_some().then_some(row.cpus.is_some())?;
@@ -68,6 +82,8 @@ pub struct PlannerDifference {
     pub lost: Vec<TrialPair>,
     /// Failed in the first run and succeeded in the second.
     pub won: Vec<TrialPair>,
+    /// Successes of both runs, case by case; p is corrected for all planners.
+    pub solved: Success,
     /// Its plans.
     pub plans: Digests,
     /// Traces of their executions.
@@ -146,17 +162,38 @@ pub fn compare_runs<'a>(
         machines
     };
     let settings = SETTINGS.iter().filter_map(|(name, of)| {
-        let values = |which: fn(&(&'a Row, &'a Row)) -> &'a Row| -> Vec<String> {
+        let values = |which: fn(&(&'a Row, &'a Row)) -> &'a Row| -> BTreeSet<String> {
             let rows = pairs.values().flatten().map(which);
-            let values: BTreeSet<String> = rows.filter_map(of).collect();
-            values.into_iter().collect()
+            rows.filter_map(of).collect()
         };
         let (a, b) = (values(|pair| pair.0), values(|pair| pair.1));
+        let only = |own: &BTreeSet<String>, other: &BTreeSet<String>| -> Vec<String> {
+            let only = own - other;
+            let said = if only.is_empty() { own } else { &only };
+            said.iter().cloned().collect()
+        };
         // Rows of an earlier version do not say.
         let differs = !a.is_empty() && !b.is_empty() && a != b;
-        differs.then_some(SettingDifference { name, a, b })
+        differs.then(|| SettingDifference {
+            name,
+            a: only(&a, &b),
+            b: only(&b, &a),
+        })
     });
     let settings = settings.collect();
+    let waited = |rows: &mut dyn Iterator<Item = &'a Row>| {
+        let (mut delays, mut calls) = (0.0, 0.0);
+        for row in rows {
+            delays += row.run_delay_ms?;
+            calls += row.planning_time_ms;
+        }
+        (calls > 0.0).then(|| delays / calls)
+    };
+    let run_delay = waited(&mut pairs.values().flatten().map(|pair| pair.0))
+        .zip(waited(&mut pairs.values().flatten().map(|pair| pair.1)))
+        .map(<[f64; 2]>::from);
+    let clusters =
+        Trials::speaking_for(unit, pairs.values().flatten().map(|pair| pair.0)).clusters();
     let mut planners: Vec<PlannerDifference> = pairs
         .into_iter()
         .map(|(planner, mut pairs)| {
@@ -169,12 +206,17 @@ pub fn compare_runs<'a>(
         let of_metric = differences.filter(|difference| difference.metric == *metric);
         Paired::correct(of_metric.map(|difference| &mut difference.paired));
     }
+    let solved = planners.iter_mut().map(|planner| &mut planner.solved);
+    correct(solved.filter_map(|solved| solved.p.as_mut()));
     RunComparison {
         pairs: count,
         only_in_a: a.len() - count,
         only_in_b: b.len() - count,
         same_machines: machines(&a) == machines(&b),
         settings,
+        run_delay,
+        unit,
+        clusters,
         planners,
     }
 }
@@ -196,6 +238,10 @@ fn difference(unit: Unit, planner: &str, pairs: &[(&Row, &Row)]) -> PlannerDiffe
     let code = digests(|row| row.planner_digest.as_ref());
     let in_a = Trials::speaking_for(unit, pairs.iter().map(|pair| pair.0));
     let in_b = Trials::speaking_for(unit, pairs.iter().map(|pair| pair.1));
+    let cases = match (in_a.planner(planner), in_b.planner(planner)) {
+        (Some(a), Some(b)) => cases_of_both((&in_a, a), (&in_b, b)),
+        _ => Vec::new(),
+    };
     PlannerDifference {
         planner: planner.to_owned(),
         pairs: pairs.len(),
@@ -206,17 +252,16 @@ fn difference(unit: Unit, planner: &str, pairs: &[(&Row, &Row)]) -> PlannerDiffe
         won: which(&|a, b| !a.success && b.success),
         plans: digests(|row| row.plan_digest.as_ref()),
         traces: digests(|row| row.trace_digest.as_ref()),
-        metrics: match (in_a.planner(planner), in_b.planner(planner)) {
-            (Some(a), Some(b)) => metric_differences((&in_a, a), (&in_b, b)),
-            _ => Vec::new(),
-        },
+        solved: Success::of(cases.iter().copied()),
+        metrics: metric_differences(&cases),
     }
 }
 
-fn metric_differences(
-    (in_a, a): (&Trials<'_>, &Planner<'_>),
-    (in_b, b): (&Trials<'_>, &Planner<'_>),
-) -> Vec<MetricDifference> {
+/// Cases of the same questions.
+fn cases_of_both<'a>(
+    (in_a, a): (&Trials<'_>, &'a Planner<'a>),
+    (in_b, b): (&Trials<'_>, &'a Planner<'a>),
+) -> Vec<(&'a Case<'a>, &'a Case<'a>)> {
     // Instances are numbered in each run's own order.
     let question = |row: &Row| {
         (
@@ -228,14 +273,14 @@ fn metric_differences(
     let numbers: BTreeMap<_, usize> = (in_b.instances().iter().enumerate())
         .map(|(number, row)| (question(row), number))
         .collect();
-    let cases: Vec<_> = a
-        .cases
-        .iter()
-        .filter_map(|of_a| {
-            let number = numbers.get(&question(in_a.instances()[of_a.instance]))?;
-            Some((of_a, b.case(*number)?))
-        })
-        .collect();
+    let of_both = |of_a: &'a Case<'a>| {
+        let number = numbers.get(&question(in_a.instances()[of_a.instance]))?;
+        Some((of_a, b.case(*number)?))
+    };
+    a.cases.iter().filter_map(of_both).collect()
+}
+
+fn metric_differences(cases: &[(&Case<'_>, &Case<'_>)]) -> Vec<MetricDifference> {
     let difference = |metric: &Metric| {
         let pair = |(of_a, of_b): &(&Case<'_>, &Case<'_>)| {
             Some(Pair {

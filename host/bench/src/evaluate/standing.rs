@@ -31,17 +31,31 @@ pub struct Standing {
     /// Mean over cases of the best sum of costs of any planner over its own, zero where it failed;
     /// absent where no plan has a sum of costs.
     pub score: Option<f64>,
-    /// Share of cases in which nobody was faster: its part of the virtual best solver.
+    /// Share of cases in which nobody was faster: how often the virtual best is this one.
     pub fastest: f64,
+    /// By how much the PAR-2 of the virtual best is longer without it.
+    pub contribution_ms: Option<f64>,
     /// Cases that it alone solved.
     pub alone: usize,
     /// No other planner is as good in success, PAR-2 and score and better in one of them.
     pub undominated: bool,
 }
 
+/// The virtual best solver: on every instance the planner that is best there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct VirtualBest {
+    /// Mean over instances of the largest share of repeats in which a planner succeeded.
+    pub success_rate: f64,
+    /// PAR-1, PAR-2 and PAR-10, of the planner with the least on each instance.
+    pub par_ms: [Option<f64>; 3],
+}
+
+/// What a failure counts as, in budgets.
+const PENALTIES: [f64; 3] = [1.0, 2.0, 10.0];
+
 impl Standing {
-    /// Of every planner, in the order of their ranks.
-    pub(super) fn all(trials: &Trials<'_>, ranking: &Ranking) -> Vec<Self> {
+    /// Of every planner, in the order of their ranks, and of all of them together.
+    pub(super) fn all(trials: &Trials<'_>, ranking: &Ranking) -> (Vec<Self>, Option<VirtualBest>) {
         let ranks = resampled_ranks(trials, ranking);
         let best = Best::of(trials);
         let ranked = ranking.planners.iter().enumerate();
@@ -65,23 +79,15 @@ impl Standing {
             };
             standing.undominated = !marks.iter().any(beats);
         }
-        standings
+        (standings, best.together())
     }
 
     fn of(planner: &Planner<'_>, drawn: &[f64], best: &Best) -> Self {
-        let penalised = |factor: f64| -> Vec<Clustered> {
-            let time = |row: &&Row| match (row.success, SOLVE_TIME.of(row)) {
-                (true, Some(time)) => time,
-                _ => factor * row.budget_ms,
-            };
-            let of_case = |case: &Case<'_>| {
-                let times = sorted(case.repeats.iter().map(time));
-                Some((case.cluster, mean(&times)?))
-            };
-            planner.cases.iter().filter_map(of_case).collect()
-        };
-        let mean_of = |values: &[Clustered]| mean(&sorted(values.iter().map(|one| one.1)));
-        let once = penalised(1.0);
+        let penalised = PENALTIES.map(|factor| -> Vec<Clustered> {
+            let of_case = |case: &Case<'_>| (case.cluster, penalised(case, factor));
+            planner.cases.iter().map(of_case).collect()
+        });
+        let mean_of = |values: &Vec<Clustered>| mean(&sorted(values.iter().map(|one| one.1)));
         let (mut fastest, mut alone, mut scores) = (0, 0, Vec::new());
         for case in &planner.cases {
             let best = &best.instances[case.instance];
@@ -101,22 +107,29 @@ impl Standing {
                 .map(|(low, high)| [low.floor() as usize, high.ceil() as usize]),
             p_first: (!drawn.is_empty())
                 .then(|| drawn.partition_point(|rank| *rank < 1.5) as f64 / drawn.len() as f64),
-            par_ms: [
-                mean_of(&once),
-                mean_of(&penalised(2.0)),
-                mean_of(&penalised(10.0)),
-            ],
-            par_1_interval: clustered_mean_interval(&once).map(|found| Interval {
+            par_ms: penalised.each_ref().map(mean_of),
+            par_1_interval: clustered_mean_interval(&penalised[0]).map(|found| Interval {
                 // No time is negative.
                 low: found.low.max(0.0),
                 ..found
             }),
             score: mean(&sorted(scores)),
             fastest: fastest as f64 / planner.cases.len().max(1) as f64,
+            contribution_ms: best.contribution_of(planner),
             alone,
             undominated: false,
         }
     }
+}
+
+/// Mean time of the repeats of a case, a failure counting as so many budgets.
+fn penalised(case: &Case<'_>, factor: f64) -> f64 {
+    let time = |row: &&Row| match (row.success, SOLVE_TIME.of(row)) {
+        // Who is stopped at the budget with a plan takes a little longer than it.
+        (true, Some(time)) => time.min(row.budget_ms),
+        _ => factor * row.budget_ms,
+    };
+    mean(&sorted(case.repeats.iter().map(time))).unwrap_or(f64::INFINITY)
 }
 
 /// C*/C; everybody at the goal from the beginning is as good as can be.
@@ -135,6 +148,12 @@ struct BestOf {
     time: f64,
     cost: f64,
     solved: usize,
+    share: f64,
+    /// By penalty, the least of any planner.
+    penalised: [f64; 3],
+    /// The second least by the second penalty: the least without the best planner.
+    others: f64,
+    budget_ms: f64,
 }
 
 struct Best {
@@ -147,8 +166,15 @@ impl Best {
             time: f64::INFINITY,
             cost: f64::INFINITY,
             solved: 0,
+            share: 0.0,
+            penalised: [f64::INFINITY; 3],
+            others: f64::INFINITY,
+            budget_ms: 0.0,
         };
         let mut instances = vec![none; trials.instances().len()];
+        for (best, row) in instances.iter_mut().zip(trials.instances()) {
+            best.budget_ms = row.budget_ms;
+        }
         for case in trials.planners().iter().flat_map(|planner| &planner.cases) {
             let best = &mut instances[case.instance];
             best.time = best
@@ -156,8 +182,40 @@ impl Best {
                 .min(case.value(&SOLVE_TIME).unwrap_or(f64::INFINITY));
             best.cost = best.cost.min(cost(case).unwrap_or(f64::INFINITY));
             best.solved += usize::from(case.success());
+            best.share = best.share.max(case.share());
+            let own = PENALTIES.map(|factor| penalised(case, factor));
+            // The second of all, also where two are equal.
+            best.others = best.others.min(best.penalised[1].max(own[1]));
+            for (least, own) in best.penalised.iter_mut().zip(own) {
+                *least = least.min(own);
+            }
         }
         Self { instances }
+    }
+
+    fn together(&self) -> Option<VirtualBest> {
+        let mean_of = |of: &dyn Fn(&BestOf) -> f64| mean(&sorted(self.instances.iter().map(of)));
+        Some(VirtualBest {
+            success_rate: mean_of(&|best| best.share)?,
+            par_ms: [0, 1, 2].map(|at| mean_of(&|best| best.penalised[at])),
+        })
+    }
+
+    /// What is lost on the instances where it alone is the best: there the next one takes its
+    /// place, or nobody.
+    fn contribution_of(&self, planner: &Planner<'_>) -> Option<f64> {
+        let lost = planner.cases.iter().map(|case| {
+            let best = &self.instances[case.instance];
+            let is_best = penalised(case, PENALTIES[1]) <= best.penalised[1];
+            let without = best.others.min(PENALTIES[1] * best.budget_ms);
+            if is_best {
+                (without - best.penalised[1]).max(0.0)
+            } else {
+                0.0
+            }
+        });
+        let lost: f64 = sorted(lost).iter().sum();
+        (!self.instances.is_empty()).then(|| lost / self.instances.len() as f64)
     }
 }
 

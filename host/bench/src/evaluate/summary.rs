@@ -86,6 +86,9 @@ pub struct MetricSummary {
     pub summary: Summary,
     /// Cases without a value: they failed, or have none.
     pub left_out: usize,
+    /// Mean over the cases that every planner solved: the others' means are of other cases, and who
+    /// fails on hard ones looks good.
+    pub shared_mean: Option<f64>,
 }
 
 /// A planner's line of the tables.
@@ -139,8 +142,8 @@ pub(super) fn rate(shares: &[Clustered]) -> f64 {
 }
 
 impl PlannerSummary {
-    /// Of a planner's cases.
-    pub fn of(planner: &Planner<'_>) -> Self {
+    /// Of a planner's cases; `shared` are the instances that every planner solved, ascending.
+    pub fn of(planner: &Planner<'_>, shared: &[usize]) -> Self {
         let distinct = |of: fn(&Row) -> Option<&String>| -> Vec<String> {
             let texts: BTreeSet<&String> = planner.rows().filter_map(of).collect();
             texts.into_iter().cloned().collect()
@@ -169,10 +172,12 @@ impl PlannerSummary {
         });
         let metrics = METRICS.iter().filter_map(|metric| {
             let summary = Summary::of_clustered(&planner.values(metric))?;
+            let common = planner.of_instances(shared);
             Some(MetricSummary {
                 metric: *metric,
                 left_out: cases - summary.count,
                 summary,
+                shared_mean: mean(&sorted(common.filter_map(|case| case.value(metric)))),
             })
         });
         let shares = planner.shares();

@@ -167,6 +167,11 @@ impl<'a> Planner<'a> {
         at.ok().map(|at| &self.cases[at])
     }
 
+    /// Its cases of some instances.
+    pub fn of_instances(&self, instances: &[usize]) -> impl Iterator<Item = &Case<'a>> {
+        instances.iter().filter_map(|instance| self.case(*instance))
+    }
+
     /// Cases that succeeded.
     pub fn successes(&self) -> impl Iterator<Item = &Case<'a>> {
         self.cases.iter().filter(|case| case.success())

@@ -24,8 +24,8 @@ pub use svg::svg;
 pub use table::Table;
 
 use crate::evaluate::{
-    Dimension, Evaluation, METRICS, Order, RankStability, Trials, Unit, censored, compare_runs,
-    compare_with, groups, rank_stability,
+    Against, Dimension, Evaluation, METRICS, Order, RankStability, Success, Trials, Unit, censored,
+    compare_runs, compare_with, groups, rank_stability,
 };
 use crate::{Places, Row};
 use figures::Maker;
@@ -101,13 +101,17 @@ impl<'a> Report<'a> {
         story::caveats(&self.trials, &self.evaluation)
     }
 
-    /// Ranking, standings, plans on the way, paired comparison, how rankings agree where instances differ, and failures
-    /// if there are any.
+    /// Ranking, standings, means over what all solved, plans on the way, paired comparisons of times and
+    /// of costs, how rankings agree where instances differ, and failures, if there are any.
     pub fn tables(&self) -> Vec<Table> {
         let mut tables = vec![table::ranking(&self.evaluation)];
         tables.extend(table::standings(&self.evaluation));
+        tables.extend(table::shared(&self.evaluation));
         tables.extend(table::anytime(&self.evaluation));
-        tables.extend(self.evaluation.comparison.as_ref().map(table::paired));
+        let Evaluation {
+            comparison, costs, ..
+        } = &self.evaluation;
+        tables.extend([comparison, costs].into_iter().flatten().map(table::paired));
         tables.extend(self.stability.as_ref().map(table::stability));
         tables.extend(table::failures(&self.evaluation));
         tables
@@ -164,10 +168,14 @@ impl<'a> Report<'a> {
         for metric in METRICS {
             let comparison = compare_with(&self.trials, a, metric);
             let planners = comparison.into_iter().flat_map(|found| found.planners);
-            let mut found = planners.filter(|(label, paired)| label == b && paired.pairs > 0);
-            if let Some((_, paired)) = found.next() {
+            let mut found = planners.filter(|one| one.planner == b && one.paired.pairs > 0);
+            if let Some(Against { paired, .. }) = found.next() {
                 pair.insert(metric.column.to_owned(), serde_json::to_value(paired)?);
             }
+        }
+        if let Some((first, second)) = self.trials.planner(a).zip(self.trials.planner(b)) {
+            let solved = Success::between(first, second);
+            pair.insert("success".to_owned(), serde_json::to_value(solved)?);
         }
         if let Some(found) = censored(&self.trials, a, b) {
             pair.insert("censored".to_owned(), serde_json::to_value(found)?);

@@ -15,7 +15,9 @@ use super::figures::{Quantity, moments};
 use super::palette::COLORS;
 use super::story::methods;
 use super::table::{self, Table};
-use crate::evaluate::{METRICS, Order, Ranked, SOLVE_TIME, best_of, compare_with};
+use crate::evaluate::{
+    COMPARED, METRICS, Metric, Order, Ranked, SOLVE_TIME, best_of, compare_with,
+};
 use crate::{COLUMNS, ColumnType, Places, Row};
 
 const PAGE: &str = include_str!("page/page.html");
@@ -54,6 +56,10 @@ struct Data<'a> {
     clusters: Packed,
     /// Of each trial the number of its map.
     maps: Packed,
+    /// Of each planner where 95 % of its ranks lie when clusters are drawn anew.
+    ranks: Vec<Option<[usize; 2]>>,
+    /// What is drawn then.
+    unit: &'static str,
     /// Numbers of the planners that are held against each other at first.
     scatter: [usize; 2],
     quality: Quality,
@@ -64,6 +70,7 @@ struct Data<'a> {
 struct PairedTable {
     /// Number of the planner that the others are held against.
     baseline: usize,
+    metric: &'static str,
     note: String,
     head: Vec<String>,
     rows: Vec<Vec<String>>,
@@ -115,18 +122,35 @@ fn paired_tables(report: &Report<'_>, planners: &[&str]) -> Vec<PairedTable> {
         2..=ALL_PAIRS => planners.len(),
         _ => 1,
     };
-    let of = |ranked: &Ranked| {
+    let metrics = || COMPARED.iter().filter_map(|column| Metric::named(column));
+    let of = |ranked: &Ranked, metric: &Metric| {
         let baseline = planners.iter().position(|label| *label == ranked.planner)?;
-        let comparison = compare_with(&report.trials, &ranked.planner, &SOLVE_TIME)?;
+        let comparison = compare_with(&report.trials, &ranked.planner, metric)?;
+        let some = comparison.planners.iter().any(|one| one.paired.pairs > 0);
+        if !some && *metric != SOLVE_TIME {
+            return None;
+        }
         let table = table::paired(&comparison);
         Some(PairedTable {
             baseline,
+            metric: metric.column,
             note: table.note,
             head: table.head,
             rows: table.rows,
         })
     };
-    ranked.take(most).filter_map(of).collect()
+    ranked
+        .take(most)
+        .flat_map(|ranked| metrics().filter_map(move |metric| of(ranked, metric)))
+        .collect()
+}
+
+fn ranks(report: &Report<'_>, planners: &[&str]) -> Vec<Option<[usize; 2]>> {
+    let of = |label: &&str| {
+        let mut standings = report.evaluation.standings.iter();
+        standings.find(|one| one.planner == *label)?.ranks
+    };
+    planners.iter().map(of).collect()
 }
 
 /// The page.
@@ -162,6 +186,8 @@ pub(super) fn html(report: &Report<'_>) -> String {
         paired: paired_tables(report, &planners),
         clusters: pack_numbers("clusters", &clusters),
         maps: pack_numbers("maps", &maps),
+        ranks: ranks(report, &planners),
+        unit: report.subject.unit.name(),
         quality: Quality::of(&rows, moments(&report.trials)),
         planners,
     };
@@ -201,11 +227,20 @@ pub(super) fn html(report: &Report<'_>) -> String {
 
 fn story(report: &Report<'_>) -> String {
     let mut out = String::new();
-    for (index, paragraph) in report.story().iter().enumerate() {
-        let class = if index == 0 { " class=\"lead\"" } else { "" };
-        let _ = writeln!(out, "<p{class}>{}</p>", escape(paragraph));
+    let mut rest = report.story().into_iter();
+    for lead in rest.by_ref().take(1) {
+        let _ = writeln!(out, "<p class=\"lead\">{}</p>", escape(&lead));
     }
-    out + &list(&report.caveats())
+    let more: Vec<String> = rest.chain(report.caveats()).collect();
+    if !more.is_empty() {
+        let _ = writeln!(
+            out,
+            "<details><summary>{} to know before this is believed</summary>\n{}</details>",
+            table::plural(more.len(), "thing"),
+            list(&more)
+        );
+    }
+    out
 }
 
 fn list(entries: &[String]) -> String {
@@ -228,6 +263,7 @@ fn stability(report: &Report<'_>) -> String {
 fn standings(report: &Report<'_>) -> String {
     let tables = [
         ("standings", table::standings(&report.evaluation)),
+        ("shared", table::shared(&report.evaluation)),
         ("anytime", table::anytime(&report.evaluation)),
     ];
     let tables = tables

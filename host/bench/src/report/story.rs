@@ -8,7 +8,8 @@ use super::figures::size_of;
 use super::format::{digits, grouped, probability};
 use super::table::{plural, share};
 use crate::evaluate::{
-    Evaluation, Lead, Level, Order, Overview, Ranked, Rival, Trials, Unit, common_levels, rank,
+    Evaluation, Lead, Level, Order, Overview, Planner, Ranked, Ranking, Rival, Standing, Trials,
+    Unit, common_levels, rank,
 };
 use crate::row::Row;
 use crate::statistics::{MIN_CLUSTERS, quantile, sorted};
@@ -97,6 +98,11 @@ fn problems(overview: &Overview) -> String {
     for (count, word) in of {
         let _ = write!(text, ", {}", plural(count, word));
     }
+    let _ = write!(
+        text,
+        " (intervals and tests count {})",
+        overview.unit.name()
+    );
     text
 }
 
@@ -225,12 +231,14 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
     }
     if contended > 0 {
         caveats.push(format!(
-            "{} ran while others used the machine; their times are among the numbers, and a filter \
-             leaves them out.",
+            "{} ran while others used the machine; their times are among the numbers. Long trials are \
+             disturbed more often, so that leaving these out keeps what is short and easy: `bench \
+             --retry-contended` makes them again.",
             plural(contended, "trial")
         ));
     }
     caveats.extend(transport(trials, evaluation));
+    caveats.extend(attachments(trials));
     let each = |of: fn(&Row) -> Option<&str>| -> Vec<&str> {
         let texts: BTreeSet<&str> = trials.rows().filter_map(of).collect();
         texts.into_iter().collect()
@@ -296,33 +304,102 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
             ));
         }
     }
+    caveats.extend(yardstick(trials, evaluation));
     if planners > 1 {
-        let other = match evaluation.ranking.order {
-            Order::Text => Order::Appendix,
-            Order::Appendix => Order::Text,
-        };
-        let names = |planners: &[Ranked]| -> Vec<String> {
-            planners
-                .iter()
-                .map(|ranked| ranked.planner.clone())
-                .collect()
-        };
-        let (here, there) = (
-            names(&evaluation.ranking.planners),
-            names(&rank(trials, other).planners),
-        );
-        let moved = here.iter().zip(&there).filter(|(a, b)| a != b).count();
-        let name = order_name(other);
-        caveats.push(if moved == 0 {
-            format!("By {name} the ranking is the same.")
-        } else {
-            format!(
-                "By {name} {moved} of {planners} places are others: {}.",
-                there.join(", ")
-            )
-        });
+        caveats.extend(other_orders(trials, evaluation));
     }
     caveats
+}
+
+/// The sentence about who decides what comparable means are of.
+fn yardstick(trials: &Trials<'_>, evaluation: &Evaluation) -> Option<String> {
+    let Ranking {
+        shared, instances, ..
+    } = evaluation.ranking;
+    let solved = |planner: &Planner<'_>| planner.successes().count();
+    let weakest = trials
+        .planners()
+        .iter()
+        .min_by_key(|planner| solved(planner))?;
+    let others = trials.rows().filter(|row| row.planner != weakest.label);
+    let without = Trials::new(others).shared().len();
+    (trials.planners().len() > 2 && shared < instances && without > shared).then(|| {
+        format!(
+            "Comparable means are of the {} of {instances} that every planner solved, which the weakest of \
+             them decides: without {} they would be of {without}. Pairs, PAR-2 and score need no such set.",
+            plural(shared, "case"),
+            weakest.label
+        )
+    })
+}
+
+/// The sentences about rankings by other orders.
+fn other_orders(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<String> {
+    let here = evaluation.ranking.planners.iter();
+    let here: Vec<&str> = here.map(|ranked| ranked.planner.as_str()).collect();
+    let other = match evaluation.ranking.order {
+        Order::Text => Order::Appendix,
+        Order::Appendix => Order::Text,
+    };
+    let by_other = rank(trials, other).planners;
+    let by_other = by_other.iter().map(|ranked| ranked.planner.as_str());
+    let standings = &evaluation.standings;
+    let by = |key: &dyn Fn(&Standing) -> f64| -> Vec<&str> {
+        let mut ordered: Vec<&Standing> = standings.iter().collect();
+        // Who are equal keep the order of their ranks.
+        ordered.sort_by(|a, b| key(a).total_cmp(&key(b)));
+        ordered
+            .iter()
+            .map(|standing| standing.planner.as_str())
+            .collect()
+    };
+    let mut orders = vec![
+        (order_name(other), by_other.collect()),
+        (
+            "PAR-2 (mean time, a failure as two budgets)",
+            by(&|standing| standing.par_ms[1].unwrap_or(f64::INFINITY)),
+        ),
+    ];
+    if standings.iter().any(|standing| standing.score.is_some()) {
+        orders.push((
+            "score (best cost over own, 0 for a failure)",
+            by(&|standing| -standing.score.unwrap_or(0.0)),
+        ));
+    }
+    let tell = |(name, there): (&str, Vec<&str>)| {
+        let moved = here.iter().zip(&there).filter(|(a, b)| a != b).count();
+        if moved == 0 {
+            format!("By {name} the ranking is the same.")
+        } else {
+            let planners = here.len();
+            let order = there.join(", ");
+            format!("By {name} {moved} of {planners} places are others: {order}.")
+        }
+    };
+    orders.into_iter().map(tell).collect()
+}
+
+/// The sentence about planners whose start and map are charged differently.
+fn attachments(trials: &Trials<'_>) -> Option<String> {
+    let of = |planner: &Planner<'_>| {
+        let ways: BTreeSet<&str> = planner.rows().map(|row| row.attach.as_str()).collect();
+        let total = quantile(
+            &sorted(planner.rows().filter_map(|row| row.total_time_ms)),
+            0.5,
+        );
+        let ways = Vec::from_iter(ways).join(" and ");
+        (ways, format!("{} {} ms", planner.label, digits(total)))
+    };
+    let found: Vec<(String, String)> = trials.planners().iter().map(of).collect();
+    let (first, _) = found.first()?;
+    found.iter().any(|(ways, _)| ways != first).then(|| {
+        let each = found.iter().map(|(ways, total)| format!("{total} ({ways})"));
+        format!(
+            "Planners are attached differently: a command starts and reads the map within its calls, others \
+             do before. Start, map and call together (`total_time_ms`), medians: {}.",
+            each.collect::<Vec<_>>().join(", ")
+        )
+    })
 }
 
 /// From this share on, transport is a part of what times say.
@@ -365,7 +442,8 @@ pub(super) fn methods() -> Vec<String> {
          seeds of an instance and team sizes of a scenario are alike. Under six there is none.",
         "A trial succeeds when the planner ended as it should and the host's validator accepts its \
          plan, whatever the planner claims.",
-        "Comparable means are over the instances that every planner solved.",
+        "Comparable means, and lengths and costs in the ranking, are over the instances that every \
+         planner solved.",
         "Times are wall times of the call by the host's clock; where the suite asks for it, the round \
          trip less that of an empty call, or processor time; half of the range of nine of ten empty calls is \
          the uncertainty. Expansions are the planner's claim, and rank only where all planners are \
@@ -388,6 +466,67 @@ pub(super) fn methods() -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn solved(planner: &str, instance: usize, time_ms: Option<f64>) -> Row {
+        Row {
+            planner: planner.into(),
+            key: format!("{planner} {instance}"),
+            instance_digest: format!("instance {instance}"),
+            scenario: format!("scenario {instance}"),
+            attach: "worker".into(),
+            termination: "completed".into(),
+            budget_ms: 1000.0,
+            solve_time_ms: time_ms.unwrap_or(1000.0),
+            success: time_ms.is_some(),
+            valid: time_ms.is_some(),
+            ..Row::default()
+        }
+    }
+
+    /// The weakest planner decided on which cases the others were compared, and nobody was told.
+    #[test]
+    fn who_chooses_the_yardstick_is_named() {
+        let times = |planner: &str, times: [Option<f64>; 8]| -> Vec<Row> {
+            let rows = times.into_iter().enumerate();
+            rows.map(|(instance, time)| solved(planner, instance, time))
+                .collect()
+        };
+        let (fast, slow, none) = (Some(1.0), Some(900.0), None);
+        // `a` is faster on the two that `weak` solves, and slower on all others.
+        let mut rows = times("a", [fast, fast, slow, slow, slow, slow, slow, slow]);
+        rows.extend(times("b", [Some(2.0); 8]));
+        rows.extend(times(
+            "weak",
+            [fast, fast, none, none, none, none, none, none],
+        ));
+        let trials = Trials::new(&rows);
+        let told = caveats(&trials, &Evaluation::of(&trials, Order::Text)).join("\n");
+        assert!(
+            told.contains("the 2 cases of 8 that every planner solved")
+                && told.contains("without weak they would be of 8"),
+            "{told}"
+        );
+        let order =
+            "By PAR-2 (mean time, a failure as two budgets) 2 of 3 places are others: b, a, weak.";
+        assert!(told.contains(order), "{told}");
+    }
+
+    #[test]
+    fn what_attachments_charge_is_said() {
+        let row = |planner: &str, attach: &str, total_ms: f64| Row {
+            attach: attach.into(),
+            total_time_ms: Some(total_ms),
+            ..solved(planner, 0, Some(1.0))
+        };
+        let said = |rows: &[Row]| attachments(&Trials::new(rows));
+        let same = [row("a", "worker", 363.0), row("b", "worker", 400.0)];
+        assert_eq!(said(&same), None);
+        let text = said(&[row("a", "worker", 363.0), row("b", "command", 1018.0)]).unwrap();
+        assert!(
+            text.contains("a 363 ms (worker), b 1018 ms (command)."),
+            "{text}"
+        );
+    }
 
     #[test]
     fn who_is_charged_for_transport_is_named() {

@@ -1,9 +1,10 @@
 //! The tables of a report, as text cells that terminals, Markdown and the page share.
 
-use super::format::{NONE, digits, fixed, grouped, percent, probability};
+use super::format::{NONE, capital, digits, fixed, grouped, percent, probability};
 use crate::evaluate::{
-    Comparison, EXPANSIONS, Evaluation, GAPS, METRICS, Metric, PARTS, PATH_LENGTH, PlannerSummary,
-    RankStability, Ranked, RunComparison, SOLVE_TIME, Trials, censored, compare_with,
+    Against, COMPARED, Comparison, EXPANSIONS, Evaluation, GAPS, METRICS, Metric, PARTS,
+    PATH_LENGTH, PlannerSummary, RankStability, Ranked, RunComparison, SOLVE_TIME, Standing,
+    Success, Trials, censored, compare_with,
 };
 use crate::statistics::{Interval, Posterior};
 
@@ -72,11 +73,12 @@ pub(super) fn ranking(evaluation: &Evaluation) -> Table {
     let instances = grouped(ranking.instances as u64);
     let comparable = if ranking.over_shared {
         format!(
-            "Every planner solved {shared} of {instances}: comparable times are means over them."
+            "Every planner solved {shared} of {instances}: comparable times, lengths and SoC/LB are \
+             means over them."
         )
     } else {
         "No case was solved by every planner: comparable times are means over all cases of each \
-         planner."
+         planner, and lengths and costs are not comparable."
             .to_owned()
     };
     let near = if ranking.planners.iter().any(|ranked| ranked.near) {
@@ -85,9 +87,17 @@ pub(super) fn ranking(evaluation: &Evaluation) -> Table {
     } else {
         ""
     };
+    let sure = if evaluation.standings.iter().any(|one| one.ranks.is_some()) {
+        format!(
+            " Beside ranks, where 95 % of them lie when {} are drawn anew.",
+            evaluation.overview.unit.name()
+        )
+    } else {
+        String::new()
+    };
     let note = format!(
-        "{comparable} Other times, lengths, costs and expansions are of the cases that succeeded; \
-         those that failed stand beside them.{near}"
+        "{comparable} Other times and expansions are of the cases that succeeded; those that failed \
+         stand beside them.{near}{sure}"
     );
     let head = [
         ("Rank", false),
@@ -104,8 +114,9 @@ pub(super) fn ranking(evaluation: &Evaluation) -> Table {
         ("Failed", false),
     ];
     let mut table = Table::new("Ranking", note, &head);
-    for (ranked, summary) in ranking.planners.iter().zip(&evaluation.planners) {
-        table.rows.push(ranking_row(ranked, summary));
+    let planners = ranking.planners.iter().zip(&evaluation.planners);
+    for ((ranked, summary), standing) in planners.zip(&evaluation.standings) {
+        table.rows.push(ranking_row(ranked, summary, standing));
     }
     table.without_empty()
 }
@@ -123,14 +134,18 @@ fn comparable(ranked: &Ranked) -> String {
     }
 }
 
-fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
+fn ranking_row(ranked: &Ranked, summary: &PlannerSummary, standing: &Standing) -> Vec<String> {
     let of = |metric: &Metric| summary.metric(metric).map(|found| found.summary);
     let mean = |metric: &Metric| of(metric).map(|found| found.mean);
-    let ratio = Metric::named("suboptimality").and_then(mean);
+    let shared = |metric: &Metric| summary.metric(metric)?.shared_mean;
+    let ratio = Metric::named("suboptimality").and_then(shared);
     let time = of(&SOLVE_TIME);
     let per_cent = |share: f64| fixed(Some(100.0 * share), 1);
     vec![
-        ranked.rank.to_string(),
+        match standing.ranks {
+            Some([low, high]) => format!("{} [{low}, {high}]", ranked.rank),
+            None => ranked.rank.to_string(),
+        },
         ranked.planner.clone(),
         match &summary.success_interval {
             Some(found) => format!(
@@ -150,7 +165,7 @@ fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
             format!("{median} [{q1}, {q3}]")
         }),
         digits(time.map(|time| time.p95)),
-        fixed(mean(&PATH_LENGTH), 2),
+        fixed(shared(&PATH_LENGTH), 2),
         fixed(ratio, 3),
         fixed(mean(&EXPANSIONS), 2),
         summary.failures.to_string(),
@@ -161,28 +176,31 @@ fn ranking_row(ranked: &Ranked, summary: &PlannerSummary) -> Vec<String> {
 pub(super) fn standings(evaluation: &Evaluation) -> Option<Table> {
     let overview = &evaluation.overview;
     let note = format!(
-        "Failures count here. Ranks: where 95 % of them lie when {} are drawn anew, and how often the \
-         planner is first then. PAR-2: mean time, a failure counting as two budgets. min(t, budget): mean \
-         with its 95 % interval. Score: mean of the best sum of costs of all planners over its own, 0 \
-         for a failure. Fastest: share of cases in which nobody was faster. Alone: cases that nobody \
-         else solved. Pareto: no planner is as good in success, PAR-2 and score and better in one.",
+        "Failures count here. P(first): how often the planner ranks first when {} are drawn anew. PAR-2 \
+         and PAR-10: mean time, a failure counting as two and ten budgets. min(t, budget): PAR-1, with its \
+         95 % interval. Score: mean of the best sum of costs of all planners over its own, 0 for a \
+         failure. Pareto: no planner is as good in success, PAR-2 and score and better in one. Fastest: \
+         share of cases in which nobody was faster. Alone: cases that nobody else solved. The virtual \
+         best takes of each case the planner that is best there; contribution: how much longer its PAR-2 \
+         is without the planner.",
         overview.unit.name()
     );
     let head = [
         ("Planner", true),
         ("Success", false),
-        ("Ranks", false),
         ("P(first)", false),
-        ("PAR-2, ms", false),
         ("min(t, budget), ms", false),
+        ("PAR-2, ms", false),
+        ("PAR-10, ms", false),
         ("Score", false),
+        ("Pareto", true),
         ("Fastest", false),
         ("Alone", false),
-        ("Pareto", true),
+        ("Contribution, ms", false),
     ];
     let mut table = Table::new("Success, time and quality", note, &head);
     for (standing, summary) in evaluation.standings.iter().zip(&evaluation.planners) {
-        let [once, twice, _] = standing.par_ms;
+        let [once, twice, ten] = standing.par_ms;
         let within = match &standing.par_1_interval {
             Some(found) => format!("{} {}", digits(once), interval(Some(found), three)),
             None => digits(once),
@@ -190,21 +208,62 @@ pub(super) fn standings(evaluation: &Evaluation) -> Option<Table> {
         table.rows.push(vec![
             standing.planner.clone(),
             percent(Some(summary.success_rate)),
-            match standing.ranks {
-                Some([low, high]) if low == high => low.to_string(),
-                Some([low, high]) => format!("{low} to {high}"),
-                None => NONE.to_owned(),
-            },
             fixed(standing.p_first, 2),
-            digits(twice),
             within,
+            digits(twice),
+            digits(ten),
             fixed(standing.score, 3),
+            if standing.undominated { "yes" } else { NONE }.to_owned(),
             percent(Some(standing.fastest)),
             standing.alone.to_string(),
-            if standing.undominated { "yes" } else { NONE }.to_owned(),
+            digits(standing.contribution_ms),
         ]);
     }
-    (table.rows.len() > 1).then(|| table.without_empty())
+    if table.rows.len() < 2 {
+        return None;
+    }
+    if let Some(best) = &evaluation.virtual_best {
+        let [once, twice, ten] = best.par_ms.map(digits);
+        let none = || NONE.to_owned();
+        let name = "virtual best".to_owned();
+        let success = percent(Some(best.success_rate));
+        let row = [name, success, none(), once, twice, ten].into_iter();
+        table
+            .rows
+            .push(row.chain([(); 5].map(|()| none())).collect());
+    }
+    Some(table.without_empty())
+}
+
+/// Means over the cases that every planner solved; nothing of one planner, and where there are none.
+pub(super) fn shared(evaluation: &Evaluation) -> Option<Table> {
+    let metrics: Vec<&Metric> = (COMPARED.iter().chain(&["suboptimality", "expansions"]))
+        .filter_map(|column| Metric::named(column))
+        .collect();
+    let note = format!(
+        "Means over the {} that every planner solved: of the same cases, for all. Which these are \
+         depends on the weakest planner; the paired comparisons do without it.",
+        plural(evaluation.overview.shared, "case")
+    );
+    let names: Vec<String> = metrics
+        .iter()
+        .map(|metric| capital(&named(metric)))
+        .collect();
+    let mut head = vec![("Planner", true)];
+    head.extend(names.iter().map(|name| (name.as_str(), false)));
+    let mut table = Table::new("On what all solved", note, &head);
+    for summary in &evaluation.planners {
+        let mean =
+            |metric: &&Metric| digits(summary.metric(metric).and_then(|one| one.shared_mean));
+        let means = metrics.iter().map(mean);
+        table.rows.push(
+            std::iter::once(summary.planner.clone())
+                .chain(means)
+                .collect(),
+        );
+    }
+    let some = evaluation.overview.shared > 0 && table.rows.len() > 1;
+    some.then(|| table.without_empty())
 }
 
 /// How soon plans are how good; nothing where no planner sends plans on the way.
@@ -284,29 +343,63 @@ pub(super) fn stability(found: &RankStability) -> Table {
     table
 }
 
-/// Table IV of the maze paper.
+/// Table IV of the maze paper, of any metric; with solve times, successes too.
 pub(super) fn paired(comparison: &Comparison) -> Table {
+    let (metric, unit) = (&comparison.metric, comparison.unit.name());
+    let of_times = *metric == SOLVE_TIME;
+    let (title, more) = if of_times {
+        (
+            "Paired comparison".to_owned(),
+            format!(
+                " 5 % more or less is as fast. Success: its rate less that of {} with its 95 % interval, \
+                 over what both were asked; p by sign flips of {unit}, which is McNemar's exact test \
+                 where each is one trial.",
+                comparison.baseline
+            ),
+        )
+    } else {
+        (
+            format!("Paired comparison: {}", metric.title),
+            String::new(),
+        )
+    };
     let note = format!(
-        "Differences of solve times from {}, on the instances that both solved: positive where \
-         the planner is slower. Medians, their exact 95 % intervals and two-sided sign tests with \
-         Holm's correction are over {}; 5 % more or less is as fast.",
+        "Differences of {} from {}, on the instances that both solved: positive where the planner {}. \
+         Medians, their exact 95 % intervals and two-sided sign tests are over {unit}, with Holm's \
+         correction for all tests of a column.{more}",
+        metric.title,
         comparison.baseline,
-        comparison.unit.name()
+        if of_times { "is slower" } else { "has more" },
     );
+    let delta = match metric.unit {
+        "" => "Median Δ".to_owned(),
+        unit => format!("Median Δ, {unit}"),
+    };
     let head = [
         ("Planner", true),
         ("Pairs", false),
-        ("Median Δ, ms", false),
+        (delta.as_str(), false),
         ("95 % interval", false),
         ("Ratio", false),
-        ("Slower/faster", false),
+        (
+            if of_times {
+                "Slower/faster"
+            } else {
+                "More/less"
+            },
+            false,
+        ),
         ("p, Holm", false),
         ("P(faster)", false),
         ("P(as fast)", false),
         ("P(slower)", false),
+        ("Success", false),
+        ("p of success", false),
     ];
-    let mut table = Table::new("Paired comparison", note, &head);
-    for (planner, paired) in &comparison.planners {
+    let mut table = Table::new(&title, note, &head);
+    for against in &comparison.planners {
+        let (planner, paired) = (&against.planner, &against.paired);
+        let solved = Some(&against.solved).filter(|_| of_times);
         let posterior = |of: fn(&Posterior) -> f64| fixed(paired.posterior.as_ref().map(of), 2);
         table.rows.push(vec![
             planner.clone(),
@@ -319,9 +412,32 @@ pub(super) fn paired(comparison: &Comparison) -> Table {
             posterior(|found| found.below),
             posterior(|found| found.equivalent),
             posterior(|found| found.above),
+            solved.map_or(NONE.to_owned(), success_of_second),
+            p_value(solved.and_then(|solved| solved.p)),
         ]);
     }
     table.without_empty()
+}
+
+/// Success rate of the second less that of the first, with its interval.
+fn success_of_second(solved: &Success) -> String {
+    let Some(difference) = solved.difference else {
+        return NONE.to_owned();
+    };
+    // No difference has no sign.
+    let turned = |value: f64| 0.0 - value;
+    let difference = percent(Some(turned(difference)));
+    match &solved.interval {
+        Some(Interval { low, high }) => {
+            let turned = Interval {
+                low: turned(*high),
+                high: turned(*low),
+            };
+            let per_cent = |share: f64| fixed(Some(100.0 * share), 1);
+            format!("{difference} {}", interval(Some(&turned), per_cent))
+        }
+        None => difference,
+    }
 }
 
 /// Of a test, if there was one.
@@ -358,6 +474,12 @@ pub(super) fn two_planners(trials: &Trials<'_>, a: &str, b: &str) -> Option<Tabl
         second.successes().count(),
         second.cases.len(),
     );
+    let solved = Success::between(first, second);
+    let note = format!(
+        "{note} Success of {b} less that of {a}: {}, p = {}.",
+        success_of_second(&solved),
+        p_value(solved.p)
+    );
     let note = match censored(trials, a, b) {
         Some(found) => format!(
             "{note} With failures as times beyond the budget, {a} takes {} ms and {b} {} ms on average \
@@ -383,8 +505,8 @@ pub(super) fn two_planners(trials: &Trials<'_>, a: &str, b: &str) -> Option<Tabl
     for metric in METRICS {
         let comparison = compare_with(trials, a, metric)?;
         let mut planners = comparison.planners.iter();
-        let Some((_, paired)) = planners.find(|(label, paired)| label == b && paired.pairs > 0)
-        else {
+        let is_other = |one: &&Against| one.planner == b && one.paired.pairs > 0;
+        let Some(Against { paired, .. }) = planners.find(is_other) else {
             continue;
         };
         table.rows.push(vec![
@@ -407,6 +529,9 @@ fn named(metric: &Metric) -> String {
         unit => format!("{}, {unit}", metric.title),
     }
 }
+
+/// Shares of time for which threads waited for a processor that differ by more are said.
+const RUN_DELAY: f64 = 0.01;
 
 /// Two runs of one suite: what became of every planner, and of its numbers.
 pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Table> {
@@ -434,11 +559,22 @@ pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Tabl
             some.join(", ")
         ),
     };
+    let waited = match comparison.run_delay {
+        Some([in_a, in_b]) if (in_a - in_b).abs() > RUN_DELAY => format!(
+            " Threads waited for a processor {} of the time of their calls in A and {} in B.",
+            percent(Some(in_a)),
+            percent(Some(in_b))
+        ),
+        _ => String::new(),
+    };
     let note = format!(
-        "A is {a}, B is {b}. {} in both, {} only in A, {} only in B. {machines}{settings}",
+        "A is {a}, B is {b}. {} in both, {} only in A, {} only in B. {machines}{settings}{waited} p of \
+         success is of sign flips over {} {}, with Holm's correction over planners.",
         plural(comparison.pairs, "trial"),
         grouped(comparison.only_in_a as u64),
         grouped(comparison.only_in_b as u64),
+        grouped(comparison.clusters as u64),
+        comparison.unit.name(),
     );
     let head = [
         ("Planner", true),
@@ -448,13 +584,16 @@ pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Tabl
         ("Success B", false),
         ("Lost", false),
         ("Won", false),
+        ("p of success", false),
         ("Plans differ", false),
         ("Traces differ", false),
     ];
     let mut runs = Table::new("Two runs", note, &head);
-    let note = "Cases that both runs solved. Differences are B − A, ratios B / A: below 1 is \
-                faster. Exact 95 % intervals of medians and two-sided sign tests, over scenarios or \
-                what the suite generalises over, with Holm's correction over planners.";
+    let note = format!(
+        "Cases that both runs solved. Differences are B − A, ratios B / A: below 1 is faster. Exact 95 % \
+         intervals of medians and two-sided sign tests, over {}, with Holm's correction over planners.",
+        comparison.unit.name()
+    );
     let head = [
         ("Planner", true),
         ("Pairs", false),
@@ -466,7 +605,7 @@ pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Tabl
         ("95 % interval", false),
         ("p, Holm", false),
     ];
-    let mut times = Table::new("Solve times of both runs", note.to_owned(), &head);
+    let mut times = Table::new("Solve times of both runs", note, &head);
     for planner in &comparison.planners {
         let code = match planner.same_code {
             Some(true) => "same",
@@ -485,6 +624,7 @@ pub(super) fn two_runs(comparison: &RunComparison, a: &str, b: &str) -> Vec<Tabl
             planner.successes_b.to_string(),
             planner.lost.len().to_string(),
             planner.won.len().to_string(),
+            p_value(planner.solved.p),
             differ(&planner.plans),
             differ(&planner.traces),
         ]);

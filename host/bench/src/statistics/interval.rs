@@ -58,9 +58,19 @@ pub fn median_interval(ascending: &[f64]) -> Option<(Interval, f64)> {
     let n = ascending.len();
     let binomial = Binomial::new(0.5, n as u64).ok()?;
     let coverage = |k: usize| 1.0 - 2.0 * binomial.cdf(k as u64 - 1);
-    let k = (1..=n / 2)
-        .take_while(|k| coverage(*k) >= CONFIDENCE)
-        .last()?;
+    // It covers the less, the larger k is.
+    let (mut k, mut beyond) = (0, n / 2 + 1);
+    while beyond - k > 1 {
+        let middle = k.midpoint(beyond);
+        if coverage(middle) >= CONFIDENCE {
+            k = middle;
+        } else {
+            beyond = middle;
+        }
+    }
+    if k == 0 {
+        return None;
+    }
     let (low, high) = (ascending[k - 1], ascending[n - k]);
     Some((Interval { low, high }, coverage(k)))
 }

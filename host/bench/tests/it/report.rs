@@ -6,7 +6,7 @@ use std::fs;
 use std::process::Command;
 
 use crate::support::{Shape, rows};
-use fleetyard_bench::report::{Marks, Report, Subject, svg};
+use fleetyard_bench::report::{Marks, Report, Subject, Table, svg};
 use fleetyard_bench::{Row, ScenarioPlace};
 use fleetyard_testkit::browser::{chromium, selftest, with_user};
 use serde_json::json;
@@ -246,6 +246,28 @@ fn figures_and_tables_have_the_same_numbers() {
     let markdown = report.markdown(None, &[]);
     for row in &ranking.rows {
         assert!(markdown.contains(&row[4]), "{}", row[4]);
+    }
+    let tables = report.tables();
+    let table = |title: &str| tables.iter().find(|table| table.title == title).unwrap();
+    let standings = table("Success, time and quality");
+    assert_eq!(standings.rows.last().unwrap()[0], "virtual best");
+    let column =
+        |table: &Table, name: &str| table.head.iter().position(|head| head == name).unwrap();
+    let costs = column(ranking, "SoC/LB");
+    let shared = table("On what all solved");
+    let same = column(shared, "SoC / lower bound");
+    for (ranked, of_shared) in ranking.rows.iter().zip(&shared.rows) {
+        let [ranked, of_shared]: [f64; 2] =
+            [&ranked[costs], &of_shared[same]].map(|text| text.parse().unwrap());
+        assert!((ranked - of_shared).abs() < 0.006, "{ranked} {of_shared}");
+    }
+    for (title, name) in [
+        ("Paired comparison", "Success"),
+        ("Paired comparison: sum of costs", "More/less"),
+    ] {
+        let found = table(title);
+        assert_eq!(found.rows.len(), 3);
+        column(found, name);
     }
     let pair = report.two_planners("PIBT", "PBS").unwrap();
     assert_eq!(pair.rows[0][0], "solve time, ms");

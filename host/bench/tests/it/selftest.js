@@ -22,6 +22,13 @@ const fits = (name) => {
   check(name, scrollWidth <= clientWidth, [scrollWidth, clientWidth, wide.map((one) => `${one.tagName} ${one.id} ${one.className}`)]);
 };
 fits('nothing is wider than the window');
+// What is read in a minute; all else is folded.
+const shown = [...document.querySelectorAll('main table, .plot, header li')].filter((one) => one.checkVisibility());
+check('shows a table and a figure', shown.length === 2, shown.map((one) => one.id || one.className));
+for (const folded of document.querySelectorAll('header > details, section > details')) folded.open = true;
+await frames(3);
+await drawn();
+fits('what is unfolded fits');
 check('nothing hostile has run', globalThis.hacked === undefined);
 check('counts trials', $('shown').textContent.startsWith(`${EXPECTED.overview.trials} trials`), $('shown').textContent);
 
@@ -39,6 +46,14 @@ const seen = (text) => text.replace(/[^ -~]/g, '');
 check('headline', seen(lead).includes(seen(EXPECTED.headline ?? '')), [lead, EXPECTED.headline]);
 if (EXPECTED.overview.planners > 1) {
   check('paired', sameText(cells('paired'), paired.rows) && sameText(heads('paired'), paired.head), [cells('paired'), paired.rows]);
+  const costs = table('Paired comparison: sum of costs');
+  if (costs) {
+    $('compared').value = 'soc_steps';
+    $('compared').dispatchEvent(new Event('change'));
+    check('paired costs', sameText([...cells('paired')].sort(), [...costs.rows].sort()) && sameText(heads('paired'), costs.head), [cells('paired'), costs.rows]);
+    $('compared').selectedIndex = 0;
+    $('compared').dispatchEvent(new Event('change'));
+  }
 } else {
   check('paired', $('paired').hidden);
 }

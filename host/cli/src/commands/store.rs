@@ -87,6 +87,7 @@ fn info(place: &Path, format: Format) -> Result<Exit> {
     let meta = store.meta()?;
     let rows = store.rows()?;
     let trials = Trials::new(&rows);
+    let shared = trials.shared();
     let (current, superseded) = store.counts()?;
     let machines = store.machines()?.into_iter();
     let info = Info {
@@ -100,7 +101,9 @@ fn info(place: &Path, format: Format) -> Result<Exit> {
         created_unix_ms: meta.created_unix_ms,
         trials: current,
         superseded,
-        planners: trials.planners().iter().map(PlannerSummary::of).collect(),
+        planners: (trials.planners().iter())
+            .map(|planner| PlannerSummary::of(planner, &shared))
+            .collect(),
         machines: machines
             .map(|(digest, text)| (digest, serde_json::from_str(&text).unwrap_or_default()))
             .collect(),

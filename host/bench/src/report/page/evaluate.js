@@ -200,7 +200,7 @@ function evaluate(rows, order) {
   const times = found.any('solve_time_ms');
   const planners = present.map((slot) => {
     const of = found.of[slot], good = found.succeeded(of);
-    const expansions = steadyMean(found.known(good, 'expansions')), length = steadyMean(found.known(good, 'path_length_cells'));
+    const expansions = steadyMean(found.known(good, 'expansions'));
     const overall = steadyMean(Float64Array.from(of, (c) => times[c]).filter((time) => !Number.isNaN(time)));
     const common = good.filter((c) => isShared[instanceOfCase[c]]);
     const over = (name) => steadyMean(found.known(common, name)), rate = found.rate(of);
@@ -213,12 +213,12 @@ function evaluate(rows, order) {
       success_interval: rate.interval,
       comparable_time_ms: shared ? over('solve_time_ms') : overall,
       uncertainty_ms: shared ? over('correction_uncertainty_ms') : steadyMean(found.known(good, 'correction_uncertainty_ms')),
-      comparable_length_cells: shared ? over('path_length_cells') : length,
+      comparable_length_cells: shared ? over('path_length_cells') : steadyMean(found.known(good, 'path_length_cells')),
       expansions,
       mean_time_ms: overall,
       time: summaryOf(Float64Array.from(found.byTime[slot], (c) => times[c])),
-      path_length_cells: length,
-      suboptimality: steadyMean(found.known(good, 'suboptimality')),
+      path_length_cells: shared ? over('path_length_cells') : null,
+      suboptimality: shared ? over('suboptimality') : null,
       failures: of.length - good.length,
       all: of,
       good,
@@ -235,8 +235,9 @@ function evaluate(rows, order) {
     return a.name < b.name ? -1 : 1;
   });
   planners.forEach((planner, i) => {
-    planner.rank = i + 1;
     const before = planners[i - 1];
+    planner.place = i;
+    planner.rank = i && keys.every((key) => key(before) === key(planner)) ? before.rank : i + 1;
     const known = i && [planner, before].every((p) => p.comparable_time_ms !== null && p.uncertainty_ms !== null);
     planner.near = Boolean(known) && Math.abs(planner.comparable_time_ms - before.comparable_time_ms) <= planner.uncertainty_ms + before.uncertainty_ms;
   });
@@ -253,12 +254,15 @@ const useful = (columns, rows) => columns.filter(({ show }) => !rows.length || !
 
 function showRanking() {
   const { planners, shared, asked } = story;
-  const comparable = shared ? `Every planner solved ${plural(shared, 'case')} of ${grouping(asked)}: comparable times are means over them.`
-    : 'No case was solved by every planner: comparable times are means over all cases of each planner.';
-  $('ranking-note').textContent = `${comparable} Other times, lengths, costs and expansions are of the cases that succeeded; those that failed stand beside them.`
-    + (planners.some((p) => p.near) ? ' ≈ marks a comparable time that is no farther from the one before than the uncertainties of both.' : '');
+  const comparable = shared ? `Every planner solved ${plural(shared, 'case')} of ${grouping(asked)}: comparable times, lengths and SoC/LB are means over them.`
+    : 'No case was solved by every planner: comparable times are means over all cases of each planner, and lengths and costs are not comparable.';
+  // Resampled are all trials, in the order of the suite.
+  const ranks = (p) => selection.length === count && story.order === data.order ? data.ranks[p.slot] : null;
+  $('ranking-note').textContent = `${comparable} Other times and expansions are of the cases that succeeded; those that failed stand beside them.`
+    + (planners.some((p) => p.near) ? ' ≈ marks a comparable time that is no farther from the one before than the uncertainties of both.' : '')
+    + (planners.some(ranks) ? ` Beside ranks, where 95 % of them lie when ${data.unit} are drawn anew.` : '');
   showTable('ranking', useful([
-    column('rank', 'Rank', 'Rank', (p) => p.rank, (p) => String(p.rank)),
+    column('rank', 'Rank', 'Rank, and where 95 % of resampled ranks lie', (p) => p.place, (p) => [String(p.rank), ...ranks(p) ? [small(` [${ranks(p).join(', ')}]`)] : []]),
     column('planner', 'Planner', 'Planner', (p) => p.name, (p) => named(p.slot), { text: true }),
     column('success', 'Success', 'Share of trials that succeeded, by case, with its 95 % interval', (p) => p.success_rate,
       (p) => [percent(p.success_rate), ...p.success_interval ? [small(` ${interval(p.success_interval, (x) => fixed(100 * x, 1))}`)] : []], { down: true }),
@@ -270,10 +274,10 @@ function showRanking() {
     column('median', 'Median [IQR], ms', 'Median and interquartile range', (p) => p.time?.median ?? null,
       (p) => p.time ? [digits(p.time.median), small(` [${digits(p.time.q1)}, ${digits(p.time.q3)}]`)] : '–'),
     column('p95', 'p95, ms', '95th percentile', (p) => p.time?.p95 ?? null, (p) => digits(p.time?.p95)),
-    column('length', 'Length', 'Mean length of paths in cells', (p) => p.path_length_cells, (p) => fixed(p.path_length_cells, 2)),
-    column('ratio', 'SoC/LB', 'Mean ratio of the sum of costs to its lower bound', (p) => p.suboptimality, (p) => fixed(p.suboptimality, 3)),
+    column('length', 'Length', 'Mean length of paths in cells on the instances that every planner solved', (p) => p.path_length_cells, (p) => fixed(p.path_length_cells, 2)),
+    column('ratio', 'SoC/LB', 'Mean ratio of the sum of costs to its lower bound on the instances that every planner solved', (p) => p.suboptimality, (p) => fixed(p.suboptimality, 3)),
     column('expansions', 'Expansions', 'Mean number of expansions that planners claim', (p) => p.expansions, (p) => fixed(p.expansions, 2)),
-    column('failures', 'Failed', 'Cases left out of times, lengths, costs and expansions', (p) => p.failures, (p) => String(p.failures), { down: true }),
+    column('failures', 'Failed', 'Cases left out of times and expansions', (p) => p.failures, (p) => String(p.failures), { down: true }),
   ], planners), planners);
 }
 
@@ -286,7 +290,8 @@ function numberIn(text) {
 }
 
 function showPaired() {
-  const baseline = Number($('baseline').value), table = data.paired.find((table) => table.baseline === baseline);
+  const baseline = Number($('baseline').value), compared = $('compared').value;
+  const table = data.paired.find((table) => table.baseline === baseline && table.metric === compared);
   $('paired').hidden = !table;
   if (!table) return;
   $('paired-note').textContent = `${table.note} Of all trials, whatever is filtered.`;

@@ -71,7 +71,7 @@ const FIGURES = {
       return {
         title: 'Success', caption, x: share, y: rankedNames(),
         series: byRank((p) => ({
-          kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: p.success_rate, interval: pairOf(p.success_interval),
+          kind: 'bar', name: p.name, slot: p.slot, at: p.place, value: p.success_rate, interval: pairOf(p.success_interval),
           text: `${p.successes} of ${p.cases} cases`, behind: () => p.all,
         })),
       };
@@ -134,7 +134,7 @@ const FIGURES = {
       series: byRank((p) => {
         const found = story.found.spread(p.good, name);
         return {
-          kind: 'bar', name: p.name, slot: p.slot, at: p.rank - 1, value: found?.mean ?? null, interval: shown(found, metric.log),
+          kind: 'bar', name: p.name, slot: p.slot, at: p.place, value: found?.mean ?? null, interval: shown(found, metric.log),
           text: found ? `${digits(found.mean)} (${plural(found.count, 'case')})` : '', behind: () => p.good,
         };
       }),
@@ -310,7 +310,7 @@ function boxOf(p) {
   const outer = ordered.filter((c) => times[c] < low || times[c] > high);
   const kept = thinned(outer.length, OUTLIERS).map((at) => outer[at]);
   return {
-    kind: 'box', name: p.name, slot: p.slot, at: p.rank - 1,
+    kind: 'box', name: p.name, slot: p.slot, at: p.place,
     low: Math.min(q1, inner.length ? times[inner[0]] : q1), q1, median: found.median, q3,
     high: Math.max(q3, inner.length ? times[inner[inner.length - 1]] : q3), mean: found.mean,
     outliers: kept.map((c) => times[c]), behind: (at) => at < 0 ? p.good : [kept[at]],
@@ -333,8 +333,8 @@ function makeFigures() {
   const metrics = (value) => select('Quantity', available.map(({ column, label }) => [column, label]),
     available.some(({ column }) => column === value) ? value : available[0].column);
   const planners = (label, value) => select(label, data.planners.map((name, slot) => [slot, short(name, 30)]), value);
-  addCard('success', [], FIGURES.success);
   addCard('cactus', [], FIGURES.cactus);
+  addCard('success', [], FIGURES.success);
   if (data.planners.length > 1) addCard('profile', [], FIGURES.profile);
   addCard('times', [], FIGURES.times);
   if (available.length) {
@@ -378,7 +378,7 @@ function addCard(id, controls, model) {
   for (const control of controls) control.addEventListener('change', () => showFigure(card));
   numbers.addEventListener('toggle', () => showNumbers(card));
   listen(place);
-  $('figure-grid').append(make('figure', { 'data-figure': id }, make('div', { class: 'head' }, title, make('div', {}, ...controls)), place, caption, numbers));
+  $(cards.length ? 'figure-grid' : 'first-figure').append(make('figure', { 'data-figure': id }, make('div', { class: 'head' }, title, make('div', {}, ...controls)), place, caption, numbers));
   cards.push(card);
 }
 

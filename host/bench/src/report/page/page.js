@@ -141,6 +141,8 @@ function changed() {
   showFigures();
   narrow(null);
   $('shown').textContent = selection.length === count ? `${grouping(count)} trials` : `${grouping(selection.length)} of ${grouping(count)} trials`;
+  // Which trials are disturbed depends on how long they are.
+  if (filters.some(({ name, chosen }) => name === 'Times' && chosen === 1)) $('shown').textContent += ': those that others did not disturb are mostly short, and no fair sample';
   page.filter_ms = performance.now() - began;
 }
 
@@ -182,7 +184,7 @@ function showTable(id, columns, rows) {
   const body = ordered.map((row) => make('tr', {}, ...columns.map((column) => {
     const shown = column.show(row);
     return column.id === 'planner' ? make('th', { scope: 'row', class: 'planner' }, ...shown)
-      : make('td', { class: [column.text ? 'text' : '', column.id === 'rank' && shown === '1' ? 'first' : ''].join(' ').trim() || null }, ...[shown].flat());
+      : make('td', { class: [column.text ? 'text' : '', column.id === 'rank' && row.rank === 1 ? 'first' : ''].join(' ').trim() || null }, ...[shown].flat());
   })));
   if (!body.length) body.push(make('tr', {}, make('td', { colspan: columns.length, class: 'text' }, 'No trials.')));
   table.replaceChildren(make('thead', {}, head), make('tbody', {}, ...body));
@@ -230,6 +232,7 @@ function narrow(rows, why) {
   if (rows) $('narrowed-text').textContent = `${plural(rows.length, 'trial')}: ${why}`;
   sortList();
   if (rows) {
+    $('trials').querySelector('details').open = true;
     $('trials').scrollIntoView({ block: 'start' });
     $('trial-list').focus({ preventScroll: true });
   }
@@ -437,23 +440,26 @@ function begin() {
     showTables();
     showFigures();
   });
-  $('baseline').replaceChildren(...data.paired.map(({ baseline }, i) => make('option', { value: baseline }, `${data.planners[baseline]}${i ? '' : ' (ranked first)'}`)));
-  $('baseline').addEventListener('change', () => {
-    showPaired();
-  });
+  const baselines = [...new Set(data.paired.map(({ baseline }) => baseline))], compared = [...new Set(data.paired.map(({ metric }) => metric))];
+  $('baseline').replaceChildren(...baselines.map((baseline, i) => make('option', { value: baseline }, `${data.planners[baseline]}${i ? '' : ' (ranked first)'}`)));
+  $('compared').replaceChildren(...compared.map((column) => make('option', { value: column }, metricOf(column).label)));
+  for (const select of [$('baseline'), $('compared')]) select.addEventListener('change', showPaired);
   makeFilters();
   story = evaluate(Uint32Array.from({ length: count }, (_, i) => i), data.order);
   makeFigures();
   listenList();
   $('skip').href = '#ranking';
-  if (matchMedia('(max-width: 700px)').matches) $('filters').open = false;
   changed();
   // At first all at once, so that nothing moves.
   drawing++;
   for (const card of cards) showFigure(card);
   page.drawn = drawing;
   addEventListener('hashchange', follow);
+  // What is folded has no size until it is opened.
+  $('more-figures').addEventListener('toggle', showFigures);
+  $('trials').querySelector('details').addEventListener('toggle', showList);
   addEventListener('beforeprint', () => {
+    for (const folded of document.querySelectorAll('header > details, section > details')) folded.open = true;
     for (const card of cards) showFigure(card);
   });
   const dialog = $('trial');
