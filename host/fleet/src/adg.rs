@@ -120,7 +120,7 @@ impl Default for Costs {
 pub struct Pace {
     /// A move to the next cell without a stop before or after it.
     pub move_s: f64,
-    /// How much longer a move takes that begins at rest.
+    /// The time by which a move is longer that begins at rest.
     pub set_out_s: f64,
     /// A turn by 90°.
     pub quarter_turn_s: f64,
@@ -165,7 +165,7 @@ pub enum AdgError {
     WrongStart { agent: usize, found: u32, end: u32 },
 }
 
-/// What became of a batch.
+/// The outcome of appending a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Appended {
     /// Nodes that were appended.
@@ -224,7 +224,7 @@ struct Robot {
     /// Numbers of the last visits that are done, and enqueued.
     done: u32,
     enqueued: u32,
-    /// Whether it has left the cell where it was when its last node was done, so that its
+    /// True if it has left the cell where it was when its last node was done, so that its
     /// visit there is in no queue.
     left: bool,
     /// Actions of all nodes that are not done.
@@ -243,7 +243,7 @@ struct Place {
     end_of: u32,
 }
 
-/// How far an agent's part of a step is decided.
+/// The state of the decision about an agent's part of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fate {
     /// It does not move, or not any more.
@@ -270,7 +270,7 @@ pub struct Adg {
     /// How many batches were appended, and the step of the last one that is being appended.
     batches: u32,
     step: u32,
-    /// Whether turns take steps in it.
+    /// True if turns take steps in it.
     turning: bool,
     /// A bit per robot whose next node may have become free to be enqueued.
     ready: Vec<u64>,
@@ -619,7 +619,7 @@ impl Adg {
         self.ready[agent / 64] |= 1 << (agent % 64);
     }
 
-    /// Whether a visit stays in the cell of the one before it.
+    /// True if a visit stays in the cell of the one before it.
     fn is_stay(&self, visit: &Visit) -> bool {
         visit.before != NONE && self.visits[visit.before as usize].node.cell == visit.node.cell
     }
@@ -918,7 +918,7 @@ impl Adg {
             + self.fates.capacity()
     }
 
-    /// Whether what is pending has an order in which it can be done (Kahn 1962).
+    /// True if what is pending has an order in which it can be done (Kahn 1962).
     pub fn is_acyclic(&self) -> bool {
         // Edges that are not yet removed, per visit: at most one of either kind.
         let mut edges = vec![0u8; self.visits.len()];

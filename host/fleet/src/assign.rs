@@ -113,7 +113,7 @@ impl Pool {
     }
 }
 
-/// How goals are drawn.
+/// The source of goals.
 #[derive(Debug, Clone)]
 enum Draw {
     Random(Pool),
@@ -443,7 +443,7 @@ impl Assigner {
         tasks.open.iter().map(task).collect()
     }
 
-    /// How many tasks are done, if goals come from tasks.
+    /// The number of tasks that are done, if goals come from tasks.
     pub fn tasks_done(&self) -> Option<u64> {
         match &self.draw {
             Draw::Tasks(tasks) => Some(tasks.next - tasks.ongoing as u64),
@@ -511,7 +511,7 @@ impl Draw {
         })
     }
 
-    /// Whether there are always goals to go to in a part of the map.
+    /// True if there are always goals to go to in a part of the map.
     fn can_start(&self, part: u32) -> bool {
         part != 0
             && match self {
@@ -524,7 +524,7 @@ impl Draw {
             }
     }
 
-    /// What a part of the map has to have.
+    /// The requirement on a part of the map.
     fn needs(&self) -> &'static str {
         match self {
             Self::Random(_) => "two free cells beside each other",

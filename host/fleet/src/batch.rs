@@ -4,7 +4,7 @@ use fleetyard_abi::{Instance, Motion};
 use fleetyard_check::{Terms, Verdict, validate_terms};
 use fleetyard_core::{Connectivity, Grid, GridPlan};
 
-/// How many violations of a batch are described.
+/// Most violations of a batch that are described.
 const DESCRIBED: usize = 10;
 
 /// A plan that is safe to execute: agents are distinct from its first cells to its last.
@@ -31,7 +31,7 @@ impl Batch {
         &path[..path.len().min(self.length)]
     }
 
-    /// Whether turning by 90° takes a step of the plan.
+    /// True if turning by 90° takes a step of the plan.
     pub fn turning(&self) -> bool {
         self.turning
     }

@@ -1,6 +1,6 @@
 //! A call: from where the fleet will be to a plan that may be executed.
 //!
-//! The generator says what is asked, the planner answers, the answer is judged, and the
+//! The generator makes an instance, the planner solves it, the plan is judged, and the
 //! fail policy is asked where there is nothing that may be executed. Whatever goes wrong
 //! with a plugin ends here: a call has an answer, if only that everybody waits.
 
@@ -18,40 +18,40 @@ use crate::modules::{Module, budget};
 use crate::recording::Notice;
 use crate::{By, EventKind, FleetConfig, FleetError};
 
-/// What is asked in a call.
+/// A call.
 #[derive(Debug)]
-pub(crate) struct Question {
+pub(crate) struct Call {
     /// The number of the call, from 0.
     pub(crate) number: u64,
-    /// What the generator is told.
+    /// The fleet's state, of which the generator makes an instance.
     pub(crate) state: FleetState,
 }
 
-/// What came of it.
+/// The answer to a call.
 #[derive(Debug)]
 pub(crate) struct Answer {
     /// The window of the instance.
     pub(crate) window_steps: u32,
     /// Tasks that the generator gave to agents.
     pub(crate) assignments: Vec<Assignment>,
-    /// What may be executed.
+    /// The plan that may be executed.
     pub(crate) batch: Option<Batch>,
-    /// Whose plan it is.
+    /// The module that made the plan.
     pub(crate) by: By,
-    /// How the plan was judged: the host may ask a fail policy that knows no turns for a
+    /// The motion by which the plan was judged: the host may ask a fail policy that knows no turns for a
     /// plan without them.
     pub(crate) motion: Motion,
     /// Wall-clock time of the planner, if it was asked.
     pub(crate) planner_ms: Option<f64>,
     /// Wall-clock time of the fail policy, if it was asked.
     pub(crate) recovery_ms: Option<f64>,
-    /// What went wrong.
+    /// Faults and other events.
     pub(crate) notices: Vec<Notice>,
 }
 
-/// Who answers calls: three plugins and the rules for what they say.
+/// The modules that answer a call, one after the other, and the rules for what they say.
 #[derive(Debug)]
-pub(crate) struct Desk {
+pub(crate) struct Pipeline {
     pub(crate) grid: Arc<Grid>,
     /// Per cell the number of its component; cells of different ones have no way to each
     /// other.
@@ -63,8 +63,8 @@ pub(crate) struct Desk {
     pub(crate) fail_policy: Module,
 }
 
-impl Desk {
-    /// Whether the planner can do what the run needs.
+impl Pipeline {
+    /// Refuses a planner that cannot do what the run needs.
     pub(crate) fn check_capabilities(&self) -> Result<(), FleetError> {
         let can = self.planner.capabilities();
         let unlimited = self.config.window_steps() == 0;
@@ -131,8 +131,8 @@ impl Desk {
     }
 
     /// Answers a call.
-    pub(crate) fn answer(&mut self, question: &Question) -> Answer {
-        let state = &question.state;
+    pub(crate) fn answer(&mut self, call: &Call) -> Answer {
+        let state = &call.state;
         let mut answer = Answer {
             window_steps: state.window_steps,
             assignments: Vec::new(),
@@ -144,11 +144,11 @@ impl Desk {
             notices: Vec::new(),
         };
         let mut failed = None;
-        let instance = match self.generate(question, &mut answer) {
+        let instance = match self.generate(call, &mut answer) {
             Some(mut instance) => {
                 answer.window_steps = instance.window_steps;
                 answer.assignments = std::mem::take(&mut instance.assignments);
-                failed = self.plan(question, &instance, &mut answer);
+                failed = self.plan(call, &instance, &mut answer);
                 instance
             }
             // The fail policy gets everybody to where they are to go next.
@@ -157,7 +157,7 @@ impl Desk {
             )),
         };
         if answer.batch.is_none() {
-            self.recover(question, instance, failed.as_ref(), &mut answer);
+            self.recover(call, instance, failed.as_ref(), &mut answer);
         }
         if answer.batch.is_none() {
             answer.notices.push(Notice {
@@ -170,17 +170,17 @@ impl Desk {
     }
 
     /// The next instance, if there is one that may be asked.
-    fn generate(&mut self, question: &Question, answer: &mut Answer) -> Option<Instance> {
+    fn generate(&mut self, call: &Call, answer: &mut Answer) -> Option<Instance> {
         let wall_s = self.config.allowance.call_s;
         let made = ask(
             &mut self.generator,
             &self.environment,
             &self.config,
             &mut answer.notices,
-            (EventKind::GeneratorFault, question.number, wall_s),
-            |session, budget| session.generate(&question.state, budget),
+            (EventKind::GeneratorFault, call.number, wall_s),
+            |session, budget| session.generate(&call.state, budget),
         )?;
-        match self.check(&question.state, &made) {
+        match self.check(&call.state, &made) {
             Ok(()) => Some(made),
             Err(message) => {
                 answer.notices.push(Notice {
@@ -193,7 +193,7 @@ impl Desk {
         }
     }
 
-    /// Whether the planner may be asked this.
+    /// Refuses an instance that the planner may not be asked.
     fn check(&self, state: &FleetState, instance: &Instance) -> Result<(), String> {
         instance.check(self.grid.cell_count() as usize)?;
         let repeats = state.instance(instance.goals.clone());
@@ -287,21 +287,16 @@ impl Desk {
         }
     }
 
-    /// Asks the planner. What is left to the fail policy, if it has no plan that may be
-    /// executed: paths that collide, where they are paths.
-    fn plan(
-        &mut self,
-        question: &Question,
-        instance: &Instance,
-        answer: &mut Answer,
-    ) -> Option<Plan> {
+    /// Asks the planner. Returns what is left to the fail policy where no plan may be executed:
+    /// paths that collide, where they are paths.
+    fn plan(&mut self, call: &Call, instance: &Instance, answer: &mut Answer) -> Option<Plan> {
         let wall_s = self.config.limit_s;
         let run = ask_for_plan(
             &mut self.planner,
             &self.environment,
             &self.config,
             &mut answer.notices,
-            (EventKind::PlannerFault, question.number, wall_s),
+            (EventKind::PlannerFault, call.number, wall_s),
             |session, budget| session.plan(instance, budget),
         )?;
         answer.planner_ms = Some(milliseconds(&run));
@@ -345,7 +340,7 @@ impl Desk {
         }
     }
 
-    /// Whether a fail policy can make something of a plan: everybody has a path that
+    /// True if a fail policy can make something of a plan: everybody has a path that
     /// begins at its start and leads over free cells that are next to each other.
     fn are_paths(&self, instance: &Instance, plan: &GridPlan) -> bool {
         let free = |cell: u32| cell < self.grid.cell_count() && self.grid.is_passable(cell);
@@ -367,7 +362,7 @@ impl Desk {
     /// Asks the fail policy.
     fn recover(
         &mut self,
-        question: &Question,
+        call: &Call,
         mut instance: Instance,
         failed: Option<&Plan>,
         answer: &mut Answer,
@@ -382,7 +377,7 @@ impl Desk {
             &self.environment,
             &self.config,
             &mut answer.notices,
-            (EventKind::FailPolicyFault, question.number, wall_s),
+            (EventKind::FailPolicyFault, call.number, wall_s),
             |session, budget| session.recover(&instance, failed, budget),
         );
         answer.recovery_ms = Some(run.as_ref().map_or(0.0, milliseconds));
@@ -420,7 +415,7 @@ fn milliseconds(run: &PlanRun) -> f64 {
     run.planning.as_secs_f64() * 1000.0
 }
 
-/// What a plugin says that has no plan to show, or not one that it believes in.
+/// The claim of a plugin that has no plan to show, or not one that it believes in.
 fn claim(run: &PlanRun) -> String {
     let claim = run.claim.map_or("it has no plan".to_owned(), |claim| {
         format!("it says `{claim}`")

@@ -38,7 +38,7 @@ pub enum Assign {
     Tasks,
 }
 
-/// How far robots are committed when the planner is called.
+/// The commitment of robots when the planner is called.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CutBy {
@@ -93,26 +93,26 @@ pub struct FleetConfig {
     pub limit_s: f64,
     /// When an answer takes effect.
     pub clock: Clock,
-    /// How far robots are committed when the planner is called.
+    /// The commitment of robots when the planner is called.
     pub cut: CutBy,
     /// Seed of everything random: starts, goals, and the seeds of calls.
     pub seed: u64,
-    /// How planners see the robots move.
+    /// The motion of robots as planners see it.
     pub motion: Motion,
     /// Most unfinished actions that a robot has been sent.
     pub queue: u32,
-    /// How long a robot stays where it reached a goal, in seconds.
+    /// The time for which a robot stays where it reached a goal, in seconds.
     pub dwell_s: f64,
     /// Where goals come from.
     pub assign: Assign,
-    /// How many tasks are revealed at a time, as a multiple of the robots.
+    /// The number of tasks that are revealed at a time, as a multiple of the robots.
     pub reveal: f64,
     /// The host calls the planner by itself when for so many seconds no robot had
     /// anything left to do and the invocation policy did not call.
     pub watchdog_s: f64,
     /// Simulated seconds between two points of the series.
     pub series_s: f64,
-    /// What calls may use.
+    /// The allowance of calls.
     pub allowance: Allowance,
     /// Cells, steps, blocks, disturbances. A step is also ε, the least time of an action.
     pub sim: SimConfig,
@@ -142,7 +142,7 @@ impl Default for FleetConfig {
 }
 
 impl FleetConfig {
-    /// Whether a run is possible with these numbers.
+    /// Refuses numbers with which no run is possible.
     pub fn validate(&self) -> Result<(), FleetError> {
         let range = |field, value: f64, low: f64, high: f64, hint| {
             // Written so that NaN is out of range.

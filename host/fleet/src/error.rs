@@ -16,7 +16,7 @@ pub enum FleetError {
         field: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// The values that are allowed.
         hint: &'static str,
     },
     /// Something that was read is wrong.
@@ -30,7 +30,7 @@ pub enum FleetError {
     Start {
         /// Its kind.
         kind: fleetyard_abi::Kind,
-        /// What the user calls it.
+        /// The user's name for it.
         name: String,
         /// Why.
         fault: Fault,
@@ -38,11 +38,11 @@ pub enum FleetError {
     /// A plugin does not claim what the run needs.
     #[error("planner `{name}` does not support `{}`", missing.as_str())]
     Incapable {
-        /// What the user calls it.
+        /// The user's name for it.
         name: String,
-        /// What is needed.
+        /// The capability that is needed.
         missing: Capability,
-        /// What to do about it.
+        /// A way out.
         hint: &'static str,
     },
     /// The host broke a rule of its own.
@@ -51,7 +51,7 @@ pub enum FleetError {
 }
 
 impl FleetError {
-    /// What to do about it.
+    /// A way out.
     pub fn hint(&self) -> Option<&str> {
         match self {
             Self::Config { hint, .. } | Self::Incapable { hint, .. } => Some(hint),

@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 pub mod adg;
+mod answers;
 pub mod assign;
 pub mod batch;
 mod call;

@@ -8,19 +8,19 @@ use fleetyard_runtime::{Closing, Fault, Session};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// What is recorded of a plugin.
+/// The record of a plugin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModuleInfo {
-    /// What it does in the run.
+    /// Its part in the run.
     pub kind: Kind,
-    /// What the user calls it: an identifier or a path.
+    /// The user's name for it: an identifier or a path.
     pub name: String,
     /// Its identifier.
     pub id: String,
     /// Its version.
     pub version: String,
-    /// How it is attached: `in-process`, `worker`, `stdio` or `command`.
+    /// Its attachment: `in-process`, `worker`, `stdio` or `command`.
     pub attach: String,
     /// Digest of its code; absent where its code cannot be read.
     pub digest: Option<Digest>,
@@ -67,17 +67,17 @@ impl Module {
         }
     }
 
-    /// What is recorded of it.
+    /// The record of it.
     pub fn info(&self) -> &ModuleInfo {
         &self.info
     }
 
-    /// What it says it can do.
+    /// The capabilities that it claims.
     pub fn capabilities(&self) -> Capabilities {
         self.capabilities
     }
 
-    /// Whether it has to be started before it can be asked.
+    /// True if it has to be started before it can be asked.
     pub(crate) fn is_down(&self) -> bool {
         self.session.is_none()
     }

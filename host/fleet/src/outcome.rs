@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{FleetConfig, ModuleInfo};
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ended {
@@ -17,7 +17,7 @@ pub enum Ended {
     Interrupted,
 }
 
-/// What can be told of a moment.
+/// A point of the series: figures of a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EventKind {
@@ -79,9 +79,9 @@ impl EventKind {
 pub struct FleetEvent {
     /// Simulated time: when the answer took effect, or the host decided.
     pub time_s: f64,
-    /// What it is.
+    /// The kind.
     pub kind: EventKind,
-    /// Who is to blame: the identifier of a plugin, or `host`.
+    /// The culprit: the identifier of a plugin, or `host`.
     pub module: String,
     /// For people.
     pub message: String,
@@ -164,15 +164,15 @@ pub struct FleetMetrics {
     pub invalid_batches: u64,
     /// Rings that were cut out of plans.
     pub rings_cut: u64,
-    /// How often a plugin was started again.
+    /// The number of times that a plugin was started again.
     pub restarts: u64,
     /// Tasks of which every goal was reached, where there are tasks.
     pub tasks_done: Option<u64>,
-    /// How many events there were of each kind, also of those that are not listed.
+    /// The number of events of each kind, also of those that are not listed.
     pub event_counts: BTreeMap<EventKind, u64>,
 }
 
-/// What the simulator says.
+/// The simulator's figures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FleetExecution {
     /// Simulated time per wall-clock time.
@@ -210,13 +210,13 @@ pub struct FleetOutcome {
     pub map_digest: Digest,
     /// The plugins.
     pub modules: Vec<ModuleInfo>,
-    /// What was asked for.
+    /// The configuration.
     pub config: FleetConfig,
-    /// How it ended.
+    /// The end.
     pub ended: Ended,
     /// The figures that runs are compared by.
     pub metrics: FleetMetrics,
-    /// What the simulator says.
+    /// The simulator's figures.
     pub execution: FleetExecution,
     /// The run over time, its end included.
     pub series: Vec<Point>,
@@ -227,7 +227,7 @@ pub struct FleetOutcome {
 }
 
 impl FleetOutcome {
-    /// How many events are listed; all are counted.
+    /// Most events that are listed; all are counted.
     pub const EVENTS: usize = 1000;
 }
 

@@ -18,7 +18,7 @@ use serde_json::Value;
 
 use crate::{EventKind, FleetConfig, ModuleInfo};
 
-/// What the first line says it is.
+/// The format's name in the first line.
 pub const RECORDING_FORMAT: &str = "fleetyard.fleet-recording/1";
 
 /// What a call can have taken, in milliseconds: no run takes longer than a year.
@@ -33,9 +33,9 @@ const HINT: &str = "a recording is written by `fleetyard fleet --record FILE`";
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Notice {
-    /// What it is.
+    /// The kind.
     pub kind: EventKind,
-    /// Who is to blame: the identifier of a plugin, or `host`.
+    /// The culprit: the identifier of a plugin, or `host`.
     pub module: String,
     /// For people.
     pub message: String,
@@ -57,9 +57,9 @@ pub struct Header {
     pub ground_digest: Digest,
     /// The plugins.
     pub modules: Vec<ModuleInfo>,
-    /// What was asked for.
+    /// The configuration.
     pub config: FleetConfig,
-    /// What else the caller wants to find here again.
+    /// Further values of the caller.
     #[serde(default)]
     pub setup: Value,
 }
@@ -105,7 +105,7 @@ pub struct Round {
     pub state: Digest,
     /// The window of the instance.
     pub window_steps: u32,
-    /// How the plan was judged.
+    /// The motion by which the plan was judged.
     pub motion: Motion,
     /// Tasks that were given to agents.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -122,7 +122,7 @@ pub struct Round {
     /// Wall-clock time of the fail policy, if it was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recovery_ms: Option<f64>,
-    /// What went wrong.
+    /// Faults and other events.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notices: Vec<Notice>,
     /// Where it was read; 0 for one that was not.
@@ -162,7 +162,7 @@ pub(crate) fn from_moves(
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct End {
-    /// How many blocks were executed.
+    /// The number of blocks that were executed.
     pub blocks: u64,
     /// Digest of everything that happened.
     pub trace_digest: Digest,
@@ -352,7 +352,7 @@ impl Recording {
         &self.name
     }
 
-    /// What has to be the same.
+    /// The header: what has to be the same.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -367,7 +367,7 @@ impl Recording {
         self
     }
 
-    /// How many calls there are.
+    /// The number of calls.
     pub fn rounds(&self) -> u64 {
         self.rounds
     }
@@ -382,7 +382,7 @@ impl Recording {
         self.end
     }
 
-    /// Whether the last line is torn: the host was killed when it wrote it.
+    /// True if the last line is torn: the host was killed when it wrote it.
     pub fn is_torn(&self) -> bool {
         self.torn
     }
@@ -424,7 +424,7 @@ struct Lines<'a> {
     file: &'a mut BufReader<File>,
     /// The number of the line that was read last.
     number: u64,
-    /// How many bytes may be read.
+    /// The number of bytes that may be read.
     left: u64,
 }
 

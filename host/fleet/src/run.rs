@@ -7,8 +7,6 @@
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Objective, SharedEnvironment};
@@ -19,15 +17,15 @@ use fleetyard_sim::trace::{Entry, Goal, Happening, Remark};
 use fleetyard_sim::{Fleet, Live, NoTrace, Order, SimError, TraceSink};
 
 use crate::adg::{Adg, Costs, Cut};
+use crate::answers::{Answers, Plugins, Replay, broken};
 use crate::assign::{Assigner, Source};
 use crate::batch::{Batch, judge};
-use crate::call::{Answer, Desk, Question, ask};
-use crate::modules::{Module, ModuleInfo, Modules};
+use crate::call::{Answer, Call, Pipeline, ask};
+use crate::modules::{ModuleInfo, Modules};
 use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
 use crate::series::Tally;
 use crate::{
-    By, Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome,
-    Point,
+    Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
 };
 
 /// Where a run happens.
@@ -92,7 +90,7 @@ pub trait Watch {
         Ok(())
     }
 
-    /// What the rest of the run is worth less for.
+    /// The rest of the run is worth less, for this reason.
     fn doubt(&mut self, notice: &Notice) {
         let _ = notice;
     }
@@ -107,7 +105,7 @@ pub trait Watch {
         let _ = (info, fault);
     }
 
-    /// Whether to end the run before its time.
+    /// True to end the run before its time.
     fn is_interrupted(&self) -> bool {
         false
     }
@@ -130,7 +128,7 @@ pub fn run(
     modules: Modules,
     watch: &mut dyn Watch,
 ) -> Result<FleetOutcome, FleetError> {
-    Run::new(ground, config, None, Some(modules))?.go(watch)
+    Run::new(ground, config, Answers::Live(modules))?.go(watch)
 }
 
 /// Runs a fleet again as it was recorded, without any plugin.
@@ -140,7 +138,8 @@ pub fn replay(
     watch: &mut dyn Watch,
 ) -> Result<FleetOutcome, FleetError> {
     let config = checked(ground, &recording)?;
-    Run::new(ground, &config, Some(recording), None)?.go(watch)
+    let answers = Answers::Recorded(Replay::new(recording)?);
+    Run::new(ground, &config, answers)?.go(watch)
 }
 
 /// Runs a fleet again as it was recorded, and goes on from where the recording ends.
@@ -151,10 +150,11 @@ pub fn resume(
     watch: &mut dyn Watch,
 ) -> Result<FleetOutcome, FleetError> {
     let config = checked(ground, &recording)?;
-    Run::new(ground, &config, Some(recording), Some(modules))?.go(watch)
+    let answers = Answers::RecordedThenLive(Replay::new(recording)?, modules);
+    Run::new(ground, &config, answers)?.go(watch)
 }
 
-/// What a recording is of, if it is of a run here.
+/// The configuration of a recording, if it is of a run here.
 fn checked(ground: &Ground<'_>, recording: &Recording) -> Result<FleetConfig, FleetError> {
     let header = recording.header();
     let wrong = |what: &str, hint: &str| {
@@ -177,17 +177,17 @@ fn checked(ground: &Ground<'_>, recording: &Recording) -> Result<FleetConfig, Fl
 }
 
 /// A call whose answer has not taken effect.
-struct Under {
+struct OpenCall {
     number: u64,
     block: u64,
     state: Digest,
     /// Where agents start in the answer.
     cut: Cut,
-    /// What the host found out when it decided to call.
+    /// Notices of the host when it decided to call.
     opening: Vec<Notice>,
 }
 
-/// What the trace is told of the fleet.
+/// Entries for the trace about the fleet.
 #[derive(Default)]
 struct Log {
     entries: Vec<Entry>,
@@ -238,15 +238,6 @@ fn beginning(text: &str, most: usize) -> String {
     text[..text.floor_char_boundary(most)].to_owned()
 }
 
-/// Who answers calls, on the other side of two channels.
-struct Thread {
-    questions: SyncSender<Question>,
-    answers: Receiver<Answer>,
-    handle: JoinHandle<Desk>,
-    invocation: Module,
-    environment: SharedEnvironment,
-}
-
 struct Run<'a> {
     ground: &'a Ground<'a>,
     config: &'a FleetConfig,
@@ -256,13 +247,9 @@ struct Run<'a> {
     tally: Tally,
     log: Log,
     infos: Vec<ModuleInfo>,
-    /// Whether there are no plugins.
-    replays: bool,
-    /// What is repeated: the recording and its next call.
-    past: Option<(Recording, Option<Round>)>,
-    /// What is to be told with the first call after the recording.
-    doubts: Vec<Notice>,
-    thread: Option<Thread>,
+    answers: Answers<Plugins>,
+    /// Notices that belong to the next call, which was not made yet.
+    early: Vec<Notice>,
     /// Blocks in all, and of a planner's limit.
     blocks: u64,
     limit: u64,
@@ -271,7 +258,7 @@ struct Run<'a> {
     appended: u64,
     calls: u64,
     called: u64,
-    under: Option<Under>,
+    open: Option<OpenCall>,
     /// Blocks in which nobody had anything to do.
     idle: u64,
     /// When simulated time began to follow the wall clock, and at which block.
@@ -282,8 +269,7 @@ impl<'a> Run<'a> {
     fn new(
         ground: &'a Ground<'a>,
         config: &'a FleetConfig,
-        recording: Option<Recording>,
-        modules: Option<Modules>,
+        answers: Answers<Modules>,
     ) -> Result<Self, FleetError> {
         config.validate()?;
         let grid = ground.grid;
@@ -302,19 +288,27 @@ impl<'a> Run<'a> {
         let period_s = live.period_s();
         let in_blocks = |seconds: f64| (seconds / period_s - 1e-9).ceil().max(1.0) as u64;
         let blocks = in_blocks(config.duration_s);
-        let infos = match (&modules, &recording) {
-            (Some(modules), _) => modules.infos(),
-            (None, Some(recording)) => recording.header().modules.clone(),
-            (None, None) => Vec::new(),
+        let infos = match &answers {
+            Answers::Live(modules) | Answers::RecordedThenLive(_, modules) => modules.infos(),
+            Answers::Recorded(replay) => replay.recording().header().modules.clone(),
         };
-        let past = match recording {
-            Some(mut recording) => {
-                let first = recording.next()?;
-                Some((recording, first))
+        let recording = answers.replay().map(Replay::recording);
+        // An answer that is in effect after the last block is never waited for.
+        if let Some(recording) = recording.filter(|recording| recording.last_block() > blocks) {
+            let reason = "it goes on after the time that the run was to take";
+            return Err(InputError::new(recording.name(), reason)
+                .hint("the file was changed after it was written")
+                .into());
+        }
+        let blocks = match &answers {
+            // Without plugins there is nothing behind the recording.
+            Answers::Recorded(replay) => {
+                replay.recording().end().map_or(u64::MAX, |end| end.blocks)
             }
-            None => None,
+            Answers::Live(_) | Answers::RecordedThenLive(..) => blocks,
         };
-        let mut run = Self {
+        let answers = answers.start(|modules| start(ground, config, modules))?;
+        Ok(Self {
             tally: Tally::new(config, period_s, grid.cell_count()),
             limit: in_blocks(config.limit_s),
             ground,
@@ -329,76 +323,16 @@ impl<'a> Run<'a> {
                 ..Log::default()
             },
             infos,
-            replays: modules.is_none(),
-            past,
-            doubts: Vec::new(),
-            thread: None,
+            answers,
+            early: Vec::new(),
             blocks,
             block: 0,
             appended: 0,
             calls: 0,
             called: 0,
-            under: None,
+            open: None,
             idle: 0,
             pace: None,
-        };
-        if let Some((recording, _)) = &run.past {
-            // An answer that is in effect after the last block is never waited for.
-            if recording.last_block() > blocks {
-                let reason = "it goes on after the time that the run was to take";
-                return Err(InputError::new(recording.name(), reason)
-                    .hint("the file was changed after it was written")
-                    .into());
-            }
-        }
-        if let Some(modules) = modules {
-            run.thread = Some(run.start(modules)?);
-        } else if let Some((recording, _)) = &run.past {
-            // Without plugins there is nothing behind the recording.
-            run.blocks = recording.end().map_or(u64::MAX, |end| end.blocks);
-        }
-        Ok(run)
-    }
-
-    /// Teaches the plugins the map and lets them wait for calls.
-    fn start(&self, modules: Modules) -> Result<Thread, FleetError> {
-        let Modules {
-            planner,
-            generator,
-            invocation,
-            fail_policy,
-        } = modules;
-        let environment = environment(self.ground.grid, self.config);
-        let mut desk = Desk {
-            grid: Arc::clone(self.ground.grid),
-            components: self.ground.grid.components(),
-            environment: SharedEnvironment::clone(&environment),
-            config: self.config.clone(),
-            planner,
-            generator,
-            fail_policy,
-        };
-        desk.check_capabilities()?;
-        desk.prepare()?;
-        let (questions, asked) = sync_channel::<Question>(1);
-        let (answer, answers) = sync_channel(1);
-        let handle = std::thread::Builder::new()
-            .name("calls".into())
-            .spawn(move || {
-                while let Ok(question) = asked.recv() {
-                    if answer.send(desk.answer(&question)).is_err() {
-                        break;
-                    }
-                }
-                desk
-            })
-            .map_err(|error| FleetError::Broken(format!("no thread for calls: {error}")))?;
-        Ok(Thread {
-            questions,
-            answers,
-            handle,
-            invocation,
-            environment,
         })
     }
 
@@ -407,8 +341,8 @@ impl<'a> Run<'a> {
         let ended = self.operate(watch, started);
         let wall_s = started.elapsed().as_secs_f64();
         // Whoever is interrupted does not wait for a planner: it ends with this process.
-        let waits = self.under.is_some() && matches!(ended, Ok(Ended::Interrupted));
-        let closed = self.close(watch, !waits);
+        let waits = self.open.is_some() && matches!(ended, Ok(Ended::Interrupted));
+        let closed = self.answers.close(watch, !waits);
         let ended = ended?;
         closed?;
         self.finish(watch, ended, wall_s)
@@ -420,7 +354,7 @@ impl<'a> Run<'a> {
             self.learn();
             let over = if self.is_over() {
                 Some(Ended::Duration)
-            } else if watch.is_interrupted() || !self.hear(watch)? {
+            } else if watch.is_interrupted() || !self.take_answer(watch)? {
                 Some(Ended::Interrupted)
             } else {
                 self.decide()?;
@@ -435,45 +369,19 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Ends the plugins; those that answer calls only if there is the time to wait for them.
-    fn close(&mut self, watch: &mut dyn Watch, all: bool) -> Result<(), FleetError> {
-        let Some(thread) = self.thread.take() else {
-            return Ok(());
-        };
-        let Thread {
-            questions,
-            answers,
-            handle,
-            invocation,
-            ..
-        } = thread;
-        drop((questions, answers));
-        let mut modules = vec![invocation];
-        if all {
-            let desk = handle.join().map_err(|_| broken())?;
-            modules.extend(desk.into_modules());
-        }
-        for mut module in modules {
-            if let Some(closing) = module.close() {
-                watch.closed(module.info(), closing);
-            }
-            if let Some(fault) = module.unsupervised() {
-                watch.unsupervised(module.info(), fault);
-            }
-        }
-        Ok(())
-    }
-
     fn is_over(&self) -> bool {
         if self.block >= self.blocks {
             return true;
         }
         // A recording without an end ends with its last answer.
-        let replayed = matches!(&self.past, Some((_, None))) && self.thread.is_none();
-        replayed && self.blocks == u64::MAX && self.under.is_none()
+        let replayed = match &self.answers {
+            Answers::Recorded(replay) => replay.next().is_none(),
+            Answers::Live(_) | Answers::RecordedThenLive(..) => false,
+        };
+        replayed && self.blocks == u64::MAX && self.open.is_none()
     }
 
-    /// What robots have done in the last block.
+    /// Takes in what robots have done in the last block.
     fn learn(&mut self) {
         let Self {
             live,
@@ -523,61 +431,53 @@ impl<'a> Run<'a> {
 
     /// Lets the answer take effect that is due. False if the run was told to end while it
     /// waited for it.
-    fn hear(&mut self, watch: &mut dyn Watch) -> Result<bool, FleetError> {
-        let Some(under) = &self.under else {
+    fn take_answer(&mut self, watch: &mut dyn Watch) -> Result<bool, FleetError> {
+        let Some(open) = &self.open else {
             return Ok(true);
         };
-        if let Some((recording, next)) = &mut self.past
-            && let Some(round) = next
-        {
+        if let Some(round) = self.answers.recorded() {
             if round.effect != self.block {
                 return Ok(true);
             }
-            let again = asks_again(self.thread.as_ref(), recording, round);
-            let round = std::mem::replace(next, recording.next()?).ok_or_else(broken)?;
-            if again {
-                let Some(answer) = self.wait(watch)? else {
+            let plugins = self.answers.asked_again();
+            if let Some(plugins) = plugins {
+                let Some(answer) = plugins.wait(watch)? else {
                     return Ok(false);
                 };
-                let doubt = self.doubt(&round, &answer);
+                let doubt = self.doubt(round, &answer);
                 if let Some(doubt) = &doubt {
                     watch.doubt(doubt);
                 }
-                self.doubts.extend(doubt);
+                self.early.extend(doubt);
             }
-            let (Some(under), Some((recording, _))) = (&self.under, &self.past) else {
-                return Err(broken());
-            };
-            let batch = recorded_batch(self.ground.grid, self.config, &under.cut, &round)
-                .map_err(|reason| at(recording, &round, reason))?;
-            self.under = None;
+            let batch = recorded_batch(self.ground.grid, self.config, &open.cut, round)
+                .map_err(|reason| self.answers.wrong(round, reason))?;
+            let round = self.answers.advance()?;
+            self.open = None;
             self.effect(&round, batch)?;
             return Ok(true);
         }
+        let plugins = self.answers.plugins()?;
         let answer = match self.config.clock {
-            Clock::Lockstep if self.block < under.block + self.limit => return Ok(true),
-            Clock::Lockstep => match self.wait(watch)? {
+            Clock::Lockstep if self.block < open.block + self.limit => return Ok(true),
+            Clock::Lockstep => match plugins.wait(watch)? {
                 Some(answer) => answer,
                 None => return Ok(false),
             },
-            Clock::Realtime => {
-                let thread = self.thread.as_ref().ok_or_else(broken)?;
-                match thread.answers.try_recv() {
-                    Ok(answer) => answer,
-                    Err(TryRecvError::Empty) => return Ok(true),
-                    Err(TryRecvError::Disconnected) => return Err(broken()),
-                }
-            }
+            Clock::Realtime => match plugins.answer()? {
+                Some(answer) => answer,
+                None => return Ok(true),
+            },
         };
-        let under = self.under.take().ok_or_else(broken)?;
-        let mut notices = under.opening;
+        let open = self.open.take().ok_or_else(broken)?;
+        let mut notices = open.opening;
         notices.extend(answer.notices);
         let plan = answer.batch.as_ref().map(Batch::plan);
         let round = Round {
-            call: under.number,
-            block: under.block,
+            call: open.number,
+            block: open.block,
             effect: self.block,
-            state: under.state,
+            state: open.state,
             window_steps: answer.window_steps,
             motion: answer.motion,
             assignments: answer.assignments,
@@ -595,20 +495,7 @@ impl<'a> Run<'a> {
         Ok(true)
     }
 
-    /// Waits for the answer to the call that is under way; none if the run was told to end.
-    fn wait(&self, watch: &mut dyn Watch) -> Result<Option<Answer>, FleetError> {
-        let thread = self.thread.as_ref().ok_or_else(broken)?;
-        loop {
-            match thread.answers.recv_timeout(Duration::from_millis(100)) {
-                Ok(answer) => return Ok(Some(answer)),
-                Err(RecvTimeoutError::Timeout) if watch.is_interrupted() => return Ok(None),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Err(broken()),
-            }
-        }
-    }
-
-    /// What is to be said of an answer that differs from the one that was recorded.
+    /// The notice of an answer that differs from the one that was recorded.
     fn doubt(&self, round: &Round, answer: &Answer) -> Option<Notice> {
         let plan = answer.batch.as_ref().map(Batch::plan);
         let paths = plan.and_then(|plan| to_moves(plan, self.ground.grid.cols()));
@@ -631,6 +518,7 @@ impl<'a> Run<'a> {
         })
     }
 
+    /// Lets an answer take effect.
     fn effect(&mut self, round: &Round, batch: Option<Batch>) -> Result<(), FleetError> {
         self.tally.round(round);
         let (tick, call) = (self.live.tick(), round.call);
@@ -649,10 +537,7 @@ impl<'a> Run<'a> {
         for assignment in &round.assignments {
             self.assigner
                 .give(assignment.agent, assignment.task)
-                .map_err(|reason| match &self.past {
-                    Some((recording, _)) => at(recording, round, reason),
-                    None => FleetError::Broken(reason),
-                })?;
+                .map_err(|reason| self.answers.wrong(round, reason))?;
         }
         let Some(batch) = batch else {
             return Ok(());
@@ -694,14 +579,14 @@ impl<'a> Run<'a> {
         } else {
             0
         };
-        if self.under.is_some() {
+        if self.open.is_some() {
             self.idle = 0;
             return Ok(());
         }
-        if let Some((recording, Some(round))) = &self.past {
+        if let Some(round) = self.answers.recorded() {
             if round.block < self.block {
                 let reason = "the call is made before the answer to the last one";
-                return Err(at(recording, round, reason.into()));
+                return Err(self.answers.wrong(round, reason.into()));
             }
             if round.block == self.block {
                 self.call(Vec::new())?;
@@ -709,10 +594,11 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         // An answer that would take effect after the end is not asked for.
-        if self.thread.is_none() || self.block + self.limit >= self.blocks {
+        let replays = matches!(self.answers, Answers::Recorded(_));
+        if replays || self.block + self.limit >= self.blocks {
             return Ok(());
         }
-        let mut opening = std::mem::take(&mut self.doubts);
+        let mut opening = std::mem::take(&mut self.early);
         let invoke = self.calls == 0 || self.policy_invokes(&mut opening)?;
         let idle_s = (self.idle.saturating_sub(1)) as f64 * period_s;
         if !invoke && idle_s >= self.config.watchdog_s {
@@ -725,7 +611,7 @@ impl<'a> Run<'a> {
                 ),
             });
         } else if !invoke {
-            self.doubts = opening;
+            self.early = opening;
             return Ok(());
         }
         self.call(opening)
@@ -741,15 +627,11 @@ impl<'a> Run<'a> {
             action_s: self.config.sim.step_s,
             actions_left: agents.map(|agent| self.adg.actions_left(agent)).collect(),
         };
-        let Thread {
-            invocation,
-            environment,
-            ..
-        } = self.thread.as_mut().ok_or_else(broken)?;
+        let plugins = self.answers.plugins_mut()?;
         let wall_s = self.config.allowance.call_s;
         let asked = ask(
-            invocation,
-            environment,
+            &mut plugins.invocation,
+            &plugins.environment,
             self.config,
             opening,
             (EventKind::InvocationFault, self.calls, wall_s),
@@ -782,16 +664,16 @@ impl<'a> Run<'a> {
         let goals = self
             .assigner
             .upcoming(&cut.cells, &cut.next_goal, window_steps);
-        let mut asks = true;
-        if let Some((recording, Some(round))) = &self.past {
-            if round.state != state {
+        let plugins = match self.answers.recorded() {
+            Some(round) if round.state != state => {
                 let reason = "the fleet is in another state than when this was recorded";
-                return Err(at(recording, round, reason.into()));
+                return Err(self.answers.wrong(round, reason.into()));
             }
-            asks = asks_again(self.thread.as_ref(), recording, round);
-        }
-        if asks {
-            let question = Question {
+            Some(_) => self.answers.asked_again(),
+            None => Some(self.answers.plugins()?),
+        };
+        if let Some(plugins) = plugins {
+            plugins.call(Call {
                 number,
                 state: FleetState {
                     time_s: self.live.now_s(),
@@ -805,15 +687,13 @@ impl<'a> Run<'a> {
                     radius_m: radius_m(self.ground.fleet, config),
                     allows_cycles: false,
                 },
-            };
-            let thread = self.thread.as_ref().ok_or_else(broken)?;
-            thread.questions.send(question).map_err(|_| broken())?;
+            })?;
         }
         self.log.entries.push(Entry {
             tick: self.live.tick(),
             what: Happening::Asked { call: number },
         });
-        self.under = Some(Under {
+        self.open = Some(OpenCall {
             number,
             block: self.block,
             state,
@@ -845,7 +725,7 @@ impl<'a> Run<'a> {
             );
         });
         let period_s = live.period_s();
-        if self.config.clock == Clock::Realtime && self.past_is_over() {
+        if self.config.clock == Clock::Realtime && self.answers.recorded().is_none() {
             // What is repeated takes no time.
             let (began, first) = *self.pace.get_or_insert((Instant::now(), self.block));
             let due = Duration::from_secs_f64((self.block + 1 - first) as f64 * period_s);
@@ -867,10 +747,6 @@ impl<'a> Run<'a> {
             watch.point(&point, rtf);
         }
         Ok(())
-    }
-
-    fn past_is_over(&self) -> bool {
-        !matches!(&self.past, Some((_, Some(_))))
     }
 
     fn finish(
@@ -898,19 +774,11 @@ impl<'a> Run<'a> {
             blocks: self.block,
             trace_digest: simulated.trace_digest,
         };
-        match &self.past {
+        match &self.answers {
             // Nothing is said of a replay that did not come to its end.
-            Some(_) if self.replays && ended == Ended::Interrupted => {}
-            Some((recording, _)) if self.replays => {
-                let recorded = recording.end().map(|end| end.trace_digest);
-                if recorded.is_some_and(|recorded| recorded != end.trace_digest) {
-                    let reason = "the replay came out otherwise than the recording says";
-                    return Err(InputError::new(recording.name(), reason)
-                        .hint("was it recorded by another version of this program?")
-                        .into());
-                }
-            }
-            _ => watch.end(&end)?,
+            Answers::Recorded(_) if ended == Ended::Interrupted => {}
+            Answers::Recorded(replay) => replay.came_out(&end)?,
+            Answers::Live(_) | Answers::RecordedThenLive(..) => watch.end(&end)?,
         }
         Ok(FleetOutcome {
             fleetyard: env!("CARGO_PKG_VERSION"),
@@ -939,11 +807,31 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Whether plugins that were started anew are asked a recorded call again: the last one, if
-/// the planner had answered it, so that the answers can be compared.
-fn asks_again(thread: Option<&Thread>, recording: &Recording, round: &Round) -> bool {
-    let is_last = round.call + 1 == recording.rounds();
-    thread.is_some() && is_last && round.by == By::Planner
+/// Teaches the plugins the map and lets them wait for calls.
+fn start(
+    ground: &Ground<'_>,
+    config: &FleetConfig,
+    modules: Modules,
+) -> Result<Plugins, FleetError> {
+    let Modules {
+        planner,
+        generator,
+        invocation,
+        fail_policy,
+    } = modules;
+    let environment = environment(ground.grid, config);
+    let mut pipeline = Pipeline {
+        grid: Arc::clone(ground.grid),
+        components: ground.grid.components(),
+        environment: SharedEnvironment::clone(&environment),
+        config: config.clone(),
+        planner,
+        generator,
+        fail_policy,
+    };
+    pipeline.check_capabilities()?;
+    pipeline.prepare()?;
+    Plugins::start(pipeline, invocation, environment)
 }
 
 /// The plan of a recorded call, judged anew: a file may say anything.
@@ -973,18 +861,7 @@ fn recorded_batch(
     }
 }
 
-fn at(recording: &Recording, round: &Round, reason: String) -> FleetError {
-    InputError::new(recording.name(), reason)
-        .at_line(round.line)
-        .hint("the file was changed, or was recorded by another version of this program")
-        .into()
-}
-
-fn broken() -> FleetError {
-    FleetError::Broken("the thread that answers calls has ended".into())
-}
-
-/// Whether all robots have to turn before they can move another way.
+/// True if all robots have to turn before they can move another way.
 fn turns(fleet: Option<&Fleet>) -> bool {
     fleet.is_some_and(|fleet| {
         fleet
@@ -1019,7 +896,7 @@ fn radius_m(fleet: Option<&Fleet>, config: &FleetConfig) -> f64 {
     })
 }
 
-/// What an answer depends on, as far as the host is concerned.
+/// Digest of what an answer depends on, as far as the host is concerned.
 fn digest(number: u64, block: u64, cut: &Cut) -> Digest {
     let mut hasher = Hasher::new("fleetyard.fleet-state/1");
     hasher.u64(number);
@@ -1031,7 +908,7 @@ fn digest(number: u64, block: u64, cut: &Cut) -> Digest {
     hasher.finish()
 }
 
-/// What plugins are told of the map.
+/// The map as plugins are told it.
 fn environment(grid: &Grid, config: &FleetConfig) -> SharedEnvironment {
     fleetyard_runtime::environment_of(
         grid,
