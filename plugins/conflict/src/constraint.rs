@@ -1,4 +1,4 @@
-//! Constraints of the tree, each of which some agents have to keep.
+//! Constraints of the nodes of the constraint tree, each of which some agents have to keep.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -6,7 +6,7 @@ use fleetyard_plugin_spacetime::conflict::FOREVER;
 use fleetyard_plugin_spacetime::constraints::Constraints;
 use fleetyard_plugin_spacetime::graph::Vertex;
 
-/// What a child of a node adds.
+/// A constraint that a child adds to its parent.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) enum Constraint {
     /// The agent is not in the cell from the first to the last step.
@@ -89,7 +89,7 @@ impl Constraint {
         }
     }
 
-    /// Whether an agent has to keep it.
+    /// True if an agent has to keep it.
     pub(crate) fn binds(&self, agent: u32) -> bool {
         matches!(self, Self::ArriveBy { .. }) || self.agent() == agent
     }

@@ -23,14 +23,14 @@ mod cover;
 mod mdd;
 pub mod plugin;
 mod queue;
+mod search;
 mod symmetry;
-mod tree;
 
 use fleetyard_plugin_spacetime::problem::Problem;
 
-pub use tree::{End, Outcome, Settings};
+pub use search::{End, Outcome, Settings};
 
 /// Searches for a plan. `stop` is asked often and ends the search when it says so.
 pub fn solve(problem: &Problem, settings: &Settings, stop: &mut dyn FnMut() -> bool) -> Outcome {
-    tree::Tree::new(problem, settings.clone()).solve(stop)
+    search::Search::new(problem, settings.clone()).solve(stop)
 }

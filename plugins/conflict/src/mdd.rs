@@ -131,7 +131,7 @@ impl Builder {
     }
 
     /// Per step the only cell in which paths of one cost are, or [`SEVERAL`].
-    pub(crate) fn singles(
+    pub(crate) fn singletons(
         &mut self,
         poses: Poses<'_>,
         route: &Route,
@@ -153,7 +153,7 @@ impl Builder {
             .collect()
     }
 
-    /// Which of these cells, each at a step, paths of one cost come through.
+    /// Keeps those of the cells, each at a step, that paths of one cost come through.
     pub(crate) fn members(
         &mut self,
         poses: Poses<'_>,

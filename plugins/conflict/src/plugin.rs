@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{End, Settings, solve};
 
-/// What both planners can do.
+/// Capabilities of both planners.
 const CAPABILITIES: &[Capability] = &[
     Capability::Pebble,
     Capability::Rotation,

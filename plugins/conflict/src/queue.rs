@@ -1,10 +1,10 @@
-//! The open nodes of a tree: all of them by lower bound, and those that are good enough by
-//! how much is left to do.
+//! OPEN and FOCAL of ECBS (Barer et al., SoCS 2014): all open nodes by lower bound, and those
+//! within the weight of the least bound by their number of conflicts.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
-/// What a node is ordered by.
+/// The keys of a node's place in the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Rank {
     /// Lower bound of the sum of costs below the node.

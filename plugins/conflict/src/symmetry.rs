@@ -41,8 +41,8 @@ pub(crate) fn corridor(graph: &Graph, v: Vertex) -> Option<Vec<Vertex>> {
     Some(chain)
 }
 
-/// In which direction an agent goes through a chain around a step: its ends, first the one
-/// that it comes from.
+/// The direction in which an agent goes through a chain around a step: the chain's ends, first
+/// the one that the agent comes from.
 pub(crate) fn passage(path: &[Vertex], chain: &[Vertex], time: u32) -> Option<[Vertex; 2]> {
     let (&one, &other) = chain.first().zip(chain.last())?;
     let time = (time as usize).min(path.len() - 1);
@@ -59,28 +59,28 @@ pub(crate) fn passage(path: &[Vertex], chain: &[Vertex], time: u32) -> Option<[V
 pub(crate) struct Rectangle {
     pub(crate) barriers: [Vec<(Vertex, u32)>; 2],
     pub(crate) cardinal: [bool; 2],
-    /// Whether the way to the barrier begins at step 0, so that it may forbid more than what
+    /// True if the way to the barrier begins at step 0, so that it may forbid more than what
     /// cheapest paths come through.
     pub(crate) whole: [bool; 2],
 }
 
-/// Where the cheapest paths of an agent narrow to one cell before and after a conflict, with
-/// nothing but the shortest ways in between.
+/// The single cells of an agent's MDD nearest to its start and its goal, before and after a
+/// conflict, with nothing but the shortest ways in between.
 fn segment(
     graph: &Graph,
-    singles: &[Vertex],
+    singletons: &[Vertex],
     v: Vertex,
     time: u32,
 ) -> Option<[((i64, i64), i64); 2]> {
     let place = |v: Vertex| graph.place(v).map(i64::from).into();
     let far = |a: (i64, i64), b: (i64, i64)| (a.0 - b.0).abs() + (a.1 - b.1).abs();
     let here = place(v);
-    let single = |t: usize| singles.get(t).copied().filter(|&v| v != SEVERAL);
+    let single = |t: usize| singletons.get(t).copied().filter(|&v| v != SEVERAL);
     let start = (0..=time as usize).find_map(|t| {
         let start = place(single(t)?);
         (far(start, here) == i64::from(time) - t as i64).then_some((start, t as i64))
     })?;
-    let goal = (time as usize..singles.len()).rev().find_map(|t| {
+    let goal = (time as usize..singletons.len()).rev().find_map(|t| {
         let goal = place(single(t)?);
         let straight = far(start.0, goal) == t as i64 - start.1
             && far(here, goal) == t as i64 - i64::from(time);
@@ -92,11 +92,11 @@ fn segment(
 /// The rectangle that a conflict of two agents in a cell is part of.
 pub(crate) fn rectangle(
     graph: &Graph,
-    singles: [&[Vertex]; 2],
+    singletons: [&[Vertex]; 2],
     v: Vertex,
     time: u32,
 ) -> Option<Rectangle> {
-    let [a, b] = singles.map(|singles| segment(graph, singles, v, time));
+    let [a, b] = singletons.map(|singletons| segment(graph, singletons, v, time));
     let (a, b) = a.zip(b)?;
     let whole = [a, b].map(|[start, _]| start.1 == 0);
     let sign = |from: i64, to: i64| (to - from).signum();

@@ -176,7 +176,7 @@ fn agrees(case: &Case, delay: u32) -> Result<(), TestCaseError> {
     let bare = Settings {
         bypass: false,
         symmetry: false,
-        pairs: false,
+        wdg: false,
         ..optimal(delay)
     };
     for settings in [optimal(delay), bare] {
@@ -284,7 +284,7 @@ fn a_rectangle_takes_few_nodes() {
     within(&case, &optimal(0), 37, 2);
     let blind = Settings {
         symmetry: false,
-        pairs: false,
+        wdg: false,
         bypass: false,
         node_limit: Some(101),
         ..optimal(0)

@@ -3,8 +3,19 @@
 //! K. Okumura, M. Machida, X. Défago, Y. Tamura, "Priority inheritance with
 //! backtracking for iterative multi-agent path finding", Artificial Intelligence
 //! 310 (2022). The swap operation, which lets two agents change places at the end
-//! of a corridor, is the one of K. Okumura, "Improving LaCAM for scalable eventually
-//! optimal multi-agent pathfinding", IJCAI 2023.
+//! of a corridor, is in [`swap`].
+//!
+//! | paper | here |
+//! | --- | --- |
+//! | configuration at time t, `v_i(t)` | [`Pibt::load`], `Pibt::from`; by vertex: `occupant` |
+//! | next vertices, `v_i(t+1)` | [`Pibt::step`], `Pibt::to`; by vertex: `claimant` |
+//! | the loop over agents in order of priority | [`Pibt::sample`]; its caller orders them |
+//! | function `PIBT(a_i, a_j)` | [`Pibt::decide`]; each call is a [`Frame`] of its stack |
+//! | `C_i`: neighbours and `v_i`, sorted by distance to the goal | [`Pibt::frame`], [`Wishes`] |
+//! | `a_k` at the vertex, which inherits the priority | `pushed` in [`Pibt::decide`] |
+//! | `valid`, `invalid` | the `answer` to the frame below |
+//! | no candidate is left: stay, return `invalid` | the last branch of [`Pibt::decide`] |
+//! | (not in the paper) rings of moves may be forbidden | [`closes_ring`] |
 //!
 //! This module makes single steps, as LaCAM's configuration generator wants them;
 //! [`crate::one_shot`] iterates them into a planner of its own.
@@ -14,10 +25,13 @@
 //! and a random permutation of the directions, looked up together in a table, give
 //! "closer ones in random order, staying, the others in random order".
 
-use crate::scatter::Guide;
+mod swap;
+
 use fleetyard_plugin_spacetime::distance::Distances;
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::random::Random;
+
+use crate::scatter::Guide;
 
 /// No agent.
 const NOBODY: u32 = u32::MAX;
@@ -28,20 +42,20 @@ const PERMUTATIONS: usize = 24;
 /// Bits of a preference code that hold the closer directions.
 const CLOSER: u8 = 0b1111;
 
-/// What the agents want, as far as a step has to know.
+/// Preferences of the agents among the vertices where they can be next.
 pub(crate) trait Wishes {
     /// The directions that lead `agent` from `v` nearer to where it wants to be, a bit
     /// each, and in the upper half the direction to prefer to them all plus one, if there
     /// is one.
     fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8;
-    /// Whether `a` is nearer to where `agent` wants to be than its neighbour `b`.
+    /// True if `a` is nearer to where `agent` wants to be than its neighbour `b`.
     fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool;
-    /// Whether `agent` at `b` has nothing against changing places with whoever is at `a`.
+    /// True if `agent` at `b` has nothing against changing places with whoever is at `a`.
     #[inline]
     fn willing(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
         self.nearer(graph, agent, a, b)
     }
-    /// Whether `v` is where `agent` wants to stay.
+    /// True if `v` is where `agent` wants to stay.
     fn rests(&self, agent: usize, v: Vertex) -> bool;
     /// The last word about the order in which `agent` tries the vertices where it can be
     /// next, best first.
@@ -84,7 +98,7 @@ impl Wishes for OneGoal<'_, '_> {
 pub(crate) struct Pibt<'g> {
     graph: &'g Graph,
     swap: bool,
-    /// Whether agents may move round in a ring, each into the cell that the next one
+    /// True if agents may move round in a ring, each into the cell that the next one
     /// leaves.
     rings: bool,
     /// The loaded configuration, and who stands where in it.
@@ -305,135 +319,9 @@ impl<'g> Pibt<'g> {
             pulled,
         }
     }
-
-    /// The agent to change places with, when `agent` at `here` wants to go to `first`.
-    fn swap_partner(
-        &self,
-        agent: u32,
-        here: Vertex,
-        first: Vertex,
-        wishes: &mut impl Wishes,
-    ) -> u32 {
-        if first == here {
-            return NOBODY;
-        }
-        let occupant = self.occupant[first as usize];
-        if occupant != NOBODY
-            && self.to[occupant as usize] == UNDECIDED
-            && self.swap_required(agent, occupant, here, first, wishes)
-            && self.swap_possible(first, here, wishes)
-        {
-            return occupant;
-        }
-        // Somebody behind may need to pass: make room one step ahead of the need.
-        for behind in self.graph.neighbors(here) {
-            let other = self.occupant[behind as usize];
-            if other != NOBODY
-                && behind != first
-                && self.swap_required(other, agent, here, first, wishes)
-                && self.swap_possible(first, here, wishes)
-            {
-                return other;
-            }
-        }
-        NOBODY
-    }
-
-    /// Whether `pusher`, following `puller` along a corridor, would stand in its way
-    /// at the end of it.
-    fn swap_required(
-        &self,
-        pusher: u32,
-        puller: u32,
-        pusher_at: Vertex,
-        puller_at: Vertex,
-        wishes: &mut impl Wishes,
-    ) -> bool {
-        let (pusher, puller) = (pusher as usize, puller as usize);
-        let (mut behind, mut ahead) = (pusher_at, puller_at);
-        // The end of the corridor first: most lead to a wide place, which takes no table to
-        // see. One that leads back here has no end.
-        let rests = loop {
-            if wishes.rests(pusher, behind) {
-                break true;
-            }
-            match self.exits(ahead, behind, wishes) {
-                Exits::Several => return false,
-                Exits::None => break false,
-                Exits::One(exit) if exit == pusher_at => return false,
-                Exits::One(exit) => (behind, ahead) = (ahead, exit),
-            }
-        };
-        let end = behind;
-        if !wishes.willing(self.graph, puller, behind, ahead) {
-            return false;
-        }
-        // Whether the pusher wants to go there.
-        (behind, ahead) = (pusher_at, puller_at);
-        while !(rests && behind == end) {
-            if !wishes.nearer(self.graph, pusher, ahead, behind) {
-                return false;
-            }
-            match self.exits(ahead, behind, wishes) {
-                Exits::One(exit) => (behind, ahead) = (ahead, exit),
-                _ => break,
-            }
-        }
-        true
-    }
-
-    /// Whether pulling leads from `ahead` to a place wide enough to change places.
-    fn swap_possible(
-        &self,
-        pusher_at: Vertex,
-        puller_at: Vertex,
-        wishes: &mut impl Wishes,
-    ) -> bool {
-        let (mut behind, mut ahead) = (pusher_at, puller_at);
-        for _ in 0..self.graph.len() {
-            if ahead == pusher_at {
-                return false;
-            }
-            match self.exits(ahead, behind, wishes) {
-                Exits::Several => return true,
-                Exits::None => return false,
-                Exits::One(exit) => {
-                    behind = ahead;
-                    ahead = exit;
-                }
-            }
-        }
-        false
-    }
-
-    /// Ways on from `v` when coming from `back`. A dead end whose occupant is at its
-    /// goal is no way.
-    #[inline]
-    fn exits(&self, v: Vertex, back: Vertex, wishes: &impl Wishes) -> Exits {
-        if self.graph.is_open(v) {
-            return Exits::Several;
-        }
-        let mut found = Exits::None;
-        for u in self.graph.neighbors(v) {
-            if u == back {
-                continue;
-            }
-            if self.graph.degree(u) == 1 {
-                let occupant = self.occupant[u as usize];
-                if occupant != NOBODY && wishes.rests(occupant as usize, u) {
-                    continue;
-                }
-            }
-            match found {
-                Exits::None => found = Exits::One(u),
-                _ => return Exits::Several,
-            }
-        }
-        found
-    }
 }
 
-/// Whether a move from `here` to `v` would be the last of a ring of moves that are
+/// True if a move from `here` to `v` would be the last of a ring of moves that are
 /// decided. Whoever moves into an occupied cell waits for its occupant to decide, so a
 /// ring comes about with the last of its moves.
 #[inline]
@@ -451,14 +339,6 @@ fn closes_ring(occupants: &[u32], to: &[Vertex], here: Vertex, v: Vertex) -> boo
         at = next;
     }
     v != here
-}
-
-/// How a corridor goes on.
-#[derive(Debug, Clone, Copy)]
-enum Exits {
-    None,
-    One(Vertex),
-    Several,
 }
 
 /// For each mask of closer directions and each permutation: the directions, two bits
