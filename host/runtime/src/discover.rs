@@ -47,7 +47,7 @@ pub struct Discovered {
     pub file: PluginFile,
     /// Where it was found.
     pub origin: Origin,
-    /// What it is to the lock.
+    /// Its standing in the lock.
     pub standing: Standing,
     /// Its plugins.
     pub plugins: Result<Introduction, Fault>,
@@ -97,7 +97,7 @@ pub struct Found {
 pub struct Discovery {
     /// Folders, first match first.
     pub folders: Vec<PathBuf>,
-    /// How many of them the user named: those must be there.
+    /// The number of those that the user named, which must be there.
     pub named: usize,
 }
 
@@ -153,7 +153,7 @@ impl Discovery {
         found
     }
 
-    /// How many files in the folders may be plugins.
+    /// The number of files in the folders that may be plugins.
     pub fn count(&self) -> usize {
         self.candidates().len()
     }
@@ -304,7 +304,7 @@ fn candidate(path: &Path) -> Option<PluginFile> {
     may_be.then_some(file)
 }
 
-/// Whether the kernel could start a file: on many file systems everything is marked
+/// True if the kernel could start a file: on many file systems everything is marked
 /// executable. Scripts in Python may also be started by name.
 fn is_program(path: &Path) -> bool {
     let mut start = Vec::new();
@@ -316,7 +316,7 @@ fn is_program(path: &Path) -> bool {
         || path.extension().is_some_and(|extension| extension == "py")
 }
 
-/// Whether a folder is one where plugins are searched, and has several: then it is no
+/// True if a folder is one where plugins are searched, and has several: then it is no
 /// plugin's own, and what else is there is not for each of them.
 pub(crate) fn holds_several(folder: &Path) -> bool {
     let searched = Discovery::from_environment().folders;

@@ -44,7 +44,7 @@ pub struct PinnedPlugin {
 pub struct Pinned {
     /// Where it is: relative to the lock's folder if it is inside.
     pub path: PathBuf,
-    /// What it has.
+    /// The plugins that it has.
     pub plugins: Vec<PinnedPlugin>,
     /// All that is its code, the file itself first.
     pub code: Vec<CodeFile>,
@@ -212,7 +212,7 @@ impl Lock {
         before - self.pinned.len()
     }
 
-    /// Whether a file and all that is its own is what is pinned. The lock is no part of it,
+    /// True if a file and all that is its own is what is pinned. The lock is no part of it,
     /// nor is what is `hidden` from plugins, pinned or not.
     pub fn compare(
         &self,
@@ -230,7 +230,7 @@ impl Lock {
         self.check(&entry, &file.whole(&hidden)?)
     }
 
-    /// Whether code is what is pinned, file by file.
+    /// Refuses code that is not what is pinned, file by file.
     pub fn check(&self, entry: &Pinned, code: &[CodeFile]) -> Result<(), Fault> {
         let name = self.locate(&entry.path);
         let name = name.display();
@@ -323,7 +323,7 @@ fn beside_first(code: &[CodeFile]) -> (Vec<(PathBuf, &CodeFile)>, Vec<&CodeFile>
     (beside, others)
 }
 
-/// What a file is to the lock.
+/// The standing of a file in the lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Standing {
@@ -340,12 +340,12 @@ pub enum Standing {
 pub struct Trust {
     /// The lock that applies.
     pub lock: Option<Lock>,
-    /// Whether files that are not in the lock are refused.
+    /// True if files that are not in the lock are refused.
     pub locked: bool,
 }
 
 impl Trust {
-    /// What a file is to the lock. Reads nothing of it.
+    /// The standing of a file in the lock. Reads nothing of the file.
     pub fn standing(&self, file: &PluginFile) -> Standing {
         match &self.lock {
             Some(_) if *file == PluginFile::BuiltIn => Standing::Free,

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct OptionError {
-    /// What is wrong, with the option's name.
+    /// The reason, with the option's name.
     pub reason: String,
     /// The nearest known name, or the known names.
     pub hint: Option<String>,

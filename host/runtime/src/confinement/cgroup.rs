@@ -299,7 +299,7 @@ impl Cgroup {
         memory.number(memory.either("memory.max_usage_in_bytes", "memory.peak"))
     }
 
-    /// Whether the kernel ended processes because of the memory limit.
+    /// True if the kernel ended processes because of the memory limit.
     pub(crate) fn out_of_memory(&self) -> bool {
         let ended = |memory: &Controller| {
             memory.field(
@@ -310,7 +310,7 @@ impl Cgroup {
         self.memory.as_ref().and_then(ended).unwrap_or(0) > 0
     }
 
-    /// Whether the kernel refused a process or a thread because of their limit.
+    /// True if the kernel refused a process or a thread because of their limit.
     pub(crate) fn out_of_processes(&self) -> bool {
         let refused = |pids: &Controller| pids.field("pids.events", "max");
         self.pids.as_ref().and_then(refused).unwrap_or(0) > 0
@@ -368,7 +368,7 @@ fn field(text: &str, name: &str) -> Option<u64> {
         .and_then(|(_, value)| value.trim().parse().ok())
 }
 
-/// Whether the options of a boot leave page tables and buffers out of what is counted.
+/// True if the options of a boot leave page tables and buffers out of what is counted.
 fn counts_no_kernel_memory(options: &str) -> bool {
     let options = options.split_whitespace();
     let mut of_groups = options.filter_map(|option| option.strip_prefix("cgroup.memory="));

@@ -15,16 +15,16 @@ use fleetyard_abi::monotonic_ns;
 use crate::confinement::monitor::{SHARE, SHARE_NEAR};
 use crate::confinement::process_tree::Census;
 
-/// How often proportional sets are read although no limit asks for it, at most.
+/// The least pause between two readings of proportional sets that no limit asks for.
 const SHARES_EVERY_NS: u64 = 100_000_000;
 
 /// Sockets, and pipes, that do not count: honest programs have some, nearly empty.
 const FREE_BUFFERS: u64 = 64;
 
-/// What a pipe holds; plugins may not make them larger.
+/// The size of a pipe; plugins may not make them larger.
 const PIPE_KB: u64 = 64;
 
-/// What a socket is allowed to hold where the kernel does not say.
+/// The size that a socket is allowed to have where the kernel does not say.
 const SOCKET_BYTES: u64 = 212_992;
 
 /// Counts the memory of processes.
@@ -40,11 +40,11 @@ pub(crate) struct Memory {
     unseen_again_ns: u64,
     /// When proportional sets may be read again.
     shares_again_ns: u64,
-    /// Whether memory comes near to its limit.
+    /// True if memory comes near to its limit.
     pub(crate) near: bool,
 }
 
-/// What resident sets do not show, in KiB.
+/// Memory that resident sets do not show, in KiB.
 #[derive(Debug, Clone, Copy, Default)]
 struct Unseen {
     /// Page tables, huge pages and buffers.
@@ -55,7 +55,7 @@ struct Unseen {
     resident_shared: u64,
 }
 
-/// What proportional sets show.
+/// Memory by proportional sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Share {
     kb: u64,

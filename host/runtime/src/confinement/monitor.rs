@@ -22,7 +22,7 @@ use crate::confinement::sandbox::jail::{Ended, Jail};
 pub(crate) const SHARE: u64 = 100;
 pub(crate) const SHARE_NEAR: u64 = 20;
 
-/// How often a folder on somebody's disk is walked through.
+/// The pause between two walks through a folder on somebody's disk.
 const FOLDER_EVERY_NS: u64 = 50_000_000;
 
 /// A resource with a limit.
@@ -69,7 +69,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// Whether processor time from here is the least that it can have been: without a
+    /// True if processor time from here is the least that it can have been: without a
     /// control group, processes that nobody waited for are missing.
     pub fn is_lower_bound(self) -> bool {
         self != Self::Cgroup
@@ -89,7 +89,7 @@ pub struct Usage {
     /// Where processor times come from; they are a lower bound unless it is the group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_source: Option<Source>,
-    /// Whether processes are known to have ended whose processor time nobody was told.
+    /// True if processes are known to have ended whose processor time nobody was told.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub cpu_lost: bool,
     /// Most memory that was seen in use, over all processes.
@@ -124,7 +124,7 @@ pub struct Usage {
     pub throttled_us: Option<u64>,
 }
 
-/// What one call used.
+/// The use of one call.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CallUsage {
     /// Processor time of all processes and threads.
@@ -151,9 +151,9 @@ pub(crate) struct Standing {
     pub(crate) processes: u64,
     pub(crate) disk_bytes: u64,
     pub(crate) files: u64,
-    /// Whether the scratch folder is a file system of its own.
+    /// True if the scratch folder is a file system of its own.
     pub(crate) own_disk: bool,
-    /// Whether the plugin has the network.
+    /// True if the plugin has the network.
     pub(crate) network: bool,
 }
 
@@ -174,7 +174,7 @@ pub(crate) struct Monitor {
     peak_memory_kb: u64,
     peak_tasks: u64,
     peak_disk_kb: u64,
-    /// What the last look took, so that looking never takes much of a processor.
+    /// The cost of the last look, so that looking never takes much of a processor.
     cost_ns: u64,
     disk_looked_ns: u64,
     last_cpu_us: u64,
@@ -201,7 +201,7 @@ impl Monitor {
         }
     }
 
-    /// How long to wait before looking again.
+    /// The wait before the next look.
     pub(crate) fn pause(&self) -> Duration {
         const SHORTEST: u64 = 5_000_000;
         const LONGEST: u64 = 50_000_000;
@@ -347,7 +347,7 @@ impl Monitor {
         }
     }
 
-    /// What was used in all, once everybody is gone.
+    /// The use in all, once everybody is gone.
     pub(crate) fn usage(&self, jail: &Jail, ended: Option<&Ended>) -> Usage {
         let group = jail.cgroup.as_ref();
         let (user_us, system_us, cpu_source) = match (jail.cpu_parts_us(), ended) {
@@ -414,7 +414,7 @@ impl Walk {
     }
 }
 
-/// How long the threads of a process ran, and how long they waited for their turn.
+/// The times for which the threads of a process ran and waited for their turn.
 fn schedule_us(proc: &str, pid: i32) -> Option<(u64, u64)> {
     let mut sum = None;
     for thread in fs::read_dir(format!("{proc}/{pid}/task")).ok()?.flatten() {

@@ -91,7 +91,7 @@ pub(crate) enum View {
     Below(i32),
 }
 
-/// What a look at all processes gives.
+/// A look at all processes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Census {
     /// Living processes of the plugin, and where their files are.

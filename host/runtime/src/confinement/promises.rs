@@ -23,7 +23,7 @@ use serde::Serialize;
 use self::arithmetic::Arithmetic;
 use crate::fault::signal_name;
 
-/// How long nobody looks at the process again while one call follows the other.
+/// The time for which nobody looks at the process again while one call follows the other.
 const PAUSE_NS: u64 = 1_000_000;
 
 /// Something of the host's process that a library did not leave as it found it.
@@ -31,11 +31,11 @@ const PAUSE_NS: u64 = 1_000_000;
 pub struct BrokenPromise {
     /// The call after which it was found.
     pub during: String,
-    /// What was changed.
+    /// The thing that was changed.
     pub what: String,
-    /// Whether it is as it was again.
+    /// True if it is as it was again.
     pub undone: bool,
-    /// Whether it was this plugin and no other: several may be called at the same time.
+    /// True if it was this plugin and no other: several may be called at the same time.
     pub certain: bool,
 }
 
@@ -139,7 +139,7 @@ impl Promises {
         }
     }
 
-    /// What was found until it was settled, each once.
+    /// Promises found broken until they were settled, each once.
     pub(crate) fn broken(&self) -> &[BrokenPromise] {
         &self.broken
     }
@@ -168,7 +168,7 @@ struct Shared {
     /// What was found, and whose it may be, until they ask.
     found: Vec<(u64, BrokenPromise)>,
     looked_ns: u64,
-    /// Whether the process was looked at when the calls that are under way began, so that
+    /// True if the process was looked at when the calls that are under way began, so that
     /// it has to be when they end.
     watched: bool,
 }
@@ -614,7 +614,7 @@ impl Thread {
         }
     }
 
-    /// Whether another set of signals is blocked now.
+    /// True if another set of signals is blocked now.
     fn blocked(&self) -> bool {
         word(&mask()) != word(&self.mask)
     }
@@ -677,7 +677,7 @@ fn mask() -> libc::sigset_t {
     }
 }
 
-/// How this thread computes.
+/// The floating-point state of this thread.
 #[cfg(target_arch = "x86_64")]
 mod arithmetic {
     use std::arch::asm;
@@ -769,7 +769,7 @@ mod arithmetic {
     }
 }
 
-/// How this thread computes.
+/// The floating-point state of this thread.
 #[cfg(target_arch = "aarch64")]
 mod arithmetic {
     use std::arch::asm;
@@ -812,7 +812,7 @@ mod arithmetic {
     }
 }
 
-/// How this thread computes is not known here.
+/// The floating-point state of this thread is not known here.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod arithmetic {
     pub(super) struct Arithmetic;

@@ -27,7 +27,7 @@ pub(crate) struct Python {
     pub(crate) read: Vec<PathBuf>,
 }
 
-/// What the interpreter is told to do.
+/// The program that the interpreter runs.
 pub(crate) const QUESTION: &str = "import json, sys
 print(json.dumps({'executable': sys.executable,
                   'read': [sys.prefix, sys.base_prefix] + [p for p in sys.path if p]}))";
@@ -38,7 +38,7 @@ const LONGEST: usize = 1 << 16;
 /// Most time for an answer: a script that looks for the interpreter starts others.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Whether a program is called like an interpreter: `python3`, `python3.12`.
+/// True if a program is called like an interpreter: `python3`, `python3.12`.
 pub(crate) fn is_python(program: &Path) -> bool {
     let name = program.file_name().and_then(|name| name.to_str());
     name.and_then(|name| name.strip_prefix("python"))
@@ -62,7 +62,7 @@ pub(crate) fn ask(executable: &Path, launch: &Launch) -> Option<Python> {
         .clone()
 }
 
-/// What an interpreter wrote to standard output.
+/// The standard output of an interpreter.
 fn answer_of(executable: &Path, launch: &Launch) -> Option<Vec<u8>> {
     let mut process = Process::start(executable, launch).ok()?;
     process.close_stdin();
@@ -94,7 +94,7 @@ fn answer_of(executable: &Path, launch: &Launch) -> Option<Vec<u8>> {
     Some(answer)
 }
 
-/// What of an answer is to be believed: what was granted before it was given.
+/// The part of an answer that is believed: what was granted before it was given.
 fn believe(answer: &[u8], grants: &Grants) -> Option<Python> {
     let mut answer: Python = serde_json::from_slice(answer).ok()?;
     let is_file = |path: &Path| path.metadata().is_ok_and(|meta| meta.is_file());

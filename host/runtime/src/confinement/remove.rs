@@ -16,10 +16,10 @@ use rustix::fs::{
 };
 use rustix::io::Errno;
 
-/// How often a folder is looked through again; each time one level has come up.
+/// Most rounds in which a folder is looked through again; in each one level comes up.
 const ROUNDS: usize = 1 << 17;
 
-/// How many names are taken at once.
+/// Most names that are taken at once.
 const NAMES: usize = 1 << 14;
 
 /// Removes a folder with all that is in it, as far as it can be.

@@ -1,4 +1,4 @@
-//! Whether the runtimes of this machine run when only the listed system calls pass.
+//! True if the runtimes of this machine run when only the listed system calls pass.
 //!
 //! The allow list is used where it does no harm: its test is that this program's own
 //! worker and every usual interpreter that is found start in a sandbox with it and do

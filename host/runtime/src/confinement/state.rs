@@ -164,7 +164,7 @@ impl Identity {
     }
 }
 
-/// What is written down about a run.
+/// The note of a run.
 #[derive(Debug, Serialize, Deserialize)]
 struct Entry {
     host: Identity,
@@ -198,7 +198,7 @@ impl Entry {
         self.supervisor.is_gone() && self.is_gone()
     }
 
-    /// Whether nothing is left that would have to be removed.
+    /// True if nothing is left that would have to be removed.
     fn is_gone(&self) -> bool {
         let gone = |path: &PathBuf| {
             let found = path.symlink_metadata();

@@ -46,7 +46,7 @@ pub const ARGUMENT: &str = "__supervise";
 /// Signals that a supervisor ignores.
 const FOR_THE_HOST: [i32; 4] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
 
-/// What the supervisor starts.
+/// The process that the supervisor starts.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Target {
@@ -60,7 +60,7 @@ pub enum Target {
     Adapter(PathBuf),
     /// Nothing: to see which layers a machine grants.
     Nothing,
-    /// What a plugin must not get done, tried by the host itself.
+    /// Attempts at things that a plugin must not get done, by the host itself.
     Attempts(Victims),
 }
 
@@ -78,27 +78,27 @@ impl Target {
     }
 }
 
-/// What the host says after it has said what to start.
+/// Orders of the host, after it has said what to start.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Order {
     /// A call begins.
     Begin {
         limits: CallLimits,
-        /// How long the plugin may go on once it was told to stop.
+        /// The time for which the plugin may go on once it was told to stop.
         grace_ns: u64,
     },
     /// It has ended: say what it used.
     Finish,
 }
 
-/// What the supervisor says.
+/// Messages of the supervisor.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Message {
     /// The plugin has been started, in this sandbox.
     Started(SandboxReport),
-    /// What the call used.
+    /// The use of the call.
     Used(CallUsage),
     /// A limit is exceeded; the plugin has its grace to stop.
     Over(Limit),
@@ -106,14 +106,14 @@ pub(crate) enum Message {
     Ended(Box<Report>),
 }
 
-/// What the supervisor says at the end.
+/// The supervisor's report at the end.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Report {
     /// Exit code of the plugin's main process.
     pub code: Option<i32>,
     /// Signal that ended it.
     pub signal: Option<i32>,
-    /// Whether the plugin was stopped: by the host, or for a limit.
+    /// True if the plugin was stopped: by the host, or for a limit.
     pub killed: bool,
     /// The limit for which it was stopped, as far as the supervisor watches it.
     pub over: Option<Limit>,
@@ -128,9 +128,9 @@ pub struct Report {
     /// What the host, the supervisor or the inside of the sandbox could not do for it.
     #[serde(default)]
     pub host_error: Option<String>,
-    /// What the whole tree used.
+    /// The use of the whole tree.
     pub usage: Option<Usage>,
-    /// What the call used in which it was stopped.
+    /// The use of the call in which it was stopped.
     pub call: Option<CallUsage>,
     /// Stands for the whole environment of the plugin.
     pub environment: Option<Digest>,
@@ -202,7 +202,7 @@ struct Control {
     received: Vec<u8>,
 }
 
-/// What the host wants.
+/// The host's wish, as the supervisor heard it.
 enum Heard {
     Order(Order),
     Nothing,
@@ -384,7 +384,7 @@ impl Allowed {
         )
     }
 
-    /// What somebody has changed since.
+    /// The change that somebody made since, if one was made.
     fn changed(&self) -> Option<String> {
         let now = Self::now();
         let pairs = self.0.iter().zip(&now.0).zip(NEEDED);

@@ -25,7 +25,7 @@ impl Cpus {
         self.iter().chain(other.iter()).copied().collect()
     }
 
-    /// Whether a CPU is one of them.
+    /// True if a CPU is one of them.
     pub fn has(&self, cpu: u32) -> bool {
         self.0.binary_search(&cpu).is_ok()
     }

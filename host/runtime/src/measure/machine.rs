@@ -12,7 +12,7 @@ use fleetyard_core::{Digest, Hasher};
 use serde::{Deserialize, Serialize};
 
 use super::Cpus;
-use super::cores::{self, layout};
+use super::layout::{layout, online};
 use super::source::{Source, values};
 
 const CPU: &str = "sys/devices/system/cpu";
@@ -34,7 +34,7 @@ const VIRTUAL: [&str; 13] = [
     "apple virtualization",
 ];
 
-/// What firmware says when nobody has filled in the form.
+/// Texts of firmware where nobody has filled in the form.
 const UNFILLED: [&str; 5] = [
     "to be filled by o.e.m.",
     "system manufacturer",
@@ -51,7 +51,7 @@ pub struct Machine {
     pub architecture: Option<String>,
     /// Name of the CPU; several, if there are, joined by ` + `.
     pub cpu_model: Option<String>,
-    /// Who made it.
+    /// Its maker.
     pub cpu_vendor: Option<String>,
     /// Numbers that identify the CPU: family, model and stepping, or implementer
     /// and part.
@@ -64,7 +64,7 @@ pub struct Machine {
     pub physical_cores: Option<u32>,
     /// Logical CPUs that are online.
     pub logical_cpus: Option<u32>,
-    /// Whether cores run several threads each.
+    /// True if cores run several threads each.
     pub smt: Option<bool>,
     /// NUMA nodes and the CPUs of each; a node may have memory alone.
     pub numa: Option<BTreeMap<u32, Cpus>>,
@@ -74,7 +74,7 @@ pub struct Machine {
     pub governor: Option<String>,
     /// What CPUs are told about speed against energy. `mixed` when they differ.
     pub energy_preference: Option<String>,
-    /// Whether CPUs may exceed their base frequency.
+    /// True if CPUs may exceed their base frequency.
     pub turbo: Option<bool>,
     /// Lowest frequency that any CPU may run at.
     pub frequency_min_khz: Option<u64>,
@@ -88,7 +88,7 @@ pub struct Machine {
     pub os: Option<String>,
     /// Clock source of the kernel.
     pub clock_source: Option<String>,
-    /// Whether there is a hypervisor below; absent when nothing tells.
+    /// True if there is a hypervisor below; absent when nothing tells.
     pub virtualised: Option<bool>,
     /// Which hypervisor, by its own word.
     pub hypervisor: Option<String>,
@@ -158,7 +158,7 @@ impl Machine {
             microcode: distinct(&cpuinfo, "microcode"),
             sockets,
             physical_cores: cores.as_ref().map(|cores| cores.len() as u32),
-            logical_cpus: cores::online(source, &cpuinfo)
+            logical_cpus: online(source, &cpuinfo)
                 .map(|cpus| cpus.len() as u32)
                 .filter(|count| *count > 0),
             smt: smt.or_else(shared),

@@ -1,9 +1,10 @@
-//! Fair measurement: what machine this is, which cores a trial has to itself, and
-//! what else happened on them meanwhile.
+//! Fair measurement: facts about the machine, cores that a trial has to itself, and
+//! the load on them meanwhile.
 //!
 //! Three parts, which know nothing of plugins or trials: [`machine`] reads facts
-//! that do not change, [`cores`] reserves physical cores and pins processes, and
-//! [`load`] compares the kernel's counters before and after. None of it limits
+//! that do not change, [`cores`] reserves physical cores, to which [`pin`] confines
+//! processes, and [`load`] compares the kernel's counters before and after, which
+//! [`contention`] judges. None of it limits
 //! anything, and none of it may be needed to run: a value that the machine does
 //! not tell is absent, never zero, and cores that cannot be had are a reason to
 //! record, not a failure.
@@ -12,16 +13,22 @@
 //! Wendler, "Reliable benchmarking: requirements and solutions", STTT 21 (2019).
 //! `docs/performance.md` lists every figure with its unit and source.
 
+pub mod contention;
+mod core_locks;
 pub mod cores;
 mod cpus;
+mod layout;
 pub mod load;
 pub mod machine;
+mod pinning;
 mod source;
 
-pub use cores::{NoCores, Reservation, Topology, affinity, pin, pin_this_process};
+pub use contention::{Call, Cause, Reason, Spent, contended};
+pub use cores::{NoCores, Reservation, Topology};
 pub use cpus::Cpus;
-pub use load::{Call, Cause, Difference, Reason, Snapshot, Spent, contended};
+pub use load::{Difference, Snapshot};
 pub use machine::Machine;
+pub use pinning::{affinity, pin, pin_this_process};
 
 #[cfg(test)]
 mod fixture;

@@ -13,7 +13,7 @@ pub const INTRODUCTION_BYTES: usize = 4 << 20;
 /// Longest message afterwards; the paths of a plan are not counted.
 pub const MESSAGE_BYTES: usize = 4 << 20;
 
-/// How much longer an instance may be that a generator answers, for every agent.
+/// Bytes by which a generator's instance may be longer, for every agent.
 pub const AGENT_BYTES: usize = 4 << 10;
 
 /// Most cells of any plan.
@@ -31,10 +31,10 @@ pub const INCUMBENTS: usize = 10_000;
 /// their time of arrival alone.
 pub const OLDER_BYTES: usize = 64 << 20;
 
-/// How much of the log is kept.
+/// Bytes of the log that are kept.
 pub const LOG_BYTES: usize = 4 << 20;
 
-/// How much of the end of standard error is kept.
+/// Bytes of the end of standard error that are kept.
 pub const STDERR_BYTES: usize = 64 << 10;
 
 /// Most figures of a call that are kept, and the longest name of one.
@@ -42,7 +42,7 @@ pub const METRICS: usize = 1000;
 /// See [`METRICS`].
 pub const METRIC_NAME_BYTES: usize = 256;
 
-/// What reading a message may take in all: its text, and what is made of it.
+/// Bytes that reading a message may take in all: its text, and what is made of it.
 const READING_BYTES: usize = 8 * MESSAGE_BYTES;
 
 /// Most cells of a plan for an instance on a map of so many cells: agents × horizon. The

@@ -5,7 +5,7 @@ use fleetyard_abi::{
 };
 use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, OFF_MAP};
 
-/// What a planner is told of the map of an instance.
+/// The environment of an instance, as a planner is told it.
 pub fn environment(instance: &GridInstance, cell_size_m: f64, step_s: f64) -> SharedEnvironment {
     environment_of(
         instance.grid(),
@@ -15,7 +15,7 @@ pub fn environment(instance: &GridInstance, cell_size_m: f64, step_s: f64) -> Sh
     )
 }
 
-/// What a plugin is told of a map.
+/// The environment of a map, as plugins are told it.
 pub fn environment_of(
     grid: &Grid,
     connectivity: Connectivity,
@@ -38,7 +38,7 @@ pub fn environment_of(
     }))
 }
 
-/// What a planner is asked to solve.
+/// The instance, as a planner is asked to solve it.
 pub fn instance(instance: &GridInstance, radius_m: f64) -> Instance {
     Instance {
         motion: Motion::Pebble,

@@ -15,16 +15,16 @@ use serde_json::value::RawValue;
 use crate::sessions::bounds::MESSAGE_BYTES;
 use crate::sessions::message::{self, Cut, Message};
 
-/// How much of a line is kept that is no message.
+/// Bytes that are kept of a line that is no message.
 const STRAY_KEPT: usize = 400;
 
-/// What stands before and after the byte that is wrong, in an explanation.
+/// Bytes before and after the one that is wrong, in an explanation.
 const NEAR: (usize, usize) = (10, 20);
 
-/// What a running call lets come.
+/// Messages that a running call accepts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Expected<'a> {
-    /// How to read paths; absent in calls that ask for none.
+    /// The context of paths; absent in calls that ask for none.
     pub(crate) paths: Option<PathContext<'a>>,
     /// Longest message, without paths.
     pub(crate) bytes: usize,
@@ -190,7 +190,7 @@ impl Incoming {
         self.line.early = self.line.kind == Kind::Message;
     }
 
-    /// How much is kept of the line that is arriving.
+    /// Bytes that are kept of the line that is arriving.
     #[cfg(test)]
     pub(crate) fn held_bytes(&self) -> usize {
         self.line.kept.capacity()
@@ -356,7 +356,7 @@ mod tests {
         }
     }
 
-    /// What comes of bytes that arrive in pieces of so many.
+    /// The outcome of bytes that arrive in pieces of so many.
     fn heard(bytes: &[u8], size: usize) -> Vec<Result<String, String>> {
         let mut incoming = Incoming::default();
         let mut heard = Vec::new();

@@ -304,7 +304,7 @@ trait Raw: Copy {
     fn empty() -> Self;
     fn context(&self) -> *mut c_void;
     fn destroy(&self) -> Option<unsafe extern "C" fn(*mut c_void)>;
-    /// Whether the size is right and no function that must be there is missing.
+    /// True if the size is right and no function that must be there is missing.
     fn whole(&self) -> bool;
 }
 

@@ -9,7 +9,7 @@ const LONGEST: usize = 16 << 10;
 /// A line that a plugin wrote to the run's log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LogLine {
-    /// How much it matters.
+    /// Its level.
     pub level: LogLevel,
     /// The line.
     pub text: String,

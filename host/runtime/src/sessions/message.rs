@@ -9,7 +9,7 @@ use fleetyard_abi::wire::{IncumbentParams, LogParams, MetricParams, RpcError};
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
-/// How many characters of a plugin's text an explanation repeats.
+/// Most characters of a plugin's text that an explanation repeats.
 const QUOTED: usize = 40;
 
 /// The longest explanation of what is wrong inside of a message.
@@ -168,7 +168,7 @@ pub fn payload<'a, T: Deserialize<'a>>(what: &str, text: &'a str) -> Result<T, S
     })
 }
 
-/// What JSON calls a type of Rust.
+/// JSON's name of a type of Rust.
 fn in_words(expected: &str) -> &str {
     match expected {
         "f64" => "a number",

@@ -246,7 +246,7 @@ fn traces(pid: i32) -> bool {
     }
 }
 
-/// Whether a system call is answered by anything but a refusal, when all its arguments
+/// True if a system call is answered by anything but a refusal, when all its arguments
 /// are wrong.
 fn is_open(call: libc::c_long) -> bool {
     // SAFETY: with null pointers and impossible flags none of them does anything.

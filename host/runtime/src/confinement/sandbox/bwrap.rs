@@ -27,7 +27,7 @@ pub(crate) const INSIDE_ARGUMENT: &str = "__inside";
 /// Where the host's program is found there.
 const EXECUTABLE: &str = "/run/fleetyard";
 
-/// What the init is told on its command line.
+/// The arguments of the init on its command line.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Handed {
     pub(super) launch: Launch,
@@ -36,7 +36,7 @@ pub(super) struct Handed {
     pub(super) gate: RawFd,
 }
 
-/// Whether there is such a program.
+/// True if there is such a program.
 pub(super) fn exists() -> bool {
     find_program("bwrap").is_some()
 }

@@ -27,7 +27,7 @@ use crate::confinement::process_tree::kill_descendants;
 use crate::confinement::state;
 use crate::confinement::supervisor::Target;
 
-/// What the init and the plugin's process know.
+/// The knowledge of the init and of the plugin's process.
 pub(super) struct Inside<'a> {
     pub(super) launch: &'a Launch,
     pub(super) wanted: &'a [Layer],
@@ -305,7 +305,7 @@ fn close_descriptors(flags: libc::c_uint) -> std::io::Result<()> {
     Err(std::io::Error::last_os_error())
 }
 
-/// Whether the kernel counts the processes of a sandbox with these layers apart from all
+/// True if the kernel counts the processes of a sandbox with these layers apart from all
 /// others of the user.
 pub(super) fn counts_alone(layers: &[Layer]) -> bool {
     let release = fs::read_to_string("/proc/sys/kernel/osrelease")
@@ -409,7 +409,7 @@ fn signals_of_children() -> Option<OwnedFd> {
     }
 }
 
-/// What the init knows of the plugin's process.
+/// The plugin's process, as the init knows it.
 #[derive(Default)]
 pub(super) struct Status {
     child: i32,

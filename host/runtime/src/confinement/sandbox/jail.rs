@@ -49,7 +49,7 @@ use crate::measure::Cpus;
 /// that people and containers are given.
 const FIRST_USER: u32 = 0x7000_0000;
 
-/// What the host wants to be started.
+/// The process that the host wants to be started.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Launch {
     pub(crate) target: Target,
@@ -62,7 +62,7 @@ pub(crate) struct Launch {
     pub(crate) cpus: Option<Cpus>,
     /// The memory limit until a call has one of its own; 0 for none.
     pub(crate) memory_bytes: u64,
-    /// Whether any of its calls has a limit of processor time.
+    /// True if any of its calls has a limit of processor time.
     pub(crate) cpu_is_limited: bool,
     /// What it may read, and its environment: found by the host, whose environment does
     /// not come this far.
@@ -94,11 +94,11 @@ pub(crate) struct Jail {
 pub(crate) struct NotStarted {
     pub(crate) report: SandboxReport,
     pub(crate) reason: String,
-    /// Whether it is what the caller asked for, rather than something that failed.
+    /// True if it is what the caller asked for, rather than something that failed.
     pub(crate) by_policy: bool,
 }
 
-/// What is being tried.
+/// An attempt to build the sandbox.
 struct Attempt<'a> {
     launch: &'a Launch,
     /// Layers that are asked for, without those that were refused.
@@ -106,7 +106,7 @@ struct Attempt<'a> {
     refused: Vec<Refusal>,
     /// Layers that were not asked for, and why.
     left_out: Vec<(Layer, &'static str)>,
-    /// What active layers cannot do.
+    /// Gaps of active layers.
     remarks: Vec<Remark>,
     /// A scratch folder on disk, for when there is no tree of our own.
     scratch: &'a Path,
@@ -200,7 +200,7 @@ impl Attempt<'_> {
         }
     }
 
-    /// How well each limit holds.
+    /// The keeper of each limit.
     fn limits(&self) -> Vec<LimitState> {
         let kept = &self.kept;
         let state = |limit, by, watched: Option<String>| LimitState {
@@ -316,7 +316,7 @@ fn is_root() -> bool {
     rustix::process::geteuid().is_root()
 }
 
-/// How one try ended.
+/// The end of one try.
 enum Tried {
     Started(Box<Jail>),
     /// To be tried again without a layer.
@@ -742,7 +742,7 @@ impl Jail {
     }
 }
 
-/// What an init can say after the plugin has started.
+/// Messages of an init after the plugin has started.
 pub(crate) enum News {
     Ended(Ended),
     CannotStart(String),

@@ -13,7 +13,7 @@ use rustix::thread::{CapabilitySet, CapabilitySets, capabilities, set_capabiliti
 use super::root::as_errno;
 use super::{Layer, Profile, Refusal, Remark, syscalls};
 
-/// What is to be locked.
+/// Rights that the plugin's process keeps; all others are given up.
 pub(super) struct Lockdown<'a> {
     /// Paths that may be read and executed, folders with what is in them.
     pub(super) read: &'a [PathBuf],
@@ -24,7 +24,7 @@ pub(super) struct Lockdown<'a> {
     pub(super) network: bool,
     /// Which system calls pass.
     pub(super) profile: Profile,
-    /// Whether other processes are out of reach of signals anyway.
+    /// True if other processes are out of reach of signals anyway.
     pub(super) alone: bool,
     /// Most bytes of a file.
     pub(super) file_bytes: u64,

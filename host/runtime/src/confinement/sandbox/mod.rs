@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::confinement::monitor::Limit;
 
-/// What to do about layers that the machine refuses.
+/// The answer to layers that the machine refuses.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
@@ -124,13 +124,13 @@ impl Layer {
         }
     }
 
-    /// Whether `strict` insists on it. A control group and a user of its own are
+    /// True if `strict` insists on it. A control group and a user of its own are
     /// not for everybody to have.
     pub fn is_required(self) -> bool {
         !matches!(self, Self::Cgroup | Self::OwnUser)
     }
 
-    /// What is lost without it.
+    /// The loss without it.
     pub fn cost_of_missing(self) -> &'static str {
         match self {
             Self::UserNamespace => "the namespaces below, unless the host is root",
@@ -163,12 +163,12 @@ impl Layer {
     }
 }
 
-/// How a user comes by a control group.
+/// The way in which a user comes by a control group.
 const OWN_GROUP: &str = "start the host in a group of its own: \
                          `systemd-run --user --scope -p Delegate=yes fleetyard ...`";
 
 impl Layer {
-    /// What a user can do about a refusal by this error.
+    /// Advice to a user about a refusal by this error.
     pub fn advice(self, errno: &str) -> &'static str {
         match (self, errno) {
             (
@@ -226,12 +226,12 @@ impl std::fmt::Display for Layer {
     }
 }
 
-/// Whether a layer was active, and if not, why.
+/// True if a layer was active, and if not, why.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LayerState {
     /// The layer.
     pub layer: Layer,
-    /// Whether it was active when the plugin's first code ran.
+    /// True if it was active when the plugin's first code ran.
     pub active: bool,
     /// The error by which the kernel refused it.
     #[serde(default)]
@@ -297,7 +297,7 @@ pub enum Keeper {
 pub struct LimitState {
     /// The limit.
     pub limit: Limit,
-    /// Whether nothing that a plugin does gets past it; otherwise it is watched as well as
+    /// True if nothing that a plugin does gets past it; otherwise it is watched as well as
     /// this machine allows.
     pub enforced: bool,
     /// Who holds it.
@@ -318,9 +318,9 @@ impl LimitState {
 /// The layers and the limits of one run.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SandboxReport {
-    /// What was asked for.
+    /// The configuration.
     pub level: Level,
-    /// Who made the namespaces: this host, or the program `bwrap`.
+    /// The maker of the namespaces: this host, or the program `bwrap`.
     #[serde(default)]
     pub backend: Option<Backend>,
     /// The filter of system calls, where that layer is active.
@@ -334,7 +334,7 @@ pub struct SandboxReport {
 }
 
 impl SandboxReport {
-    /// Whether a layer was active.
+    /// True if a layer was active.
     pub fn has(&self, layer: Layer) -> bool {
         let mut layers = self.layers.iter();
         layers.any(|state| state.layer == layer && state.active)
@@ -345,7 +345,7 @@ impl SandboxReport {
         self.limits.iter().filter(|state| !state.enforced)
     }
 
-    /// Whether a limit is only watched.
+    /// True if a limit is only watched.
     pub fn only_watches(&self, limit: Limit) -> bool {
         self.watched().any(|state| state.limit == limit)
     }
@@ -357,7 +357,7 @@ impl SandboxReport {
     }
 }
 
-/// Who made the namespaces.
+/// The maker of the namespaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Backend {
@@ -367,10 +367,10 @@ pub enum Backend {
     Bwrap,
 }
 
-/// What a plugin is granted beyond the least.
+/// Grants to a plugin beyond the least.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Policy {
-    /// What to do about refused layers.
+    /// The answer to refused layers.
     pub level: Level,
     /// Files and folders that the plugin may read, beside its own and the system's.
     pub read: Vec<PathBuf>,
@@ -378,7 +378,7 @@ pub struct Policy {
     /// granted, wherever it lies; nor are its journals and the parts that are being
     /// written, whose names begin with its own.
     pub hidden: Vec<PathBuf>,
-    /// Whether it may use the network.
+    /// True if it may use the network.
     pub network: bool,
     /// Environment variables beside the fixed ones.
     pub env: Vec<(String, String)>,
@@ -428,7 +428,7 @@ impl Refusal {
     }
 }
 
-/// What a layer cannot do although it is active.
+/// A gap of a layer that is active.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Remark {
     pub(crate) layer: Layer,

@@ -33,7 +33,7 @@ pub(super) enum Packet {
     Ended(Ended),
 }
 
-/// How the plugin's process ended, and what all processes used.
+/// The end of the plugin's process, and the use of all processes.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(crate) struct Ended {
     pub(crate) code: Option<i32>,

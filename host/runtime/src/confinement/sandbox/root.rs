@@ -21,7 +21,7 @@ use super::{Layer, Refusal};
 /// Where the plugin may write.
 pub(super) const SCRATCH: &str = "/tmp";
 
-/// Who the plugin is inside of a user namespace.
+/// The user that the plugin is inside of a user namespace.
 pub(super) const INSIDE_USER: u32 = 1000;
 
 /// Mounts that were taken by the host when it is root, so that files are readable
@@ -69,13 +69,13 @@ pub(super) fn not_for_plugins(proc: &str) -> std::io::Result<Vec<(String, bool)>
     Ok(found)
 }
 
-/// How the tree is made.
+/// The tree and the way in which it is made.
 pub(super) struct Root<'a> {
     pub(super) read: &'a [PathBuf],
     pub(super) trees: &'a Trees,
     pub(super) disk_bytes: u64,
     pub(super) files: u64,
-    /// Whether there is a new namespace of processes to show.
+    /// True if there is a new namespace of processes to show.
     pub(super) proc: bool,
 }
 

@@ -29,7 +29,7 @@ struct Group {
     calls: &'static [i64],
 }
 
-/// What becomes of a call.
+/// The fate of a call.
 enum Verdict {
     /// Nothing: runtimes need it.
     Needed,
@@ -129,7 +129,7 @@ const FIOSETOWN: u64 = 0x8901;
 const SIOCSPGRP: u64 = 0x8902;
 const IOPRIO_WHO_PROCESS: u64 = 1;
 
-/// What holds for everybody.
+/// Groups that hold for everybody.
 const TABLE: &[Group] = &[
     // ---- Other processes ------------------------------------------------------------
     Group {

@@ -19,14 +19,14 @@ use rustix::time::Timespec;
 
 use crate::fault::signal_name;
 
-/// How often a solver is looked at when nothing happens.
+/// The pause between two looks at a solver when nothing happens.
 const GLANCE: Duration = Duration::from_millis(10);
 
 /// How often a pipe is read before the rest is looked at again, so that a flood
 /// cannot hide the deadline.
 const ROUNDS: usize = 16;
 
-/// How a solver ended.
+/// The end of a solver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
     /// By itself.
@@ -102,7 +102,7 @@ impl Captured {
         self.dropped += surplus as u64;
     }
 
-    /// What was kept, as one text.
+    /// The kept output, as one text.
     pub(super) fn into_bytes(mut self) -> Vec<u8> {
         self.shorten();
         if self.dropped > 0 {
@@ -190,7 +190,7 @@ impl<'a, R: Read + AsFd> Stream<'a, R> {
     }
 }
 
-/// What is done with a solver's two outputs.
+/// The destinations of a solver's two outputs.
 pub(super) struct Outputs<'a> {
     pub(super) stdout: Captured,
     pub(super) stderr: Captured,
@@ -200,7 +200,7 @@ pub(super) struct Outputs<'a> {
     pub(super) stderr_line: &'a mut dyn FnMut(&str),
 }
 
-/// How a solver ended, and what it wrote.
+/// The end of a solver, and its output.
 pub(super) struct Ended {
     pub(super) end: End,
     pub(super) stdout: Captured,
@@ -233,7 +233,7 @@ pub(super) fn run(
     })
 }
 
-/// Whether the process has ended. It is not reaped, so that its group keeps its
+/// True if the process has ended. It is not reaped, so that its group keeps its
 /// number.
 fn has_ended(pid: Pid) -> bool {
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;

@@ -28,11 +28,11 @@ use super::manifest::{AgentsFormat, Condition, MAP_NAME, SCEN_NAME, Searched};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
 
-/// How much of the beginning and of the end of a solver's log patterns see.
+/// Bytes of the beginning and of the end of a solver's log that patterns see.
 const LOG_HEAD: usize = 1 << 20;
 const LOG_TAIL: usize = 3 << 20;
 
-/// How many bytes of a solver's output go to the run's log.
+/// Most bytes of a solver's output that go to the run's log.
 const FORWARDED: usize = 1 << 20;
 
 /// A solver, ready to be asked.
@@ -46,7 +46,7 @@ pub(super) struct Solver {
     free_cells: u64,
 }
 
-/// What a solver left behind.
+/// The output that a solver left behind.
 struct Left {
     stdout: Vec<u8>,
     stderr: Vec<u8>,
@@ -215,14 +215,14 @@ impl Solver {
         }
     }
 
-    /// What the solver is thought to take before its own clock starts.
+    /// The time that the solver is thought to take before its own clock starts.
     fn preparation_ns(&self, agents: usize) -> u64 {
         let each = self.installed.manifest.program.reserve_per_agent_cell;
         each.saturating_mul(agents as u64)
             .saturating_mul(self.free_cells)
     }
 
-    /// What the solver may take of what is left of the budget.
+    /// The solver's part of what is left of the budget.
     fn time(&self, instance: &Instance, budget: &Budget) -> Duration {
         let left = budget.deadline_monotonic_ns.saturating_sub(monotonic_ns());
         let left = Duration::from_nanos(left);
@@ -610,7 +610,7 @@ fn twice(cells: &[u32]) -> Option<u32> {
         .map(|pair| pair[0])
 }
 
-/// Whether the head of a `lacam` answer says that there is no solution.
+/// True if the head of a `lacam` answer says that there is no solution.
 fn says_unsolved(answer: &[u8]) -> bool {
     answer
         .split(|byte| *byte == b'\n')

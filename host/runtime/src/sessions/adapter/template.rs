@@ -8,7 +8,7 @@ use std::ffi::OsString;
 use fleetyard_core::formats::{Piece, PieceError, pieces};
 use fleetyard_core::{nearest, shown};
 
-/// What a placeholder stands for.
+/// The value that a placeholder stands for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Slot {
     /// The map file.
