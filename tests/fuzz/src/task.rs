@@ -14,7 +14,7 @@ pub fn run(data: &[u8]) {
     };
     assert!(!task.agents.is_empty());
     for agent in &task.agents {
-        let [start, goal] = [agent.start, agent.goal].map(|state| state.at_m());
+        let [start, goal] = [agent.start, agent.goal].map(fleetyard_views::State::at_m);
         assert!(start.iter().chain(&goal).all(|number| number.is_finite()));
         if let Fleets::Kinds(kinds) = &task.fleet {
             assert!((agent.robot as usize) < kinds.len());
