@@ -1,8 +1,8 @@
 //! Multi-valued decision diagrams: all cheapest paths of one agent, level by level (Sharon et
 //! al., "The increasing cost tree search", AIJ 195, 2013).
 //!
-//! What is kept of one are the levels that have a single cell: a conflict there cannot be
-//! avoided at that cost, which makes it cardinal (Boyarski et al., "ICBS", IJCAI 2015).
+//! Only the levels that have a single cell are kept: a conflict there cannot be avoided at that
+//! cost, which makes it cardinal (Boyarski et al., "ICBS", IJCAI 2015).
 
 use fleetyard_plugin_spacetime::astar::settling;
 use fleetyard_plugin_spacetime::constraints::Constraints;
@@ -17,7 +17,7 @@ pub(crate) const SEVERAL: Vertex = Vertex::MAX;
 /// Working memory, kept from one diagram to the next.
 #[derive(Debug, Default)]
 pub(crate) struct Builder {
-    /// Where a state stands in the level under construction, with the level's mark.
+    /// Index of a state in the level under construction, with the level's mark.
     places: Vec<(u32, u32)>,
     mark: u32,
     levels: Vec<Vec<(Pose, u32)>>,

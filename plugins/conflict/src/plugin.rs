@@ -70,7 +70,7 @@ pub type ConflictBasedSearch = Team<OptimalOptions>;
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct OptimalOptions {
-    /// What an agent does after its last goal. In a window a visit is always enough.
+    /// Behaviour of an agent after its last goal. In a window a visit is always enough.
     goals: GoalRule,
     /// Nobody enters a cell within so many steps after somebody else was there.
     #[schemars(range(max = 1000))]
@@ -112,7 +112,7 @@ pub type BoundedSearch = Team<BoundedOptions>;
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BoundedOptions {
-    /// What an agent does after its last goal. In a window a visit is always enough.
+    /// Behaviour of an agent after its last goal. In a window a visit is always enough.
     goals: GoalRule,
     /// Nobody enters a cell within so many steps after somebody else was there.
     #[schemars(range(max = 1000))]

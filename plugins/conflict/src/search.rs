@@ -346,8 +346,8 @@ impl<'p> Search<'p> {
         }
     }
 
-    /// Whether the paths of a child serve its parent: no dearer than they may be there, and
-    /// with fewer conflicts.
+    /// True if the paths of a child can replace those of its parent: no dearer than the parent's
+    /// may be, and with fewer conflicts.
     fn bypasses(&self, id: u32, child: &Node) -> bool {
         let rank = self.nodes[id as usize].rank;
         let (weight, until) = (self.settings.weight, self.rules.until);

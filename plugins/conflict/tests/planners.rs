@@ -170,7 +170,7 @@ fn grid(rows: u32, cols: u32, agents: usize) -> impl Strategy<Value = Case> {
         )
 }
 
-/// What brute force finds is what the search finds, or it runs into its limit.
+/// The search finds the same cost as brute force, or runs into its limit.
 fn agrees(case: &Case, delay: u32) -> Result<(), TestCaseError> {
     let expected = brute_force(case, delay);
     let bare = Settings {

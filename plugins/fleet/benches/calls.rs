@@ -1,5 +1,5 @@
-//! What a call of each plugin costs: fleets of 1000 and 10,000 agents on warehouses of shelves
-//! 2 × 10 with aisles of two cells.
+//! Costs of a call of each plugin: fleets of 1000 and 10,000 agents on warehouses of shelves 2 × 10
+//! with aisles of two cells.
 
 #![allow(missing_docs)]
 
@@ -117,7 +117,7 @@ fn yard(agents: usize) -> Yard {
     (agents, environment, fleet, walks)
 }
 
-/// What some calls cost in time of this thread, whatever else the machine has to do.
+/// The time of this thread that some calls cost, whatever else the machine has to do.
 fn timed<R>(times: u64, mut call: impl FnMut() -> R) -> Duration {
     let now = || {
         let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

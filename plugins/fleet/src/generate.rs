@@ -1,8 +1,8 @@
-//! What the planner is asked: instance generators.
+//! Instance generators: they choose the goals that the planner gets.
 //!
-//! All three keep the goals that agents have, as far as they can be used, and give open tasks
-//! to agents without any: each task, in the order in which tasks are listed, to the nearest
-//! agent that has nothing to do. Who is left without goals is asked to be where it is.
+//! All three keep the goals that agents have, as far as they can be used, and give open tasks to
+//! agents without any: each task, in the order in which tasks are listed, to the nearest agent that
+//! has nothing to do. Agents that are left without goals stay where they are.
 //!
 //! The three are those that "LSMART" (J. Yan, Y. Zhang, Z. Liu, H. Zhang, H. Jiang, J. Chen,
 //! S. F. Smith, J. Li, "Lifelong scalable multi-agent realistic testbed and a comprehensive
@@ -27,13 +27,13 @@ use serde::{Deserialize, Serialize};
 use crate::ground::{Ground, Search};
 use crate::{described, invalid};
 
-/// What tells one of the generators from the others: its options are of this type.
+/// The rule by which a generator chooses goals; also the type of its options.
 pub trait Rule: DeserializeOwned + JsonSchema + Send + 'static {
     /// Identifier and name.
     const NAMES: (&'static str, &'static str);
-    /// What it is.
+    /// Description of the generator for `plugins info`.
     const ABOUT: &'static str;
-    /// What it can do besides grids, pebbles and rotation.
+    /// Capabilities of the generator besides grids, pebbles and rotation.
     const EXTRA: &'static [Capability];
     /// The goals of every agent in the next instance.
     #[doc(hidden)]
@@ -126,8 +126,8 @@ fn check(sink: &dyn Sink) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Who gets which task, by agents in ascending order. Tasks that nobody without goals can
-/// reach stay open.
+/// The task of each agent that gets one, by agents in ascending order. Tasks that no agent without
+/// goals can reach stay open.
 fn give<'s>(
     ground: &Ground,
     state: &'s FleetState,
@@ -179,7 +179,7 @@ fn give<'s>(
     Ok(given)
 }
 
-/// What the rules are told.
+/// The state of the fleet, as rules see it.
 #[derive(Debug)]
 pub struct Fleet<'a> {
     ground: &'a Ground,
@@ -215,8 +215,8 @@ impl Fleet<'_> {
         self.upcoming.iter().enumerate().map(first).collect()
     }
 
-    /// Who heads for which goal, and how far that is if nothing were in the way: goal by goal,
-    /// and the nearest first.
+    /// The agents that head for each goal, with their Manhattan distance to it: sorted by goal, the
+    /// nearest agent first.
     fn rivals(&self, current: &[Option<Vertex>]) -> Vec<(Vertex, u32, usize)> {
         let rival = |(agent, goal): (usize, &Option<Vertex>)| {
             let goal = (*goal)?;
@@ -260,9 +260,9 @@ pub struct Windowed {
     /// Goals that every agent has at least, as far as it has so many.
     #[schemars(range(min = 1))]
     least: u32,
-    /// How far agents keep from a goal that others have too, in steps: who sees two or more
-    /// that are nearer to it waits where it is, and makes way, while it is not so far from it
-    /// for each of them. 0: nobody waits.
+    /// Distance that agents keep from a goal that others have too, in steps: an agent waits where
+    /// it is, and makes way, if two or more others are nearer to its goal and it is within so many
+    /// steps for each of them. 0: no agent waits.
     #[schemars(range(max = 1000))]
     spacing: u32,
 }
@@ -316,8 +316,8 @@ impl Rule for Windowed {
 const AT_A_GOAL: usize = 2;
 
 impl Windowed {
-    /// Who does not go on to its goal yet, because enough others are nearer to it: who stands
-    /// in line right before a goal stands in the way of those who come from it.
+    /// True for the agents that do not go on to their goal yet, because enough others are nearer to
+    /// it: an agent that queues right before a goal stands in the way of those that leave it.
     fn waits(&self, fleet: &Fleet<'_>) -> Result<Vec<bool>, Failure> {
         let mut waits = vec![false; fleet.at.len()];
         if self.spacing == 0 {

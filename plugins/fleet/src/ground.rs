@@ -48,7 +48,7 @@ impl Ground {
         self.region[v as usize]
     }
 
-    /// Where agents are: all of them on free cells, no two on one.
+    /// Vertices of the agents' cells, which have to be free and different.
     pub(crate) fn places(&self, cells: &[u32]) -> Result<Vec<Vertex>, Failure> {
         Ok(vertices_of(&self.graph, cells, "start")?)
     }

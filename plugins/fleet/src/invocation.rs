@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{described, invalid};
 
-/// How far times may be off that are sums of many short ones.
+/// Tolerance for times that are sums of many short ones, in seconds.
 const TOLERANCE_S: f64 = 1e-6;
 
 /// Calls the planner at a fixed interval.

@@ -1,8 +1,8 @@
-//! What is done when the planner has failed: fail policies.
+//! Fail policies: they give paths when the planner has failed.
 //!
-//! Every one of them answers with paths that do not collide within the window (without one,
-//! ever), and in which nobody moves round in a ring where that is not allowed. They need not
-//! lead anybody to a goal.
+//! Every policy answers with paths that do not collide within the window (without one, ever), and
+//! in which agents move round in a ring only where that is allowed. The paths need not lead any
+//! agent to a goal.
 //!
 //! - [`Pibt`] and [`GuidedPibt`] plan anew, from step to step;
 //! - [`Lrgw`] and [`RuleBased`] save what they can of the paths that the planner left;
@@ -42,14 +42,14 @@ use crate::{described, invalid};
 pub trait Recovery: DeserializeOwned + JsonSchema + Send + 'static {
     /// Identifier and name.
     const NAMES: (&'static str, &'static str);
-    /// What it is, with its source.
+    /// Description of the policy, with its source.
     const ABOUT: &'static str;
-    /// What it can do beside what all of them can.
+    /// Capabilities besides those that all policies have.
     const EXTRA: &'static [Capability] = &[];
     /// The map as the policy knows it, kept between calls.
     type Map: Send;
 
-    /// What is wrong with the options, beyond what their schema says.
+    /// The reason why the options are refused, beyond what their schema says.
     fn check(&self) -> Result<(), String> {
         Ok(())
     }
@@ -123,9 +123,9 @@ impl<R: Recovery> FailPolicy for Policy<R> {
 struct Problem<'a> {
     ground: &'a Ground,
     starts: Vec<Vertex>,
-    /// Where agents look, if that matters.
+    /// Headings of the agents, if they matter.
     headings: Option<Vec<u8>>,
-    /// Whether agents may move round in a ring.
+    /// True if agents may move round in a ring.
     rings: bool,
     /// Steps that count; `None`: all.
     window: Option<u32>,
@@ -157,7 +157,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// What the planner left, made usable: of each path as much as begins where the agent is,
+    /// The usable part of each path that the planner left: as much as begins where the agent is,
     /// goes from cell to cell, and lies within the window. At least the start.
     fn paths(&self, failed: Option<PlanRef<'_>>) -> Vec<Vec<Vertex>> {
         let graph = &self.ground.graph;

@@ -30,7 +30,7 @@ const RESTART_ONE_IN: usize = 1000;
 /// ... and, when a solution is known, expands a random open node once in so many steps.
 const RANDOM_ONE_IN: usize = 100;
 
-/// What one step has brought.
+/// Result of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
     /// Nothing of note.

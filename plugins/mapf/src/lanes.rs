@@ -81,7 +81,7 @@ impl ByLane<'_> {
         tables.get(graph, goal, false, Some(lanes))
     }
 
-    /// How far the goal of an agent is from a cell, for an agent that has visited so many.
+    /// Distance from a cell to the next goal of the agent of a [`Place`].
     #[inline]
     fn far(&mut self, place: Place) -> Option<impl Fn(u32) -> u32> {
         if self.ways[place.agent].0 != place.visited {

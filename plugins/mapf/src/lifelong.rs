@@ -34,7 +34,7 @@ const NOWHERE: u8 = DIRECTIONS as u8;
 /// Steps between two questions whether to stop, in agents moved.
 const PATIENCE: usize = 2000;
 
-/// What [`Lifelong::run`] is asked.
+/// The input of [`Lifelong::run`].
 #[derive(Debug, Clone, Copy)]
 pub struct Query<'a> {
     /// Start cell of each agent, all different.
@@ -42,32 +42,32 @@ pub struct Query<'a> {
     /// Goal cells of each agent, to be visited in order. Agents may share goals, and have
     /// none.
     pub goals: &'a Goals,
-    /// Where agents look at the beginning. Where they are known, an agent goes straight on
+    /// Headings of the agents at the beginning. Where they are known, an agent goes straight on
     /// rather than round a corner if both bring it nearer: robots take time to turn.
     pub headings: Option<&'a [Heading]>,
-    /// How many steps to plan; `None`: until everybody has visited all goals, and is at the
+    /// Number of steps to plan; `None`: until every agent has visited all its goals, and is at the
     /// last one unless another agent has the same.
     pub window: Option<u32>,
     /// At most so many steps without a window.
     pub step_limit: u64,
-    /// Whether two agents may change places at the end of a corridor.
+    /// Lets two agents change places at the end of a corridor.
     pub swap: bool,
-    /// Whether agents may move round in a ring at the same step, each into the cell that
-    /// the next one leaves.
+    /// Lets agents move round in a ring at the same step, each into the cell that the next one
+    /// leaves.
     pub rings: bool,
     /// Most bytes of tables that may be in use; 0: no limit.
     pub memory_limit: u64,
     /// Steps tried each time, of which the one that brings most agents nearer is made; at
     /// least 1.
     pub samples: u32,
-    /// How often to go back to a step of the best plan, drawn at random, and try another way
-    /// on from there.
+    /// Number of times that the search goes back to a step of the best plan, drawn at random, and
+    /// goes on differently from there.
     pub retries: u32,
     /// Decides between equals.
     pub seed: u64,
 }
 
-/// How a run ended.
+/// Reason why a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
     /// The window is full; or, without one, all goals are visited.
@@ -80,7 +80,7 @@ pub enum End {
     Memory,
 }
 
-/// Who is asked about by [`Ranking::rank`].
+/// The agent, and its state, for which [`Ranking::rank`] is asked.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
     /// The step that is to be made, counted from 0.
@@ -89,7 +89,7 @@ pub struct Place {
     pub agent: usize,
     /// The cell where it is.
     pub cell: u32,
-    /// How many of its goals it has visited.
+    /// Number of its goals that it has visited.
     pub visited: usize,
 }
 
@@ -100,9 +100,9 @@ pub trait Ranking {
     /// agent and step; the answer must not depend on how often.
     fn rank(&mut self, place: Place, cells: &mut [u32]);
 
-    /// How far an agent has to go, if that is not the distance: who has least goes first under
-    /// a window. A ranking whose first choice always makes this less lets the first of all
-    /// arrive.
+    /// Remaining cost of an agent, if that is not the distance: under a window the agent with the
+    /// least goes first. A ranking whose first choice always makes this less lets the first of all
+    /// agents arrive.
     #[inline]
     fn urgency(&mut self, _: Place) -> Option<u32> {
         None
@@ -208,7 +208,7 @@ struct Fleet<'a, R> {
     offsets: &'a [u64],
     /// Agents that have to be at their last goal in the end.
     stays: Vec<bool>,
-    /// How many of its goals an agent has visited.
+    /// Number of goals that each agent has visited.
     next: Vec<usize>,
     /// The table of the goal that an agent wants to reach, how far that is, and the
     /// directions that lead there from where the agent is.
@@ -217,7 +217,7 @@ struct Fleet<'a, R> {
     ways: Vec<u8>,
     /// Agents that have come to a goal in the last step.
     arrived: Vec<bool>,
-    /// Where agents look at the beginning.
+    /// Headings of the agents at the beginning.
     headings: Option<&'a [Heading]>,
     /// The direction in which each looks, or [`NOWHERE`].
     ahead: Vec<u8>,
@@ -338,7 +338,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         }
     }
 
-    /// Whether an agent has nothing left to do at `v`.
+    /// True if an agent has nothing left to do at `v`.
     fn done(&self, agent: usize, v: Vertex) -> bool {
         let goals = self.of(agent);
         self.next[agent] == goals.len() && (!self.stays[agent] || goals.last() == Some(&v))

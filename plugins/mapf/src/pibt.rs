@@ -122,7 +122,7 @@ struct Frame {
     candidates: [Vertex; DIRECTIONS + 1],
     count: u8,
     next: u8,
-    /// Whom to pull into the vertex left behind, if the first choice is won.
+    /// The agent to pull into the vertex left behind, if the first choice is won.
     pulled: u32,
 }
 

@@ -13,8 +13,8 @@ use crate::lanes::Streets;
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, solve};
 
-/// What a move against a lane is charged: where streets are narrow, agents that meet push
-/// each other far.
+/// Charge of a move against a lane, in steps: where streets are narrow, agents that meet push each
+/// other far.
 const LANE_CHARGE: u16 = 4;
 
 /// Tables of goals that nobody has any longer are kept up to so many bytes, and up to half
@@ -24,8 +24,8 @@ const TABLE_BYTES: u64 = 512 << 20;
 /// time does without lanes: to make them takes longer than a call.
 const LANE_BYTES: u64 = 128 << 20;
 
-/// How often `lacam` tries another way on under a window: as often every time, so that its
-/// plans do not depend on the speed of the machine.
+/// Retries of `lacam` under a window: always as many, so that its plans do not depend on the speed
+/// of the machine.
 const RETRIES: u32 = 8;
 
 /// LaCAM*: complete, anytime.
@@ -43,8 +43,8 @@ pub struct LacamOptions {
     /// PIBT runs per successor; the best is taken.
     #[schemars(range(min = 1, max = 1000))]
     samples: u32,
-    /// How many steps longer than its shortest path a guide path may be; `null`
-    /// for no guidance.
+    /// Most steps by which a guide path may be longer than its shortest path; `null` for no
+    /// guidance.
     scatter_margin: Option<u32>,
     /// Go on improving after the first plan, until the budget ends.
     anytime: bool,
@@ -115,8 +115,8 @@ pub struct PibtOptions {
     /// Give up when not everybody has arrived after so many steps.
     #[schemars(range(min = 1))]
     step_limit: u64,
-    /// What a move against the lanes of the map is charged in steps, in windows: its streets
-    /// lead east and west in turn, and south and north.
+    /// Charge of a move against the lanes of the map, in steps, in windows: its streets lead east
+    /// and west in turn, and south and north.
     #[schemars(range(max = 100))]
     lane_charge: u16,
 }
@@ -167,13 +167,13 @@ impl Method for PibtOptions {
     }
 }
 
-/// Whether an instance is more than one goal of its own for each agent.
+/// True if an instance is more than one goal of its own for each agent.
 fn is_lifelong(instance: &Instance) -> bool {
     let needs = instance.needs();
     needs.has(Capability::Windowed) || needs.has(Capability::DuplicateGoals)
 }
 
-/// What both planners keep between calls: the map, and the ways to goals.
+/// Data that both planners keep between calls: the map, and the distances to goals.
 pub struct Roads {
     lifelong: Lifelong,
     streets: Option<Streets>,

@@ -29,7 +29,7 @@ const NEVER: u32 = u32::MAX;
 pub(crate) struct Guide {
     /// `vertex · 8 + direction + 1`, or zero for an empty slot.
     slots: Vec<u32>,
-    /// Where an agent's table begins, and its size less one.
+    /// Index of the first slot of an agent's table, and the table's size less one.
     tables: Vec<(usize, usize)>,
 }
 
@@ -153,9 +153,9 @@ struct Scatter<'a, 'g> {
     graph: &'g Graph,
     distances: &'a mut Distances<'g>,
     margin: u32,
-    /// How many agents stand at `v` at `t`, at `t · stride + v`, and how many of them
-    /// have come from each direction. Counts may wrap: this is advice. They are apart
-    /// because the search reads many of the first and few of the second.
+    /// Number of agents at `v` at `t`, at `t · stride + v`, and the number of those that have come
+    /// from each direction. Counts may wrap: this is advice. They are apart because the search
+    /// reads many of the first and few of the second.
     standing: Vec<u8>,
     entered_from: Vec<[u8; DIRECTIONS]>,
     stride: usize,

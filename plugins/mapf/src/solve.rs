@@ -12,7 +12,7 @@ use fleetyard_plugin_spacetime::problem::{ProblemError, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_plugin_spacetime::refine::Refiner;
 
-/// Which planner.
+/// The algorithm that plans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Algorithm {
     /// Complete and anytime.
@@ -29,24 +29,24 @@ pub enum Algorithm {
     reason = "switches that have nothing to do with one another"
 )]
 pub struct Options {
-    /// Which planner.
+    /// The algorithm that plans.
     pub algorithm: Algorithm,
-    /// Whether PIBT may let two agents change places at the end of a corridor.
+    /// Lets PIBT have two agents change places at the end of a corridor.
     pub swap: bool,
-    /// Whether agents may move round in a ring at the same step, each into the cell that the
-    /// next one leaves. Real robots cannot, unless they keep step.
+    /// Lets agents move round in a ring at the same step, each into the cell that the next one
+    /// leaves. Real robots cannot, unless they keep step.
     pub rings: bool,
     /// PIBT runs per successor; the best is taken.
     pub samples: u32,
-    /// How much longer than its shortest path a guide path may be, at most 100; `None`: no
-    /// guidance.
+    /// Most steps by which a guide path may be longer than its shortest path, at most 100; `None`:
+    /// no guidance.
     pub scatter_margin: Option<u32>,
     /// Go on after the first plan. Also keeps a plan by PIBT in reserve, for the case that
     /// a limit is met before the search has found one.
     pub anytime: bool,
     /// Threads for the work after the first plan. The result does not depend on it.
     pub threads: usize,
-    /// Whether to refine plans by replanning small groups, beside searching on.
+    /// Refines plans by replanning small groups, beside searching on.
     pub refine: bool,
     /// About how many bytes the distance tables, and again the search, may take. Without a
     /// plan the run gives up there; with one, refinement goes on alone.
@@ -75,17 +75,18 @@ impl Default for Options {
     }
 }
 
-/// What a planner reports to while it works.
+/// The caller of a planner, which hears of plans and figures while the planner works.
 pub trait Observer {
     /// A plan better than any before, and its sum of costs.
     fn incumbent(&mut self, plan: &Plan, sum_of_costs: u64);
-    /// Whether to stop now: a deadline has passed or the work is cancelled. Asked often.
+    /// True if the planner has to stop now: a deadline has passed or the work is cancelled. Asked
+    /// often.
     fn stop(&mut self) -> bool;
     /// A figure about the work.
     fn metric(&mut self, name: &str, value: f64);
 }
 
-/// Which limit ended an unsuccessful run.
+/// The limit that ended an unsuccessful run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limit {
     /// [`Observer::stop`].
@@ -98,7 +99,7 @@ pub enum Limit {
     Memory,
 }
 
-/// How a run ended.
+/// Result of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// The best plan found.
@@ -212,7 +213,7 @@ struct Run<'r, 'g> {
     observer: &'r mut dyn Observer,
     lower_bound: u64,
     best: Option<(Paths, u64)>,
-    /// Whether the best plan has yet to be told to the observer.
+    /// True while the best plan has yet to be told to the observer.
     untold: bool,
 }
 

@@ -29,7 +29,7 @@ struct Segment {
     begin: u32,
     /// First time after it; [`NEVER`] for none.
     end: u32,
-    /// How many stand there, and how many of them have come at the beginning of it.
+    /// Number of agents at the vertex, and of those that arrived at the beginning of the segment.
     present: u32,
     fresh: u32,
     /// When the way into it came that was expanded last; it met no more than others will.
@@ -215,7 +215,7 @@ impl Fewest {
     }
 }
 
-/// Whether a way into a segment comes no later than another, and meets no more.
+/// True if a way into a segment comes no later than another, and meets no more agents.
 #[inline]
 fn no_worse(way: (u32, u32), other: (u32, u32)) -> bool {
     way.0 <= other.0 && way.1 <= other.1
@@ -303,7 +303,7 @@ mod tests {
     const SIDE: usize = 5;
     const HORIZON: u32 = 60;
 
-    /// How many come to a vertex at a time.
+    /// Number of agents that come to a vertex at a time.
     fn coming(team: &Conflicts, v: Vertex, t: u32) -> u32 {
         team.visits(v)
             .iter()
@@ -311,7 +311,7 @@ mod tests {
             .count() as u32
     }
 
-    /// How many are met in the step from one vertex to another, or by staying.
+    /// Number of collisions in the step from one vertex to another, or in a stay.
     fn meetings(team: &Conflicts, v: Vertex, u: Vertex, t: u32) -> u32 {
         if u == v {
             return coming(team, v, t + 1);

@@ -25,7 +25,7 @@ pub type MapfLns = Team<Anytime>;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
-    /// How many agents are planned anew at a time while paths collide.
+    /// Number of agents that are planned anew at a time while paths collide.
     #[schemars(range(min = 1, max = 1000))]
     neighborhood: u32,
 }

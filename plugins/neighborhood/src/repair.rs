@@ -15,7 +15,7 @@ use fleetyard_plugin_spacetime::random::Random;
 
 use crate::fewest::Fewest;
 
-/// How fast the weights of the ways to choose follow success, as in the paper.
+/// Rate at which the weights of the ways to choose follow success, as in the paper.
 const REACTION: f64 = 0.01;
 /// Steps of a walk over the map in search of somebody.
 const WALK: usize = 32;
@@ -24,7 +24,7 @@ const WALKS: usize = 4;
 /// Random stream of the repair.
 const STREAM: u64 = 1 << 16;
 
-/// What limits a run.
+/// Limits of a run.
 pub struct Control<'a> {
     /// Says when to stop: a deadline has passed, or the work is cancelled. Asked often.
     pub stop: &'a mut dyn FnMut() -> bool,
@@ -43,13 +43,13 @@ impl Control<'_> {
     }
 }
 
-/// What came of a repair.
+/// Result of a repair.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Repaired {
     /// One path per agent, from its start to its goal; of those that were never planned
     /// only the start.
     pub paths: Paths,
-    /// Whether all agents have paths, and these do not collide.
+    /// True if all agents have paths, and these do not collide.
     pub valid: bool,
     /// Pairs of agents that collided after everybody was planned once.
     pub pairs_at_first: usize,
@@ -112,7 +112,7 @@ pub fn repair(problem: &Problem, size: usize, seed: u64, control: &mut Control<'
     repaired
 }
 
-/// How many pairs of agents collide.
+/// Number of pairs of agents that collide.
 fn pairs(conflicts: &[Conflict]) -> usize {
     let mut pairs: Vec<[u32; 2]> = conflicts.iter().map(|conflict| conflict.agents).collect();
     pairs.sort_unstable();

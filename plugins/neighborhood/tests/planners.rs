@@ -1,4 +1,4 @@
-//! What the planners promise, judged by a checker that knows nothing of their tables.
+//! The promises of the planners, judged by a checker that does not use their tables.
 
 use std::sync::atomic::Ordering;
 

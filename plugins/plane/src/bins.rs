@@ -41,7 +41,7 @@ pub struct Bins {
     side: f64,
     columns: usize,
     rows: usize,
-    /// Where the list of a bin begins, and at last the end.
+    /// Index of the first member of each bin, and at last the end.
     starts: Vec<u32>,
     members: Vec<u32>,
 }

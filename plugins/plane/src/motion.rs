@@ -58,7 +58,7 @@ pub struct Motion {
 /// The start times at which two motions come too close, for both directions of the second one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {
-    /// How much later than the first the second must not start.
+    /// Delays of the second start against the first, in seconds, that bring the motions too close.
     pub forward: Span,
     /// The same for the second motion driven back, from its end to its beginning.
     pub backward: Span,

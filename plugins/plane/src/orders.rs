@@ -11,18 +11,18 @@ use fleetyard_plugin_spacetime::random::Random;
 /// Shuffles after which a small team is taken to have no order that was not tried.
 const SHUFFLES: u32 = 64;
 
-/// What came of planning in one order.
+/// Result of planning in one order.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Attempt<T> {
     /// Everybody has a path.
     Solved(T),
-    /// Who is at this place of the order finds none.
+    /// The disc at this place of the order finds no path.
     Blocked(usize),
     /// It was told to stop.
     Stopped,
 }
 
-/// What came of all orders.
+/// Result of all orders.
 #[derive(Debug, Clone, PartialEq)]
 pub enum End<T> {
     /// Everybody has a path.

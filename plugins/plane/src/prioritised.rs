@@ -20,13 +20,13 @@ pub struct Disc {
     pub radius: f64,
     /// Metres per second.
     pub speed: f64,
-    /// Where its centre is.
+    /// Its centre at the beginning, in metres.
     pub start: Vector,
-    /// Where it wants to stay.
+    /// The place where its centre has to stay in the end, in metres.
     pub goal: Vector,
 }
 
-/// How planning ended.
+/// Result of planning.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
     /// By orders of priority.

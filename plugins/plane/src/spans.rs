@@ -47,7 +47,8 @@ impl Spans {
         }
     }
 
-    /// How many intervals end before or at a time: the number of the safe interval that begins there or holds it.
+    /// Number of intervals that end before or at a time: the number of the safe interval that
+    /// begins there or holds it.
     pub fn ended(&self, time: f64) -> usize {
         self.0.partition_point(|span| span.high <= time)
     }

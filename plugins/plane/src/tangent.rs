@@ -31,7 +31,7 @@ const STEP: f64 = std::f64::consts::PI / 18.0;
 /// Sine of an angle that counts as none.
 const LEVEL: f64 = 1e-9;
 
-/// Which way round a corner: with it to the left, or to the right.
+/// The direction of driving round a corner: with it to the left, or to the right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Round {
     Left,
@@ -47,7 +47,7 @@ impl Round {
     }
 }
 
-/// Where a tangent begins or ends.
+/// An end of a tangent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Place {
     Start,

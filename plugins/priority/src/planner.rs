@@ -1,6 +1,6 @@
-//! What both planners do: the path of one agent among those of others.
+//! The part that both planners share: the path of one agent among those of others.
 //!
-//! Whoever has priority leaves the others time to turn and get away from where they start:
+//! An agent of higher priority leaves the others time to turn and to get away from their starts:
 //! otherwise two robots that face each other in a corridor have no plan in either order.
 
 use fleetyard_plugin_spacetime::graph::DIRECTIONS;
@@ -12,7 +12,7 @@ use fleetyard_plugin_spacetime::sipp::{Found, Miss, Query, Sipp};
 
 /// When to stop.
 pub struct Control<'a> {
-    /// Whether the budget is spent; asked often.
+    /// True once the budget is spent; asked often.
     pub stop: &'a mut dyn FnMut() -> bool,
     /// At most so many states are expanded in searches for paths; 0 for no limit.
     pub nodes: u64,
@@ -20,7 +20,7 @@ pub struct Control<'a> {
     pub memory: u64,
 }
 
-/// How a run ended.
+/// Result of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// Paths that do not collide.
@@ -52,7 +52,7 @@ pub(crate) struct Single<'p> {
     /// Paths not to meet, and to meet rather not.
     pub(crate) hard: Reservations,
     pub(crate) soft: Reservations,
-    /// What a turn by 90° is charged in steps.
+    /// Charge of a turn by 90°, in steps.
     turn_charge: u32,
     random: Random,
     /// Per agent [`earliest`].

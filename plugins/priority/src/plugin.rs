@@ -11,11 +11,11 @@ use crate::planner::{Control, Outcome};
 use crate::prioritized;
 use crate::search::{self, Prefer};
 
-/// What a turn costs a robot that drives about as fast as it turns: it stops, turns and sets
-/// out again.
+/// Charge of a turn, in steps, for a robot that drives about as fast as it turns: it stops, turns
+/// and sets out again.
 const TURN_CHARGE: u16 = 2;
 
-/// What a move against a lane is charged: a short way against it is better than a long one
+/// Charge of a move against a lane, in steps: a short way against it is better than a long one
 /// round, since others let an agent pass.
 const LANE_CHARGE: u16 = 2;
 
@@ -68,17 +68,17 @@ pub type Prioritized = Team<PrioritizedOptions>;
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PrioritizedOptions {
-    /// What an agent does after its last goal. In a window a visit is always enough.
+    /// Behaviour of an agent after its last goal. In a window a visit is always enough.
     goals: GoalRule,
     /// Nobody enters a cell within so many steps after somebody else was there.
     #[schemars(range(max = 1000))]
     k: u16,
-    /// What a turn by 90° is charged in steps, where agents look somewhere and turns take no
-    /// steps of the plan: robots that are not pebbles stop for them.
+    /// Charge of a turn by 90°, in steps, where agents have headings and turns take no steps of the
+    /// plan: robots that are not pebbles stop for them.
     #[schemars(range(max = 1000))]
     turn_charge: u16,
-    /// What a move against the lanes of the map is charged in steps, in windows: its streets
-    /// lead east and west in turn, and south and north.
+    /// Charge of a move against the lanes of the map, in steps, in windows: its streets lead east
+    /// and west in turn, and south and north.
     #[schemars(range(max = 100))]
     lane_charge: u16,
 }
@@ -141,17 +141,17 @@ pub type PriorityBasedSearch = Team<SearchOptions>;
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SearchOptions {
-    /// What an agent does after its last goal. In a window a visit is always enough.
+    /// Behaviour of an agent after its last goal. In a window a visit is always enough.
     goals: GoalRule,
-    /// Which of two decisions is followed first: `collisions` ends sooner, `cost` gives
+    /// The one of two decisions that is followed first: `collisions` ends sooner, `cost` gives
     /// shorter plans.
     prefer: Prefer,
-    /// What a turn by 90° is charged in steps, where agents look somewhere and turns take no
-    /// steps of the plan: robots that are not pebbles stop for them.
+    /// Charge of a turn by 90°, in steps, where agents have headings and turns take no steps of the
+    /// plan: robots that are not pebbles stop for them.
     #[schemars(range(max = 1000))]
     turn_charge: u16,
-    /// What a move against the lanes of the map is charged in steps, in windows: its streets
-    /// lead east and west in turn, and south and north.
+    /// Charge of a move against the lanes of the map, in steps, in windows: its streets lead east
+    /// and west in turn, and south and north.
     #[schemars(range(max = 100))]
     lane_charge: u16,
 }

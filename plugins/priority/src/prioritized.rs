@@ -30,11 +30,11 @@ pub struct Options {
     /// A cell is left alone for so many steps after a visit, so that nobody is met who is
     /// so late (k-robust plans: Atzmon et al., JAIR 2020).
     pub delay: u32,
-    /// What a turn by 90° is charged in steps, where it takes none.
+    /// Charge of a turn by 90°, in steps, where it takes none.
     pub turn_charge: u32,
 }
 
-/// What a run did.
+/// Work of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
     /// Orders that were tried.

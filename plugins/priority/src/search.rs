@@ -10,9 +10,9 @@
 //! Kiesel, Durham, Kumar, Koenig, "Lifelong multi-agent path finding in large-scale
 //! warehouses", AAAI 2021).
 //!
-//! Which of two children comes first is [`Prefer`]: the one of less cost, as in the paper,
-//! or the one with fewer collisions (Chan, Stern, Felner, Koenig, "Greedy priority-based
-//! search for suboptimal multi-agent path finding", SoCS 2023), which ends sooner.
+//! [`Prefer`] says which of two children comes first: the one of less cost, as in the paper, or the
+//! one with fewer collisions (Chan, Stern, Felner, Koenig, "Greedy priority-based search for
+//! suboptimal multi-agent path finding", SoCS 2023), which ends sooner.
 //!
 //! A ring is resolved by ordering its members, two at a time, until the last has to keep out
 //! of it. After some dead ends the search begins anew, with those agents first that found no
@@ -43,7 +43,7 @@ const PATIENCE: u64 = 20;
 /// and it is the tables of the others' paths that take the time.
 const PATH: u64 = 32;
 
-/// Which child of a node is looked at first.
+/// The child of a node that is looked at first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Prefer {
@@ -57,13 +57,13 @@ pub enum Prefer {
 /// Options of priority-based search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Options {
-    /// Which child of a node is looked at first.
+    /// The child of a node that is looked at first.
     pub prefer: Prefer,
-    /// What a turn by 90° is charged in steps, where it takes none.
+    /// Charge of a turn by 90°, in steps, where it takes none.
     pub turn_charge: u32,
 }
 
-/// What a run did.
+/// Work of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
     /// Nodes of the search that were made.
@@ -123,7 +123,7 @@ pub fn plan(
     (outcome, run.effort)
 }
 
-/// How the search ended.
+/// Reason why the search ended.
 enum End {
     Solved,
     Stopped,
@@ -178,7 +178,7 @@ impl Order {
         }
     }
 
-    /// Whether an agent was marked by the last [`Order::mark_before`].
+    /// True if an agent was marked by the last [`Order::mark_before`].
     fn is_before(&self, agent: u32) -> bool {
         self.seen[agent as usize] == self.walk
     }
@@ -240,7 +240,7 @@ impl Child {
 struct Frame {
     /// The decision that led here; none at the root.
     decision: Option<(u32, u32)>,
-    /// What its paths were before.
+    /// The paths that the decision replaced.
     old: Vec<Planned>,
     /// Children not yet looked at, the next one last.
     children: Vec<Child>,
@@ -253,7 +253,7 @@ struct Run<'p, 's> {
     prefer: Prefer,
     /// The path of each agent as the tables have it.
     imprints: Vec<Imprint>,
-    /// How often no path was found, for each agent.
+    /// Number of searches of each agent that found no path.
     failed: Vec<u32>,
     /// Length of each path, and the sum.
     lengths: Vec<u32>,
@@ -338,7 +338,7 @@ impl Run<'_, '_> {
         }
     }
 
-    /// Whether the limit of search nodes is reached.
+    /// True once the limit of search nodes is reached.
     fn is_spent(&self) -> bool {
         let spent = self.single.sipp.expansions + self.effort.paths * PATH;
         self.nodes > 0 && spent >= self.nodes
@@ -566,7 +566,8 @@ impl Run<'_, '_> {
         }
     }
 
-    /// What there is without a plan. Stopped at the root, some have no path yet.
+    /// The best paths where there is no plan. Stopped at the root, some agents have none yet and
+    /// get their shortest.
     fn fallback(&mut self) -> Paths {
         let mut paths = match self.best.take() {
             Some((_, paths)) => paths,

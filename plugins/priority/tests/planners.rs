@@ -65,8 +65,8 @@ fn cells(problem: &Problem, outcome: &Outcome) -> Vec<Vec<u32>> {
     plan.as_ref().paths().map(<[u32]>::to_vec).collect()
 }
 
-/// Why the paths of a solved problem are no plan: goals that are shared or transient are visited,
-/// others are kept.
+/// The reason why the paths of a solved problem are no plan: goals that are shared or transient are
+/// visited, others are kept.
 fn judge(case: &Case, rule: GoalRule, delay: u32, paths: &[Vec<u32>]) -> Result<(), String> {
     let Instance {
         goals,

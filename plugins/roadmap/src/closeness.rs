@@ -16,7 +16,7 @@ use crate::roadmap::{Edge, NONE, Roadmap, Vertex};
 /// to be one that only touches for whoever judges it.
 const MARGIN: f64 = 1e-9;
 
-/// Which edges and vertices of a roadmap are close to each other.
+/// The edges and vertices of a roadmap that are close to each other.
 #[derive(Debug)]
 pub struct Closeness<'a> {
     roadmap: &'a Roadmap,
@@ -36,7 +36,8 @@ pub struct Closeness<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pair {
     other: u32,
-    /// How much later than on this track a disc must not set out on the other one.
+    /// Delays of a start on the other track against one on this track, in seconds, that bring two
+    /// discs too close.
     forward: [f32; 2],
     /// The same for who drives the other one back.
     backward: [f32; 2],
@@ -63,7 +64,8 @@ fn span([low, high]: [f32; 2]) -> Span {
     }
 }
 
-/// What is close to a vertex: edges with the part of the way along them, in seconds, that is, and vertices.
+/// The edges close to a vertex, with the part of the way along them that is, in seconds; and the
+/// vertices close to it.
 #[derive(Debug, Default)]
 struct Beside {
     edges: Vec<(Edge, Span)>,
@@ -235,8 +237,8 @@ impl<'a> Closeness<'a> {
         Some(Pair::new(other, overlap.forward, overlap.backward))
     }
 
-    /// What a pair of `track` is for the other one. With t on the first and s on the second, its differences t − s are
-    /// differences s − t for the other, and sums stay.
+    /// The pair of `track`, seen from the other one. With t on the first and s on the second, its
+    /// differences t − s are differences s − t for the other, and sums stay.
     fn mirrored(&self, track: u32, pair: &Pair) -> Pair {
         let duration = |track: u32| self.roadmap.duration(self.edge_of_track[track as usize]);
         let shift = duration(pair.other) - duration(track);

@@ -11,7 +11,7 @@ use crate::reservation::Reservations;
 use crate::roadmap::Vertex;
 use crate::sipp::{Found, Search};
 
-/// What prioritised planning did.
+/// Result of prioritised planning, and its work.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// A path for everybody, if an order gives them.

@@ -16,7 +16,7 @@ pub type Edge = u32;
 /// No vertex and no edge.
 pub const NONE: u32 = u32::MAX;
 
-/// Why there is no roadmap of what was given.
+/// The reason why there is no roadmap of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refused {
     /// An edge names a vertex that is none.
@@ -154,12 +154,12 @@ impl Roadmap {
         Some(leaving.start + found as Edge)
     }
 
-    /// Where an edge begins.
+    /// The vertex where an edge begins.
     pub fn source(&self, edge: Edge) -> Vertex {
         self.sources[edge as usize]
     }
 
-    /// Where an edge ends.
+    /// The vertex where an edge ends.
     pub fn target(&self, edge: Edge) -> Vertex {
         self.targets[edge as usize]
     }

@@ -14,7 +14,7 @@ use crate::roadmap::{Roadmap, Vertex};
 /// Expansions between two questions whether to stop.
 const PATIENCE: u64 = 256;
 
-/// Why a search ended.
+/// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Found {
     /// With the earliest path.

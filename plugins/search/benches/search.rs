@@ -206,7 +206,7 @@ fn planners() -> Vec<(&'static str, Option<&'static str>, Box<dyn Search>)> {
     ]
 }
 
-/// What takes too long to be measured again and again: depth-first searches where
+/// True for searches that take too long to be measured again and again: depth-first ones where
 /// there are many rounds.
 fn too_long(map: &str, planner: &str) -> bool {
     planner == "idastar" && map != "maze-15"

@@ -40,7 +40,7 @@ pub enum Order {
 #[derive(Debug)]
 pub struct BestFirst {
     heuristic: Option<Heuristic>,
-    /// Whether the cost so far counts.
+    /// The cost so far is a part of the priority.
     cost: bool,
     weight: f64,
     ties: TieBreaking,
@@ -174,7 +174,7 @@ impl Search for Dijkstra {
 struct How {
     order: Order,
     reopen: bool,
-    /// Whether a better path to a place is a better priority.
+    /// A better path to a place is a better priority.
     cost: bool,
 }
 

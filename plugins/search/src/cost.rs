@@ -1,5 +1,4 @@
-//! What moves cost, what a heuristic says is left, and in which order places are
-//! expanded.
+//! Costs of moves, heuristics, and the order in which places are expanded.
 //!
 //! Costs are counts of moves: one number with four neighbours, straight and diagonal
 //! moves apart with eight. So equal costs are equal however they came about, and the
@@ -31,7 +30,7 @@ pub(crate) trait Cost:
     }
     /// The cost of two paths, one after the other.
     fn join(self, other: Self) -> Self;
-    /// Whether it is less than another.
+    /// True if it is less than another.
     fn less(self, other: Self) -> bool;
     /// In cells' sides.
     fn value(self) -> f64;
@@ -164,8 +163,8 @@ impl Heuristic {
     }
 }
 
-/// Which of several places with the same priority is expanded first. What is still
-/// equal is expanded in the order in which it was found.
+/// Tie-breaking: the place that is expanded first among several with the same priority. Ties that
+/// remain are expanded in the order in which they were found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TieBreaking {
@@ -179,7 +178,7 @@ pub enum TieBreaking {
     Fifo,
 }
 
-/// What a place is expanded by: the least entry first.
+/// An entry of the open list: the least is expanded first.
 pub(crate) trait Rank: Copy + Ord + std::fmt::Debug + Send + 'static {
     fn place(self) -> Place;
     /// The priority alone, in an order of its own.
@@ -223,17 +222,17 @@ pub(crate) type Open<R> = BinaryHeap<Reverse<R>>;
 pub(crate) trait Guide<C> {
     type Rank: Rank;
     fn rank(&self, grid: &Grid, place: Place, cost: C, insertion: u32) -> Self::Rank;
-    /// Whether a priority is less than that of an end that is reached at a cost.
+    /// True if a priority is less than that of an end that is reached at a cost.
     fn before(&self, rank: Self::Rank, cost: C) -> bool;
 }
 
-/// How the priority of a place is made up.
+/// The parts of the priority of a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Priority {
     pub(crate) heuristic: Heuristic,
-    /// Whether the cost so far counts.
+    /// The cost so far is a part of the priority.
     pub(crate) cost: bool,
-    /// What the estimate is multiplied by.
+    /// Factor of the estimate.
     pub(crate) weight: f64,
     pub(crate) ties: TieBreaking,
 }

@@ -53,7 +53,7 @@ pub(crate) fn sides(diagonal: u8) -> (u8, u8) {
     }
 }
 
-/// How many neighbours a cell has.
+/// Number of neighbours of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Neighbors {
     /// North, east, south, west.
@@ -118,12 +118,12 @@ impl Grid {
         self.cols
     }
 
-    /// How many neighbours a cell has.
+    /// Number of neighbours of a cell.
     pub fn neighbors(&self) -> Neighbors {
         self.neighbors
     }
 
-    /// Whether a robot may be in a cell.
+    /// True if a robot may be in a cell.
     pub fn is_free(&self, cell: u32) -> bool {
         cell < self.rows * self.cols && self.free_at(self.place(cell))
     }

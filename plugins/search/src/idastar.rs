@@ -20,7 +20,7 @@ use crate::grid::{Grid, NOWHERE, Neighbors, Place, directions};
 use crate::nodes::Nodes;
 use crate::search::{Answer, Limit, Outcome, Search, Stop};
 
-/// What IDA* remembers within a round.
+/// The part of a round that IDA* remembers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Memory {
@@ -92,7 +92,7 @@ struct Frames<C> {
     nodes: Nodes<C>,
 }
 
-/// What became of the visit to a place.
+/// Result of the visit to a place.
 enum Visit {
     Goal,
     /// Its neighbours are next.
@@ -187,7 +187,7 @@ impl<'r, 'l, C: Cost> Round<'r, 'l, C> {
         }
     }
 
-    /// Whether a place that was seen in this round is visited again.
+    /// True if a place that was seen in this round is visited again.
     fn again(&self, place: Place, cost: C, known: C) -> bool {
         match self.memory {
             Memory::Path => self.frames.nodes.is_closed(place),

@@ -53,7 +53,7 @@ impl<C: Cost> Default for Node<C> {
     }
 }
 
-/// What is known of a map from one end, on the way to the other.
+/// The search tree from one end of the path, on the way to the other.
 #[derive(Debug)]
 struct Tree<C> {
     nodes: Slate<Node<C>>,
@@ -128,7 +128,7 @@ impl<C: Cost> Tree<C> {
         self.nodes.entry(place).entry = entry;
     }
 
-    /// What the neighbours of a place make of it.
+    /// Computes `rhs` of a place from its neighbours.
     fn look_around(&mut self, grid: &Grid, place: Place) {
         if place == self.root {
             return;

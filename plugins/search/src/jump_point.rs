@@ -145,16 +145,16 @@ impl Jump<'_> {
         self.grid.free_at(self.grid.step(place, direction))
     }
 
-    /// Whether an obstacle ends beside a place that was reached in a straight
-    /// direction: to that side there may be paths that go through here and nowhere else.
+    /// True if an obstacle ends beside a place that was reached in a straight direction: to that
+    /// side there may be paths that go through here and nowhere else.
     #[inline]
     fn turns(&self, place: Place, direction: u8, side: u8) -> bool {
         let before = self.grid.step(place, opposite(direction));
         !self.free(before, side) && self.free(place, side)
     }
 
-    /// Where a robot is stopped that goes straight on and looks for the goal and the
-    /// ends of obstacles, and how far that is.
+    /// The first place straight ahead that is the goal or beside the end of an obstacle, and the
+    /// number of moves to it.
     #[inline]
     fn straight(&self, from: Place, direction: u8) -> Option<(Place, u32)> {
         let [one, other] = beside(direction);

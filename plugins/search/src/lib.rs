@@ -12,8 +12,8 @@
 //! | [`Beam`] | any, and may miss one |
 //! | [`ThetaStar`] | any-angle |
 //!
-//! What each counts as an expansion, how it follows the paper and what it was measured
-//! to take is in `docs/search.md`.
+//! `docs/search.md` says what each search counts as an expansion, how it follows the paper, and how
+//! long it takes.
 
 #![forbid(unsafe_code)]
 

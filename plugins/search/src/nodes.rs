@@ -1,4 +1,4 @@
-//! What a search knows of the places it has seen, kept between calls.
+//! The places that a search has seen, kept between calls.
 //!
 //! Every entry carries the number of the call that wrote it, so that nothing is
 //! cleared when a call begins, and a call touches the places that it comes to and no
@@ -68,7 +68,7 @@ impl<C: Cost> Nodes<C> {
         open
     }
 
-    /// Whether a place that was seen is closed.
+    /// True if a place that was seen is closed.
     #[inline]
     pub(crate) fn is_closed(&self, place: Place) -> bool {
         self.nodes[place as usize].tag & CLOSED != 0

@@ -26,11 +26,11 @@ pub trait Variety: DeserializeOwned + JsonSchema + 'static {
     const ID: &'static str;
     /// The name.
     const NAME: &'static str;
-    /// What it is, with its source.
+    /// The method in a sentence, with its source.
     const ABOUT: &'static str;
-    /// How its robot moves.
+    /// The motion of its robot.
     const MOTION: Motion = Motion::Pebble;
-    /// What searches.
+    /// The search behind the planner.
     type Search: Search;
     /// Makes that from the options, or says what is wrong with them.
     fn search(self) -> Result<Self::Search, String>;
@@ -184,7 +184,7 @@ options! {
         /// The estimate of what is left; `null` for `manhattan` with four neighbours
         /// and `octile` with eight. One that overestimates gives up shortest paths.
         heuristic: Option<Heuristic> = None,
-        /// Which of several places with equal f is expanded first.
+        /// The one of several places with equal f that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::LowH,
     }
 }
@@ -224,7 +224,7 @@ options! {
         /// The estimate of what is left; `null` for `manhattan` with four neighbours
         /// and `octile` with eight.
         heuristic: Option<Heuristic> = None,
-        /// Which of several places with equal h is expanded first.
+        /// The one of several places with equal h that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::Fifo,
     }
 }
@@ -247,14 +247,14 @@ const MOST_WEIGHT: f64 = 1e6;
 options! {
     /// Options of `weighted-astar`.
     WeightedOptions {
-        /// What the estimate is multiplied by; paths are at most so many times as long
-        /// as the shortest, unless the heuristic overestimates by itself.
+        /// Factor of the estimate; paths are at most so many times as long as the shortest, unless
+        /// the heuristic overestimates by itself.
         #[schemars(range(min = 1.0, max = 1e6))]
         weight: f64 = 1.5,
         /// The estimate of what is left; `null` for `manhattan` with four neighbours
         /// and `octile` with eight.
         heuristic: Option<Heuristic> = None,
-        /// Which of several places with equal f is expanded first.
+        /// The one of several places with equal f that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::Fifo,
         /// Expand a place again when a shorter way to it is found.
         reopen: bool = true,
@@ -324,7 +324,7 @@ options! {
         /// The estimate of what is left; `null` for `manhattan` with four neighbours
         /// and `octile` with eight. One that overestimates gives up shortest paths.
         heuristic: Option<Heuristic> = None,
-        /// Which of several places with equal f is expanded first.
+        /// The one of several places with equal f that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::LowG,
         /// When the search ends: when no side has anything better left, or when one
         /// has not.
@@ -353,10 +353,10 @@ options! {
     ThetaOptions {
         /// The estimate of what is left. One above `euclidean` overestimates.
         heuristic: Heuristic = Heuristic::Euclidean,
-        /// Which of several places with equal f is expanded first.
+        /// The one of several places with equal f that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::Fifo,
-        /// Which of the two cells beside a corner have to be free if a line is to pass
-        /// exactly through it.
+        /// The number of cells beside a corner that have to be free if a line is to pass exactly
+        /// through it: one or both.
         corners: Corners = Corners::OneFree,
     }
 }
@@ -385,10 +385,10 @@ options! {
     LazyThetaOptions {
         /// The estimate of what is left. One above `euclidean` overestimates.
         heuristic: Heuristic = Heuristic::Euclidean,
-        /// Which of several places with equal f is expanded first.
+        /// The one of several places with equal f that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::Fifo,
-        /// Which of the two cells beside a corner have to be free if a line is to pass
-        /// exactly through it.
+        /// The number of cells beside a corner that have to be free if a line is to pass exactly
+        /// through it: one or both.
         corners: Corners = Corners::OneFree,
     }
 }
@@ -418,8 +418,8 @@ options! {
         /// The estimate of what is left; `null` for `manhattan` with four neighbours
         /// and `octile` with eight. One that overestimates gives up shortest paths.
         heuristic: Option<Heuristic> = None,
-        /// What is remembered within a round. In mazes without loops both expand the
-        /// same; in the open `path` takes exponential time.
+        /// The part of a round that is remembered. In mazes without loops both expand the same; in
+        /// the open `path` takes exponential time.
         memory: Memory = Memory::Costs,
     }
 }
@@ -442,7 +442,7 @@ options! {
         /// The estimate of what is left; `null` for `manhattan` with four neighbours
         /// and `octile` with eight. One that overestimates gives up shortest paths.
         heuristic: Option<Heuristic> = None,
-        /// Which of several places with equal f is expanded first.
+        /// The one of several places with equal f that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::LowG,
     }
 }
@@ -496,7 +496,7 @@ impl Variety for DStarLiteOptions {
 options! {
     /// Options of `beam-search`.
     BeamOptions {
-        /// How many places of each layer are kept.
+        /// Number of places of each layer that are kept.
         #[schemars(range(min = 1))]
         width: u32 = 32,
         /// The estimate of what is left; `null` for `manhattan` with four neighbours

@@ -1,9 +1,8 @@
-//! What all searches have in common: how they are asked, when they have to stop, and
-//! what they answer.
+//! The interface of all searches: limits and answers.
 
 use crate::grid::Grid;
 
-/// Why a search was stopped.
+/// Reason why a search was stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
     /// It was to expand no more nodes.
@@ -12,7 +11,7 @@ pub enum Stop {
     Told,
 }
 
-/// How a search ended.
+/// Result of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// With a path.
@@ -28,9 +27,9 @@ pub enum Outcome {
 /// The answer of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
-    /// How it ended.
+    /// Result of the search.
     pub outcome: Outcome,
-    /// How many nodes were expanded; each planner says what it counts.
+    /// Number of nodes expanded; each planner says what it counts.
     pub expansions: u64,
 }
 
@@ -43,7 +42,7 @@ impl Answer {
     }
 }
 
-/// How far a search may go.
+/// Limits of a search.
 pub struct Limit<'a> {
     most: u64,
     /// The next count at which something is to be looked at.
@@ -74,7 +73,7 @@ impl<'a> Limit<'a> {
         }
     }
 
-    /// Whether the search has to stop before its next expansion, after so many.
+    /// Reason to stop before the next expansion, after so many.
     #[inline]
     pub(crate) fn reached(&mut self, expansions: u64) -> Option<Stop> {
         if expansions < self.next {

@@ -23,7 +23,7 @@ pub enum Corners {
 }
 
 impl Corners {
-    /// Whether a corner with these two cells beside the line is open.
+    /// True if a line may pass a corner with these two cells beside it; `true` is a free cell.
     #[inline]
     pub(crate) fn open(self, one: bool, other: bool) -> bool {
         match self {
@@ -33,7 +33,7 @@ impl Corners {
     }
 }
 
-/// Whether there is a line of sight between two free places.
+/// True if there is a line of sight between two free places.
 pub(crate) fn visible(grid: &Grid, from: Place, to: Place, corners: Corners) -> bool {
     let ((row, col), (last_row, last_col)) = (grid.at(from), grid.at(to));
     let (rows, cols) = (row.abs_diff(last_row), col.abs_diff(last_col));

@@ -35,7 +35,7 @@ impl Scene {
         (i64::from(cell / self.cols), i64::from(cell % self.cols))
     }
 
-    /// Whether a robot may go from one cell to another in one move.
+    /// True if a robot may go from one cell to another in one move.
     fn adjacent(&self, from: u32, to: u32, neighbors: Neighbors) -> bool {
         let ((row, col), (next_row, next_col)) = (self.at(from), self.at(to));
         let (rows, cols) = (next_row - row, next_col - col);
@@ -369,8 +369,8 @@ proptest! {
     }
 }
 
-/// Whether the straight line between two cells' centres crosses free cells alone, by
-/// the crossings of the line with the sides of all cells, in exact fractions.
+/// True if the straight line between two cells' centres crosses free cells alone, by the crossings
+/// of the line with the sides of all cells, in exact fractions.
 fn seen(scene: &Scene, from: u32, to: u32, corners: Corners) -> bool {
     let ((row, col), (last_row, last_col)) = (scene.at(from), scene.at(to));
     let (rows, cols) = (last_row - row, last_col - col);

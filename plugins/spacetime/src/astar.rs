@@ -21,26 +21,26 @@ use crate::problem::Route;
 use crate::sipp::Guidance;
 use crate::traffic::Traffic;
 
-/// How often `stop` is asked, in expansions.
+/// Expansions between two calls of `stop`.
 const PATIENCE: u32 = 512;
 /// Most states of one search: 1 GiB.
 const MOST_STATES: usize = 1 << 25;
 const NONE: u32 = u32::MAX;
 
-/// What is asked.
+/// The input of a search.
 pub struct Query<'a> {
     /// The agent's number in the traffic.
     pub agent: u32,
-    /// Where it begins and what it visits.
+    /// The start and the goals.
     pub route: &'a Route,
-    /// What it may not do.
+    /// Constraints on the path.
     pub constraints: &'a Constraints,
     /// The others; the agent itself is not in it.
     pub traffic: Option<&'a Traffic>,
     /// Last step that matters: paths end there, wherever they are. [`FOREVER`] for none.
     pub until: u32,
-    /// How much the cost may exceed the least one: by `weight - 1` of the least cost, of which
-    /// no more counts than the steps up to `until`. At least 1.
+    /// Factor by which the cost may exceed the least one: by `weight - 1` of the least cost, of
+    /// which no more counts than the steps up to `until`. At least 1.
     pub weight: f64,
     /// A lower bound of the cost that is known already.
     pub least: u32,
@@ -48,7 +48,7 @@ pub struct Query<'a> {
     pub most: u32,
 }
 
-/// What was found.
+/// The result of a search.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Found {
     /// A vertex per step. The agent stays at the end, or the window ends there.
@@ -88,7 +88,7 @@ pub struct Astar<'g> {
     focal: BinaryHeap<Reverse<(u64, u32)>>,
     /// States beyond the bound, by their cost less `limit + 1`.
     beyond: VecDeque<Vec<u32>>,
-    /// How many open states there are, by their cost less `base`.
+    /// Number of open states, by their cost less `base`.
     open: VecDeque<u32>,
     origin: u32,
     base: u32,
@@ -234,7 +234,7 @@ impl<'g> Astar<'g> {
         Ok(None)
     }
 
-    /// Whether a path may end in a state.
+    /// True if a path may end in a state.
     fn ends(&self, query: &Query<'_>, state: &State, settle: u32) -> bool {
         let (route, stage) = (query.route, state.stage as usize);
         let v = self.poses.vertex(state.pose);
@@ -376,7 +376,7 @@ impl Query<'_> {
     }
 }
 
-/// Which state is known for a pose, time and stage: open addressing, emptied by counting on.
+/// The known state of each pose, time and stage: open addressing, emptied by counting on.
 #[derive(Debug, Clone, Default)]
 struct Table {
     slots: Vec<Slot>,

@@ -1,6 +1,6 @@
 //! Conflicts between the paths of a team, kept up to date while paths change one at a time.
 //!
-//! What a conflict is follows Stern et al., "Multi-agent pathfinding: definitions, variants,
+//! Conflicts are defined as in Stern et al., "Multi-agent pathfinding: definitions, variants,
 //! and benchmarks" (SoCS 2019): two agents in a cell, two agents that exchange cells, and,
 //! where [`Rules::rings`] asks for it, three or more that move round in a ring in the same
 //! step. With [`Rules::delay`] above zero a cell has to be left alone for so many steps
@@ -13,14 +13,14 @@ use crate::graph::Vertex;
 /// End of a visit that does not end.
 pub const FOREVER: u32 = u32::MAX;
 
-/// Which conflicts count.
+/// The conflicts that count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rules {
     /// The last step at which agents may collide; [`FOREVER`] where there is no window.
     pub until: u32,
     /// Steps for which a cell has to be left alone after a visit: k of k-robust plans.
     pub delay: u32,
-    /// Whether agents may not move round in a ring.
+    /// Forbids agents to move round in a ring.
     pub rings: bool,
 }
 
@@ -44,11 +44,11 @@ pub struct Visit {
     pub from: u32,
     /// Last step in the cell; [`FOREVER`] where the path ends here.
     pub until: u32,
-    /// Where the agent is at `until + 1`; the same cell where the path ends here.
+    /// The agent's cell at `until + 1`; the same cell where the path ends here.
     pub next: Vertex,
 }
 
-/// What two or more agents do at a time and must not.
+/// A collision of two or more agents.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Conflict {
     /// The step at which it happens; for moves the one at which they begin. In a cell that
@@ -56,14 +56,14 @@ pub struct Conflict {
     pub time: u32,
     /// The agents, the lower number first; in a ring the lowest two.
     pub agents: [u32; 2],
-    /// What happens.
+    /// Kind of the conflict, with its cells.
     pub kind: Kind,
 }
 
 /// Moves that are looked at in search of rings, however few agents there are.
 const LEAST_MOVES: usize = 64;
 
-/// What agents in a [`Conflict`] do.
+/// Kind of a [`Conflict`], with its cells.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// Both are in a cell, within [`Rules::delay`] steps.
@@ -75,7 +75,7 @@ pub enum Kind {
 }
 
 impl Conflict {
-    /// Whether an agent takes part.
+    /// True if an agent takes part.
     pub fn involves(&self, agent: u32) -> bool {
         match &self.kind {
             Kind::Ring(members) => members.iter().any(|(member, _)| *member == agent),
@@ -142,7 +142,7 @@ impl Conflicts {
         &self.found
     }
 
-    /// Who stays in a cell when, in no particular order.
+    /// The stays of agents in a cell, in no particular order.
     pub fn visits(&self, v: Vertex) -> &[Visit] {
         &self.visits[v as usize]
     }
@@ -207,21 +207,21 @@ impl Conflicts {
         self.found = found;
     }
 
-    /// How many conflicts an agent has with the others.
+    /// Number of conflicts that an agent has with the others.
     pub fn count(&self, agent: usize) -> usize {
         let conflicts = self.found.iter();
         conflicts.filter(|c| c.involves(agent as u32)).count()
     }
 
-    /// How many conflicts an agent would have with the others on a path.
+    /// Number of conflicts that an agent would have with the others on a path.
     pub fn count_on(&self, agent: usize, path: &[Vertex]) -> usize {
         let mut count = 0;
         self.visit_conflicts(agent, path, &mut |_| count += 1);
         count
     }
 
-    /// Whether somebody other than `agent` moves from `to` to `from` in the step that begins
-    /// at `time`.
+    /// True if an agent other than `agent` moves from `to` to `from` in the step that begins at
+    /// `time`.
     #[inline]
     pub fn swaps(&self, agent: u32, from: Vertex, to: Vertex, time: u32) -> bool {
         self.visits[to as usize]
@@ -388,7 +388,8 @@ mod tests {
             .unwrap_or(0)
     }
 
-    /// Whether there is a conflict of each kind at all, by looking at every step.
+    /// Three values, one per kind of conflict: true if there is one, found by looking at every
+    /// step.
     fn by_steps(paths: &[Vec<Vertex>], rules: Rules) -> [bool; 3] {
         let horizon = paths.iter().map(Vec::len).max().unwrap_or(0) as u32 + rules.delay;
         let last = horizon.min(rules.until);
@@ -463,8 +464,8 @@ mod tests {
     }
 
     proptest! {
-        /// What is kept up to date is what one finds from scratch, and that is what
-        /// looking at every step finds.
+        /// The conflicts kept up to date are those found from scratch, and those found by looking
+        /// at every step.
         #[test]
         fn incremental_is_from_scratch(
             paths in prop::collection::vec(walk(), 2..6),

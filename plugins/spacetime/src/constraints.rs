@@ -1,4 +1,4 @@
-//! What one agent may not do, as constraint-based searches hand it to their low level.
+//! Constraints of one agent, as constraint-based searches hand them to their low level.
 //!
 //! - a cell during a range of steps: vertex conflicts, k-robust ones (ranges, Atzmon et al.
 //!   2020; Chen et al. 2021), corridors (range constraints), rectangles (barriers are cells
@@ -116,7 +116,7 @@ impl Constraints {
         })
     }
 
-    /// Whether an agent that is in `from` may not be in `to` at `time`, one step later.
+    /// True if an agent that is in `from` may not be in `to` at `time`, one step later.
     #[inline]
     pub fn forbids(&self, from: Vertex, to: Vertex, time: u32) -> bool {
         self.heads[to as usize] != NONE && self.search(from, to, time)
@@ -138,14 +138,14 @@ impl Constraints {
             .unwrap_or(0)
     }
 
-    /// Whether an agent that stays in `v` from `time` on comes into a forbidden cell no later
-    /// than `until`.
+    /// True if an agent that stays in `v` from `time` on comes into a forbidden cell no later than
+    /// `until`.
     pub fn forbids_staying(&self, v: Vertex, time: u32, until: u32) -> bool {
         self.entries(v)
             .any(|entry| entry.from == NONE && entry.end >= time && entry.begin <= until)
     }
 
-    /// Whether a path keeps to them, its agent staying at the end until step `until`.
+    /// True if a path keeps to the constraints, its agent staying at the end until step `until`.
     pub fn admit(&self, path: &[Vertex], until: u32) -> bool {
         let Some((&first, &last)) = path.first().zip(path.last()) else {
             return true;

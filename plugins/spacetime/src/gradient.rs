@@ -47,8 +47,8 @@ struct Row {
     /// The edge of the search: all vertices at distance `level`.
     frontier: Vec<Vertex>,
     level: u32,
-    /// How many hold this row, and how often it was let go: only the entry of the last
-    /// time in [`Rows::idle`] counts.
+    /// Number of agents that hold this row, and number of times it was let go: only the entry of
+    /// the last time in [`Rows::idle`] counts.
     holders: u32,
     released: u32,
 }
@@ -128,7 +128,7 @@ pub struct Gradients {
     labels: Option<Result<Labels, TooFar>>,
 }
 
-/// What [`Gradients::expect`] has come to.
+/// Result of [`Gradients::expect`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Expected {
     /// Questions may be asked.
@@ -237,7 +237,7 @@ impl Gradients {
         }
     }
 
-    /// Whether `a` is nearer to a goal than its neighbour `b`.
+    /// True if `a` is nearer to a goal than its neighbour `b`.
     #[inline]
     pub fn nearer(&mut self, graph: &Graph, at: u32, a: Vertex, b: Vertex) -> bool {
         let Some(labels) = self.labels() else {
@@ -385,7 +385,7 @@ impl Rows {
         directions
     }
 
-    /// Whether `a` is nearer to the goal of a row than its neighbour `b`.
+    /// True if `a` is nearer to the goal of a row than its neighbour `b`.
     #[inline]
     fn nearer(&mut self, graph: &Graph, at: u32, a: Vertex, b: Vertex) -> bool {
         let row = &mut self.kept[at as usize];

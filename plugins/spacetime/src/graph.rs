@@ -87,7 +87,7 @@ impl Graph {
         self.cells.len()
     }
 
-    /// Whether there is no passable cell.
+    /// True if there is no passable cell.
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
@@ -117,8 +117,8 @@ impl Graph {
         u32::from(self.degrees[v as usize])
     }
 
-    /// Whether at least two ways lead on from `v` from wherever one comes, dead ends of a
-    /// single cell not counted.
+    /// True if at least two ways lead on from `v` from any neighbour, dead ends of a single cell
+    /// not counted.
     #[inline]
     pub fn is_open(&self, v: Vertex) -> bool {
         self.open[v as usize]
@@ -144,8 +144,8 @@ impl Graph {
         row.abs_diff(to_row) + col.abs_diff(to_col)
     }
 
-    /// Which directions would lead nearer from one vertex to another if nothing were in the
-    /// way.
+    /// True for the directions that would lead nearer from one vertex to another if nothing were in
+    /// the way.
     #[inline]
     pub fn towards(&self, from: Vertex, to: Vertex) -> [bool; DIRECTIONS] {
         let ([row, col], [to_row, to_col]) = (self.place(from), self.place(to));

@@ -35,9 +35,9 @@ pub struct Labels {
     part: Vec<u32>,
     /// Per part, where its entries end in the labels of those on its cut and beyond.
     ends: Vec<u32>,
-    /// Where the label of a vertex begins.
+    /// Index of the first entry of a vertex's label.
     starts: Vec<usize>,
-    /// How many entries there will be.
+    /// Number of entries when complete.
     length: usize,
     entries: Vec<u16>,
     /// Vertices by part: the cut first, then the halves.
@@ -51,7 +51,7 @@ struct Part {
     number: u32,
     /// Its place in [`Labels::order`].
     place: Range<usize>,
-    /// How many of these are the cut.
+    /// Number of its vertices that are in the cut.
     cut: usize,
 }
 
@@ -111,7 +111,7 @@ impl Labels {
         (entries + vertices + self.ends.len() * size_of::<u32>()) as u64
     }
 
-    /// Whether nothing is left to be done.
+    /// True if nothing is left to be done.
     pub fn is_complete(&self) -> bool {
         self.todo.is_empty()
     }
@@ -228,7 +228,7 @@ fn search(
 struct Cutter {
     /// Row and column of each vertex.
     lines: Vec<[u32; 2]>,
-    /// How many vertices of the set each line has.
+    /// Number of vertices of the set on each line.
     counts: Vec<usize>,
     spare: Vec<Vertex>,
 }

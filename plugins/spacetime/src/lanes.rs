@@ -1,4 +1,4 @@
-//! Lanes: which way robots had better go along the rows and columns of a map.
+//! Lanes: preferred directions along the rows and columns of a map.
 //!
 //! Where nobody minds, agents that go to and fro meet head on, and those that come after
 //! them wait for both. L. Cohen, T. Uras, S. Koenig, "Feasibility study: using highways for
@@ -59,13 +59,13 @@ impl Lanes {
         Self { against, charge }
     }
 
-    /// What the move from `v` in direction `d` is charged, in steps.
+    /// Charge of the move from `v` in direction `d`, in steps.
     #[inline]
     pub fn charge(&self, v: Vertex, d: usize) -> u32 {
         u32::from(self.against[v as usize] >> d & 1) * self.charge
     }
 
-    /// What a move against a lane is charged.
+    /// Charge of a move against a lane, in steps.
     pub fn most(&self) -> u32 {
         self.charge
     }

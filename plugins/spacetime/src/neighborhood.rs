@@ -1,4 +1,4 @@
-//! Which agents to replan together.
+//! Neighbourhoods: groups of agents to replan together.
 //!
 //! The neighbourhoods of J. Li, Z. Chen, D. Harabor, P. J. Stuckey, S. Koenig,
 //! "Anytime multi-agent path finding via large neighborhood search", IJCAI 2021, in
@@ -10,7 +10,7 @@ use crate::plan::Paths;
 use crate::random::Random;
 use crate::sipp::Team;
 
-/// How a neighbourhood is chosen.
+/// The rule by which a neighbourhood is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A delayed agent and those in the way of shorter paths.

@@ -26,7 +26,7 @@ impl Plan {
         self.offsets.windows(2).map(|w| &self.cells[w[0]..w[1]])
     }
 
-    /// Where each path begins in [`Plan::cells`]; one entry more than agents.
+    /// Index in [`Plan::cells`] at which each path begins; one entry more than agents.
     pub fn offsets(&self) -> &[usize] {
         &self.offsets
     }

@@ -22,12 +22,12 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     const NAME: &'static str;
     /// The method in a sentence or two, with its source.
     const ABOUT: &'static str;
-    /// What it can do beside [`Capability::Grid`] and [`Capability::Deterministic`].
+    /// Capabilities besides [`Capability::Grid`] and [`Capability::Deterministic`].
     const CAPABILITIES: &'static [Capability];
     /// The map as the method knows it, kept between calls.
     type Map: Send;
 
-    /// What is wrong with the options, beyond what their schema says.
+    /// The reason why the options are refused, beyond what their schema says.
     fn check(&self) -> Result<(), String> {
         Ok(())
     }
@@ -118,7 +118,7 @@ impl<'a> Call<'a> {
         }
     }
 
-    /// Whether to come to an end: a little before the deadline, so that the last word is said
+    /// True when the call has to end: a little before the deadline, so that the last word is said
     /// in time, or when the host gave up. Reads the clock.
     pub fn stop(&self) -> bool {
         monotonic_ns() >= self.answer_by_ns || self.sink.cancelled()

@@ -32,7 +32,7 @@ impl<'g> Poses<'g> {
         self.graph
     }
 
-    /// Whether headings matter.
+    /// True if headings matter.
     #[inline]
     pub fn turning(self) -> bool {
         self.turning
@@ -43,7 +43,7 @@ impl<'g> Poses<'g> {
         self.graph.len() * if self.turning { DIRECTIONS } else { 1 }
     }
 
-    /// Whether there is none.
+    /// True if there is none.
     pub fn is_empty(self) -> bool {
         self.graph.is_empty()
     }

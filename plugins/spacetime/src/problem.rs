@@ -1,5 +1,5 @@
-//! What a planner is asked, over vertices and with the tables that searches need; and
-//! what is wrong with it if something is.
+//! The problem of a planner, over vertices and with the tables that searches need; and the reasons
+//! why there is none.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
 use crate::lanes::Lanes;
 use crate::sipp::{Guidance, Team};
 
-/// Why there is nothing to plan for.
+/// The reason why there is nothing to plan for.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ProblemError {
@@ -27,7 +27,7 @@ pub enum ProblemError {
     /// Lists of different lengths, an agent without goal, a cell that is off the map.
     #[error("{reason}")]
     Malformed {
-        /// What does not fit.
+        /// The reason, in words.
         reason: String,
     },
     /// A start or goal on an obstacle.
@@ -58,7 +58,7 @@ pub enum ProblemError {
     Unreachable {
         /// Agent index.
         agent: usize,
-        /// Where it begins.
+        /// The cell where the path would begin.
         from: u32,
         /// Goal cell.
         goal: u32,
@@ -79,7 +79,7 @@ pub enum ProblemError {
 }
 
 impl ProblemError {
-    /// What the user can do about it.
+    /// Advice to the user.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Unsupported { .. } => "take a planner that claims this capability",
@@ -113,7 +113,7 @@ impl From<ProblemError> for Failure {
     }
 }
 
-/// What an agent does after its last goal.
+/// Behaviour of an agent after its last goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[schemars(rename = "Goals")]
@@ -174,7 +174,7 @@ pub fn vertices_of(
     Ok(vertices)
 }
 
-/// What stays between calls: the map as a graph, and tables of distances.
+/// Data that stay between calls: the map as a graph, and tables of distances.
 #[derive(Debug)]
 pub struct Ground {
     graph: Arc<Graph>,
@@ -210,7 +210,7 @@ impl Ground {
         &self.tables
     }
 
-    /// What an instance asks, which fits the map ([`Instance::check`]). `stop`, asked between
+    /// The problem of an instance, which fits the map ([`Instance::check`]). `stop`, asked between
     /// tables, ends the work early.
     pub fn problem(
         &mut self,
@@ -301,15 +301,15 @@ pub struct Problem {
     pub graph: Arc<Graph>,
     /// One per agent.
     pub routes: Vec<Route>,
-    /// Whether it is known where agents look: robots take time to turn, even where plans
-    /// do not say so.
+    /// True if the headings of agents are known: robots take time to turn, even where plans do not
+    /// say so.
     pub faces: bool,
-    /// Whether turning by 90° takes a step.
+    /// True if turning by 90° takes a step.
     pub turning: bool,
     /// Collisions after this many steps do not matter; 0: all do. In a window an agent that
     /// has visited all its goals goes out of the way of others.
     pub window: u32,
-    /// Whether agents may move round in a ring in one step.
+    /// True if agents may move round in a ring in one step.
     pub cycles: bool,
     /// Along which moves had better go; what they charge is part of all distances.
     pub lanes: Option<Arc<Lanes>>,
@@ -382,16 +382,16 @@ impl Problem {
     }
 }
 
-/// Where an agent begins and what it has to visit, in order.
+/// The start of an agent and the goals that it has to visit, in order.
 #[derive(Debug, Clone)]
 pub struct Route {
-    /// Where it is.
+    /// The start.
     pub start: Vertex,
-    /// Where it looks: a direction of [`Graph::around`].
+    /// The heading at the start: a direction of [`Graph::around`].
     pub heading: u8,
-    /// What it visits, in order; at least one.
+    /// Goals, in the order in which they are to be visited; at least one.
     pub goals: Vec<Vertex>,
-    /// Whether it has to stay at the last goal.
+    /// True if the agent has to stay at the last goal.
     pub stays: bool,
     tables: Vec<Arc<Table>>,
     /// Per goal, least steps from there through all later ones.

@@ -27,7 +27,7 @@ const SLOTS: usize = 16;
 const AGENTS_PER_SLOT: usize = 32;
 /// Neighbourhood sizes tried.
 const SIZES: [usize; 5] = [1, 2, 4, 8, 16];
-/// What an arm remembers of its past when it is tried once more.
+/// The share of its past that an arm keeps when it is tried once more.
 const MEMORY: f64 = 0.97;
 /// Once in so many choices any arm will do.
 const EXPLORE_ONE_IN: usize = 6;
@@ -52,8 +52,8 @@ impl Arm {
         self.attempts = self.attempts * MEMORY + 1.0;
     }
 
-    /// How often to choose it: the work spent on an arm goes with the square of its
-    /// gain per work.
+    /// Weight with which an arm is chosen: the work spent on it goes with the square of its gain
+    /// per work.
     fn preference(&self) -> f64 {
         let rate = self.gain / self.work.max(1.0);
         rate * rate * self.attempts / self.work.max(1.0)
@@ -100,7 +100,7 @@ pub struct Refiner<'a, 'g> {
     slots: usize,
 }
 
-/// What a round has done.
+/// Result and work of a round.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Round {
     /// By how much the sum of costs has fallen.

@@ -1,4 +1,4 @@
-//! Who is where when: paths as bit sets over time.
+//! Reservations: the paths of a team as bit sets over time.
 //!
 //! Per vertex one bit per time step for "occupied", and one for each direction for
 //! "left in this direction". Safe intervals of SIPP are runs of zeros, found a word
@@ -105,13 +105,13 @@ impl Reservations {
         self.bits[(v as usize * ROWS + row) * self.words + t / WORD] >> (t % WORD) & 1 == 1
     }
 
-    /// Whether `v` is occupied at `t`.
+    /// True if `v` is occupied at `t`.
     #[inline]
     pub fn busy(&self, v: Vertex, t: u32) -> bool {
         self.bit(v, 0, t)
     }
 
-    /// Whether somebody leaves `v` in direction `d` at `t`, to arrive at `t + 1`.
+    /// True if an agent leaves `v` in direction `d` at `t`, to arrive at `t + 1`.
     #[inline]
     pub fn leaves(&self, v: Vertex, d: usize, t: u32) -> bool {
         self.bit(v, 1 + d, t)
@@ -140,7 +140,7 @@ impl Reservations {
         }
     }
 
-    /// How often `v` becomes occupied from `t` on, or is so then; at most `most`.
+    /// Number of times that `v` becomes occupied from `t` on, or is so then; at most `most`.
     pub fn visits(&self, v: Vertex, mut t: u32, most: u32) -> u32 {
         for count in 0..most {
             t = match self.next_busy(v, t) {
@@ -234,7 +234,7 @@ impl Reservations {
         }
     }
 
-    /// What [`Reservations::add`] would enter.
+    /// The bits that [`Reservations::add`] would set.
     pub fn imprint(&self, graph: &Graph, path: &[Vertex], delay: u32) -> Imprint {
         let mut imprint = Vec::with_capacity(2 * path.len());
         let mut at = 0;
@@ -309,8 +309,8 @@ impl Reservations {
         }
     }
 
-    /// Whether a path, its agent staying at the end, collides with nothing, and closes no
-    /// ring of moves unless agents may move in such `cycles`.
+    /// True if a path, its agent staying at the end, collides with nothing, and closes no ring of
+    /// moves unless agents may move in such `cycles`.
     pub fn admits(&self, graph: &Graph, path: &[Vertex], cycles: bool) -> bool {
         let Some(&last) = path.last() else {
             return true;
@@ -333,9 +333,9 @@ impl Reservations {
             && self.next_busy(last, path.len() as u32) == NEVER
     }
 
-    /// Whether moving at `t` from one vertex into the next closes a ring of moves of the
-    /// same step, an exchange of places among them: `to` is left towards a vertex that is
-    /// left … towards `from`.
+    /// True if moving at `t` from one vertex into the next closes a ring of moves of the same step,
+    /// an exchange of places among them: `to` is left towards a vertex that is left … towards
+    /// `from`.
     pub fn closes_ring(&self, graph: &Graph, from: Vertex, to: Vertex, t: u32) -> bool {
         // Nearly always nobody leaves.
         if !self.busy(to, t) {

@@ -30,16 +30,16 @@ const STAYED: u8 = DIRECTIONS as u8;
 const LEAST_CLOSED: usize = 1 << 10;
 /// Expansions between two questions whether to stop.
 const PATIENCE: u64 = 512;
-/// How many degrees of preference there are among equally long paths.
+/// Number of degrees of preference among equally long paths.
 const DEGREES: u32 = 32;
 
-/// What an agent has to visit, and how far that is.
+/// The goals of an agent, and the distances to them.
 pub trait Guidance {
     /// The goals, in the order in which they are to be visited.
     fn goals(&self) -> &[Vertex];
 
-    /// Whether the agent has to stay at the last goal for good. Otherwise it may go
-    /// anywhere when it has been there.
+    /// True if the agent has to stay at the last goal for good. Otherwise it may go anywhere when
+    /// it has been there.
     fn stays(&self) -> bool;
 
     /// A lower bound of the steps from `v`, looking in direction `heading`, through goal
@@ -47,8 +47,8 @@ pub trait Guidance {
     /// than one in a step, and by what lanes charge for it.
     fn rest(&self, label: u32, v: Vertex, heading: u8) -> u32;
 
-    /// How many goals are visited at `v` if `label` were before. A last goal to stay at is
-    /// never counted.
+    /// Number of goals visited after a visit of `v`, if it was `label` before. A last goal to stay
+    /// at is never counted.
     #[inline]
     fn reached(&self, mut label: u32, v: Vertex) -> u32 {
         let goals = self.goals();
@@ -75,7 +75,7 @@ impl<G: Guidance> Guidance for &G {
     }
 }
 
-/// What each agent of a team has to visit: one goal, where it stays.
+/// The goals of each agent of a team: one, where it stays.
 pub trait Team: Sync {
     /// The way of one of them.
     fn route(&self, agent: usize) -> impl Guidance;
@@ -92,26 +92,26 @@ pub trait Team: Sync {
 pub struct Query<'a, G> {
     /// The map.
     pub graph: &'a Graph,
-    /// Whom not to meet.
+    /// Reservations of agents that must not be met.
     pub hard: &'a Reservations,
-    /// Whom better not to meet.
+    /// Reservations of agents that should not be met.
     pub soft: Option<&'a Reservations>,
-    /// What to visit.
+    /// The goals, and the distances to them.
     pub route: &'a G,
-    /// Where to begin.
+    /// The first vertex of the path.
     pub start: Vertex,
-    /// Where the agent looks at the beginning.
+    /// The direction in which the agent looks at the beginning.
     pub heading: u8,
-    /// What a turn by 90° is charged in steps, without `turning`: robots stop for turns, even
-    /// where plans do not say so.
+    /// Charge of a turn by 90°, in steps, without `turning`: robots stop for turns, even where
+    /// plans do not say so.
     pub turn_charge: u32,
-    /// What moves against lanes are charged in steps; without `bound`.
+    /// Lanes, and the charge of moves against them; without `bound`.
     pub lanes: Option<&'a Lanes>,
-    /// Whether turning by 90° takes a step.
+    /// True if turning by 90° takes a step.
     pub turning: bool,
     /// Paths may end at this time, wherever they have come; 0: at the last goal only.
     pub window: u32,
-    /// Whether to move in rings with others.
+    /// Lets the agent move in rings with others.
     pub cycles: bool,
     /// The last goal is to be reached by this time; [`NEVER`] for no limit.
     pub bound: u32,
@@ -127,7 +127,7 @@ pub struct Found {
     pub length: u32,
 }
 
-/// Why there is no path.
+/// The reason why there is no path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Miss {
     /// None exists.
@@ -150,10 +150,10 @@ struct State {
     label: u32,
     /// Soft collisions on the way.
     met: u32,
-    /// What turns and moves on the way were charged.
+    /// Sum of the charges of turns and moves on the way, in steps.
     charged: u32,
     heading: u8,
-    /// Where the agent went last; at the beginning where it looks.
+    /// The direction of the agent's last move; at the beginning its heading.
     looks: u8,
     /// The direction of the move that led here, or [`STAYED`].
     crossed: u8,
@@ -327,7 +327,7 @@ impl Sipp {
         self.states.push(state);
     }
 
-    /// Where a state is, or would be, in `closed`.
+    /// The slot in `closed` that holds a state, or would hold it.
     #[inline]
     fn slot(&self, state: &State) -> usize {
         let place = u64::from(state.v) << 32 | u64::from(state.until);
@@ -352,7 +352,7 @@ impl Sipp {
         }
     }
 
-    /// Whether the same place and interval was expanded, and no later.
+    /// True if the same vertex and interval was expanded, and no later.
     #[inline]
     fn is_closed(&self, state: &State) -> bool {
         let (query, id) = self.closed[self.slot(state)];
@@ -400,7 +400,7 @@ fn quarters(from: usize, to: usize) -> u32 {
     turn.min(DIRECTIONS - turn) as u32
 }
 
-/// Where an expansion leads.
+/// The state to which an expansion leads.
 #[derive(Clone, Copy)]
 struct Step {
     parent: u32,
@@ -550,8 +550,8 @@ impl<G: Guidance> Search<'_, '_, G> {
         }
     }
 
-    /// What can be done without a move: to turn, and to stay although somebody comes that
-    /// is better not met, or has gone.
+    /// Enters the states that need no move: a turn, and a stay although somebody comes that is
+    /// better not met, or has gone.
     fn stay(&mut self, here: Step, until: u32, time: u32, heading: u8) {
         let Query {
             hard, soft, route, ..

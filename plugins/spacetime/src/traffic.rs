@@ -1,4 +1,4 @@
-//! How many agents are where when: what a search asks in order to avoid the paths of others.
+//! Numbers of agents by cell and step, which a search uses to avoid the paths of others.
 //!
 //! A count per step and cell answers most questions at once; only where somebody is on the
 //! spot are the visits of [`Conflicts`] looked at.
@@ -87,7 +87,7 @@ impl Traffic {
         }
     }
 
-    /// How many conflicts an agent gets that goes from `from` to `to` and is there at `time`.
+    /// Number of conflicts of an agent that goes from `from` to `to` and is there at `time`.
     #[inline]
     pub fn collisions(&self, agent: u32, from: Vertex, to: Vertex, time: u32) -> u32 {
         let row = time as usize * self.vertices;
@@ -117,7 +117,7 @@ impl Traffic {
         u32::from(swaps) + u32::from(rings)
     }
 
-    /// How many conflicts an agent gets that stays in `v` after `time` for ever.
+    /// Number of conflicts of an agent that stays in `v` after `time` for ever.
     pub fn collisions_parked(&self, agent: u32, v: Vertex, time: u32) -> u32 {
         let Rules { until, delay, .. } = self.conflicts.rules();
         let visits = self.conflicts.visits(v).iter();

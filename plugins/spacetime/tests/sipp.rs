@@ -50,7 +50,7 @@ impl Case {
         !self.in_window(t) || self.others.iter().all(|path| at(path, t) != v)
     }
 
-    /// Whether `v` is free from `t` on for ever.
+    /// True if `v` is free from `t` on for ever.
     fn settled(&self, v: Vertex, t: u32) -> bool {
         (t..=t.max(self.last())).all(|t| self.free(v, t))
     }
@@ -61,7 +61,7 @@ impl Case {
         last.unwrap_or(0).max(self.problem.window) + 1
     }
 
-    /// Whether a move from `t` to `t + 1` is one that nobody is in the way of.
+    /// True if nobody is in the way of a move from `t` to `t + 1`.
     fn allowed(&self, from: Vertex, to: Vertex, t: u32) -> bool {
         if !self.free(to, t + 1) {
             return false;
@@ -158,8 +158,9 @@ impl Case {
         best
     }
 
-    /// Where a robot looks when it comes to a goal is not known before, so that estimates
-    /// grow there, and staying away from goals until the window ends seems to be good.
+    /// True if a length is the least, or longer where estimates are not exact: the heading of a
+    /// robot at a goal is not known before, so that estimates grow there, and staying away from
+    /// goals until the window ends seems to be good.
     fn is_least(&self, length: u32, least: Option<u32>) -> bool {
         let goals = self.problem.routes[0].goals.len();
         let exact = self.problem.window == 0 || !self.problem.turning || goals == 1;
@@ -226,7 +227,7 @@ impl Case {
         if *turning { 0 } else { turns.sum() }
     }
 
-    /// What lanes charge on a path.
+    /// Charges of lanes on a path.
     fn against(&self, path: &[Vertex], lanes: &Lanes) -> u32 {
         let moves = path.windows(2).filter(|step| step[0] != step[1]);
         let charges = moves.map(|step| {
@@ -237,7 +238,7 @@ impl Case {
         charges.sum()
     }
 
-    /// Whether a path is one of this agent, in nobody's way, and as long as it says.
+    /// Checks that a path is one of this agent, in nobody's way, and as long as it says.
     fn check(&self, path: &[Vertex], length: u32) {
         let Problem {
             graph,

@@ -218,7 +218,7 @@ impl Map {
 
 /// The paths of those who have planned.
 struct Traffic {
-    /// Who is where, by time and cell, as long as anybody moves.
+    /// The agent in each cell, by time step, as long as anybody moves.
     layers: Vec<Vec<u32>>,
     /// Per cell, from when on somebody stays there for good.
     parked_from: Vec<usize>,
@@ -244,7 +244,7 @@ impl Traffic {
         layer.map_or(NOBODY, |layer| layer[cell as usize])
     }
 
-    /// Whether a step that begins at `time` meets nobody.
+    /// True if a step that begins at `time` meets nobody.
     fn lets_pass(&self, from: u32, to: u32, time: usize) -> bool {
         if self.parked_from[to as usize] <= time + 1 || self.at(time + 1, to) != NOBODY {
             return false;

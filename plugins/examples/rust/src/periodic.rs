@@ -16,7 +16,7 @@ struct PeriodicOptions {
     /// Seconds of simulated time between calls.
     #[schemars(range(min = 0.0))]
     period_s: f64,
-    /// Whether to call early when an agent has nothing left to do.
+    /// Call early when an agent has nothing left to do.
     when_idle: bool,
 }
 

@@ -36,7 +36,7 @@ macro_rules! changed {
                 grid: c::Grid,
             }
 
-            /// What a plugin that was built so would show.
+            /// The layout that a plugin built with the changed contract would show.
             pub static LAYOUT: RustLayout = RustLayout {
                 struct_size: size_of::<RustLayout>(),
                 abi_stable: ABI_STABLE_RELEASE,

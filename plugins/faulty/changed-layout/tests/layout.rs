@@ -1,4 +1,4 @@
-//! What the layout check says of changed contracts.
+//! The layout check refuses changed contracts and says why.
 
 #![allow(missing_docs, unsafe_code)]
 

@@ -25,7 +25,7 @@ fleetyard_abi::export! {
     invocation_policies: [others::Invocation],
 }
 
-/// Which promise is broken.
+/// The promise that is broken.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[schemars(inline)]
@@ -85,7 +85,7 @@ enum Mistake {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Choice {
-    /// Which promise is broken.
+    /// The promise that is broken.
     mistake: Mistake,
     /// Steps of delay that plans tolerate.
     #[schemars(range(max = 100))]

@@ -74,7 +74,7 @@ impl FailPolicy for Policy {
     }
 }
 
-/// Who has no goal gets the cell where it is.
+/// An instance generator that gives agents without a goal the cell where they are.
 pub(crate) struct Generator(Mistake);
 
 impl Plugin for Generator {
@@ -165,7 +165,7 @@ impl InvocationPolicy for Invocation {
     }
 }
 
-/// What three planners have in common that are described wrongly and never get far.
+/// The common parts of three planners that are described wrongly and never get far.
 macro_rules! described {
     ($name:ident, $about:literal, $descriptor:expr) => {
         #[doc = $about]

@@ -210,7 +210,7 @@ impl sdk::Planner for Planner {
 }
 
 impl Planner {
-    /// What is wrong before anything is planned.
+    /// Refuses instances that are wrong before anything is planned.
     fn check(
         &mut self,
         instance: &Instance,
@@ -278,7 +278,7 @@ impl Planner {
         Ok(())
     }
 
-    /// Where everybody is, step by step.
+    /// The positions of all agents, step by step.
     fn solve(&self, instance: &Instance) -> Result<Vec<Vec<u32>>, Failure> {
         let mistake = self.choice.mistake;
         let alone = instance.agents() == 1;
@@ -303,7 +303,7 @@ impl Planner {
         self.one_by_one(instance)
     }
 
-    /// Whether everybody's goals can be reached if nobody is in the way.
+    /// True if every agent could reach its goals with nobody in the way.
     fn reaches(&self, instance: &Instance) -> bool {
         let mut ways = instance.starts.iter().zip(instance.goals.iter());
         ways.all(|(start, goals)| {
@@ -393,7 +393,7 @@ impl Planner {
     }
 }
 
-/// Where everybody is, step by step, and looks now.
+/// The positions of all agents, step by step, and their present headings.
 struct Walk {
     steps: Vec<Vec<u32>>,
     headings: Option<Vec<Heading>>,
@@ -455,7 +455,7 @@ fn steps_of(plan: &Plan) -> Vec<Vec<u32>> {
     (0..length).map(|time| at(time).collect()).collect()
 }
 
-/// Whether nobody is where somebody else is, or changes places.
+/// True if no two agents share a cell or swap cells.
 fn nobody_meets(steps: &[Vec<u32>]) -> bool {
     let apart = |step: &Vec<u32>| {
         let cells: BTreeSet<u32> = step.iter().copied().collect();
@@ -475,7 +475,7 @@ fn nobody_meets(steps: &[Vec<u32>]) -> bool {
     steps.iter().all(apart) && steps.windows(2).all(no_swap)
 }
 
-/// Whether somebody enters a cell that somebody else leaves in the same step.
+/// True if an agent enters a cell that another one leaves in the same step.
 fn followed(steps: &[Vec<u32>]) -> bool {
     steps.windows(2).any(|pair| {
         let moved = |agent: &usize| pair[0][*agent] != pair[1][*agent];

@@ -31,7 +31,7 @@ pub struct Map {
     passable: Vec<u8>,
 }
 
-/// What goes wrong. Those of plans and answers are done here, the others in `mischief`.
+/// The fault. Those of plans and answers are done here, the others in `mischief`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[schemars(inline)]
@@ -106,7 +106,7 @@ enum During {
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct FaultyOptions {
-    /// What goes wrong [default: none].
+    /// The fault [default: none].
     fault: Fault,
     /// The call that fails.
     during: During,
@@ -114,7 +114,7 @@ struct FaultyOptions {
     size: u64,
     /// Most processes, threads or files; 0 for what the fault is usually done with.
     count: u64,
-    /// What an attempt is at: a path, HOST:PORT, the name of a variable.
+    /// The target of an attempt: a path, HOST:PORT, the name of a variable.
     target: String,
 }
 
@@ -127,7 +127,7 @@ impl FaultyOptions {
     }
 }
 
-/// Where there is no call to answer: `create` and `destroy`.
+/// The sink of `create` and `destroy`, where there is no call to answer.
 struct StandardError;
 
 impl Sink for StandardError {

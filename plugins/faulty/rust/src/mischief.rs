@@ -1,8 +1,8 @@
-//! What a faulty planner does to its process and to the machine. Names and meaning are
-//! those of `mischief.h`, as far as safe Rust without further crates goes.
+//! Faults that a planner does to its process and to the machine. Names and meaning are those of
+//! `mischief.h`, as far as safe Rust without further crates goes.
 //!
-//! Attempts say in the metric `reached` whether they got what they tried; what takes
-//! something without end stops where it is refused. After both the planner is honest.
+//! Attempts say in the metric `reached` whether they succeeded; faults that take something without
+//! end stop where it is refused. After both the planner is honest.
 
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};

@@ -17,12 +17,12 @@ use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Vertex};
 
 use super::Problem;
 
-/// How often the order may be changed in one step.
+/// Most changes of the order in one step.
 const PATIENCE: u32 = 2;
 /// Nobody.
 const NOBODY: u32 = u32::MAX;
 
-/// What an agent does in the step that is being made.
+/// The action of an agent in the step that is being made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Act {
     /// Not decided.
@@ -37,7 +37,7 @@ enum Act {
     Rests,
 }
 
-/// Whether an agent that waits will ever come.
+/// The prospects of an agent that waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fate {
     Unknown,
@@ -70,17 +70,17 @@ pub(super) fn drive(
 
 struct Convoy<'q> {
     problem: &'q Problem<'q>,
-    /// Where an agent still has to go, nearest first, and where it is.
+    /// The cells that an agent still has to visit, nearest first, and its present cell.
     ahead: Vec<VecDeque<Vertex>>,
     at: Vec<Vertex>,
     headings: Option<Vec<u8>>,
-    /// Who is in a cell, then who comes next, and so on.
+    /// Per cell, the agent that is in it and those that come next, in order.
     queues: Vec<VecDeque<u32>>,
     occupant: Vec<u32>,
     acts: Vec<Act>,
     fates: Vec<Fate>,
     chain: Vec<u32>,
-    /// Who goes first into its next cell once that is empty.
+    /// Agents that go first into their next cell once that is empty.
     early: Vec<u32>,
 }
 
@@ -218,8 +218,8 @@ impl<'q> Convoy<'q> {
         }
     }
 
-    /// Whom an agent waits for: the one just before it in its next cell, and whether that one
-    /// is there already.
+    /// The agent that another one waits for, just before it in its next cell; and whether it is
+    /// there already.
     fn awaited(&self, agent: u32) -> Option<(u32, bool)> {
         let to = *self.ahead[agent as usize].front()? as usize;
         let place = self.queues[to].iter().position(|other| *other == agent)?;

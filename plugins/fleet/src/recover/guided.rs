@@ -65,17 +65,18 @@ struct Guides<'g> {
 /// The guide path of an agent.
 struct Guide {
     path: Vec<Vertex>,
-    /// Where on the path the agent visits its goals, one after the other, as far as it does.
+    /// Indices in the path at which the agent visits its goals, one after the other, as far as it
+    /// does.
     visits: Vec<usize>,
     /// The part of the path that it is on: how many goals it has visited, and how far places
     /// are from there.
     part: Option<(usize, Field)>,
 }
 
-/// How far places are from a part of a path, and how much of it is left from the nearest place
-/// on it.
+/// Per vertex, the distance to a part of a path, and the steps left on that part from the nearest
+/// vertex of it.
 struct Field {
-    /// Where the part ends, if that is no goal: from there on the path has nothing to say.
+    /// The end of the part, if that is no goal: the path has no guidance beyond it.
     open_end: Option<Vertex>,
     left_behind: bool,
     known: BTreeMap<Vertex, (u32, u32)>,
@@ -154,7 +155,7 @@ impl Guide {
 }
 
 impl Field {
-    /// How far a place is from the path, and how much of the path is left from there.
+    /// Distance of a vertex from the path, and steps of the path that are left from there.
     fn get(&mut self, ground: &Ground, v: Vertex) -> (u32, u32) {
         loop {
             if let Some(found) = self.known.get(&v) {

@@ -93,7 +93,7 @@ impl SteppingOptions {
     }
 }
 
-/// What both policies that plan step by step keep between calls.
+/// Data that both stepwise policies keep between calls.
 #[derive(Debug)]
 pub struct SteppedMap {
     ground: Ground,

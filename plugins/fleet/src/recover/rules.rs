@@ -1,4 +1,4 @@
-//! Who collides with nobody goes; who would collide waits, and makes way if it can.
+//! Agents that collide with nobody go; agents that would collide wait, and make way if they can.
 //!
 //! J. Morag, R. Stern, A. Felner, "Adapting to planning failures in lifelong multi-agent path
 //! finding", SoCS 2023. Agents whose paths meet no other path follow them. The others stay at
@@ -96,7 +96,8 @@ fn at(path: &[Vertex], time: usize) -> Vertex {
     path[time.min(path.len() - 1)]
 }
 
-/// Whose paths meet: in a cell, between two cells, or in a ring where that is not allowed.
+/// True for the agents whose paths collide: in a cell, between two cells, or in a ring where that
+/// is not allowed.
 fn meet(problem: &Problem<'_>, paths: &[Vec<Vertex>]) -> Vec<bool> {
     const NOBODY: u32 = u32::MAX;
     let mut waits = vec![false; paths.len()];

@@ -50,7 +50,7 @@ fn fault(environment: &SharedEnvironment, instance: &Instance, plan: &Plan) -> R
     case.collisions(&paths, 0)
 }
 
-/// What a policy makes of paths, one per agent.
+/// Repairs paths, one per agent, with a policy.
 fn repair<P: sdk::FailPolicy>(
     environment: &SharedEnvironment,
     instance: &Instance,
@@ -175,7 +175,7 @@ proptest! {
         }
     }
 
-    /// What did not collide is driven as it was, but for waits that nobody needs.
+    /// Paths that do not collide are driven as they were, but for waits that no agent needs.
     #[test]
     fn good_paths_are_followed(seed in any::<u64>()) {
         let (environment, mut instance, _) = crowd(seed);

@@ -67,7 +67,7 @@ fn run(planner: &mut Lifelong, query: &Query<'_>) -> (Plan, End) {
     planner.run(query, &mut ByDistance, &mut || false).unwrap()
 }
 
-/// What became of a fleet that was driven call after call.
+/// Result of driving a fleet call after call.
 struct Drive {
     reached: u64,
     /// Steps that the slowest goal has taken, and goals of the least successful agent.

@@ -82,7 +82,7 @@ impl Case {
     }
 }
 
-/// Where a disc is.
+/// Position of a disc at a time.
 fn position(stops: &[Stop], time: f64) -> Vector {
     let at = stops.partition_point(|stop| stop.arrival <= time).max(1) - 1;
     let stop = stops[at];

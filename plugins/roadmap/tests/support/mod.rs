@@ -66,7 +66,7 @@ impl Case {
     }
 }
 
-/// Where a disc is.
+/// Position of a disc at a time.
 pub(crate) fn position(roadmap: &Roadmap, path: &Path, time: f64) -> Vector {
     let at = path.partition_point(|visit| visit.arrival <= time).max(1) - 1;
     let visit = &path[at];
