@@ -14,20 +14,20 @@ use fleetyard_world::exact::{ContactSearch, Obstacles, Touched, contacts};
 use fleetyard_world::{Demand, Dynamics, Excess, Pose, Shape};
 use serde::{Deserialize, Serialize};
 
-/// What a plan in continuous space is held against.
+/// The data that a plan in continuous space is judged by.
 #[derive(Debug, Clone)]
 pub struct ContinuousTask<'a> {
     /// Every agent's footprint.
     pub shapes: &'a [&'a Shape],
-    /// What stands and moves besides agents.
+    /// Obstacles that stand or move.
     pub obstacles: &'a Obstacles<'a>,
-    /// Where agents begin, if that is given.
+    /// Pose in which each agent begins, if given.
     pub starts: Option<&'a [Pose]>,
-    /// Where agents come to rest, if that is given.
+    /// Pose in which each agent comes to rest, if given.
     pub goals: Option<&'a [Pose]>,
     /// The dynamics of every agent, if they are given.
     pub limits: Option<&'a [Dynamics]>,
-    /// What is not held against a plan.
+    /// Deviations that are no violation.
     pub tolerance: Tolerance,
 }
 
@@ -45,7 +45,7 @@ impl<'a> ContinuousTask<'a> {
     }
 }
 
-/// How much rounding is forgiven; of what bodies can do,
+/// Rounding that is forgiven; of the dynamics of bodies,
 /// [`DYNAMICS_TOLERANCE`](fleetyard_world::DYNAMICS_TOLERANCE).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
@@ -180,10 +180,10 @@ impl fmt::Display for ContinuousViolation {
     }
 }
 
-/// What the validator says of a plan in continuous space.
+/// The validator's verdict on a plan in continuous space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ContinuousVerdict {
-    /// Whether the plan breaks no rule.
+    /// True if the plan breaks no rule.
     pub valid: bool,
     /// The first violations by time, then agents, at most as many as were asked
     /// for.

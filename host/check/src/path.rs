@@ -76,7 +76,7 @@ impl PathRule {
         Self::ALL.into_iter().find(|rule| rule.name() == name)
     }
 
-    /// Whether instances of so many agents can be judged.
+    /// True if instances of so many agents can be judged.
     pub fn allows_agents(self, agents: usize) -> bool {
         self == Self::Steps || agents == 1
     }

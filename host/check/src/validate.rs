@@ -69,20 +69,20 @@ use crate::{CellPosition, Rule, Verdict, Violation};
 
 const NONE: u32 = u32::MAX;
 
-/// What is asked of a plan.
+/// The terms that a plan has to keep.
 #[derive(Debug, Clone, Copy)]
 pub struct Terms<'a> {
     /// The map.
     pub grid: &'a Grid,
-    /// Which moves are allowed.
+    /// The moves that are allowed.
     pub connectivity: Connectivity,
     /// The cell in which each agent begins.
     pub starts: &'a [u32],
     /// The cell in which each agent has to end, if that matters.
     pub goals: Option<&'a [u32]>,
-    /// Where each agent looks at first, if turning takes steps.
+    /// The first heading of each agent, if turning takes steps.
     pub headings: Option<&'a [Heading]>,
-    /// How many steps are to be free of collisions; 0 for all.
+    /// Number of steps that have to be free of collisions; 0 for all.
     pub window_steps: u32,
 }
 
@@ -130,8 +130,8 @@ struct Found {
     rule: Rule,
 }
 
-/// Who is where during one time step. One struct per cell, so that a look-up
-/// costs one cache line.
+/// The agents in a cell during one time step. One struct per cell, so that a look-up costs one
+/// cache line.
 #[derive(Clone, Copy)]
 struct CellState {
     /// Index into `Sweep::moves_from` if an agent moves away in this step.
@@ -157,7 +157,7 @@ struct Active {
     direction: u8,
     from: u32,
     to: u32,
-    /// Where it looks, if that matters, and when it moved last.
+    /// The agent's heading, if that matters, and the step of its last move.
     heading: Option<Heading>,
     moved: u32,
 }
@@ -245,7 +245,7 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Whether collisions matter now.
+    /// True if collisions matter now.
     fn is_in_window(&self) -> bool {
         self.terms.window_steps == 0 || self.time <= self.terms.window_steps
     }
@@ -653,8 +653,8 @@ impl<'a> Sweep<'a> {
         Place((cell < self.grid.cell_count()).then(|| self.grid.row_col(cell)))
     }
 
-    /// Where an agent looks before its move at a time, how many quarter turns it needs
-    /// for that move, and in how many steps it has stayed.
+    /// The heading of an agent before its move at a time, the quarter turns that it needs for that
+    /// move, and the number of steps for which it has stayed.
     fn turn(&self, agent: u32, time: u32) -> (Option<Heading>, u32, u32) {
         let path = self.plan.path(agent as usize);
         let time = time as usize;

@@ -1,4 +1,4 @@
-//! What the validator says: rules, violations, verdict.
+//! The answer of the validator: rules, violations, verdict.
 
 use std::fmt;
 
@@ -126,13 +126,13 @@ impl fmt::Display for Violation {
     }
 }
 
-/// What the validator says of a plan.
+/// The validator's verdict on a plan.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// Whether the plan breaks no rule.
+    /// True if the plan breaks no rule.
     pub valid: bool,
     /// The first violations by time, then agents, as many as were asked for.
     pub violations: Vec<Violation>,
-    /// How many violations there are in all.
+    /// Number of violations in all.
     pub violation_count: u64,
 }

@@ -1,6 +1,5 @@
-//! What an answer has to be. Collisions and moves are for `fleetyard-check`; here
-//! is what a one-shot instance does not have: lists of goals, tolerance of delays, and
-//! instances as answers.
+//! The judge of answers. Collisions and moves are for `fleetyard-check`; here is the part that a
+//! one-shot instance does not have: lists of goals, tolerance of delays, and instances as answers.
 
 use std::collections::BTreeSet;
 
@@ -10,10 +9,10 @@ use fleetyard_core::GridPlan;
 
 use crate::scene::Scene;
 
-/// How many violations are looked at. Not all of them are wanted.
+/// Most violations that are looked at. Not all of them are wanted.
 const VIOLATIONS: usize = 10_000;
 
-/// What a plan has to do about goals.
+/// The rule of a plan about goals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Arrival {
     /// Visit them in order and stay at the last.
@@ -43,7 +42,7 @@ pub(crate) fn plan(
     Ok(sum_of_costs(plan))
 }
 
-/// Whether paths that may collide are at least paths of these agents.
+/// Checks that paths which may collide are at least paths of these agents.
 pub(crate) fn paths(scene: &Scene, plan: &GridPlan) -> Result<(), String> {
     rules(scene, plan, |rule| {
         matches!(
@@ -105,8 +104,8 @@ fn arrives(goals: &[u32], path: &[u32], arrival: Arrival) -> Result<(), String> 
     }
 }
 
-/// Whether nobody is in a cell within `delay` steps after somebody else (Atzmon et
-/// al., "Robust Multi-Agent Path Finding", SoCS 2018).
+/// Checks that no agent is in a cell within `delay` steps after another one (Atzmon et al., "Robust
+/// Multi-Agent Path Finding", SoCS 2018).
 fn tolerates(plan: &GridPlan, delay: u32, window_steps: u32) -> Result<(), String> {
     let (delay, agents, horizon) = (delay as usize, plan.agents(), plan.horizon());
     if delay == 0 {
@@ -186,8 +185,8 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether tasks that a generator gives away were offered, and each goes to one agent. That
-/// agents exist is for [`Instance::check`].
+/// Checks that the tasks that a generator gives away were offered, and that each goes to one agent.
+/// [`Instance::check`] checks that agents exist.
 fn assignments(asked: &FleetState, answer: &Instance) -> Result<(), String> {
     let mut given = BTreeSet::new();
     for Assignment { agent, task } in &answer.assignments {

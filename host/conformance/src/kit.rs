@@ -11,7 +11,7 @@ use crate::cases::Case;
 use crate::report::{CaseReport, Outcome};
 use crate::trial::{Stop, Trial};
 
-/// How much time plugins get.
+/// Time limits of plugins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Config {
     /// For one call. A planner that claims `anytime` gets a tenth of it, since it
@@ -39,7 +39,7 @@ impl Config {
         (self.budget / 10).max(Duration::from_millis(10))
     }
 
-    /// How long a plugin may take to end.
+    /// Time that a plugin may take to end.
     pub(crate) fn ending(&self) -> Duration {
         self.grace.max(Limits::default().ending)
     }
@@ -48,11 +48,11 @@ impl Config {
 /// One plugin, and how it is attached and made.
 #[derive(Debug, Clone)]
 pub struct Subject {
-    /// Where it is.
+    /// The file that has it.
     pub file: PluginFile,
-    /// How it is attached.
+    /// The way of attaching it.
     pub attach: Attach,
-    /// What it said of itself.
+    /// Its descriptor.
     pub descriptor: Descriptor,
     /// Options that it gets in every case.
     pub options: Map<String, Value>,
@@ -91,7 +91,7 @@ impl Kit {
         self.runtime.limits()
     }
 
-    /// What a file has, from a process of its own.
+    /// The plugins of a file, described by a process of its own.
     pub fn describe(&self, file: &PluginFile) -> Result<Introduction, Fault> {
         self.runtime.describe(file)
     }

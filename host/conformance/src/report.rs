@@ -1,11 +1,11 @@
-//! What came of a case.
+//! Results of cases.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// How a case ended.
+/// Result of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
@@ -35,13 +35,13 @@ impl fmt::Display for Outcome {
 pub struct CaseReport {
     /// The case's name.
     pub case: String,
-    /// How it ended.
+    /// The result.
     pub outcome: Outcome,
-    /// Why, unless it passed.
+    /// The reason, unless it passed.
     pub reason: Option<String>,
-    /// What is odd but allowed.
+    /// Findings that are odd but allowed.
     pub warnings: Vec<String>,
-    /// What was measured on the way.
+    /// Figures measured on the way.
     pub figures: BTreeMap<String, f64>,
     /// Asks the same again.
     pub seed: u64,

@@ -1,6 +1,5 @@
-//! What plugins are asked about: small instances, drawn by hand where the answer
-//! is to be known, made from a seed where many are wanted, and one that nobody
-//! can finish.
+//! Instances for plugins: small ones, drawn by hand where the answer is to be known, made from a
+//! seed where many are wanted, and one that no planner can finish.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -33,7 +32,7 @@ pub(crate) struct Scene {
     pub(crate) motion: Motion,
     pub(crate) objective: Objective,
     pub(crate) window_steps: u32,
-    /// Whether agents may move round in a ring.
+    /// True if agents may move round in a ring.
     pub(crate) allows_cycles: bool,
     /// The least sum of costs, where it is known.
     pub(crate) best: Option<u64>,
@@ -42,7 +41,7 @@ pub(crate) struct Scene {
     pub(crate) crowded: bool,
 }
 
-/// What the fleet of a scene has to do, for instance generators.
+/// The work that the fleet of a scene has, for instance generators.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Demand {
     /// Every third agent has still to reach its goal, and there are tasks for about
@@ -54,7 +53,7 @@ pub(crate) enum Demand {
     Everything,
 }
 
-/// Where the letters of a drawing are, by letter.
+/// Cells of the letters of a drawing, by letter.
 fn lettered(rows: &[&str]) -> Vec<u32> {
     let mut found: Vec<(u8, u32)> = rows
         .concat()
@@ -262,7 +261,7 @@ impl Scene {
         .map_err(|error| error.to_string())
     }
 
-    /// What a plugin is told of the map.
+    /// The environment that a plugin gets.
     pub(crate) fn environment(&self) -> Step<SharedEnvironment> {
         // The conversion wants an instance; any will do.
         let somewhere: Vec<u32> = free_cells(&self.grid).into_iter().take(1).collect();
@@ -272,7 +271,7 @@ impl Scene {
         Ok(fleetyard_runtime::environment(&any, CELL_SIZE_M, STEP_S))
     }
 
-    /// What a planner or a fail policy is asked.
+    /// The instance for a planner or a fail policy.
     pub(crate) fn instance(&self) -> Instance {
         Instance {
             starts: self.starts.clone(),
@@ -287,7 +286,7 @@ impl Scene {
         }
     }
 
-    /// What an instance generator is told.
+    /// The state of the fleet for an instance generator.
     pub(crate) fn state(&self) -> FleetState {
         let open = |(agent, goals): (usize, &Vec<u32>)| match self.demand {
             Demand::Everything => goals.clone(),
@@ -330,7 +329,7 @@ impl Scene {
         }
     }
 
-    /// What an invocation policy is told.
+    /// The status of the fleet for an invocation policy.
     pub(crate) fn status(&self) -> FleetStatus {
         FleetStatus {
             time_s: 12.5,
@@ -405,7 +404,7 @@ pub(crate) fn free_cells(grid: &Grid) -> Vec<u32> {
         .collect()
 }
 
-/// Where agents end who go for walks one after the other, round those who stand.
+/// Cells in which agents end that go for walks one after the other, round those that stand.
 fn walks(grid: &Grid, starts: &[u32], random: &mut SeededRandom) -> Vec<u32> {
     const ROUNDS: usize = 2;
     let mut at = starts.to_vec();

@@ -19,7 +19,7 @@ use crate::kit::{Config, Kit, Subject, milliseconds};
 use crate::report::Outcome;
 use crate::scene::Scene;
 
-/// Why a case goes no further.
+/// The reason why a case goes no further.
 #[derive(Debug)]
 pub(crate) enum Stop {
     Failed(String),
@@ -49,7 +49,7 @@ impl From<Fault> for Stop {
     }
 }
 
-/// What the kit knows of an instance.
+/// Knowledge of the kit about an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Hope {
     /// There is a plan.
@@ -62,13 +62,13 @@ pub(crate) enum Hope {
     Survival,
 }
 
-/// How a call is made.
+/// The budget and the input of a call.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Call<'a> {
     pub(crate) wall: Duration,
     pub(crate) nodes: u64,
     pub(crate) threads: u32,
-    /// What a planner left, for fail policies.
+    /// The plan that a planner left, for fail policies.
     pub(crate) failed: Option<&'a Plan>,
 }
 
@@ -83,23 +83,23 @@ impl Call<'_> {
     }
 }
 
-/// What a plugin answered.
+/// The answer of a plugin.
 #[derive(Debug, Clone)]
 pub(crate) struct Answer {
     pub(crate) status: Status,
     pub(crate) message: Option<String>,
     pub(crate) said: Said,
-    /// What it reported of itself.
+    /// Metrics that it reported.
     pub(crate) figures: BTreeMap<String, f64>,
     /// Wall time of the call.
     pub(crate) wall: Duration,
-    /// How long after the deadline the call returned.
+    /// Time between the deadline and the return of the call.
     pub(crate) late: Duration,
-    /// Whether the clock had a say in it.
+    /// True if the clock had a say in the answer.
     pub(crate) by_clock: bool,
 }
 
-/// What an answer has besides its status.
+/// The content of an answer besides its status.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Said {
     /// Plans that came in time, in order.
@@ -127,8 +127,8 @@ impl Answer {
     }
 }
 
-/// Whether two answers to the same question are the same, as far as they can be
-/// compared: which plan is the last when time is up is chance, the first is not.
+/// Compares two answers to the same input, as far as they can be compared: the last plan when time
+/// is up is chance, the first is not.
 pub(crate) fn same(one: &Answer, other: &Answer) -> Result<(), String> {
     let differ = |what: &str| Err(format!("{what} differs from one time to the next"));
     if one.by_clock || other.by_clock {
@@ -160,9 +160,9 @@ pub(crate) struct Trial<'a> {
     figures: BTreeMap<String, f64>,
     /// In the host's process a library is loaded and initialised once.
     kept: Option<Session>,
-    /// How many steps of delay plans have to tolerate.
+    /// Number of steps of delay that plans have to tolerate.
     pub(crate) delay: u32,
-    /// Whether it is a planner for one agent, once that was in question.
+    /// True if it is a planner for one agent; known after the first need of it.
     alone: Option<bool>,
 }
 
@@ -213,8 +213,8 @@ impl<'a> Trial<'a> {
         SeededRandom::new("conformance", self.seed)
     }
 
-    /// Whether the plugin says that it can do something. Plugins other than planners
-    /// have often nothing to claim; they are asked about pebbles on grids.
+    /// True if the plugin claims a capability. Plugins other than planners have often nothing to
+    /// claim; they are asked about pebbles on grids.
     pub(crate) fn claims(&self, capability: Capability) -> bool {
         let claimed = self.descriptor().capabilities;
         let nothing = claimed.bits() == 0 && self.kind() != Kind::Planner;
@@ -615,8 +615,8 @@ pub(crate) fn invoke(session: &mut Session, status: &FleetStatus, wall: Duration
     answered_by(said, started.elapsed(), &Call::of(wall))
 }
 
-/// Whether a call took so long that its end was the clock's doing: who watches the
-/// clock stops a little before the deadline.
+/// True if a call took so long that the clock ended it: a plugin that watches the clock stops a
+/// little before the deadline.
 fn is_long(taken: Duration, wall: Duration) -> bool {
     taken >= wall.mul_f64(0.8)
 }

@@ -85,11 +85,11 @@ const NONE: u32 = u32::MAX;
 /// one would have no end.
 const MOST_STAYS: u32 = 1000;
 
-/// What a robot is told to do: to go to the next cell of its way.
+/// An order to a robot: to go to the next cell of its path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Node {
-    /// Where it goes: a cell beside the one before, or the same for a goal that it
-    /// reaches without leaving its cell.
+    /// The cell to go to: one beside the cell before, or the same for a goal that is reached
+    /// without leaving the cell.
     pub cell: u32,
     /// Actions that this takes: the move, quarter turns before it, dwelling after it.
     pub actions: u32,
@@ -97,7 +97,7 @@ pub struct Node {
     pub goal: Option<u32>,
 }
 
-/// What counts as how many actions besides a move, which is one.
+/// Number of actions for everything besides a move, which is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Costs {
     /// A turn by 90°; 0 for robots that need not turn.
@@ -144,7 +144,7 @@ impl Pace {
     }
 }
 
-/// Why something cannot be begun, or appended. Agents are counted from 0.
+/// The reason why something cannot be begun, or appended. Agents are counted from 0.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages document the fields")]
 #[non_exhaustive]
@@ -177,7 +177,7 @@ pub struct Appended {
     pub stopped: usize,
 }
 
-/// Where everybody is when what is committed has been done.
+/// The state of all agents when everything that is committed has been done.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cut {
     /// Cells, no two the same.
@@ -196,8 +196,8 @@ pub struct Cut {
 struct Visit {
     node: Node,
     agent: u32,
-    /// Which node of the agent it is, counted from 1 at the start of everything; 0 is
-    /// standing at the start.
+    /// Number of the agent's node, counted from 1 at the start of everything; 0 is standing at the
+    /// start.
     number: u32,
     /// The agent's visits before and after.
     before: u32,
@@ -208,7 +208,7 @@ struct Visit {
     ahead: u32,
     behind: u32,
     heading: Heading,
-    /// Which batch it came with, and after which step of it the node begins: turns that take
+    /// The batch that it came with, and the step of it after which the node begins: turns that take
     /// steps are part of it.
     batch: u32,
     step: u32,
@@ -234,8 +234,8 @@ struct Robot {
     goal_cell: u32,
 }
 
-/// Who is first and last in the passing order of a cell, as far as it is not over, and
-/// whose way ends there.
+/// The first and the last visit in the passing order of a cell, as far as it is not over, and the
+/// agent whose path ends there.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     front: u32,
@@ -267,7 +267,7 @@ pub struct Adg {
     free: Vec<u32>,
     places: Vec<Place>,
     pending: usize,
-    /// How many batches were appended, and the step of the last one that is being appended.
+    /// Number of batches appended, and the step of the last one that is being appended.
     batches: u32,
     step: u32,
     /// True if turns take steps in it.
@@ -369,8 +369,8 @@ impl Adg {
     /// an agent's goals are matched in order, each where the path enters its cell, or
     /// where it begins.
     ///
-    /// Where robots go round in a ring at one step, nobody could begin. They stop before
-    /// that step, and so does everybody who would enter a cell that is not left any more.
+    /// If robots moved round in a ring at one step, none of them could begin. They stop before that
+    /// step, and so does every robot that would enter a cell that is not left any more.
     ///
     /// On an error nothing has been appended.
     pub fn append(
@@ -675,10 +675,10 @@ impl Adg {
     /// seconds: a robot that turns, or waits for others, is committed to less than one that
     /// drives, and all of them end at about the same time.
     ///
-    /// What can begin when follows from the least times of actions and from who waits for
-    /// whom; and what was planned for later is not committed because a cell happens to be
-    /// free: it is `since_s` that the last batch was appended. A node that is under way may be
-    /// all but done.
+    /// The times follow from the least times of actions and from the order in which robots wait for
+    /// each other; and a move that was planned for later is not committed because a cell happens to
+    /// be free: the last batch was appended `since_s` ago. A node that is under way may be all but
+    /// done.
     pub fn cut_within(&mut self, horizon_s: f64, since_s: f64, pace: &Pace) -> Cut {
         let mut last: Vec<u32> = self.robots.iter().map(|robot| robot.head).collect();
         // When an agent has done what is kept of it, and when a visit's cell is free.
@@ -885,7 +885,7 @@ impl Adg {
         self.visits[self.robots[agent].tail as usize].node.cell
     }
 
-    /// How many nodes an agent has done, and how many it was told of.
+    /// Number of nodes that an agent has done, and of those that it was told of.
     pub fn progress(&self, agent: usize) -> (u32, u32) {
         let robot = &self.robots[agent];
         (robot.done, robot.enqueued)

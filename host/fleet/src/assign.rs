@@ -1,4 +1,4 @@
-//! Who begins where, and which goals everybody has after one another.
+//! Starts of the agents, and the goals that they have after one another.
 //!
 //! Goals are drawn or come from tasks. A drawn goal is a function of the seed, the agent,
 //! its start and the goal's index alone, so that every planner and every generator works
@@ -21,7 +21,7 @@ const MOST_KNOWN: f64 = 4_194_304.0;
 /// Most goals of an agent that are told at a time, however large the window is.
 const MOST_UPCOMING: usize = 1000;
 
-/// Where goals come from.
+/// Origin of the goals.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
     /// Free cells at random, uniformly, but never the same twice in a row, nor the start
@@ -44,7 +44,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// What is asked for, if there are tasks for it, or the map has roles.
+    /// The source that is asked for, if there are tasks for it, or the map has roles.
     pub fn new(
         assign: Assign,
         grid: &Grid,
@@ -78,7 +78,7 @@ impl Source {
 struct Pool {
     /// By parts, ascending within each.
     cells: Vec<u32>,
-    /// Where the cells of each part begin, and where the last ones end.
+    /// Index of the first cell of each part, and at last the end.
     begins: Vec<usize>,
 }
 
@@ -155,7 +155,7 @@ struct Tasks {
     list: Vec<Vec<u32>>,
     /// The part of the map that they are in.
     home: u32,
-    /// How many are revealed and not done at a time, and how many are.
+    /// Most tasks that are revealed and not done at a time, and their number now.
     reveal: usize,
     ongoing: usize,
     /// The identifier of the next one to be revealed.
@@ -303,7 +303,7 @@ impl Assigner {
         self.streams.len()
     }
 
-    /// Where agents start. They look to the north.
+    /// Start cells of the agents. They look to the north.
     pub fn starts(&self) -> Vec<u32> {
         self.streams.iter().map(|stream| stream.start).collect()
     }

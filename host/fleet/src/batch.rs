@@ -1,4 +1,4 @@
-//! What a planner or a fail policy returned, judged before it may become moves.
+//! Batches: paths of a planner or a fail policy, judged before they may become moves.
 
 use fleetyard_abi::{Instance, Motion};
 use fleetyard_check::{Terms, Verdict, validate_terms};

@@ -1,4 +1,4 @@
-//! What the caller decides about a run: the numbers that the command and suites give.
+//! Configuration of a run: the numbers that the command and suites give.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -23,7 +23,7 @@ pub enum Clock {
     Realtime,
 }
 
-/// Where goals come from.
+/// Origin of the goals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Assign {
@@ -50,7 +50,7 @@ pub enum CutBy {
     Actions,
 }
 
-/// What every call of a plugin may use beside its wall-clock time.
+/// Budget of every call of a plugin beside its wall-clock time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Allowance {
@@ -103,7 +103,7 @@ pub struct FleetConfig {
     pub queue: u32,
     /// The time for which a robot stays where it reached a goal, in seconds.
     pub dwell_s: f64,
-    /// Where goals come from.
+    /// Origin of the goals.
     pub assign: Assign,
     /// The number of tasks that are revealed at a time, as a multiple of the robots.
     pub reveal: f64,
@@ -234,8 +234,8 @@ impl FleetConfig {
         (self.window_s / self.sim.step_s).ceil() as u32
     }
 
-    /// How many actions are committed by [`CutBy::Actions`]: the K = ⌈T / ε⌉ that a robot can
-    /// do until an answer takes effect, and the cells that it has to know beyond these.
+    /// Number of actions that [`CutBy::Actions`] commits: the K = ⌈T / ε⌉ that a robot can do until
+    /// an answer takes effect, and the cells that it has to know beyond these.
     pub fn lookahead(&self, fleet: Option<&Fleet>) -> u32 {
         let within = (self.limit_s / self.sim.step_s).ceil();
         let beyond = self.beyond_s(fleet) / self.sim.step_s;
@@ -248,9 +248,9 @@ impl FleetConfig {
         self.limit_s + self.beyond_s(fleet)
     }
 
-    /// How long robots at their top speed take, before they have to brake, for the way that
-    /// they need to a stop and until they hear that they need not stop. Without it they would
-    /// brake before every answer, however much it gives them to do.
+    /// Seconds in which robots at their top speed, before they have to brake, drive the distance
+    /// that they need to stop, and hear that they need not. Without it they would brake before
+    /// every answer, however much it gives them to do.
     fn beyond_s(&self, fleet: Option<&Fleet>) -> f64 {
         let stops = models(fleet).map(Model::usual_stop_m);
         let cells = stops.fold(0.0, f64::max) / self.sim.cell_size_m;

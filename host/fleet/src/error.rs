@@ -1,12 +1,12 @@
-//! Why a run could not be made, as opposed to how it went.
+//! Reasons why a run could not be made, as opposed to how it went.
 
 use fleetyard_abi::Capability;
 use fleetyard_core::InputError;
 use fleetyard_runtime::Fault;
 use fleetyard_sim::SimError;
 
-/// Why a run could not be made or had to be broken off. What goes wrong with a plugin
-/// once the robots drive is no such error: it is among the run's events.
+/// The reason why a run could not be made or had to be broken off. Faults of a plugin once the
+/// robots drive are no such error: they are among the run's events.
 #[derive(Debug, thiserror::Error)]
 pub enum FleetError {
     /// A number is out of range.
@@ -32,7 +32,7 @@ pub enum FleetError {
         kind: fleetyard_abi::Kind,
         /// The user's name for it.
         name: String,
-        /// Why.
+        /// The fault.
         fault: Fault,
     },
     /// A plugin does not claim what the run needs.

@@ -108,9 +108,9 @@ impl Module {
         })
     }
 
-    /// What a call left: a plugin that only reported a failure goes on, any other that
-    /// failed is dead or may not be trusted, and starts again at its next call. Its last
-    /// words, if it had some.
+    /// Treats the fault of a call: a plugin that only reported a failure goes on, any other that
+    /// failed is dead or may not be trusted, and starts again at its next call. Its last words, if
+    /// it had some.
     pub(crate) fn after(&mut self, fault: &Fault) -> Option<String> {
         if matches!(fault, Fault::Reported { .. }) {
             return None;

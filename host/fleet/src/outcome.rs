@@ -1,4 +1,4 @@
-//! What a run came to.
+//! Results of a run.
 
 use std::collections::BTreeMap;
 
@@ -220,7 +220,7 @@ pub struct FleetOutcome {
     pub execution: FleetExecution,
     /// The run over time, its end included.
     pub series: Vec<Point>,
-    /// What went otherwise than it should, in order; at most [`FleetOutcome::EVENTS`].
+    /// Things that went otherwise than they should, in order; at most [`FleetOutcome::EVENTS`].
     pub events: Vec<FleetEvent>,
     /// Per cell, row by row, for how many seconds robots stood still there.
     pub waiting_s_per_cell: Vec<f64>,

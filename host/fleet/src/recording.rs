@@ -21,7 +21,7 @@ use crate::{EventKind, FleetConfig, ModuleInfo};
 /// The format's name in the first line.
 pub const RECORDING_FORMAT: &str = "fleetyard.fleet-recording/1";
 
-/// What a call can have taken, in milliseconds: no run takes longer than a year.
+/// Possible durations of a call, in milliseconds: no run takes longer than a year.
 const CALL_MS: RangeInclusive<f64> = 0.0..=366.0 * 86_400_000.0;
 
 /// The longest line that is read: a batch of a million robots.
@@ -110,7 +110,7 @@ pub struct Round {
     /// Tasks that were given to agents.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub assignments: Vec<Assignment>,
-    /// Whose plan it is.
+    /// The author of the plan.
     pub by: By,
     /// The plan, a string of moves per agent from where the state has it; absent if there
     /// is none.
@@ -125,7 +125,7 @@ pub struct Round {
     /// Faults and other events.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notices: Vec<Notice>,
-    /// Where it was read; 0 for one that was not.
+    /// Line of the file; 0 for a record that was not read.
     #[serde(skip)]
     pub line: u64,
 }
@@ -252,7 +252,7 @@ pub struct Recording {
     name: String,
     header: Header,
     file: BufReader<File>,
-    /// Where the first call is, and where the last one ends.
+    /// Offset of the first call in the file, and the end of the last one, in bytes.
     first: u64,
     bytes: u64,
     line: u64,

@@ -28,7 +28,7 @@ use crate::{
     Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
 };
 
-/// Where a run happens.
+/// The map and the fleet of a run.
 #[derive(Debug, Clone, Copy)]
 pub struct Ground<'a> {
     /// The map.
@@ -70,7 +70,7 @@ impl Ground<'_> {
 
 /// Is told of a run while it goes on.
 pub trait Watch {
-    /// Where the trace goes.
+    /// The sink of the trace.
     fn sink(&mut self) -> &mut dyn TraceSink;
 
     /// There is a new point in the series.
@@ -181,7 +181,7 @@ struct OpenCall {
     number: u64,
     block: u64,
     state: Digest,
-    /// Where agents start in the answer.
+    /// Starts of the agents in the answer.
     cut: Cut,
     /// Notices of the host when it decided to call.
     opening: Vec<Notice>,

@@ -1,5 +1,5 @@
-//! What measurement costs itself: once per process (the machine), or twice per
-//! trial (a snapshot; reserving and releasing a core).
+//! Costs of measurement: once per process (the machine), or twice per trial (a snapshot; reserving
+//! and releasing a core).
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use fleetyard_runtime::measure::{Machine, Snapshot, Topology, pin};

@@ -1,4 +1,4 @@
-//! Where plugins are: by path, on the plugin path, or linked in.
+//! Discovery of plugins: by path, on the plugin path, or linked in.
 
 use std::fmt;
 use std::fs;
@@ -18,7 +18,7 @@ use crate::plugin_file::{MANIFEST, PluginFile, is_manifest};
 use crate::sessions::session::Introduction;
 use crate::{Fault, Runtime};
 
-/// Where a plugin comes from.
+/// Origin of a plugin.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Origin {
@@ -45,7 +45,7 @@ impl fmt::Display for Origin {
 pub struct Discovered {
     /// The file.
     pub file: PluginFile,
-    /// Where it was found.
+    /// The place where it was found.
     pub origin: Origin,
     /// Its standing in the lock.
     pub standing: Standing,
@@ -84,9 +84,9 @@ pub fn first_with<'a>(found: &'a [Discovered], plugin: &Descriptor) -> Option<&'
 pub struct Found {
     /// The file.
     pub file: PluginFile,
-    /// Where it was found.
+    /// The place where it was found.
     pub origin: Origin,
-    /// Which of the file's plugins is meant, if the user said so.
+    /// Identifier of the one of the file's plugins that is meant, if the user gave one.
     pub id: Option<String>,
     /// Other files that have one of this kind and name, and are not used by it.
     pub shadowed: Vec<String>,

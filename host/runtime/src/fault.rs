@@ -20,7 +20,7 @@ pub enum Fault {
     /// A file of a plugin is missing, cannot be read, or says what it may not.
     #[error("{reason}")]
     File {
-        /// Which, and why.
+        /// The file, and the reason.
         reason: String,
         /// A hint for the user.
         hint: Option<String>,

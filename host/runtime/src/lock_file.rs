@@ -42,7 +42,7 @@ pub struct PinnedPlugin {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pinned {
-    /// Where it is: relative to the lock's folder if it is inside.
+    /// Path of the file: relative to the lock's folder if it is inside.
     pub path: PathBuf,
     /// The plugins that it has.
     pub plugins: Vec<PinnedPlugin>,
@@ -147,7 +147,7 @@ impl Lock {
         &self.pinned
     }
 
-    /// Where a path of the lock is.
+    /// Full path of a path in the lock.
     pub fn locate(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
     }
@@ -335,7 +335,7 @@ pub enum Standing {
     Unlisted,
 }
 
-/// Whose code may be started.
+/// The locks that say which code may be started.
 #[derive(Debug, Clone, Default)]
 pub struct Trust {
     /// The lock that applies.

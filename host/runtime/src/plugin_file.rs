@@ -313,7 +313,7 @@ impl PluginFile {
     /// history of its source (`.git`), build folders (those with a `CACHEDIR.TAG`), what is
     /// closed to others beside a file that is not, and `hidden`, the files of the host.
     ///
-    /// Where a folder has more than this plugin, there is none of its own, and the files
+    /// If a folder has more than this plugin, the plugin has no folder of its own, and the files
     /// stand alone.
     pub fn whole(&self, hidden: &[PathBuf]) -> Result<Vec<CodeFile>, Fault> {
         let mut code = self.code()?;

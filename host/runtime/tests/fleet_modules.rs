@@ -114,7 +114,7 @@ fn open(attach: Attach, kind: Kind, id: &str) -> Session {
     session
 }
 
-/// What a module says to some questions, twice in one session.
+/// The answers of a module to some calls, twice in one session.
 fn answers(attach: Attach, kind: Kind, id: &str) -> String {
     let mut session = open(attach, kind, id);
     let mut answers = Vec::new();

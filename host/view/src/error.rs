@@ -1,12 +1,12 @@
-//! Why something was not drawn.
+//! Errors of drawing.
 
-/// Why something was not drawn.
+/// The reason why something was not drawn.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct ViewError {
-    /// What is wrong.
+    /// The reason.
     pub reason: String,
-    /// What to do about it.
+    /// A way out.
     pub hint: &'static str,
 }
 

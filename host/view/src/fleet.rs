@@ -26,10 +26,10 @@ const CURVE: f64 = 220.0;
 /// Intervals in which goals are counted for the curve, at most.
 const INTERVALS: usize = 60;
 
-/// What there is to show of a run.
+/// The parts of a run that are shown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FleetPicture<'a> {
-    /// What it is called; shown as a title by viewers that show titles.
+    /// Title; shown by viewers that show titles.
     pub title: String,
     /// The map.
     pub grid: &'a Grid,
@@ -263,7 +263,7 @@ impl FleetPicture<'_> {
     }
 }
 
-/// Which colour a share of the longest time has.
+/// Number of the colour for a share of the longest time.
 fn level(share: f64) -> usize {
     let colors = HEAT.len();
     ((share.sqrt() * colors as f64).ceil() as usize).clamp(1, colors) - 1

@@ -43,7 +43,7 @@ fn strokes(character: char) -> Option<&'static str> {
     })
 }
 
-/// How wide a text of the given height is, without the blank after it.
+/// Width of a text of the given height, without the blank after it.
 pub(crate) fn width(text: &str, height: f64) -> f64 {
     (text.chars().count() as f64 * 5.5 - 1.5).max(0.0) * height / 6.0
 }

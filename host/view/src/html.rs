@@ -31,7 +31,7 @@ const MAX_BYTES: usize = 200_000_000;
 /// A tenth of a degree.
 const ANGLE_RAD: f64 = std::f64::consts::PI / 1800.0;
 
-/// What a recording is of.
+/// A recorded run, ready for a page.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// Title of the page.
@@ -51,9 +51,9 @@ pub struct Recording {
     pub outline_of_body: Vec<u32>,
     /// Number of agents.
     pub agents: u32,
-    /// Where every agent wants to go; empty if that is not known.
+    /// Goal of every agent, in metres; empty if not known.
     pub goals_m: Vec<[f64; 2]>,
-    /// Whether headings mean anything; otherwise they are not shown.
+    /// True if headings mean anything; otherwise they are not shown.
     pub headings: bool,
     /// Duration of a tick.
     pub tick_s: f64,
@@ -86,7 +86,7 @@ impl Recording {
     }
 }
 
-/// What a header says to readers.
+/// Facts of a header, as names and values for readers.
 fn facts(header: &Header) -> Vec<(String, String)> {
     let rate = format!(
         "{} per second, {} substeps",
@@ -126,7 +126,7 @@ fn named(facts: Vec<(&str, String)>) -> Vec<(String, String)> {
         .collect()
 }
 
-/// What to put on a page.
+/// Options of a page.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PageOptions {
     /// States per simulated second, at most; more than were recorded there
@@ -489,7 +489,7 @@ impl Page {
         }
     }
 
-    /// What a reader has to know about what was left out.
+    /// Remarks for the reader about what was left out.
     fn notes(&self, incomplete: Option<&str>) -> Vec<String> {
         let recording = &self.recording;
         let recorded_hz = 1.0 / (f64::from(recording.state_every.max(1)) * recording.tick_s);
@@ -531,7 +531,7 @@ impl Page {
     }
 }
 
-/// What is known of each agent; empty if nothing is of any.
+/// A value per agent; empty if there is none for any.
 fn per_agent<T>(ids: &[u32], unknown: bool, of: &dyn Fn(u32) -> Option<T>) -> Vec<Option<T>> {
     if unknown {
         return Vec::new();

@@ -34,7 +34,7 @@ pub fn png(svg: &str, width: Option<u32>) -> Result<Vec<u8>, ViewError> {
         .map_err(|error| failed(format!("the picture cannot be encoded: {error}")))
 }
 
-/// Where two pictures are not the same.
+/// Differences of two pictures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
     /// Pixels of another colour.

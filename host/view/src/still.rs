@@ -22,7 +22,7 @@ pub struct Still {
     after: Option<(f64, Vec<Pose>)>,
     /// Contacts at the moment.
     open: BTreeMap<(u32, u64), (u32, Option<u32>)>,
-    /// Where contacts began.
+    /// Places where contacts began, in metres.
     places: Vec<[f64; 2]>,
     /// The goals of a fleet at the moment.
     standing: Standing,
@@ -103,7 +103,7 @@ impl Still {
         picture
     }
 
-    /// Where everybody is at the moment, or at the end.
+    /// Poses of all agents at the moment, or at the end.
     fn poses(&self) -> Vec<Pose> {
         match (&self.before, &self.after, self.at_s) {
             (Some((from, a)), Some((to, b)), Some(at)) if at > *from && to > from => {

@@ -36,14 +36,14 @@ pub struct Body {
     pub outline: Outline,
 }
 
-/// What to draw.
+/// The content of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture<'a> {
     /// The map.
     pub world: &'a World,
     /// The ways of the agents. Where they begin is marked with a ring.
     pub paths: Vec<Vec<[f64; 2]>>,
-    /// Where agents should come to, marked with squares.
+    /// Goal of each agent, in metres, marked with a square.
     pub goals: Vec<Option<[f64; 2]>>,
     /// The agents at a moment; none if the picture is of a plan.
     pub bodies: Vec<Body>,
@@ -244,7 +244,7 @@ impl Canvas {
         );
     }
 
-    /// What lies between the edge of the world and the edge of the picture.
+    /// Draws the area between the edge of the world and the edge of the picture.
     fn beyond(&mut self, outline: &[[f64; 2]]) {
         if outline.is_empty() {
             return;

@@ -1,4 +1,4 @@
-//! What a fleet did, as a replay page has it: goals, calls and what went wrong.
+//! The work of a fleet, as a replay page has it: goals, calls and faults.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde::Serialize;
 /// The most notices that a page has.
 const MAX_NOTICES: usize = 10_000;
 
-/// What entries of a journal and remarks come to. Times are ticks.
+/// Totals of the entries of a journal and of remarks. Times are ticks.
 #[derive(Debug, Default)]
 pub(crate) struct Work {
     /// Per agent that is shown, by its place among them.
@@ -137,7 +137,7 @@ impl Work {
         })
     }
 
-    /// What a reader has to know about what was left out.
+    /// A remark for the reader about what was left out.
     pub(crate) fn note(&self) -> Option<String> {
         let listed = self.notices.len() as u64;
         (listed < self.notices_total).then(|| {

@@ -1,4 +1,4 @@
-//! What stands still: the map under the agents.
+//! The map under the agents.
 
 use fleetyard_core::{Grid, Roadmap};
 use fleetyard_sim::trace::{self, Header};
@@ -17,9 +17,9 @@ pub struct Cells {
 /// A map as far as it can be seen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct World {
-    /// What it is called; shown as a title.
+    /// Name, shown as a title.
     pub name: String,
-    /// What a picture has to show.
+    /// The area that a picture has to show.
     pub bounds: Bounds,
     /// The cells of a grid map.
     pub cells: Option<Cells>,
@@ -59,7 +59,7 @@ impl World {
         }
     }
 
-    /// What a trace knows of the map. Traces do not name it.
+    /// The map as a trace has it. Traces do not name it.
     pub fn of_trace(name: impl Into<String>, header: &Header) -> Self {
         let bounds = header.bounds_m;
         let cells = header.scene.cells.as_ref();

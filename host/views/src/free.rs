@@ -9,7 +9,7 @@ use fleetyard_world::{Bounds, Workspace};
 /// By how much a disc may reach over an edge, in metres: rounding, a thousandth of what a contact is.
 pub const FREE_SLACK_M: f64 = 1e-9;
 
-/// Where discs may be among what stands. Movers are left out.
+/// The free space of discs among obstacles that stand. Movers are left out.
 #[derive(Debug, Clone)]
 pub struct Free {
     bounds: Bounds,
@@ -165,7 +165,7 @@ impl Free {
         false
     }
 
-    /// Whether a point is within the world and in no obstacle.
+    /// True if a point is within the world and in no obstacle.
     pub fn is_inside(&self, point: [f64; 2]) -> bool {
         if !self.bounds.contains(point) {
             return false;
@@ -194,12 +194,12 @@ impl Free {
         solid == 0 && (!self.has_boundary || around != 0)
     }
 
-    /// Whether a disc is free at a place.
+    /// True if a disc is free at a place.
     pub fn holds(&self, point: [f64; 2], radius_m: f64) -> bool {
         self.is_inside(point) && self.sweeps(point, point, radius_m)
     }
 
-    /// Whether a disc that is free at one place can go straight to another.
+    /// True if a disc that is free at one place can go straight to another.
     pub fn sweeps(&self, from: [f64; 2], to: [f64; 2], radius_m: f64) -> bool {
         let radius = radius_m - FREE_SLACK_M;
         let within = |point: [f64; 2]| {

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::{FREE_SLACK_M, Origin, Problem, State};
 
-/// How far apart robots stay that keep the rules of a grid.
+/// Distance that robots keep if they keep the rules of a grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Separation {
@@ -238,7 +238,7 @@ impl Raster {
         )
     }
 
-    /// Where the nearest free cell is.
+    /// A hint that names the nearest free cell.
     fn way_out(&self, grid: &Grid, state: State) -> String {
         let free = (0..grid.cell_count()).filter(|cell| grid.is_passable(*cell));
         let place = |cell: u32| {

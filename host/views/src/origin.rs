@@ -1,4 +1,4 @@
-//! Where a derived view comes from.
+//! Origin of a derived view.
 
 use fleetyard_core::Digest;
 use serde::Serialize;

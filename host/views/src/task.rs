@@ -66,13 +66,13 @@ pub struct Task {
     pub source: String,
     /// A name for output; may be empty.
     pub name: String,
-    /// Where the robots are.
+    /// The place: a world or a map.
     pub place: Place,
-    /// What the robots are.
+    /// The robots.
     pub fleet: Fleets,
-    /// Who goes where, at least one.
+    /// Start and goal of each robot, at least one.
     pub agents: Vec<Agent>,
-    /// How far from its goal a robot may end, in metres; for planners in the plane.
+    /// Distance from its goal at which a robot may end, in metres; for planners in the plane.
     pub goal_tolerance_m: f64,
     /// The same of its heading, in radians.
     pub goal_tolerance_rad: f64,
@@ -108,9 +108,9 @@ pub enum Fleets {
 pub struct Agent {
     /// Number of its kind; 0 where a fleet file deals them.
     pub robot: u32,
-    /// Where it begins, at rest.
+    /// Its state at the beginning, at rest.
     pub start: State,
-    /// Where it is to come to rest.
+    /// The state in which it is to come to rest.
     pub goal: State,
 }
 
@@ -638,7 +638,7 @@ impl Problem {
         Ok(())
     }
 
-    /// How deep a shape is in an obstacle or beyond the edge of the world, in metres.
+    /// Depth of a shape in an obstacle or beyond the edge of the world, in metres.
     fn depth_m(&self, shape: &Shape, state: State) -> f64 {
         let pose = state.pose();
         let at = Placement::from(pose);

@@ -141,7 +141,7 @@ fn unturned(instance: &GridInstance, plan: &GridPlan) -> BTreeSet<(u32, Vec<u32>
     found
 }
 
-/// Whether agents share a cell, where not all pairs of them are reported.
+/// True if agents share a cell, where not all pairs of them are reported.
 fn is_crowded(found: &BTreeSet<(u32, Vec<u32>, Rule)>) -> bool {
     let shares = |rule| matches!(rule, Rule::VertexConflict | Rule::ParkedConflict);
     found.iter().any(|(_, _, rule)| shares(*rule))

@@ -153,8 +153,8 @@ fn instance(map: Vec<u8>, path: &[u32]) -> Option<GridInstance> {
     GridInstance::new(grid, Connectivity::Eight, vec![start], vec![goal]).ok()
 }
 
-/// Whether a segment between centres touches a cell as a closed square, by separating
-/// axes in whole numbers of half a cell.
+/// True if a segment between centres touches a cell as a closed square, by separating axes in whole
+/// numbers of half a cell.
 fn touches(from: (i64, i64), to: (i64, i64), cell: (i64, i64)) -> bool {
     let (dr, dc) = (2 * (to.0 - from.0), 2 * (to.1 - from.1));
     let (r, c) = (2 * (cell.0 - from.0), 2 * (cell.1 - from.1));

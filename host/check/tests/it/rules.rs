@@ -385,7 +385,7 @@ fn metrics_of_a_small_plan() {
     assert!((found.lower_bound_m - 0.5 * (3.0 + root)).abs() < 1e-12);
 }
 
-/// What is found of one agent on a map of ten columns that looks to the east first.
+/// Violations of one agent on a map of ten columns that looks to the east first.
 fn turning(path: &[u32]) -> Vec<String> {
     let grid = Grid::new("open", 2, 10, vec![b'.'; 20]).unwrap();
     let terms = Terms {

@@ -171,7 +171,7 @@ fn not_measured() -> Stop {
     Stop::Skipped("what a plugin uses in the host's own process is not measured".into())
 }
 
-/// What a session used.
+/// Resources that a session used.
 struct Used {
     cpu: Duration,
     memory_kb: u64,
@@ -199,7 +199,7 @@ fn used(trial: &mut Trial<'_>, scene: &Scene, call: &Call<'_>, calls: usize) -> 
 }
 
 pub(crate) fn memory_growth(trial: &mut Trial<'_>) -> Step<()> {
-    /// How long all calls together may take, about.
+    /// Time for all calls together, about.
     const WHOLE: Duration = Duration::from_secs(1);
     const MIB: u64 = 1 << 10;
     if trial.is_in_process() {

@@ -15,9 +15,9 @@ pub struct Case {
     pub name: &'static str,
     /// The kinds of plugin that it is for.
     pub kinds: &'static [Kind],
-    /// What the plugin has to claim.
+    /// Capabilities that the plugin has to claim.
     pub needs: &'static [Capability],
-    /// What it asks, in a sentence.
+    /// The check, in a sentence.
     pub about: &'static str,
     pub(crate) run: fn(&mut Trial<'_>) -> Step<()>,
 }

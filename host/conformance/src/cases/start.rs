@@ -1,4 +1,4 @@
-//! How a plugin starts, describes itself, is made, and ends.
+//! The cases of starting, describing, making and ending a plugin.
 
 use std::time::{Duration, Instant};
 
@@ -105,7 +105,7 @@ pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
     })
 }
 
-/// Whether what is claimed belongs together.
+/// Checks that the claimed capabilities belong together.
 fn claims_fit(trial: &mut Trial<'_>) -> Step<()> {
     use Capability as C;
     let claims = |capability: C| trial.claims(capability);

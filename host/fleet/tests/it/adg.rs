@@ -1,5 +1,5 @@
-//! What the action dependency graph promises, whatever robots do: arbitrary valid plans,
-//! arbitrary cuts, and completions that come late, out of order and more than once.
+//! Promises of the action dependency graph, whatever robots do: arbitrary valid plans, arbitrary
+//! cuts, and completions that come late, out of order and more than once.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -35,7 +35,7 @@ fn open(rows: u32, cols: u32) -> Grid {
     Grid::new("open", rows, cols, vec![b'.'; (rows * cols) as usize]).unwrap()
 }
 
-/// What one can see of a graph.
+/// The visible state of a graph.
 fn state(adg: &Adg, cells: u32) -> (Vec<Vec<Node>>, Vec<Vec<u32>>) {
     let nodes = |agent| adg.nodes(agent).copied().collect();
     let visitors = |cell| adg.visitors(cell).collect();
@@ -49,12 +49,12 @@ fn state(adg: &Adg, cells: u32) -> (Vec<Vec<Node>>, Vec<Vec<u32>>) {
 #[derive(Clone, Default)]
 struct Robot {
     cell: u32,
-    /// Where it is as far as it is known.
+    /// Its cell as far as it is known.
     known: u32,
     told: VecDeque<Node>,
     /// The node that is under way, and how many are done.
     under_way: Option<Node>,
-    /// Whether it is so far on its way that its cell is free.
+    /// True if it is so far on its way that its cell is free.
     left: bool,
     done: u32,
     /// In which batch and at which step it goes, as planned, for every pending node.
@@ -68,7 +68,7 @@ struct Yard {
     walks: Walks,
     chance: SeededRandom,
     robots: Vec<Robot>,
-    /// Who is in a cell, or on the way to it or from it.
+    /// The agent in each cell, or on the way to it or from it.
     inside: Vec<Option<usize>>,
     /// When each cell was last entered by plan.
     entered: Vec<(usize, usize)>,

@@ -41,7 +41,7 @@ struct Controller {
     folder: PathBuf,
 }
 
-/// Where the groups of a run are going to be: a note of them can be left before there are any.
+/// Future folders of the groups of a run: a note of them can be left before there are any.
 #[derive(Debug)]
 pub(crate) struct Places {
     hierarchies: Vec<Hierarchy>,
@@ -58,7 +58,7 @@ pub(crate) struct Cgroup {
     cpu: Option<Controller>,
     memory: Option<Controller>,
     pids: Option<Controller>,
-    /// Why there are no groups in other hierarchies.
+    /// The reasons why there are no groups in other hierarchies.
     refused: Vec<(Errno, String)>,
 }
 
@@ -199,7 +199,7 @@ impl Cgroup {
             .map(PathBuf::as_path)
     }
 
-    /// Why some of them could not be made.
+    /// The reasons why some groups could not be made.
     pub(crate) fn refused(&self) -> &[(Errno, String)] {
         &self.refused
     }
@@ -404,7 +404,7 @@ fn hierarchies(mounts: &str, groups: &str) -> Vec<Hierarchy> {
     found
 }
 
-/// Where a group of a hierarchy is seen.
+/// Folder in which a group of a hierarchy is seen.
 fn folder_of(
     mounts: &str,
     version: Version,

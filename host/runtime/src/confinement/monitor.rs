@@ -17,8 +17,8 @@ use crate::confinement::memory::Memory;
 use crate::confinement::process_tree::Census;
 use crate::confinement::sandbox::jail::{Ended, Jail};
 
-/// What looking may take of a processor, as one part of so many: of a plugin that is far
-/// from its limits, and of one that comes near to one.
+/// Parts of a processor of which observing may take one: for a plugin that is far from its limits,
+/// and for one that comes near to one.
 pub(crate) const SHARE: u64 = 100;
 pub(crate) const SHARE_NEAR: u64 = 20;
 
@@ -56,7 +56,7 @@ impl std::fmt::Display for Limit {
     }
 }
 
-/// Where a figure comes from.
+/// Origin of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Source {
@@ -76,8 +76,7 @@ impl Source {
     }
 }
 
-/// What a plugin's processes used, as the kernel counted them. What is not known is
-/// absent.
+/// Resources that a plugin's processes used, as the kernel counted them. Unknown ones are absent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Usage {
     /// Processor time in user mode.
@@ -86,7 +85,7 @@ pub struct Usage {
     /// Processor time in the kernel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub system_us: Option<u64>,
-    /// Where processor times come from; they are a lower bound unless it is the group.
+    /// Origin of processor times; they are a lower bound unless it is the group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_source: Option<Source>,
     /// True if processes are known to have ended whose processor time nobody was told.
@@ -95,7 +94,7 @@ pub struct Usage {
     /// Most memory that was seen in use, over all processes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_memory_kb: Option<u64>,
-    /// Where that comes from.
+    /// Origin of the peak.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_memory_source: Option<Source>,
     /// Largest resident set of any one process.
@@ -130,7 +129,7 @@ pub struct CallUsage {
     /// Processor time of all processes and threads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_us: Option<u64>,
-    /// Where that comes from; it is a lower bound unless it is the group.
+    /// Origin of the processor time; it is a lower bound unless it is the group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_source: Option<Source>,
     /// Time in which they could have run but others did.
@@ -241,7 +240,7 @@ impl Monitor {
         over
     }
 
-    /// What can still be seen when everybody is gone: a scratch folder that is full.
+    /// Finds a limit that shows even when all processes are gone: a scratch folder that is full.
     pub(crate) fn last_look(&mut self, jail: &Jail) -> Option<Limit> {
         self.disk_looked_ns = 0;
         self.disk_is_over(jail).then_some(Limit::Disk)

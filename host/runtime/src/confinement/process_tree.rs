@@ -82,7 +82,7 @@ impl Member {
     }
 }
 
-/// Where a plugin's processes are found.
+/// The place where a plugin's processes are found.
 #[derive(Debug)]
 pub(crate) enum View {
     /// A `/proc` that shows them alone; its first process is the sandbox's.

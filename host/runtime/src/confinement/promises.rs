@@ -1,4 +1,4 @@
-//! What a library that is called in the host's own process has to leave as it found it.
+//! State of the process that a library called in the host's own process must not change.
 //!
 //! A library's code may change what belongs to the whole process or to the thread that
 //! calls it: how numbers are rounded, which signals arrive, where files go. One that was
@@ -6,9 +6,9 @@
 //! come out otherwise, in silence. So around every call this is looked at, put back, and
 //! what was found is kept for the record.
 //!
-//! What is the thread's own is looked at around every call, which costs a microsecond or
-//! two. The process's takes ten times as long, so that calls that follow each other at once
-//! are looked at together, once in a millisecond.
+//! The thread's own state is looked at around every call, which costs a microsecond or two. The
+//! process's takes ten times as long, so that calls that follow each other at once are looked at
+//! together, once in a millisecond.
 
 use std::ffi::{CStr, CString, OsStr, c_char};
 use std::os::fd::{AsRawFd, BorrowedFd, OwnedFd, RawFd};
@@ -72,7 +72,7 @@ impl Change {
 /// Stands around the calls into one library.
 #[derive(Debug)]
 pub(crate) struct Promises {
-    /// Which library it is.
+    /// Number of the library.
     owner: u64,
     broken: Vec<BrokenPromise>,
 }
@@ -165,7 +165,7 @@ struct Shared {
     calls: Vec<Caller>,
     /// The last call of each library since the process was looked at.
     suspects: Vec<Caller>,
-    /// What was found, and whose it may be, until they ask.
+    /// The broken promises, with the library that may have done it, until they are collected.
     found: Vec<(u64, BrokenPromise)>,
     looked_ns: u64,
     /// True if the process was looked at when the calls that are under way began, so that

@@ -1,4 +1,4 @@
-//! Where a Python interpreter really is, and what it reads.
+//! The real place of a Python interpreter, and the folders that it reads.
 //!
 //! `python3` on the path may be a script that looks for the interpreter (pyenv,
 //! asdf), a link into a virtual environment, or the system's; and modules may be
@@ -23,7 +23,7 @@ use crate::confinement::transport::{Interest, Output, Transport};
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub(crate) struct Python {
     pub(crate) executable: PathBuf,
-    /// Where it is installed, and where it looks for modules.
+    /// The folders where it is installed and where it looks for modules.
     pub(crate) read: Vec<PathBuf>,
 }
 

@@ -1,5 +1,5 @@
-//! What has to outlive a host: which runs there are, so that the next host can end
-//! what a killed one left, and where their scratch folders are.
+//! State that outlives a host: the runs that there are, so that the next host can end the leftovers
+//! of a killed one, and their scratch folders.
 
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
@@ -57,7 +57,7 @@ pub(crate) struct Folder {
     pub(crate) handle: OwnedFd,
 }
 
-/// Why there is none.
+/// The reason why there is no folder.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot use {}: {detail}", .folder.display())]
 pub(crate) struct NoFolder {
@@ -80,7 +80,7 @@ pub(crate) fn folder(name: &str) -> Result<Folder, NoFolder> {
     below(&base, &ours, name, private)
 }
 
-/// Where folders may be, best first: below which, called how, and whether the former must be
+/// Places for folders, best first: the parent, the name below it, and true if the parent must be
 /// ours.
 fn places() -> Vec<(PathBuf, String, bool)> {
     let user = geteuid().as_raw();

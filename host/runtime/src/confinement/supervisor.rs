@@ -119,13 +119,13 @@ pub struct Report {
     pub over: Option<Limit>,
     /// From the decision to stop it until nobody was left.
     pub kill_us: Option<u64>,
-    /// Why the plugin could not be started.
+    /// The reason why the plugin could not be started.
     pub start_error: Option<String>,
-    /// What kept the supervisor from its work: somebody changed what it may do, or ended
-    /// it or the sandbox's first process. What it says of the rest is then worth nothing.
+    /// The reason why the supervisor could not do its work: somebody changed its limits, or ended
+    /// it or the sandbox's first process. The rest of its report is then worth nothing.
     #[serde(default)]
     pub disturbed: Option<String>,
-    /// What the host, the supervisor or the inside of the sandbox could not do for it.
+    /// Work for the plugin that the host, the supervisor or the inside of the sandbox could not do.
     #[serde(default)]
     pub host_error: Option<String>,
     /// The use of the whole tree.
@@ -358,8 +358,8 @@ fn run(
     report
 }
 
-/// What this process was allowed to use when it began. Who may set the limits of others
-/// can keep a supervisor from reading and from counting.
+/// The limits of this process when it began. A process that may set the limits of others can keep a
+/// supervisor from reading and from counting.
 #[derive(PartialEq, Eq)]
 struct Allowed(Vec<Rlimit>);
 

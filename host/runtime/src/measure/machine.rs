@@ -1,4 +1,4 @@
-//! What machine this is: the facts without which a time says nothing.
+//! Facts about the machine, without which a time says nothing.
 //!
 //! Every fact is as the kernel tells it, and absent where it tells nothing: a
 //! container may hide the firmware, a virtual machine has no governor, and ARM has
@@ -68,11 +68,11 @@ pub struct Machine {
     pub smt: Option<bool>,
     /// NUMA nodes and the CPUs of each; a node may have memory alone.
     pub numa: Option<BTreeMap<u32, Cpus>>,
-    /// Who sets the frequency: driver of the kernel. `mixed` when CPUs differ.
+    /// Driver of the kernel that sets the frequency. `mixed` when CPUs differ.
     pub scaling_driver: Option<String>,
     /// By which rule. `mixed` when CPUs differ.
     pub governor: Option<String>,
-    /// What CPUs are told about speed against energy. `mixed` when they differ.
+    /// Hint to CPUs about speed against energy. `mixed` when they differ.
     pub energy_preference: Option<String>,
     /// True if CPUs may exceed their base frequency.
     pub turbo: Option<bool>,
@@ -90,7 +90,7 @@ pub struct Machine {
     pub clock_source: Option<String>,
     /// True if there is a hypervisor below; absent when nothing tells.
     pub virtualised: Option<bool>,
-    /// Which hypervisor, by its own word.
+    /// The hypervisor, by its own word.
     pub hypervisor: Option<String>,
     /// Vendor and product name of the computer or virtual machine.
     pub product: Option<String>,

@@ -9,9 +9,9 @@
 //! not tell is absent, never zero, and cores that cannot be had are a reason to
 //! record, not a failure.
 //!
-//! What must be controlled and what must be reported follows Beyer, Löwe and
-//! Wendler, "Reliable benchmarking: requirements and solutions", STTT 21 (2019).
-//! `docs/performance.md` lists every figure with its unit and source.
+//! The rules of what must be controlled and what must be reported follow Beyer, Löwe and Wendler,
+//! "Reliable benchmarking: requirements and solutions", STTT 21 (2019). `docs/performance.md` lists
+//! every figure with its unit and source.
 
 pub mod contention;
 mod core_locks;

@@ -10,7 +10,7 @@ use super::Cpus;
 /// No file that is read here is longer, not even `/proc/cpuinfo` of 8192 CPUs.
 const LONGEST: u64 = 64 << 20;
 
-/// Where `/proc`, `/sys` and `/etc` are. Paths are given without the first `/`.
+/// The root above `/proc`, `/sys` and `/etc`. Paths are given without the first `/`.
 #[derive(Debug, Clone)]
 pub(super) struct Source(PathBuf);
 

@@ -1,9 +1,9 @@
-//! How much of what a plugin sends the host keeps: every bound is here, and what they
-//! come to for one session.
+//! Bounds on the messages of a plugin that the host keeps: all of them, and their sum for one
+//! session.
 //!
-//! The host reads a plan as its bytes come and keeps its cells alone, so its memory
-//! follows from the question that it asked, whatever is answered. Text that is no plan
-//! (descriptors, logs, an instance) is kept until its line ends.
+//! The host reads a plan as its bytes come and keeps its cells alone, so its memory follows from
+//! the input of the call, whatever is answered. Text that is no plan (descriptors, logs, an
+//! instance) is kept until its line ends.
 
 use fleetyard_abi::Instance;
 

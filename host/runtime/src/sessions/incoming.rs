@@ -1,4 +1,4 @@
-//! What a plugin writes, cut into messages as its bytes come.
+//! The output of a plugin, cut into messages as its bytes come.
 //!
 //! A pipe gives pieces of lines. [`Incoming`] keeps a line until it is complete, but not
 //! the paths in it: they become cells at once ([`PathsReader`]), and the line that is
@@ -89,7 +89,7 @@ struct Line {
     early: bool,
 }
 
-/// Where in a message its next byte is.
+/// Position in a message of its next byte.
 #[derive(Debug, Default)]
 struct Scan {
     /// Open lists and objects.
@@ -324,8 +324,8 @@ impl Line {
         at
     }
 
-    /// Why paths are not JSON, with the place and what stands there; `begun` is where in
-    /// this part the reader began.
+    /// The reason why paths are not JSON, with the place and the text there; `begun` is the
+    /// position in this part at which the reader began.
     fn not_json(&self, part: &[u8], begun: usize, wrong: usize, reason: &str) -> String {
         let from = wrong.saturating_sub(NEAR.0);
         let near = &part[from..part.len().min(wrong + NEAR.1)];

@@ -21,7 +21,7 @@ pub struct Limits {
     pub output_bytes: u64,
     /// The sandbox's grants.
     pub policy: Policy,
-    /// Whose code may be started.
+    /// The code that may be started.
     pub trust: Trust,
     /// Processor time of a `prepare` call, over all processes and threads.
     pub prepare_cpu: Option<Duration>,

@@ -1,8 +1,8 @@
-//! What a plugin says: one line of its standard output, read as a message.
+//! Messages of a plugin: one line of its standard output each.
 //!
 //! [`read`] is pure, and any bytes will do: they are a message, or nothing that
-//! matters, or there is a reason why they break the protocol. Which answer is waited
-//! for, and what a notification means for the run, is the client's business.
+//! matters, or there is a reason why they break the protocol. The client knows which answer is
+//! waited for, and what a notification means for the run.
 
 use fleetyard_abi::figures::check_figure;
 use fleetyard_abi::wire::{IncumbentParams, LogParams, MetricParams, RpcError};
@@ -178,7 +178,7 @@ fn in_words(expected: &str) -> &str {
     }
 }
 
-/// Why a line is not JSON, with the place and what stands there.
+/// The reason why a line is not JSON, with the place and the text there.
 fn not_json(text: &str, error: &serde_json::Error, cut: Cut) -> String {
     // The reader counts bytes, from 1.
     let at = text.floor_char_boundary(error.column().saturating_sub(1));

@@ -92,7 +92,7 @@ fn a_moment_in_a_workspace() {
     expect("moment.svg", &picture.svg());
 }
 
-/// What is beyond the edge is dark like obstacles, and lines of the roadmap are on the ground.
+/// The area beyond the edge is dark like obstacles, and lines of the roadmap are on the ground.
 #[test]
 fn the_edge_of_a_world_is_drawn() {
     let corners = [

@@ -10,9 +10,9 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct Walks {
     pub(crate) grid: Grid,
     pub(crate) random: SeededRandom,
-    /// How likely three or more agents go round in a ring where they could.
+    /// Probability that three or more agents go round in a ring where they could.
     pub(crate) rings: f64,
-    /// How likely an agent waits for a step.
+    /// Probability that an agent waits for a step.
     pub(crate) waits: f64,
     now: Vec<u32>,
     next: Vec<u32>,
@@ -71,7 +71,7 @@ impl Walks {
         GridPlan::from_paths(paths)
     }
 
-    /// Whether the agent leaves its cell.
+    /// Decides; true if the agent leaves its cell.
     fn decide(&mut self, agent: u32) -> bool {
         self.path.push(agent);
         let leaves = self.choose(agent);

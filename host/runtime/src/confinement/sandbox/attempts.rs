@@ -1,8 +1,8 @@
-//! What the host tries in a sandbox of its own, in the plugin's place, to say what the
-//! sandbox keeps: whether a promise holds is found out, not concluded from the layers.
+//! Attempts of the host in a sandbox of its own, in the plugin's place, to say what the sandbox
+//! keeps: a promise is tested, not concluded from the layers.
 //!
-//! Nothing here changes anything if it succeeds: files are opened and not written,
-//! signals are signal 0, limits are read, priorities are set to what they are.
+//! Nothing here changes anything if it succeeds: files are opened and not written, signals are
+//! signal 0, limits are read, priorities are set to what they are.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
@@ -17,7 +17,7 @@ use rustix::thread::capabilities;
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
 
-/// What there is to be reached, made by the host for the occasion.
+/// Targets of the attempts, made by the host for the occasion.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Victims {
     /// A file that its owner alone may read, and may write.

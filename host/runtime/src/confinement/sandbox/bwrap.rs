@@ -24,7 +24,7 @@ use crate::confinement::supervisor::Target;
 /// First argument of the host's own program inside of what `bwrap` made.
 pub(crate) const INSIDE_ARGUMENT: &str = "__inside";
 
-/// Where the host's program is found there.
+/// Path of the host's program inside.
 const EXECUTABLE: &str = "/run/fleetyard";
 
 /// The arguments of the init on its command line.

@@ -322,9 +322,8 @@ pub(super) fn counts_alone(layers: &[Layer]) -> bool {
     has(Layer::OwnUser) || (has(Layer::UserNamespace) && version >= (5, 14))
 }
 
-/// What may be read: everything in a tree that holds nothing else; otherwise what was
-/// granted, and of everybody's `/proc` what tells about the machine and the process
-/// itself.
+/// Paths that may be read: everything in a tree that holds nothing else; otherwise the grants, and
+/// of everybody's `/proc` the files about the machine and the process itself.
 fn readable(inside: &Inside<'_>) -> Vec<PathBuf> {
     if inside.wants(Layer::MountNamespace) {
         return vec!["/".into()];

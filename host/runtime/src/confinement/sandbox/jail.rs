@@ -54,7 +54,7 @@ const FIRST_USER: u32 = 0x7000_0000;
 pub(crate) struct Launch {
     pub(crate) target: Target,
     pub(crate) policy: Policy,
-    /// Which system calls pass.
+    /// The filter of system calls.
     pub(crate) filter: Filter,
     /// For numerical libraries, which read it from the environment.
     pub(crate) threads: u32,
@@ -64,7 +64,7 @@ pub(crate) struct Launch {
     pub(crate) memory_bytes: u64,
     /// True if any of its calls has a limit of processor time.
     pub(crate) cpu_is_limited: bool,
-    /// What it may read, and its environment: found by the host, whose environment does
+    /// The paths that it may read, and its environment: found by the host, whose environment does
     /// not come this far.
     pub(crate) grants: Grants,
     /// Stands for this run in the environment of all its processes.
@@ -82,7 +82,7 @@ pub(crate) struct Jail {
     cpu_before_us: Option<(u64, u64)>,
     /// Stands for the plugin's whole environment.
     pub(crate) environment: Digest,
-    /// Where its processes are seen.
+    /// The place where its processes are seen.
     pub(crate) view: View,
     /// Its scratch folder.
     pub(crate) scratch: OwnedFd,
@@ -90,7 +90,7 @@ pub(crate) struct Jail {
     _proc: Option<OwnedFd>,
 }
 
-/// Why nothing was started.
+/// The reason why nothing was started.
 pub(crate) struct NotStarted {
     pub(crate) report: SandboxReport,
     pub(crate) reason: String,
@@ -122,7 +122,7 @@ struct Kept {
     cpu: bool,
     memory: bool,
     processes: bool,
-    /// Why they do not hold the others.
+    /// The reason why they do not hold the others.
     why_not: String,
 }
 
@@ -270,8 +270,8 @@ impl Attempt<'_> {
         };
     }
 
-    /// Why `strict` does not run here: required layers that were refused, and limits that
-    /// are only watched.
+    /// The reason why `strict` does not run here: required layers that were refused, and limits
+    /// that are only watched.
     fn too_little(&self) -> Option<String> {
         let layers: Vec<String> = self
             .refused
@@ -811,7 +811,7 @@ fn map_user(init: Pid, (user, group): (u32, u32)) -> std::io::Result<()> {
 pub(crate) struct ScratchFolder(PathBuf);
 
 impl ScratchFolder {
-    /// Where that of a run is going to be.
+    /// Path of the scratch folder that a run is going to have.
     pub(crate) fn path_of(run: &str) -> std::io::Result<PathBuf> {
         let folder = state::folder("scratch").map_err(std::io::Error::other)?;
         Ok(folder.path.join(run))

@@ -1,4 +1,4 @@
-//! What the plugin's own process gives up before it becomes the plugin.
+//! The rights that the plugin's own process gives up before it becomes the plugin.
 
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,7 @@ pub(super) struct Lockdown<'a> {
     /// The folder that may be written to.
     pub(super) scratch: &'a Path,
     pub(super) network: bool,
-    /// Which system calls pass.
+    /// The system calls that pass.
     pub(super) profile: Profile,
     /// True if other processes are out of reach of signals anyway.
     pub(super) alone: bool,

@@ -236,19 +236,19 @@ pub struct LayerState {
     /// The error by which the kernel refused it.
     #[serde(default)]
     pub errno: Option<String>,
-    /// What was refused, or why it was not asked for; of an active layer, what it cannot
+    /// The reason why it was refused or not asked for; of an active layer, the part that it cannot
     /// do on this machine.
     #[serde(default)]
     pub reason: Option<String>,
 }
 
-/// How the table of system calls is read.
+/// The reading of the table of system calls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// What is listed as refused is refused.
+    /// Refuses the calls that are listed as refused.
     DenyList,
-    /// What is not listed as needed is refused.
+    /// Refuses the calls that are not listed as needed.
     AllowList,
 }
 
@@ -265,9 +265,9 @@ impl Profile {
 /// The filter of system calls.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Filter {
-    /// How the table is read.
+    /// The reading of the table.
     pub profile: Profile,
-    /// Why the stricter reading was asked for and not used.
+    /// The reason why the stricter reading was asked for and not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
@@ -282,7 +282,7 @@ impl Filter {
     }
 }
 
-/// Who holds a limit.
+/// The holder of a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Keeper {
@@ -292,7 +292,7 @@ pub enum Keeper {
     Host,
 }
 
-/// How well a limit holds.
+/// The strength of a limit.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LimitState {
     /// The limit.
@@ -300,15 +300,15 @@ pub struct LimitState {
     /// True if nothing that a plugin does gets past it; otherwise it is watched as well as
     /// this machine allows.
     pub enforced: bool,
-    /// Who holds it.
+    /// The holder of the limit.
     pub by: Keeper,
-    /// Why it is only watched.
+    /// The reason why it is only watched.
     #[serde(default)]
     pub reason: Option<String>,
 }
 
 impl LimitState {
-    /// What a user can do about a limit that is only watched, if anything.
+    /// Advice to the user about a limit that is only watched, if there is any.
     pub fn advice(&self) -> Option<&'static str> {
         let by_group = matches!(self.limit, Limit::Cpu | Limit::Memory);
         (by_group && !self.enforced).then_some(OWN_GROUP)
@@ -374,9 +374,9 @@ pub struct Policy {
     pub level: Level,
     /// Files and folders that the plugin may read, beside its own and the system's.
     pub read: Vec<PathBuf>,
-    /// What the host itself reads and writes: a store, a suite, scenarios, results. Not
-    /// granted, wherever it lies; nor are its journals and the parts that are being
-    /// written, whose names begin with its own.
+    /// Files that the host itself reads and writes: a store, a suite, scenarios, results. Not
+    /// granted, wherever they lie; nor are the host's journals and the parts that are being
+    /// written, whose names begin with theirs.
     pub hidden: Vec<PathBuf>,
     /// True if it may use the network.
     pub network: bool,

@@ -1,5 +1,5 @@
-//! What the supervisor and the inside of the sandbox say to each other: packets over
-//! a socket that keeps them apart, some with descriptors.
+//! Packets between the supervisor and the inside of the sandbox: over a socket that keeps them
+//! apart, some with descriptors.
 
 use std::io::{IoSlice, IoSliceMut};
 use std::mem::MaybeUninit;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Refusal, Remark};
 
-/// What comes out of the sandbox; a packet is one message.
+/// A message from inside the sandbox; each is one packet.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Packet {

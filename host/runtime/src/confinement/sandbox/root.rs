@@ -18,7 +18,7 @@ use super::grants::Grants;
 use super::lockdown::DEVICES;
 use super::{Layer, Refusal};
 
-/// Where the plugin may write.
+/// The folder where the plugin may write.
 pub(super) const SCRATCH: &str = "/tmp";
 
 /// The user that the plugin is inside of a user namespace.
@@ -28,8 +28,8 @@ pub(super) const INSIDE_USER: u32 = 1000;
 /// for a user whom they do not belong to; by path.
 pub(super) type Trees = BTreeMap<PathBuf, OwnedFd>;
 
-/// What `/proc` tells about the machine that numerical libraries, runtimes and tools go
-/// by. The rest of it, and what later kernels add, is none of a plugin's business.
+/// Files of `/proc` about the machine that numerical libraries, runtimes and tools go by. The rest
+/// of `/proc`, and files that later kernels add, are none of a plugin's business.
 pub(super) const OF_MACHINE: &[&str] = &[
     "cpuinfo",
     "meminfo",

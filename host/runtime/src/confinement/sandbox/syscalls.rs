@@ -23,7 +23,7 @@ use super::Profile;
 /// A group of system calls with one reason.
 struct Group {
     verdict: Verdict,
-    /// Why; for people who read this table.
+    /// The reason, for people who read this table.
     #[allow(dead_code, reason = "the table is its own documentation")]
     reason: &'static str,
     calls: &'static [i64],

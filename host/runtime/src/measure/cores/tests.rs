@@ -22,7 +22,7 @@ fn topology(fixture: &Fixture, allowed: &str) -> Topology {
     Topology::read(&fixture.source(), &cpus(allowed)).unwrap()
 }
 
-/// What reservations of these sizes look like, one after the other and all held.
+/// Reservations of these sizes as text, one after the other and all held.
 fn reserve_all(topology: &Topology, threads: &[u32]) -> Vec<String> {
     let place = tempfile::tempdir().unwrap();
     let folder = folder(&place);
@@ -385,8 +385,7 @@ fn threads_never_share_a_core() {
     });
 }
 
-/// What the processes of the next tests do; alone it does nothing. Stays until
-/// its input is closed.
+/// The process that the next tests start; alone it does nothing. Stays until its input is closed.
 #[test]
 fn a_process_of_its_own() {
     let Some(place) = std::env::var_os("FLEETYARD_TEST_CORES") else {

@@ -22,8 +22,8 @@ use crate::fault::signal_name;
 /// The pause between two looks at a solver when nothing happens.
 const GLANCE: Duration = Duration::from_millis(10);
 
-/// How often a pipe is read before the rest is looked at again, so that a flood
-/// cannot hide the deadline.
+/// Most reads of a pipe before the rest is looked at again, so that a flood cannot hide the
+/// deadline.
 const ROUNDS: usize = 16;
 
 /// The end of a solver.

@@ -334,7 +334,7 @@ impl Solver {
         })
     }
 
-    /// What the end of the solver means, by the manifest's patterns, then its exit
+    /// The claim that follows from the end of the solver, by the manifest's patterns, then its exit
     /// codes.
     fn claim(&self, end: End, left: &Left) -> Claim {
         let exit = &self.installed.manifest.exit;

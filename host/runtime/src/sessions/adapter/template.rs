@@ -73,7 +73,7 @@ pub(super) struct Template {
     parts: Vec<Part>,
 }
 
-/// Why a text is no template, and what to do about it.
+/// The reason why a text is no template, and a way out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct TemplateError {
     pub(super) reason: String,

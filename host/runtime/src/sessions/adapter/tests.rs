@@ -1,4 +1,4 @@
-//! What the manifest's reader takes and refuses.
+//! Manifests that the reader takes and refuses.
 
 use serde_json::json;
 
