@@ -1,5 +1,5 @@
-//! What the contact tier costs: simulated seconds per second of wall time
-//! ("elem/s"), one core, 60 Hz with four substeps, with a controller.
+//! Costs of the contact tier: simulated seconds per second of wall time ("elem/s"), one core, 60 Hz
+//! with four substeps, with a controller.
 //!
 //! Robots walk a warehouse (that of the League of Robot Runners, 540 × 140, if
 //! FLEETYARD_DATA names a folder that has it) on random walks that obey the rules,
@@ -59,7 +59,7 @@ fn robot(shape: &Shape, pose: Pose) -> Agent<'_> {
     }
 }
 
-/// Where a robot should be, from cell to cell once a second.
+/// Planned pose of a robot that moves to the next cell of its path once a second.
 fn on_way(way: &[(f64, f64)], time: f64) -> Pose {
     let step = (time as usize).min(STEPS - 1);
     let part = time - step as f64;

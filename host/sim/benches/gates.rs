@@ -1,5 +1,5 @@
-//! What gated execution costs: building the dependency graph, keeping it up to
-//! date, drawing random values. Memory is printed before the times.
+//! Costs of gated execution: building the dependency graph, keeping it up to date, drawing random
+//! values. Memory is printed before the times.
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 

@@ -1,7 +1,7 @@
-//! What a simulated second costs of robots that drive about a warehouse without an end:
-//! messages, motion, contacts, approaches and digest, on one thread. The server that
-//! sends the orders is not part of it. On Linux times are those that the thread had a
-//! processor, so that other work on the machine does not count.
+//! Costs of a simulated second of robots that drive about a warehouse without an end: messages,
+//! motion, contacts, approaches and digest, on one thread. The server that sends the orders is not
+//! part of it. On Linux times are those that the thread had a processor, so that other work on the
+//! machine does not count.
 //!
 //!     cargo bench -p fleetyard-sim --bench live [-- FILTER]
 //!
@@ -36,8 +36,7 @@ fn warehouse(agents: usize) -> Grid {
     Grid::new("warehouse", side, side, terrain).expect("a valid map")
 }
 
-/// How long the thread has run; where that is not known, how long it is since the first
-/// call.
+/// Time for which the thread has run; where that is not known, time since the first call.
 fn now() -> Duration {
     static START: OnceLock<Instant> = OnceLock::new();
     let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();

@@ -1,6 +1,6 @@
-//! What a tick of an agent costs, per model and for what it does: criterion's time is
-//! that of [`AGENTS`] agents over a block of [`TICKS`] ticks, "elem/s" are agent-ticks.
-//! Every pose is written to memory, as the simulator does.
+//! Costs of a tick of an agent, per model and kind of motion: criterion's time is that of
+//! [`AGENTS`] agents over a block of [`TICKS`] ticks, "elem/s" are agent-ticks. Every pose is
+//! written to memory, as the simulator does.
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 
@@ -14,7 +14,7 @@ const AGENTS: usize = 64;
 const TICKS: usize = 6;
 const TICK_S: f64 = 1.0 / 60.0;
 
-/// What agents do: where they are after some blocks, and where they are to go.
+/// Agents of a benchmark: states after some blocks, and targets.
 struct Scene {
     name: &'static str,
     model: &'static str,

@@ -129,7 +129,7 @@ fn config(kind: Kind, threads: usize) -> SimConfig {
     config
 }
 
-/// What a run of one row came to.
+/// Figures of a run of one row.
 struct Figures {
     rtf: f64,
     ns_per_agent_tick: f64,

@@ -1,7 +1,7 @@
-//! What a trace costs, as a table: bytes for an agent at a tick (24 before compression, 16
-//! without headings), and how many megabytes of states are written and read in a second,
-//! for several motions, fleets and levels of compression. Seconds are those of the
-//! processor where the kernel tells them, so that a busy machine does not matter much.
+//! Costs of a trace, as a table: bytes for an agent at a tick (24 before compression, 16 without
+//! headings), and megabytes of states that are written and read in a second, for several motions,
+//! fleets and levels of compression. Seconds are those of the processor where the kernel tells
+//! them, so that a busy machine does not matter much.
 
 #![allow(missing_docs, reason = "a program")]
 #![allow(clippy::disallowed_methods, reason = "it measures time")]

@@ -1,7 +1,7 @@
-//! How many simulated seconds the exact checker looks through in a second of
-//! wall time: "elem/s" is the real-time factor. Random walks that obey the rules
-//! of grids in a warehouse of 540 by 140 cells, one cell a second, of discs from
-//! the grid plan as it is, and of rectangles that turn into their direction.
+//! Speed of the exact checker, in simulated seconds per second of wall time: "elem/s" is the
+//! real-time factor. Random walks that obey the rules of grids in a warehouse of 540 by 140 cells,
+//! one cell a second, of discs from the grid plan as it is, and of rectangles that turn into their
+//! direction.
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 

@@ -44,7 +44,7 @@ impl Canvas {
     }
 }
 
-/// Whether a map may have that size.
+/// Refuses sizes that a map may not have.
 pub(crate) fn check_size(rows: u32, cols: u32) -> Result<(), InputError> {
     for (what, size) in [("rows", rows), ("cols", cols)] {
         at_least(what, size, 1)?;

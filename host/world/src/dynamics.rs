@@ -1,4 +1,4 @@
-//! What bodies can do, and where a motion from knot to knot asks for more.
+//! Limits of the motion of bodies, and the places where a motion from knot to knot exceeds them.
 //!
 //! A motion that is linear between knots changes its velocity at once at every knot.
 //! Read so, nothing that has a mass could follow any. It is therefore taken for the samples
@@ -16,7 +16,8 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use fleetyard_core::Knots;
 
-/// What is forgiven: so many metres or radians in every knot, and this part of every limit.
+/// Rounding that is forgiven: so many metres or radians in every knot, and this part of every
+/// limit.
 pub const DYNAMICS_TOLERANCE: f64 = 1e-6;
 
 /// A leg that takes longer hides no change of velocity, in seconds.
@@ -28,10 +29,10 @@ const SHORTEST_S: f64 = 1e-12;
 /// Into how many parts a turn of 2π is cut at most, however slow.
 const PARTS_OF_A_TURN: f64 = 256.0;
 
-/// What a body can do. What is infinite has no limit.
+/// The limits of a body's motion; infinite ones do not limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dynamics {
-    /// How it moves over the floor.
+    /// The limits of its motion over the floor.
     pub travel: Travel,
     /// The largest turn rate, in rad/s.
     pub turn_rad_per_s: f64,
@@ -82,7 +83,7 @@ pub enum Travel {
     },
 }
 
-/// What a motion can ask too much of. The order is that of [`Dynamics::excesses`].
+/// Kind of a limit. The order is that of [`Dynamics::excesses`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Demand {
     /// Speed, in m/s.
@@ -97,10 +98,10 @@ pub enum Demand {
     TurnAcceleration,
 }
 
-/// Where a motion asks for more than a body can do.
+/// A place where a motion exceeds a limit of the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Excess {
-    /// What it asks for.
+    /// Kind of the limit.
     pub demand: Demand,
     /// In which direction, as in "moves along x"; empty where that is no part of the limit.
     pub along: &'static str,
@@ -108,11 +109,11 @@ pub struct Excess {
     pub knot: usize,
     /// When the leg begins, or the velocity changes, in seconds.
     pub time_s: f64,
-    /// Where the body is then, in metres.
+    /// Position of the body then, in metres.
     pub place_m: [f64; 2],
-    /// How much it asks for.
+    /// Value that the motion asks for.
     pub value: f64,
-    /// How much there is.
+    /// The limit.
     pub limit: f64,
 }
 
@@ -127,7 +128,7 @@ impl Dynamics {
         turn_acceleration_rad_per_s2: f64::INFINITY,
     };
 
-    /// Where one agent's motion asks for too much: of every [`Demand`] the worst place,
+    /// The places where one agent's motion exceeds its limits: of every [`Demand`] the worst place,
     /// and the first among equal ones.
     ///
     /// Without headings wheels head where they move, and a body whose limits turn with it
@@ -211,7 +212,7 @@ impl Part {
         }
     }
 
-    /// What lies between two fractions of it.
+    /// The part of it between two fractions.
     fn between(&self, from: f64, to: f64) -> Self {
         let [begin, end] = self.headings;
         let heading = |share: f64| begin + (end - begin) * share;
@@ -239,7 +240,7 @@ impl Part {
         self.headings[1] - self.headings[0]
     }
 
-    /// How long it counts for.
+    /// Seconds that it counts for.
     fn counts_s(&self) -> f64 {
         self.span_s.min(LONGEST_SAMPLE_S)
     }
@@ -252,7 +253,7 @@ impl Part {
     }
 }
 
-/// Which heading of a part counts for all of it.
+/// Fractions of a part whose headings count for all of it.
 const SHARES: [f64; 3] = [0.5, 0.0, 1.0];
 
 struct Judge {
@@ -319,7 +320,7 @@ impl Judge {
         self.junction(&before, &rest, half_of(&before, &rest));
     }
 
-    /// What a leg asks for in itself.
+    /// Judges the rates of a leg in itself.
     fn rates(&mut self, leg: &Part) {
         let turn_rate = Measured {
             demand: Demand::TurnRate,
@@ -355,7 +356,7 @@ impl Judge {
         }
     }
 
-    /// Whether a velocity is one that the body can have.
+    /// Judges a velocity.
     fn velocity(&mut self, part: &Part) {
         let speed = |along, value, limit| Measured {
             demand: Demand::Speed,
@@ -445,7 +446,7 @@ impl Judge {
         part.speed() * (0.125 * turn * turn + self.swing(part)) + sped * turn / 12.0
     }
 
-    /// How far a body can turn within a sample and turn back, in radians.
+    /// Angle by which a body can turn within a sample and turn back, in radians.
     fn swing(&self, part: &Part) -> f64 {
         let sample_s = part.counts_s();
         0.125 * sample_s * sample_s * if_finite(self.dynamics.turn_acceleration_rad_per_s2)
@@ -568,7 +569,7 @@ impl Judge {
         }
     }
 
-    /// What wheels are asked for that change their speed, and what they have: a change
+    /// Acceleration that wheels need to change their speed, and the most that they have: a change
     /// through rest slows down first and speeds up then.
     fn wheels_change(&self, old: f64, new: f64, apart_s: f64) -> (f64, f64) {
         let Travel::Wheels {
@@ -968,7 +969,7 @@ mod tests {
     }
 
     proptest! {
-        /// What is integrated from inputs within the limits passes, however it is
+        /// Motions that are integrated from inputs within the limits pass, however they are
         /// sampled; a tenth of the limit more does not.
         #[test]
         fn samples_of_what_bodies_do_pass(

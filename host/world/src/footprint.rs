@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::Shape;
 use crate::polygon::{PolygonError, check_ring, turn_at};
 
-/// What a robot covers, in its own frame: x along its heading, y to its left.
+/// The area that a robot covers, in its own frame: x along its heading, y to its left.
 ///
 /// In JSON `{"disc": {"radius_m": 0.35}}`,
 /// `{"rectangle": {"length_m": 0.8, "width_m": 0.5}}` or
@@ -37,7 +37,7 @@ pub enum Footprint {
     },
 }
 
-/// Why a footprint is none. Vertices are counted from 0.
+/// The reason why a footprint is none. Vertices are counted from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages document the fields")]
 #[non_exhaustive]
@@ -58,7 +58,7 @@ pub enum FootprintError {
 }
 
 impl FootprintError {
-    /// What the user can do.
+    /// Advice to the user.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Size { .. } => "give a size in metres",

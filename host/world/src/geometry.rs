@@ -256,7 +256,7 @@ mod tests {
             check(way, &square, radius, way.inside_square(0.5, radius));
         }
 
-        /// What ends inside starts inside in the next span, and so on.
+        /// A contact that lasts at the end of a span lasts at the start of the next, and so on.
         #[test]
         fn spans_fit_together(way in relative(), radius in 0.05..1.0f64, s in 0.0..1.0f64) {
             let (x, y) = (way.x0 + s * (way.x1 - way.x0), way.y0 + s * (way.y1 - way.y0));

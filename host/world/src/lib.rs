@@ -3,9 +3,9 @@
 //!
 //! # Geometry
 //!
-//! What judging and simulating share: a [`Footprint`] becomes a [`Shape`], a
-//! [`Workspace`] has [`Polygon`]s. Metres, seconds, radians; x right, y up,
-//! headings counter-clockwise. Results are the same bits on every machine.
+//! The geometry that judging and simulating share: a [`Footprint`] becomes a [`Shape`], a
+//! [`Workspace`] has [`Polygon`]s. Metres, seconds, radians; x right, y up, headings
+//! counter-clockwise. Results are the same bits on every machine.
 //!
 //! # Generators
 //!

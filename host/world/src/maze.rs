@@ -21,7 +21,7 @@ use serde::Serialize;
 use crate::canvas::{Canvas, at_least, check_size};
 use crate::{PythonRandom, SeededRandom};
 
-/// How a maze is carved.
+/// The algorithm that carves a maze.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MazeAlgorithm {
@@ -44,7 +44,7 @@ impl MazeAlgorithm {
     }
 }
 
-/// Where a maze's random numbers come from.
+/// The source of a maze's random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MazeRandom {
@@ -65,7 +65,7 @@ impl MazeRandom {
     }
 }
 
-/// How the seeds of a series of mazes follow from one base seed.
+/// The rule by which the seeds of a series of mazes follow from one base seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MazeSeeds {
     /// base, base + 1, base + 2, …: the planner benchmark, with base 7.
@@ -172,7 +172,7 @@ impl Maze {
         self.height / 2 * self.width + self.width / 2
     }
 
-    /// Whether there is no wall between two cells that are neighbours.
+    /// True if there is no wall between two cells that are neighbours.
     pub fn passage(&self, a: u32, b: u32) -> bool {
         self.wall(a, b)
             .is_some_and(|(cell, side)| self.open[cell as usize] & side != 0)
@@ -214,8 +214,8 @@ impl Maze {
         Some(path)
     }
 
-    /// Where a cell is on the lattice, as row and column: φ(x, y) = (2y + 1, 2x + 1),
-    /// the benchmark's equation 2.
+    /// Place of a cell on the lattice, as row and column: φ(x, y) = (2y + 1, 2x + 1), the
+    /// benchmark's equation 2.
     pub fn on_lattice(&self, cell: u32) -> (u32, u32) {
         let (x, y) = self.position(cell);
         (2 * y + 1, 2 * x + 1)
@@ -414,9 +414,9 @@ pub struct MazeSpec {
     pub cols: u32,
     /// Width of corridors in cells.
     pub corridor: u32,
-    /// How it is carved.
+    /// The algorithm that carves it.
     pub algorithm: MazeAlgorithm,
-    /// Whose random numbers carve it.
+    /// The source of its random numbers.
     pub random: MazeRandom,
     /// Chooses the maze.
     pub seed: u64,

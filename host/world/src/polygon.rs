@@ -1,7 +1,7 @@
 //! Polygons: obstacles of any simple outline, divided into convex parts.
 //!
-//! Whether an outline is a polygon is decided by exact predicates (the adaptive
-//! ones of Shewchuk, through geo), so that no rounding lets a crossing pass.
+//! Exact predicates (the adaptive ones of Shewchuk, through geo) decide whether an
+//! outline is a polygon, so that no rounding lets a crossing pass.
 //! A polygon that is not convex is cut into triangles by ears (geo, earcut),
 //! and triangles are joined again while their union stays convex, which leaves
 //! at most four times the fewest possible parts.
@@ -40,8 +40,8 @@ pub struct Boundary {
     outside: Vec<(Pose, Shape)>,
 }
 
-/// Why an outline is no polygon. Vertices and edges are counted from 0; an edge
-/// has the number of the vertex that it begins at.
+/// The reason why an outline is no polygon. Vertices and edges are counted from 0; an edge has the
+/// number of the vertex that it begins at.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages document the fields")]
 #[non_exhaustive]
@@ -74,7 +74,7 @@ pub enum PolygonError {
 }
 
 impl PolygonError {
-    /// What the user can do.
+    /// Advice to the user.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::TooFewVertices { .. } => "give [x, y] of every corner",
@@ -181,7 +181,7 @@ impl Boundary {
         Ok(Self { polygon, outside })
     }
 
-    /// What is inside.
+    /// The polygon inside.
     pub fn polygon(&self) -> &Polygon {
         &self.polygon
     }
@@ -206,7 +206,7 @@ impl Bounds {
         })
     }
 
-    /// Whether a point is inside or on the border.
+    /// True if a point is inside or on the border.
     pub fn contains(self, [x, y]: [f64; 2]) -> bool {
         self.min[0] <= x && x <= self.max[0] && self.min[1] <= y && y <= self.max[1]
     }
@@ -215,7 +215,7 @@ impl Bounds {
 /// The outline of a simple polygon: counter-clockwise, no three neighbours in line.
 pub(crate) struct Ring {
     pub(crate) vertices: Vec<[f64; 2]>,
-    /// Which of the given vertices each of them is.
+    /// Indices of the vertices in the outline that was given.
     pub(crate) numbers: Vec<usize>,
 }
 

@@ -1,4 +1,4 @@
-//! Where a body is: a position and a heading.
+//! Poses: the position and the heading of a body.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ impl Pose {
         Self::new(x, y, 0.0)
     }
 
-    /// Whether all three numbers are finite.
+    /// True if all three numbers are finite.
     pub fn is_finite(self) -> bool {
         self.x.is_finite() && self.y.is_finite() && self.heading.is_finite()
     }

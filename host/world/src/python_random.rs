@@ -2,9 +2,9 @@
 
 use rand_mt::Mt;
 
-/// What `random.Random(seed)` is in CPython: the Mersenne Twister MT19937
-/// (Matsumoto and Nishimura 1998), seeded by its own key-array method with the
-/// 32-bit digits of the seed, lowest first.
+/// The random numbers of `random.Random(seed)` of CPython: the Mersenne Twister MT19937 (Matsumoto
+/// and Nishimura 1998), seeded by its own key-array method with the 32-bit digits of the seed,
+/// lowest first.
 #[derive(Debug, Clone)]
 pub struct PythonRandom(Mt);
 

@@ -1,4 +1,4 @@
-//! How far apart two shapes are, or how deep they are in each other.
+//! Distance between two shapes, or depth of their overlap.
 //!
 //! Two convex shapes are apart exactly if some direction separates them, and for
 //! polygons the normals of their edges are directions enough (the separating
@@ -50,22 +50,21 @@ impl Placement {
         [self.x + x, self.y + y]
     }
 
-    /// Where and how `other` is in the frame of this body.
+    /// The placement of `other` in the frame of this body.
     pub(crate) fn see(self, other: Self) -> Self {
         let [x, y] = self.rotate_back([other.x - self.x, other.y - self.y]);
         let [cos, sin] = self.rotate_back([other.cos, other.sin]);
         Self { x, y, cos, sin }
     }
 
-    /// Where the body is.
+    /// Position of the body.
     pub(crate) fn position(self) -> [f64; 2] {
         [self.x, self.y]
     }
 }
 
-/// How far apart two shapes are in metres: above 0 if they are apart, and then
-/// no more than their distance; 0 if they touch; the negative penetration depth
-/// if they overlap.
+/// Distance between two shapes in metres: above 0 if they are apart, and then no more than their
+/// distance; 0 if they touch; the negative penetration depth if they overlap.
 ///
 /// Exact but for rounding unless both are polygons whose corners are what is
 /// nearest: then it is the largest gap along the normals of their edges. Takes

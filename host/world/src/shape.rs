@@ -111,7 +111,7 @@ impl Shape {
         Self::disc(self.effective_radius)
     }
 
-    /// Whether this is a disc.
+    /// True if this is a disc.
     pub fn is_disc(&self) -> bool {
         self.vertices.is_empty()
     }
@@ -138,7 +138,7 @@ impl Shape {
         self.inner_radius
     }
 
-    /// Where c_eff is in the frame in which the shape was given, in metres.
+    /// Position of c_eff in the frame in which the shape was given, in metres.
     pub fn reference_m(&self) -> [f64; 2] {
         self.reference
     }

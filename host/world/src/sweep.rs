@@ -11,16 +11,16 @@
 //! is what counts (B. Mirtich, "Impulse-based dynamic simulation of rigid body
 //! systems", 1996, section 2.3). The steps end at [`RESOLUTION_M`].
 //!
-//! Whether bodies overlap at the ends of a span is decided by one expression of
-//! the poses there, so that a contact that lasts over several spans neither
-//! flickers nor vanishes between them.
+//! One expression of the poses at the ends of a span decides whether bodies overlap
+//! there, so that a contact that lasts over several spans neither flickers nor
+//! vanishes between them.
 
 use crate::geometry::disc_crossing;
 use crate::separation::{each_axis, separate, separation_m, sides};
 use crate::{Inside, Placement, Pose, Relative, Shape};
 
-/// Where a body turns, an overlap that is never deeper than the tolerance plus
-/// this may be missed, and so may a gap of this size: a micrometre.
+/// Accuracy where a body turns: an overlap that is never deeper than the tolerance plus this may be
+/// missed, and so may a gap of this size: a micrometre.
 ///
 /// In a span on which a point of a body moves by more than a metre, it is a
 /// millionth of the way.
@@ -29,7 +29,7 @@ pub const RESOLUTION_M: f64 = 1e-6;
 /// The most steps of a span.
 const MOST_STEPS: f64 = (1 << 20) as f64;
 
-/// How many moments of a span are told apart.
+/// Number of moments of a span that are told apart.
 const MOST_MOMENTS: f64 = (1u64 << 36) as f64;
 
 /// Appends when two bodies overlap by more than `tolerance_m` in a span in which
@@ -108,7 +108,7 @@ struct Span<'a> {
     tolerance_m: f64,
 }
 
-/// How far the farthest point of a shape moves because the shape turns.
+/// Distance by which the farthest point of a shape moves because the shape turns.
 fn turning_m(shape: &Shape, from: Pose, to: Pose) -> f64 {
     if shape.is_disc() {
         0.0
@@ -220,7 +220,7 @@ impl Span<'_> {
         }
     }
 
-    /// Where an overlap begins or ends between two fractions.
+    /// Fraction at which an overlap begins or ends, between two fractions.
     fn bisect(&self, mut from: f64, mut to: f64, inside: bool, speed: f64) -> f64 {
         // To a tenth of a nanometre, or 2⁻³⁶ of a span that is long.
         let enough = (1e-4 * RESOLUTION_M / speed).max(1.0 / MOST_MOMENTS);
@@ -461,7 +461,7 @@ pub(crate) mod tests {
             check(&a, still(way_a), &b, still(way_b), 1e-6);
         }
 
-        /// What ends inside starts inside in the next span, and so on.
+        /// An overlap that lasts at the end of a span lasts at the start of the next, and so on.
         #[test]
         fn spans_fit_together(
             a in any_shape(), b in any_shape(),

@@ -1,4 +1,4 @@
-//! What bodies sweep over: whether two swept areas meet, whatever the times.
+//! Swept areas: tells if those of two bodies meet, whatever the times.
 //!
 //! A body that does not turn sweeps over the convex hull of its two ends (a disc
 //! over a capsule). The points of one that turns by Δθ leave the straight lines
@@ -18,9 +18,8 @@ pub const SWEPT_SLACK: f64 = 1e-3;
 /// effective radius, which it has covered several times.
 const MOST_TURN: f64 = 8.0 * std::f64::consts::PI;
 
-/// Whether the areas that two bodies sweep over come nearer to each other than
-/// `margin_m`, each moving from one pose to another, x, y and heading uniformly,
-/// at whatever times.
+/// True if the areas that two bodies sweep over come nearer to each other than `margin_m`, each
+/// moving from one pose to another, x, y and heading uniformly, at whatever times.
 ///
 /// Touching is not meeting; a negative margin lets areas overlap by as much. The
 /// answer is exact but for rounding if neither turns. Otherwise it is never a

@@ -36,7 +36,7 @@ pub struct WarehouseSpec {
     pub edge_rows: Option<u32>,
     /// Without the wall all around.
     pub open: bool,
-    /// Whether the free cells above and below shelves are endpoints.
+    /// True if the free cells above and below shelves are endpoints.
     pub endpoints: bool,
     /// Rows from a workstation to the next, in the middle of the outermost free columns;
     /// without workstations if not given.

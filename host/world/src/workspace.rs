@@ -54,9 +54,9 @@ pub struct Workspace {
     pub bounds: Bounds,
     /// The edge that robots stay within, where it is no rectangle.
     pub boundary: Option<Boundary>,
-    /// What stands; obstacles may overlap and reach over the bounds.
+    /// Obstacles that stand; they may overlap and reach over the bounds.
     pub obstacles: Vec<Polygon>,
-    /// What moves, whatever robots do.
+    /// Obstacles that move, whatever robots do.
     pub movers: Vec<Mover>,
 }
 
@@ -101,7 +101,7 @@ impl Mover {
         })
     }
 
-    /// What it covers.
+    /// The area that it covers.
     pub fn shape(&self) -> &Shape {
         &self.shape
     }
@@ -116,7 +116,7 @@ impl Mover {
         &self.poses
     }
 
-    /// Where it is at a time.
+    /// Its pose at a time.
     pub fn pose_at(&self, time_s: f64) -> Pose {
         let next = self.times_s.partition_point(|knot| *knot <= time_s);
         if next == 0 {

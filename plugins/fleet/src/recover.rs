@@ -8,7 +8,7 @@
 //! - [`Lrgw`] and [`RuleBased`] save what they can of the paths that the planner left;
 //! - [`AllWait`] stays.
 //!
-//! Where robots take a step to turn, [`Pibt`], [`GuidedPibt`] and [`Lrgw`] drive their paths
+//! If robots take a step to turn, [`Pibt`], [`GuidedPibt`] and [`Lrgw`] drive their paths
 //! in the order in which agents pass, with the time that turning takes; see the module
 //! `convoy`.
 

@@ -46,7 +46,7 @@ fn list(agents: &[u32]) -> String {
 }
 
 impl GateError {
-    /// What the user can do.
+    /// Advice to the user.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
             Self::Option { field, .. } => Some(match *field {

@@ -17,9 +17,9 @@ pub struct GateOptions {
     /// way at the same time. It must cover the deviation of both bodies from their ways,
     /// to the side and beyond the knots where they stop.
     pub margin_m: f64,
-    /// Where the plan has agents pass nearer than the margin, at least this is kept, in
-    /// metres, at most the margin; a plan that leaves less is refused. With 0 the plan's
-    /// own distance suffices, which is enough for robots without tracking error.
+    /// Least distance that is kept where the plan has agents pass nearer than the margin, in
+    /// metres, at most the margin; a plan that leaves less is refused. With 0 the plan's own
+    /// distance suffices, which is enough for robots without tracking error.
     pub least_margin_m: f64,
     /// Longer actions are cut into equal pieces, in metres of any point of the body: an
     /// agent then waits for a piece of another agent's action instead of the whole.

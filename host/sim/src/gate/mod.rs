@@ -23,7 +23,7 @@
 //! - **nobody waits for ever**, if every delay ends and messages arrive some day:
 //!   the graph has no cycle, which is checked whenever one is built.
 //!
-//! Where a plan has robots go round in a ring, or pass nearer than the margin,
+//! If a plan has robots go round in a ring, or pass nearer than the margin,
 //! actions are cut into pieces until an order exists, if need be without the
 //! margin: see [`DependencyGraph::routes`].
 

@@ -134,7 +134,7 @@ fn free_driving_is_near_the_kinematic_motion() {
     assert!((world.pose(0).x - x).abs() < 1e-9, "level at rest");
 }
 
-/// What cannot be had at once comes at the greatest acceleration.
+/// A velocity that cannot be had at once comes at the greatest acceleration.
 #[test]
 fn drives_are_bounded() {
     let mut world = world();
@@ -466,7 +466,7 @@ fn rectangles_turn_when_pushed_off_centre() {
     assert!(world.pose(0).heading > 0.3, "{:?}", world.pose(0));
 }
 
-/// Who sleeps is woken by whoever touches it, and by its controller.
+/// Sleeping bodies are woken by bodies that touch them, and by their controllers.
 #[test]
 fn sleepers_wake() {
     for sleeping in [false, true] {

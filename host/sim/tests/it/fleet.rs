@@ -217,7 +217,7 @@ fn profiles_are_written_as_they_are_read() {
     }
 }
 
-/// What docs/execution.md shows is a fleet, and its error is what a mistake in it gives.
+/// The file in docs/execution.md is a fleet, and the error there is that of a mistake in it.
 #[test]
 fn the_documented_file_is_a_fleet() {
     let page = include_str!("../../../../docs/execution.md");

@@ -79,7 +79,7 @@ impl<'a, R: Routes> World<'a, R> {
     }
 }
 
-/// Who is moved next, and how far.
+/// The rule that chooses the agent to be moved next, and the distance.
 #[derive(Debug, Clone, Copy)]
 enum Adversary {
     /// Anybody, anywhere.

@@ -284,7 +284,7 @@ const WORLDS: &[Case] = &[
     ),
 ];
 
-/// How many threads a target can have.
+/// Numbers of threads that a target can have.
 fn thread_counts() -> &'static [usize] {
     if cfg!(target_family = "wasm") {
         &[1]

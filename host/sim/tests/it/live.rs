@@ -114,8 +114,8 @@ fn orders_in_a_straight_line_are_one_leg() {
     }
 }
 
-/// Who always knows the next three cells, in time to brake from full speed in one, drives
-/// as who knows all of them.
+/// A robot that always knows the next three cells, in time to brake from full speed in one, drives
+/// as one that knows all of them.
 #[test]
 fn orders_that_come_on_the_way_make_the_leg_longer() {
     let (grid, config, fleet) = (open(1, 40), SimConfig::default(), preset("agv", 1));
@@ -250,7 +250,7 @@ fn messages_are_late_in_both_directions() {
     assert!(until_done(&mut live, 4) > 4.3);
 }
 
-/// What robots came to after a while of wandering about.
+/// Outcome of robots that wander about for a while.
 fn wander(
     config: &SimConfig,
     grid: &Grid,

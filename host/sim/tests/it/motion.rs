@@ -1,5 +1,5 @@
-//! What every motion model promises: limits hold at every tick, targets are reached in
-//! bounded time and not passed, straight legs are kept to.
+//! Promises of every motion model: limits hold at every tick, targets are reached in bounded time
+//! and not passed, straight legs are kept to.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -34,7 +34,7 @@ fn at(x: f64, y: f64) -> Target {
     }
 }
 
-/// What a model must keep: in a tick from `before` to `after`.
+/// Checks the limits of a model in a tick from `before` to `after`.
 fn limits_hold(model: &Model, before: &State, after: &State, dt: f64) -> Result<(), String> {
     let most = |what: &str, value: f64, limit: f64| {
         if value.abs() <= limit * (1.0 + 1e-9) + ROUNDING {

@@ -21,7 +21,7 @@ fn keep_all() -> SimConfig {
     }
 }
 
-/// Who is in contact with whom; obstacles are `u32::MAX`.
+/// The two parties of a contact; obstacles are `u32::MAX`.
 fn key(contact: &Contact) -> (u32, u32) {
     match contact.other {
         Other::Agent(other) => (contact.agent, other),

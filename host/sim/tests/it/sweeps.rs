@@ -22,8 +22,8 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    /// Whether a pose is near one of a knot's way to the next: at one fraction of it, in
-    /// place and heading.
+    /// True if a pose is near the motion from one knot to the next: at one fraction of it, in place
+    /// and heading.
     fn is_near(&self, from: Knot, to: Knot, [x, y, heading]: [f64; 3]) -> bool {
         const ROUNDING: f64 = 1e-7;
         let near = self.model.lateral_tolerance_m() + ROUNDING;

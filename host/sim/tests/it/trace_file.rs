@@ -362,8 +362,8 @@ fn reading_begins_anywhere() {
     assert!(error.hint.unwrap().contains("from its beginning"));
 }
 
-/// What robot 1 does for 20 ticks: a task of two goals, and calls that are answered, the
-/// second one by the fail policy. Robot 0 has a goal from the beginning to the end.
+/// Entries of robot 1 for 20 ticks: a task of two goals, and calls that are answered, the second
+/// one by the fail policy. Robot 0 has a goal from the beginning to the end.
 fn fleet_entries() -> Vec<Entry> {
     let at = |tick, what| Entry { tick, what };
     let goal = |agent, number, cell, errand| {
@@ -638,7 +638,7 @@ fn what_a_fleet_cannot_have_done_is_refused() {
     assert_eq!(memory.remarks, vec![long; 40]);
 }
 
-/// Where the frames after the bodies begin.
+/// Offset of the first frame after the bodies.
 fn beginning_of_frames(bytes: &[u8]) -> usize {
     let reader = TraceReader::open(bytes, "t").unwrap();
     reader.offset() as usize

@@ -31,7 +31,7 @@ use crate::{Bounds, Inside, Mover, Pose, Relative, Shape, contacts_in_span};
 pub use self::motions::{GridMotions, Motions};
 pub use self::obstacles::Obstacles;
 
-/// What an agent touches.
+/// The other party of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Touched {
     /// Another agent, always of a higher index.
@@ -41,7 +41,7 @@ pub enum Touched {
     Cell(u32),
     /// A polygon of the workspace, by its index.
     Polygon(u32),
-    /// What is outside of the bounds.
+    /// The area outside of the bounds.
     Outside,
     /// A moving obstacle, by its index.
     Mover(u32),
@@ -66,11 +66,11 @@ pub struct ContactInterval {
     pub end_s: Option<f64>,
     /// The agent, the lower index of two.
     pub agent: u32,
-    /// What it touches.
+    /// The other party.
     pub other: Touched,
 }
 
-/// How near an agent comes to any other.
+/// The nearest approach of an agent to any other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NearestApproach {
     /// The distance of their centres c_eff in metres.
@@ -81,7 +81,7 @@ pub struct NearestApproach {
     pub other: u32,
 }
 
-/// What to look for.
+/// Parameters of a search for contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactSearch {
     /// Bodies touch when they overlap by more than this, in metres.
@@ -105,7 +105,7 @@ impl Default for ContactSearch {
     }
 }
 
-/// What was found.
+/// Results of a search for contacts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// By beginning, then agent, then the other one.

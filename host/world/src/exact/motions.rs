@@ -197,8 +197,7 @@ pub(super) struct Leg {
 }
 
 impl Leg {
-    /// Where the body is at a time within the motion: always the same, whoever
-    /// asks.
+    /// Pose of the body at a time within the motion: always the same, whoever asks.
     pub(super) fn at(&self, time_s: f64) -> Pose {
         if time_s <= self.begin_s || self.end_s == f64::INFINITY {
             return self.from;

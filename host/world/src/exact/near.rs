@@ -1,5 +1,5 @@
-//! Which boxes overlap: bins over the plane, kept in a hash table of fixed
-//! layout, so that neither the size of the world nor a body far away matters.
+//! Pairs of boxes that overlap: bins over the plane, kept in a hash table of fixed layout, so that
+//! neither the size of the world nor a body far away matters.
 
 use crate::Bounds;
 

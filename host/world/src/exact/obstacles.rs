@@ -1,4 +1,4 @@
-//! What stands in the way: solid cells of a grid, polygons, and the bounds.
+//! Obstacles: solid cells of a grid, polygons, and the bounds.
 
 use fleetyard_core::{Grid, cell_center_m};
 
@@ -7,8 +7,8 @@ use crate::{
     Bounds, Footprint, Inside, Mover, Polygon, Pose, Relative, Shape, Workspace, contacts_in_span,
 };
 
-/// What robots must not touch, besides each other. Borrows; cheap to make but
-/// for an index over the polygons.
+/// Everything that robots must not touch, besides each other. Borrows; cheap to make but for an
+/// index over the polygons.
 #[derive(Debug, Clone, Default)]
 pub struct Obstacles<'a> {
     cells: Option<Cells<'a>>,

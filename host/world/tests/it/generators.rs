@@ -1,4 +1,4 @@
-//! What generated maps and scenarios promise, and the files in `maps/`.
+//! Promises of generated maps and scenarios, and the files in `maps/`.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -156,7 +156,7 @@ fn warehouses_are_those_of_the_benchmark() {
     }
 }
 
-/// What LSMART calls warehouse-33-36.
+/// The parameters of LSMART's warehouse-33-36.
 fn warehouse_33_36() -> WarehouseSpec {
     WarehouseSpec {
         aisle_rows: Some(3),

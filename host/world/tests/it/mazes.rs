@@ -1,4 +1,4 @@
-//! What mazes promise, and that those of the benchmark come out cell by cell.
+//! Promises of mazes; those of the benchmark come out cell by cell.
 
 use std::collections::BTreeSet;
 

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::below;
 
-/// Who is to be where in which order.
+/// The order in which robots pass each cell.
 ///
 /// Moves are planned one after the other, each into a cell where nobody is when all
 /// earlier ones are done: so some order of passing exists. A move may be sent when
@@ -16,13 +16,13 @@ use super::below;
 pub(crate) struct Passing {
     /// Per cell, robots and the numbers of the orders that bring them there.
     visits: Vec<VecDeque<(u32, u32)>>,
-    /// Who is in a cell when everything that is planned is done.
+    /// The robot that is in each cell when everything that is planned is done.
     occupant: Vec<u32>,
     robots: Vec<Robot>,
     /// Robots that may have something to send.
     ready: Vec<u32>,
-    /// Whether a cell is free when its robot has left it; otherwise when the robot has done
-    /// the order that leaves it.
+    /// True if a cell is free when its robot has left it; otherwise it is free when the robot has
+    /// done the order that leaves it.
     early: bool,
 }
 
@@ -37,7 +37,7 @@ struct Robot {
     end: u32,
     /// The last order that was sent.
     sent: u32,
-    /// What the last move added to the number of the cell.
+    /// Difference of the cell's number and that of the cell before the last move.
     way: i64,
 }
 
@@ -152,17 +152,17 @@ impl Passing {
         self.ready = ready;
     }
 
-    /// Whether everything that was planned is done.
+    /// True if everything that was planned is done.
     pub(crate) fn is_idle(&self) -> bool {
         self.robots.iter().all(|robot| robot.orders.is_empty())
     }
 
-    /// How many orders are done, as far as is known.
+    /// Number of orders that are known to be done.
     pub(crate) fn done(&self) -> u64 {
         self.robots.iter().map(|of| u64::from(of.first - 1)).sum()
     }
 
-    /// Where a robot ends.
+    /// Cell of the last order of a robot.
     pub(crate) fn end(&self, robot: usize) -> u32 {
         self.robots[robot].end
     }

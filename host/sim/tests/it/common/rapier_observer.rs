@@ -21,7 +21,7 @@ pub(crate) struct RapierObserver {
     world: PhysicsWorld,
     handles: Vec<RigidBodyHandle>,
     inbox: Inbox,
-    /// How many colliders of a pair overlap, where any; runs of cells are many
+    /// Number of colliders that overlap, per pair of bodies with any; runs of cells are many
     /// colliders.
     overlaps: BTreeMap<(u32, u32), u32>,
 }
