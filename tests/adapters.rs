@@ -295,7 +295,7 @@ fn rows_before_columns_on_request() {
     );
 }
 
-/// What is a plan, but a wrong one, is the validator's to judge.
+/// A plan that is wrong is the validator's to judge.
 #[test]
 fn wrong_plans_are_invalid_whatever_the_solver_claims() {
     if !have("python3") {
@@ -342,7 +342,7 @@ fn another_version_is_refused() {
     );
 }
 
-/// What the record of a solver that misbehaves says.
+/// Checks the record of a solver that misbehaves.
 #[track_caller]
 fn misbehaves(style: &str, more: &str, code: i32, termination: &str, told: &str) {
     let manifest = manifest(style, "format = \"paths-txt\"", more);

@@ -12,7 +12,7 @@ use common::{Ended, INPUT, NO_PLAN, SUCCESS, Yard, instance, root, words};
 use fleetyard_runtime::adapter::Adapter;
 use serde_json::Value;
 
-/// What is special about a solver.
+/// Peculiarities of a solver.
 struct Solver {
     /// Its folder in `plugins/adapters`.
     name: &'static str,
@@ -20,9 +20,9 @@ struct Solver {
     variable: &'static str,
     /// Options with which it is quick in small cases.
     quick: &'static str,
-    /// What it claims of two agents in a lane that would have to pass each other.
+    /// Its claim about two agents in a lane that would have to pass each other.
     in_a_lane: &'static str,
-    /// Whether it says what its plan costs: the sum, and the makespan.
+    /// True if it gives the costs of its plan: the sum, and the makespan.
     says: (bool, bool),
     /// Cases of the conformance kit that it is known to fail.
     fails: &'static [&'static str],

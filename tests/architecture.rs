@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 
-/// What a crate of the host may use of the others, whatever it is for (tests aside).
-/// A new crate has to be entered here.
+/// The crates that a crate of the host may use of the others, whatever for (tests aside). A new
+/// crate has to be entered here.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("fleetyard-testkit", &["fleetyard-abi"]),
     ("fleetyard-abi", &[]),
@@ -318,7 +318,7 @@ fn unsafe_is_forbidden_elsewhere() {
     }
 }
 
-/// Whether a plugin's crate exports an entry symbol.
+/// True if a plugin's crate exports an entry symbol.
 fn is_glue(folder: &Path) -> bool {
     let texts = ["fleetyard_abi::export!", "fleetyard_plugin_entry_v1"];
     !lines_with(&sources(&folder.join("src")), &texts).is_empty()
@@ -426,7 +426,7 @@ fn prose(page: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Where a page links to within the repository.
+/// Targets of a page's links within the repository.
 fn links(page: &str) -> Vec<String> {
     let mut found = Vec::new();
     for line in prose(page) {

@@ -168,7 +168,7 @@ fn a_dry_run_shows_the_plan_and_writes_nothing() {
     assert_eq!(yard.files(), BTreeSet::from(["s.toml".into()]));
 }
 
-/// What a report says of making a trial again has the files in it.
+/// A report's advice on making a trial again names the files.
 #[test]
 fn a_store_knows_where_its_files_were() {
     let yard = Yard::new();

@@ -59,7 +59,7 @@ fn compare_in_text_and_json() {
     );
 }
 
-/// What a report says of each of its rows, by keys.
+/// The rows of a report as text, by keys.
 fn rows(report: &Value, keys: &[&str]) -> Vec<String> {
     let text = |value: &Value| match value {
         Value::String(text) => text.clone(),

@@ -1,4 +1,4 @@
-//! Where plugins are found, which of several is used, and whose code may run.
+//! Discovery of plugins: the places, the precedence of one of several, and the code that may run.
 
 mod common;
 
@@ -51,7 +51,7 @@ fn yard_with(folders: &[&str]) -> Yard {
     yard.set("FLEETYARD_PLUGIN_PATH", &paths.join(":"))
 }
 
-/// What is listed under an identifier, in order.
+/// The plugins that are listed under an identifier, in order.
 fn listed<'a>(files: &'a Value, id: &str) -> Vec<(&'a Value, &'a Value)> {
     let files = files.as_array().unwrap().iter();
     let plugins = files.flat_map(|file| {
@@ -224,8 +224,8 @@ fn the_first_of_several_with_a_name_is_used() {
     assert_eq!(ended.json()["planner"]["path"], Value::from(used));
 }
 
-/// What can be changed of the plugins of [`fill`]: a file, the plugin's name, and content
-/// that no plugin has, which would be noticed otherwise if it were started.
+/// Changes to the plugins of [`fill`]: a file, the plugin's name, and content that no plugin has,
+/// which would be noticed otherwise if it were started.
 const PARTS: [(&str, &str); 4] = [
     ("faulty.so", "faulty"),
     ("raw.py", "raw-protocol"),

@@ -82,16 +82,17 @@ const LAYERS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// How long what a command has started may outlive it when it ended before its time.
+/// Time by which processes may outlive the command that started them, when it ended before its
+/// time.
 const LEAVING: Duration = Duration::from_secs(10);
 
-/// What is run, and what has to come of it.
+/// A command to run, and the results that it has to have.
 struct Scenario {
     name: &'static str,
     arguments: String,
     /// Files of the user.
     given: Vec<(&'static str, String)>,
-    /// Which calls go wrong, and how.
+    /// The calls that go wrong, and their faults.
     points: fn(&Census) -> Vec<Point>,
     /// Compares what a try left with what an undisturbed run did.
     judge: fn(&Try<'_>, &mut Vec<String>),
@@ -106,7 +107,7 @@ struct Try<'a> {
     usual: &'a Usual,
 }
 
-/// What an undisturbed run left.
+/// Results of an undisturbed run.
 struct Usual {
     stdout: Value,
     files: BTreeMap<String, Vec<u8>>,
@@ -126,9 +127,9 @@ fn yard(scenario: &Scenario) -> Yard {
 
 /// A command that has ended.
 struct Run {
-    /// How the names of its runs begin.
+    /// The beginning of the names of its runs.
     host: String,
-    /// What others had left before.
+    /// State that others had left before.
     before: BTreeSet<String>,
     ended: Ended,
     census: Census,
@@ -164,8 +165,8 @@ fn run(scenario: &Scenario, yard: &Yard, point: Option<&Point>) -> Run {
 
 // ---- What is left ------------------------------------------------------------------
 
-/// What a host keeps of its runs: notes, scratch folders and control groups. Of those of other
-/// commands, the ones that begin with the number of its process.
+/// The state that a host keeps of its runs: notes, scratch folders and control groups. Of those of
+/// other commands, the ones that begin with the number of its process.
 fn state(yard: &Yard, host: &str) -> BTreeSet<String> {
     let user = fs::metadata("/proc/self").unwrap().uid();
     let own = yard.path("state/fleetyard");
@@ -193,8 +194,8 @@ fn state(yard: &Yard, host: &str) -> BTreeSet<String> {
     found
 }
 
-/// Where control groups of these tests' commands may be: in every hierarchy, wherever this process
-/// is in any of them.
+/// Places where control groups of these tests' commands may be: in every hierarchy, the group that
+/// this process is in.
 fn own_groups() -> BTreeSet<PathBuf> {
     let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     let mounts = fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();
@@ -221,7 +222,7 @@ fn files(yard: &Yard) -> BTreeMap<String, Vec<u8>> {
 
 // ---- Judging -----------------------------------------------------------------------
 
-/// What holds whatever went wrong where.
+/// Checks that hold for any fault at any point.
 fn judge(scenario: &Scenario, yard: &Yard, point: &Point, run: &Run, usual: &Usual) -> Vec<String> {
     let ended = &run.ended;
     let mut wrong = Vec::new();
@@ -335,7 +336,7 @@ fn lost(record: &Value) -> Vec<&str> {
     lost.filter_map(|layer| layer["layer"].as_str()).collect()
 }
 
-/// What of a row does not depend on the clock.
+/// The part of a row that does not depend on the clock.
 fn lasting(row: &Row) -> String {
     format!("{} {:?}", common::lasting(row), row.fault)
 }
@@ -422,7 +423,7 @@ fn usual(scenario: &Scenario) -> (Usual, Census) {
     (usual, census)
 }
 
-/// What came of a point.
+/// The result of a point.
 struct Found {
     point: Point,
     /// It did not come up: calls that wait are not always as many.

@@ -39,7 +39,7 @@ fn run(more: &str) -> Vec<String> {
     arguments
 }
 
-/// What comes of it.
+/// The outcome of a short run.
 fn short(more: &str) -> Value {
     let outcome = Yard::new().run(&run(more)).expect(SUCCESS).json();
     assert_eq!(outcome["execution"]["contacts"], 0);
@@ -54,7 +54,7 @@ fn digest(outcome: &Value) -> String {
         .to_owned()
 }
 
-/// How often there was each kind of event.
+/// Number of events of each kind.
 fn counts(outcome: &Value) -> Value {
     outcome["metrics"]["event_counts"].clone()
 }

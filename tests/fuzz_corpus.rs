@@ -32,7 +32,7 @@ const TRACE: &str = "FLEETYARD_FUZZ_TRACE";
 /// Longest input that is made.
 const LONGEST: usize = 4096;
 
-/// What an input may take for each of its bytes, apart from what any input may take.
+/// Memory that an input may take for each of its bytes, apart from that of any input.
 const MEMORY_PER_BYTE: usize = 256;
 
 struct Counting;

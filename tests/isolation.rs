@@ -1,5 +1,5 @@
-//! What a plugin does stays in its sandbox, budgets end what goes on for too long, and
-//! the record says which layer or limit it was.
+//! Effects of a plugin stay in its sandbox, budgets end processes that go on for too long, and the
+//! record says which layer or limit it was.
 //!
 //! `plugins/faulty` misbehaves on request; `scripts/isolation.py` tries everything that
 //! it can do, ten times and as several users. Here is what must never break, once each,
@@ -33,7 +33,7 @@ fn faulty(plugin: &Path, fault: &str, more: &str) -> Vec<String> {
     line
 }
 
-/// Why this machine cannot keep a plugin apart as a whole; `None` where it can.
+/// The reason why this machine cannot keep a plugin apart as a whole; `None` where it can.
 fn refused() -> Option<String> {
     static REFUSED: OnceLock<Option<String>> = OnceLock::new();
     let refused = REFUSED.get_or_init(|| {
@@ -72,7 +72,7 @@ fn active(record: &Value, layer: &str) -> bool {
     state["active"].as_bool().unwrap()
 }
 
-/// Whether the record says that a limit was only watched.
+/// True if the record says that a limit was only watched.
 fn only_watched(record: &Value, limit: &str) -> bool {
     let limits = record["sandbox"]["limits"].as_array().unwrap();
     let state = limits.iter().find(|state| state["limit"] == limit).unwrap();
@@ -166,7 +166,7 @@ fn memory_that_is_shared_counts_once() {
     }
 }
 
-/// Where faults are tried: here, where namespaces are refused, and as root also as an
+/// Tries a fault in every setting: here, where namespaces are refused, and as root also as an
 /// ordinary user.
 fn everywhere(fault: &str, by: &str, arguments: &str, judge: impl Fn(&Value, &Ended)) {
     for plugin in plugins(by) {
@@ -466,8 +466,8 @@ fn nothing_gets_out() {
     }
 }
 
-/// What reaches for other processes of the same user, for the machine, or past the
-/// accounting. None of it needs a namespace to be refused.
+/// Faults that reach for other processes of the same user, for the machine, or past the accounting.
+/// None of them needs a namespace to be refused.
 const UPWARDS: [&str; 14] = [
     "limit-supervisor",
     "limit-host",
@@ -838,7 +838,7 @@ fn nothing_of_a_plugin_is_started_outside() {
     }
 }
 
-/// Whether a planner of one team reads a file.
+/// True if a planner of one team reads a file.
 fn reads(yard: &Yard, plugin: &Path, target: &Path, more: &str, contained: bool) -> bool {
     let more = format!("--budget 60s --option target={} {more}", target.display());
     let line = faulty(plugin, "read-file", &more);

@@ -30,7 +30,7 @@ fn document() -> String {
 
 // ---- Tables ----------------------------------------------------------------------------
 
-/// What the values of a schema are, in words.
+/// The values of a schema, in words.
 fn words(schema: &Value) -> String {
     if let Some(name) = schema["$ref"].as_str() {
         let name = name.trim_start_matches("#/$defs/");

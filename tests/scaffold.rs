@@ -67,7 +67,7 @@ fn works(lang: &str, kind: &str, prepare: impl Fn(&Path)) {
     assert_eq!(asked, wanted, "{next}");
 }
 
-/// Whether all programs are there, and a note of the first that is not.
+/// True if all programs are there; notes the first that is not.
 fn have_all(programs: &[&str]) -> bool {
     programs.iter().all(|program| have(program))
 }

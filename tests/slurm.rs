@@ -104,7 +104,7 @@ class Waiting(fleetyard.Planner):
 fleetyard.run(Waiting)
 "#;
 
-/// Where the Python package is, which nobody has to install for the tests.
+/// Folder of the Python package, which nobody has to install for the tests.
 fn python() -> String {
     root().join("abi/python").display().to_string()
 }
@@ -125,8 +125,8 @@ fn suite(yard: &Yard, name: &str, planners: &[&str], agents: &str) {
     yard.write(&format!("{name}.toml"), text);
 }
 
-/// What is the same wherever and whenever a trial is made. Slurm's daemons may be in other
-/// control groups than this test: which limits the kernel enforces is the place's.
+/// The part of a trial that is the same wherever and whenever it is made. Slurm's daemons may be in
+/// other control groups than this test: the limits that the kernel enforces depend on the place.
 fn lasting(store: &Path) -> Vec<String> {
     const OF_THE_PLACE: [&str; 7] = [
         "rtf",

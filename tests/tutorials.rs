@@ -62,7 +62,7 @@ fn follow(page: &str, needed: &[&str]) {
         .eq(followed, expected);
 }
 
-/// What a command prints, in the order in which it does.
+/// The output of a command, in the order in which it is printed.
 fn run(yard: &Yard, command: &str) -> String {
     let ended = yard.shell(&format!("exec 2>&1\n{command}"));
     for folder in fs::read_dir(yard.path(".")).unwrap().flatten() {

@@ -1,6 +1,6 @@
-//! What the end-to-end tests share: they run the `fleetyard` command as a user does,
-//! on files in a folder of their own, and afterwards look for what must not be left:
-//! processes and half-written files.
+//! The common part of the end-to-end tests: they run the `fleetyard` command as a user does, on
+//! files in a folder of their own, and afterwards look for things that must not be left: processes
+//! and half-written files.
 //!
 //! Nothing here measures time; the limits are there so that a hang fails.
 
@@ -71,7 +71,7 @@ pub(crate) fn words(line: &str) -> Vec<String> {
     line.split_whitespace().map(str::to_owned).collect()
 }
 
-/// How a command ended.
+/// The end of a command.
 #[derive(Debug)]
 pub(crate) struct Ended {
     /// The exit code; absent after a signal.
@@ -80,7 +80,7 @@ pub(crate) struct Ended {
     pub(crate) stderr: String,
     /// Processes that the command left running. They were killed.
     pub(crate) left: Vec<String>,
-    /// What its processes were doing when they were taken to hang, and killed.
+    /// State of its processes when they were taken to hang, and killed.
     pub(crate) hanging: Vec<String>,
 }
 
@@ -501,7 +501,7 @@ pub(crate) fn faulty_cpp_library() -> Option<PathBuf> {
     have(&compiler).then(|| c_library("plugins/faulty/faulty.cpp", None))
 }
 
-/// What misbehaves as a planner in Rust may, as a shared library.
+/// A planner in Rust that misbehaves on request, as a shared library.
 pub(crate) fn faulty_rust_library() -> PathBuf {
     build("fleetyard-faulty").library.unwrap()
 }
@@ -525,7 +525,7 @@ fn packages_target() -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join("packages")
 }
 
-/// What `cargo build` makes of a package: its shared library and its program.
+/// Products of `cargo build` for a package: its shared library and its program.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Built {
     pub(crate) library: Option<PathBuf>,
@@ -573,7 +573,7 @@ pub(crate) fn build(package: &str) -> Built {
     built
 }
 
-/// Whether a program can be started; tests that need one say so when it is missing.
+/// True if a program can be started; tests that need one say so when it is missing.
 pub(crate) fn have(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok();
     if !found {
@@ -582,8 +582,8 @@ pub(crate) fn have(program: &str) -> bool {
     found
 }
 
-/// Whether this process ignores a signal, as a shell has it for jobs in the background and
-/// `nohup` for what it starts; what is started from here inherits that. Says so.
+/// True if this process ignores a signal, as a shell has it for jobs in the background and `nohup`
+/// for its commands; processes that are started from here inherit that. Says so.
 pub(crate) fn is_ignored(signal: &str) -> bool {
     let number = match signal {
         "HUP" => 1,

@@ -26,7 +26,7 @@ use libc::{c_int, c_long, c_void, pid_t};
 /// without a fault.
 const HANGING: Duration = Duration::from_mins(1);
 
-/// How a call goes wrong.
+/// The fault of a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Wrong {
     /// It is not made, and fails.
@@ -117,9 +117,9 @@ mod number {
 
 type Class = (&'static [(&'static str, i64)], &'static [Wrong]);
 
-/// Which calls go wrong, and how: with errors that the kernel may give for them, or that a
-/// filter of system calls does. Left out are those that ask for nothing that could be missing,
-/// and memory: a process that cannot grow is ended by its language.
+/// The calls that go wrong, and their faults: errors that the kernel may give for them, or that a
+/// filter of system calls does. Calls that ask for nothing that could be missing are left out, and
+/// memory: a process that cannot grow is ended by its language.
 #[rustfmt::skip]
 pub(crate) const CLASSES: &[Class] = &[
     (calls!(open openat openat2 creat), &[EMFILE, EINTR]),
@@ -177,7 +177,7 @@ impl fmt::Display for Point {
     }
 }
 
-/// How many calls of each name were made by each process.
+/// Number of calls of each name, by process.
 pub(crate) type Census = BTreeMap<(String, &'static str), u32>;
 
 /// Every point of a command whose calls were counted.
@@ -213,7 +213,7 @@ pub(crate) fn kills(census: &Census) -> Vec<Point> {
     each.collect()
 }
 
-/// Whether this machine can do it, and why not.
+/// The reason why this machine cannot do it, if it cannot.
 pub(crate) fn refused() -> Option<String> {
     if !cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
         return Some("registers of this architecture are not known".into());
@@ -242,12 +242,12 @@ pub(crate) fn prepare(command: &mut Command) {
     }
 }
 
-/// What came of following a command.
+/// Result of following a command.
 pub(crate) struct Followed {
     pub(crate) status: Option<ExitStatus>,
     /// Calls until the one that went wrong.
     pub(crate) census: Census,
-    /// Whether the point came up.
+    /// True if the point came up.
     pub(crate) spoiled: bool,
 }
 

@@ -47,7 +47,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Where a byte stands.
+    /// The place of a byte.
     pub fn place(self, at: usize) -> Place {
         if at > self.text.len() {
             let mut begin = self.text.len() + 1;
@@ -197,7 +197,7 @@ impl Setting {
     }
 }
 
-/// Where something stands, for errors that are found once the text is gone.
+/// A place in a document, for errors that are found once the text is gone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     source: String,
@@ -232,7 +232,7 @@ impl Place {
 pub struct Table<'t, 'a> {
     /// The text that it is from.
     pub document: Document<'a>,
-    /// What it is called in messages: empty for the root, else as `[program]`.
+    /// Its name in messages: empty for the root, else as `[program]`.
     name: Cow<'t, str>,
     at: usize,
     entries: &'t DeTable<'a>,
@@ -319,7 +319,7 @@ impl<'t, 'a> Table<'t, 'a> {
         })
     }
 
-    /// Where it begins.
+    /// The place where it begins.
     pub fn place(&self) -> Place {
         self.document.place(self.at)
     }
@@ -367,7 +367,7 @@ impl<'t, 'a> Value<'t, 'a> {
         }
     }
 
-    /// Where it stands.
+    /// The place where it begins.
     pub fn place(&self) -> Place {
         self.document.place(self.at)
     }
@@ -513,7 +513,7 @@ impl<'t, 'a> Value<'t, 'a> {
         }
     }
 
-    /// Whether it is a table.
+    /// True if it is a table.
     pub fn is_table(&self) -> bool {
         matches!(self.inner, DeValue::Table(_))
     }

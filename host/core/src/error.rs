@@ -15,9 +15,9 @@ pub struct InputError {
     pub line: Option<u64>,
     /// Column in characters, counted from 1, where there is one.
     pub column: Option<u64>,
-    /// What is wrong, in one sentence without a full stop.
+    /// The reason, in one sentence without a full stop.
     pub reason: String,
-    /// What the user can do.
+    /// A way out.
     pub hint: Option<String>,
 }
 

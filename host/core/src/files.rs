@@ -132,7 +132,7 @@ fn read_error(path: &Path, error: &io::Error) -> InputError {
     }
 }
 
-/// What a user who named a missing file may have meant.
+/// A hint for a user who named a missing file: names that are similar.
 fn missing_hint(path: &Path) -> Option<String> {
     /// Folders with more entries are not searched to the end.
     const LISTED: usize = 10_000;
@@ -349,7 +349,7 @@ fn create_locked(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Whether the file is the one that has the name.
+/// True if the name still belongs to the file.
 fn is_at(file: &File, path: &Path) -> bool {
     let identity = |meta: fs::Metadata| (meta.dev(), meta.ino());
     match (file.metadata(), fs::symlink_metadata(path)) {
@@ -403,7 +403,7 @@ impl<'a> Lines<'a> {
         self.number + 1
     }
 
-    /// Whether nothing but blank lines is left.
+    /// True if nothing but blank lines is left.
     pub(crate) fn only_blank_left(&self) -> bool {
         self.rest
             .is_none_or(|rest| rest.iter().all(u8::is_ascii_whitespace))

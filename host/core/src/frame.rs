@@ -1,4 +1,4 @@
-//! Where cells are in the world.
+//! Positions of cells in the world.
 //!
 //! Grid rows grow down; world y grows up. The map's lower left corner is the world's
 //! origin, so that a map of R rows, C columns and cell side a spans

@@ -5,7 +5,7 @@
 
 use crate::{Digest, Hasher, InputError};
 
-/// Which moves a grid allows besides waiting.
+/// The moves that a grid allows besides waiting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Connectivity {
     /// North, east, south, west.
@@ -24,12 +24,12 @@ impl Connectivity {
     }
 }
 
-/// What a cell of a warehouse is for. Robots pass either like any other free cell.
+/// The purpose of a cell of a warehouse. Robots pass either like any other free cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Role {
     /// Beside a shelf: where goods are fetched and put back. Its letter is `e`.
     Endpoint,
-    /// Where people handle the goods. Its letter is `w`.
+    /// Place where people handle the goods. Its letter is `w`.
     Workstation,
 }
 
@@ -68,7 +68,7 @@ impl Grid {
     /// Every terrain letter that is understood; see [`Grid::letter_is_passable`].
     pub const LETTERS: &'static [u8] = b".GSEew@OTW";
 
-    /// Whether a robot may stand on terrain `letter`.
+    /// True if a robot may stand on terrain `letter`.
     ///
     /// `.` and `G` are ground and `S` is swamp; in maps of the League of Robot Runners
     /// `S` and `E` mark stations and endpoints. `e` and `w` are [`Role`]s. `@` and `O` are out
@@ -151,14 +151,14 @@ impl Grid {
             .count() as u32
     }
 
-    /// Whether `cell` is on the map and free.
+    /// True if `cell` is on the map and free.
     pub fn is_passable(&self, cell: u32) -> bool {
         self.terrain
             .get(cell as usize)
             .is_some_and(|letter| Self::letter_is_passable(*letter))
     }
 
-    /// What a cell is for, if the map says so.
+    /// The purpose of a cell, if the map says so.
     pub fn role(&self, cell: u32) -> Option<Role> {
         self.terrain
             .get(cell as usize)

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::{Connectivity, Digest, Grid, Hasher};
 
-/// Why starts and goals do not make an instance. Agents are counted from 0.
+/// The reason why starts and goals do not make an instance. Agents are counted from 0.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum InstanceError {
@@ -100,7 +100,7 @@ impl GridInstance {
         &self.grid
     }
 
-    /// Which moves are allowed.
+    /// The moves that are allowed.
     pub fn connectivity(&self) -> Connectivity {
         self.connectivity
     }

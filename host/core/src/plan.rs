@@ -75,8 +75,8 @@ impl GridPlan {
             .map(|range| &self.cells[range[0]..range[1]])
     }
 
-    /// Where an agent is at a time: its last cell once its path has ended, and
-    /// [`OFF_MAP`] if its path is empty.
+    /// The cell of an agent at a time: its last cell once its path has ended, and [`OFF_MAP`] if
+    /// its path is empty.
     pub fn at(&self, agent: usize, time: usize) -> u32 {
         let path = self.path(agent);
         path.get(time).or(path.last()).copied().unwrap_or(OFF_MAP)

@@ -57,12 +57,12 @@ pub const PLAN_MAX_CELLS: usize = 1 << 29;
 /// The value of `format`.
 pub const PLAN_FORMAT: &str = "fleetyard.plan/1";
 
-/// What a plan file says.
+/// The content of a plan file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PlanFile {
     /// The file, for error messages.
     pub source: String,
-    /// Who made the plan, as free text.
+    /// The author of the plan, as free text.
     pub planner: Option<String>,
     /// The instance that the plan is for.
     pub instance_digest: Option<Digest>,
@@ -74,7 +74,7 @@ pub struct PlanFile {
     pub rows: u32,
     /// Columns of the map.
     pub cols: u32,
-    /// How the paths were or will be written.
+    /// Encoding of the paths in the file that was read or will be written.
     pub encoding: PathEncoding,
     /// The paths.
     pub plan: GridPlan,

@@ -18,7 +18,7 @@ pub struct Roadmap {
     targets: Vec<u32>,
 }
 
-/// Why vertices and edges do not make a roadmap, or a plan does not fit one. Vertices,
+/// The reason why vertices and edges do not make a roadmap, or a plan does not fit one. Vertices,
 /// edges and agents are counted from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
@@ -135,12 +135,12 @@ impl Roadmap {
         self.targets.len()
     }
 
-    /// Where a vertex is, in metres, x right and y up. It must exist.
+    /// Position of a vertex, in metres, x right and y up. It must exist.
     pub fn position_m(&self, vertex: u32) -> (f64, f64) {
         (self.x_m[vertex as usize], self.y_m[vertex as usize])
     }
 
-    /// Where the edges from a vertex lead, ascending. The vertex must exist.
+    /// Targets of the edges from a vertex, ascending. The vertex must exist.
     pub fn neighbors(&self, vertex: u32) -> &[u32] {
         let vertex = vertex as usize;
         &self.targets[self.offsets[vertex]..self.offsets[vertex + 1]]
@@ -153,7 +153,7 @@ impl Roadmap {
         lines.map(|(from, to)| [from, to].map(|vertex| self.position_m(vertex).into()))
     }
 
-    /// Whether there is an edge from one vertex to another; both must exist.
+    /// True if there is an edge from one vertex to another; both must exist.
     pub fn has_edge(&self, from: u32, to: u32) -> bool {
         self.neighbors(from).binary_search(&to).is_ok()
     }
@@ -164,7 +164,7 @@ impl Roadmap {
         from.flat_map(|from| self.neighbors(from).iter().map(move |to| (from, *to)))
     }
 
-    /// Whether every edge can be driven both ways.
+    /// True if every edge can be driven both ways.
     pub fn is_symmetric(&self) -> bool {
         self.edges().all(|(from, to)| self.has_edge(to, from))
     }
@@ -207,7 +207,7 @@ pub struct RoadmapPlan {
     visits: Vec<Visit>,
 }
 
-/// What is wrong with a plan on a roadmap. Agents and their visits are counted from 0.
+/// The reason why a plan on a roadmap is refused. Agents and their visits are counted from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum RoadmapPlanError {
@@ -275,7 +275,7 @@ impl RoadmapPlanError {
         }
     }
 
-    /// What the author of the plan can do, where that can be said.
+    /// Advice to the author of the plan, if there is any.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
             Self::NoVisits { .. } => Some("an agent that rests visits one vertex, from time 0 on"),
@@ -391,7 +391,7 @@ impl RoadmapPlan {
         Ok(())
     }
 
-    /// Where the visits begin that belong to no agent yet.
+    /// Index of the first visit that belongs to no agent yet.
     fn begin(&self) -> usize {
         self.offsets[self.agents()]
     }
@@ -422,7 +422,7 @@ impl RoadmapPlan {
         last.fold(0.0, f64::max)
     }
 
-    /// Whether every vertex and every edge of the plan is on the roadmap.
+    /// Checks that every vertex and every edge of the plan is on the roadmap.
     pub fn check(&self, roadmap: &Roadmap) -> Result<(), RoadmapPlanError> {
         let vertices = roadmap.vertices();
         for (agent, path) in self.paths().enumerate() {

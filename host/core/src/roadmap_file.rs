@@ -247,12 +247,12 @@ pub fn write_roadmap(roadmap: &Roadmap) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// What the file of a plan on a roadmap says.
+/// The content of a file of a plan on a roadmap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoadmapPlanFile {
     /// The file, for error messages.
     pub source: String,
-    /// Who made the plan, as free text.
+    /// The author of the plan, as free text.
     pub planner: Option<String>,
     /// The roadmap's file, from the folder of this one.
     pub roadmap: Option<String>,

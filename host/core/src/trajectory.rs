@@ -3,7 +3,7 @@
 use crate::frame::cell_center_m;
 use crate::{Digest, Grid, GridPlan, Hasher};
 
-/// Where an agent is to be at a time.
+/// The planned position of an agent at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knot {
     /// Time in seconds from the beginning of the plan.
@@ -37,12 +37,12 @@ pub struct TrajectoryPlan {
 /// A path that is being appended.
 #[derive(Default)]
 pub(crate) struct Unfinished {
-    /// How many knots it was given.
+    /// Number of knots appended.
     knots: usize,
     last: Option<Knot>,
 }
 
-/// Why knots do not make a trajectory plan. Agents and their knots are counted from 0.
+/// The reason why knots do not make a trajectory plan. Agents and their knots are counted from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum TrajectoryError {
@@ -119,7 +119,7 @@ impl TrajectoryError {
         }
     }
 
-    /// What the author of the plan can do, where that can be said.
+    /// Advice to the author of the plan, if there is any.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
             Self::NoKnots { .. } => Some("an agent that rests has one knot, at time 0"),
@@ -402,7 +402,7 @@ impl TrajectoryPlan {
         self.time_s.len()
     }
 
-    /// Whether every knot has a heading; otherwise none has.
+    /// True if every knot has a heading; otherwise none has.
     pub fn has_headings(&self) -> bool {
         self.heading_rad.is_some()
     }
@@ -434,7 +434,7 @@ impl TrajectoryPlan {
         last.fold(0.0, f64::max)
     }
 
-    /// How fast each agent is at most.
+    /// The largest speed of each agent.
     pub fn fastest(&self) -> impl ExactSizeIterator<Item = Fastest> {
         self.paths().map(|knots| knots.fastest())
     }
@@ -471,7 +471,7 @@ fn knot(time_s: f64, x_m: f64, y_m: f64, heading_rad: Option<f64>) -> Knot {
     }
 }
 
-/// Whether a knot adds something to the path that ends `before` it.
+/// Checks a knot against the one `before` it; true if it adds something to the path.
 fn follows(
     agent: usize,
     number: usize,
@@ -618,8 +618,8 @@ impl<'a> Knots<'a> {
             .map_or(0, |moving| moving + 1)
     }
 
-    /// Where the agent is at a time in seconds: between two knots as far as the time
-    /// between theirs, and at the last one after it. Before time 0 it is at the first.
+    /// Position of the agent at a time in seconds: between two knots as far as the time between
+    /// theirs, and at the last one after it. Before time 0 it is at the first.
     pub fn at(&self, time_s: f64) -> Knot {
         let next = self.time_s.partition_point(|knot_s| *knot_s <= time_s);
         let from = self.get(next.saturating_sub(1));
@@ -648,7 +648,7 @@ impl<'a> Knots<'a> {
             .sum()
     }
 
-    /// How fast the agent moves and turns at most.
+    /// The largest speed and turn rate of the agent.
     pub fn fastest(&self) -> Fastest {
         let mut fastest = Fastest::default();
         for at in 1..self.len() {

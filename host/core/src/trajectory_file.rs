@@ -36,12 +36,12 @@ pub const TRAJECTORY_MAX_KNOTS: usize = 1 << 27;
 /// The value of `format`.
 pub const TRAJECTORY_FORMAT: &str = "fleetyard.trajectories/1";
 
-/// What a trajectory file says.
+/// The content of a trajectory file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectoryFile {
     /// The file, for error messages.
     pub source: String,
-    /// Who made the plan, as free text.
+    /// The author of the plan, as free text.
     pub planner: Option<String>,
     /// Digest of the paths; after reading it is known to be right.
     pub plan_digest: Option<Digest>,

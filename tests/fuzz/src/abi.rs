@@ -111,7 +111,7 @@ fn misses(line: &Line, function: &str) -> bool {
         .any(|name| name == function)
 }
 
-/// Where a pointer leads.
+/// The target of a pointer.
 #[derive(Clone, Copy, PartialEq)]
 enum To {
     There,
@@ -130,7 +130,7 @@ fn to(line: &Line, name: &str) -> To {
 
 // ---- Memory ------------------------------------------------------------------------
 
-/// What pointers lead to, each in a place of its own.
+/// The targets of pointers, each in a place of its own.
 #[derive(Default)]
 struct Memory(Vec<Box<[u64]>>);
 
@@ -188,14 +188,14 @@ impl Drop for Memory {
     }
 }
 
-/// Where nothing may be read, whoever reads is seen.
+/// An address that may not be read: a read of it ends the process.
 fn nothing<T>() -> *const T {
     ptr::without_provenance(1 << 12)
 }
 
 // ---- The library -------------------------------------------------------------------
 
-/// What the library's functions answer.
+/// Answers of the library's functions.
 #[derive(Default)]
 struct Stage {
     lines: Vec<Line>,
@@ -203,9 +203,9 @@ struct Stage {
     descriptor: Option<*const c::Descriptor>,
     count: u32,
     init: i32,
-    /// Whether the host has to load it.
+    /// True if the host has to load it.
     loads: bool,
-    /// What the host has to have taken at the end of a call.
+    /// Data that the host has to have taken at the end of a call.
     expected: Expected,
 }
 
@@ -215,9 +215,9 @@ struct Expected {
     instances: Vec<Instance>,
     metrics: Vec<(String, u64)>,
     logs: usize,
-    /// Whether something that was submitted breaks the contract.
+    /// True if something that was submitted breaks the contract.
     broken: bool,
-    /// What the host answered and should not have.
+    /// An answer of the host that is wrong.
     wrong: Option<String>,
 }
 
@@ -727,7 +727,7 @@ fn use_it(library: &Library) {
     }
 }
 
-/// What the host took is what was submitted, after the memory of it is gone.
+/// Checks that the host took all that was submitted, after the memory of it is gone.
 fn compare(taken: &Taken) {
     let expected = with(|stage| std::mem::take(&mut stage.expected));
     let taken = std::mem::take(&mut *taken.now());

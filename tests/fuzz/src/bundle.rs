@@ -47,8 +47,8 @@ impl Unpack for Sizes {
     }
 }
 
-/// What comes out stays below its folder, comes once, and is all that the manifest says; what is
-/// refused is refused for a reason.
+/// Unpacked files stay below their folder, come once, and are all that the manifest says; archives
+/// that are refused are refused for a reason.
 pub fn run(data: &[u8]) {
     let sizes = Sizes::default();
     match untar(SOURCE, data, &mut sizes.clone()) {

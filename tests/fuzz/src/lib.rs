@@ -1,12 +1,12 @@
-//! What is fuzzed: everything that reads bytes from outside, each reader with the
-//! properties that it must have for any input.
+//! Fuzz targets: everything that reads bytes from outside, each reader with the properties that it
+//! must have for any input.
 //!
 //! A target is a function of some bytes that panics when a property does not hold. It
 //! stands here once and is run twice: by libFuzzer, through the programs in
 //! `fuzz_targets/`, and by `tests/fuzz_corpus.rs` on the committed corpus and seeded
 //! mutations of it, as a test like any other. Neither measures time.
 //!
-//! What may not happen, whatever the bytes: a panic, an endless loop, a small input that
+//! Failures, whatever the bytes: a panic, an endless loop, a small input that
 //! takes a lot of memory (the test counts it; libFuzzer is given a limit), an error that
 //! points outside the text, a value that changes when it is written and read again.
 

@@ -61,7 +61,7 @@ fn read<T>(data: &[u8], reader: impl Fn(&str, &[u8]) -> Result<T, InputError>) -
     read.map_err(|error| check_error(&error, SOURCE, data)).ok()
 }
 
-/// What holds for every plan.
+/// Properties of every plan.
 fn trajectories(plan: &TrajectoryPlan, data: &[u8]) {
     // A knot is several bytes.
     assert!(plan.knot_count() <= data.len() && plan.agents() <= data.len());

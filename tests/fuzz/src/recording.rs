@@ -34,7 +34,7 @@ struct Place {
     tasks: Option<TaskList>,
 }
 
-/// Where seeds were recorded.
+/// The maps and tasks with which seeds were recorded.
 static PLACES: LazyLock<Vec<Place>> = LazyLock::new(|| {
     let place = |name: &str, map: &[u8], tasks: Option<&[u8]>| {
         let grid = Arc::new(read_map(name, map).expect("a map"));

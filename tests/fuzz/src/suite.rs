@@ -11,7 +11,7 @@ use super::check_error;
 
 const SOURCE: &str = "suite.toml";
 
-/// How values are set.
+/// The option that sets values.
 const OPTION: &str = "--set";
 
 /// Ends the suite; every line after it is a value that is set.

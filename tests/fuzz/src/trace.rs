@@ -49,7 +49,7 @@ fn read(data: &[u8]) {
     assert_eq!(place(again), place(contents));
 }
 
-/// What is open at the end of a journal for who reads it from a tick on, or all of it.
+/// The open entries at the end of a journal that is read from a tick on, or as a whole.
 fn standing(bytes: &[u8], from: Option<u64>) -> Standing {
     let mut reader = TraceReader::open(Cursor::new(bytes), SOURCE).expect("a trace");
     let mut standing = Standing::new(reader.header().agents);

@@ -182,7 +182,7 @@ fn results(text: &str) {
     }
 }
 
-/// What a check lets pass is as the rest of the host relies on.
+/// An instance that passes the checks is as the rest of the host relies on.
 fn instance(instance: &Instance) {
     for cells in [0, 1, 12, 1 << 20] {
         if instance.check(cells).is_err() {
@@ -245,7 +245,7 @@ fn read(context: PathContext<'_>, text: &str) -> serde_json::Result<Plan> {
     context.deserialize(&mut serde_json::Deserializer::from_str(text))
 }
 
-/// What comes in pieces is what comes at once, for the agents that there are.
+/// A plan that comes in pieces is the one that comes at once, for the agents that there are.
 fn pieces_are_the_whole(context: PathContext<'_>, text: &str) {
     let whole = read(context, text);
     for size in [1, 13, usize::MAX] {

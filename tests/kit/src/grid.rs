@@ -205,7 +205,7 @@ impl Case {
         Environment::Grid(self.map.clone()).into()
     }
 
-    /// Why paths are no plan for the instance: [`motions`](Self::motions),
+    /// The reason why paths are no plan for the instance: [`motions`](Self::motions),
     /// [`arrivals`](Self::arrivals) unless there is a window, [`collisions`](Self::collisions).
     pub fn judge(&self, paths: &[impl AsRef<[u32]>], delay: u32) -> Result<(), String> {
         self.motions(paths)?;
@@ -215,7 +215,7 @@ impl Case {
         self.collisions(paths, delay)
     }
 
-    /// Why paths cannot be driven by agents that are alone: starts, walls, jumps, turns.
+    /// The reason why agents that are alone cannot follow the paths: starts, walls, jumps, turns.
     pub fn motions(&self, paths: &[impl AsRef<[u32]>]) -> Result<(), String> {
         let agents = self.instance.agents();
         if paths.len() != agents {
@@ -272,8 +272,8 @@ impl Case {
         }
     }
 
-    /// Which agent does not visit its goals in their order, or does not end its path at once when
-    /// it is at the last one.
+    /// Refuses paths of an agent that does not visit its goals in their order, or does not end its
+    /// path at once when it is at the last one.
     pub fn arrivals(&self, paths: &[impl AsRef<[u32]>]) -> Result<(), String> {
         for (agent, path) in paths.iter().enumerate() {
             let (goals, path) = (self.instance.goals.get(agent), path.as_ref());
@@ -292,8 +292,9 @@ impl Case {
         Ok(())
     }
 
-    /// Who is where somebody was or will be within so many steps of delay, who change places, and
-    /// who go round in a ring where that is not allowed. Agents stay where their paths end.
+    /// Refuses agents that are where another one was or will be within so many steps of delay, that
+    /// change places, or that go round in a ring where that is not allowed. Agents stay where their
+    /// paths end.
     pub fn collisions(&self, paths: &[impl AsRef<[u32]>], delay: u32) -> Result<(), String> {
         let agents = paths.len();
         let at = |agent: usize, time: usize| {

@@ -3,8 +3,8 @@
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
-/// What a script prints that reads `input`, run by the Python that `FLEETYARD_PYTHON` names or
-/// else the system's. `None`, and a word about it, where that lacks one of the modules.
+/// Output of a script that reads `input`, run by the Python that `FLEETYARD_PYTHON` names or else
+/// the system's. `None`, and a word about it, where that lacks one of the modules.
 pub fn run(modules: &str, script: &str, input: &[u8]) -> Option<Vec<u8>> {
     let python = std::env::var("FLEETYARD_PYTHON").unwrap_or_else(|_| "python3".into());
     let has_them = Command::new(&python)

@@ -230,7 +230,7 @@ pub fn write_ccbs_roadmap(roadmap: &Roadmap) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// What a result is on.
+/// The space that a result is on.
 enum On {
     Roadmap,
     /// A grid with cells of a metre.

@@ -40,7 +40,7 @@ macro_rules! formats {
                 }
             }
 
-            /// What it is, in a line.
+            /// The format in a line.
             pub fn about(self) -> &'static str {
                 match self {
                     $(Self::$variant => $about,)*
@@ -84,7 +84,7 @@ impl fmt::Display for Format {
     }
 }
 
-/// How much of a file decides what it is.
+/// Bytes of a file that decide its format.
 const HEAD: usize = 1 << 16;
 
 impl Format {
@@ -94,37 +94,37 @@ impl Format {
         all.find(|format| format.name() == name)
     }
 
-    /// Whether a file has a map.
+    /// True if a file has a map.
     pub fn carries_map(self) -> bool {
         self.letters().contains('m')
     }
 
-    /// Whether a file has starts and goals.
+    /// True if a file has starts and goals.
     pub fn carries_agents(self) -> bool {
         self.letters().contains('a')
     }
 
-    /// Whether a file has a plan on a grid.
+    /// True if a file has a plan on a grid.
     pub fn carries_plan(self) -> bool {
         self.letters().contains('p')
     }
 
-    /// Whether a file has a roadmap, or names one.
+    /// True if a file has a roadmap, or names one.
     pub fn carries_roadmap(self) -> bool {
         self.letters().contains('r')
     }
 
-    /// Whether a file has a plan in the plane.
+    /// True if a file has a plan in the plane.
     pub fn carries_trajectories(self) -> bool {
         self.letters().contains('t')
     }
 
-    /// Whether files of it are written, and not only read.
+    /// True if files of it are written, and not only read.
     pub fn is_written(self) -> bool {
         !matches!(self, Self::CcbsLog | Self::Dynobench)
     }
 
-    /// Whether a file can only be read by who knows the size of its map.
+    /// True if a file can only be read with the size of its map at hand.
     pub fn needs_map_size(self) -> bool {
         self.carries_plan() && self != Self::Plan
     }
@@ -163,7 +163,7 @@ impl Format {
         Ok(plan_file(source, plan, known_size()?))
     }
 
-    /// What a file is, from its content and then its name.
+    /// The format of a file, from its content and then its name.
     pub fn guess(path: &Path, bytes: &[u8]) -> Option<Self> {
         static JSON_KEY: LazyLock<Option<Regex>> = LazyLock::new(|| {
             Regex::new(r#""(actionModel|actualPaths|agentFile|taskFile|layout|n_row|n_col)"\s*:"#)
@@ -236,10 +236,10 @@ fn contains(text: &[u8], wanted: &[u8]) -> bool {
     text.windows(wanted.len()).any(|window| window == wanted)
 }
 
-/// What a file says, in the terms of this crate.
+/// The content of a file, in the terms of this crate.
 #[derive(Debug, Clone)]
 pub struct Contents {
-    /// What the file is.
+    /// The format of the file.
     pub format: Format,
     /// The map, if it has one.
     pub grid: Option<Arc<Grid>>,
@@ -255,7 +255,7 @@ pub struct Contents {
     pub roadmap_plan: Option<RoadmapPlanFile>,
     /// The plan in the plane, if it has one.
     pub trajectories: Option<TrajectoryFile>,
-    /// What of the file is not kept, for the user.
+    /// Parts of the file that are not kept, for the user.
     pub notes: Vec<String>,
     /// Other files that were read for it.
     pub files: Vec<PathBuf>,
@@ -524,7 +524,7 @@ pub fn load_plan_and_roadmap(
     Ok((plan, contents.roadmap))
 }
 
-/// What cells and steps are in the plane.
+/// Size and duration of cells and steps in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     /// Side of a cell in metres.
@@ -542,7 +542,7 @@ impl Default for Scale {
     }
 }
 
-/// What is to be written.
+/// Parts of a file that is to be written.
 #[derive(Debug, Clone, Default)]
 pub struct Parts {
     /// The map.
@@ -559,7 +559,7 @@ pub struct Parts {
     pub roadmap_plan: Option<RoadmapPlanFile>,
     /// The plan in the plane.
     pub trajectories: Option<TrajectoryFile>,
-    /// How a plan on a grid becomes one in the plane.
+    /// The scale by which a plan on a grid becomes one in the plane.
     pub scale: Scale,
 }
 

@@ -2,8 +2,7 @@
 //!
 //! A layout is small on purpose. It says which lines carry paths, whether a line is
 //! an agent's path, a time step of all agents, or one agent at one time, and how a
-//! position is written. The
-//! named formats are layouts too, so there is one reader:
+//! position is written. The named formats are layouts too, so there is one reader:
 //!
 //! - `lacam`, the result files of lacam, lacam2, lacam3 and pibt2: after a line
 //!   `solution=` a line per time step, `t:(x,y),(x,y),`;
@@ -13,8 +12,8 @@
 //!   the lines of `lacam` alone. A position may say where its agent looks,
 //!   `(x,y,Y_MINUS)`; a plan does not keep it, so that turns become waits.
 //!
-//! Whether a plan is valid is not asked here; a position outside the map becomes
-//! [`OFF_MAP`] for the validator to find.
+//! Plans are not validated here; a position outside the map becomes [`OFF_MAP`] for
+//! the validator to find.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -32,7 +31,7 @@ pub const PATHS_LIMIT: u64 = 1 << 28;
 /// Most positions in an answer.
 const MOST_CELLS: usize = 1 << 27;
 
-/// What a line of paths is.
+/// The content of a line of paths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Major {
     /// An agent's path.
@@ -57,14 +56,14 @@ enum Token {
     Row,
     Col,
     Cell,
-    /// Where an agent looks, after a comma: `,Y_MINUS`. It may be missing.
+    /// The heading of an agent, after a comma: `,Y_MINUS`. It may be missing.
     Heading,
 }
 
-/// How an answer is written.
+/// The form of an answer.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// What a line of paths is.
+    /// The content of a line of paths.
     pub major: Major,
     /// A line with paths, one [`Token::Path`] in it.
     line: Vec<Token>,
@@ -113,14 +112,14 @@ impl std::fmt::Display for Begin {
     }
 }
 
-/// Why a text is no part of a [`Layout`].
+/// The reason why a text is no part of a [`Layout`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LayoutError {
     /// The part: `line`, `position` or `separator`.
     pub part: &'static str,
-    /// What is wrong with it.
+    /// The reason.
     pub reason: String,
-    /// What to write.
+    /// A way out.
     pub hint: &'static str,
 }
 
@@ -435,7 +434,7 @@ impl Cursor<'_> {
     }
 }
 
-/// What a line says of whose positions it has, and when.
+/// The agent and the time that a line names.
 #[derive(Debug, Default)]
 struct Numbers {
     agent: Option<i64>,
@@ -771,8 +770,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Whether a plan can be written as lines of positions: somebody is in it, and
-/// everybody is somewhere.
+/// Refuses plans that cannot be written as lines of positions: there has to be an agent, and every
+/// agent needs a position.
 pub(super) fn check_paths(plan: &GridPlan) -> Result<(), InputError> {
     if plan.agents() == 0 {
         return Err(InputError::new("plan", "there are no agents in the plan"));
@@ -813,7 +812,7 @@ pub fn write_paths_txt(plan: &GridPlan, size: MapSize) -> Result<Vec<u8>, InputE
     Ok(text.into_bytes())
 }
 
-/// What stands above the paths in a file of the format `lacam`.
+/// Lines above the paths in a file of the format `lacam`.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LacamHeader<'a> {
     /// Name of the map's file.

@@ -33,7 +33,7 @@ const LIST_LIMIT: u64 = 1 << 28;
 /// Most errands of all tasks.
 const MOST_ERRANDS: usize = 1 << 25;
 
-/// What the JSON file says.
+/// The content of the JSON file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Problem {
@@ -76,7 +76,7 @@ pub struct LorrInstance {
 /// A file of tasks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TaskList {
-    /// What errors call the file.
+    /// Name of the file in errors.
     pub source: String,
     /// The errands of every task in order: free cells, at least one.
     pub tasks: Vec<Vec<u32>>,

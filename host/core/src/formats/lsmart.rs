@@ -28,7 +28,7 @@ use crate::{Grid, InputError, Role};
 const HINT: &str =
     "a map of LSMART is a JSON object with `layout`, a list of rows such as \"..@e\"";
 
-/// How long its planners may simulate, which its programs want to be told in the map.
+/// Limit of the simulation, which LSMART's programs want to be told in the map.
 const MAX_TIME: u32 = 2000;
 
 #[derive(Deserialize)]
@@ -70,7 +70,7 @@ pub(super) struct LsmartMap {
     pub(super) weights: bool,
 }
 
-/// Whether a file that may be a map is a JSON object.
+/// True if a file that may be a map is a JSON object.
 pub(crate) fn is_json(bytes: &[u8]) -> bool {
     bytes.trim_ascii_start().first() == Some(&b'{')
 }

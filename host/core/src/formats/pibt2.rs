@@ -137,8 +137,7 @@ fn entry(text: &str, line: u64) -> Result<AgentEntry, (usize, String)> {
     })
 }
 
-/// What an instance file tells the solver besides the instance. What is `None` is
-/// left to pibt2.
+/// Settings of the solver in an instance file. Those that are `None` are left to pibt2.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Pibt2Settings {
     /// Seed of its random choices.

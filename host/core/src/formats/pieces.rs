@@ -12,12 +12,12 @@ pub enum Piece {
     Name(String),
 }
 
-/// Why a text cannot be split into pieces.
+/// The reason why a text cannot be split into pieces.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PieceError {
-    /// What is wrong.
+    /// The reason.
     pub reason: String,
-    /// What to write.
+    /// A way out.
     pub hint: String,
 }
 

@@ -20,7 +20,7 @@
 //! it. Turns are waits in either case. The positions that runs repeat are not
 //! compared: PlanViz does not look at them, and its own example has wrong ones.
 //!
-//! What is written is version `2024 LoRR` with the model `MAPF`: one task of one
+//! Files are written in version `2024 LoRR` with the model `MAPF`: one task of one
 //! errand per agent, released at time 0 and finished when the agent has come to its
 //! goal for good.
 
@@ -57,7 +57,7 @@ enum Model {
     Turning,
 }
 
-/// Where an agent looks, counted clockwise from east.
+/// The heading of an agent, counted clockwise from east.
 #[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
 enum Heading {
     E,
@@ -199,7 +199,7 @@ struct Robot {
     row: i64,
     col: i64,
     heading: Heading,
-    /// What it has begun, and ticks of that.
+    /// The action that it has begun, and the ticks of that.
     begun: Action,
     ticks: u32,
     ticks_per_action: u32,

@@ -3,13 +3,13 @@
 use super::MapSize;
 use crate::{GridPlan, OFF_MAP};
 
-/// What to tell the user when a plan [`looks_transposed`].
+/// The hint for a plan that [`looks_transposed`].
 pub const TRANSPOSED_HINT: &str = "rows and columns look swapped: with the two exchanged, every \
      agent begins at its start; is the file in x,y order where row,column is expected, or the \
      other way round?";
 
-/// Whether a plan that does not begin at the starts would, if rows and columns of
-/// all its positions were exchanged.
+/// True if a plan that does not begin at the starts would, if rows and columns of all its positions
+/// were exchanged.
 ///
 /// A position whose exchange is not on the map was read as [`OFF_MAP`]. It fits, but
 /// at least one agent must be seen at the exchange of its start.

@@ -12,7 +12,7 @@ pub(super) struct Yaml<'a> {
     parser: Parser<'a, StrInput<'a>>,
 }
 
-/// What a node is, once its beginning was read.
+/// Kind of a node, once its beginning was read.
 enum Node {
     Mapping,
     Sequence,

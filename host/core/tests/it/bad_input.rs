@@ -1,4 +1,4 @@
-//! What readers say of bad files: place, reason and hint, read as a user would.
+//! Messages of readers about bad files: place, reason and hint, read as a user would.
 
 use std::sync::Arc;
 
