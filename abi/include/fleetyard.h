@@ -340,7 +340,7 @@ typedef struct FleetyardGrid {
 } FleetyardGrid;
 
 /*
- What stays the same between calls: the map.
+ The part of the input that stays the same between calls: the map.
  */
 typedef struct FleetyardEnvironment {
   /*
@@ -380,7 +380,7 @@ typedef struct FleetyardAssignment {
 } FleetyardAssignment;
 
 /*
- What a planner is asked to solve.
+ An instance: the input of a planner.
  */
 typedef struct FleetyardInstance {
   /*
@@ -478,8 +478,8 @@ typedef struct FleetyardPlan {
 } FleetyardPlan;
 
 /*
- Where the fleet will be when everything committed has been executed, and
- what is left to do: the input of an instance generator.
+ The state of the fleet when everything committed has been executed, and the work that is left:
+ the input of an instance generator.
  */
 typedef struct FleetyardFleetState {
   /*
@@ -538,20 +538,19 @@ typedef struct FleetyardFleetState {
    */
   const uint32_t *task_cells;
   /*
-   One of `FLEETYARD_MOTION_*`: what the next instance must say.
+   One of `FLEETYARD_MOTION_*`, which the next instance must repeat.
    */
   int32_t motion;
   /*
-   One of `FLEETYARD_OBJECTIVE_*`: what the next instance must say.
+   One of `FLEETYARD_OBJECTIVE_*`, which the next instance must repeat.
    */
   int32_t objective;
   /*
-   Radius of the largest robot's enclosing circle: what the next instance must
-   say.
+   Radius of the largest robot's enclosing circle, which the next instance must repeat.
    */
   double radius_m;
   /*
-   As `FleetyardInstance::allows_cycles`: what the next instance must say.
+   As `FleetyardInstance::allows_cycles`; the next instance must repeat it.
    */
   int32_t allows_cycles;
   /*
@@ -561,7 +560,7 @@ typedef struct FleetyardFleetState {
 } FleetyardFleetState;
 
 /*
- How the fleet is doing: the input of an invocation policy.
+ The status of the fleet: the input of an invocation policy.
  */
 typedef struct FleetyardFleetStatus {
   /*
@@ -581,8 +580,7 @@ typedef struct FleetyardFleetStatus {
    */
   double since_last_call_s;
   /*
-   How long the planner may take: its answer to a call now takes effect so much
-   later.
+   Limit of the planner's time: its answer to a call now takes effect so much later.
    */
   double planning_limit_s;
   /*
@@ -647,7 +645,7 @@ typedef struct FleetyardSink {
 } FleetyardSink;
 
 /*
- What the plugin may ask of the host. Valid from `init` to `deinit`.
+ Services of the host for the plugin. Valid from `init` to `deinit`.
  */
 typedef struct FleetyardHost {
   /*
@@ -679,7 +677,7 @@ typedef struct FleetyardHost {
 } FleetyardHost;
 
 /*
- What a plugin is and can do. Static: valid until `deinit`.
+ Identity and capabilities of a plugin. Static: valid until `deinit`.
  */
 typedef struct FleetyardDescriptor {
   /*

@@ -185,7 +185,7 @@ pub struct Grid {
     pub terrain: *const u8,
 }
 
-/// What stays the same between calls: the map.
+/// The part of the input that stays the same between calls: the map.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, StableAbi)]
 pub struct Environment {
@@ -211,7 +211,7 @@ pub struct Assignment {
     pub reserved: u32,
 }
 
-/// What a planner is asked to solve.
+/// An instance: the input of a planner.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, StableAbi)]
 pub struct Instance {
@@ -271,8 +271,8 @@ pub struct Plan {
     pub cells: *const u32,
 }
 
-/// Where the fleet will be when everything committed has been executed, and
-/// what is left to do: the input of an instance generator.
+/// The state of the fleet when everything committed has been executed, and the work that is left:
+/// the input of an instance generator.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, StableAbi)]
 pub struct FleetState {
@@ -305,20 +305,19 @@ pub struct FleetState {
     pub task_offsets: *const u64,
     /// The cells that a task visits, in order.
     pub task_cells: *const u32,
-    /// One of `FLEETYARD_MOTION_*`: what the next instance must say.
+    /// One of `FLEETYARD_MOTION_*`, which the next instance must repeat.
     pub motion: i32,
-    /// One of `FLEETYARD_OBJECTIVE_*`: what the next instance must say.
+    /// One of `FLEETYARD_OBJECTIVE_*`, which the next instance must repeat.
     pub objective: i32,
-    /// Radius of the largest robot's enclosing circle: what the next instance must
-    /// say.
+    /// Radius of the largest robot's enclosing circle, which the next instance must repeat.
     pub radius_m: f64,
-    /// As `FleetyardInstance::allows_cycles`: what the next instance must say.
+    /// As `FleetyardInstance::allows_cycles`; the next instance must repeat it.
     pub allows_cycles: i32,
     /// Zero.
     pub reserved: u32,
 }
 
-/// How the fleet is doing: the input of an invocation policy.
+/// The status of the fleet: the input of an invocation policy.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, StableAbi)]
 pub struct FleetStatus {
@@ -330,8 +329,7 @@ pub struct FleetStatus {
     pub time_s: f64,
     /// Simulated time since the planner was last called.
     pub since_last_call_s: f64,
-    /// How long the planner may take: its answer to a call now takes effect so much
-    /// later.
+    /// Limit of the planner's time: its answer to a call now takes effect so much later.
     pub planning_limit_s: f64,
     /// The least time that an action of a robot takes.
     pub action_s: f64,
@@ -371,7 +369,7 @@ pub struct Sink {
     pub fail: Option<unsafe extern "C" fn(context: *mut c_void, message: Str)>,
 }
 
-/// What the plugin may ask of the host. Valid from `init` to `deinit`.
+/// Services of the host for the plugin. Valid from `init` to `deinit`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, StableAbi)]
 pub struct Host {
@@ -391,7 +389,7 @@ pub struct Host {
     pub get_extension: Option<unsafe extern "C" fn(id: Str) -> *const c_void>,
 }
 
-/// What a plugin is and can do. Static: valid until `deinit`.
+/// Identity and capabilities of a plugin. Static: valid until `deinit`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, StableAbi)]
 pub struct Descriptor {

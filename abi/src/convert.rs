@@ -588,8 +588,8 @@ impl FleetStatus {
     }
 }
 
-/// What a C sink needs besides a Rust one: what it checks, and where it keeps
-/// the plugin's explanation of a failure.
+/// Data of a C sink besides the Rust one: the bounds of its checks, and the plugin's explanation of
+/// a failure.
 pub struct SinkContext<'a> {
     sink: &'a dyn Sink,
     agents: Option<usize>,

@@ -21,7 +21,7 @@ use crate::sdk::{Entry, Failure, Options, StaticCatalog};
 pub trait Export: 'static {
     /// The plugins.
     fn catalog() -> &'static StaticCatalog;
-    /// Where their C descriptors are kept.
+    /// The C descriptors of the plugins.
     fn tables() -> &'static Tables;
 }
 
@@ -160,7 +160,7 @@ unsafe extern "C" fn descriptor<E: Export, const KIND: u8>(index: u32) -> *const
     catch_unwind(find).ok().flatten().unwrap_or(ptr::null())
 }
 
-/// What a panic said.
+/// The message of a panic.
 pub fn panic_message(payload: &(dyn Any + Send)) -> &str {
     payload
         .downcast_ref::<&str>()

@@ -25,7 +25,7 @@ pub const RUST_LAYOUT_ID: &str = "fleetyard.rust-layout/1";
 /// describe the same layout differently, so only equal ones are compared.
 pub const ABI_STABLE_RELEASE: [u16; 3] = [0, 11, 3];
 
-/// What a Rust plugin answers to [`RUST_LAYOUT_ID`].
+/// The answer of a Rust plugin to [`RUST_LAYOUT_ID`].
 #[repr(C)]
 pub struct RustLayout {
     /// Size of this structure.
@@ -64,7 +64,7 @@ pub fn rust_layout() -> &'static RustLayout {
     LAYOUT
 }
 
-/// What the check found.
+/// Result of the layout check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LayoutCheck {
     /// The layouts are equal.
@@ -110,9 +110,9 @@ pub unsafe fn check(pointer: *const c_void) -> LayoutCheck {
     }
 }
 
-/// What differs at one place, a line each: the type, how the check came to it, and
-/// what the host expected and found. abi_stable's own report repeats every level of
-/// nesting and is pages long.
+/// The differences of two layouts, a line each: the type, the path to it, and the layouts that the
+/// host expected and found. abi_stable's own report repeats every level of nesting and is pages
+/// long.
 fn differences(error: &AbiInstabilityError) -> Vec<String> {
     let mut path: Vec<&str> = Vec::new();
     let mut in_type = "Contract";

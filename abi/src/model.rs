@@ -62,7 +62,7 @@ impl std::fmt::Display for Kind {
 
 macro_rules! capabilities {
     ($($(#[doc = $doc:literal])* $name:ident = $bit:ident, $text:literal;)*) => {
-        /// What a plugin says it can do.
+        /// A capability that a plugin may claim.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
         #[serde(rename_all = "kebab-case")]
         pub enum Capability {
@@ -142,7 +142,7 @@ impl Capabilities {
         )
     }
 
-    /// Whether the set has a capability.
+    /// True if the set has a capability.
     pub fn has(self, capability: Capability) -> bool {
         self.0 & capability.bit() != 0
     }
@@ -198,7 +198,7 @@ impl JsonSchema for Capabilities {
     }
 }
 
-/// What a plugin is and can do.
+/// Identity and capabilities of a plugin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Descriptor {
     /// Short identifier, `[a-z0-9][a-z0-9._-]*`.
@@ -217,18 +217,18 @@ pub struct Descriptor {
     /// SPDX licence expression; may be empty.
     #[serde(default)]
     pub license: String,
-    /// What it can do.
+    /// Capabilities that the plugin claims.
     #[serde(default)]
     pub capabilities: Capabilities,
     /// JSON Schema of the options object; `null` when there are none.
     #[serde(default)]
     pub options_schema: serde_json::Value,
-    /// How the host should write paths that it sends.
+    /// Encoding of the paths that the host sends.
     #[serde(default)]
     pub path_encoding: PathEncoding,
 }
 
-/// How a path is written in JSON.
+/// Encoding of a path in JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PathEncoding {
@@ -296,7 +296,7 @@ impl Budget {
     }
 }
 
-/// What stays the same between calls: the map.
+/// The part of the input that stays the same between calls: the map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "representation", rename_all = "kebab-case")]
 pub enum Environment {
@@ -488,7 +488,7 @@ macro_rules! code_enum {
 }
 
 code_enum! {
-    /// What a plugin says of its call. A claim, never a verdict.
+    /// The plugin's account of its call. A claim, never a verdict.
     Status {
         /// The plan that was submitted solves the instance.
         Solved = STATUS_SOLVED,
@@ -525,7 +525,7 @@ impl std::fmt::Display for Status {
 }
 
 code_enum! {
-    /// How a robot moves on a grid.
+    /// The moves of a robot on a grid.
     Motion {
         /// To an adjacent cell, or waits, each in one step.
         Pebble = MOTION_PEBBLE,
@@ -538,7 +538,7 @@ code_enum! {
 }
 
 code_enum! {
-    /// What a plan should minimise.
+    /// The quantity that a plan should minimise.
     Objective {
         /// The sum over agents of the last time of arrival at the goal.
         SumOfCosts = OBJECTIVE_SUM_OF_COSTS,
@@ -548,7 +548,7 @@ code_enum! {
 }
 
 code_enum! {
-    /// Where a robot on a grid looks.
+    /// The direction in which a robot on a grid looks.
     Heading {
         /// Towards larger columns.
         East = HEADING_EAST,
@@ -562,7 +562,7 @@ code_enum! {
 }
 
 impl Heading {
-    /// Where a robot looks that goes to an adjacent cell of a grid of so many columns.
+    /// The heading of a robot that goes to an adjacent cell of a grid of so many columns.
     pub fn of_move(from: u32, to: u32, cols: u32) -> Self {
         if from.checked_add(cols) == Some(to) {
             Self::South
@@ -594,7 +594,7 @@ impl Heading {
 }
 
 code_enum! {
-    /// How much a log line matters.
+    /// Severity of a log line.
     LogLevel {
         /// Something failed.
         Error = LOG_ERROR,
@@ -607,7 +607,7 @@ code_enum! {
     }
 }
 
-/// What a planner is asked to solve, on the environment it was prepared for.
+/// An instance: the input of a planner, on the environment it was prepared for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Instance {
     /// Start cell of every agent.
@@ -617,10 +617,10 @@ pub struct Instance {
     pub headings: Option<Vec<Heading>>,
     /// Goal cells of every agent, to be visited in order; at least one each.
     pub goals: Goals,
-    /// How robots move.
+    /// The motion of robots.
     #[serde(default = "pebble")]
     pub motion: Motion,
-    /// What to minimise.
+    /// The quantity to minimise.
     #[serde(default = "sum_of_costs")]
     pub objective: Objective,
     /// Collisions after this many steps do not matter, and paths may end before
@@ -630,9 +630,9 @@ pub struct Instance {
     /// Radius of the largest robot's enclosing circle.
     #[serde(default)]
     pub radius_m: f64,
-    /// Whether three or more agents may move round in a ring in one step, each into
-    /// the cell that the next one leaves. Plans for a fleet must not: there nobody
-    /// enters a cell before it is empty.
+    /// True if three or more agents may move round in a ring in one step, each into the cell that
+    /// the next one leaves. Plans for a fleet must not: there nobody enters a cell before it is
+    /// empty.
     #[serde(default = "yes")]
     pub allows_cycles: bool,
     /// Tasks that an instance generator gives to agents: the host appends the cells
@@ -692,7 +692,7 @@ impl Goals {
         self.offsets.len() - 1
     }
 
-    /// Whether there are no lists.
+    /// True if there are no lists.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -794,8 +794,8 @@ impl Instance {
         Capabilities::of(&needed)
     }
 
-    /// Whether lengths agree, every agent has a goal, and all cells are on a
-    /// map of `cells` cells. The reason why not otherwise.
+    /// Checks that lengths agree, every agent has a goal, and all cells are on a map of `cells`
+    /// cells. Gives the reason why not otherwise.
     pub fn check(&self, cells: usize) -> Result<(), String> {
         let agents = self.agents();
         if agents == 0 || self.goals.len() != agents {
@@ -828,8 +828,7 @@ impl Instance {
     }
 }
 
-/// Where the fleet will be when everything committed has been executed, and
-/// what is left to do.
+/// The state of the fleet when everything committed has been executed, and the work that is left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FleetState {
     /// Simulated time since the run began.
@@ -849,18 +848,16 @@ pub struct FleetState {
     /// shorter one.
     #[serde(default)]
     pub window_steps: u32,
-    /// How robots move: what the next instance must say.
+    /// The motion of robots, which the next instance must repeat.
     #[serde(default = "pebble")]
     pub motion: Motion,
-    /// What to minimise: what the next instance must say.
+    /// The quantity to minimise, which the next instance must repeat.
     #[serde(default = "sum_of_costs")]
     pub objective: Objective,
-    /// Radius of the largest robot's enclosing circle: what the next instance must
-    /// say.
+    /// Radius of the largest robot's enclosing circle, which the next instance must repeat.
     #[serde(default)]
     pub radius_m: f64,
-    /// Whether agents may move round in a ring in one step: what the next instance
-    /// must say.
+    /// True if agents may move round in a ring in one step; the next instance must repeat it.
     #[serde(default = "yes")]
     pub allows_cycles: bool,
 }
@@ -892,15 +889,14 @@ pub struct Task {
     pub cells: Vec<u32>,
 }
 
-/// How the fleet is doing.
+/// The status of the fleet.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FleetStatus {
     /// Simulated time since the run began.
     pub time_s: f64,
     /// Simulated time since the planner was last called.
     pub since_last_call_s: f64,
-    /// How long the planner may take: its answer to a call now takes effect so much
-    /// later.
+    /// Limit of the planner's time: its answer to a call now takes effect so much later.
     pub planning_limit_s: f64,
     /// The least time that an action of a robot takes.
     pub action_s: f64,

@@ -62,7 +62,7 @@ pub trait InstanceGenerator: Prepare {
 
 /// An invocation policy that has been made.
 pub trait InvocationPolicy: Send {
-    /// Whether to call the planner now.
+    /// True if the planner has to be called now.
     fn should_invoke(&mut self, status: &FleetStatus, sink: &dyn Sink) -> Result<bool, Failure>;
 }
 

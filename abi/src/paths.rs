@@ -1,4 +1,4 @@
-//! How paths are written in JSON, here and in plan files.
+//! Encodings of paths in JSON, here and in plan files.
 //!
 //! Per agent one of
 //!
@@ -23,8 +23,8 @@ use crate::moves::{self, OFF_MAP};
 
 pub use reader::{PathsError, PathsReader};
 
-/// What is needed to read and write paths: the map's size, and where each agent
-/// starts (for moves).
+/// The context of reading and writing paths: the map's size, and the start of each agent (for
+/// moves).
 #[derive(Debug, Clone, Copy)]
 pub struct PathContext<'a> {
     /// Rows of the map.

@@ -82,7 +82,7 @@ use crate::model::{
 };
 use crate::object::Object;
 
-/// Why a call did not succeed.
+/// The reason why a call did not succeed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{status}: {message}")]
 pub struct Failure {
@@ -90,8 +90,8 @@ pub struct Failure {
     pub status: Status,
     /// For people.
     pub message: String,
-    /// Whether the plugin broke the contract, which it does not say by itself:
-    /// whoever stands between it and the host found out.
+    /// True if the plugin broke the contract, which it does not say by itself: the code between it
+    /// and the host found out.
     pub broke_contract: bool,
 }
 
@@ -139,8 +139,8 @@ pub trait Sink: Sync {
     fn log(&self, level: LogLevel, text: &str);
     /// Says how much of the work is done; `total` 0 if unknown.
     fn progress(&self, done: u64, total: u64);
-    /// Whether the call should end: its deadline has passed, or the host gave up on it.
-    /// Cheap; ask often.
+    /// True if the call should end: its deadline has passed, or the host gave up on it. Cheap; ask
+    /// often.
     fn cancelled(&self) -> bool;
 }
 
@@ -169,9 +169,9 @@ impl<'a> Options<'a> {
     }
 }
 
-/// What every plugin has, of whatever kind.
+/// The part that plugins of all kinds share.
 pub trait Plugin: Sized + 'static {
-    /// What the plugin is and can do.
+    /// Identity and capabilities of the plugin.
     fn descriptor() -> Descriptor;
     /// Makes one from its options.
     fn create(options: Options<'_>) -> Result<Self, Failure>;
@@ -246,7 +246,7 @@ pub trait InstanceGenerator: Plugin + Send {
 
 /// Decides when the planner is called.
 pub trait InvocationPolicy: Plugin + Send {
-    /// Whether to call it now.
+    /// True if the planner has to be called now.
     fn should_invoke(&mut self, status: &FleetStatus, sink: &dyn Sink) -> Result<bool, Failure>;
 }
 

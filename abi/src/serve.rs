@@ -137,7 +137,7 @@ enum Notification {
     Exit,
 }
 
-/// What must be heard while a call is running. Cheap to rule out.
+/// A notification that must be heard while a call is running. Other lines are cheap to rule out.
 fn notification(line: &str) -> Option<Notification> {
     if line.len() > 256 {
         return None;
@@ -385,8 +385,7 @@ fn outcome(result: Result<(), Failure>) -> Result<Outcome, Refusal> {
     }
 }
 
-/// How to write and read the paths of an instance, if the instance fits the map
-/// that was prepared.
+/// The context for the paths of an instance, if the instance fits the map that was prepared.
 fn path_context<'a>(
     environment: Option<&SharedEnvironment>,
     instance: &'a Instance,
@@ -411,7 +410,7 @@ fn path_context<'a>(
     })
 }
 
-/// What all calls share: where messages go, and which request was cancelled.
+/// State that all calls share: the output for messages, and the request that was cancelled.
 struct Channel<'a, W> {
     output: &'a Mutex<W>,
     cancelled: &'a AtomicU64,
@@ -449,7 +448,7 @@ impl<'a, W: Write + Send> Channel<'a, W> {
     }
 }
 
-/// What a call may submit.
+/// The kind of answer that a call may submit.
 enum Answer<'a> {
     None,
     Plan(PathContext<'a>),
@@ -467,7 +466,7 @@ struct WireSink<'a, W> {
 }
 
 impl<W: Write + Send> WireSink<'_, W> {
-    /// How long the call that began then has worked until now.
+    /// Nanoseconds that the call which began at `began_ns` has worked until now.
     fn worked_ns(&self, began_ns: u64) -> u64 {
         (monotonic_ns() - began_ns).saturating_sub(self.writing_ns.load(Ordering::Relaxed))
     }

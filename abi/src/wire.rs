@@ -81,7 +81,7 @@ impl Envelope<'_> {
 pub struct RpcError {
     /// One of the codes of this module, or the plugin's own.
     pub code: i64,
-    /// What went wrong.
+    /// The reason, in words.
     pub message: String,
 }
 
@@ -172,7 +172,7 @@ pub fn line<M: Serialize>(message: &M) -> Vec<u8> {
     line
 }
 
-/// Who is speaking.
+/// The program at one end of the connection.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub struct Peer {
     /// Name of the program.
@@ -228,12 +228,12 @@ pub struct PrepareParams<E = Environment> {
     pub budget: Budget,
 }
 
-/// How a call went.
+/// The result of a call without further content.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub struct Outcome {
     /// `solved` stands for success.
     pub status: Status,
-    /// Why, when it is no success.
+    /// The reason, when it is no success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
 }
@@ -242,7 +242,7 @@ pub struct Outcome {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "PlanParams")]
 pub struct PlanParams<I = Instance> {
-    /// What to solve.
+    /// The instance to solve.
     pub instance: I,
     /// Limits of this call.
     pub budget: Budget,
@@ -253,11 +253,11 @@ pub struct PlanParams<I = Instance> {
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "RecoverParams")]
 pub struct RecoverParams<'a, I = Instance> {
-    /// What was to be solved.
+    /// The instance that was to be solved.
     pub instance: I,
     /// Limits of this call.
     pub budget: Budget,
-    /// What the planner left, collisions and all: one path per agent.
+    /// The plan that the planner left, collisions and all: one path per agent.
     #[serde(borrow, default)]
     #[schemars(with = "Option<Vec<WirePath>>")]
     pub failed_paths: Option<&'a RawValue>,
@@ -268,7 +268,7 @@ pub struct RecoverParams<'a, I = Instance> {
 pub struct PlanResult<'a> {
     /// The plugin's claim.
     pub status: Status,
-    /// Why, when it did not succeed.
+    /// The reason, when it did not succeed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
     /// One path per agent. May be left out when the last `incumbent` was the
@@ -276,9 +276,9 @@ pub struct PlanResult<'a> {
     #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Vec<WirePath>>")]
     pub paths: Option<&'a RawValue>,
-    /// How long the plugin worked on the call, without reading and writing messages:
-    /// nanoseconds of a monotonic clock, no more than the call took. A claim: nobody is ranked
-    /// by it.
+    /// Time for which the plugin worked on the call, without reading and writing messages:
+    /// nanoseconds of a monotonic clock, no more than the call took. A claim: nobody is ranked by
+    /// it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub call_ns: Option<u64>,
 }
@@ -317,7 +317,7 @@ pub struct GenerateParams<S = FleetState> {
 pub struct GenerateResult {
     /// `solved` stands for success.
     pub status: Status,
-    /// Why, when it is no success.
+    /// The reason, when it is no success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
     /// The next instance.
@@ -336,7 +336,7 @@ pub struct ShouldInvokeParams<S = FleetStatus> {
 /// Result of `should_invoke`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub struct ShouldInvokeResult {
-    /// Whether to call the planner now.
+    /// True if the planner has to be called now.
     pub invoke: bool,
 }
 
@@ -362,7 +362,7 @@ pub struct ProgressParams {
 /// Parameters of the notification `log`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub struct LogParams {
-    /// How much it matters.
+    /// Severity of the line.
     pub level: LogLevel,
     /// The line.
     pub text: String,

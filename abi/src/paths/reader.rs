@@ -39,7 +39,7 @@ enum Place {
 }
 
 impl Place {
-    /// How many lists are open around it.
+    /// Number of lists that are open around it.
     fn depth(self) -> u32 {
         self as u32 + 1
     }
@@ -393,7 +393,7 @@ impl PathsReader {
         format!("invalid type: {found}, expected {expected}")
     }
 
-    /// What follows is no plan any more, and nothing of it is kept.
+    /// Gives up the plan; the rest of it is skipped.
     fn refuse(&mut self, wrong: String, depth: u32, string: bool) {
         self.wrong.get_or_insert(wrong);
         self.plan = Plan::default();
@@ -432,7 +432,7 @@ impl PathsReader {
     }
 }
 
-/// What a number stands for.
+/// The meaning of a number.
 enum Value {
     Cell(u32),
     Coordinate(i64),
