@@ -290,28 +290,36 @@ def cell(measured, setup, place):
     if not rows:
         return "–"
     seeds = Seeds([row["throughput_per_s"] for row in rows])
-    spread = "" if seeds.n < 2 else f" ± {seeds.interval()[1] - seeds.mean:.2f}"
+    spread = "" if seeds.n < 2 else f"±{seeds.interval()[1] - seeds.mean:.2f}"
     fails = measured.fails(setup, place)
-    return f"{seeds.mean:.2f}{spread}" + (f" ({100 * fails:.0f} %)" if fails else "")
+    return f"{seeds.mean:.2f}{spread}" + (f" ({100 * fails:.0f}%)" if fails else "")
 
 
 def table(page, forms, setups, names=SETUPS):
     if not any(measured.places(setups) for measured in forms):
         page.text("Not measured yet.\n")
         return
-    page.text("| map | N | setups | " + " | ".join(names[setup] for setup in setups) + " |",
-              "| --- | ---: | --- |" + " ---: |" * len(setups))
+    several = len(forms) > 1
+    page.text("| map | N |" + (" setups |" if several else "") + " " + " | ".join(names[setup] for setup in setups) + " |",
+              "| --- | ---: |" + (" --- |" if several else "") + " ---: |" * len(setups))
     for place in sorted({place for measured in forms for place in measured.places(setups)}):
-        for name, measured in zip(FORMS, forms):
+        for name, measured in zip(("paper", "shipped"), forms):
             if any(measured.by_seed(setup, place) for setup in setups):
                 cells = [cell(measured, setup, place) for setup in setups]
-                page.text(f"| {place[0]} | {place[1]} | {name} | " + " | ".join(cells) + " |")
+                page.text(f"| {place[0]} | {place[1]} |" + (f" {name} |" if several else "") + " " + " | ".join(cells) + " |")
     page.text("")
 
 
+def experiments_1_to_3(page, forms):
+    page.text("## 1 to 3: instance generators, when to plan, windows\n")
+    table(page, forms, ["1", "2", "5", "6", "3", "4", "9", "10", "7", "8"])
+    experiment_1(page, forms)
+    experiment_2(page, forms)
+    experiment_3(page, forms)
+
+
 def experiment_1(page, forms):
-    page.text("## 1: instance generators\n")
-    table(page, forms, ["1", "2", "3", "4", "5", "6"])
+    page.text("Instance generators:\n")
     page.say("The windowed setup consistently achieves equal or highest throughput.", "no worse", forms,
              against_best([("3", "15"), ("4", "26")]))
     page.say("It is asked for less, and so fails less: fewer calls go to the fail policy.", "better", forms,
@@ -326,8 +334,7 @@ def experiment_1(page, forms):
 
 
 def experiment_2(page, forms):
-    page.text("## 2: when to plan\n")
-    table(page, forms, ["3", "4", "7", "8"])
+    page.text("When to plan:\n")
     named = ["room-64-64-16", "warehouse-10-20-10-2-1"]
     page.say("In room-64-64-16 and warehouse-10-20-10-2-1 both policies are similar for the same W.", "similar", forms,
              pairs([("3", "4"), ("7", "8")], only=named), maps=named)
@@ -339,8 +346,7 @@ def experiment_2(page, forms):
 
 
 def experiment_3(page, forms):
-    page.text("## 3: windows\n")
-    table(page, forms, ["3", "9", "10", "7"])
+    page.text("Windows:\n")
     page.say("With few robots (here: the smallest team of each map) frequent calls and short windows are better: W = 1 s "
              "against 10 s.", "better", forms, pairs([("3", "7")], ends="few"))
     page.say("With many (the largest team) rare calls and long windows are better: W = 10 s against 1 s.", "better", forms,
@@ -477,27 +483,28 @@ def peers(page, rows):
     with open(path, newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):
             theirs[row["map"], row["planner"], int(row["agents"])].append(row)
-    page.text("Its program (commit ce0a020) on two cores, windows of ten steps, a call every second, against ours with "
-          "robots of its effective limits (`lsmart-effective`), the same windows, period and limit of 1 s, two seconds at a "
-          "station. Where it was run for 60 or 120 s only (PIBT with 800 robots, RHCR with 200 and more) the beginning "
-          "counts for more. It counts a goal when robots are *committed* to it; we count arrivals, and give both. Its "
-          "RHCR is windowed PBS. Ours are as shipped ([planners](../planners.md#lanes)). An RTF of ours is given where the "
-          "machine had nothing else to do.\n")
-    page.text("| map | planner | N | its goals/s | its RTF | its fail calls | our goals/s | our committed/s | our RTF | our fail calls | contacts |")
-    page.text("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    page.text("Its program (commit ce0a020) on two cores, windows of ten steps, a call every second, two seconds at a station; runs of "
+          "60 or 120 s only for PIBT with 800 robots and RHCR (windowed PBS) with 200 and more. It counts a goal when robots are "
+          "*committed* to it."
+          + (" Ours as shipped, with robots of its effective limits (`lsmart-effective`): goals are arrivals, and an RTF is given "
+             "where the machine had nothing else to do." if rows.cells else "") + "\n")
+    head = ["map", "planner", "N", "its goals/s", "its RTF", "its fail calls"]
+    if rows.cells:
+        head += ["our goals/s", "our committed/s", "our RTF", "our fail calls", "contacts"]
+    page.text("| " + " | ".join(head) + " |", "| --- | --- |" + " ---: |" * (len(head) - 2))
     for (name, planner, agents), given in sorted(theirs.items()):
         of = lambda key: mean([float(row[key]) for row in given])
         calls = of("rule_based_fail_calls") / max(of("planner_invocations"), 1)
         ours = list(rows.cells.get((planner, name, agents), {}).values())
-        right = ["–"] * 5
+        right = ["–"] * 5 if rows.cells else []
         if ours:
             quiet = [row["rtf"] for row in ours if not row["contended"]]
             right = [f"{mean([row['throughput_per_s'] for row in ours]):.2f}",
                      f"{mean([row['goals_committed'] / row['simulated_s'] for row in ours]):.2f}",
                      f"{mean(quiet):.0f}" if quiet else "–",
-                     f"{100 * mean([row['fail_policy_ratio'] for row in ours]):.0f} %",
+                     f"{100 * mean([row['fail_policy_ratio'] for row in ours]):.0f}%",
                      f"{sum(row['contacts'] for row in ours)}"]
-        left = [f"{of('throughput_per_s'):.2f}", f"{of('rtf_wall'):.1f}", f"{100 * calls:.0f} %"]
+        left = [f"{of('throughput_per_s'):.2f}", f"{of('rtf_wall'):.1f}", f"{100 * calls:.0f}%"]
         page.text(f"| {name} | {planner} | {agents} | " + " | ".join(left + right) + " |")
     page.text()
 
@@ -581,9 +588,9 @@ def main():
     both = [paper, shipped]
     page = Page()
     page.text("# LSMART's experiments\n")
-    page.text("Yan, Zhang, Liu, Zhang, Jiang, Chen, Smith and Li, \"Lifelong Scalable Multi-Agent Realistic Testbed and A "
-          "Comprehensive Study on Design Choices in Lifelong AGV Fleet Management Systems\", 2026: nineteen setups, six "
-          "experiments and an appendix, with our modules, planners and simulator ([fleets](../fleet.md)).\n")
+    page.text("This page repeats the experiments of LSMART (Yan, Zhang, Liu, Zhang, Jiang, Chen, Smith and Li, \"Lifelong Scalable "
+          "Multi-Agent Realistic Testbed and A Comprehensive Study on Design Choices in Lifelong AGV Fleet Management Systems\", "
+          "2026) with the modules, planners and simulator of [fleets](../fleet.md).\n")
     page.text("```sh\nscripts/lsmart             # the reduced form: ten seeds, 300 s, a few team sizes\n"
           "scripts/lsmart --full --slurm '--partition short --time-limit 12h'    # ten seeds, 600 s, all maps and teams\n"
           "scripts/lsmart page        # this page\n```\n")
@@ -596,36 +603,31 @@ def main():
     failed = sum(not row["success"] for row in all_rows)
     if disturbed := sum(part.disturbed for part in rows.values()):
         print(f"{disturbed} runs are left out: calls failed on a machine that had something else to do", file=sys.stderr)
-    page.text(f"What follows was written by `scripts/lsmart_page.py` from {len(all_rows)} runs of the {form} form, seeds "
-          f"{', '.join(map(str, sorted({row['seed'] for row in all_rows})))}: {driven / 3600:.0f} robot-hours, "
+    seeds = sorted({row["seed"] for row in all_rows})
+    page.text(f"Written by `scripts/lsmart_page.py` from {len(all_rows)} runs of the {form} form, seeds {seeds[0]} to {seeds[-1]}: "
+          f"{driven / 3600:.0f} robot-hours, "
           f"{sum(row['contacts'] for row in all_rows)} contacts" + (f", {failed} runs that did not succeed" if failed else "")
           + (f", made by {builds} builds" if (builds := len({row["planner_digest"] for row in all_rows})) > 1 else "") + ". "
-          + f"The rows are in `docs/results/lsmart/`. Each cell is the mean throughput in goals per simulated second, the half "
-          "of its 95 % t interval over seeds, and in brackets the share of calls that went to the fail policy, if any did; – "
-          "is not measured. Calls are limited by search nodes (each suite says how many), so that a run is the same on any machine; a "
-          "cell in which calls failed for want of time on a machine that had something else to do is left out.\n")
+          + "The rows are in `docs/results/lsmart/`. A cell is the mean throughput in goals per simulated second, the half of its "
+          "95 % t interval over seeds, and in brackets the share of calls that went to the fail policy; – is not measured. Calls are "
+          "limited by search nodes, so that a run is the same on any machine; cells in which calls failed for want of time on a busy "
+          "machine are left out.\n")
     page.text("**Verdicts.** For each seed, d is the mean of ln(goals of A / goals of B) over the cells (a map with a number of robots) "
-              "that the claim is about, each weighing the same; shares of failed calls are compared by log odds. Seeds are the unit. "
-              "\"Better\" means d > 0, \"equal or better\" d > −δ, \"similar\" −δ < d < δ, with δ = ln 1.05 fixed beforehand. A claim is "
-              "*confirmed* or *contradicted* where Student's t test over at least six seeds says so with p ≤ 5 % after Holm's "
-              "correction for all claims of this page. A claim of \"better\" for which it says neither is *equivalent* where two "
-              "one-sided tests, with a correction of their own, put d between −δ and δ. All else is *undecided*, with the number "
-              "of seeds that would decide if mean and spread stayed as they are ([the rule](../../scripts/verdicts.py)). In brackets are 95 % intervals before "
-              "correction.\n")
-    page.text("**What differs from the paper.** Setups *as in the paper* plan without charges for turns and lanes and without a "
-          "distance from crowded goals, and commit robots to ⌈T/ε⌉ actions; *as shipped* they have what our planners do by "
-          "default, and the cut by time. Starts are random cells facing north, goals random, as in the paper; the simulator is "
-          "ours, with exact contacts instead of ARGoS, robots at the paper's nominal limits (2 m/s, 2 m/s², 45°/s), actions "
-          "sent without delays. PBS, CBS, PP and LNS are our own. The reduced form has "
-          "shorter runs (300 of 600 s) and fewer team sizes, and leaves out maze-32-32-4 and empty-32-32. The limit of a planner "
-          "is wall-clock time there; here calls of CBS, PP and PBS end by search nodes before that, so that more of them fail than "
-          "in as many seconds, and the same ones on every machine.\n")
+              "of the claim; shares of failed calls are compared by log odds. \"Better\" means d > 0, \"equal or better\" d > −δ, "
+              "\"similar\" −δ < d < δ, with δ = ln 1.05. A claim is *confirmed* or *contradicted* by Student's t test over at least six "
+              "seeds with p ≤ 5 % after Holm's correction for all claims of this page; otherwise a claim of \"better\" is *equivalent* "
+              "where two one-sided tests put d between −δ and δ. All else is *undecided*, with the number of seeds that would decide "
+              "([the rule](../../scripts/verdicts.py)). In brackets are 95 % intervals before correction.\n")
+    page.text("**Differences from the paper.** Setups *as in the paper* plan without charges for turns and lanes and without a "
+          "distance from crowded goals, and commit robots to ⌈T/ε⌉ actions; *as shipped* they have the defaults of our planners, and "
+          "the cut by time. The simulator has exact contacts instead of ARGoS, robots at the paper's nominal limits (2 m/s, 2 m/s², "
+          "45°/s), and actions sent without delays. The reduced form has shorter runs (300 of 600 s) and fewer team sizes, and "
+          "leaves out maze-32-32-4 and empty-32-32. Calls of CBS, PP and PBS end by search nodes before the paper's limit of wall-clock "
+          "time, so that more of them fail.\n")
     page.text("**Maps.** warehouse-33-36 and empty-32-32 are cell by cell the paper's. warehouse-10-20-10-2-1 is MovingAI's without "
-          "its wall, with [roles](../maps.md#warehouses) in the way of warehouse-33-36: where its authors put them is not "
-          "published. The others are MovingAI's where `FLEETYARD_DATA` has them, else ours of the same kind and size.\n")
-    experiment_1(page, both)
-    experiment_2(page, both)
-    experiment_3(page, both)
+          "its wall, with [roles](../maps.md#warehouses) in the way of warehouse-33-36. The others are MovingAI's where "
+          "`FLEETYARD_DATA` has them, else ours of the same kind and size.\n")
+    experiments_1_to_3(page, both)
     experiment_4(page, Measured([rows["lns2"]]))
     experiment_5(page, [Measured([rows["policies"]])], kept)
     experiment_6(page, both)
