@@ -1,16 +1,14 @@
 //! The command as its users see it: good input, real files of `maps/`, every command.
 //! What happens to bad input is in `bad_input.rs`.
 
-mod common;
-
 use std::fs;
 use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::{
-    INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, Started, USAGE, Yard, c_library, faulty_library,
+use crate::common::{
+    self, INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, Started, USAGE, Yard, c_library, faulty_library,
     faulty_program, have, instance, is_ignored, root, until, words,
 };
 use serde_json::Value;

@@ -1,10 +1,8 @@
 //! `fleetyard store export`: a store in the formats of other tools.
 
-mod common;
-
 use std::fs;
 
-use common::{INPUT, SUCCESS, USAGE, Yard};
+use crate::common::{INPUT, SUCCESS, USAGE, Yard};
 use fleetyard_bench::{Meta, Row, Store};
 
 /// A store with two planners on two instances, whose suite ranks as the appendix does.

@@ -1,12 +1,10 @@
 //! `fleetyard store bundle` and `fleetyard store repeat`: a finished suite goes into one archive, and
 //! somebody else makes its trials again out of it.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, c_library, root};
+use crate::common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, c_library, root};
 use fleetyard_bench::suite::load_suite;
 use fleetyard_bench::{Row, Store};
 use serde_json::Value;

@@ -1,12 +1,10 @@
 //! Discovery of plugins: the places, the precedence of one of several, and the code that may run.
 
-mod common;
-
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use common::{
+use crate::common::{
     Ended, INPUT, PLUGIN, SUCCESS, USAGE, Yard, faulty_library, have, instance, root, words,
 };
 use serde_json::Value;

@@ -1,13 +1,11 @@
 //! `fleetyard convert`, and plans of other tools in `validate` and `simulate`.
 
-mod common;
-
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use crate::common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
 
 const MAP: &str = "type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n";
 const SCEN: &str = "version 1\n1\ta.map\t3\t2\t0\t0\t2\t1\t3\n0\ta.map\t3\t2\t0\t1\t2\t0\t3\n";

@@ -3,12 +3,12 @@
 //!
 //! Plugins are those of `plugins/faulty/fleet.py`, which fail as they are asked to.
 
-mod common;
-
 use std::fs;
 use std::process::Command;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, have, is_ignored, root, until, words};
+use crate::common::{
+    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, have, is_ignored, root, until, words,
+};
 use serde_json::Value;
 
 /// Arguments of a run on a small map whose modules are all in the file of faulty ones,

@@ -1,9 +1,7 @@
 //! Command adapters end to end: solvers of every named format and a described one,
 //! and solvers that misbehave. The solvers are small programs in Python, written here.
 
-mod common;
-
-use common::{INPUT, NO_PLAN, PLUGIN, SUCCESS, Yard, have, instance, root, words};
+use crate::common::{self, INPUT, NO_PLAN, PLUGIN, SUCCESS, Yard, have, instance, root, words};
 use fleetyard_core::formats::Format;
 use fleetyard_runtime::adapter::Manifest;
 use serde_json::Value;

@@ -5,12 +5,10 @@
 //! When episodes change on purpose, run with `FLEETYARD_UPDATE_EXPECTED=1`, look at the
 //! pictures in `expected/episodes/`, and commit them.
 
-mod common;
-
 use std::path::PathBuf;
 use std::{env, fs};
 
-use common::{INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use crate::common::{INVALID_PLAN, SUCCESS, USAGE, Yard, root};
 use fleetyard_view::difference;
 use serde_json::Value;
 

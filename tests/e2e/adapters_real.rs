@@ -4,11 +4,9 @@
 //! program is on `PATH` or named by its variable, and says that it was skipped
 //! otherwise. `docs/solvers.md` says how to get them.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::{Ended, INPUT, NO_PLAN, SUCCESS, Yard, instance, root, words};
+use crate::common::{Ended, INPUT, NO_PLAN, SUCCESS, Yard, instance, root, words};
 use fleetyard_runtime::adapter::Adapter;
 use serde_json::Value;
 

@@ -5,17 +5,15 @@
 //! exit code other than 0, and `...` and `[..]` stand for what differs from machine to
 //! machine. A `diff` block changes the file that its first line names, and a block whose
 //! first line goes on with a name after the language is a new file.
-//! `SNAPSHOTS=overwrite cargo test -p fleetyard --test tutorials` writes the output anew; look
+//! `SNAPSHOTS=overwrite cargo test -p fleetyard --test e2e tutorials::` writes the output anew; look
 //! at what becomes of the `...`.
-
-mod common;
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use common::{Yard, have, prepare_package, root};
+use crate::common::{Yard, have, prepare_package, root};
 use snapbox::data::DataFormat;
 use snapbox::{Assert, Data};
 

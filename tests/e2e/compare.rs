@@ -1,9 +1,7 @@
 //! `fleetyard compare`: several planners on several maps, with options of their own, and
 //! what they claim held against what was found.
 
-mod common;
-
-use common::{INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, USAGE, Yard, have, root};
+use crate::common::{INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, USAGE, Yard, have, root};
 use serde_json::Value;
 
 #[test]

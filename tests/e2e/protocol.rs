@@ -1,8 +1,6 @@
 //! `docs/protocol.md`: its tables are what the schema and the source say, and its
 //! messages are read as the host reads them.
 
-#![allow(missing_docs)]
-
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -236,7 +234,7 @@ fn tables_are_current() {
     assert!(
         found == current,
         "docs/protocol.md is not what the schema says; run \
-         `FLEETYARD_UPDATE=1 cargo test -p fleetyard --test protocol`"
+         `FLEETYARD_UPDATE=1 cargo test -p fleetyard --test e2e protocol::`"
     );
 }
 

@@ -1,8 +1,6 @@
 //! `fleetyard bench` and `fleetyard store`: suites that run, are interrupted, killed, split
 //! and made again.
 
-mod common;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Read;
@@ -11,7 +9,9 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Instant;
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, faulty_program, have, is_ignored, root, until};
+use crate::common::{
+    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, faulty_program, have, is_ignored, root, until,
+};
 use fleetyard_bench::{Row, Store};
 
 /// A suite of two planners on a small map; `more` stands before its tables.

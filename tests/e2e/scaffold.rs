@@ -2,16 +2,14 @@
 //! warnings, passes its own test and the conformance kit, and is found; planners solve an
 //! instance. The commands are those that the command itself prints.
 
-mod common;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::Command;
 
+use crate::common::{Ended, INPUT, SUCCESS, USAGE, Yard, have, prepare_package, root};
 use cargo_metadata::{DependencyKind, MetadataCommand};
-use common::{Ended, INPUT, SUCCESS, USAGE, Yard, have, prepare_package, root};
 
 const KINDS: [&str; 4] = [
     "planner",

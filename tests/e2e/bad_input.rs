@@ -5,14 +5,12 @@
 //! Each behaviour of a plugin that a library and a program can both have is tried
 //! through both, and in the host's own process where it does not take the host down.
 
-mod common;
-
 use std::collections::BTreeSet;
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
-use common::{
+use crate::common::{
     Ended, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, USAGE, Yard, build, c_library,
     faulty_library, faulty_program, have, instance, words,
 };

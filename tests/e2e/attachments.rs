@@ -5,11 +5,9 @@
 //! Digests are compared with each other and never with numbers written down here:
 //! planners get better, and then their plans are others.
 
-mod common;
-
 use std::process::Command;
 
-use common::{SUCCESS, Yard, build, c_library, have, instance, root, words};
+use crate::common::{SUCCESS, Yard, build, c_library, have, instance, root, words};
 use serde_json::Value;
 
 /// Runs a planner on an instance; the record of a valid plan.

@@ -1,11 +1,9 @@
 //! `fleetyard trace`: traces described, compared and turned into other files.
 
-mod common;
-
 use std::fs;
 use std::process::Command;
 
-use common::{Ended, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root};
+use crate::common::{Ended, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root};
 use serde_json::Value;
 
 /// Three agents, of which two swap places and one runs into a pillar.

@@ -1,0 +1,25 @@
+//! The command, its files and its documentation from end to end, in one binary: a module for each
+//! subject. Tests that need a process of their own stand beside this folder.
+
+mod adapters;
+mod adapters_real;
+mod architecture;
+mod attachments;
+mod bad_input;
+mod bench;
+mod bundle;
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
+mod compare;
+mod convert;
+mod discovery;
+mod episodes;
+mod exports;
+mod fleet;
+mod maze_benchmark;
+mod protocol;
+mod scaffold;
+mod simulate;
+mod trace;
+mod tutorials;
