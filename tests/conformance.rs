@@ -6,13 +6,11 @@
 //! depend on chance; where a case is about time, the plugin misses by seconds or not at
 //! all.
 
-mod common;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::sync::OnceLock;
 
-use common::{
+use fleetyard_testkit::{
     Built, Ended, PLUGIN, SUCCESS, USAGE, Yard, build, c_library, faulty_library, faulty_program,
     have, root, words,
 };

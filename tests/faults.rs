@@ -8,9 +8,9 @@
 //! them, `FLEETYARD_FAULTS=1000` as many of each scenario, and
 //! `FLEETYARD_FAULTS=run/host/openat/EMFILE/12` those whose names begin so.
 
-mod common;
 #[path = "faults/inject.rs"]
 mod inject;
+mod rows;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -21,8 +21,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{Ended, SUCCESS, Yard, root, words};
 use fleetyard_bench::{Row, Store};
+use fleetyard_testkit::{Ended, SUCCESS, Yard, fleetyard, instance, map, root, words};
 use inject::{Census, Point, Wrong};
 use serde_json::Value;
 
@@ -139,7 +139,7 @@ struct Run {
 /// Runs a scenario, and lets a call go wrong.
 fn run(scenario: &Scenario, yard: &Yard, point: Option<&Point>) -> Run {
     let arguments = words(&scenario.arguments);
-    let program = env!("CARGO_BIN_EXE_fleetyard");
+    let program = fleetyard();
     let before = state(yard, "");
     let started = yard.start_with(program, &arguments, inject::prepare);
     let host = started.child.id();
@@ -338,7 +338,7 @@ fn lost(record: &Value) -> Vec<&str> {
 
 /// The part of a row that does not depend on the clock.
 fn lasting(row: &Row) -> String {
-    format!("{} {:?}", common::lasting(row), row.fault)
+    format!("{} {:?}", rows::lasting(row), row.fault)
 }
 
 fn rows(yard: &Yard) -> Result<Vec<String>, String> {
@@ -541,7 +541,7 @@ fn sweep(scenario: &Scenario) {
 
 #[test]
 fn a_run_survives_every_call_that_fails() {
-    let instance = common::instance("empty-8-8", 3).join(" ");
+    let instance = instance("empty-8-8", 3).join(" ");
     sweep(&Scenario {
         name: "run",
         arguments: format!(
@@ -598,7 +598,7 @@ fn a_suite_goes_on_wherever_its_host_and_supervisors_were_killed() {
 
 #[test]
 fn a_fleet_survives_every_call_that_fails() {
-    let map = common::map("empty-8-8.map");
+    let map = map("empty-8-8.map");
     sweep(&Scenario {
         name: "fleet",
         arguments: format!(

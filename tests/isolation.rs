@@ -6,8 +6,6 @@
 //! as whoever runs the tests. Where the machine refuses namespaces, the tests that need
 //! them say so and why.
 
-mod common;
-
 use std::fs;
 use std::io::Read;
 use std::net::TcpListener;
@@ -16,9 +14,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-use common::{
-    Ended, NO_PLAN, PLUGIN, SUCCESS, Yard, c_library, faulty_library, faulty_program,
-    faulty_rust_library, have, instance, root, until, words,
+use fleetyard_testkit::{
+    Ended, NO_PLAN, PLUGIN, SUCCESS, Started, Yard, c_library, faulty_library, faulty_program,
+    faulty_rust_library, fleetyard, have, instance, map, root, until, words,
 };
 use serde_json::Value;
 
@@ -175,7 +173,8 @@ fn everywhere(fault: &str, by: &str, arguments: &str, judge: impl Fn(&Value, &En
         assert!(ended.left.is_empty(), "{fault}: {:?} {ended}", ended.left);
         judge(&ended.json(), &ended);
         for (refused, user) in [(true, effective_user()), (false, 1234), (true, 1234)] {
-            if let Some(ended) = launched(&Yard::new().path(""), host(), refused, user, &line) {
+            if let Some(ended) = launched(&Yard::new().path(""), &fleetyard(), refused, user, &line)
+            {
                 judge(&ended.json(), &ended);
             }
         }
@@ -252,7 +251,7 @@ fn a_bomb_of_children_that_end_is_too_many_processes() {
 #[test]
 fn strict_does_not_run_where_memory_is_only_watched() {
     let line = faulty(&faulty_library(), "none", "--budget 30s --sandbox strict");
-    let Some(ended) = launched(&Yard::new().path(""), host(), false, 1234, &line) else {
+    let Some(ended) = launched(&Yard::new().path(""), &fleetyard(), false, 1234, &line) else {
         return;
     };
     if ended.code == Some(SUCCESS) {
@@ -792,7 +791,7 @@ fn nothing_of_a_plugin_is_started_outside() {
         let suite = format!(
             "name = \"s\"\n[budget]\nwall = \"60s\"\n[[planner]]\nplugin = \"{plugin}\"\n\
              [[instances]]\nscen = [\"{}\"]\nagents = [2]\n",
-            common::map("empty-8-8-random-1.scen")
+            map("empty-8-8-random-1.scen")
         );
         yard.write("suite.toml", suite);
         let yard = &yard;
@@ -919,7 +918,7 @@ if 'mine' not in names or open(os.path.join(here, 'mine')).read() != 'mine':
     executable(&yard.path("all/planner.py"), &python_plugin(look));
     yard.write("all/mine", "mine");
     for name in ["empty-8-8.map", "empty-8-8-random-1.scen"] {
-        fs::copy(common::map(name), yard.path("all").join(name)).unwrap();
+        fs::copy(map(name), yard.path("all").join(name)).unwrap();
     }
     let suite = "name = \"s\"\n[budget]\nwall = \"60s\"\n[protocol]\nrepeats = 2\n\
                  [[planner]]\nplugin = \"./planner.py\"\n[[instances]]\n\
@@ -1031,11 +1030,11 @@ impl Public {
         fs::create_dir(public.path("plugins")).unwrap();
         mode(&public.path("plugins")).unwrap();
         for (from, to) in [
-            (env!("CARGO_BIN_EXE_fleetyard").into(), "fleetyard"),
+            (fleetyard(), "fleetyard"),
             (faulty_library(), "plugins/faulty.so"),
-            (common::map("empty-8-8.map").into(), "empty-8-8.map"),
+            (map("empty-8-8.map").into(), "empty-8-8.map"),
             (
-                common::map("empty-8-8-random-1.scen").into(),
+                map("empty-8-8-random-1.scen").into(),
                 "empty-8-8-random-1.scen",
             ),
         ] {
@@ -1061,11 +1060,7 @@ impl Public {
 /// Starts the command where a filter of system calls refuses namespaces and mounts, as
 /// a container does.
 fn in_a_container(yard: &Yard, line: &[String]) -> Option<Ended> {
-    launched(&yard.path(""), host(), true, effective_user(), line)
-}
-
-fn host() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_fleetyard"))
+    launched(&yard.path(""), &fleetyard(), true, effective_user(), line)
 }
 
 /// Starts a program as a user, with or without that filter; `None` where that user cannot be
@@ -1270,9 +1265,9 @@ fn bwrap_makes_the_namespaces_where_only_it_may() {
     )
     .unwrap();
     mode(&path("bwrap"), 0o4755).unwrap();
-    fs::copy(env!("CARGO_BIN_EXE_fleetyard"), path("fleetyard")).unwrap();
+    fs::copy(fleetyard(), path("fleetyard")).unwrap();
     for name in ["empty-8-8.map", "empty-8-8-random-1.scen"] {
-        fs::copy(common::map(name), path(name)).unwrap();
+        fs::copy(map(name), path(name)).unwrap();
         mode(&path(name), 0o644).unwrap();
     }
     let output = Command::new("python3")
@@ -1406,7 +1401,7 @@ while True:
 
 /// Starts a comparison whose second planner is that one, and waits until the daemon is
 /// there.
-fn in_the_middle_of_a_comparison(yard: &Yard, level: &str) -> common::Started {
+fn in_the_middle_of_a_comparison(yard: &Yard, level: &str) -> Started {
     yard.write("hangs.py", HANGS);
     let mut line = words("compare --budget 60s --planner lacam --planner ./hangs.py --format json");
     line.extend(["--sandbox".into(), level.into()]);

@@ -3,8 +3,6 @@
 //!
 //! Skipped, with the reason, where Slurm's daemons are not installed or the test is not root.
 
-mod common;
-
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -13,8 +11,8 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root};
 use fleetyard_bench::{COLUMNS, Row, Store, Value};
+use fleetyard_testkit::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root};
 use serde_json::Value as Json;
 
 /// Nothing on a cluster of one node takes longer, on however busy a machine.

@@ -1,9 +1,11 @@
 //! Command adapters end to end: solvers of every named format and a described one,
 //! and solvers that misbehave. The solvers are small programs in Python, written here.
 
-use crate::common::{self, INPUT, NO_PLAN, PLUGIN, SUCCESS, Yard, have, instance, root, words};
 use fleetyard_core::formats::Format;
 use fleetyard_runtime::adapter::Manifest;
+use fleetyard_testkit::{
+    INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, USAGE, Yard, have, instance, root, words,
+};
 use serde_json::Value;
 
 /// Reads MovingAI files and plans one agent after the other in space and time. Its
@@ -301,7 +303,7 @@ fn wrong_plans_are_invalid_whatever_the_solver_claims() {
     }
     for (style, kind) in [("short", "wrong-goal"), ("jump", "not-adjacent")] {
         let text = manifest(style, "format = \"paths-txt\"", "");
-        let record = run(&text, "", common::INVALID_PLAN);
+        let record = run(&text, "", INVALID_PLAN);
         assert_eq!(record["claim"], "solved");
         assert_eq!(record["verdict"]["valid"], false);
         let violations = record["verdict"]["violations"].as_array().unwrap();
@@ -483,7 +485,7 @@ fn options_reach_the_solver() {
     let yard = yard(&text);
     let ended = yard
         .run(&arguments("./planner.toml", "--option bound=0"))
-        .expect(common::USAGE);
+        .expect(USAGE);
     assert!(
         ended.stderr.contains("option `bound`: 0 is less than"),
         "{ended}"

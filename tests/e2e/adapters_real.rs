@@ -6,8 +6,8 @@
 
 use std::path::PathBuf;
 
-use crate::common::{Ended, INPUT, NO_PLAN, SUCCESS, Yard, instance, root, words};
 use fleetyard_runtime::adapter::Adapter;
+use fleetyard_testkit::{Ended, INPUT, NO_PLAN, SUCCESS, Yard, instance, root, words};
 use serde_json::Value;
 
 /// Peculiarities of a solver.

@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
+use fleetyard_testkit::root;
 
 /// The crates that a crate of the host may use of the others, whatever for (tests aside). A new
 /// crate has to be entered here.
@@ -108,11 +109,6 @@ fn metadata() -> Metadata {
         .no_deps()
         .exec()
         .unwrap()
-}
-
-fn root() -> PathBuf {
-    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
-    manifest.join("../..").canonicalize().unwrap()
 }
 
 fn folder(package: &Package) -> PathBuf {

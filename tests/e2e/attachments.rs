@@ -7,7 +7,7 @@
 
 use std::process::Command;
 
-use crate::common::{SUCCESS, Yard, build, c_library, have, instance, root, words};
+use fleetyard_testkit::{SUCCESS, Yard, build, c_library, have, instance, root, words};
 use serde_json::Value;
 
 /// Runs a planner on an instance; the record of a valid plan.

@@ -10,7 +10,7 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
-use crate::common::{
+use fleetyard_testkit::{
     Ended, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, USAGE, Yard, build, c_library,
     faulty_library, faulty_program, have, instance, words,
 };

@@ -9,10 +9,11 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Instant;
 
-use crate::common::{
-    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, faulty_program, have, is_ignored, root, until,
-};
 use fleetyard_bench::{Row, Store};
+use fleetyard_testkit::{
+    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, faulty_program, fleetyard, have, is_ignored, map,
+    root, until, words,
+};
 
 /// A suite of two planners on a small map; `more` stands before its tables.
 fn suite(agents: &str, more: &str) -> String {
@@ -48,7 +49,7 @@ fn rows(path: &Path) -> Vec<Row> {
 }
 
 fn lasting(rows: &[Row]) -> Vec<String> {
-    rows.iter().map(common::lasting).collect()
+    rows.iter().map(crate::rows::lasting).collect()
 }
 
 #[test]
@@ -592,7 +593,7 @@ fn with_mounts(yard: &Yard, script: &str) -> Result<(i32, String), String> {
     let ended = Command::new("unshare")
         .args(["--mount", "--map-root-user", "sh", "-c", script])
         .current_dir(yard.path(""))
-        .env("FLEETYARD", env!("CARGO_BIN_EXE_fleetyard"))
+        .env("FLEETYARD", fleetyard())
         .env("HOME", yard.path(""))
         .env_remove("FLEETYARD_PLUGIN_PATH")
         .output()
@@ -876,8 +877,8 @@ fn who_forges_its_time_does_not_rank_first_and_is_named() {
         assert_eq!(row.solve_time_ms.to_bits(), row.planning_time_ms.to_bits());
     }
     // A comparison lists it as well.
-    let mut line = common::words("compare --no-execute --agents 1 --planner lacam --scen");
-    line.push(common::map("empty-8-8-random-1.scen"));
+    let mut line = words("compare --no-execute --agents 1 --planner lacam --scen");
+    line.push(map("empty-8-8-random-1.scen"));
     line.push("--planner".into());
     line.push(faulty_program().display().to_string());
     line.push("fault=forged-time".into());

@@ -4,9 +4,9 @@
 use std::fs;
 use std::path::Path;
 
-use crate::common::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, c_library, root};
 use fleetyard_bench::suite::load_suite;
 use fleetyard_bench::{Row, Store};
+use fleetyard_testkit::{INPUT, NO_PLAN, SUCCESS, USAGE, Yard, c_library, root};
 use serde_json::Value;
 
 /// A suite of scenarios of three kinds in `yard`: with the map beside it, with a map elsewhere, and

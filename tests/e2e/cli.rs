@@ -7,9 +7,9 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::common::{
-    self, INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, Started, USAGE, Yard, c_library, faulty_library,
-    faulty_program, have, instance, is_ignored, root, until, words,
+use fleetyard_testkit::{
+    self, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, Started, USAGE, Yard, c_library,
+    faulty_library, faulty_program, have, instance, is_ignored, map, root, until, words,
 };
 use serde_json::Value;
 
@@ -302,9 +302,8 @@ fn pictures_are_well_formed() {
     let yard = Yard::new();
     // A name that XML has to have escaped.
     let name = "a<b&c";
-    let map = common::map("maze-32-32-3.map");
-    fs::copy(map, yard.path(&format!("{name}.map"))).unwrap();
-    let scen = fs::read_to_string(common::map("maze-32-32-3-random-1.scen")).unwrap();
+    fs::copy(map("maze-32-32-3.map"), yard.path(&format!("{name}.map"))).unwrap();
+    let scen = fs::read_to_string(map("maze-32-32-3-random-1.scen")).unwrap();
     yard.write(
         "it.scen",
         scen.replace("maze-32-32-3.map", &format!("{name}.map")),
@@ -327,8 +326,8 @@ fn pictures_are_well_formed() {
 #[test]
 fn traces_become_pictures_and_pages() {
     let yard = Yard::new();
-    let map = common::map("random-32-32-20.map");
-    let scen = common::map("random-32-32-20-random-1.scen");
+    let scen = map("random-32-32-20-random-1.scen");
+    let map = map("random-32-32-20.map");
     yard.line(&format!(
         "run --map {map} --scen {scen} --agents 10 --planner pibt --budget 60s --trace-out it.trace"
     ))
@@ -868,7 +867,7 @@ fn a_supervisor_that_is_killed_takes_the_plugin_with_it() {
     others.retain(|process| process.id != host);
     // The supervisor was there before its plugin.
     others[0].signal("KILL");
-    let ended = started.wait().expect(common::PLUGIN);
+    let ended = started.wait().expect(PLUGIN);
     assert!(
         ended
             .stderr
@@ -882,7 +881,7 @@ fn a_plugin_that_is_killed_from_outside_has_crashed() {
     let yard = Yard::new();
     let started = hanging(&yard, &faulty_library(), "never");
     started.processes().last().unwrap().signal("KILL");
-    let ended = started.wait().expect(common::PLUGIN);
+    let ended = started.wait().expect(PLUGIN);
     assert!(
         ended.stderr.contains("crashed with SIGKILL (signal 9)"),
         "{ended}"

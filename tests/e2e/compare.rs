@@ -1,7 +1,7 @@
 //! `fleetyard compare`: several planners on several maps, with options of their own, and
 //! what they claim held against what was found.
 
-use crate::common::{INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, USAGE, Yard, have, root};
+use fleetyard_testkit::{INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, USAGE, Yard, have, root};
 use serde_json::Value;
 
 #[test]

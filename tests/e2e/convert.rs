@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, fleetyard, root};
 
 const MAP: &str = "type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n";
 const SCEN: &str = "version 1\n1\ta.map\t3\t2\t0\t0\t2\t1\t3\n0\ta.map\t3\t2\t0\t1\t2\t0\t3\n";
@@ -106,7 +106,7 @@ fn an_instance_keeps_its_digest_through_every_format() {
 #[test]
 fn standard_input_and_output() {
     let yard = yard();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_fleetyard"))
+    let mut child = Command::new(fleetyard())
         .args("convert - - --to lacam --map a.map".split(' '))
         .current_dir(yard.path(""))
         .stdin(Stdio::piped())

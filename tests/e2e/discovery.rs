@@ -4,7 +4,7 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use crate::common::{
+use fleetyard_testkit::{
     Ended, INPUT, PLUGIN, SUCCESS, USAGE, Yard, faulty_library, have, instance, root, words,
 };
 use serde_json::Value;

@@ -8,7 +8,7 @@
 use std::path::PathBuf;
 use std::{env, fs};
 
-use crate::common::{INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{INVALID_PLAN, SUCCESS, USAGE, Yard, root};
 use fleetyard_view::difference;
 use serde_json::Value;
 

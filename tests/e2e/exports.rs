@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use crate::common::{INPUT, SUCCESS, USAGE, Yard};
 use fleetyard_bench::{Meta, Row, Store};
+use fleetyard_testkit::{INPUT, SUCCESS, USAGE, Yard};
 
 /// A store with two planners on two instances, whose suite ranks as the appendix does.
 fn yard() -> Yard {

@@ -6,8 +6,8 @@
 use std::fs;
 use std::process::Command;
 
-use crate::common::{
-    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, have, is_ignored, root, until, words,
+use fleetyard_testkit::{
+    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, have, is_ignored, map, root, until, words,
 };
 use serde_json::Value;
 
@@ -16,7 +16,7 @@ use serde_json::Value;
 fn run(more: &str) -> Vec<String> {
     let plugin = root().join("plugins/faulty/fleet.py");
     let plugin = format!("{}:faulty-fleet", plugin.display());
-    let map = common::map("maze-21-21-1.map");
+    let map = map("maze-21-21-1.map");
     let usual = [
         ("--map", map.as_str()),
         ("--agents", "6"),
@@ -92,7 +92,7 @@ fn a_run_is_the_same_every_time_and_with_any_number_of_threads() {
 
 #[test]
 fn the_built_in_modules_do_the_same_in_process_and_in_workers() {
-    let map = common::map("random-32-32-20.map");
+    let map = map("random-32-32-20.map");
     let of = |how: &str| {
         let line = format!(
             "fleet --map {map} --agents 30 --duration 20s --planner pibt --attach {how} \
@@ -678,7 +678,7 @@ fn the_page_about_lsmart_is_what_its_rows_say() {
 fn the_trace_of_a_fleet_tells_of_goals_tasks_calls_and_what_went_wrong() {
     let yard = Yard::new();
     yard.write("list.tasks", "3\n0,7\n9,18,36\n63\n");
-    let map = common::map("empty-8-8.map");
+    let map = map("empty-8-8.map");
     let asked = "--duration 40s --agents 3 --option fault=gives-up --option every=3 --fail-option fault=fails \
                  --fail-option every=2 --tasks list.tasks --assign tasks";
     let line = format!("{asked} --map {map} --record run --trace run.fyt");

@@ -9,8 +9,6 @@ mod bad_input;
 mod bench;
 mod bundle;
 mod cli;
-#[path = "../common/mod.rs"]
-mod common;
 mod compare;
 mod convert;
 mod discovery;
@@ -19,6 +17,8 @@ mod exports;
 mod fleet;
 mod maze_benchmark;
 mod protocol;
+#[path = "../rows.rs"]
+mod rows;
 mod scaffold;
 mod simulate;
 mod trace;

@@ -3,18 +3,14 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use fleetyard_abi::figures::FIGURES;
 use fleetyard_abi::wire::Envelope;
 use fleetyard_runtime::Limits;
 use fleetyard_runtime::bounds;
 use fleetyard_runtime::message::{self, Message};
+use fleetyard_testkit::root;
 use serde_json::Value;
-
-fn root() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
 
 fn schema() -> Value {
     let path = root().join("abi/schema/protocol.json");

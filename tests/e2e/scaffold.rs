@@ -8,8 +8,8 @@ use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::{Ended, INPUT, SUCCESS, USAGE, Yard, have, prepare_package, root};
 use cargo_metadata::{DependencyKind, MetadataCommand};
+use fleetyard_testkit::{Ended, INPUT, SUCCESS, USAGE, Yard, have, prepare_package, root};
 
 const KINDS: [&str; 4] = [
     "planner",

@@ -1,6 +1,6 @@
 //! `fleetyard simulate`: plans executed with robots as they are, on the command line.
 
-use crate::common::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
 
 /// Two agents that meet in a crossing, the second a step later.
 fn yard() -> Yard {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use crate::common::{Ended, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{Ended, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, root};
 use serde_json::Value;
 
 /// Three agents, of which two swap places and one runs into a pillar.

@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use crate::common::{Yard, have, prepare_package, root};
+use fleetyard_testkit::{Yard, have, prepare_package, root};
 use snapbox::data::DataFormat;
 use snapbox::{Assert, Data};
 
