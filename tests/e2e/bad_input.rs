@@ -1205,7 +1205,7 @@ fn too_much_of_it() {
     check(huge, "", PLUGIN, "protocol-error");
 }
 
-/// Whatever a planner says, little of it is kept.
+/// The host keeps little of the output of a planner.
 #[test]
 fn a_talkative_planner_does_not_fill_the_hosts_memory() {
     if !have("python3") {

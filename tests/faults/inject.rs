@@ -159,11 +159,11 @@ fn class(number: i64) -> Option<(&'static str, &'static [Wrong])> {
 /// One call of a command, and how it goes wrong.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Point {
-    /// In which process: `host`, or what it has started, counted from 1.
+    /// The process: `host`, or the number of one that it has started, counted from 1.
     pub(crate) process: String,
     pub(crate) call: &'static str,
     pub(crate) wrong: Wrong,
-    /// The how manieth of these calls, from 1.
+    /// Number of the call among these calls, from 1.
     pub(crate) nth: u32,
 }
 

@@ -151,9 +151,9 @@ pub struct ContinuousViolation {
     pub rule: ContinuousRule,
     /// The agents at fault, counted from 0, in increasing order.
     pub agents: Vec<u32>,
-    /// When it begins, in seconds.
+    /// Time of its begin, in seconds.
     pub time_s: f64,
-    /// When it ends, for contacts that do.
+    /// Time of its end, for contacts that end.
     pub end_s: Option<f64>,
     /// The excess over what the agent can do, where that is the rule.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]

@@ -45,7 +45,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{CellPosition, Rule, Verdict, Violation, validate};
 
-/// By which rule paths are judged.
+/// The rule by which paths are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PathRule {

@@ -280,7 +280,7 @@ impl<'t, 'a> Table<'t, 'a> {
         }
     }
 
-    /// In which table, for messages.
+    /// The table's name for messages.
     fn within(&self) -> String {
         match self.name.as_ref() {
             "" => String::new(),

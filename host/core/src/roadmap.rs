@@ -184,14 +184,14 @@ impl Roadmap {
     }
 }
 
-/// When an agent is at a vertex.
+/// A stay of an agent at a vertex.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Visit {
     /// The vertex.
     pub vertex: u32,
-    /// When it arrives, in seconds.
+    /// Time of arrival, in seconds.
     pub arrival_s: f64,
-    /// When it leaves; at its last vertex the agent stays, whatever this says.
+    /// Time of departure, in seconds; at its last vertex the agent stays, whatever this says.
     pub departure_s: f64,
 }
 
@@ -416,7 +416,7 @@ impl RoadmapPlan {
         self.visits.len()
     }
 
-    /// When the last agent arrives at its last vertex, in seconds.
+    /// Time at which the last agent arrives at its last vertex, in seconds.
     pub fn horizon_s(&self) -> f64 {
         let last = self.paths().map(|path| path[path.len() - 1].arrival_s);
         last.fold(0.0, f64::max)

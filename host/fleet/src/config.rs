@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::FleetError;
 use crate::adg::Pace;
 
-/// When an answer takes effect.
+/// The time at which an answer takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
@@ -19,7 +19,7 @@ pub enum Clock {
     /// clock did: a run is the same everywhere.
     #[default]
     Lockstep,
-    /// When it is there, while simulated time follows the wall clock.
+    /// The time when it arrives, while simulated time follows the wall clock.
     Realtime,
 }
 
@@ -91,7 +91,7 @@ pub struct FleetConfig {
     pub window_s: f64,
     /// Limit T of a planner's call in seconds, rounded up to whole blocks.
     pub limit_s: f64,
-    /// When an answer takes effect.
+    /// The time at which an answer takes effect.
     pub clock: Clock,
     /// The commitment of robots when the planner is called.
     pub cut: CutBy,

@@ -254,14 +254,14 @@ struct Run<'a> {
     blocks: u64,
     limit: u64,
     block: u64,
-    /// When the last batch was appended.
+    /// Block in which the last batch was appended.
     appended: u64,
     calls: u64,
     called: u64,
     open: Option<OpenCall>,
     /// Blocks in which nobody had anything to do.
     idle: u64,
-    /// When simulated time began to follow the wall clock, and at which block.
+    /// The instant and the block at which simulated time began to follow the wall clock.
     pace: Option<(Instant, u64)>,
 }
 

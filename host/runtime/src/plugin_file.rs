@@ -74,8 +74,8 @@ struct Stamp {
     device: u64,
     inode: u64,
     bytes: u64,
-    /// When the content was changed, and when anything was: the latter is not for the
-    /// file's owner to set.
+    /// Times of the last change of the content, and of any change: the latter is not for the file's
+    /// owner to set.
     times_ns: [i128; 2],
 }
 

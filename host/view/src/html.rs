@@ -164,7 +164,7 @@ pub struct Page {
     /// Contacts of agents that are shown; open ones by agent and other.
     contacts: Vec<Contact>,
     open: BTreeMap<(u32, (u8, u32)), usize>,
-    /// When agents that are shown came to the ends of their routes.
+    /// Times at which agents that are shown came to the ends of their routes.
     arrivals: BTreeMap<u32, f64>,
     contacts_total: u64,
     work: Work,

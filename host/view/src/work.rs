@@ -13,20 +13,20 @@ const MAX_NOTICES: usize = 10_000;
 pub(crate) struct Work {
     /// Per agent that is shown, by its place among them.
     goals: Vec<Vec<GoalMeta>>,
-    /// When goals were reached, those of agents that are not shown too.
+    /// Ticks at which goals were reached, those of agents that are not shown too.
     reached: Vec<u64>,
     calls: BTreeMap<u64, CallMeta>,
     notices: BTreeMap<u64, NoticeMeta>,
     notices_total: u64,
 }
 
-/// Since when, until when if it was reached, its cell, its number, and its place in a
-/// task, which is missing where there are no tasks.
+/// Begin, end if it was reached, cell, number, and place in a task, which is missing where there
+/// are no tasks.
 #[derive(Debug, Clone, Serialize)]
 struct GoalMeta(u64, Option<u64>, u32, u32, Option<(u64, u32, u32)>);
 
-/// When it was made, when it was answered if it was, by whom, and how many milliseconds
-/// planner and fail policy took.
+/// Ticks of the call and of its answer, if there was one; author of the answer; milliseconds of
+/// planner and fail policy.
 #[derive(Debug, Default, Clone, Serialize)]
 struct CallMeta(u64, Option<u64>, Option<By>, Option<f64>, Option<f64>);
 

@@ -103,11 +103,11 @@ pub enum Demand {
 pub struct Excess {
     /// Kind of the limit.
     pub demand: Demand,
-    /// In which direction, as in "moves along x"; empty where that is no part of the limit.
+    /// Direction of the motion, as in "moves along x"; empty where that is no part of the limit.
     pub along: &'static str,
     /// The knot at the end of the leg, or at which the velocity changes.
     pub knot: usize,
-    /// When the leg begins, or the velocity changes, in seconds.
+    /// Time at which the leg begins, or the velocity changes, in seconds.
     pub time_s: f64,
     /// Position of the body then, in metres.
     pub place_m: [f64; 2],
@@ -179,7 +179,8 @@ struct Part {
     velocity: [f64; 2],
     /// The headings at its begin and end.
     headings: [f64; 2],
-    /// By how much the velocity and the turn rate are off where both knots of the leg are.
+    /// Possible error of the velocity and the turn rate, if both knots of the leg are off by the
+    /// tolerance.
     off: f64,
 }
 
@@ -268,7 +269,7 @@ struct Measured {
     along: &'static str,
     value: f64,
     limit: f64,
-    /// By how much the value may be off.
+    /// Possible error of the value.
     off: f64,
 }
 
@@ -430,8 +431,8 @@ impl Judge {
         }
     }
 
-    /// By how much the mean velocity of a part can be off any that the body had, in m/s: the
-    /// arc above its chord, the turn that is not uniform, and what it sped up by meanwhile.
+    /// Largest difference of the mean velocity of a part and any that the body had, in m/s: the arc
+    /// above its chord, the turn that is not uniform, and the change of speed meanwhile.
     fn unknown(&self, part: &Part) -> f64 {
         let Travel::Body {
             forward_acceleration,

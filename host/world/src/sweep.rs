@@ -130,8 +130,7 @@ impl Span<'_> {
         )
     }
 
-    /// By how much the separation is above that of a contact, and its direction
-    /// in the world.
+    /// Difference of the separation and that of a contact, and its direction in the world.
     fn clearance(&self, fraction: f64) -> (f64, [f64; 2]) {
         let (at_a, at_b) = self.at(fraction);
         let (separation, direction) = separate(self.a, self.b, at_a.see(at_b));

@@ -66,7 +66,7 @@ impl<'a> Leg<'a> {
         }
     }
 
-    /// By how much points leave the hull of the ends.
+    /// Distance by which points leave the hull of the ends.
     fn bulge(&self) -> f64 {
         if self.is_disc {
             return 0.0;

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Empty {
-    /// For how many steps everybody waits, so that an answer has its length.
+    /// Steps for which everybody waits, so that an answer has its length.
     #[schemars(range(max = 1_000_000))]
     steps: u32,
 }

@@ -1,4 +1,4 @@
-//! When the planner is called.
+//! Invocation policies: they decide when the planner is called.
 //!
 //! Both rules are those that "LSMART" compares (see [`crate::generate`]): at a fixed interval, or
 //! when some robot would be idle before a new plan could take effect.

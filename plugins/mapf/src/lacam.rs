@@ -164,7 +164,7 @@ impl<'g> Lacam<'g> {
         self.open.push(root);
     }
 
-    /// About how many bytes the search holds.
+    /// Approximate number of bytes that the search holds.
     pub(crate) fn bytes(&self) -> u64 {
         let node = size_of::<Node>() + 64 + 8 * self.goals.len();
         (self.nodes.len() * node + self.constraints.len() * size_of::<Constraint>()) as u64

@@ -31,7 +31,7 @@ use crate::pibt::{Pibt, Wishes};
 const NOTHING: u32 = u32::MAX;
 /// No direction.
 const NOWHERE: u8 = DIRECTIONS as u8;
-/// Steps between two questions whether to stop, in agents moved.
+/// Agents moved between two calls of `stop`.
 const PATIENCE: usize = 2000;
 
 /// The input of [`Lifelong::run`].
@@ -329,7 +329,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         Ok(i64::from(progress))
     }
 
-    /// By how much a move in a direction brings an agent nearer to its goal.
+    /// Distance by which a move in a direction brings an agent nearer to its goal.
     fn gain(&self, agent: usize, direction: u8) -> i32 {
         match self.row[agent] {
             NOTHING => 0,
@@ -513,7 +513,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         Ok(Attempt { steps, score, end })
     }
 
-    /// By how much a step brings the agents nearer to their goals, all in all.
+    /// Sum of distances by which a step brings the agents nearer to their goals.
     fn progress(&self, now: &[Vertex], next: &[Vertex]) -> i64 {
         let moves = now.iter().zip(next).enumerate();
         moves

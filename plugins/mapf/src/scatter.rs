@@ -159,7 +159,7 @@ struct Scatter<'a, 'g> {
     standing: Vec<u8>,
     entered_from: Vec<[u8; DIRECTIONS]>,
     stride: usize,
-    /// When somebody arrives at this vertex to stay.
+    /// Time at which an agent arrives at this vertex to stay.
     parked: Vec<u32>,
     /// Open vertices by (collisions, detour): a monotone bucket queue.
     buckets: Vec<Vec<Open>>,

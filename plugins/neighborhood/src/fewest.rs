@@ -20,7 +20,7 @@ const NONE: u32 = u32::MAX;
 const NEVER: u32 = u32::MAX;
 /// Times from here on are equally late.
 const LATEST: u32 = (1 << 24) - 1;
-/// Expansions between two questions whether to stop.
+/// Expansions between two calls of `stop`.
 const PATIENCE: u64 = 512;
 
 /// A time during which the same agents stand at a vertex.
@@ -32,7 +32,7 @@ struct Segment {
     /// Number of agents at the vertex, and of those that arrived at the beginning of the segment.
     present: u32,
     fresh: u32,
-    /// When the way into it came that was expanded last; it met no more than others will.
+    /// Time at which the way came in that was expanded last; it met no more than others will.
     closed: u32,
     /// A way into it on the open list: when it comes, and how many it meets.
     open: (u32, u32),

@@ -308,7 +308,7 @@ impl Repair<'_> {
         }
     }
 
-    /// Whoever is met on walks that begin somewhere on the way of a member.
+    /// Takes the agents that are met on walks which begin on the path of a member.
     fn passing(&mut self) {
         for _ in 0..WALKS * self.size {
             if self.members.len() >= self.size {

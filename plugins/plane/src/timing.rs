@@ -123,7 +123,7 @@ pub fn obstructions(stops: &[Stop], distance: f64) -> impl Iterator<Item = Obstr
     })
 }
 
-/// When nobody may be at a place.
+/// Times at which no disc may be at a place.
 fn taken(place: Vector, obstructions: &[Obstruction]) -> Spans {
     let mut taken = Spans::new();
     for other in obstructions {
@@ -134,7 +134,7 @@ fn taken(place: Vector, obstructions: &[Obstruction]) -> Spans {
     taken
 }
 
-/// When nobody may set out on a leg.
+/// Times at which no disc may set out on a leg.
 fn forbidden(leg: &Motion, obstructions: &[Obstruction]) -> Spans {
     let mut forbidden = Spans::new();
     for other in obstructions {

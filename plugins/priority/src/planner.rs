@@ -10,7 +10,7 @@ use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_plugin_spacetime::reservation::{NEVER, Reservations};
 use fleetyard_plugin_spacetime::sipp::{Found, Miss, Query, Sipp};
 
-/// When to stop.
+/// Limits of a run.
 pub struct Control<'a> {
     /// True once the budget is spent; asked often.
     pub stop: &'a mut dyn FnMut() -> bool,
@@ -61,9 +61,9 @@ pub(crate) struct Single<'p> {
     slow: Vec<usize>,
 }
 
-/// When others can come to the start of an agent at the earliest, by the direction that
-/// they come from, whatever path the agent takes. Who has priority must not count on more,
-/// or the agent has no path at all.
+/// Earliest times at which others can come to the start of an agent, by the direction that they
+/// come from, whatever path the agent takes. An agent of higher priority must not count on more, or
+/// the agent has no path at all.
 fn earliest(problem: &Problem, agent: usize) -> [u32; DIRECTIONS] {
     let Route { start, heading, .. } = problem.routes[agent];
     let around = problem.graph.around(start);

@@ -7,7 +7,7 @@ use crate::closeness::Closeness;
 use crate::plan::Visit;
 use crate::roadmap::{Edge, Vertex};
 
-/// When a disc must not be at a vertex, and when it must not set out on an edge.
+/// Times at which a disc must not be at a vertex, or must not set out on an edge.
 #[derive(Debug, Clone)]
 pub struct Reservations {
     vertices: Vec<Spans>,
@@ -27,12 +27,12 @@ impl Reservations {
         }
     }
 
-    /// When a vertex is taken.
+    /// Times at which a vertex is taken.
     pub fn vertex(&self, vertex: Vertex) -> &Spans {
         &self.vertices[vertex as usize]
     }
 
-    /// When nobody may set out on an edge.
+    /// Times at which no disc may set out on an edge.
     pub fn edge(&self, edge: Edge) -> &Spans {
         &self.edges[edge as usize]
     }

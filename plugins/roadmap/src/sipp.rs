@@ -11,7 +11,7 @@ use crate::plan::{Path, Visit};
 use crate::reservation::Reservations;
 use crate::roadmap::{Roadmap, Vertex};
 
-/// Expansions between two questions whether to stop.
+/// Expansions between two calls of `stop`.
 const PATIENCE: u64 = 256;
 
 /// Result of a search.
@@ -34,7 +34,7 @@ struct Node {
     arrival: f64,
     /// The state before, or its own number at the start.
     parent: u32,
-    /// When the disc left the vertex before.
+    /// Time at which the disc left the vertex before.
     set_out: f64,
 }
 

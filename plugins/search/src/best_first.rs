@@ -23,8 +23,8 @@ use crate::grid::{DELTAS, EAST, Grid, NORTH, NOWHERE, Neighbors, Place, SOUTH, W
 use crate::nodes::Nodes;
 use crate::search::{Answer, Limit, Outcome, Search};
 
-/// In which order the straight neighbours of a place are looked at; the diagonal ones
-/// follow clockwise from north-west.
+/// The order in which the straight neighbours of a place are looked at; the diagonal ones follow
+/// clockwise from north-west.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
     /// North, east, south, west.

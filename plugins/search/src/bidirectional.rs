@@ -17,15 +17,15 @@ use crate::grid::{Grid, NOWHERE, Neighbors, Place, directions};
 use crate::nodes::Nodes;
 use crate::search::{Answer, Limit, Outcome, Search};
 
-/// When A* from both ends is done, `best` being the best path that both sides have
-/// met on.
+/// Condition for the end of A* from both ends, `best` being the best path that both sides have met
+/// on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Done {
-    /// When neither side has a place left with f below `best`.
+    /// Neither side has a place left with f below `best`.
     Both,
-    /// When one side has none: a better path would have to be open on both. The same
-    /// paths with about half of the expansions.
+    /// One side has none: a better path would have to be open on both. The same paths with about
+    /// half of the expansions.
     Either,
 }
 

@@ -26,7 +26,7 @@ use crate::grid::{Grid, Neighbors, Place, directions, opposite};
 use crate::search::{Answer, Limit, Outcome, Search, Stop};
 use crate::slate::Slate;
 
-/// From which end is searched.
+/// The end from which the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
     /// From the start. When the start moves, everything begins anew.

@@ -326,8 +326,7 @@ options! {
         heuristic: Option<Heuristic> = None,
         /// The one of several places with equal f that is expanded first.
         tie_breaking: TieBreaking = TieBreaking::LowG,
-        /// When the search ends: when no side has anything better left, or when one
-        /// has not.
+        /// End of the search: when no side has anything better left, or when one has not.
         done: Done = Done::Both,
     }
 }

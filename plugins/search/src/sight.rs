@@ -11,14 +11,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::grid::{Grid, Place};
 
-/// When a line may pass exactly through the corner where four cells meet, on its way
-/// from one to the one opposite.
+/// Rule for a line that passes exactly through the corner where four cells meet, on its way from
+/// one to the one opposite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Corners {
-    /// When at least one of the other two cells is free.
+    /// At least one of the other two cells has to be free.
     OneFree,
-    /// When both are: no robot of any size touches an obstacle's corner.
+    /// Both have to be: no robot of any size touches an obstacle's corner.
     BothFree,
 }
 

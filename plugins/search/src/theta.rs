@@ -51,7 +51,7 @@ impl Default for Node {
     }
 }
 
-/// When lines of sight are looked for.
+/// The time at which lines of sight are looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Looks {
     /// When a neighbour is found: Theta*.

@@ -123,8 +123,8 @@ impl Row {
 #[derive(Debug)]
 pub struct Gradients {
     rows: Rows,
-    /// As soon as they have been thought of. Once complete they answer all questions, and
-    /// the handle of a goal is its vertex.
+    /// Labels, once they have been begun. Once complete they give all distances, and the handle of
+    /// a goal is its vertex.
     labels: Option<Result<Labels, TooFar>>,
 }
 
@@ -196,8 +196,8 @@ impl Gradients {
         labels.filter(|labels| labels.is_complete())
     }
 
-    /// A handle for questions about a goal; it is good until it is
-    /// [released](Self::release) as often as it was held.
+    /// A handle for the distances to a goal; it is good until it is [released](Self::release) as
+    /// often as it was held.
     pub fn hold(&mut self, graph: &Graph, goal: Vertex) -> u32 {
         match self.labels() {
             Some(_) => goal,
@@ -282,8 +282,7 @@ impl Rows {
         (codes + vertices.div_ceil(MILESTONE) * size_of::<u32>() + size_of::<Row>()) as u64
     }
 
-    /// The row of a goal, for questions; it stays until it is [released](Self::release) as
-    /// often as it was held.
+    /// The row of a goal; it stays until it is [released](Self::release) as often as it was held.
     fn hold(&mut self, graph: &Graph, goal: Vertex) -> u32 {
         let mut at = self.row_of[goal as usize];
         if at == NONE {

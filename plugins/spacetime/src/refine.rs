@@ -103,7 +103,7 @@ pub struct Refiner<'a, 'g> {
 /// Result and work of a round.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Round {
-    /// By how much the sum of costs has fallen.
+    /// Decrease of the sum of costs.
     pub gain: u64,
     /// Neighbourhoods tried.
     pub attempts: u64,

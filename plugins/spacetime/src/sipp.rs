@@ -28,7 +28,7 @@ const NONE: u32 = u32::MAX;
 const STAYED: u8 = DIRECTIONS as u8;
 /// Room for closed states at the beginning.
 const LEAST_CLOSED: usize = 1 << 10;
-/// Expansions between two questions whether to stop.
+/// Expansions between two calls of `stop`.
 const PATIENCE: u64 = 512;
 /// Number of degrees of preference among equally long paths.
 const DEGREES: u32 = 32;
@@ -87,7 +87,7 @@ pub trait Team: Sync {
     }
 }
 
-/// A question to the search.
+/// The input of a search.
 #[derive(Debug)]
 pub struct Query<'a, G> {
     /// The map.
@@ -122,8 +122,8 @@ pub struct Query<'a, G> {
 pub struct Found {
     /// A vertex per step.
     pub path: Vec<Vertex>,
-    /// When it visits the last goal for the last time; where it ends with a window before
-    /// that, the estimate. What turns and moves were charged comes on top.
+    /// Time of the last visit of the last goal; where it ends with a window before that, the
+    /// estimate. Charges of turns and moves come on top.
     pub length: u32,
 }
 
@@ -143,7 +143,7 @@ struct State {
     time: u32,
     until: u32,
     parent: u32,
-    /// When the last goal was visited, or [`NEVER`].
+    /// Time of the visit of the last goal, or [`NEVER`].
     visited: u32,
     /// [`Found::length`] at best.
     length: u32,
@@ -410,7 +410,7 @@ struct Step {
     heading: u8,
     /// [`Guidance::rest`] from here.
     rest: u32,
-    /// When the last goal was visited, or [`NEVER`].
+    /// Time of the visit of the last goal, or [`NEVER`].
     visited: u32,
     met: u32,
     charged: u32,

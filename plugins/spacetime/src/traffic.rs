@@ -1,7 +1,7 @@
 //! Numbers of agents by cell and step, which a search uses to avoid the paths of others.
 //!
-//! A count per step and cell answers most questions at once; only where somebody is on the
-//! spot are the visits of [`Conflicts`] looked at.
+//! A count per step and cell suffices for most steps; the visits of [`Conflicts`] are looked at
+//! only where an agent is on the spot.
 
 use crate::conflict::{Conflicts, FOREVER, Rules, stays};
 use crate::graph::Vertex;

@@ -55,7 +55,7 @@ impl Case {
         (t..=t.max(self.last())).all(|t| self.free(v, t))
     }
 
-    /// When all others are at rest.
+    /// Time at which all others are at rest.
     fn last(&self) -> u32 {
         let last = self.others.iter().map(|path| path.len() as u32).max();
         last.unwrap_or(0).max(self.problem.window) + 1

@@ -243,7 +243,7 @@ pub(crate) fn fleet_statuses(trial: &mut Trial<'_>) -> Step<()> {
     Ok(())
 }
 
-/// A question for a plugin of any kind, with an answer that any should find.
+/// An input for a plugin of any kind, with an answer that any should find.
 pub(crate) fn small(trial: &Trial<'_>) -> Step<Scene> {
     let mut random = trial.random();
     let mut scene = Scene::open("open", 8, 6, &mut random)?;

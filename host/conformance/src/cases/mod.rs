@@ -9,7 +9,7 @@ use fleetyard_abi::{Capability, Kind};
 
 use crate::trial::{Step, Trial};
 
-/// One question to a plugin.
+/// One check of a plugin.
 pub struct Case {
     /// Its name, unique.
     pub name: &'static str,

@@ -57,7 +57,7 @@ struct Robot {
     /// True if it is so far on its way that its cell is free.
     left: bool,
     done: u32,
-    /// In which batch and at which step it goes, as planned, for every pending node.
+    /// Batch and step in which it goes, as planned, for every pending node.
     planned: VecDeque<(usize, usize)>,
     next_goal: u32,
 }
@@ -70,7 +70,7 @@ struct Yard {
     robots: Vec<Robot>,
     /// The agent in each cell, or on the way to it or from it.
     inside: Vec<Option<usize>>,
-    /// When each cell was last entered by plan.
+    /// Batch and step in which each cell was last entered by plan.
     entered: Vec<(usize, usize)>,
     goals: Vec<Vec<u32>>,
     batches: usize,

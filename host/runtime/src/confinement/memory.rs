@@ -36,9 +36,9 @@ pub(crate) struct Memory {
     /// Sizes of shared memory, by inode; the largest of which a part was ever seen.
     shared: BTreeMap<u64, u64>,
     unseen: Unseen,
-    /// When what resident sets do not show may be counted again.
+    /// Time from which on memory that resident sets do not show may be counted again.
     unseen_again_ns: u64,
-    /// When proportional sets may be read again.
+    /// Time from which on proportional sets may be read again.
     shares_again_ns: u64,
     /// True if memory comes near to its limit.
     pub(crate) near: bool,

@@ -211,8 +211,8 @@ pub(crate) fn kill_and_wait(pid: i32, is_meant: impl Fn(i32) -> bool) {
     }
 }
 
-/// When a process was started, in ticks since the machine was; tells it from a
-/// later one of the same number.
+/// Start of a process, in ticks since that of the machine; tells it from a later one of the same
+/// number.
 pub(crate) fn started_ticks(pid: i32) -> Option<u64> {
     Member::read("/proc", pid).map(|member| member.started_ticks)
 }

@@ -304,9 +304,9 @@ pub struct Difference {
     pub load_after: Option<[f64; 3]>,
     /// Times that one of those CPUs was too hot.
     pub thermal_events: Option<u64>,
-    /// For how long.
+    /// Time for which they were too hot, in milliseconds.
     pub thermal_ms: Option<u64>,
-    /// In how many periods our control group had used up its quota.
+    /// Number of periods in which our control group had used up its quota.
     pub quota_events: Option<u64>,
     /// The time for which it was stopped.
     pub quota_us: Option<u64>,

@@ -70,7 +70,7 @@ pub struct Machine {
     pub numa: Option<BTreeMap<u32, Cpus>>,
     /// Driver of the kernel that sets the frequency. `mixed` when CPUs differ.
     pub scaling_driver: Option<String>,
-    /// By which rule. `mixed` when CPUs differ.
+    /// The rule by which the kernel sets the frequency. `mixed` when CPUs differ.
     pub governor: Option<String>,
     /// Hint to CPUs about speed against energy. `mixed` when they differ.
     pub energy_preference: Option<String>,

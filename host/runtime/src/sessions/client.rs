@@ -56,7 +56,7 @@ pub(crate) struct Reply {
     /// The result as text, without the paths that were found in it.
     pub(crate) result: String,
     pub(crate) paths: Option<Read>,
-    /// When its last byte arrived.
+    /// Time at which its last byte arrived.
     pub(crate) arrived_ns: u64,
 }
 
@@ -82,7 +82,7 @@ pub(crate) struct Client<T: Transport = Process> {
     stdin_open: bool,
     stdout_open: bool,
     stderr_open: bool,
-    /// When the last request was about to be written, and when the last bytes arrived.
+    /// Times at which the last request was about to be written, and the last bytes arrived.
     asked_ns: u64,
     arrived_ns: u64,
     /// The time for which messages were handled since then.
@@ -114,7 +114,7 @@ impl Tail {
     }
 }
 
-/// When a call must have returned.
+/// The time by which a call must have returned.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Deadline {
     /// On the monotonic clock.
@@ -145,7 +145,7 @@ struct Wait<'a> {
     id: u64,
     method: &'a str,
     deadline_ns: u64,
-    /// When the plugin has to have answered, the grace included.
+    /// Time by which the plugin has to have answered, the grace included.
     until_ns: u64,
     limit_ms: u64,
     expected: Expected<'a>,

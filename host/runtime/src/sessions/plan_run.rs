@@ -268,7 +268,7 @@ pub(super) struct Timing {
     /// As the plugin says.
     pub(super) claimed: Option<Duration>,
     pub(super) round_trip: Option<Duration>,
-    /// For how long of it the host handled messages.
+    /// Part of it in which the host handled messages.
     pub(super) handled: Duration,
 }
 

@@ -95,7 +95,7 @@ struct Written {
     what: What,
     begin: u64,
     end: u64,
-    /// When its last byte was there to be read.
+    /// Time at which its last byte could be read.
     at_ns: u64,
 }
 
@@ -126,9 +126,9 @@ struct State {
     /// Bytes that the plugin has written, in pieces that come at their times.
     pieces: VecDeque<(u64, Vec<u8>)>,
     errors: VecDeque<(u64, Vec<u8>)>,
-    /// When the plugin has done what it was asked for until now.
+    /// Time by which the plugin has done all its work until now.
     busy_ns: u64,
-    /// When its outputs close, and how it ends; an end that never comes is to be ended.
+    /// Time at which its outputs close, and its end; an end that never comes is to be ended.
     closes_ns: Option<u64>,
     end: Option<End>,
     written: Vec<Written>,
@@ -147,7 +147,7 @@ struct State {
     /// The supervisor has said so, or it is gone.
     told: Option<Limit>,
     lost_ns: Option<u64>,
-    /// When somebody tells the host to end.
+    /// Time at which the host is told to end.
     interrupted_ns: Option<u64>,
     grace_ns: u64,
     report: Option<Report>,
@@ -489,7 +489,7 @@ impl State {
         }
     }
 
-    /// When the host read up to there, by its own clock.
+    /// Time at which the host read up to an offset, by its own clock.
     fn read_at(&self, offset: u64) -> Option<u64> {
         let reads = self.reads.iter();
         let mut reads = reads.filter(|(read, _)| *read >= offset);

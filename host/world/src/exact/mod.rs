@@ -60,9 +60,9 @@ impl Touched {
 /// A contact from beginning to end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactInterval {
-    /// When it begins, in seconds.
+    /// Time of its begin, in seconds.
     pub begin_s: f64,
-    /// When it ends; `None` if it never does, or not before the check stopped.
+    /// Time of its end; `None` if it never ends, or not before the check stopped.
     pub end_s: Option<f64>,
     /// The agent, the lower index of two.
     pub agent: u32,
@@ -579,7 +579,7 @@ mod tests {
         }
     }
 
-    /// By how much an agent is clear of something at a time.
+    /// Clearance between an agent and the other party at a time.
     struct Oracle<'a> {
         paths: &'a [Vec<(f64, Pose)>],
         shapes: &'a [Shape],

@@ -27,7 +27,7 @@ pub trait Motions {
         None
     }
 
-    /// When the last agent comes to rest.
+    /// Time at which the last agent comes to rest.
     fn horizon_s(&self) -> f64 {
         (0..self.agents())
             .map(|agent| self.time_s(agent, self.knots(agent) - 1))

@@ -289,7 +289,7 @@ fn limits_end_a_run() {
     assert_eq!(judge(&map, &starts, &plan, false), Ok(()));
 }
 
-/// By how much agents come nearer to their first goals, on an open map.
+/// Sum of distances by which agents come nearer to their first goals, on an open map.
 #[test]
 fn samples_and_retries_bring_agents_further() {
     let map = open(10);
