@@ -465,7 +465,7 @@ impl TryFrom<GridWire> for GridEnvironment {
 }
 
 macro_rules! code_enum {
-    ($(#[doc = $doc:literal])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $code:ident,)* }) => {
+    ($(#[doc = $doc:literal])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $code:ident, $text:literal;)* }) => {
         $(#[doc = $doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
         #[serde(rename_all = "kebab-case")]
@@ -474,6 +474,14 @@ macro_rules! code_enum {
         }
 
         impl $name {
+            /// Every value, in the order of the constants.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),*];
+
+            /// The value's name on the wire.
+            pub fn as_str(self) -> &'static str {
+                match self { $(Self::$variant => $text,)* }
+            }
+
             /// The constant of the C ABI.
             pub fn code(self) -> i32 {
                 match self { $(Self::$variant => c::$code,)* }
@@ -484,6 +492,12 @@ macro_rules! code_enum {
                 match code { $(c::$code => Some(Self::$variant),)* _ => None }
             }
         }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.pad(self.as_str())
+            }
+        }
     };
 }
 
@@ -491,36 +505,21 @@ code_enum! {
     /// The plugin's account of its call. A claim, never a verdict.
     Status {
         /// The plan that was submitted solves the instance.
-        Solved = STATUS_SOLVED,
+        Solved = STATUS_SOLVED, "solved";
         /// The instance has no solution, and the planner proved it.
-        Infeasible = STATUS_INFEASIBLE,
+        Infeasible = STATUS_INFEASIBLE, "infeasible";
         /// The budget ran out: the deadline or the node limit was reached.
-        TimedOut = STATUS_TIMED_OUT,
+        TimedOut = STATUS_TIMED_OUT, "timed-out";
         /// The planner stopped trying without a proof.
-        GaveUp = STATUS_GAVE_UP,
+        GaveUp = STATUS_GAVE_UP, "gave-up";
         /// The planner stopped before the deadline because it was asked to.
-        Cancelled = STATUS_CANCELLED,
+        Cancelled = STATUS_CANCELLED, "cancelled";
         /// The planner cannot handle this kind of instance, map or option.
-        Unsupported = STATUS_UNSUPPORTED,
+        Unsupported = STATUS_UNSUPPORTED, "unsupported";
         /// The input contradicts itself.
-        InvalidInput = STATUS_INVALID_INPUT,
+        InvalidInput = STATUS_INVALID_INPUT, "invalid-input";
         /// The plugin failed.
-        InternalError = STATUS_INTERNAL_ERROR,
-    }
-}
-
-impl std::fmt::Display for Status {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.pad(match self {
-            Self::Solved => "solved",
-            Self::Infeasible => "infeasible",
-            Self::TimedOut => "timed-out",
-            Self::GaveUp => "gave-up",
-            Self::Cancelled => "cancelled",
-            Self::Unsupported => "unsupported",
-            Self::InvalidInput => "invalid-input",
-            Self::InternalError => "internal-error",
-        })
+        InternalError = STATUS_INTERNAL_ERROR, "internal-error";
     }
 }
 
@@ -528,12 +527,12 @@ code_enum! {
     /// The moves of a robot on a grid.
     Motion {
         /// To an adjacent cell, or waits, each in one step.
-        Pebble = MOTION_PEBBLE,
+        Pebble = MOTION_PEBBLE, "pebble";
         /// As a pebble, but turning by 90 degrees takes a step.
-        Rotation = MOTION_ROTATION,
+        Rotation = MOTION_ROTATION, "rotation";
         /// In straight lines between the cells of its path, which need not be
         /// adjacent; a path is a place after the other, without times.
-        AnyAngle = MOTION_ANY_ANGLE,
+        AnyAngle = MOTION_ANY_ANGLE, "any-angle";
     }
 }
 
@@ -541,9 +540,9 @@ code_enum! {
     /// The quantity that a plan should minimise.
     Objective {
         /// The sum over agents of the last time of arrival at the goal.
-        SumOfCosts = OBJECTIVE_SUM_OF_COSTS,
+        SumOfCosts = OBJECTIVE_SUM_OF_COSTS, "sum-of-costs";
         /// The time at which the last agent arrives.
-        Makespan = OBJECTIVE_MAKESPAN,
+        Makespan = OBJECTIVE_MAKESPAN, "makespan";
     }
 }
 
@@ -551,13 +550,13 @@ code_enum! {
     /// The direction in which a robot on a grid looks.
     Heading {
         /// Towards larger columns.
-        East = HEADING_EAST,
+        East = HEADING_EAST, "east";
         /// Towards larger rows.
-        South = HEADING_SOUTH,
+        South = HEADING_SOUTH, "south";
         /// Towards smaller columns.
-        West = HEADING_WEST,
+        West = HEADING_WEST, "west";
         /// Towards smaller rows.
-        North = HEADING_NORTH,
+        North = HEADING_NORTH, "north";
     }
 }
 
@@ -575,16 +574,6 @@ impl Heading {
         }
     }
 
-    /// `east`, `south`, `west` or `north`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::East => "east",
-            Self::South => "south",
-            Self::West => "west",
-            Self::North => "north",
-        }
-    }
-
     /// Turns by 90 degrees from one heading to another, the short way: at most 2.
     pub fn quarters_to(self, other: Self) -> u32 {
         // Headings are numbered round the compass.
@@ -597,13 +586,13 @@ code_enum! {
     /// Severity of a log line.
     LogLevel {
         /// Something failed.
-        Error = LOG_ERROR,
+        Error = LOG_ERROR, "error";
         /// Something is odd.
-        Warning = LOG_WARNING,
+        Warning = LOG_WARNING, "warning";
         /// Worth knowing once per run.
-        Info = LOG_INFO,
+        Info = LOG_INFO, "info";
         /// For the plugin's author.
-        Debug = LOG_DEBUG,
+        Debug = LOG_DEBUG, "debug";
     }
 }
 

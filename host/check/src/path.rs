@@ -38,16 +38,12 @@
 //! Such paths have no times, so nothing can be said of who meets whom: both rules are for
 //! instances of one agent. Judging takes time in proportion to the path's length in cells.
 
-use std::fmt;
-
-use fleetyard_core::{Grid, GridInstance, GridPlan};
-use serde::{Deserialize, Serialize};
+use fleetyard_core::{Grid, GridInstance, GridPlan, words};
 
 use crate::{CellPosition, Rule, Verdict, Violation, validate};
 
 /// The rule by which paths are judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum PathRule {
     /// Unit moves in unit time: the classical rules, for any number of agents.
     #[default]
@@ -58,33 +54,16 @@ pub enum PathRule {
     Supercover,
 }
 
+words!(PathRule {
+    Steps = "steps", "Unit moves in unit time, for any number of agents";
+    Bresenham = "bresenham", "Straight lines whose Bresenham cells are free, for one agent";
+    Supercover = "supercover", "Straight lines that touch free cells alone, for one agent";
+});
+
 impl PathRule {
-    /// Every rule, from the one that allows least.
-    pub const ALL: [Self; 3] = [Self::Steps, Self::Supercover, Self::Bresenham];
-
-    /// `steps`, `bresenham` or `supercover`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Steps => "steps",
-            Self::Bresenham => "bresenham",
-            Self::Supercover => "supercover",
-        }
-    }
-
-    /// The rule of that name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|rule| rule.name() == name)
-    }
-
     /// True if instances of so many agents can be judged.
     pub fn allows_agents(self, agents: usize) -> bool {
         self == Self::Steps || agents == 1
-    }
-}
-
-impl fmt::Display for PathRule {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

@@ -586,7 +586,7 @@ impl<'a> Sweep<'a> {
             Rule::Turn => {
                 let (from, to) = (at(first, before), at(first, time));
                 let (heading, needed, stayed) = self.turn(first, time);
-                let looks = heading.map_or("", Heading::name);
+                let looks = heading.map_or("", Heading::as_str);
                 let steps = if needed == 1 { "step" } else { "steps" };
                 let sentence = format!(
                     "agent {first} looks {looks} and moves from {from} to {to} between times \

@@ -25,6 +25,7 @@ mod search;
 mod shell;
 mod trajectory;
 pub mod trajectory_file;
+mod words;
 
 pub use fleetyard_abi::moves::{self, OFF_MAP};
 pub use fleetyard_abi::{Heading, PathEncoding};
@@ -55,3 +56,4 @@ pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan};
 pub use trajectory_file::{
     TrajectoryFile, load_trajectories, read_trajectories, save_trajectories, write_trajectories,
 };
+pub use words::Words;

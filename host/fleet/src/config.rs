@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use fleetyard_abi::{Kind, Motion};
-use fleetyard_core::Hasher;
+use fleetyard_core::{Hasher, words};
 use fleetyard_sim::motion::Model;
 use fleetyard_sim::{Fleet, SimConfig};
 use serde::{Deserialize, Serialize};
@@ -12,8 +12,7 @@ use crate::FleetError;
 use crate::adg::Pace;
 
 /// The time at which an answer takes effect.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Clock {
     /// Just [`FleetConfig::limit_s`] of simulated time after the call, whatever the wall
     /// clock did: a run is the same everywhere.
@@ -23,9 +22,13 @@ pub enum Clock {
     Realtime,
 }
 
+words!(Clock {
+    Lockstep = "lockstep", "Just the limit after the call, in simulated time: runs are the same everywhere";
+    Realtime = "realtime", "When it is there, while simulated time follows the wall clock";
+});
+
 /// Origin of the goals.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Assign {
     /// Tasks if there are some, roles if the map has them, and random cells else.
     #[default]
@@ -38,9 +41,15 @@ pub enum Assign {
     Tasks,
 }
 
+words!(Assign {
+    Auto = "auto", "Tasks if a file names some, roles if the map has them, random cells else";
+    Random = "random", "Free cells at random";
+    Roles = "roles", "Workstations and endpoints of the map in turn";
+    Tasks = "tasks", "The tasks of --tasks";
+});
+
 /// The commitment of robots when the planner is called.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CutBy {
     /// To what they can begin before its answer takes effect: robots that turn or wait for
     /// others to less than those that drive.
@@ -49,6 +58,11 @@ pub enum CutBy {
     /// To the same number of actions each (Hönig et al. 2019; LSMART).
     Actions,
 }
+
+words!(CutBy {
+    Time = "time", "To what they can begin before the answer takes effect: those that turn or wait to less than those that drive";
+    Actions = "actions", "To the same number of actions each";
+});
 
 /// Budget of every call of a plugin beside its wall-clock time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

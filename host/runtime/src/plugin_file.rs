@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use fleetyard_core::{Digest, Hasher, open_regular};
+use fleetyard_core::{Digest, Hasher, open_regular, words};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
@@ -32,8 +32,7 @@ pub(crate) fn is_manifest(path: &Path) -> bool {
 }
 
 /// The way in which a plugin is attached.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Attach {
     /// A shared library in the host's own process: fastest, and nothing is kept
     /// from the host.
@@ -46,17 +45,12 @@ pub enum Attach {
     Command,
 }
 
-impl Attach {
-    /// Its name in records and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::InProcess => "in-process",
-            Self::Worker => "worker",
-            Self::Stdio => "stdio",
-            Self::Command => "command",
-        }
-    }
-}
+words!(Attach {
+    InProcess = "in-process", "A library in the host's own process: no isolation, results are unranked";
+    Worker = "worker", "A library in a process of its own";
+    Stdio = "stdio", "A program that speaks JSON over standard input and output";
+    Command = "command", "A command-line solver that a planner.toml describes";
+});
 
 /// A file of a plugin's code.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,9 +1,6 @@
 //! Parameters of an execution, and their validation.
 
-use std::fmt;
-use std::str::FromStr;
-
-use fleetyard_core::{Digest, Hasher};
+use fleetyard_core::{Digest, Hasher, words};
 use fleetyard_world::{Footprint, Shape};
 use serde::{Deserialize, Serialize};
 
@@ -11,8 +8,7 @@ use crate::SimError;
 use crate::noise::Disturbance;
 
 /// Model of motion and method of contact detection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Tier {
     /// Kinematic engine over flat arrays: bodies follow their references, and closed-form
     /// swept tests find contacts in continuous time.
@@ -24,42 +20,13 @@ pub enum Tier {
     Contact,
 }
 
-impl Tier {
-    /// The name used in configuration and output.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Kinematic => "kinematic",
-            Self::Contact => "contact",
-        }
-    }
-}
-
-impl fmt::Display for Tier {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Tier {
-    type Err = SimError;
-
-    fn from_str(text: &str) -> Result<Self, SimError> {
-        match text {
-            "kinematic" => Ok(Self::Kinematic),
-            "contact" => Ok(Self::Contact),
-            _ => Err(SimError::Config {
-                field: "tier",
-                value: text.to_owned(),
-                reason: "is not a tier",
-                hint: "use kinematic or contact",
-            }),
-        }
-    }
-}
+words!(Tier {
+    Kinematic = "kinematic", "Own engine: exact swept tests, scales to large fleets";
+    Contact = "contact", "rapier2d";
+});
 
 /// Rule by which agents proceed along their routes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Policy {
     /// By the times of the plan, regardless of other agents.
     #[default]
@@ -69,21 +36,10 @@ pub enum Policy {
     Adg,
 }
 
-impl Policy {
-    /// The name used in configuration and output.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Adg => "adg",
-        }
-    }
-}
-
-impl fmt::Display for Policy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+words!(Policy {
+    Time = "time", "When the plan says, whatever the others do";
+    Adg = "adg", "In the order of the plan: who comes second waits (an action dependency graph)";
+});
 
 /// Parameters of an execution. [`SimConfig::default`] is one-metre cells, one
 /// second per step, and the substeps of the GRACE benchmark.

@@ -15,15 +15,14 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
+use fleetyard_core::{Connectivity, Grid, GridInstance, InputError, words};
 use serde::Serialize;
 
 use crate::canvas::{Canvas, at_least, check_size};
 use crate::{PythonRandom, SeededRandom};
 
 /// The algorithm that carves a maze.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MazeAlgorithm {
     /// Depth-first: long winding corridors. The next cell is uniform among the
     /// neighbours that were not visited yet.
@@ -34,19 +33,13 @@ pub enum MazeAlgorithm {
     Prim,
 }
 
-impl MazeAlgorithm {
-    /// `backtracker` or `prim`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Backtracker => "backtracker",
-            Self::Prim => "prim",
-        }
-    }
-}
+words!(MazeAlgorithm {
+    Backtracker = "backtracker", "Depth-first: long winding corridors";
+    Prim = "prim", "Randomised Prim: many short dead ends";
+});
 
 /// The source of a maze's random numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MazeRandom {
     /// Those of this project's other generators ([`SeededRandom`]).
     #[default]
@@ -55,15 +48,10 @@ pub enum MazeRandom {
     Python,
 }
 
-impl MazeRandom {
-    /// `chacha` or `python`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::ChaCha => "chacha",
-            Self::Python => "python",
-        }
-    }
-}
+words!(MazeRandom {
+    ChaCha = "chacha", "Those of this program's other generators";
+    Python = "python", "Those of Python's random module: the mazes of the grid-maze benchmark";
+});
 
 /// The rule by which the seeds of a series of mazes follow from one base seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -76,15 +64,12 @@ pub enum MazeSeeds {
     Episodes,
 }
 
-impl MazeSeeds {
-    /// `benchmark` or `episodes`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Benchmark => "benchmark",
-            Self::Episodes => "episodes",
-        }
-    }
+words!(MazeSeeds {
+    Benchmark = "benchmark", "base, base + 1, base + 2, …: the planner benchmark";
+    Episodes = "episodes", "base + 2e − 1 for the episodes e = 1, 2, …: the episode runtime";
+});
 
+impl MazeSeeds {
     /// The seed of the maze with a number, counted from 0 (episode e has number
     /// e − 1); nothing if it would be more than a seed can be.
     pub fn seed(self, base: u64, index: u64) -> Option<u64> {

@@ -4,7 +4,7 @@ use std::fmt::{Debug, Display};
 use std::str::FromStr;
 
 use fleetyard_bench::Shard;
-use fleetyard_core::shown;
+use fleetyard_core::{Words as _, shown};
 use fleetyard_runtime::measure::Cpus;
 use fleetyard_sim::motion::Model;
 use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
@@ -31,7 +31,7 @@ pub fn run(data: &[u8]) {
         if let Some(messages) = same::<Messages>(line) {
             messages.validate().expect("what was read can be");
         }
-        if let Ok(tier) = line.parse::<Tier>() {
+        if let Some(tier) = Tier::from_name(line) {
             assert_eq!(tier.name(), line);
         }
         if let Ok(model) = line.parse::<Model>() {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fleetyard_check::PathRule;
 use fleetyard_core::document::{Document, Setting, Table, Value};
-use fleetyard_core::{Connectivity, InputError, is_unseen, shown};
+use fleetyard_core::{Connectivity, InputError, Words as _, is_unseen, shown};
 use fleetyard_runtime::Attach;
 use fleetyard_sim::SimConfig;
 use fleetyard_world::{
@@ -355,8 +355,8 @@ fn protocol(value: &Value<'_, '_>, lifelong: bool) -> Result<Protocol, InputErro
         protocol.clock = clock.choice(Clock::CHOICES)?;
     }
     if let Some(rule) = table.get("path_rule") {
-        let rules = PathRule::ALL.map(|rule| (rule.name(), rule));
-        protocol.path_rule = rule.choice(&rules)?;
+        let rules = PathRule::ALL.iter().map(|rule| (rule.name(), *rule));
+        protocol.path_rule = rule.choice(&rules.collect::<Vec<_>>())?;
     }
     if let Some(ranking) = table.get("ranking") {
         protocol.ranking = ranking.choice(RANKINGS)?;

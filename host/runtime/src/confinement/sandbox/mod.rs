@@ -28,6 +28,7 @@ use std::path::PathBuf;
 pub(crate) use attempts::Targets;
 pub use attempts::{Attempt, Victims};
 pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
+use fleetyard_core::words;
 pub(crate) use grants::{Grants, Hidden, aside, find_program, own, python};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
@@ -35,10 +36,7 @@ use serde::{Deserialize, Serialize};
 use crate::confinement::monitor::Limit;
 
 /// The answer to layers that the machine refuses.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
-)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
     /// Refuse to run unless every required layer is active, and the kernel enforces the
     /// limit of memory and counts processor time where that is limited.
@@ -50,6 +48,12 @@ pub enum Level {
     /// unranked.
     None,
 }
+
+words!(Level {
+    Strict = "strict", "Refuse to run unless every required layer is active and the limit of memory enforced";
+    Auto = "auto", "As many layers as the machine grants; each loss is in the record";
+    None = "none", "No layer; results are unranked";
+});
 
 /// One thing that is taken away from a plugin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
