@@ -806,7 +806,7 @@ def milliseconds(values):
         return ""
     middle, most = statistics.median(values), max(values)
     digits = 1 if most < 100 else 0
-    return f"{middle:.{digits}f}, {most:.{digits}f}"
+    return f"{middle:.{digits}f}/{most:.{digits}f}"
 
 
 def of(results, behaviour, condition=None):
