@@ -10,12 +10,17 @@
 mod free;
 mod grid;
 mod origin;
+mod roadmap;
 mod task;
 mod world;
 
 pub use free::{FREE_SLACK_M, Free};
 pub use grid::{GridSpec, GridView, Separation, cell_side_m, world_to_grid};
 pub use origin::Origin;
+pub use roadmap::{
+    Builder, ROADMAP_MOST_VERTICES, RoadmapReport, RoadmapSpec, RoadmapView, Sampling,
+    world_to_roadmap,
+};
 pub use task::{
     Agent, Fleets, Place, Problem, State, TASK_FILE_LIMIT, TASK_FORMAT, Task, load_problem,
     load_task, read_task, save_task, write_task,

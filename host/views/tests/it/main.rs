@@ -1,5 +1,6 @@
 //! Tasks, operators, and the tasks of the repository.
 
 mod grids;
+mod roadmaps;
 mod tasks;
 mod worlds;

@@ -12,7 +12,7 @@ pub(crate) fn maps(name: &str) -> PathBuf {
         .join(name)
 }
 
-const TASKS: [&str; 3] = ["two-rooms.task.json", "window.task.json", "maze.task.json"];
+pub(crate) const TASKS: [&str; 3] = ["two-rooms.task.json", "window.task.json", "maze.task.json"];
 
 /// Set `FLEETYARD_REGENERATE=1` to write the files as they would be written now.
 #[test]
