@@ -1,23 +1,23 @@
 //! A suite that is ready to run: its planners found and asked what they are, its instances
 //! counted, every trial with its key.
 
+use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_check::metrics;
-use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError};
-use fleetyard_fleet::FleetError;
+use fleetyard_core::{Digest, Grid, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_runtime::measure::{Cpus, Machine, Reason};
 use fleetyard_runtime::{
-    Attach, Discovery, Fault, Found, Limit, Policy, Runtime, SandboxReport, Termination, Trust,
+    Attach, Discovery, Fault, Found, Limit, Policy, Runtime, SandboxReport, Trust,
 };
-use fleetyard_sim::NoTrace;
+use fleetyard_sim::{Figures, NoTrace};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::error::BenchError;
-use crate::fleet::{DriveError, FleetModules, blamed};
+use crate::fleet::{FleetModules, blamed};
 use crate::kept;
 use crate::options::Robots;
 use crate::plan::{Planned, Schedule};
@@ -25,7 +25,7 @@ use crate::plugin::{GivenOptions, Plugin, Running};
 use crate::record::{self, Ending, Record};
 use crate::row::{Incumbent, Row};
 use crate::suite::{Clock, MazeOrigin, Origin, PlannerSetup, Reuse, Suite, SuiteInstance};
-use crate::trial::{Host, Trial, milliseconds};
+use crate::trial::{Host, Outcome, Trial, milliseconds};
 use crate::trial_error::TrialError;
 
 /// A suite with its planners and instances.
@@ -200,123 +200,12 @@ impl<'s> Experiment<'s> {
     /// Makes a trial. What goes wrong with a planner is in the row; an error is something
     /// that makes going on useless.
     pub fn trial(&mut self, planned: &Planned) -> Result<Row, BenchError> {
-        if self.planners[planned.planner].fleet.is_some() {
-            return self.drive(planned);
-        }
-        let started_unix_ms = now_unix_ms();
-        if self
-            .latest
-            .as_ref()
-            .is_none_or(|(index, _)| *index != planned.instance)
-        {
-            let instance = self.instances[planned.instance].grid_instance()?;
-            self.latest = Some((planned.instance, instance));
-        }
-        // Just put there.
-        let Some((_, instance)) = &self.latest else {
-            return Err(InputError::new("suite", "there is no such instance").into());
-        };
-        let origin = self.instances[planned.instance].origin();
-        let planner = &mut self.planners[planned.planner];
-        let limits = self.host.runtime.limits();
-        let unranked = record::unranked(planner.attach, limits, None, None, []);
-        let mut row = Row {
-            key: self.schedule.key(planned),
-            trial: planned.number,
-            planner: planner.label.clone(),
-            planner_id: planner.descriptor.id.clone(),
-            planner_version: planner.descriptor.version.clone(),
-            planner_digest: Some(planner.plugin.digest().to_string()),
-            options: Value::Object(planner.options.clone()).to_string(),
-            attach: name(&planner.attach),
-            ranked: unranked.is_none(),
-            unranked,
-            built_in: Some(planner.plugin.is_built_in()),
-            instance_digest: instance.digest().to_string(),
-            agents: instance.agents() as u64,
-            connectivity: instance.connectivity().degree(),
-            map_rows: instance.grid().rows(),
-            map_cols: instance.grid().cols(),
-            budget_ms: milliseconds(self.host.budget().wall),
-            threads: Some(self.host.budget().threads),
-            reuse: Some(self.suite.protocol.reuse.name().to_owned()),
-            seed: planned.seed,
-            repeat: planned.repeat,
-            machine: Machine::here().digest().to_string(),
-            started_unix_ms,
-            ..Row::default()
-        };
-        let trial = Trial {
-            host: &self.host,
-            planner: &planner.plugin,
-            attach: planner.wanted,
-            options: &planner.given,
-            instance,
-            scenario: &origin.scenario,
-            seed: planned.seed,
-            path_rule: self.suite.protocol.path_rule,
-            config: &self.suite.config,
-            robots: self.suite.robots.as_ref(),
-        };
-        let outcome = match self.suite.protocol.reuse {
-            Reuse::Planner => trial.run_again(&mut planner.running, &mut NoTrace),
-            Reuse::Never => trial.run(&mut NoTrace),
-        };
-        match outcome {
-            Ok(outcome) => {
-                if outcome.record.sandbox.is_some() {
-                    planner.sandbox.clone_from(&outcome.record.sandbox);
-                }
-                self.pin.get_or_insert_with(|| Pin {
-                    cpus: outcome.record.measurement.cpus.clone(),
-                    not_pinned: outcome.record.measurement.not_pinned.clone(),
-                });
-                row.fill(&outcome.record, self.suite.protocol.clock);
-                if self.suite.protocol.keep_plans {
-                    let plan = outcome.plan.as_ref();
-                    row.plan = plan.and_then(|plan| kept::packed(instance, plan));
-                }
-            }
-            Err(error) => {
-                let termination = match &error {
-                    TrialError::Fault(fault) if !fault.is_of_host() => Termination::from(fault),
-                    TrialError::Incapable { .. } => Termination::Unsupported,
-                    _ => {
-                        return Err(BenchError::Trial {
-                            planner: planner.label.clone(),
-                            error: Box::new(error),
-                        });
-                    }
-                };
-                if let TrialError::Fault(fault) = &error {
-                    row.unranked = record::unranked(planner.attach, limits, None, None, [fault]);
-                    row.ranked = row.unranked.is_none();
-                }
-                row.termination = termination.to_string();
-                row.fault = Some(error.to_string());
-                let bound = metrics(
-                    instance,
-                    &GridPlan::default(),
-                    self.suite.config.cell_size_m,
-                );
-                row.lower_bound_steps = bound.lower_bound_steps;
-            }
-        }
-        row.place(origin);
-        Ok(row)
-    }
-
-    /// A trial of a fleet.
-    fn drive(&mut self, planned: &Planned) -> Result<Row, BenchError> {
         let instance = &self.instances[planned.instance];
-        let grid = instance.grid()?;
-        let planner = &mut self.planners[planned.planner];
-        let Some(fleet) = &planner.fleet else {
-            return Err(InputError::new("suite", "there is no such fleet").into());
-        };
-        let agents = instance.agents();
+        let planner = &self.planners[planned.planner];
         let limits = self.host.runtime.limits();
         let unranked = record::unranked(planner.attach, limits, None, None, []);
+        let started_unix_ms = now_unix_ms();
+        let grid = instance.grid()?;
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
@@ -330,56 +219,109 @@ impl<'s> Experiment<'s> {
             unranked,
             built_in: Some(planner.plugin.is_built_in()),
             instance_digest: instance.digest()?.to_string(),
-            agents: agents as u64,
+            agents: instance.agents() as u64,
             connectivity: instance.connectivity().degree(),
             map_rows: grid.rows(),
             map_cols: grid.cols(),
             seed: planned.seed,
             repeat: planned.repeat,
             machine: Machine::here().digest().to_string(),
-            started_unix_ms: now_unix_ms(),
+            started_unix_ms,
             ..Row::default()
         };
-        fleet.describe(&mut row);
-        let asked = (&planner.plugin, planner.wanted, &planner.given);
-        let agents = u32::try_from(agents).unwrap_or(u32::MAX);
-        match fleet.run(&self.host.runtime, asked, &grid, agents, planned.seed) {
-            Ok(drive) => {
-                drive.fill(&mut row);
-                row.unranked = drive.unranked(planner.attach, limits);
-                row.ranked = row.unranked.is_none();
-                planner.sandbox = drive.sandbox.or(planner.sandbox.take());
-            }
-            Err(DriveError::Trial(TrialError::Fault(fault))) if !fault.is_of_host() => {
-                row.termination = Termination::from(&fault).to_string();
-                row.fault = Some(fault.to_string());
-            }
-            Err(DriveError::Fleet(FleetError::Start { kind, name, fault }))
-                if !fault.is_of_host() =>
-            {
-                row.termination = Termination::from(&fault).to_string();
-                row.fault = Some(format!("{kind} `{name}` {fault}"));
-            }
-            Err(DriveError::Fleet(error @ FleetError::Incapable { .. })) => {
-                row.termination = Termination::Unsupported.to_string();
-                row.fault = Some(error.to_string());
-            }
-            Err(DriveError::Trial(error)) => {
+        row.place(instance.origin());
+        let made = if planner.fleet.is_some() {
+            self.drive(planned, &grid, &mut row)
+        } else {
+            self.plan(planned, &mut row)
+        };
+        if let Err(error) = made {
+            let planner = &self.planners[planned.planner];
+            let Some(termination) = error.termination() else {
                 return Err(BenchError::Trial {
                     planner: planner.label.clone(),
                     error: Box::new(error),
                 });
-            }
-            Err(DriveError::Fleet(error)) => {
-                let fault = InputError::new(planner.label.as_str(), error.to_string());
-                return Err(match error.hint() {
-                    Some(hint) => fault.hint(hint).into(),
-                    None => fault.into(),
-                });
-            }
+            };
+            let limits = self.host.runtime.limits();
+            row.unranked = record::unranked(planner.attach, limits, None, None, error.fault());
+            row.ranked = row.unranked.is_none();
+            row.termination = termination.to_string();
+            row.fault = Some(error.to_string());
         }
-        row.place(instance.origin());
         Ok(row)
+    }
+
+    /// A trial of a plan.
+    fn plan(&mut self, planned: &Planned, row: &mut Row) -> Result<(), TrialError> {
+        let suite = self.suite;
+        let (latest, instance) = match self.latest.take() {
+            Some((index, instance)) if index == planned.instance => (index, instance),
+            _ => {
+                let instance = self.instances[planned.instance].grid_instance()?;
+                (planned.instance, instance)
+            }
+        };
+        let (_, instance) = self.latest.insert((latest, instance));
+        let planner = &mut self.planners[planned.planner];
+        let budget = self.host.budget();
+        row.budget_ms = milliseconds(budget.wall);
+        row.threads = Some(budget.threads);
+        row.reuse = Some(suite.protocol.reuse.name().to_owned());
+        let trial = Trial {
+            host: &self.host,
+            planner: &planner.plugin,
+            attach: planner.wanted,
+            options: &planner.given,
+            instance,
+            scenario: &row.scenario,
+            seed: planned.seed,
+            path_rule: suite.protocol.path_rule,
+            config: &suite.config,
+            robots: suite.robots.as_ref(),
+        };
+        let made = match suite.protocol.reuse {
+            Reuse::Planner => trial.run_again(&mut planner.running, &mut NoTrace),
+            Reuse::Never => trial.run(&mut NoTrace),
+        };
+        let Outcome { record, plan, .. } = made.inspect_err(|_| {
+            let bound = metrics(instance, &GridPlan::default(), suite.config.cell_size_m);
+            row.lower_bound_steps = bound.lower_bound_steps;
+        })?;
+        if record.sandbox.is_some() {
+            planner.sandbox.clone_from(&record.sandbox);
+        }
+        self.pin.get_or_insert_with(|| Pin {
+            cpus: record.measurement.cpus.clone(),
+            not_pinned: record.measurement.not_pinned.clone(),
+        });
+        row.fill(&record, suite.protocol.clock);
+        if suite.protocol.keep_plans {
+            row.plan = plan.and_then(|plan| kept::packed(instance, &plan));
+        }
+        Ok(())
+    }
+
+    /// A trial of a fleet.
+    fn drive(
+        &mut self,
+        planned: &Planned,
+        grid: &Arc<Grid>,
+        row: &mut Row,
+    ) -> Result<(), TrialError> {
+        let agents = u32::try_from(row.agents).unwrap_or(u32::MAX);
+        let planner = &mut self.planners[planned.planner];
+        let Some(fleet) = &planner.fleet else {
+            return Err(InputError::new("suite", "there is no such fleet").into());
+        };
+        fleet.describe(row);
+        let asked = (&planner.plugin, planner.wanted, &planner.given);
+        let drive = fleet.run(&self.host.runtime, asked, grid, agents, planned.seed)?;
+        drive.fill(row);
+        row.unranked = drive.unranked(planner.attach, self.host.runtime.limits());
+        row.ranked = row.unranked.is_none();
+        planner.sandbox = drive.sandbox.or(planner.sandbox.take());
+        Ok(())
     }
 
     /// The processors on which planners ran, once one did.
@@ -561,6 +503,15 @@ impl Row {
         self.contended = reasons.join("; ");
     }
 
+    /// Takes the figures of the execution.
+    pub(crate) fn executed(&mut self, figures: &Figures) {
+        self.simulated_s = Some(figures.simulated_s);
+        self.rtf = Some(figures.rtf);
+        self.contacts = Some(figures.contacts);
+        self.nearest_approach_m = figures.nearest_approach_m;
+        self.trace_digest = Some(figures.trace_digest.to_string());
+    }
+
     /// Takes the columns that the record of the trial says.
     fn fill(&mut self, record: &Record, clock: Clock) {
         let metrics = &record.metrics;
@@ -621,15 +572,12 @@ impl Row {
         self.expansions = record.claimed_metrics.get("expansions").copied();
         if let Some(execution) = &record.execution {
             self.arrived = Some(execution.arrived.into());
-            self.simulated_s = Some(execution.simulated_s);
-            self.rtf = Some(execution.rtf);
-            self.contacts = Some(execution.contacts);
-            self.nearest_approach_m = execution.nearest_approach_m;
+            self.executed(&execution.figures);
             self.tracking_error_max_m = Some(execution.tracking_error_max_m);
             self.execution_makespan_s = execution.makespan_s;
-            self.throughput_per_s = (execution.simulated_s > 0.0)
-                .then(|| f64::from(execution.arrived) / execution.simulated_s);
-            self.trace_digest = Some(execution.trace_digest.to_string());
+            let simulated_s = execution.figures.simulated_s;
+            self.throughput_per_s =
+                (simulated_s > 0.0).then(|| f64::from(execution.arrived) / simulated_s);
         }
         self.cpu_time_ms = record.measurement.plan.cpu_ms;
         let usage = record.resources.as_ref();

@@ -7,7 +7,7 @@ use fleetyard_abi::Kind;
 use fleetyard_core::document::Place;
 use fleetyard_core::{Digest, Grid, Hasher};
 use fleetyard_fleet::{
-    EventKind, FleetConfig, FleetError, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
+    EventKind, FleetConfig, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
 };
 use fleetyard_runtime::measure::{Call, Reason, Snapshot, Spent, contended};
 use fleetyard_runtime::{
@@ -154,16 +154,12 @@ impl FleetModules {
         grid: &Arc<Grid>,
         agents: u32,
         seed: u64,
-    ) -> Result<Drive, DriveError> {
+    ) -> Result<Drive, TrialError> {
         let mut config = self.setup.config.clone();
         config.agents = agents;
         config.seed = seed;
         config.sim.disturbance.seed = seed;
-        let bodies = self
-            .setup
-            .robots
-            .fleet(agents as usize, &config.sim)
-            .map_err(TrialError::from)?;
+        let bodies = self.setup.robots.fleet(agents as usize, &config.sim)?;
         let (plugin, attach, options) = planner;
         let [generator, invocation, fail_policy] = &self.members;
         let start = |member: &Member| member.plugin.module(runtime, None, &member.given);
@@ -198,26 +194,6 @@ impl FleetModules {
             sandbox: watch.sandbox,
             unsupervised: watch.unsupervised,
         })
-    }
-}
-
-/// Why a fleet did not drive.
-pub(crate) enum DriveError {
-    /// A plugin did not start.
-    Trial(TrialError),
-    /// The run could not be made.
-    Fleet(FleetError),
-}
-
-impl From<TrialError> for DriveError {
-    fn from(error: TrialError) -> Self {
-        Self::Trial(error)
-    }
-}
-
-impl From<FleetError> for DriveError {
-    fn from(error: FleetError) -> Self {
-        Self::Fleet(error)
     }
 }
 
@@ -285,7 +261,7 @@ impl Drive {
         row.first_violation = invalid.map(|event| event.message.clone());
         let fault = first(EventKind::PlannerFault);
         row.fault = fault.map(|event| format!("at {} s: {}", event.time_s, event.message));
-        row.success = execution.contacts == 0;
+        row.success = execution.figures.contacts == 0;
         if let Some(what) = &self.unsupervised {
             row.termination = Termination::Failed.to_string();
             row.fault = Some(what.clone());
@@ -308,11 +284,7 @@ impl Drive {
         row.goals_reached = Some(metrics.goals_reached);
         row.goals_committed = Some(metrics.goals_committed);
         row.throughput_per_s = Some(metrics.throughput_per_s);
-        row.simulated_s = Some(execution.simulated_s);
-        row.rtf = Some(execution.rtf);
-        row.contacts = Some(execution.contacts);
-        row.nearest_approach_m = execution.nearest_approach_m;
-        row.trace_digest = Some(execution.trace_digest.to_string());
+        row.executed(&execution.figures);
         if let Some(usage) = &self.usage {
             row.peak_memory_kb = usage.peak_memory_kb;
             let micros = usage

@@ -11,7 +11,7 @@ use fleetyard_runtime::{
     Attach, BrokenPromise, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source,
     Termination, Usage,
 };
-use fleetyard_sim::Policy;
+use fleetyard_sim::{Figures, Policy};
 use serde::Serialize;
 
 use crate::calibration::Correction;
@@ -286,32 +286,17 @@ pub struct ExecutionInfo {
     pub makespan_s: Option<f64>,
     /// Sum of arrivals.
     pub sum_of_costs_s: Option<f64>,
-    /// Ticks of the simulator.
-    pub ticks: u64,
-    /// Simulated time over wall time.
-    pub rtf: f64,
-    /// Simulated time.
-    pub simulated_s: f64,
+    /// The figures of every execution.
+    #[serde(flatten)]
+    pub figures: Figures,
     /// Wall time.
     pub wall_ms: f64,
-    /// Contacts.
-    pub contacts: u64,
-    /// Between agents.
-    pub contacts_agent_agent: u64,
-    /// With obstacles.
-    pub contacts_agent_obstacle: u64,
-    /// Between centres.
-    pub nearest_approach_m: Option<f64>,
     /// Largest distance from the plan.
     pub tracking_error_max_m: f64,
     /// Mean distance from the plan.
     pub tracking_error_mean_m: f64,
-    /// Radius of the largest robot.
-    pub radius_m: f64,
     /// Largest resident set of the host so far, the simulator's included.
     pub host_peak_memory_kb: Option<u64>,
-    /// Digest of the trace.
-    pub trace_digest: Digest,
 }
 
 /// The reason why a result may not be compared with others; `None` when it may.
@@ -524,30 +509,25 @@ impl Record {
             line("contended", reason.to_string());
         }
         if let Some(execution) = &self.execution {
-            let ExecutionInfo {
-                simulated_s,
-                wall_ms,
-                rtf,
-                ..
-            } = execution;
-            let (simulated_s, wall_ms) = (number(*simulated_s), number(*wall_ms));
-            let rtf = number(*rtf);
+            let figures = &execution.figures;
+            let (simulated_s, rtf) = (number(figures.simulated_s), number(figures.rtf));
+            let wall_ms = number(execution.wall_ms);
             line(
                 "execution",
                 format!("{simulated_s} s simulated in {wall_ms} ms (RTF {rtf})"),
             );
-            let nearest = execution
+            let nearest = figures
                 .nearest_approach_m
                 .map_or("none".into(), |distance| {
                     format!("{distance:.3} m between centres")
                 });
-            line("contacts", execution.contacts.to_string());
+            line("contacts", figures.contacts.to_string());
             line("nearest approach", nearest);
             line(
                 "tracking error",
                 format!("{:.4} m at most", execution.tracking_error_max_m),
             );
-            line("trace digest", execution.trace_digest.to_string());
+            line("trace digest", figures.trace_digest.to_string());
         }
         line("instance digest", self.instance_digest.to_string());
         if let Some(digest) = self.plan_digest {

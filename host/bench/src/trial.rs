@@ -579,24 +579,16 @@ pub fn execute<'p>(
     let outcome = simulator.run(plan, trace)?;
     let wall = started.elapsed();
     Ok(ExecutionInfo {
-        rtf: outcome.simulated_s / wall.as_secs_f64().max(1e-9),
+        figures: outcome.figures(wall.as_secs_f64()),
         policy: outcome.policy,
         agents: outcome.agents,
         arrived: outcome.arrived,
         makespan_s: outcome.makespan_s,
         sum_of_costs_s: outcome.sum_of_costs_s,
-        ticks: outcome.ticks,
-        simulated_s: outcome.simulated_s,
         wall_ms: milliseconds(wall),
-        contacts: outcome.contacts.total(),
-        contacts_agent_agent: outcome.contacts.agent_agent,
-        contacts_agent_obstacle: outcome.contacts.agent_obstacle,
-        nearest_approach_m: outcome.nearest_approach_m,
         tracking_error_max_m: outcome.tracking_error_max_m,
         tracking_error_mean_m: outcome.tracking_error_mean_m,
-        radius_m: outcome.radius_m,
         host_peak_memory_kb: peak_memory_kb(),
-        trace_digest: outcome.trace_digest,
     })
 }
 

@@ -2,7 +2,8 @@
 
 use fleetyard_abi::{Capability, Kind};
 use fleetyard_core::InputError;
-use fleetyard_runtime::{Fault, OptionError};
+use fleetyard_fleet::FleetError;
+use fleetyard_runtime::{Fault, OptionError, Termination};
 use fleetyard_sim::SimError;
 
 use crate::options::RobotsError;
@@ -26,6 +27,9 @@ pub enum TrialError {
     /// There are no such robots.
     #[error(transparent)]
     Robots(#[from] RobotsError),
+    /// The fleet could not drive.
+    #[error(transparent)]
+    Fleet(#[from] FleetError),
     /// A file has several plugins of the kind, and none was named.
     #[error("{file} has several {}: {}", plural(*kind), ids.join(", "))]
     SeveralPlugins {
@@ -82,6 +86,27 @@ fn plural(kind: Kind) -> &'static str {
 }
 
 impl TrialError {
+    /// The fault of the plugin that did not start.
+    pub(crate) fn fault(&self) -> Option<&Fault> {
+        match self {
+            Self::Fault(fault) | Self::Fleet(FleetError::Start { fault, .. }) => Some(fault),
+            _ => None,
+        }
+    }
+
+    /// The end of the trial, if a plugin is to blame that the trial could not be made.
+    pub(crate) fn termination(&self) -> Option<Termination> {
+        match self {
+            Self::Incapable { .. } | Self::Fleet(FleetError::Incapable { .. }) => {
+                Some(Termination::Unsupported)
+            }
+            _ => {
+                let fault = self.fault().filter(|fault| !fault.is_of_host())?;
+                Some(Termination::from(fault))
+            }
+        }
+    }
+
     /// What to do about it.
     pub fn hint(&self) -> Option<String> {
         match self {
@@ -90,6 +115,7 @@ impl TrialError {
             Self::Fault(fault) => fault.hint().map(str::to_owned),
             Self::Simulation(error) => error.hint().map(str::to_owned),
             Self::Robots(error) => error.hint().map(str::to_owned),
+            Self::Fleet(error) => error.hint().map(str::to_owned),
             Self::SeveralPlugins { .. } => Some("write PATH:ID to choose one of them".to_owned()),
             Self::NoPlugin { ids, .. } if ids.is_empty() => None,
             Self::NoPlugin { ids, .. } => Some(format!("it has {}", ids.join(", "))),

@@ -175,6 +175,7 @@ impl From<TrialError> for Failure {
             TrialError::Options(error) => return error.into(),
             TrialError::Fault(fault) => return fault.into(),
             TrialError::Simulation(error) => return error.into(),
+            TrialError::Fleet(error) => return error.into(),
             TrialError::Robots(_)
             | TrialError::SeveralPlugins { .. }
             | TrialError::NoPlugin {

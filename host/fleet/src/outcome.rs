@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetyard_core::Digest;
+use fleetyard_sim::Figures;
 use serde::{Deserialize, Serialize};
 
 use crate::{FleetConfig, ModuleInfo};
@@ -175,28 +176,12 @@ pub struct FleetMetrics {
 /// The simulator's figures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FleetExecution {
-    /// Simulated time per wall-clock time.
-    pub rtf: f64,
-    /// Simulated seconds.
-    pub simulated_s: f64,
+    /// The figures of every execution.
+    #[serde(flatten)]
+    pub figures: Figures,
     /// Wall-clock seconds from the first block to the last one, without the start of
     /// plugins.
     pub wall_s: f64,
-    /// Ticks of the simulator.
-    pub ticks: u64,
-    /// Contacts.
-    pub contacts: u64,
-    /// Those between robots.
-    pub contacts_agent_agent: u64,
-    /// Those with obstacles.
-    pub contacts_agent_obstacle: u64,
-    /// Least distance between the centres of any two robots in metres; absent if no two
-    /// came near each other.
-    pub nearest_approach_m: Option<f64>,
-    /// Radius of the largest robot.
-    pub radius_m: f64,
-    /// Digest of everything that happened.
-    pub trace_digest: Digest,
 }
 
 /// All there is to say of a run.

@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +68,29 @@ pub struct Event {
     pub agent: u32,
     /// The other party.
     pub other: Other,
+}
+
+impl fmt::Display for Other {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Agent(agent) => write!(f, "agent {agent}"),
+            Self::Obstacle { cell } => write!(f, "cell {cell}"),
+            Self::Polygon(index) => write!(f, "polygon {index}"),
+            Self::Mover(index) => write!(f, "moving obstacle {index}"),
+            Self::Goal => f.write_str("its goal"),
+        }
+    }
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let did = match self.kind {
+            EventKind::Begin => "begins to touch",
+            EventKind::End => "no longer touches",
+            EventKind::Arrive => "arrives at",
+        };
+        write!(f, "agent {} {did} {}", self.agent, self.other)
+    }
 }
 
 /// A contact from beginning to end.

@@ -92,7 +92,7 @@ pub use error::SimError;
 pub use event::{Contact, Contacts, Event, EventKind, Other};
 pub use live::{Live, Order};
 pub use motion::{Fleet, Profile};
-pub use outcome::{Approach, Outcome};
+pub use outcome::{Approach, Figures, Outcome};
 pub use route::Plan;
 pub use simulator::Simulator;
 pub use trace::{NoTrace, TraceReader, TraceSink, TraceWriter};

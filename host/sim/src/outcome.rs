@@ -65,3 +65,43 @@ pub struct Outcome {
     /// Equal executions have equal digests, on every machine.
     pub trace_digest: Digest,
 }
+
+/// Figures that every report of an execution has, with what it took.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figures {
+    /// Simulated time over wall time.
+    pub rtf: f64,
+    /// Simulated time in seconds.
+    pub simulated_s: f64,
+    /// Number of ticks.
+    pub ticks: u64,
+    /// Number of contacts.
+    pub contacts: u64,
+    /// Number of contacts between agents.
+    pub contacts_agent_agent: u64,
+    /// Number of contacts with obstacles.
+    pub contacts_agent_obstacle: u64,
+    /// Least distance between the centres of any two agents in metres.
+    pub nearest_approach_m: Option<f64>,
+    /// The largest effective radius of an agent in metres.
+    pub radius_m: f64,
+    /// Digest of the execution.
+    pub trace_digest: Digest,
+}
+
+impl Outcome {
+    /// The figures of an execution that took this wall time in seconds.
+    pub fn figures(&self, wall_s: f64) -> Figures {
+        Figures {
+            rtf: self.simulated_s / wall_s.max(1e-9),
+            simulated_s: self.simulated_s,
+            ticks: self.ticks,
+            contacts: self.contacts.total(),
+            contacts_agent_agent: self.contacts.agent_agent,
+            contacts_agent_obstacle: self.contacts.agent_obstacle,
+            nearest_approach_m: self.nearest_approach_m,
+            radius_m: self.radius_m,
+            trace_digest: self.trace_digest,
+        }
+    }
+}

@@ -542,10 +542,6 @@ fn per_agent<T>(ids: &[u32], unknown: bool, of: &dyn Fn(u32) -> Option<T>) -> Ve
 /// A page takes a recording whose header [`Recording::of_trace`] has seen. Headings
 /// may be wrapped or not.
 impl TraceSink for Page {
-    fn begin(&mut self, _: &Header) -> io::Result<()> {
-        Ok(())
-    }
-
     fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
         self.add_state(tick, states);
         Ok(())

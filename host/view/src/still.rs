@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use fleetyard_sim::trace::{Entry, Header, Standing, States, Summary};
+use fleetyard_sim::trace::{Entry, Header, Standing, States};
 use fleetyard_sim::{Event, EventKind, Other, TraceSink};
 
 use crate::svg::{Body, Picture, reach_m};
@@ -147,10 +147,6 @@ fn middle(poses: &[Pose], agent: u32, other: Option<u32>) -> Option<[f64; 2]> {
 }
 
 impl TraceSink for Still {
-    fn begin(&mut self, _: &Header) -> io::Result<()> {
-        Ok(())
-    }
-
     fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
         let time_s = self.header.time_s(tick);
         let headings = states.heading_rad.unwrap_or(&[]);
@@ -204,10 +200,6 @@ impl TraceSink for Still {
         let is_past = |entry: &&Entry| self.at_s.is_none_or(|at| header.time_s(entry.tick) <= at);
         let past = entries.iter().take_while(is_past);
         past.for_each(|entry| self.standing.note(entry));
-        Ok(())
-    }
-
-    fn end(&mut self, _: &Summary) -> io::Result<()> {
         Ok(())
     }
 }

@@ -138,7 +138,7 @@ fn replayed(
     match &outcome {
         // The graph keeps those who follow orders exactly apart, whatever was planned.
         Ok(outcome) if bodies.is_none() && config.sim.radius_m.is_none() => {
-            assert_eq!(outcome.execution.contacts, 0);
+            assert_eq!(outcome.execution.figures.contacts, 0);
         }
         // Numbers of the configuration are named by themselves.
         Err(FleetError::Input(error)) if error.source == here.display().to_string() => {
@@ -170,7 +170,10 @@ impl Watch for Patience {
 /// However many threads do the work, a replay comes to the same.
 fn same(one: &FleetOutcome, other: &FleetOutcome) {
     assert_eq!(one.ended, other.ended);
-    assert_eq!(one.execution.trace_digest, other.execution.trace_digest);
+    assert_eq!(
+        one.execution.figures.trace_digest,
+        other.execution.figures.trace_digest
+    );
     assert_eq!(one.metrics, other.metrics);
     assert_eq!(one.series, other.series);
     assert_eq!(one.events, other.events);

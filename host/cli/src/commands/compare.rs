@@ -346,11 +346,11 @@ fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usi
         makespan_steps_mean: mean(&values(&|r| r.metrics.makespan_steps.map(|m| m as f64))),
         first_solution_ms_median: median_of(&|r| r.metrics.first_solution_ms),
         planning_time_ms_median: median_of(&|r| Some(r.metrics.planning_time_ms)),
-        rtf_median: median_of(&|r| r.execution.as_ref().map(|execution| execution.rtf)),
+        rtf_median: median_of(&|r| r.execution.as_ref().map(|execution| execution.figures.rtf)),
         contacts: solved
             .iter()
             .filter_map(|record| record.execution.as_ref())
-            .map(|execution| execution.contacts)
+            .map(|execution| execution.figures.contacts)
             .reduce(|a, b| a + b),
         contended: records
             .iter()

@@ -1,6 +1,7 @@
 //! `fleetyard fleet`: robots that drive on and on, and a planner that plans meanwhile.
 
 use std::fmt::Write as _;
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -17,15 +18,14 @@ use fleetyard_fleet::{
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
 use fleetyard_sim::motion::load_fleet;
-use fleetyard_sim::trace::TraceOptions;
-use fleetyard_sim::{Fleet as Bodies, NoTrace, SimConfig, TraceSink};
+use fleetyard_sim::{Fleet as Bodies, NoTrace, SimConfig, TraceSink, TraceWriter};
 use fleetyard_view::FleetPicture;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
-use super::{TraceFile, draw_document};
+use super::{Unnamed, draw_document, keep, trace_file};
 use crate::args::{Cli, Fleet, FleetAsked, Format, LibraryAttachArg, PluginArg};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::setup::{find_plugin, policy, trust};
@@ -341,21 +341,17 @@ fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Mod
 }
 
 /// Shows the run on a terminal, keeps its records, and ends it when it is told to.
-struct Watcher<'a> {
-    trace: Option<TraceFile<'a>>,
+struct Watcher {
+    trace: Option<TraceWriter<BufWriter<Unnamed>>>,
     nothing: NoTrace,
     recorder: Option<Recorder>,
     bar: ProgressBar,
     verbose: bool,
 }
 
-impl<'a> Watcher<'a> {
-    fn new(arguments: &'a Fleet, config: &FleetConfig) -> Result<Self> {
-        let options = TraceOptions {
-            every: arguments.trace_every,
-            ..TraceOptions::default()
-        };
-        let trace = arguments.trace.as_deref();
+impl Watcher {
+    fn new(arguments: &Fleet, config: &FleetConfig) -> Result<Self> {
+        let (trace, every) = (arguments.trace.as_deref(), arguments.trace_every);
         let installed = on_interrupt(|signal| SIGNAL.store(signal, Ordering::SeqCst));
         if let Err(error) = installed {
             output::warning(&format!(
@@ -363,9 +359,7 @@ impl<'a> Watcher<'a> {
             ));
         }
         Ok(Self {
-            trace: trace
-                .map(|path| TraceFile::with_options(path, options))
-                .transpose()?,
+            trace: trace.map(|path| trace_file(path, every)).transpose()?,
             nothing: NoTrace,
             recorder: None,
             bar: output::bar(
@@ -377,14 +371,14 @@ impl<'a> Watcher<'a> {
     }
 
     fn finish(self) -> Result<()> {
-        self.trace.map_or(Ok(()), TraceFile::finish)
+        self.trace.map_or(Ok(()), |trace| keep(trace.into_inner()))
     }
 }
 
-impl Watch for Watcher<'_> {
+impl Watch for Watcher {
     fn sink(&mut self) -> &mut dyn TraceSink {
         match &mut self.trace {
-            Some(trace) => trace.sink(),
+            Some(trace) => trace,
             None => &mut self.nothing,
         }
     }
@@ -493,6 +487,7 @@ fn text(outcome: &FleetOutcome) -> String {
         execution,
         ..
     } = outcome;
+    let figures = &execution.figures;
     let mut out = String::new();
     let mut line = |label: &str, value: String| {
         // Writing to a string cannot fail.
@@ -510,9 +505,9 @@ fn text(outcome: &FleetOutcome) -> String {
         "simulated",
         format!(
             "{} s in {} s (RTF {})",
-            number(execution.simulated_s),
+            number(figures.simulated_s),
             number(execution.wall_s),
-            number(execution.rtf)
+            number(figures.rtf)
         ),
     );
     line(
@@ -565,19 +560,19 @@ fn text(outcome: &FleetOutcome) -> String {
         "contacts",
         format!(
             "{} ({} between robots, {} with obstacles)",
-            execution.contacts, execution.contacts_agent_agent, execution.contacts_agent_obstacle
+            figures.contacts, figures.contacts_agent_agent, figures.contacts_agent_obstacle
         ),
     );
-    if let Some(nearest) = execution.nearest_approach_m {
+    if let Some(nearest) = figures.nearest_approach_m {
         line(
             "nearest approach",
             format!(
                 "{nearest:.3} m between centres (radius {:.3} m)",
-                execution.radius_m
+                figures.radius_m
             ),
         );
     }
-    line("trace digest", execution.trace_digest.to_string());
+    line("trace digest", figures.trace_digest.to_string());
     out.push('\n');
     out.push_str(&over_time(&outcome.series));
     out

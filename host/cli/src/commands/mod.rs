@@ -11,8 +11,8 @@ use clap_complete::Shell;
 use fleetyard_core::{
     GridInstance, InputError, create_output, load_map, load_scen, write_atomically,
 };
+use fleetyard_sim::TraceWriter;
 use fleetyard_sim::trace::TraceOptions;
-use fleetyard_sim::{TraceSink, TraceWriter};
 use fleetyard_view::{Picture, ViewError, png};
 use tempfile::NamedTempFile;
 
@@ -95,15 +95,10 @@ fn not_drawn(path: &Path, error: &ViewError) -> InputError {
     InputError::new(path.display().to_string(), error.reason.as_str()).hint(error.hint)
 }
 
-/// A trace file that appears under its name only when it is whole.
-struct TraceFile<'a> {
-    path: &'a Path,
-    writer: TraceWriter<BufWriter<Unnamed>>,
-}
-
-/// What will be a file under a name. It is made when it is first written to: until then
-/// a host that is interrupted, while a planner runs, leaves nothing behind.
+/// What will be a file under a name, once it is whole. It is made when it is first written to:
+/// until then a host that is interrupted, while a planner runs, leaves nothing behind.
 struct Unnamed {
+    path: PathBuf,
     folder: PathBuf,
     file: Option<Content>,
 }
@@ -115,7 +110,7 @@ enum Content {
 }
 
 impl Unnamed {
-    fn beside(path: &Path) -> Result<Self> {
+    fn beside(path: &Path) -> Result<BufWriter<Self>> {
         let failed = |error: io::Error| {
             cannot_write(path, &error).hint("does its folder exist, and may you write to it?")
         };
@@ -125,10 +120,11 @@ impl Unnamed {
             .is_some_and(|old| !old.is_file() && !old.is_dir())
         {
             let file = create_output(path).map_err(failed)?;
-            return Ok(Self {
+            return Ok(BufWriter::new(Self {
+                path: path.to_owned(),
                 folder: PathBuf::new(),
                 file: Some(Content::Direct(file)),
-            });
+            }));
         }
         if old.is_some_and(|old| old.is_dir()) {
             return Err(failed(io::ErrorKind::IsADirectory.into()).into());
@@ -138,12 +134,13 @@ impl Unnamed {
             .parent()
             .filter(|folder| !folder.as_os_str().is_empty());
         let unnamed = Self {
+            path: path.to_owned(),
             folder: folder.unwrap_or(Path::new(".")).to_owned(),
             file: None,
         };
         // Tried now and not when the planner's budget has been spent.
         unnamed.create().map_err(failed)?;
-        Ok(unnamed)
+        Ok(BufWriter::with_capacity(1 << 16, unnamed))
     }
 
     fn create(&self) -> io::Result<NamedTempFile> {
@@ -152,15 +149,19 @@ impl Unnamed {
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(&self.folder)
     }
+}
 
-    /// Gives the file its name, if anything was written.
-    fn keep(self, path: &Path) -> Result<()> {
-        if let Some(Content::Temporary(file)) = self.file {
-            let kept = file.persist(resolved(path));
-            kept.map_err(|error| cannot_write(path, &error.error))?;
-        }
-        Ok(())
+/// Gives the file its name, if anything was written.
+fn keep(file: BufWriter<Unnamed>) -> Result<()> {
+    let Unnamed { path, file, .. } = file.into_inner().map_err(|failed| {
+        let (error, file) = failed.into_parts();
+        cannot_write(&file.get_ref().path, &error)
+    })?;
+    if let Some(Content::Temporary(file)) = file {
+        let kept = file.persist(resolved(&path));
+        kept.map_err(|error| cannot_write(&path, &error.error))?;
     }
+    Ok(())
 }
 
 /// Through a symbolic link, the file that it points to.
@@ -196,22 +197,11 @@ impl Write for Unnamed {
     }
 }
 
-impl<'a> TraceFile<'a> {
-    fn with_options(path: &'a Path, options: TraceOptions) -> Result<Self> {
-        let out = BufWriter::new(Unnamed::beside(path)?);
-        Ok(Self {
-            path,
-            writer: TraceWriter::with_options(out, options),
-        })
-    }
-
-    fn sink(&mut self) -> &mut dyn TraceSink {
-        &mut self.writer
-    }
-
-    fn finish(self) -> Result<()> {
-        let file = self.writer.into_inner().into_inner();
-        let file = file.map_err(|error| cannot_write(self.path, error.error()))?;
-        file.keep(self.path)
-    }
+/// A trace file with the states of every so many ticks.
+fn trace_file(path: &Path, every: u32) -> Result<TraceWriter<BufWriter<Unnamed>>> {
+    let options = TraceOptions {
+        every,
+        ..TraceOptions::default()
+    };
+    Ok(TraceWriter::with_options(Unnamed::beside(path)?, options))
 }

@@ -8,7 +8,6 @@ use fleetyard_core::InputError;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_runtime::{LogLine, Termination, interrupt_calls, interrupted_by};
-use fleetyard_sim::trace::TraceOptions;
 use fleetyard_view::{Picture, World};
 
 use super::simulate::Sinks;
@@ -47,9 +46,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         arguments.instance.agents
     ));
     // Every tick: the trace is what other tools replay.
-    let trace = arguments.trace_out.as_deref();
-    let trace = trace.map(|path| (path, TraceOptions::default()));
-    let mut sinks = Sinks::create(trace, None, bar.clone())?;
+    let mut sinks = Sinks::create(arguments.trace_out.as_deref(), 1, None, bar.clone())?;
     let execute = arguments.execute || arguments.trace_out.is_some();
     let trial = Trial {
         host: &host,

@@ -1,11 +1,10 @@
 //! Pictures and pages of traces, for `fleetyard trace export`.
 
-use std::io;
 use std::path::Path;
 
 use fleetyard_core::{InputError, write_atomically};
-use fleetyard_sim::trace::{Entry, Header, Remark, States, Summary, TraceContents};
-use fleetyard_sim::{Event, TraceSink};
+use fleetyard_sim::TraceSink;
+use fleetyard_sim::trace::{Header, TraceContents};
 use fleetyard_view::{Page, PageOptions, Recording, Still, World};
 
 use super::{draw_png, draw_svg, file_name, not_drawn};
@@ -35,6 +34,13 @@ impl<'a> Shown<'a> {
             still: pictures.then(|| Still::new(header, arguments.at)),
             page: page.transpose()?,
         })
+    }
+
+    /// What the trace is told to.
+    pub(crate) fn sinks(&mut self) -> impl Iterator<Item = &mut dyn TraceSink> {
+        let still = self.still.as_mut().map(|still| still as &mut dyn TraceSink);
+        let page = self.page.as_mut().map(|page| page as &mut dyn TraceSink);
+        still.into_iter().chain(page)
     }
 
     /// Writes what was asked for, as far as the trace was intact.
@@ -87,42 +93,4 @@ fn title(path: &Path) -> String {
         || file_name(path),
         |stem| stem.to_string_lossy().into_owned(),
     )
-}
-
-impl TraceSink for Shown<'_> {
-    fn begin(&mut self, header: &Header) -> io::Result<()> {
-        self.each(|sink| sink.begin(header))
-    }
-
-    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
-        self.each(|sink| sink.state(tick, states))
-    }
-
-    fn events(&mut self, events: &[Event]) -> io::Result<()> {
-        self.each(|sink| sink.events(events))
-    }
-
-    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
-        self.each(|sink| sink.journal(entries))
-    }
-
-    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
-        self.each(|sink| sink.remarks(remarks))
-    }
-
-    fn end(&mut self, summary: &Summary) -> io::Result<()> {
-        self.each(|sink| sink.end(summary))
-    }
-}
-
-impl Shown<'_> {
-    fn each(&mut self, tell: impl Fn(&mut dyn TraceSink) -> io::Result<()>) -> io::Result<()> {
-        if let Some(still) = &mut self.still {
-            tell(still)?;
-        }
-        if let Some(page) = &mut self.page {
-            tell(page)?;
-        }
-        Ok(())
-    }
 }

@@ -11,14 +11,14 @@ use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
 use fleetyard_sim::motion::load_fleet;
-use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
-use fleetyard_sim::{Event, Fleet, Plan, SimConfig, Simulator, TraceSink};
+use fleetyard_sim::trace::{Header, States, Summary};
+use fleetyard_sim::{Event, Fleet, Plan, SimConfig, Simulator, TraceSink, TraceWriter};
 use fleetyard_view::{Picture, World};
 use fleetyard_world::{Bounds, Workspace, load_workspace};
 use indicatif::ProgressBar;
 
 use super::validate::one_agent;
-use super::{TraceFile, Unnamed, cannot_write, draw};
+use super::{Unnamed, draw, keep, trace_file};
 use crate::args::{Format, Mishap, Simulate};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
@@ -48,12 +48,9 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     if let Some(roadmap) = &roadmap {
         simulator = simulator.over_roadmap(roadmap);
     }
-    let options = TraceOptions {
-        every: arguments.trace_every,
-        ..TraceOptions::default()
-    };
     let mut sinks = Sinks::create(
-        arguments.trace.as_deref().map(|path| (path, options)),
+        arguments.trace.as_deref(),
+        arguments.trace_every,
         arguments.events.as_deref(),
         output::spinner("0 s simulated"),
     )?;
@@ -93,10 +90,11 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
 
 /// How much there was of what may not happen, if there was some.
 fn happened(mishap: Mishap, execution: &ExecutionInfo) -> Option<String> {
+    let figures = &execution.figures;
     let (count, what) = match mishap {
-        Mishap::Contacts => (execution.contacts, "contact"),
-        Mishap::AgentContacts => (execution.contacts_agent_agent, "contact between agents"),
-        Mishap::ObstacleContacts => (execution.contacts_agent_obstacle, "contact with obstacles"),
+        Mishap::Contacts => (figures.contacts, "contact"),
+        Mishap::AgentContacts => (figures.contacts_agent_agent, "contact between agents"),
+        Mishap::ObstacleContacts => (figures.contacts_agent_obstacle, "contact with obstacles"),
         Mishap::Unfinished => (
             u64::from(execution.agents - execution.arrived),
             "robot that did not arrive",
@@ -263,27 +261,25 @@ fn bounds(plan: &AnyPlan, roadmap: Option<&Roadmap>) -> Bounds {
 }
 
 /// What is told to files and to a terminal while an execution goes on.
-pub(super) struct Sinks<'a> {
-    trace: Option<TraceFile<'a>>,
-    events: Option<(&'a Path, BufWriter<Unnamed>)>,
+pub(super) struct Sinks {
+    trace: Option<TraceWriter<BufWriter<Unnamed>>>,
+    events: Option<BufWriter<Unnamed>>,
     bar: ProgressBar,
     /// Ticks per second, once they are known.
     ticks_hz: Cell<f64>,
 }
 
-impl<'a> Sinks<'a> {
+impl Sinks {
+    /// A trace with the states of every so many ticks, and events.
     pub(super) fn create(
-        trace: Option<(&'a Path, TraceOptions)>,
-        events: Option<&'a Path>,
+        trace: Option<&Path>,
+        every: u32,
+        events: Option<&Path>,
         bar: ProgressBar,
     ) -> Result<Self> {
         Ok(Self {
-            trace: trace
-                .map(|(path, options)| TraceFile::with_options(path, options))
-                .transpose()?,
-            events: events
-                .map(|path| Ok::<_, Failure>((path, BufWriter::new(Unnamed::beside(path)?))))
-                .transpose()?,
+            trace: trace.map(|path| trace_file(path, every)).transpose()?,
+            events: events.map(Unnamed::beside).transpose()?,
             bar,
             ticks_hz: Cell::new(1.0),
         })
@@ -291,16 +287,13 @@ impl<'a> Sinks<'a> {
 
     pub(super) fn finish(self) -> Result<()> {
         self.bar.finish_and_clear();
-        if let Some((path, events)) = self.events {
-            let file = events.into_inner();
-            let file = file.map_err(|error| cannot_write(path, error.error()))?;
-            file.keep(path)?;
-        }
-        self.trace.map_or(Ok(()), TraceFile::finish)
+        self.events.map_or(Ok(()), keep)?;
+        let trace = self.trace.map(TraceWriter::into_inner);
+        trace.map_or(Ok(()), keep)
     }
 }
 
-impl TraceSink for Sinks<'_> {
+impl TraceSink for Sinks {
     fn wants_scene(&self) -> bool {
         self.trace.is_some()
     }
@@ -312,58 +305,53 @@ impl TraceSink for Sinks<'_> {
             self.bar.set_message(format!("{seconds:.0} s simulated"));
         }
         let trace = self.trace.as_ref();
-        trace.is_some_and(|trace| trace.writer.wants_state(tick))
+        trace.is_some_and(|trace| trace.wants_state(tick))
     }
 
     fn begin(&mut self, header: &Header) -> io::Result<()> {
         self.ticks_hz.set(f64::from(header.ticks_hz));
         match &mut self.trace {
-            Some(trace) => trace.writer.begin(header),
+            Some(trace) => trace.begin(header),
             None => Ok(()),
         }
     }
 
     fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
         match &mut self.trace {
-            Some(trace) => trace.writer.state(tick, states),
+            Some(trace) => trace.state(tick, states),
             None => Ok(()),
         }
     }
 
     fn events(&mut self, events: &[Event]) -> io::Result<()> {
-        if let Some((_, file)) = &mut self.events {
+        if let Some(file) = &mut self.events {
             for event in events {
                 serde_json::to_writer(&mut *file, event)?;
                 file.write_all(b"\n")?;
             }
         }
         match &mut self.trace {
-            Some(trace) => trace.writer.events(events),
+            Some(trace) => trace.events(events),
             None => Ok(()),
         }
     }
 
     fn end(&mut self, summary: &Summary) -> io::Result<()> {
-        if let Some((_, file)) = &mut self.events {
+        if let Some(file) = &mut self.events {
             file.flush()?;
         }
         match &mut self.trace {
-            Some(trace) => trace.writer.end(summary),
+            Some(trace) => trace.end(summary),
             None => Ok(()),
         }
     }
 }
 
 fn text(execution: &ExecutionInfo) -> String {
-    let ExecutionInfo {
-        simulated_s,
-        wall_ms,
-        rtf,
-        contacts,
-        ..
-    } = execution;
+    let figures = &execution.figures;
     let mut out = String::new();
-    let (simulated, wall, rtf) = (number(*simulated_s), number(*wall_ms), number(*rtf));
+    let (simulated, rtf) = (number(figures.simulated_s), number(figures.rtf));
+    let wall = number(execution.wall_ms);
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
@@ -384,11 +372,11 @@ fn text(execution: &ExecutionInfo) -> String {
     };
     let _ = writeln!(
         out,
-        "contacts          {contacts} ({} between agents, {} with obstacles)",
-        execution.contacts_agent_agent, execution.contacts_agent_obstacle
+        "contacts          {} ({} between agents, {} with obstacles)",
+        figures.contacts, figures.contacts_agent_agent, figures.contacts_agent_obstacle
     );
-    if let Some(nearest) = execution.nearest_approach_m {
-        let radius = execution.radius_m;
+    if let Some(nearest) = figures.nearest_approach_m {
+        let radius = figures.radius_m;
         let _ = writeln!(
             out,
             "nearest approach  {nearest:.3} m between centres (radius {radius:.3} m)"
@@ -399,6 +387,6 @@ fn text(execution: &ExecutionInfo) -> String {
         "tracking error    {:.4} m at most",
         execution.tracking_error_max_m
     );
-    let _ = write!(out, "trace digest      {}", execution.trace_digest);
+    let _ = write!(out, "trace digest      {}", figures.trace_digest);
     out
 }

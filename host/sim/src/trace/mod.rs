@@ -12,8 +12,11 @@
 //! The *trace digest* identifies the execution and does not depend on what is
 //! recorded of it: see [`Summary::digest`].
 
+mod counts;
 mod delta;
+mod diff;
 mod digest;
+mod export;
 mod header;
 mod journal;
 mod read;
@@ -21,7 +24,10 @@ mod write;
 
 use std::io;
 
+pub use counts::{Counts, FleetCounts};
+pub use diff::{Difference, FieldDifference, ItemDifference, StateDifference};
 pub use digest::{CHUNK, ChunkDigest, EventsDigest, StatesDigest};
+pub use export::{Exporter, Outputs};
 pub use header::{Bounds, Cells, Digests, Header, Outline, Profile, Scene};
 pub use journal::{By, Entry, Errand, Goal, Happening, Remark, Standing};
 pub use read::{Frame, TraceContents, TraceReader, read_trace};
@@ -108,14 +114,23 @@ pub trait TraceSink: Send {
     }
 
     /// The header; called before everything else.
-    fn begin(&mut self, header: &Header) -> io::Result<()>;
+    fn begin(&mut self, header: &Header) -> io::Result<()> {
+        let _ = header;
+        Ok(())
+    }
 
     /// States at a tick; ticks come in order, from 0.
-    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()>;
+    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
+        let _ = (tick, states);
+        Ok(())
+    }
 
     /// Events since the last call, in order. Called after the states of the ticks of the
     /// events, not necessarily directly.
-    fn events(&mut self, events: &[Event]) -> io::Result<()>;
+    fn events(&mut self, events: &[Event]) -> io::Result<()> {
+        let _ = events;
+        Ok(())
+    }
 
     /// Journal entries since the last call, in order. Called at the beginning of a block
     /// of time, before the states of the block.
@@ -131,7 +146,46 @@ pub trait TraceSink: Send {
     }
 
     /// The summary; called after everything else.
-    fn end(&mut self, summary: &Summary) -> io::Result<()>;
+    fn end(&mut self, summary: &Summary) -> io::Result<()> {
+        let _ = summary;
+        Ok(())
+    }
+}
+
+/// Sinks that each receive everything, in this order.
+impl TraceSink for Vec<&mut dyn TraceSink> {
+    fn wants_scene(&self) -> bool {
+        self.iter().any(|sink| sink.wants_scene())
+    }
+
+    fn wants_state(&self, tick: u64) -> bool {
+        self.iter().any(|sink| sink.wants_state(tick))
+    }
+
+    fn begin(&mut self, header: &Header) -> io::Result<()> {
+        self.iter_mut().try_for_each(|sink| sink.begin(header))
+    }
+
+    fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
+        let mut sinks = self.iter_mut().filter(|sink| sink.wants_state(tick));
+        sinks.try_for_each(|sink| sink.state(tick, states))
+    }
+
+    fn events(&mut self, events: &[Event]) -> io::Result<()> {
+        self.iter_mut().try_for_each(|sink| sink.events(events))
+    }
+
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        self.iter_mut().try_for_each(|sink| sink.journal(entries))
+    }
+
+    fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
+        self.iter_mut().try_for_each(|sink| sink.remarks(remarks))
+    }
+
+    fn end(&mut self, summary: &Summary) -> io::Result<()> {
+        self.iter_mut().try_for_each(|sink| sink.end(summary))
+    }
 }
 
 /// Discards everything.
@@ -145,22 +199,6 @@ impl TraceSink for NoTrace {
 
     fn wants_state(&self, _: u64) -> bool {
         false
-    }
-
-    fn begin(&mut self, _: &Header) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn state(&mut self, _: u64, _: &States<'_>) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn events(&mut self, _: &[Event]) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn end(&mut self, _: &Summary) -> io::Result<()> {
-        Ok(())
     }
 }
 

@@ -7,7 +7,7 @@ use crate::common::{random_grid, rng, starts, valid_drives};
 use fleetyard_core::{Digest, Grid};
 use fleetyard_sim::motion::{DifferentialDrive, Model};
 use fleetyard_sim::noise::Disturbance;
-use fleetyard_sim::trace::{Header, States, Summary};
+use fleetyard_sim::trace::{States, Summary};
 use fleetyard_sim::{
     Event, Fleet, Live, NoTrace, Order, Other, Outcome, Policy, Profile, SimConfig, SimError,
     Simulator, Tier, TraceReader, TraceSink, TraceWriter,
@@ -422,10 +422,6 @@ struct StatesOnly {
 }
 
 impl TraceSink for StatesOnly {
-    fn begin(&mut self, _: &Header) -> io::Result<()> {
-        Ok(())
-    }
-
     fn state(&mut self, _: u64, states: &States<'_>) -> io::Result<()> {
         let heading = states.heading_rad.unwrap_or(&[]);
         self.states.push([states.x_m, states.y_m, heading].concat());

@@ -9,8 +9,8 @@ use std::io;
 use crate::common::below;
 use fleetyard_core::{Knot, TrajectoryPlan};
 use fleetyard_sim::motion::{Holonomic, Model, PRESETS};
-use fleetyard_sim::trace::{Header, States, Summary};
-use fleetyard_sim::{Event, Fleet, NoTrace, Policy, Profile, SimConfig, Simulator, TraceSink};
+use fleetyard_sim::trace::States;
+use fleetyard_sim::{Fleet, NoTrace, Policy, Profile, SimConfig, Simulator, TraceSink};
 use fleetyard_world::Footprint;
 use rand_chacha::ChaCha8Rng;
 
@@ -58,10 +58,6 @@ impl Watch<'_> {
 }
 
 impl TraceSink for Watch<'_> {
-    fn begin(&mut self, _: &Header) -> io::Result<()> {
-        Ok(())
-    }
-
     fn state(&mut self, tick: u64, states: &States<'_>) -> io::Result<()> {
         for agent in 0..self.plan.agents() {
             let heading = states.heading_rad.unwrap()[agent];
@@ -76,14 +72,6 @@ impl TraceSink for Watch<'_> {
                     .push(format!("agent {agent} at tick {tick}: {pose:?}"));
             }
         }
-        Ok(())
-    }
-
-    fn events(&mut self, _: &[Event]) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn end(&mut self, _: &Summary) -> io::Result<()> {
         Ok(())
     }
 }
