@@ -119,19 +119,15 @@ fn sample(
         planner: format!("the host's planner `{PLANNER}`"),
         error: Box::new(error),
     };
-    let planner = Plugin::built_in(&host.runtime, PLANNER).map_err(|f| failed(f.into()))?;
     let options = json!({ "steps": steps });
     let options = GivenOptions::Values(options.as_object().cloned().unwrap_or_default());
+    let planner = Plugin::built_in(&host.runtime, PLANNER)
+        .map_err(|fault| failed(fault.into()))?
+        .attached(Some(attach))
+        .with_options(options);
     let trial = Trial {
         host,
         planner: &planner,
-        // Programs and adapters are spoken to as workers are.
-        attach: Some(if attach == Attach::InProcess {
-            Attach::InProcess
-        } else {
-            Attach::Worker
-        }),
-        options: &options,
         instance,
         scenario: "calibration",
         path_rule: PathRule::Steps,

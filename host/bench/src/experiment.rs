@@ -59,12 +59,8 @@ pub struct Planner {
     pub descriptor: Descriptor,
     /// Its options, checked.
     pub options: Map<String, Value>,
-    /// The attachment.
-    pub attach: Attach,
     /// Its sandbox, once a process of it has ended.
     pub sandbox: Option<SandboxReport>,
-    given: GivenOptions,
-    wanted: Option<Attach>,
     running: Option<Running>,
     /// The rest of its fleet, in a suite of fleets.
     fleet: Option<FleetModules>,
@@ -203,7 +199,7 @@ impl<'s> Experiment<'s> {
         let instance = &self.instances[planned.instance];
         let planner = &self.planners[planned.planner];
         let limits = self.host.runtime.limits();
-        let unranked = record::unranked(planner.attach, limits, None, None, []);
+        let unranked = record::unranked(planner.plugin.attach(), limits, None, None, []);
         let started_unix_ms = now_unix_ms();
         let grid = instance.grid()?;
         let mut row = Row {
@@ -214,7 +210,7 @@ impl<'s> Experiment<'s> {
             planner_version: planner.descriptor.version.clone(),
             planner_digest: Some(planner.plugin.digest().to_string()),
             options: Value::Object(planner.options.clone()).to_string(),
-            attach: name(&planner.attach),
+            attach: planner.plugin.attach().name().to_owned(),
             ranked: unranked.is_none(),
             unranked,
             built_in: Some(planner.plugin.is_built_in()),
@@ -244,7 +240,8 @@ impl<'s> Experiment<'s> {
                 });
             };
             let limits = self.host.runtime.limits();
-            row.unranked = record::unranked(planner.attach, limits, None, None, error.fault());
+            let attach = planner.plugin.attach();
+            row.unranked = record::unranked(attach, limits, None, None, error.fault());
             row.ranked = row.unranked.is_none();
             row.termination = termination.to_string();
             row.fault = Some(error.to_string());
@@ -271,8 +268,6 @@ impl<'s> Experiment<'s> {
         let trial = Trial {
             host: &self.host,
             planner: &planner.plugin,
-            attach: planner.wanted,
-            options: &planner.given,
             instance,
             scenario: &row.scenario,
             seed: planned.seed,
@@ -315,10 +310,10 @@ impl<'s> Experiment<'s> {
             return Err(InputError::new("suite", "there is no such fleet").into());
         };
         fleet.describe(row);
-        let asked = (&planner.plugin, planner.wanted, &planner.given);
-        let drive = fleet.run(&self.host.runtime, asked, grid, agents, planned.seed)?;
+        let runtime = &self.host.runtime;
+        let drive = fleet.run(runtime, &planner.plugin, grid, agents, planned.seed)?;
         drive.fill(row);
-        row.unranked = drive.unranked(planner.attach, self.host.runtime.limits());
+        row.unranked = drive.unranked(planner.plugin.attach(), runtime.limits());
         row.ranked = row.unranked.is_none();
         planner.sandbox = drive.sandbox.or(planner.sandbox.take());
         Ok(())
@@ -359,19 +354,16 @@ impl Planner {
         };
         let found = found.map_err(|fault| blamed(fault.into()))?;
         let plugin = Plugin::new(runtime, found, Kind::Planner, &setup.plugin)
-            .map_err(|fault: Fault| blamed(fault.into()))?;
-        let attach = plugin.attach(setup.attach);
-        let given = GivenOptions::Values(setup.options.clone());
-        let running = plugin.start(runtime, attach, &given).map_err(blamed)?;
+            .map_err(|fault: Fault| blamed(fault.into()))?
+            .attached(setup.attach)
+            .with_options(GivenOptions::Values(setup.options.clone()));
+        let running = plugin.start(runtime).map_err(blamed)?;
         let mut planner = Self {
             label: setup.label.clone(),
             descriptor: running.descriptor.clone(),
             options: running.options.clone(),
-            attach,
             sandbox: None,
             plugin,
-            given,
-            wanted: setup.attach,
             running: None,
             fleet: None,
         };
@@ -388,7 +380,7 @@ impl Planner {
         let mut hasher = of_planner(
             self.plugin.digest(),
             &self.descriptor.id,
-            &name(&self.attach),
+            self.plugin.attach().name(),
             &Value::Object(self.options.clone()).to_string(),
             context,
         );
@@ -453,14 +445,6 @@ fn context(suite: &Suite) -> Value {
         "path_rule": protocol.path_rule,
         "warm_ups": protocol.warm_ups,
     })
-}
-
-/// A name as it is in JSON.
-fn name(value: &impl Serialize) -> String {
-    match serde_json::to_value(value) {
-        Ok(Value::String(name)) => name,
-        other => other.unwrap_or_default().to_string(),
-    }
 }
 
 /// The time of day, in milliseconds since 1970.

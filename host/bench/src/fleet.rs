@@ -13,7 +13,6 @@ use fleetyard_runtime::measure::{Call, Reason, Snapshot, Spent, contended};
 use fleetyard_runtime::{
     Attach, Closing, Discovery, Fault, Limits, Runtime, SandboxReport, Termination, Usage,
 };
-use fleetyard_sim::{NoTrace, TraceSink};
 use serde_json::{Map, Value};
 
 use crate::error::BenchError;
@@ -22,6 +21,17 @@ use crate::record::{unranked, watched};
 use crate::row::Row;
 use crate::suite::{Clock, FleetPlugin, FleetSetup};
 use crate::trial_error::TrialError;
+
+/// Starts the plugins of a fleet: planner, generator, invocation policy and fail policy.
+pub fn start_modules(runtime: &Runtime, plugins: [&Plugin; 4]) -> Result<Modules, TrialError> {
+    let [planner, generator, invocation, fail_policy] = plugins;
+    Ok(Modules {
+        planner: planner.module(runtime)?,
+        generator: generator.module(runtime)?,
+        invocation: invocation.module(runtime)?,
+        fail_policy: fail_policy.module(runtime)?,
+    })
+}
 
 /// The plugins of a setup beside its planner, found and started once.
 pub(crate) struct FleetModules {
@@ -32,7 +42,6 @@ pub(crate) struct FleetModules {
 struct Member {
     plugin: Plugin,
     id: String,
-    given: GivenOptions,
     /// Checked against the plugin's schema.
     options: Map<String, Value>,
 }
@@ -70,15 +79,13 @@ impl FleetModules {
             });
             let plugin = found
                 .and_then(|found| Plugin::new(runtime, found, kind, name))
-                .map_err(|fault| blamed(fault.into()))?;
-            let given = GivenOptions::Values(asked.options.clone());
-            let attach = plugin.attach(None);
-            let running = plugin.start(runtime, attach, &given).map_err(blamed)?;
+                .map_err(|fault| blamed(fault.into()))?
+                .with_options(GivenOptions::Values(asked.options.clone()));
+            let running = plugin.start(runtime).map_err(blamed)?;
             let member = Member {
                 id: running.descriptor.id.clone(),
                 options: running.options.clone(),
                 plugin,
-                given,
             };
             running.close();
             Ok::<_, BenchError>(member)
@@ -146,11 +153,11 @@ impl FleetModules {
         row.fleet = Some(Value::Object(said).to_string());
     }
 
-    /// Lets a fleet drive. The planner is `plugin` with its options.
+    /// Lets a fleet drive.
     pub(crate) fn run(
         &self,
         runtime: &Runtime,
-        planner: (&Plugin, Option<Attach>, &GivenOptions),
+        planner: &Plugin,
         grid: &Arc<Grid>,
         agents: u32,
         seed: u64,
@@ -160,15 +167,8 @@ impl FleetModules {
         config.seed = seed;
         config.sim.disturbance.seed = seed;
         let bodies = self.setup.robots.fleet(agents as usize, &config.sim)?;
-        let (plugin, attach, options) = planner;
-        let [generator, invocation, fail_policy] = &self.members;
-        let start = |member: &Member| member.plugin.module(runtime, None, &member.given);
-        let modules = Modules {
-            planner: plugin.module(runtime, attach, options)?,
-            generator: start(generator)?,
-            invocation: start(invocation)?,
-            fail_policy: start(fail_policy)?,
-        };
+        let [generator, invocation, fail_policy] = self.members.each_ref().map(|member| &member.plugin);
+        let modules = start_modules(runtime, [planner, generator, invocation, fail_policy])?;
         let ground = Ground {
             grid,
             fleet: bodies.as_ref(),
@@ -212,17 +212,12 @@ pub(crate) struct Drive {
 /// Hears what the planner used.
 #[derive(Default)]
 struct PlannerWatch {
-    nothing: NoTrace,
     usage: Option<Usage>,
     sandbox: Option<SandboxReport>,
     unsupervised: Option<String>,
 }
 
 impl Watch for PlannerWatch {
-    fn sink(&mut self) -> &mut dyn TraceSink {
-        &mut self.nothing
-    }
-
     fn closed(&mut self, info: &ModuleInfo, closing: Closing) {
         if info.kind == Kind::Planner {
             self.usage = closing.usage;

@@ -35,6 +35,7 @@ pub use calibration::Correction;
 pub use changes::changes;
 pub use error::BenchError;
 pub use estimate::{Estimate, Left, rough};
+pub use fleet::start_modules;
 pub use experiment::{Experiment, Pin, Planner, now_unix_ms};
 pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};

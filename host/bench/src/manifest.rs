@@ -140,7 +140,7 @@ fn planners(experiment: &Experiment<'_>) -> Vec<Planner> {
             label: planner.label.clone(),
             id: planner.descriptor.id.clone(),
             version: planner.descriptor.version.clone(),
-            attach: planner.attach,
+            attach: planner.plugin.attach(),
             path: planner.plugin.path(),
             digest: planner.plugin.digest(),
             code: planner.plugin.code().to_vec(),

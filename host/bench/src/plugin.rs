@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 
 use crate::trial_error::TrialError;
 
-/// A plugin that was found, not yet started.
+/// A plugin that was found, how it is attached and its options: all that it takes to start it.
 #[derive(Debug, Clone)]
 pub struct Plugin {
     /// What it is called in messages and tables.
@@ -25,6 +25,8 @@ pub struct Plugin {
     digest: Digest,
     code: Vec<CodeFile>,
     standing: Standing,
+    attach: Attach,
+    options: GivenOptions,
 }
 
 /// Options of a plugin, as they were given.
@@ -60,7 +62,8 @@ impl GivenOptions {
 }
 
 impl Plugin {
-    /// What a search for a plugin of this kind by `name` found.
+    /// What a search for a plugin of this kind by `name` found, attached as usual and without
+    /// options.
     pub fn new(runtime: &Runtime, found: Found, kind: Kind, name: &str) -> Result<Self, Fault> {
         let Found {
             file, origin, id, ..
@@ -75,12 +78,28 @@ impl Plugin {
         Ok(Self {
             name,
             kind,
+            attach: file.default_attach(),
+            options: GivenOptions::default(),
             file,
             id,
             digest,
             code,
             standing,
         })
+    }
+
+    /// The same, attached so if a way is given.
+    #[must_use]
+    pub fn attached(mut self, wanted: Option<Attach>) -> Self {
+        self.attach = wanted.unwrap_or(self.attach);
+        self
+    }
+
+    /// The same with these options.
+    #[must_use]
+    pub fn with_options(mut self, options: GivenOptions) -> Self {
+        self.options = options;
+        self
     }
 
     /// The planner of this program with that identifier.
@@ -119,19 +138,14 @@ impl Plugin {
         self.standing == Standing::Pinned
     }
 
-    /// How it is attached, if nothing else is wanted.
-    pub fn attach(&self, wanted: Option<Attach>) -> Attach {
-        wanted.unwrap_or(self.file.default_attach())
+    /// How it is attached.
+    pub fn attach(&self) -> Attach {
+        self.attach
     }
 
     /// Starts the plugin and reads its options; it is not made yet.
-    pub fn start(
-        &self,
-        runtime: &Runtime,
-        attach: Attach,
-        options: &GivenOptions,
-    ) -> Result<Running, TrialError> {
-        let mut session = runtime.open(&self.file, attach)?;
+    pub fn start(&self, runtime: &Runtime) -> Result<Running, TrialError> {
+        let mut session = runtime.open(&self.file, self.attach)?;
         // What the record says of the code has to be true of every trial.
         if self.file.code()? != self.code {
             session.close();
@@ -140,32 +154,25 @@ impl Plugin {
             });
         }
         let descriptor = self.choose(session.descriptors())?;
-        let options = options.read(&descriptor)?;
+        let options = self.options.read(&descriptor)?;
         Ok(Running {
             session,
             descriptor,
             options,
-            attach,
             trials: 0,
             environment: None,
         })
     }
 
     /// Starts and makes the plugin for a run of a fleet.
-    pub fn module(
-        &self,
-        runtime: &Runtime,
-        attach: Option<Attach>,
-        options: &GivenOptions,
-    ) -> Result<Module, TrialError> {
-        let attach = self.attach(attach);
+    pub fn module(&self, runtime: &Runtime) -> Result<Module, TrialError> {
         let Running {
             mut session,
             descriptor,
             options,
             ..
-        } = self.start(runtime, attach, options)?;
-        let (kind, id) = (self.kind, descriptor.id);
+        } = self.start(runtime)?;
+        let (kind, id, attach) = (self.kind, descriptor.id, self.attach);
         session.create(kind, &id, Value::Object(options.clone()))?;
         let info = ModuleInfo {
             kind,
@@ -225,8 +232,6 @@ pub struct Running {
     pub descriptor: Descriptor,
     /// Its options, all of them known and well typed.
     pub options: Map<String, Value>,
-    /// How it is attached.
-    pub attach: Attach,
     /// How many instances it was asked.
     pub(crate) trials: u64,
     /// The map that it learnt last.

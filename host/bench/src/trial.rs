@@ -21,7 +21,7 @@ use crate::calibration::Calibration;
 use crate::claims;
 use crate::error::BenchError;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
-use crate::plugin::{GivenOptions, Plugin, Running};
+use crate::plugin::{Plugin, Running};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, InstanceInfo, Measurement,
     Metrics, PlannerInfo, Record, VerdictInfo, unranked,
@@ -126,10 +126,6 @@ pub struct Trial<'a> {
     pub host: &'a Host,
     /// The planner that is asked.
     pub planner: &'a Plugin,
-    /// The planner's attachment, if it is not the usual one.
-    pub attach: Option<Attach>,
-    /// The planner's options.
-    pub options: &'a GivenOptions,
     /// The instance that it is asked.
     pub instance: &'a GridInstance,
     /// The instance's origin, for people.
@@ -182,8 +178,7 @@ impl Trial<'_> {
     }
 
     fn start(&self) -> Result<Running, TrialError> {
-        let attach = self.planner.attach(self.attach);
-        self.planner.start(&self.host.runtime, attach, self.options)
+        self.planner.start(&self.host.runtime)
     }
 
     /// Asks a process of its own.
@@ -232,7 +227,7 @@ impl Trial<'_> {
             return Err(fault.clone().into());
         }
         let load = Snapshot::take(watched.as_ref()).since(&before);
-        let attach = running.attach;
+        let attach = self.planner.attach();
         let measurement = self.measurement(attach, &run, prepared.as_ref(), startup, load);
         let (descriptor, options) = (running.descriptor.clone(), running.options.clone());
         let sandbox = running.session.sandbox().cloned();

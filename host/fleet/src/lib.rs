@@ -24,4 +24,4 @@ pub use outcome::{
     CallTimes, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome, Point,
 };
 pub use recording::{End, Header, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
-pub use run::{Ground, Unwatched, Watch, replay, resume, run, step_s};
+pub use run::{Ground, Watch, replay, resume, run, step_s};

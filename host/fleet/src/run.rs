@@ -70,8 +70,10 @@ impl Ground<'_> {
 
 /// Is told of a run while it goes on.
 pub trait Watch {
-    /// The sink of the trace.
-    fn sink(&mut self) -> &mut dyn TraceSink;
+    /// The sink of the trace, if there is one.
+    fn sink(&mut self) -> Option<&mut dyn TraceSink> {
+        None
+    }
 
     /// There is a new point in the series.
     fn point(&mut self, point: &Point, rtf: f64) {
@@ -108,16 +110,6 @@ pub trait Watch {
     /// True to end the run before its time.
     fn is_interrupted(&self) -> bool {
         false
-    }
-}
-
-/// Looks at nothing.
-#[derive(Debug, Default)]
-pub struct Unwatched(NoTrace);
-
-impl Watch for Unwatched {
-    fn sink(&mut self) -> &mut dyn TraceSink {
-        &mut self.0
     }
 }
 
@@ -349,7 +341,7 @@ impl<'a> Run<'a> {
     }
 
     fn operate(&mut self, watch: &mut dyn Watch, started: Instant) -> Result<Ended, FleetError> {
-        self.live.begin(watch.sink())?;
+        self.live.begin(watch.sink().unwrap_or(&mut NoTrace))?;
         loop {
             self.learn();
             let over = if self.is_over() {
@@ -417,7 +409,8 @@ impl<'a> Run<'a> {
         for (agent, number) in std::mem::take(&mut log.aimless) {
             log.aim(tick, &mut self.assigner, agent, number);
         }
-        let sink = watch.sink();
+        let mut nobody = NoTrace;
+        let sink = watch.sink().unwrap_or(&mut nobody);
         if !log.entries.is_empty() {
             sink.journal(&log.entries).map_err(SimError::from)?;
             log.entries.clear();
@@ -731,7 +724,8 @@ impl<'a> Run<'a> {
             let due = Duration::from_secs_f64((self.block + 1 - first) as f64 * period_s);
             std::thread::sleep(due.saturating_sub(began.elapsed()));
         }
-        self.live.advance(watch.sink())?;
+        self.live
+            .advance(watch.sink().unwrap_or(&mut NoTrace))?;
         self.block += 1;
         let (live, grid) = (&self.live, self.ground.grid);
         let cell_size_m = self.config.sim.cell_size_m;
@@ -769,7 +763,7 @@ impl<'a> Run<'a> {
             self.assigner.tasks_done(),
         );
         let waiting_s_per_cell = self.tally.waiting_s_per_cell();
-        let simulated = self.live.finish(watch.sink())?;
+        let simulated = self.live.finish(watch.sink().unwrap_or(&mut NoTrace))?;
         let end = End {
             blocks: self.block,
             trace_digest: simulated.trace_digest,

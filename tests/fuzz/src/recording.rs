@@ -10,7 +10,6 @@ use fleetyard_bench::Robots;
 use fleetyard_core::formats::{TaskList, read_lorr_tasks};
 use fleetyard_core::{Grid, read_map};
 use fleetyard_fleet::{FleetError, FleetOutcome, Ground, Recorder, Recording, Watch, replay};
-use fleetyard_sim::{NoTrace, TraceSink};
 use tempfile::TempDir;
 
 use super::check_error;
@@ -152,15 +151,10 @@ fn replayed(
 /// Ends a replay that takes long.
 #[derive(Default)]
 struct Patience {
-    sink: NoTrace,
     asked: Cell<u32>,
 }
 
 impl Watch for Patience {
-    fn sink(&mut self) -> &mut dyn TraceSink {
-        &mut self.sink
-    }
-
     fn is_interrupted(&self) -> bool {
         self.asked.set(self.asked.get() + 1);
         self.asked.get() > BLOCKS

@@ -109,7 +109,10 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let asked = &arguments.planners.0;
     let planners: Vec<Plugin> = asked
         .iter()
-        .map(|asked| find_planner(&host.runtime, &asked.plugin))
+        .map(|asked| {
+            let options = GivenOptions::Texts(asked.options.clone());
+            Ok(find_planner(&host.runtime, &asked.plugin)?.with_options(options))
+        })
         .collect::<Result<_>>()?;
     let labels: Vec<String> = planners
         .iter()
@@ -122,14 +125,9 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             words.join(" ")
         })
         .collect();
-    let options: Vec<GivenOptions> = asked
-        .iter()
-        .map(|asked| GivenOptions::Texts(asked.options.clone()))
-        .collect();
     let ask = Ask {
         host: &host,
         planners: &planners,
-        options: &options,
         config: &config,
         arguments,
     };
@@ -236,7 +234,6 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
 struct Ask<'a> {
     host: &'a Host,
     planners: &'a [Plugin],
-    options: &'a [GivenOptions],
     config: &'a SimConfig,
     arguments: &'a Compare,
 }
@@ -246,8 +243,6 @@ impl<'a> Ask<'a> {
         Trial {
             host: self.host,
             planner: &self.planners[which],
-            attach: None,
-            options: &self.options[which],
             instance: &asked.instance,
             scenario: &asked.scenario,
             path_rule: self.arguments.path_rule.into(),

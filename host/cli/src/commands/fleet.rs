@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicI32, Ordering};
 use clap::CommandFactory;
 use fleetyard_abi::Kind;
 use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, RobotsError, SandboxOptions};
-use fleetyard_bench::{half_of_memory, number};
+use fleetyard_bench::{half_of_memory, number, start_modules};
 use fleetyard_core::formats::load_lorr_tasks;
 use fleetyard_core::{Grid, InputError, load_map};
 use fleetyard_fleet::{
@@ -18,7 +18,7 @@ use fleetyard_fleet::{
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
 use fleetyard_sim::motion::load_fleet;
-use fleetyard_sim::{Fleet as Bodies, NoTrace, SimConfig, TraceSink, TraceWriter};
+use fleetyard_sim::{Fleet as Bodies, SimConfig, TraceSink, TraceWriter};
 use fleetyard_view::FleetPicture;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
@@ -320,30 +320,32 @@ fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Mod
         pin: false,
     };
     let host = Host::new(BUILT_IN, budget, sandbox, true).map_err(internal)?;
-    let start = |kind| {
+    let find = |kind| {
         let plugin = setup.plugins.iter().find(|plugin| plugin.kind == kind);
         let plugin = plugin.ok_or_else(|| {
             Failure::new(Exit::Input, format!("the recording names no {kind}"))
                 .hint("it was not recorded by `fleetyard fleet --record`")
         })?;
         let found = find_plugin(&host.runtime, kind, &plugin.name)?;
-        let library = found.attach(None) == Attach::Worker;
-        let attach = (setup.in_process && library).then_some(Attach::InProcess);
-        let options = GivenOptions::Texts(plugin.options.clone());
-        Ok::<_, Failure>(found.module(&host.runtime, attach, &options)?)
+        let in_process = setup.in_process && found.attach() == Attach::Worker;
+        Ok::<_, Failure>(
+            found
+                .attached(in_process.then_some(Attach::InProcess))
+                .with_options(GivenOptions::Texts(plugin.options.clone())),
+        )
     };
-    Ok(Modules {
-        planner: start(Kind::Planner)?,
-        generator: start(Kind::InstanceGenerator)?,
-        invocation: start(Kind::InvocationPolicy)?,
-        fail_policy: start(Kind::FailPolicy)?,
-    })
+    let plugins = [
+        find(Kind::Planner)?,
+        find(Kind::InstanceGenerator)?,
+        find(Kind::InvocationPolicy)?,
+        find(Kind::FailPolicy)?,
+    ];
+    Ok(start_modules(&host.runtime, plugins.each_ref())?)
 }
 
 /// Shows the run on a terminal, keeps its records, and ends it when it is told to.
 struct Watcher {
     trace: Option<TraceWriter<BufWriter<Unnamed>>>,
-    nothing: NoTrace,
     recorder: Option<Recorder>,
     bar: ProgressBar,
     verbose: bool,
@@ -360,7 +362,6 @@ impl Watcher {
         }
         Ok(Self {
             trace: trace.map(|path| trace_file(path, every)).transpose()?,
-            nothing: NoTrace,
             recorder: None,
             bar: output::bar(
                 config.duration_s.ceil() as u64,
@@ -376,11 +377,9 @@ impl Watcher {
 }
 
 impl Watch for Watcher {
-    fn sink(&mut self) -> &mut dyn TraceSink {
-        match &mut self.trace {
-            Some(trace) => trace,
-            None => &mut self.nothing,
-        }
+    fn sink(&mut self) -> Option<&mut dyn TraceSink> {
+        let trace = self.trace.as_mut();
+        trace.map(|trace| trace as &mut dyn TraceSink)
     }
 
     fn point(&mut self, point: &Point, rtf: f64) {

@@ -38,7 +38,9 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         arguments.instance.map.map.clone(),
     ]);
     let host = host(&arguments.budget, attach, hidden)?;
-    let planner = find_planner(&host.runtime, &asked.plugin)?;
+    let planner = find_planner(&host.runtime, &asked.plugin)?
+        .attached(attach)
+        .with_options(GivenOptions::Texts(asked.options));
     let bar = output::spinner(&format!(
         "{} on {}, {} agents",
         planner.name,
@@ -51,8 +53,6 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let trial = Trial {
         host: &host,
         planner: &planner,
-        attach,
-        options: &GivenOptions::Texts(asked.options),
         instance: &instance,
         scenario: &file_name(&arguments.instance.scen),
         path_rule: arguments.path_rule.into(),
