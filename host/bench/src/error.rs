@@ -10,6 +10,14 @@ pub enum BenchError {
     /// A suite, a file that it names or a store is not what it must be.
     #[error(transparent)]
     Input(#[from] InputError),
+    /// A plugin that the suite names is not there, does not start or takes no such options.
+    #[error("{at}")]
+    Plugin {
+        /// The error at its place in the suite.
+        at: InputError,
+        /// Why.
+        error: Box<TrialError>,
+    },
     /// A trial could not be made at all.
     #[error("{planner}: {error}")]
     Trial {
@@ -27,7 +35,7 @@ impl BenchError {
     /// What to do about it.
     pub fn hint(&self) -> Option<String> {
         match self {
-            Self::Input(error) => error.hint.clone(),
+            Self::Input(error) | Self::Plugin { at: error, .. } => error.hint.clone(),
             Self::Trial { error, .. } => error.hint(),
             Self::Host(_) => None,
         }

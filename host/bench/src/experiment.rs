@@ -95,13 +95,33 @@ impl<'s> Experiment<'s> {
             };
             host.calibrate(&instances, &suite.config, attachments)?;
         }
-        let keep = suite.protocol.reuse == Reuse::Planner && !lifelong;
         let names = suite.planners.iter().map(|planner| planner.plugin.as_str());
         let discovery = Discovery::from_environment();
         let found = discovery.find_all(&host.runtime, Some(Kind::Planner), names);
+        let plugins = suite.planners.iter().zip(found).map(|(setup, found)| {
+            let plugin = found
+                .and_then(|found| Plugin::new(&host.runtime, found, Kind::Planner, &setup.plugin))
+                .map_err(|fault| setup.blamed(fault.into()))?;
+            let options = GivenOptions::Values(setup.options.clone());
+            Ok(plugin.attached(setup.attach).with_options(options))
+        });
+        let plugins = plugins.collect::<Result<_, BenchError>>()?;
+        Self::of_parts(suite, host, plugins, instances)
+    }
+
+    /// Of a suite whose plugins were found already, one for each planner, and whose instances were
+    /// read.
+    pub fn of_parts(
+        suite: &'s Suite,
+        host: Host,
+        plugins: Vec<Plugin>,
+        instances: Vec<SuiteInstance>,
+    ) -> Result<Self, BenchError> {
+        let discovery = Discovery::from_environment();
         let mut planners = Vec::new();
-        for (setup, found) in suite.planners.iter().zip(found) {
-            let mut planner = Planner::new(setup, found, &host.runtime, keep)?;
+        for (setup, plugin) in suite.planners.iter().zip(plugins) {
+            let keep = suite.protocol.reuse == Reuse::Planner && setup.fleet.is_none();
+            let mut planner = Planner::new(setup, plugin, &host.runtime, keep)?;
             if let Some(setup) = &setup.fleet {
                 planner.fleet = Some(FleetModules::new(setup, &discovery, &host.runtime)?);
             }
@@ -196,6 +216,14 @@ impl<'s> Experiment<'s> {
     /// Makes a trial. What goes wrong with a planner is in the row; an error is something
     /// that makes going on useless.
     pub fn trial(&mut self, planned: &Planned) -> Result<Row, BenchError> {
+        Ok(self.trial_in_full(planned)?.0)
+    }
+
+    /// The same, with all there is to say of a planner that was asked for a plan.
+    pub fn trial_in_full(
+        &mut self,
+        planned: &Planned,
+    ) -> Result<(Row, Option<Record>), BenchError> {
         let instance = &self.instances[planned.instance];
         let planner = &self.planners[planned.planner];
         let limits = self.host.runtime.limits();
@@ -227,11 +255,11 @@ impl<'s> Experiment<'s> {
         };
         row.place(instance.origin());
         let made = if planner.fleet.is_some() {
-            self.drive(planned, &grid, &mut row)
+            self.drive(planned, &grid, &mut row).map(|()| None)
         } else {
-            self.plan(planned, &mut row)
+            self.plan(planned, &mut row).map(Some)
         };
-        if let Err(error) = made {
+        let record = made.or_else(|error| {
             let planner = &self.planners[planned.planner];
             let Some(termination) = error.termination() else {
                 return Err(BenchError::Trial {
@@ -239,27 +267,35 @@ impl<'s> Experiment<'s> {
                     error: Box::new(error),
                 });
             };
-            let limits = self.host.runtime.limits();
-            let attach = planner.plugin.attach();
+            let (attach, limits) = (planner.plugin.attach(), self.host.runtime.limits());
             row.unranked = record::unranked(attach, limits, None, None, error.fault());
             row.ranked = row.unranked.is_none();
             row.termination = termination.to_string();
             row.fault = Some(error.to_string());
-        }
-        Ok(row)
+            Ok(None)
+        })?;
+        Ok((row, record))
+    }
+
+    /// Refuses planners that do not claim what an instance needs.
+    pub fn check_capabilities(&self, instance: &SuiteInstance) -> Result<(), TrialError> {
+        let (connectivity, rule) = (instance.connectivity(), self.suite.protocol.path_rule);
+        self.planners.iter().try_for_each(|planner| {
+            let Planner {
+                plugin, descriptor, ..
+            } = planner;
+            plugin.check_capabilities(descriptor, connectivity, rule)
+        })
     }
 
     /// A trial of a plan.
-    fn plan(&mut self, planned: &Planned, row: &mut Row) -> Result<(), TrialError> {
+    fn plan(&mut self, planned: &Planned, row: &mut Row) -> Result<Record, TrialError> {
         let suite = self.suite;
-        let (latest, instance) = match self.latest.take() {
-            Some((index, instance)) if index == planned.instance => (index, instance),
-            _ => {
-                let instance = self.instances[planned.instance].grid_instance()?;
-                (planned.instance, instance)
-            }
+        let instance = match self.latest.take() {
+            Some((index, instance)) if index == planned.instance => instance,
+            _ => self.instances[planned.instance].grid_instance()?,
         };
-        let (_, instance) = self.latest.insert((latest, instance));
+        let (_, instance) = &*self.latest.insert((planned.instance, instance));
         let planner = &mut self.planners[planned.planner];
         let budget = self.host.budget();
         row.budget_ms = milliseconds(budget.wall);
@@ -294,7 +330,7 @@ impl<'s> Experiment<'s> {
         if suite.protocol.keep_plans {
             row.plan = plan.and_then(|plan| kept::packed(instance, &plan));
         }
-        Ok(())
+        Ok(record)
     }
 
     /// A trial of a fleet.
@@ -335,29 +371,30 @@ impl<'s> Experiment<'s> {
     }
 }
 
+impl PlannerSetup {
+    /// An error of the planner at its place in the suite, where a line of it is the cause.
+    fn blamed(&self, error: TrialError) -> BenchError {
+        match &error {
+            TrialError::Fault(fault) if fault.is_of_host() => BenchError::Trial {
+                planner: self.label.clone(),
+                error: Box::new(error),
+            },
+            TrialError::Options(_) => blamed(&self.options_place, error),
+            _ => blamed(&self.plugin_place, error),
+        }
+    }
+}
+
 impl Planner {
     fn new(
         setup: &PlannerSetup,
-        found: Result<Found, Fault>,
+        plugin: Plugin,
         runtime: &Runtime,
         keep: bool,
     ) -> Result<Self, BenchError> {
-        let place = &setup.plugin_place;
-        let blamed = |error: TrialError| match &error {
-            // No line of the suite is the cause.
-            TrialError::Fault(fault) if fault.is_of_host() => BenchError::Trial {
-                planner: setup.label.clone(),
-                error: Box::new(error),
-            },
-            TrialError::Options(_) => blamed(&setup.options_place, &error),
-            _ => blamed(place, &error),
-        };
-        let found = found.map_err(|fault| blamed(fault.into()))?;
-        let plugin = Plugin::new(runtime, found, Kind::Planner, &setup.plugin)
-            .map_err(|fault: Fault| blamed(fault.into()))?
-            .attached(setup.attach)
-            .with_options(GivenOptions::Values(setup.options.clone()));
-        let running = plugin.start(runtime).map_err(blamed)?;
+        let running = plugin
+            .start(runtime)
+            .map_err(|error| setup.blamed(error))?;
         let mut planner = Self {
             label: setup.label.clone(),
             descriptor: running.descriptor.clone(),

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use fleetyard_abi::Kind;
 use fleetyard_core::document::Place;
-use fleetyard_core::{Digest, Grid, Hasher};
+use fleetyard_core::{Digest, Grid, Hasher, InputError};
 use fleetyard_fleet::{
     EventKind, FleetConfig, FleetOutcome, Ground, ModuleInfo, Modules, Watch, run,
 };
@@ -54,11 +54,13 @@ const KINDS: [Kind; 3] = [
 ];
 
 /// An error of a plugin at its place in the suite.
-pub(crate) fn blamed(place: &Place, error: &TrialError) -> BenchError {
-    let fault = place.error(error.to_string());
-    match error.hint() {
-        Some(hint) => fault.hint(hint).into(),
-        None => fault.into(),
+pub(crate) fn blamed(place: &Place, error: TrialError) -> BenchError {
+    BenchError::Plugin {
+        at: InputError {
+            hint: error.hint(),
+            ..place.error(error.to_string())
+        },
+        error: Box::new(error),
     }
 }
 
@@ -71,7 +73,7 @@ impl FleetModules {
     ) -> Result<Self, BenchError> {
         let member = |kind: Kind, asked: &FleetPlugin| {
             let name = asked.plugin.as_str();
-            let blamed = |error: TrialError| blamed(&asked.place, &error);
+            let blamed = |error: TrialError| blamed(&asked.place, error);
             let mut found = discovery.find_all(runtime, Some(kind), [name]).into_iter();
             let found = found.next().unwrap_or_else(|| {
                 let reason = format!("no {} is called `{name}`", kind.as_str());

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, Motion, SharedEnvironment};
 use fleetyard_check::PathRule;
-use fleetyard_core::{Digest, GridInstance};
+use fleetyard_core::{Connectivity, Digest};
 use fleetyard_fleet::{Module, ModuleInfo};
 use fleetyard_runtime::{
     Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
@@ -197,6 +197,33 @@ impl Plugin {
         ))
     }
 
+    /// Refuses a planner of this description that does not claim what an instance needs, before it
+    /// is asked.
+    pub(crate) fn check_capabilities(
+        &self,
+        descriptor: &Descriptor,
+        connectivity: Connectivity,
+        rule: PathRule,
+    ) -> Result<(), TrialError> {
+        let mut needed = vec![Capability::Grid];
+        if motion(descriptor, rule) == Motion::Pebble {
+            needed.push(Capability::Pebble);
+        }
+        if connectivity == Connectivity::Eight {
+            needed.push(Capability::EightConnected);
+        }
+        let capabilities = descriptor.capabilities;
+        let missing = needed.into_iter().find(|needed| !capabilities.has(*needed));
+        missing.map_or(Ok(()), |missing| {
+            Err(TrialError::Incapable {
+                planner: descriptor.id.clone(),
+                name: self.name.clone(),
+                missing,
+                lines: capabilities.has(Capability::AnyAngle),
+            })
+        })
+    }
+
     fn choose(&self, descriptors: &[Descriptor]) -> Result<Descriptor, TrialError> {
         let kind = self.kind;
         let plugins: Vec<_> = descriptors
@@ -225,6 +252,17 @@ impl Plugin {
     }
 }
 
+/// The motion that a planner is asked for where paths are judged by this rule: straight lines if
+/// the rule allows them and the planner can.
+pub(crate) fn motion(descriptor: &Descriptor, rule: PathRule) -> Motion {
+    let any_angle = descriptor.capabilities.has(Capability::AnyAngle);
+    if any_angle && rule != PathRule::Steps {
+        Motion::AnyAngle
+    } else {
+        Motion::Pebble
+    }
+}
+
 /// A planner that was started and can be asked.
 pub struct Running {
     pub(crate) session: Session,
@@ -239,32 +277,6 @@ pub struct Running {
 }
 
 impl Running {
-    /// Asking for what a planner does not claim is refused before it is asked.
-    pub fn check_capabilities(
-        &self,
-        instance: &GridInstance,
-        rule: PathRule,
-        name: &str,
-    ) -> Result<(), TrialError> {
-        let mut needed = vec![Capability::Grid];
-        if self.motion(rule) == Motion::Pebble {
-            needed.push(Capability::Pebble);
-        }
-        if instance.connectivity() == fleetyard_core::Connectivity::Eight {
-            needed.push(Capability::EightConnected);
-        }
-        let capabilities = self.descriptor.capabilities;
-        let missing = needed.into_iter().find(|needed| !capabilities.has(*needed));
-        missing.map_or(Ok(()), |missing| {
-            Err(TrialError::Incapable {
-                planner: self.descriptor.id.clone(),
-                name: name.to_owned(),
-                missing,
-                lines: capabilities.has(Capability::AnyAngle),
-            })
-        })
-    }
-
     /// Makes the planner and lets it learn the map, unless it has and knows it.
     pub(crate) fn ready(
         &mut self,
@@ -284,17 +296,6 @@ impl Running {
         let report = self.session.prepare(environment, budget)?;
         self.environment = Some(SharedEnvironment::clone(environment));
         Ok(Some(report))
-    }
-
-    /// How it is asked to move where paths are judged by this rule: in straight lines if
-    /// the rule allows that and the planner can.
-    pub fn motion(&self, rule: PathRule) -> Motion {
-        let any_angle = self.descriptor.capabilities.has(Capability::AnyAngle);
-        if any_angle && rule != PathRule::Steps {
-            Motion::AnyAngle
-        } else {
-            Motion::Pebble
-        }
     }
 
     /// Ends it.

@@ -1,7 +1,8 @@
-//! Runs a schedule into a store.
+//! Runs a schedule.
 //!
 //! This is the coordinator: it knows what is missing, asks for it in the order of the
-//! protocol, and writes each trial when it has ended. What a trial is, is its caller's.
+//! protocol, and hands each trial on when it has ended. What a trial is and where it is kept is its
+//! caller's.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -74,19 +75,18 @@ pub struct Ran {
     pub again: u64,
 }
 
-/// Makes what is missing of a part of a schedule, and writes it into the store. `trial` makes a
-/// trial or a warm-up; a trial that was disturbed is made again up to `retries` times, and none
-/// takes longer than `longest` with that. `watch` hears of every row that was stored.
+/// Makes of a part of a schedule what is not `there` by its key. `trial` makes a trial or a warm-up; a
+/// trial that was disturbed is made again up to `retries` times, and none takes longer than `longest`
+/// with that. `ended` keeps every trial that was made.
 pub fn run(
     schedule: &Schedule,
     shard: Shard,
-    store: &SharedStore,
+    there: &BTreeSet<String>,
     longest: Duration,
     retries: u32,
     trial: &mut dyn FnMut(&Planned) -> Result<Row, BenchError>,
-    watch: &mut dyn FnMut(&Row, &Progress),
+    ended: &mut dyn FnMut(Row, &Progress) -> Result<(), BenchError>,
 ) -> Result<Ran, BenchError> {
-    let there = store.with(|store| store.keys())?;
     let missing = |planned: &Planned| there.is_empty() || !there.contains(&schedule.key(planned));
     let steps = || Wanted {
         steps: schedule.order(shard),
@@ -111,32 +111,29 @@ pub fn run(
         let (Step::WarmUp(planned) | Step::Trial(planned)) = step;
         let started = Instant::now();
         let mut row = trial(&planned)?;
-        if matches!(step, Step::Trial(_)) {
-            let mut attempts = 1;
-            // Neither how long it took nor what came of it is looked at: choosing among times by
-            // the times themselves would flatter who varies most.
-            while attempts <= retries && !row.contended.is_empty() {
-                row = trial(&planned)?;
-                attempts += 1;
-            }
-            row.attempts = (retries > 0).then_some(attempts);
-            ran.again += u64::from(attempts - 1);
-            store.with(|store| store.insert(&row))?;
-            ran.made += 1;
-            ran.failed += u64::from(!row.success);
+        if matches!(step, Step::WarmUp(_)) {
+            estimate.ended(planned.planner, started.elapsed());
+            continue;
         }
+        let mut attempts = 1;
+        // Neither how long it took nor what came of it is looked at: choosing among times by
+        // the times themselves would flatter who varies most.
+        while attempts <= retries && !row.contended.is_empty() {
+            row = trial(&planned)?;
+            attempts += 1;
+        }
+        row.attempts = (retries > 0).then_some(attempts);
         estimate.ended(planned.planner, started.elapsed());
-        if matches!(step, Step::Trial(_)) {
-            watch(
-                &row,
-                &Progress {
-                    done: ran.before + ran.made,
-                    total,
-                    failed: ran.failed,
-                    left: estimate.left(),
-                },
-            );
-        }
+        ran.again += u64::from(attempts - 1);
+        ran.made += 1;
+        ran.failed += u64::from(!row.success);
+        let progress = Progress {
+            done: ran.before + ran.made,
+            total,
+            failed: ran.failed,
+            left: estimate.left(),
+        };
+        ended(row, &progress)?;
     }
     Ok(ran)
 }
@@ -189,7 +186,6 @@ mod tests {
     use fleetyard_core::Digest;
 
     use super::*;
-    use crate::store::Meta;
 
     #[test]
     fn a_disturbed_trial_is_made_again_whatever_came_of_it() {
@@ -198,18 +194,12 @@ mod tests {
         // The first planner is never disturbed, the second in its first two attempts of an instance;
         // in the third instance always. Warm-ups are not looked at.
         let made = |retries: u32| {
-            let folder = tempfile::tempdir().unwrap();
-            let meta = Meta {
-                suite_values: "{}".into(),
-                ..Meta::default()
-            };
-            let store = Store::create(&folder.path().join("s.sqlite"), &meta).unwrap();
-            let store = SharedStore::new(store);
             let mut asked = std::collections::BTreeMap::new();
+            let mut rows = Vec::new();
             let ran = run(
                 &schedule,
                 Shard::ALL,
-                &store,
+                &BTreeSet::new(),
                 Duration::from_secs(1),
                 retries,
                 &mut |planned| {
@@ -226,9 +216,11 @@ mod tests {
                         ..Row::default()
                     })
                 },
-                &mut |_, _| {},
+                &mut |row, _| {
+                    rows.push(row);
+                    Ok(())
+                },
             );
-            let mut rows = store.with(|store| store.rows()).unwrap();
             rows.sort_by_key(|row| row.trial);
             let rows = rows.into_iter().map(|row| {
                 let disturbed = !row.contended.is_empty();

@@ -21,7 +21,7 @@ use crate::calibration::Calibration;
 use crate::claims;
 use crate::error::BenchError;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
-use crate::plugin::{Plugin, Running};
+use crate::plugin::{Plugin, Running, motion};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, InstanceInfo, Measurement,
     Metrics, PlannerInfo, Record, VerdictInfo, unranked,
@@ -156,16 +156,7 @@ pub struct Outcome {
 }
 
 impl Trial<'_> {
-    /// Checks that the planner can be asked at all: it starts, takes its options, and can do
-    /// what the instance needs.
-    pub fn check(&self) -> Result<(), TrialError> {
-        let running = self.start()?;
-        let checked = self.check_of(&running);
-        running.close();
-        checked
-    }
-
-    fn check_of(&self, running: &Running) -> Result<(), TrialError> {
+    fn check(&self, running: &Running) -> Result<(), TrialError> {
         let agents = self.instance.agents();
         if !self.path_rule.allows_agents(agents) {
             let rule = self.path_rule;
@@ -174,11 +165,9 @@ impl Trial<'_> {
                 .hint("plans of several agents are judged by the rule `steps`")
                 .into());
         }
-        running.check_capabilities(self.instance, self.path_rule, &self.planner.name)
-    }
-
-    fn start(&self) -> Result<Running, TrialError> {
-        self.planner.start(&self.host.runtime)
+        let connectivity = self.instance.connectivity();
+        self.planner
+            .check_capabilities(&running.descriptor, connectivity, self.path_rule)
     }
 
     /// Asks a process of its own.
@@ -209,9 +198,9 @@ impl Trial<'_> {
         }
         let mut running = match kept.take() {
             Some(running) => running,
-            None => self.start()?,
+            None => self.planner.start(&self.host.runtime)?,
         };
-        self.check_of(&running)?;
+        self.check(&running)?;
         let environment = fleetyard_runtime::environment(
             self.instance,
             self.config.cell_size_m,
@@ -486,7 +475,7 @@ impl Trial<'_> {
             Ok(report) => {
                 let mut instance =
                     fleetyard_runtime::instance(self.instance, self.config.radius_m());
-                instance.motion = running.motion(self.path_rule);
+                instance.motion = motion(&running.descriptor, self.path_rule);
                 let budget = budget(allowed.wall, allowed.plan_memory());
                 (running.session.plan(&instance, &budget), report)
             }

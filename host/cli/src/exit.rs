@@ -216,7 +216,7 @@ impl From<BenchError> for Failure {
     fn from(error: BenchError) -> Self {
         let message = error.to_string();
         match error {
-            BenchError::Input(error) => error.into(),
+            BenchError::Input(error) | BenchError::Plugin { at: error, .. } => error.into(),
             BenchError::Trial { error, .. } => Self {
                 message,
                 ..Self::from(*error)

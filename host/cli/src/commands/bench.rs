@@ -375,11 +375,15 @@ fn go(
     let ran = run(
         &schedule,
         shard,
-        store,
+        &store.with(|store| store.keys())?,
         longest,
         experiment.suite().protocol.retry_contended,
         &mut |planned| experiment.trial(planned),
-        &mut |row, progress| watch.ended(row, progress),
+        &mut |row, progress| {
+            store.with(|store| store.insert(&row))?;
+            watch.ended(&row, progress);
+            Ok(())
+        },
     );
     watch.finish();
     let elapsed = started.elapsed();
