@@ -205,6 +205,14 @@ pub struct Place {
 }
 
 impl Place {
+    /// A place without lines, such as an option of a command line.
+    pub fn outside(source: impl Into<String>) -> Self {
+        Self {
+            source: source.into(),
+            line_column: None,
+        }
+    }
+
     /// An error here.
     pub fn error(&self, reason: impl Into<String>) -> InputError {
         let error = InputError::new(self.source.as_str(), reason);

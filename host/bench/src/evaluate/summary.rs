@@ -211,6 +211,12 @@ impl PlannerSummary {
         }
     }
 
+    /// Its values of the metric of a column, if it has any.
+    pub fn column(&self, column: &str) -> Option<&Summary> {
+        let found = Metric::named(column).and_then(|metric| self.metric(metric));
+        found.map(|found| &found.summary)
+    }
+
     /// Its summary of a metric, if it has any value.
     pub fn metric(&self, metric: &Metric) -> Option<&MetricSummary> {
         self.metrics

@@ -1,13 +1,13 @@
 //! One instance of a suite, made when it is asked for.
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use fleetyard_core::{Connectivity, Digest, Grid, GridInstance, Hasher, InputError, Role};
 use fleetyard_world::MazeAlgorithm;
 
-use super::sets::Recipe;
+use super::sets::{Loaded, Recipe};
 
 /// The origin of starts and goals of fleets.
 const LIFELONG: &str = "lifelong";
@@ -66,6 +66,19 @@ impl SuiteInstance {
             lifelong,
             digest: OnceLock::new(),
         }
+    }
+
+    /// An instance that was read from this file.
+    pub fn of_file(path: impl Into<PathBuf>, instance: GridInstance) -> Self {
+        let (agents, connectivity) = (instance.agents() as u64, instance.connectivity());
+        let loaded = Loaded {
+            path: path.into(),
+            map: None,
+            others: Vec::new(),
+            instance: Arc::new(instance),
+        };
+        let recipe = Arc::new(Recipe::Loaded(vec![loaded]));
+        Self::new(&recipe, 0, agents, connectivity, false)
     }
 
     /// Number of agents.

@@ -170,6 +170,35 @@ pub fn load_suite(path: impl AsRef<Path>) -> Result<Suite, InputError> {
 }
 
 impl Suite {
+    /// A suite that is in no file: the planners of a command line by their labels. Its plugins and
+    /// instances are given to the [experiment](crate::Experiment::of_parts); all else is as in a
+    /// suite that says nothing of it.
+    pub fn in_memory(name: &str, labels: impl IntoIterator<Item = String>) -> Self {
+        let planner = |label| PlannerSetup {
+            label,
+            plugin: String::new(),
+            attach: None,
+            options: Map::new(),
+            fleet: None,
+            plugin_place: Place::outside("--planner"),
+            options_place: Place::outside("--planner"),
+        };
+        Self {
+            name: name.to_owned(),
+            description: String::new(),
+            text: String::new(),
+            protocol: Protocol::default(),
+            budget: BudgetOptions::default(),
+            sandbox: SandboxOptions::default(),
+            config: SimConfig::default(),
+            robots: None,
+            planners: labels.into_iter().map(planner).collect(),
+            sets: Vec::new(),
+            place: Place::outside(name),
+            normal: Map::new(),
+        }
+    }
+
     /// Reads a suite file, with values from the command line in place of its own.
     ///
     /// Paths in it are relative to its folder, and `${NAME}` in them stands for an

@@ -188,12 +188,12 @@ impl Library {
 /// An instance that is there, with the largest team.
 #[derive(Debug)]
 pub(super) struct Loaded {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     /// The file of its map, if it has one of its own.
-    map: Option<PathBuf>,
+    pub(super) map: Option<PathBuf>,
     /// Files that it names.
-    others: Vec<PathBuf>,
-    instance: Arc<GridInstance>,
+    pub(super) others: Vec<PathBuf>,
+    pub(super) instance: Arc<GridInstance>,
 }
 
 /// The way in which the bases of a set are made. A base is an instance of the largest team; smaller

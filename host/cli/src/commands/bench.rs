@@ -627,10 +627,7 @@ fn table(evaluation: &Evaluation) -> String {
         "failures",
     ];
     let value = |planner: &PlannerSummary, column: &str, median: bool| {
-        let metric = fleetyard_bench::evaluate::Metric::named(column);
-        let summary = metric.and_then(|metric| planner.metric(metric));
-        summary.map_or(String::new(), |found| {
-            let of = &found.summary;
+        planner.column(column).map_or(String::new(), |of| {
             fleetyard_bench::number(if median { of.median } else { of.mean })
         })
     };

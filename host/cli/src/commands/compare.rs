@@ -1,21 +1,19 @@
 //! `fleetyard compare`: several planners on the same instances.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 use fleetyard_bench::claims::{self, Claim, signed};
-use fleetyard_bench::statistics::{mean, median, sorted};
+use fleetyard_bench::evaluate::{Dimension, Planner, PlannerSummary, Trials, groups};
+use fleetyard_bench::suite::{Suite, SuiteInstance};
 use fleetyard_bench::{
-    Estimate, GivenOptions, Host, Plugin, Record, Robots, Trial, TrialError, in_turn, number,
+    BenchError, Experiment, GivenOptions, Plugin, Record, Robots, Row, Shard, number, run,
 };
-use fleetyard_core::{Grid, GridInstance, find_map, load_map, load_scen};
-use fleetyard_runtime::Fault;
-use fleetyard_sim::{NoTrace, SimConfig};
+use fleetyard_core::{Grid, find_map, load_map, load_scen};
 use serde::Serialize;
 
-use super::file_name;
 use crate::args::{Compare, Format};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
@@ -24,9 +22,9 @@ use crate::setup::{find_planner, host, sim_config};
 /// One line of the table. Means and medians are over the trials that succeeded; how
 /// many did stands beside them.
 #[derive(Debug, Serialize)]
-struct Row {
+struct Line {
     map: String,
-    agents: usize,
+    agents: u64,
     planner: String,
     trials: usize,
     solved: usize,
@@ -54,7 +52,7 @@ struct Missed {
     planner: String,
     map: String,
     scenario: String,
-    agents: usize,
+    agents: u64,
     reason: String,
 }
 
@@ -64,7 +62,7 @@ struct Disagreement {
     planner: String,
     map: String,
     scenario: String,
-    agents: usize,
+    agents: u64,
     #[serde(flatten)]
     claim: Claim,
     difference: Option<f64>,
@@ -81,23 +79,10 @@ struct Claims {
 
 #[derive(Serialize)]
 struct Report {
-    rows: Vec<Row>,
+    rows: Vec<Line>,
     claims: Claims,
     missed: Vec<Missed>,
     trials: Vec<Record>,
-}
-
-/// What all planners are asked.
-struct Asked {
-    agents: usize,
-    scenario: String,
-    instance: GridInstance,
-}
-
-impl Asked {
-    fn map(&self) -> &str {
-        self.instance.grid().name()
-    }
 }
 
 pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
@@ -105,7 +90,6 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let maps = arguments.map.iter().filter(|map| map.is_file());
     let hidden = arguments.scen.iter().chain(maps).cloned().collect();
     let host = host(&arguments.budget, None, hidden)?;
-    let config = sim_config(&arguments.world);
     let asked = &arguments.planners.0;
     let planners: Vec<Plugin> = asked
         .iter()
@@ -114,105 +98,58 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
             Ok(find_planner(&host.runtime, &asked.plugin)?.with_options(options))
         })
         .collect::<Result<_>>()?;
-    let labels: Vec<String> = planners
-        .iter()
-        .zip(asked)
-        .map(|(planner, asked)| {
-            let name = std::iter::once(planner.name.as_str());
-            let words: Vec<&str> = name
-                .chain(asked.options.iter().map(String::as_str))
-                .collect();
-            words.join(" ")
-        })
-        .collect();
-    let ask = Ask {
-        host: &host,
-        planners: &planners,
-        config: &config,
-        arguments,
-    };
-    if let Some(first) = instances.first() {
+    let labels = planners.iter().zip(asked).map(|(planner, asked)| {
+        let options = asked.options.iter().map(String::as_str);
+        let words: Vec<&str> = std::iter::once(&*planner.name).chain(options).collect();
+        words.join(" ")
+    });
+    let mut suite = Suite::in_memory("comparison", labels);
+    suite.protocol.path_rule = arguments.path_rule.into();
+    suite.protocol.seeds = vec![arguments.budget.seed];
+    suite.config = sim_config(&arguments.world);
+    suite.robots = (!arguments.no_execute).then_some(Robots::Pebbles);
+    let mut experiment =
+        Experiment::of_parts(&suite, host, planners, instances).map_err(named_by_the_user)?;
+    if let Some(first) = experiment.instances().first() {
         // Before budgets are spent, not after the first hour.
-        for which in 0..planners.len() {
-            ask.trial(which, first).check()?;
-        }
+        experiment.check_capabilities(first)?;
     }
-    let bar = output::trials((instances.len() * planners.len()) as u64);
-    let mut estimate = Estimate::new(host.longest());
-    for _ in &instances {
-        (0..planners.len()).for_each(|which| estimate.expect(which));
-    }
-    let mut trials: Vec<(usize, Record)> = Vec::new();
-    let mut missed: Vec<Missed> = Vec::new();
-    for (number, asked) in instances.iter().enumerate() {
-        let of_instance = trials.len();
-        for which in in_turn(number, planners.len()) {
-            let what = format!(
-                "{} on {} with {} agents",
-                labels[which], asked.scenario, asked.agents
-            );
-            bar.set_message(output::with_left(estimate.left(), &what));
-            let started = Instant::now();
-            let outcome = ask.trial(which, asked).run(&mut NoTrace);
-            // A file of the planner that is gone meanwhile is its affair, and not the command's.
-            let is_its_file = matches!(&outcome, Err(TrialError::Fault(Fault::File { .. })));
-            let failed = match outcome.map_err(Failure::from) {
-                Ok(outcome) => {
-                    let fault = outcome.record.fault.clone();
-                    trials.push((which, outcome.record));
-                    fault
-                }
-                Err(failure) if failure.exit == Exit::Plugin || is_its_file => {
-                    missed.push(Missed {
-                        planner: labels[which].clone(),
-                        map: asked.map().to_owned(),
-                        scenario: asked.scenario.clone(),
-                        agents: asked.agents,
-                        reason: failure.message.clone(),
-                    });
-                    Some(failure.message)
-                }
-                Err(failure) => return Err(failure),
-            };
-            if let Some(fault) = failed {
-                bar.suspend(|| output::warning(&format!("{what}: {fault}")));
-            }
-            estimate.ended(which, started.elapsed());
-            bar.inc(1);
-        }
-        // Told in the order in which planners were named, whoever was asked first.
-        trials[of_instance..].sort_by_key(|(which, _)| *which);
-    }
-    bar.finish_and_clear();
-    let mut named: Vec<(&str, &mut Record)> = trials
+    let (rows, mut records) = trials(&mut experiment)?;
+    let mut named: Vec<(&str, &mut Record)> = records
         .iter_mut()
-        .map(|(which, record)| (labels[*which].as_str(), record))
+        .map(|(trial, record)| (rows[trial].planner.as_str(), record))
         .collect();
     claims::confront(&mut named);
-    let claims = gather(&labels, &trials);
-    let rows = rows(&instances, &labels, &trials, &missed);
-    let solved_all = rows.iter().all(|row| row.solved == row.trials);
-    let each = |of: fn(&Row) -> &BTreeSet<String>| -> Option<String> {
-        let texts: BTreeSet<&String> = rows.iter().flat_map(of).collect();
+    let claims = gather(&rows, &records);
+    let missed = rows.iter().filter(|(trial, _)| !records.contains_key(trial));
+    let missed = missed.map(|(_, row)| Missed {
+        planner: row.planner.clone(),
+        map: row.map.clone(),
+        scenario: row.scenario.clone(),
+        agents: row.agents,
+        reason: row.fault.clone().unwrap_or_default(),
+    });
+    let missed = missed.collect();
+    let lines = lines(rows.values());
+    let solved_all = lines.iter().all(|line| line.solved == line.trials);
+    let each = |of: fn(&Line) -> &BTreeSet<String>| -> Option<String> {
+        let texts: BTreeSet<&String> = lines.iter().flat_map(of).collect();
         let texts: Vec<&str> = texts.into_iter().map(String::as_str).collect();
         (!texts.is_empty()).then(|| texts.join(", "))
     };
-    let unranked = each(|row| &row.unranked);
-    let watched = each(|row| &row.limits_watched);
+    let unranked = each(|line| &line.unranked);
+    let watched = each(|line| &line.limits_watched);
     match arguments.format {
         Format::Text => {
-            let text = format!("{}\n\n{}", table(&rows), claims.text());
+            let text = format!("{}\n\n{}", table(&lines), claims.text());
             output::print(&output::plain(&text))?;
         }
-        Format::Json => {
-            let trials = trials.into_iter().map(|(_, record)| record).collect();
-            output::print_json(&Report {
-                rows,
-                claims,
-                missed,
-                trials,
-            })?;
-        }
+        Format::Json => output::print_json(&Report {
+            rows: lines,
+            claims,
+            missed,
+            trials: records.into_values().collect(),
+        })?,
     }
     if let Some(reasons) = unranked {
         output::warning(&format!("trials may not be compared: {reasons}"));
@@ -230,31 +167,54 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     })
 }
 
-/// What all trials have in common.
-struct Ask<'a> {
-    host: &'a Host,
-    planners: &'a [Plugin],
-    config: &'a SimConfig,
-    arguments: &'a Compare,
-}
-
-impl<'a> Ask<'a> {
-    fn trial(&self, which: usize, asked: &'a Asked) -> Trial<'a> {
-        Trial {
-            host: self.host,
-            planner: &self.planners[which],
-            instance: &asked.instance,
-            scenario: &asked.scenario,
-            path_rule: self.arguments.path_rule.into(),
-            seed: self.arguments.budget.seed,
-            config: self.config,
-            robots: (!self.arguments.no_execute).then_some(&Robots::Pebbles),
-        }
+/// What is wrong with a planner is the command line's fault, and no suite's.
+fn named_by_the_user(error: BenchError) -> Failure {
+    match error {
+        BenchError::Plugin { error, .. } => (*error).into(),
+        error => error.into(),
     }
 }
 
+/// Makes all trials: their rows by number, and the records of those whose planners were asked.
+fn trials(
+    experiment: &mut Experiment<'_>,
+) -> Result<(BTreeMap<u64, Row>, BTreeMap<u64, Record>)> {
+    let (schedule, longest) = (experiment.schedule().clone(), experiment.longest());
+    let bar = output::trials(schedule.len());
+    let left = Cell::new(None);
+    let (mut rows, mut records) = (BTreeMap::new(), BTreeMap::new());
+    run(
+        &schedule,
+        Shard::ALL,
+        &BTreeSet::new(),
+        longest,
+        0,
+        &mut |planned| {
+            let label = &experiment.planners()[planned.planner].label;
+            let what = format!("{label} on {}", experiment.instances()[planned.instance]);
+            bar.set_message(output::with_left(left.get(), &what));
+            let (row, record) = experiment.trial_in_full(planned)?;
+            records.extend(record.map(|record| (planned.number, record)));
+            Ok(row)
+        },
+        &mut |row, progress| {
+            left.set(progress.left);
+            bar.set_position(progress.done);
+            if let Some(fault) = &row.fault {
+                let (planner, scenario) = (&row.planner, &row.scenario);
+                let what = format!("{planner} on {scenario} with {} agents", row.agents);
+                bar.suspend(|| output::warning(&format!("{what}: {fault}")));
+            }
+            rows.insert(row.trial, row);
+            Ok(())
+        },
+    )?;
+    bar.finish_and_clear();
+    Ok((rows, records))
+}
+
 /// Every instance, scenario by scenario.
-fn instances(arguments: &Compare) -> Result<Vec<Asked>> {
+fn instances(arguments: &Compare) -> Result<Vec<SuiteInstance>> {
     let mut grids: BTreeMap<PathBuf, Arc<Grid>> = BTreeMap::new();
     let mut instances = Vec::new();
     for file in &arguments.scen {
@@ -270,113 +230,83 @@ fn instances(arguments: &Compare) -> Result<Vec<Asked>> {
         };
         for agents in &arguments.agents {
             let instance = scenario.instance(Arc::clone(&grid), *agents, arguments.connectivity)?;
-            instances.push(Asked {
-                agents: *agents,
-                scenario: file_name(file),
-                instance,
-            });
+            instances.push(SuiteInstance::of_file(file, instance));
         }
     }
     Ok(instances)
 }
 
 /// A line for every map, team size and planner, in the order in which they were given.
-fn rows(
-    instances: &[Asked],
-    labels: &[String],
-    trials: &[(usize, Record)],
-    missed: &[Missed],
-) -> Vec<Row> {
-    let mut groups: Vec<(&str, usize)> = Vec::new();
-    let mut maps: Vec<&str> = Vec::new();
-    for asked in instances {
-        if !maps.contains(&asked.map()) {
-            maps.push(asked.map());
-        }
+fn lines<'r>(rows: impl Iterator<Item = &'r Row>) -> Vec<Line> {
+    let mut maps: BTreeMap<&str, u64> = BTreeMap::new();
+    let rows = rows.inspect(|row| {
+        maps.entry(&row.map).or_insert(row.trial);
+    });
+    let mut groups = groups(rows, &[Dimension::Map, Dimension::Agents]);
+    groups.sort_by_key(|group| {
+        let first = group.rows.first();
+        first.map(|row| (maps[row.map.as_str()], row.trial))
+    });
+    let mut lines = Vec::new();
+    for group in groups {
+        let trials = Trials::new(group.rows);
+        let shared = trials.shared();
+        lines.extend(trials.planners().iter().map(|planner| line(planner, &shared)));
     }
-    for map in maps {
-        for asked in instances.iter().filter(|asked| asked.map() == map) {
-            if !groups.contains(&(map, asked.agents)) {
-                groups.push((map, asked.agents));
-            }
-        }
-    }
-    let mut rows = Vec::new();
-    for (map, agents) in groups {
-        for (which, label) in labels.iter().enumerate() {
-            let mine = trials.iter().filter(|(by, record)| {
-                let instance = &record.instance;
-                *by == which && instance.agents == agents && instance.map == map
-            });
-            let lost = missed
-                .iter()
-                .filter(|lost| lost.planner == *label && lost.agents == agents && lost.map == map);
-            let records: Vec<&Record> = mine.map(|(_, record)| record).collect();
-            rows.push(row(map, agents, label, &records, lost.count()));
-        }
-    }
-    rows
+    lines
 }
 
-fn row(map: &str, agents: usize, planner: &str, records: &[&Record], missed: usize) -> Row {
-    let solved: Vec<&&Record> = records.iter().filter(|record| record.succeeded()).collect();
-    let values = |value: &dyn Fn(&Record) -> Option<f64>| -> Vec<f64> {
-        solved.iter().filter_map(|record| value(record)).collect()
-    };
-    let median_of = |value: &dyn Fn(&Record) -> Option<f64>| median(&sorted(values(value)));
-    let mut failures: Vec<String> = records
-        .iter()
-        .filter_map(|record| record.failure())
-        .chain(std::iter::repeat_n("not-started".to_owned(), missed))
-        .collect();
-    failures.sort();
-    Row {
-        map: map.to_owned(),
-        agents,
-        planner: planner.to_owned(),
-        trials: records.len() + missed,
-        solved: solved.len(),
-        soc_steps_mean: mean(&values(&|r| r.metrics.soc_steps.map(|soc| soc as f64))),
-        suboptimality_mean: mean(&values(&|r| r.metrics.suboptimality)),
-        makespan_steps_mean: mean(&values(&|r| r.metrics.makespan_steps.map(|m| m as f64))),
-        first_solution_ms_median: median_of(&|r| r.metrics.first_solution_ms),
-        planning_time_ms_median: median_of(&|r| Some(r.metrics.planning_time_ms)),
-        rtf_median: median_of(&|r| r.execution.as_ref().map(|execution| execution.figures.rtf)),
-        contacts: solved
-            .iter()
-            .filter_map(|record| record.execution.as_ref())
-            .map(|execution| execution.figures.contacts)
-            .reduce(|a, b| a + b),
-        contended: records
-            .iter()
-            .filter(|record| !record.measurement.contended.is_empty())
-            .count(),
-        limits_watched: records
-            .iter()
-            .filter_map(|record| record.sandbox.as_ref())
-            .flat_map(fleetyard_runtime::SandboxReport::watched)
-            .map(|state| state.limit.to_string())
+fn line(planner: &Planner<'_>, shared: &[usize]) -> Line {
+    let summary = PlannerSummary::of(planner, shared);
+    let mean = |column| summary.column(column).map(|values| values.mean);
+    let median = |column| summary.column(column).map(|values| values.median);
+    let solved = || planner.rows().filter(|row| row.success);
+    let reasons = summary.reasons.iter();
+    let reasons = reasons.flat_map(|found| std::iter::repeat_n(&found.reason, found.trials));
+    let first = planner.rows().next();
+    Line {
+        map: first.map(|row| row.map.clone()).unwrap_or_default(),
+        agents: first.map_or(0, |row| row.agents),
+        planner: summary.planner.clone(),
+        trials: summary.trials,
+        solved: solved().count(),
+        soc_steps_mean: mean("soc_steps"),
+        suboptimality_mean: mean("suboptimality"),
+        makespan_steps_mean: mean("makespan_steps"),
+        first_solution_ms_median: median("first_solution_ms"),
+        planning_time_ms_median: median("planning_time_ms"),
+        rtf_median: median("rtf"),
+        contacts: solved()
+            .filter_map(|row| row.contacts)
+            .reduce(|one, other| one + other),
+        contended: summary.contended,
+        limits_watched: planner
+            .rows()
+            .filter_map(|row| row.limits_watched.as_deref())
+            .flat_map(|limits| limits.split(", "))
+            .map(str::to_owned)
             .collect(),
-        unranked: records
-            .iter()
-            .filter_map(|record| record.planner.unranked.clone())
+        unranked: planner
+            .rows()
+            .filter_map(|row| row.unranked.clone())
             .collect(),
-        failures,
+        failures: reasons.cloned().collect(),
     }
 }
 
-fn gather(labels: &[String], trials: &[(usize, Record)]) -> Claims {
+fn gather(rows: &BTreeMap<u64, Row>, records: &BTreeMap<u64, Record>) -> Claims {
     let mut gathered = Claims::default();
-    for (which, record) in trials {
+    for (trial, record) in records {
+        let row = &rows[trial];
         for claim in &record.claims {
             match claim.agrees {
                 Some(true) => gathered.agree += 1,
                 None => gathered.unchecked += 1,
                 Some(false) => gathered.disagree.push(Disagreement {
-                    planner: labels[*which].clone(),
-                    map: record.instance.map.clone(),
-                    scenario: record.instance.scenario.clone(),
-                    agents: record.instance.agents,
+                    planner: row.planner.clone(),
+                    map: row.map.clone(),
+                    scenario: row.scenario.clone(),
+                    agents: row.agents,
                     difference: claim.difference(),
                     claim: claim.clone(),
                 }),
@@ -429,7 +359,7 @@ impl Claims {
     }
 }
 
-fn table(rows: &[Row]) -> String {
+fn table(lines: &[Line]) -> String {
     let header = [
         "map",
         "agents",
@@ -446,29 +376,29 @@ fn table(rows: &[Row]) -> String {
         "failures",
     ];
     let cell = |value: Option<f64>| value.map_or("-".to_owned(), number);
-    let lines = rows.iter().map(|row| {
+    let cells = lines.iter().map(|line| {
         vec![
-            row.map.clone(),
-            row.agents.to_string(),
-            row.planner.clone(),
-            format!("{}/{}", row.solved, row.trials),
-            cell(row.soc_steps_mean),
-            row.suboptimality_mean
+            line.map.clone(),
+            line.agents.to_string(),
+            line.planner.clone(),
+            format!("{}/{}", line.solved, line.trials),
+            cell(line.soc_steps_mean),
+            line.suboptimality_mean
                 .map_or("-".into(), |ratio| format!("{ratio:.3}")),
-            cell(row.makespan_steps_mean),
-            cell(row.first_solution_ms_median),
-            cell(row.planning_time_ms_median),
-            cell(row.rtf_median),
-            row.contacts
+            cell(line.makespan_steps_mean),
+            cell(line.first_solution_ms_median),
+            cell(line.planning_time_ms_median),
+            cell(line.rtf_median),
+            line.contacts
                 .map_or("-".into(), |contacts| contacts.to_string()),
-            row.contended.to_string(),
-            counted(&row.failures),
+            line.contended.to_string(),
+            counted(&line.failures),
         ]
     });
-    output::table(&header, lines.collect(), &[1, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+    output::table(&header, cells.collect(), &[1, 3, 4, 5, 6, 7, 8, 9, 10, 11])
 }
 
-/// Each of the sorted words once, with how often it is there.
+/// Each of the words once, with how often it is there.
 fn counted(words: &[String]) -> String {
     let groups = words.chunk_by(|a, b| a == b);
     let groups: Vec<String> = groups
