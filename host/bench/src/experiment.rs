@@ -9,9 +9,7 @@ use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_check::metrics;
 use fleetyard_core::{Digest, Grid, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_runtime::measure::{Cpus, Machine, Reason};
-use fleetyard_runtime::{
-    Attach, Discovery, Fault, Found, Limit, Policy, Runtime, SandboxReport, Trust,
-};
+use fleetyard_runtime::{Attach, Discovery, Limit, Policy, Runtime, SandboxReport, Trust};
 use fleetyard_sim::{Figures, NoTrace};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -392,9 +390,7 @@ impl Planner {
         runtime: &Runtime,
         keep: bool,
     ) -> Result<Self, BenchError> {
-        let running = plugin
-            .start(runtime)
-            .map_err(|error| setup.blamed(error))?;
+        let running = plugin.start(runtime).map_err(|error| setup.blamed(error))?;
         let mut planner = Self {
             label: setup.label.clone(),
             descriptor: running.descriptor.clone(),

@@ -169,7 +169,8 @@ impl FleetModules {
         config.seed = seed;
         config.sim.disturbance.seed = seed;
         let bodies = self.setup.robots.fleet(agents as usize, &config.sim)?;
-        let [generator, invocation, fail_policy] = self.members.each_ref().map(|member| &member.plugin);
+        let [generator, invocation, fail_policy] =
+            self.members.each_ref().map(|member| &member.plugin);
         let modules = start_modules(runtime, [planner, generator, invocation, fail_policy])?;
         let ground = Ground {
             grid,

@@ -4,12 +4,15 @@
 use std::path::{Path, PathBuf};
 
 use fleetyard_abi::Kind;
-use fleetyard_bench::{BudgetOptions, Host, Plugin, SandboxOptions, half_of_memory};
+use fleetyard_bench::{
+    BudgetOptions, Host, Plugin, Robots, RobotsError, SandboxOptions, half_of_memory,
+};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, LOCK_FILE, Limits, Lock, PluginFile, Policy, Runtime,
     Standing, Trust,
 };
-use fleetyard_sim::SimConfig;
+use fleetyard_sim::motion::load_fleet;
+use fleetyard_sim::{Fleet, SimConfig};
 
 use crate::args::{BudgetArgs, GrantArgs, PinArg, TrustArgs, WorldArgs};
 use crate::exit::{Exit, Failure, Result, internal};
@@ -166,4 +169,25 @@ pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
         tier: world.tier.into(),
         ..SimConfig::default()
     }
+}
+
+/// The robots of a fleet file, or all of one model; pebbles without either.
+pub(crate) fn robots(fleet: Option<&Path>, model: Option<&str>) -> Result<Robots> {
+    Ok(match (fleet, model) {
+        (Some(path), _) => Robots::File(path.display().to_string(), Box::new(load_fleet(path)?)),
+        (None, Some(name)) => Robots::Model(name.to_owned()),
+        (None, None) => Robots::Pebbles,
+    })
+}
+
+/// The bodies of so many robots; pebbles need none.
+pub(crate) fn bodies(robots: &Robots, agents: usize, config: &SimConfig) -> Result<Option<Fleet>> {
+    robots.fleet(agents, config).map_err(|error| match error {
+        RobotsError::File(error) => error.into(),
+        error => Failure {
+            exit: Exit::Usage,
+            message: format!("--model: {error}"),
+            hint: error.hint().map(str::to_owned),
+        },
+    })
 }

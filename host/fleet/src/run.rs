@@ -724,8 +724,7 @@ impl<'a> Run<'a> {
             let due = Duration::from_secs_f64((self.block + 1 - first) as f64 * period_s);
             std::thread::sleep(due.saturating_sub(began.elapsed()));
         }
-        self.live
-            .advance(watch.sink().unwrap_or(&mut NoTrace))?;
+        self.live.advance(watch.sink().unwrap_or(&mut NoTrace))?;
         self.block += 1;
         let (live, grid) = (&self.live, self.ground.grid);
         let cell_size_m = self.config.sim.cell_size_m;

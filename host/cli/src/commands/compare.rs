@@ -121,7 +121,9 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
         .collect();
     claims::confront(&mut named);
     let claims = gather(&rows, &records);
-    let missed = rows.iter().filter(|(trial, _)| !records.contains_key(trial));
+    let missed = rows
+        .iter()
+        .filter(|(trial, _)| !records.contains_key(trial));
     let missed = missed.map(|(_, row)| Missed {
         planner: row.planner.clone(),
         map: row.map.clone(),
@@ -176,9 +178,7 @@ fn named_by_the_user(error: BenchError) -> Failure {
 }
 
 /// Makes all trials: their rows by number, and the records of those whose planners were asked.
-fn trials(
-    experiment: &mut Experiment<'_>,
-) -> Result<(BTreeMap<u64, Row>, BTreeMap<u64, Record>)> {
+fn trials(experiment: &mut Experiment<'_>) -> Result<(BTreeMap<u64, Row>, BTreeMap<u64, Record>)> {
     let (schedule, longest) = (experiment.schedule().clone(), experiment.longest());
     let bar = output::trials(schedule.len());
     let left = Cell::new(None);
@@ -251,7 +251,12 @@ fn lines<'r>(rows: impl Iterator<Item = &'r Row>) -> Vec<Line> {
     for group in groups {
         let trials = Trials::new(group.rows);
         let shared = trials.shared();
-        lines.extend(trials.planners().iter().map(|planner| line(planner, &shared)));
+        lines.extend(
+            trials
+                .planners()
+                .iter()
+                .map(|planner| line(planner, &shared)),
+        );
     }
     lines
 }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicI32, Ordering};
 
 use clap::CommandFactory;
 use fleetyard_abi::Kind;
-use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, RobotsError, SandboxOptions};
+use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, SandboxOptions};
 use fleetyard_bench::{half_of_memory, number, start_modules};
 use fleetyard_core::formats::load_lorr_tasks;
 use fleetyard_core::{Grid, InputError, load_map};
@@ -17,7 +17,6 @@ use fleetyard_fleet::{
     Notice, Point, Recorder, Recording, Round, Watch, replay, resume, run,
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
-use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::{Fleet as Bodies, SimConfig, TraceSink, TraceWriter};
 use fleetyard_view::FleetPicture;
 use indicatif::ProgressBar;
@@ -28,7 +27,7 @@ use super::simulate::available_memory_bytes;
 use super::{Unnamed, draw_document, keep, trace_file};
 use crate::args::{Cli, Fleet, FleetAsked, Format, LibraryAttachArg, PluginArg};
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::setup::{find_plugin, policy, trust};
+use crate::setup::{bodies, find_plugin, policy, robots, trust};
 use crate::{BUILT_IN, output};
 
 /// The signal that told this process to end; 0 if none did.
@@ -94,11 +93,13 @@ pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
         .as_ref()
         .map(|path| load_lorr_tasks(path, &grid))
         .transpose()?;
-    let robots = robots(&setup)?;
+    // Pebbles are discs that follow their orders exactly.
+    let model = (setup.model != "pebble").then_some(&*setup.model);
+    let robots = robots(setup.fleet.as_deref(), model)?;
     let (config, bodies) = match &recording {
         Some(recording) => {
             let config = recording.header().config.clone();
-            let bodies = bodies(&robots, &config)?;
+            let bodies = bodies(&robots, config.agents as usize, &config.sim)?;
             (config, bodies)
         }
         None => asked_config(&arguments.asked, &robots)?,
@@ -214,28 +215,6 @@ fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
     })
 }
 
-fn robots(setup: &Setup) -> Result<Robots> {
-    Ok(match &setup.fleet {
-        Some(path) => Robots::File(path.display().to_string(), Box::new(load_fleet(path)?)),
-        // Discs that follow their orders exactly.
-        None if setup.model == "pebble" => Robots::Pebbles,
-        None => Robots::Model(setup.model.clone()),
-    })
-}
-
-fn bodies(robots: &Robots, config: &FleetConfig) -> Result<Option<Bodies>> {
-    robots
-        .fleet(config.agents as usize, &config.sim)
-        .map_err(|error| match error {
-            RobotsError::File(error) => error.into(),
-            error => Failure {
-                exit: Exit::Usage,
-                message: format!("--model: {error}"),
-                hint: error.hint().map(str::to_owned),
-            },
-        })
-}
-
 /// The numbers that the arguments ask for, and the robots.
 fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Option<Bodies>)> {
     let mut config = FleetConfig {
@@ -271,7 +250,7 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
         },
         ..FleetConfig::default()
     };
-    let bodies = bodies(robots, &config)?;
+    let bodies = bodies(robots, config.agents as usize, &config.sim)?;
     if asked.step.is_none() {
         config.sim.step_s = fleetyard_fleet::step_s(bodies.as_ref(), asked.cell_size);
     }

@@ -6,13 +6,12 @@ use std::io::{self, BufWriter, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 
-use fleetyard_bench::{ExecutionInfo, Robots, RobotsError, execute, number};
+use fleetyard_bench::{ExecutionInfo, execute, number};
 use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
-use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::trace::{Header, States, Summary};
-use fleetyard_sim::{Event, Fleet, Plan, SimConfig, Simulator, TraceSink, TraceWriter};
+use fleetyard_sim::{Event, Plan, SimConfig, Simulator, TraceSink, TraceWriter};
 use fleetyard_view::{Picture, World};
 use fleetyard_world::{Bounds, Workspace, load_workspace};
 use indicatif::ProgressBar;
@@ -20,9 +19,9 @@ use indicatif::ProgressBar;
 use super::validate::one_agent;
 use super::{Unnamed, draw, keep, trace_file};
 use crate::args::{Format, Mishap, Simulate};
-use crate::exit::{Exit, Failure, Result};
+use crate::exit::{Exit, Result};
 use crate::output;
-use crate::setup::sim_config;
+use crate::setup::{bodies, robots, sim_config};
 
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let grid = arguments.map.as_deref().map(load_map).transpose()?;
@@ -34,7 +33,9 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let (plan, roadmap) = load_plan(arguments, grid.as_ref())?;
     let config = config(arguments);
     let lines = along_lines(arguments, grid.as_ref(), &plan, &config)?;
-    let fleet = fleet(&robots(arguments)?, plan_of(&plan).agents(), &config)?;
+    let asked = &arguments.robots;
+    let robots = robots(asked.fleet.as_deref(), asked.model.as_deref())?;
+    let fleet = bodies(&robots, plan_of(&plan).agents(), &config)?;
     let mut simulator = Simulator::new(&config);
     if let Some(grid) = &grid {
         simulator = simulator.on_grid(grid);
@@ -155,27 +156,6 @@ fn plan_of(plan: &AnyPlan) -> Plan<'_> {
         AnyPlan::Grid(file) => Plan::Grid(&file.plan),
         AnyPlan::Trajectories(file) => Plan::Trajectories(&file.plan),
     }
-}
-
-/// The robots that were asked for.
-fn robots(arguments: &Simulate) -> Result<Robots> {
-    Ok(match (&arguments.robots.fleet, &arguments.robots.model) {
-        (Some(path), _) => Robots::File(path.display().to_string(), Box::new(load_fleet(path)?)),
-        (None, Some(name)) => Robots::Model(name.clone()),
-        (None, None) => Robots::Pebbles,
-    })
-}
-
-/// The fleet that they make.
-fn fleet(robots: &Robots, agents: usize, config: &SimConfig) -> Result<Option<Fleet>> {
-    robots.fleet(agents, config).map_err(|error| match error {
-        RobotsError::File(error) => error.into(),
-        error => Failure {
-            exit: Exit::Usage,
-            message: format!("--model: {error}"),
-            hint: error.hint().map(str::to_owned),
-        },
-    })
 }
 
 fn config(arguments: &Simulate) -> SimConfig {
