@@ -1,4 +1,4 @@
-//! How long a report of a large store takes, and how large its page is.
+//! Time for a report of a large store, and size of its page.
 
 #[path = "../tests/it/support/mod.rs"]
 mod support;

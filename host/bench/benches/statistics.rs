@@ -1,4 +1,5 @@
-//! What a comparison of two planners draws: flips of signs, and the posterior of a signed-rank test.
+//! Costs of the resampling in a comparison of two planners: flips of signs, and the posterior of a
+//! signed-rank test.
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 

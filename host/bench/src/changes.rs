@@ -1,4 +1,4 @@
-//! What is no longer as it was when the trials of a store were made.
+//! Changes of a suite and its planners since the trials of a store were made.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -46,7 +46,7 @@ pub fn changes(
     Ok(lines)
 }
 
-/// How two suites differ, value by value; their names do not matter.
+/// Differences of two suites, value by value; their names do not matter.
 fn suite_changes(before: &str, now: &str) -> Vec<String> {
     let [before, now] = [before, now].map(|text| {
         let mut values = BTreeMap::new();

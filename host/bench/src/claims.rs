@@ -1,4 +1,4 @@
-//! What a planner claims, held against what the host found.
+//! Claims of a planner, compared with the findings of the host.
 //!
 //! A planner claims by its status, and by figures that are named as ours are: every
 //! `claimed_sum_of_costs` and `claimed_makespan` is compared with the cost of the plan
@@ -17,28 +17,27 @@ use crate::record::{Record, number};
 /// A claim that can be checked in principle.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Claim {
-    /// What is claimed.
+    /// The subject of the claim.
     pub what: Subject,
-    /// What the planner says.
+    /// The planner's figure.
     pub claimed: Figure,
-    /// What the host found; absent when it found nothing that it could hold the claim
-    /// against.
+    /// The host's figure; absent when the host found nothing to compare the claim with.
     pub found: Option<Figure>,
     /// Absent when the claim could not be checked.
     pub agrees: Option<bool>,
 }
 
-/// What is claimed.
+/// The subject of a claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Subject {
-    /// How the call went.
+    /// The result of the call.
     Status,
     /// In steps.
     SumOfCosts,
     /// In steps.
     Makespan,
-    /// How long it worked.
+    /// Time that the planner worked.
     CallTime,
 }
 
@@ -61,7 +60,7 @@ pub enum Figure {
     Steps(f64),
     /// Milliseconds.
     Time {
-        /// How many.
+        /// Number of milliseconds.
         ms: f64,
     },
     /// Words.
@@ -79,7 +78,7 @@ impl fmt::Display for Figure {
 }
 
 impl Claim {
-    /// How much more was claimed than found.
+    /// Steps by which the claim exceeds the host's figure.
     pub fn difference(&self) -> Option<f64> {
         match (&self.claimed, &self.found) {
             (Figure::Steps(claimed), Some(Figure::Steps(found))) => Some(claimed - found),
@@ -188,8 +187,7 @@ fn call_time(record: &Record) -> Option<Claim> {
     })
 }
 
-/// What a status claims; most claim nothing. `valid` is the verdict on the plan, if
-/// there is one.
+/// The claim of a status; most claim nothing. `valid` is the verdict on the plan, if there is one.
 fn status(claim: Option<Status>, valid: Option<bool>) -> Option<Claim> {
     let found = valid.map(|valid| {
         if valid {

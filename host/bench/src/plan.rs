@@ -1,4 +1,4 @@
-//! Which trials a suite is, and in which order they are made.
+//! The trials of a suite, and the order in which they are made.
 //!
 //! Every planner is asked every instance with every seed, as often as the suite repeats it.
 //! Trials of one instance follow each other, so that its map is learnt once. Rounds of planners are
@@ -20,7 +20,8 @@ use fleetyard_core::{Digest, Hasher};
 pub struct Schedule {
     planners: Vec<Digest>,
     instances: Vec<Digest>,
-    /// How many instances before have the same digest, which tells equal ones apart.
+    /// For each instance, the number of those before it that have the same digest, which tells
+    /// equal ones apart.
     twins: Vec<u64>,
     seeds: Vec<u64>,
     repeats: u32,
@@ -42,7 +43,7 @@ pub struct Planned {
     pub repeat: u32,
 }
 
-/// What is done next.
+/// The next thing to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// A planner is asked without being timed.
@@ -54,7 +55,7 @@ pub enum Step {
 /// A part of a suite: so many of the parts that it was split into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Which one, from 1.
+    /// Its number, from 1.
     index: u64,
     of: u64,
 }
@@ -93,12 +94,12 @@ impl Schedule {
         self.instances.len() as u64 * self.rounds() * self.planners.len() as u64
     }
 
-    /// Whether there is nothing to do.
+    /// True if there is nothing to do.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How many times every planner is asked an instance.
+    /// Number of trials of every planner on an instance.
     fn rounds(&self) -> u64 {
         self.seeds.len() as u64 * u64::from(self.repeats)
     }
@@ -115,7 +116,7 @@ impl Schedule {
         }
     }
 
-    /// What a trial is known by, as 32 hexadecimal digits.
+    /// The key of a trial, as 32 hexadecimal digits.
     pub fn key(&self, planned: &Planned) -> String {
         key(
             self.planners[planned.planner],
@@ -163,7 +164,7 @@ impl Schedule {
             .map(|instance| instance as usize)
     }
 
-    /// How many trials a shard has.
+    /// Number of trials that a shard has.
     pub fn len_of(&self, shard: Shard) -> u64 {
         self.dealt(shard).count() as u64 * self.rounds() * self.planners.len() as u64
     }
@@ -174,7 +175,7 @@ impl Schedule {
             .flat_map(move |instance| self.of_instance(instance))
     }
 
-    /// What a shard does, in this order.
+    /// The steps of a shard, in order.
     pub fn order(&self, shard: Shard) -> impl Iterator<Item = Step> {
         let planners = self.planners.len();
         // Counted within the shard: the planners of a suite may be as many as its shards.
@@ -193,7 +194,7 @@ impl Schedule {
     }
 }
 
-/// What a trial is known by; `twins` instances before have the same digest.
+/// The key of a trial; `twins` instances before have the same digest.
 pub(crate) fn key(planner: Digest, instance: Digest, twins: u64, seed: u64, repeat: u32) -> String {
     let mut hasher = Hasher::new("fleetyard.trial/1");
     for digest in [planner, instance] {
@@ -235,7 +236,7 @@ impl Shard {
     /// The whole.
     pub const ALL: Self = Self { index: 1, of: 1 };
 
-    /// Which one it is, from 1, and of how many.
+    /// Its number, from 1, and the number of parts.
     pub fn parts(self) -> (u64, u64) {
         (self.index, self.of)
     }

@@ -5,7 +5,7 @@
 //! What does not exist is absent (`NULL`, an empty field), never zero. Columns are
 //! only ever added; a change of meaning is a new name.
 
-/// What a column holds.
+/// Type of the values of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColumnType {
     /// UTF-8 text.
@@ -23,11 +23,11 @@ pub enum ColumnType {
 pub struct Column {
     /// Snake case, with the unit as the last word.
     pub name: &'static str,
-    /// What it holds.
+    /// Type of its values.
     pub kind: ColumnType,
-    /// Whether it may be absent.
+    /// True if it may be absent.
     pub optional: bool,
-    /// What it means.
+    /// Its meaning.
     pub doc: &'static str,
 }
 
@@ -46,7 +46,7 @@ pub enum Value {
     Boolean(bool),
 }
 
-/// What the types of fields have in common.
+/// The common interface of the types of fields.
 trait Field: Sized {
     const KIND: ColumnType;
     const OPTIONAL: bool = false;
@@ -144,7 +144,7 @@ pub struct Incumbent {
     pub time_ms: f64,
     /// Its sum of costs, if it was kept.
     pub soc_steps: Option<u64>,
-    /// Whether it is valid, if it was kept.
+    /// True if it is valid; absent if it was not kept.
     pub valid: Option<bool>,
 }
 
@@ -164,22 +164,22 @@ columns! {
     planner_digest: Option<String>,
     /// Options as a JSON object.
     options: String,
-    /// How the plugin was attached.
+    /// The way in which the plugin was attached.
     attach: String,
-    /// Whether the result may be compared: not in the host's process, in a sandbox, supervised
-    /// to the end, and with all its processor time known where that is limited.
+    /// True if the result may be compared: not in the host's process, in a sandbox, supervised to
+    /// the end, and with all its processor time known where that is limited.
     ranked: bool,
-    /// Why it may not be compared.
+    /// The reason why it may not be compared.
     unranked: Option<String>,
     /// Limits that were only watched, not enforced.
     limits_watched: Option<String>,
-    /// Whether the planner is a part of the host, so that its figures may rank it.
+    /// True if the planner is a part of the host, so that its figures may rank it.
     built_in: Option<bool>,
     /// Digest of the instance.
     instance_digest: String,
     /// Name of the map.
     map: String,
-    /// Where starts and goals come from.
+    /// Origin of starts and goals.
     scenario: String,
     /// Number of agents.
     agents: u64,
@@ -197,7 +197,7 @@ columns! {
     maze_width: Option<u32>,
     /// Height of the maze in maze cells.
     maze_height: Option<u32>,
-    /// How the maze was carved.
+    /// The algorithm that carved the maze.
     maze_algorithm: Option<String>,
     /// Wall-clock budget of the plan; of a fleet, how long it drives in simulated time.
     budget_ms: f64,
@@ -205,9 +205,9 @@ columns! {
     seed: u64,
     /// Number of the repeat, from 0.
     repeat: u32,
-    /// How the call ended.
+    /// The end of the call.
     termination: String,
-    /// What is wrong with the plugin, if something is.
+    /// The fault of the plugin, if it has one.
     fault: Option<String>,
     /// The limit that it exceeded.
     limit_exceeded: Option<String>,
@@ -215,15 +215,15 @@ columns! {
     claim: Option<String>,
     /// The planner's explanation.
     message: Option<String>,
-    /// What the planner claims and the host found to be otherwise.
+    /// Claims of the planner that the host found to be otherwise.
     false_claims: Option<String>,
-    /// Whether the last plan is valid.
+    /// True if the last plan is valid.
     valid: bool,
     /// Violations in the last plan.
     violations: u64,
     /// The first violation, in words.
     first_violation: Option<String>,
-    /// Whether the trial succeeded: the planner ended as it should and its plan is valid.
+    /// True if the trial succeeded: the planner ended as it should and its plan is valid.
     success: bool,
     /// The time that is compared: that of the call by the host's clock, the round trip less the
     /// correction, or processor time, as `clock` says; of a fleet, the mean over its planner's calls.
@@ -237,9 +237,9 @@ columns! {
     call_time_ms: Option<f64>,
     /// From the request to the last byte of the answer, by the host's clock.
     round_trip_ms: Option<f64>,
-    /// What an empty call takes, which is no planner's time.
+    /// Time of an empty call, which is no planner's time.
     correction_ms: Option<f64>,
-    /// How far empty calls lie from that.
+    /// Distance of empty calls from that.
     correction_uncertainty_ms: Option<f64>,
     /// From the start of the plugin until it had introduced itself; absent when a
     /// process that ran already was used again.
@@ -325,10 +325,10 @@ columns! {
     reuse: Option<String>,
     /// The processors that the plugin had to itself; absent where it had none.
     cpus: Option<String>,
-    /// Why the times cannot be compared with others; empty when they can.
+    /// Reasons why the times cannot be compared with others; empty when they can.
     contended: String,
-    /// How often the trial was made until nobody disturbed it, or the suite's attempts were spent;
-    /// absent where each trial has one attempt.
+    /// Attempts at the trial until nobody disturbed it, or the suite's attempts were spent; absent
+    /// where each trial has one attempt.
     attempts: Option<u32>,
     /// Digest of the machine's description.
     machine: String,
@@ -336,7 +336,7 @@ columns! {
     plan_digest: Option<String>,
     /// Digest of the execution's trace.
     trace_digest: Option<String>,
-    /// When the trial began, in milliseconds since 1970.
+    /// Begin of the trial, in milliseconds since 1970.
     started_unix_ms: u64,
 }
 

@@ -92,7 +92,7 @@ pub struct Meta {
     pub suite_digest: String,
     /// Version of the program that wrote the store last.
     pub fleetyard: String,
-    /// When the store was made, in milliseconds since 1970.
+    /// Time at which the store was made, in milliseconds since 1970.
     pub created_unix_ms: u64,
     /// Trials that the suite asks for, all its parts together; unknown in older stores.
     pub asked: Option<u64>,

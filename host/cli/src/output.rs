@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::exit::{Result, internal};
 
-/// How often a spinner moves.
+/// Time between two moves of a spinner.
 const TICK: Duration = Duration::from_millis(200);
 
 /// Prints text and a newline. A reader that went away is not an error.
@@ -76,12 +76,12 @@ pub(crate) fn note(text: &str) {
     eprintln!("note: {}", plain(text));
 }
 
-/// What to do about an error: on standard error, one line.
+/// Prints a way out of an error: on standard error, one line.
 pub(crate) fn hint(text: &str) {
     eprintln!("hint: {}", plain(text));
 }
 
-/// Why the command fails although it has a result to print.
+/// Prints the reason why the command fails although it has a result to print.
 pub(crate) fn error(text: &str) {
     eprintln!("error: {}", plain(text));
 }
@@ -118,7 +118,7 @@ pub(crate) fn trials(total: u64) -> ProgressBar {
     )
 }
 
-/// What is said beside a bar of trials: how long the rest takes, once that is known.
+/// The text beside a bar of trials: the time that the rest takes, once that is known.
 pub(crate) fn with_left(left: Option<Left>, what: &str) -> String {
     match left {
         Some(left) => plain(&format!("{left}, {what}")),

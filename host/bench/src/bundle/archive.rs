@@ -30,7 +30,7 @@ pub(super) const TOTAL_LIMIT: u64 = 1 << 40;
 /// more, and no other way of writing names is read.
 const NAME_LIMIT: usize = 255;
 
-/// What may follow the end of an archive: zeros that fill its last block.
+/// Most bytes after the end of an archive: zeros that fill its last block.
 const PADDING: u64 = 1 << 20;
 
 /// Files that are programs are there; nothing else may be executed.
@@ -38,7 +38,7 @@ const PLUGINS: &str = "plugins/";
 
 type Result<T> = std::result::Result<T, InputError>;
 
-/// What a name is refused for; `None` for one that stays below its folder.
+/// The reason why a name is refused; `None` for one that stays below its folder.
 pub(super) fn name_fault(name: &str) -> Option<&'static str> {
     if name.is_empty() {
         return Some("has no name");
@@ -162,7 +162,7 @@ impl<R: Read> Read for HashedReader<R> {
     }
 }
 
-/// Where the files of a bundle go that is read.
+/// The receiver of a bundle's files.
 pub trait Unpack {
     /// All that will come; an error ends the reading.
     fn begin(&mut self, manifest: &Manifest) -> Result<()>;
@@ -332,7 +332,7 @@ fn unreadable(source: &str, error: &io::Error) -> InputError {
         .hint("the archive is damaged, or no gzipped tar")
 }
 
-/// What is wrong with the files that a manifest names, if something is.
+/// The reason why a list of files is refused, if it is.
 pub(super) fn fault_of(files: &[BundledFile]) -> Option<String> {
     let mut names = BTreeSet::from([MANIFEST]);
     let mut total: u64 = 0;

@@ -23,7 +23,7 @@ use crate::suite::{SUITE_LIMIT, Suite, SuiteInstance};
 
 type Result<T> = std::result::Result<T, InputError>;
 
-/// What to put into a bundle, and where.
+/// The parts of a bundle that is to be written.
 #[derive(Debug, Clone, Copy)]
 pub struct Wanted<'a> {
     /// The store.
@@ -34,7 +34,7 @@ pub struct Wanted<'a> {
     /// The archive to write; the suite's name with `.bundle.tar.gz` in the current folder if there
     /// is none.
     pub out: Option<&'a Path>,
-    /// Whether the files of plugins come along.
+    /// True if the files of plugins come along.
     pub plugins: bool,
 }
 
@@ -43,7 +43,7 @@ pub struct Wanted<'a> {
 pub struct Bundled {
     /// The archive.
     pub out: PathBuf,
-    /// What is in it.
+    /// Its manifest.
     pub manifest: Manifest,
 }
 
@@ -400,7 +400,7 @@ fn add_plugin(
     Ok(())
 }
 
-/// What the manifest says of a file.
+/// The entry of a file in the manifest.
 fn entry(name: &str, content: &Content) -> Result<BundledFile> {
     let mut executable = false;
     let mut reader: Box<dyn Read> = match content {
@@ -424,7 +424,7 @@ fn entry(name: &str, content: &Content) -> Result<BundledFile> {
     })
 }
 
-/// What a bundle says of itself to who unpacks it.
+/// The README of a bundle.
 fn readme(manifest: &Manifest) -> String {
     let Manifest { suite, trials, .. } = manifest;
     let plans = match (manifest.plans.kept, manifest.plans.not_kept) {

@@ -1,4 +1,4 @@
-//! What a bundle has, in one JSON file.
+//! The manifest of a bundle, one JSON file.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use super::archive;
 /// Name and version of the format.
 pub const FORMAT: &str = "fleetyard.bundle/1";
 
-/// What a bundle was made from, and what is in it.
+/// Origin and content of a bundle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a manifest: a JSON object")]
 pub struct Manifest {
@@ -27,13 +27,13 @@ pub struct Manifest {
     pub suite: String,
     /// Digest of all that the suite asks, its instances and planners included.
     pub suite_digest: String,
-    /// When the store was made.
+    /// Time at which the store was made.
     pub created_unix_ms: u64,
     /// Trials of the store that the suite asks for.
     pub trials: u64,
     /// The machines on which they were made, by digest.
     pub machines: BTreeMap<String, Value>,
-    /// Who was asked.
+    /// The planners of its trials.
     pub planners: Vec<BundledPlanner>,
     /// Plugins of a fleet beside its planners, as they were when the bundle was written.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -23,7 +23,7 @@ type Result<T> = std::result::Result<T, InputError>;
 pub struct Bundle {
     /// The folder, without links.
     pub root: PathBuf,
-    /// What it has.
+    /// Its manifest.
     pub manifest: Manifest,
 }
 

@@ -12,10 +12,10 @@ use crate::suite::{FleetSetup, Source, Sources, Suite};
 
 type Result<T> = std::result::Result<T, InputError>;
 
-/// Where files of the world are in the bundle.
+/// Folder of the files of the world in the bundle.
 const INPUTS: &str = "inputs";
 
-/// Where files of plugins are in the bundle.
+/// Folder of the files of plugins in the bundle.
 const PLUGINS: &str = "plugins";
 
 /// A key of `[fleet]` that names a plugin, and that plugin as it was read.
@@ -125,7 +125,7 @@ pub(super) struct PluginPlace {
     pub(super) name: String,
 }
 
-/// What the suite of a bundle says, and which files it names.
+/// The suite of a bundle, and the files that it names.
 pub(super) struct Rewritten {
     /// As JSON.
     pub(super) values: Map<String, Value>,

@@ -289,7 +289,7 @@ fn nothing_is_written_beside_the_folder() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Whatever is changed, what comes out is what the manifest says, or nothing.
+    /// A changed archive unpacks to the files that its manifest says, or not at all.
     #[test]
     fn changed_archives_are_refused_or_whole(
         changes in prop::collection::vec((0usize..4096, any::<u8>()), 1..6),

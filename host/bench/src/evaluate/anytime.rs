@@ -12,8 +12,8 @@ pub const GAPS: [f64; 4] = [0.01, 0.02, 0.05, 0.10];
 /// Parts of the budget at which targets are counted.
 pub const PARTS: [f64; 3] = [0.01, 0.1, 1.0];
 
-/// How soon a planner's plans are how good, against the best valid plan that any planner found of the
-/// instance.
+/// Quality of a planner's plans over time, against the best valid plan that any planner found of
+/// the instance.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Anytime {
     /// Its label.

@@ -6,7 +6,7 @@ use crate::statistics::{Interval, MIN_CLUSTERS, Survival, Time, log_rank_test};
 /// Times to a solution of two planners, a failure being known to take longer than its budget.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Censored {
-    /// Until when they are looked at: the largest budget.
+    /// Last time that counts, in milliseconds: the largest budget.
     pub until_ms: f64,
     /// Mean of min(t, `until_ms`) of the first by the Kaplan-Meier estimate, and its 95 % interval.
     pub first: (f64, Interval),

@@ -28,7 +28,7 @@ pub struct Curve {
 /// All cases of a planner at one level of a dimension.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CurvePoint {
-    /// Where it is.
+    /// The level.
     pub level: Level,
     /// Cases.
     pub cases: usize,
@@ -124,7 +124,7 @@ fn summary(values: &[Weighted]) -> Option<Summary> {
     })
 }
 
-/// How many cases a planner solves with so much of a metric: the k-th mark is the value
+/// Number of cases that a planner solves with so much of a metric: the k-th mark is the value
 /// within which k cases are solved.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cactus {

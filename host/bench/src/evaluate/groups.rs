@@ -10,13 +10,13 @@ use crate::Row;
 pub enum Dimension {
     /// Name of the map.
     Map,
-    /// Where starts and goals come from.
+    /// Origin of starts and goals.
     Scenario,
     /// Number of agents.
     Agents,
     /// Neighbours of a cell.
     Connectivity,
-    /// How the maze was carved.
+    /// Algorithm that carved the maze.
     MazeAlgorithm,
     /// Width and height of the maze.
     MazeSize,
@@ -26,7 +26,7 @@ pub enum Dimension {
     Seed,
 }
 
-/// Where an instance is along a dimension.
+/// The level of an instance along a dimension.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Level {
     /// As a number, where it is one; of a maze its width.
@@ -48,7 +48,7 @@ impl Dimension {
         Self::Seed,
     ];
 
-    /// Where a trial's instance is; `None` where the dimension does not apply.
+    /// The level of a trial's instance; `None` where the dimension does not apply.
     pub fn level(self, row: &Row) -> Option<Level> {
         let count = |number: u64| Level {
             number: Some(number as f64),
@@ -114,7 +114,7 @@ pub fn groups<'a>(rows: impl IntoIterator<Item = &'a Row>, by: &[Dimension]) -> 
     found.into_iter().map(group).collect()
 }
 
-/// Which rows to look at. An empty list lets everything pass.
+/// A filter of rows. An empty list lets everything pass.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Filter {
     /// Labels of planners.
@@ -128,7 +128,7 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// Whether a row passes.
+    /// True if a row passes.
     pub fn keeps(&self, row: &Row) -> bool {
         let among =
             |list: &[String], text: &str| list.is_empty() || list.iter().any(|one| one == text);

@@ -13,7 +13,7 @@ pub struct Metric {
     pub title: &'static str,
     /// For people; empty where it is a number of things.
     pub unit: &'static str,
-    /// Whether more is better.
+    /// True if more is better.
     pub higher_is_better: bool,
     read: fn(&Row) -> Option<f64>,
 }
@@ -119,7 +119,7 @@ pub const SOLVE_TIME: Metric = METRICS[0];
 pub const PATH_LENGTH: Metric = METRICS[5];
 /// Expansions that planners claim.
 pub const EXPANSIONS: Metric = METRICS[7];
-/// How far off the time that planners are ranked by may be.
+/// Uncertainty of the time that planners are ranked by.
 pub(super) const UNCERTAINTY: Metric = Metric {
     column: "correction_uncertainty_ms",
     title: "uncertainty of the empty call",

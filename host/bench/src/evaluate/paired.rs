@@ -126,11 +126,11 @@ pub(super) fn correct<'a>(p_values: impl IntoIterator<Item = &'a mut f64>) {
 pub struct Comparison {
     /// The planner that the others are compared with: the first side of every pair.
     pub baseline: String,
-    /// What is compared.
+    /// The metric that is compared.
     pub metric: Metric,
-    /// What is counted.
+    /// The unit that is counted.
     pub unit: Unit,
-    /// Whether p-values are exploratory, because some case has no repeats.
+    /// True if p-values are exploratory, because some case has no repeats.
     pub descriptive: bool,
     /// The others, by median difference.
     pub planners: Vec<Against>,

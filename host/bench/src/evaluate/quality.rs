@@ -4,7 +4,7 @@ use super::{Case, Trials};
 use crate::Row;
 use crate::statistics::{Clustered, Interval, Summary, median, sorted};
 
-/// What sums of costs are divided by.
+/// The divisor of sums of costs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reference {
@@ -14,12 +14,12 @@ pub enum Reference {
     Best,
 }
 
-/// How good a planner's plans are by when.
+/// Quality of a planner's plans over time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Quality {
     /// Its label.
     pub planner: String,
-    /// What its sums of costs are divided by.
+    /// The divisor of its sums of costs.
     pub reference: Reference,
     /// Cases.
     pub cases: usize,
@@ -27,7 +27,7 @@ pub struct Quality {
     pub points: Vec<QualityPoint>,
 }
 
-/// How good its plans are by some time.
+/// Quality of its plans at some time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct QualityPoint {
     /// From the start of the call.

@@ -11,8 +11,8 @@ use super::{
 use crate::Row;
 use crate::statistics::{kendall_tau_b, mean, sorted};
 
-/// By what planners are ranked, one after the other. The maze paper says it twice, and not
-/// the same.
+/// The order of planners in a ranking: figures that count one after the other. The maze paper gives
+/// two that are not the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
@@ -67,9 +67,9 @@ pub struct Ranked {
     pub success_rate: f64,
     /// Equation 20: mean time over shared successes; over all its cases if there are none.
     pub comparable_time_ms: Option<f64>,
-    /// How far off that may be: the mean uncertainty of the empty calls that are subtracted.
+    /// Uncertainty of that time: the mean uncertainty of the empty calls that are subtracted.
     pub uncertainty_ms: Option<f64>,
-    /// Whether that time is no farther from that of the planner before than both uncertainties.
+    /// True if that time is no farther from that of the planner before than both uncertainties.
     pub near: bool,
     /// Equation 21: mean length over shared successes; over its own if there are none.
     pub comparable_length_cells: Option<f64>,
@@ -82,16 +82,16 @@ pub struct Ranked {
 /// Planners in the order of their ranks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Ranking {
-    /// By what they are ranked.
+    /// The order of the ranking.
     pub order: Order,
     /// Instances that every planner solved.
     pub shared: usize,
     /// All instances.
     pub instances: usize,
-    /// Whether comparable means are over shared successes; else there were none.
+    /// True if comparable means are over shared successes; else there were none.
     pub over_shared: bool,
-    /// Whether expansions rank: only if every planner is a part of the host. Those of others
-    /// are their claim.
+    /// True if expansions rank: only if every planner is a part of the host. Those of others are
+    /// their claim.
     pub by_expansions: bool,
     /// Best first.
     pub planners: Vec<Ranked>,
@@ -131,7 +131,8 @@ pub fn rank(trials: &Trials<'_>, order: Order) -> Ranking {
     }
 }
 
-/// What planners are ranked by, without their names; those that lack a value come last.
+/// The values that planners are ranked by, without their names; planners that lack a value come
+/// last.
 type KeyValues = [Option<f64>; 5];
 
 fn by(order: Order, by_expansions: bool, a: &KeyValues, b: &KeyValues) -> Ordering {
@@ -220,7 +221,7 @@ impl Keys {
         self.shared_time.1 > 0.0
     }
 
-    /// Which of two ranks first, as in a ranking.
+    /// The order of two planners, as in a ranking.
     pub(super) fn order(&self, other: &Self, ranking: &Ranking, over_shared: bool) -> Ordering {
         let keys = |of: &Self| {
             let mean = |(sum, count): (f64, f64)| (count > 0.0).then(|| sum / count);
@@ -240,7 +241,7 @@ impl Keys {
     }
 }
 
-/// Whether two times are no farther from each other than both uncertainties.
+/// True if two times are no farther from each other than both uncertainties.
 fn within((a, by_a): (f64, f64), (b, by_b): (f64, f64)) -> bool {
     (a - b).abs() <= by_a + by_b
 }
@@ -296,10 +297,10 @@ fn ranked(planner: &Planner<'_>, shared: &[usize]) -> Ranked {
     }
 }
 
-/// Whether rankings agree where instances differ.
+/// Agreement of rankings where instances differ.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RankStability {
-    /// What the regimes differ by.
+    /// The dimensions by which the regimes differ.
     pub by: Vec<Dimension>,
     /// The order of every ranking.
     pub order: Order,

@@ -15,15 +15,15 @@ pub struct RunComparison {
     pub only_in_a: usize,
     /// Trials that only the second has.
     pub only_in_b: usize,
-    /// Whether they ran on machines of the same description: their times can be compared
-    /// otherwise only with care.
+    /// True if they ran on machines of the same description: otherwise their times can be compared
+    /// only with care.
     pub same_machines: bool,
     /// Settings of the trials that differ between the runs.
     pub settings: Vec<SettingDifference>,
-    /// How long threads of the calls waited for a processor, as a share of the calls, in either run;
-    /// absent where one does not tell.
+    /// Time for which threads of the calls waited for a processor, as a share of the calls, in
+    /// either run; absent where one does not tell.
     pub run_delay: Option<[f64; 2]>,
-    /// What intervals and tests count, and how many of them there are.
+    /// The unit that intervals and tests count, and the number of such units.
     pub unit: Unit,
     /// See `unit`.
     pub clusters: usize,
@@ -72,7 +72,7 @@ pub struct PlannerDifference {
     pub planner: String,
     /// Trials that both runs have.
     pub pairs: usize,
-    /// Whether its code is the same; absent where a digest is.
+    /// True if its code is the same; absent where a digest is.
     pub same_code: Option<bool>,
     /// Of those, successes in the first run.
     pub successes_a: usize,
@@ -102,7 +102,7 @@ pub struct MetricDifference {
     pub paired: Paired,
 }
 
-/// Whether digests agree.
+/// Agreement of digests.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Digests {
     /// Pairs with equal digests.

@@ -22,7 +22,7 @@ pub struct Standing {
     /// 95 % of its ranks lie from the one to the other when clusters are drawn anew; of six clusters
     /// or more.
     pub ranks: Option<[usize; 2]>,
-    /// How often it ranks first then; equal planners both do.
+    /// Share of those drawings in which it ranks first; equal planners both do.
     pub p_first: Option<f64>,
     /// Mean time with a failure counted as one, two and ten budgets (PAR-1, PAR-2, PAR-10).
     pub par_ms: [Option<f64>; 3],
@@ -33,7 +33,7 @@ pub struct Standing {
     pub score: Option<f64>,
     /// Share of cases in which nobody was faster: how often the virtual best is this one.
     pub fastest: f64,
-    /// By how much the PAR-2 of the virtual best is longer without it.
+    /// Increase of the PAR-2 of the virtual best without it.
     pub contribution_ms: Option<f64>,
     /// Cases that it alone solved.
     pub alone: usize,
@@ -50,7 +50,7 @@ pub struct VirtualBest {
     pub par_ms: [Option<f64>; 3],
 }
 
-/// What a failure counts as, in budgets.
+/// Times that a failure counts as, in budgets.
 const PENALTIES: [f64; 3] = [1.0, 2.0, 10.0];
 
 impl Standing {
@@ -201,8 +201,8 @@ impl Best {
         })
     }
 
-    /// What is lost on the instances where it alone is the best: there the next one takes its
-    /// place, or nobody.
+    /// Time lost without the planner on the instances where it alone is the best: there the next
+    /// one takes its place, or none. A mean over instances, in milliseconds.
     fn contribution_of(&self, planner: &Planner<'_>) -> Option<f64> {
         let lost = planner.cases.iter().map(|case| {
             let best = &self.instances[case.instance];

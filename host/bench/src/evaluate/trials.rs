@@ -89,12 +89,12 @@ impl<'a> Trials<'a> {
         }
     }
 
-    /// What the trials are to speak for.
+    /// The unit to which results are generalised.
     pub fn unit(&self) -> Unit {
         self.unit
     }
 
-    /// How many of these units there are.
+    /// Number of these units.
     pub fn clusters(&self) -> usize {
         self.clusters
     }
@@ -115,7 +115,7 @@ impl<'a> Trials<'a> {
         numbers
     }
 
-    /// How many instances, scenarios and maps there are.
+    /// Numbers of instances, scenarios and maps.
     pub fn counts(&self) -> Counts {
         Counts::of(&self.instances)
     }
@@ -198,7 +198,7 @@ impl<'a> Planner<'a> {
 }
 
 impl Case<'_> {
-    /// Whether every repeat succeeded.
+    /// True if every repeat succeeded.
     pub fn success(&self) -> bool {
         self.repeats.iter().all(|row| row.success)
     }

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::Row;
 use crate::suite::sets::map_seed_of;
 
-/// For what else than itself a suite is to speak: these are drawn and counted by whatever is inferred.
-/// Seeds and repeats of an instance, team sizes of a scenario and scenarios of a map are alike, and say
-/// little more than one of them.
+/// The sampling unit to which the results of a suite are generalised: resampling and tests draw and
+/// count such units. Seeds and repeats of an instance, team sizes of a scenario and scenarios of a
+/// map are alike, and say little more than one of them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Unit {
@@ -20,7 +20,7 @@ pub enum Unit {
     Maps,
 }
 
-/// How many of each there are.
+/// Numbers of instances, scenarios and maps.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
     /// Instances, whatever the seed and the budget.
@@ -45,7 +45,7 @@ impl Unit {
         named.map_or("", |(name, _)| name)
     }
 
-    /// What rows of one cluster have in common.
+    /// Values that rows of one cluster have in common.
     pub(super) fn of(self, row: &Row) -> Vec<&str> {
         let map = [
             row.map.as_str(),
@@ -62,7 +62,8 @@ impl Unit {
         }
     }
 
-    /// What rows of one cluster have in common besides: the tasks of a fleet are drawn by its seed.
+    /// The seed, if rows of one cluster have it in common too: the tasks of a fleet are drawn by
+    /// it.
     pub(super) fn seed_of(self, row: &Row) -> Option<u64> {
         (self != Self::Maps && row.fleet.is_some()).then_some(row.seed)
     }

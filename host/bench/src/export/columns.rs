@@ -1,4 +1,4 @@
-//! How values look as text.
+//! Values as text.
 
 use serde::{Deserialize, Serialize};
 

@@ -69,7 +69,7 @@ pub(super) fn maze_csv(rows: &[&Row]) -> Result<Vec<u8>, ExportError> {
     finish(writer)
 }
 
-/// What the paper calls the error: nothing if the trial succeeded.
+/// The text that the paper calls the error: nothing if the trial succeeded.
 fn why(row: &Row) -> String {
     let Some(reason) = row.failure() else {
         return String::new();

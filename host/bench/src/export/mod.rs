@@ -13,7 +13,7 @@ pub use csv::read_csv;
 
 use crate::Row;
 
-/// What rows can be exported to.
+/// The formats to which rows can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// Every column; RFC 4180.
@@ -28,7 +28,7 @@ pub enum Format {
     PlannerArena,
 }
 
-/// Why an export could not be made.
+/// The reason why an export could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The CSV writer refused a record.

@@ -84,8 +84,8 @@ fn schema() -> String {
     text
 }
 
-/// What of a column is there: Melnik and others, "Dremel: interactive analysis of web-scale
-/// datasets", Proceedings of the VLDB Endowment 3 (2010).
+/// Definition and repetition levels of a column: Melnik and others, "Dremel: interactive analysis
+/// of web-scale datasets", Proceedings of the VLDB Endowment 3 (2010).
 struct Levels {
     /// Absent where nothing can be absent.
     definition: Option<Vec<i16>>,

@@ -15,7 +15,7 @@ use super::ExportError;
 use crate::Row;
 use crate::evaluate::{METRICS, Metric, SOLVE_TIME};
 
-/// What OMPL calls otherwise, or in other units.
+/// Columns that OMPL names otherwise, or has in other units, with the factor.
 const RENAMED: [(&str, &str, f64); 3] = [
     ("solve_time_ms", "time", 1e-3),
     ("peak_memory_kb", "memory", 1.0 / 1024.0),
@@ -228,7 +228,7 @@ fn date(unix_ms: u64) -> String {
     text.replace('T', " ").replace('Z', "")
 }
 
-/// How a run ended, in words.
+/// The end of a run, in words.
 fn status(row: &Row) -> String {
     row.failure().unwrap_or_else(|| "solved".into())
 }

@@ -1,6 +1,6 @@
 //! Numbers as text, alike in tables, Markdown and the page (`page/numbers.js`).
 
-/// What stands where there is no value.
+/// The text for an absent value.
 pub(super) const NONE: &str = "–";
 
 /// Three significant digits, but all of those before the point.

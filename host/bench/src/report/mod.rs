@@ -39,9 +39,9 @@ pub struct Subject {
     pub description: Option<String>,
     /// Trials that the suites ask for; absent where a store does not say.
     pub asked: Option<u64>,
-    /// By what planners are ranked.
+    /// The order of the ranking.
     pub order: Order,
-    /// For what else the trials are to speak.
+    /// The unit to which results are generalised.
     pub unit: Unit,
     /// The rule that paths were judged by, if it is not the usual one.
     pub path_rule: Option<String>,

@@ -11,13 +11,13 @@ use crate::statistics::{Interval, Posterior};
 /// A table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Table {
-    /// What it shows.
+    /// Its content, in a few words.
     pub title: String,
-    /// What has to be known to read it.
+    /// Explanation for readers.
     pub note: String,
     /// Names of columns.
     pub head: Vec<String>,
-    /// Whether each column is of words, and not of numbers.
+    /// True for columns of words, false for those of numbers.
     pub words: Vec<bool>,
     /// Cells, by row.
     pub rows: Vec<Vec<String>>,
@@ -172,7 +172,7 @@ fn ranking_row(ranked: &Ranked, summary: &PlannerSummary, standing: &Standing) -
     ]
 }
 
-/// How sure ranks are, and success, time and quality together; nothing of one planner.
+/// Certainty of ranks, and success, time and quality together; nothing of one planner.
 pub(super) fn standings(evaluation: &Evaluation) -> Option<Table> {
     let overview = &evaluation.overview;
     let note = format!(
@@ -266,7 +266,7 @@ pub(super) fn shared(evaluation: &Evaluation) -> Option<Table> {
     some.then(|| table.without_empty())
 }
 
-/// How soon plans are how good; nothing where no planner sends plans on the way.
+/// Quality of plans over time; nothing where no planner sends plans on the way.
 pub(super) fn anytime(evaluation: &Evaluation) -> Option<Table> {
     let per_cent = |parts: &[f64]| -> Vec<String> {
         let parts = parts.iter().map(|part| format!("{:.0} %", 100.0 * part));
@@ -445,7 +445,7 @@ fn p_value(p: Option<f64>) -> String {
     p.map_or(NONE.to_owned(), probability)
 }
 
-/// Why trials failed; nothing if none did.
+/// Reasons for which trials failed; nothing if none did.
 pub(super) fn failures(evaluation: &Evaluation) -> Option<Table> {
     let head = [("Planner", true), ("Reason", true), ("Trials", false)];
     let mut table = Table::new("Failures", String::new(), &head);

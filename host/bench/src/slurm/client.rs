@@ -11,8 +11,7 @@ use std::time::{Duration, Instant};
 use super::Error;
 use super::parse::{self, Line, Submitted};
 
-/// How long a command may take. Slurm's own give up after a few tries of ten seconds when
-/// nobody answers.
+/// Limit of a command. Slurm's own give up after a few tries of ten seconds when nobody answers.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Most output that is read of a command.
@@ -84,8 +83,8 @@ impl Slurm {
         run(&self.squeue, &arguments)?.about_job(parse::squeue)
     }
 
-    /// What the controller remembers of a job, ended tasks included; it forgets them after
-    /// some minutes (`MinJobAge`).
+    /// Lines of the controller about a job, ended tasks included; it forgets them after some
+    /// minutes (`MinJobAge`).
     pub(super) fn remembered(&self, job: &Submitted) -> Result<Vec<Line>, Error> {
         let mut arguments = with_cluster(job);
         arguments.extend([
@@ -97,7 +96,7 @@ impl Slurm {
         run(&self.scontrol, &arguments)?.about_job(parse::scontrol)
     }
 
-    /// What the accounting says of a job. Not every site has one: then nothing.
+    /// Lines of the accounting about a job. Not every site has one: then there are none.
     pub(super) fn accounted(&self, job: &Submitted) -> Result<Vec<Line>, Error> {
         let mut arguments = with_cluster(job);
         arguments.extend([
@@ -133,7 +132,7 @@ fn with_cluster(job: &Submitted) -> Vec<String> {
     cluster.map(|name| format!("--clusters={name}")).collect()
 }
 
-/// How a command ended.
+/// The result of a command.
 struct Output {
     program: String,
     status: ExitStatus,
@@ -142,7 +141,7 @@ struct Output {
 }
 
 impl Output {
-    /// What was said of a job; nothing when Slurm does not know it, or not any more.
+    /// Lines about a job; none when Slurm does not know it, or not any more.
     fn about_job(self, read: fn(&str) -> Result<Vec<Line>, Error>) -> Result<Vec<Line>, Error> {
         if self.status.success() {
             read(&self.stdout)

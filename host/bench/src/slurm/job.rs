@@ -22,7 +22,7 @@ pub(super) enum Format {
     V1,
 }
 
-/// What a run is.
+/// The record of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Job {
@@ -37,13 +37,13 @@ pub(super) struct Job {
     pub(super) folder: PathBuf,
     /// More arguments of `fleetyard bench`.
     pub(super) arguments: Vec<String>,
-    /// Where the shards' stores are merged.
+    /// Path of the store into which those of the shards are merged.
     pub(super) store: PathBuf,
     /// Trials of each shard, from the first.
     pub(super) trials: Vec<u64>,
-    /// What a task asks for.
+    /// Resources of a task.
     pub(super) resources: Resources,
-    /// What was submitted, in order.
+    /// Submissions, in order.
     pub(super) submissions: Vec<Submission>,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Submission {
     pub(super) cluster: Option<String>,
     /// Its shards, which are the indices of its tasks, in order.
     pub(super) shards: Vec<u32>,
-    /// When, in milliseconds since 1970.
+    /// Time of the submission, in milliseconds since 1970.
     pub(super) submitted_unix_ms: u64,
     /// The options that `sbatch` was given.
     pub(super) options: Vec<String>,

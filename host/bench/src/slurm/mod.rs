@@ -36,7 +36,7 @@ pub use resources::Resources;
 pub use run::{Request, Run};
 pub use status::{Progress, Shard, ShardState, Status};
 
-/// What goes wrong with a cluster.
+/// The reason why a request to a cluster failed.
 #[derive(Debug, Error)]
 pub enum Error {
     /// A file of the run is missing or is not what it must be.
@@ -45,9 +45,9 @@ pub enum Error {
     /// An option is wrong.
     #[error("{reason}")]
     Option {
-        /// What is wrong.
+        /// The reason.
         reason: String,
-        /// What to do.
+        /// A way out.
         hint: String,
     },
     /// A command of Slurm is not there.
@@ -69,15 +69,15 @@ pub enum Error {
     Failed {
         /// The command.
         program: String,
-        /// What happened.
+        /// The reason.
         message: String,
     },
     /// Shards that have not completed cannot be merged or submitted.
     #[error("{reason}")]
     State {
-        /// What is in the way.
+        /// The reason.
         reason: String,
-        /// What to do.
+        /// A way out.
         hint: String,
     },
 }
@@ -105,7 +105,7 @@ impl Error {
         }
     }
 
-    /// What the user can do.
+    /// A way out.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::Input(error) => error.hint.clone(),

@@ -1,5 +1,5 @@
-//! What Slurm's commands print, read strictly: a line that is not as documented is an
-//! error and never a guess.
+//! Output of Slurm's commands, read strictly: a line that is not as documented is an error and
+//! never a guess.
 //!
 //! The formats are those of `sbatch --parsable`, `squeue --format`, `sacct --parsable2` and
 //! `scontrol --oneliner show job` (see their manual pages), from Slurm 17.11 on.
@@ -14,7 +14,7 @@ pub(super) struct Submitted {
     pub(super) cluster: Option<String>,
 }
 
-/// Which tasks of an array a line is about: `3`, `4-7%2`, `1,5-9:2`.
+/// The tasks of an array that a line is about: `3`, `4-7%2`, `1,5-9:2`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Tasks(Vec<Span>);
 
@@ -73,12 +73,12 @@ pub(super) struct Line {
     pub(super) exit: Option<(u32, u32)>,
     /// The node, where there is one.
     pub(super) node: Option<String>,
-    /// Why it is so, in Slurm's word.
+    /// The reason of the state, in Slurm's word.
     pub(super) reason: Option<String>,
 }
 
 impl Line {
-    /// Whether the line is about this task of the array.
+    /// True if the line is about this task of the array.
     pub(super) fn is_about(&self, index: u32) -> bool {
         self.tasks.as_ref().is_none_or(|tasks| tasks.has(index))
     }
@@ -128,8 +128,8 @@ impl State {
     }
 }
 
-/// What `sbatch --parsable` prints: `123` or `123;cluster`. Wrappers and plugins of a site
-/// may print lines of their own before.
+/// The output of `sbatch --parsable`: `123` or `123;cluster`. Wrappers and plugins of a site may
+/// print lines of their own before.
 pub(super) fn submitted(output: &str) -> Result<Submitted, Error> {
     let last = output.lines().map(str::trim).rfind(|line| !line.is_empty());
     let parsed = last.and_then(|line| {

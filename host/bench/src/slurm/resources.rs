@@ -1,4 +1,4 @@
-//! What a shard asks the cluster for.
+//! Resources that a shard asks the cluster for.
 
 use std::time::Duration;
 
@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Error;
 
-/// What every task of the array asks for. Absent: what the site gives by default, or what
-/// its `SBATCH_…` variables say.
+/// Resources of every task of the array. Absent ones are the site's defaults, or those of its
+/// `SBATCH_…` variables.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Resources {
@@ -25,7 +25,7 @@ pub struct Resources {
     pub memory: Option<u64>,
     /// The nodes to use.
     pub nodelist: Option<String>,
-    /// Whether nobody else may be on the node.
+    /// True if nobody else may be on the node.
     pub exclusive: bool,
     /// Most tasks that run at once.
     pub max_running: Option<u32>,
@@ -52,7 +52,7 @@ const OURS: [&str; 14] = [
 ];
 
 impl Resources {
-    /// What is named in `other` instead of what is here.
+    /// These resources, with those that `other` names in their place.
     #[must_use]
     pub fn with(&self, other: &Self) -> Self {
         let text =

@@ -21,7 +21,7 @@ const LOCK: &str = "lock";
 /// Largest suite file.
 const SUITE_LIMIT: u64 = 1 << 24;
 
-/// What is to be submitted.
+/// A run that is to be submitted.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// The folder of the run, which must not exist or be empty.
@@ -34,11 +34,11 @@ pub struct Request {
     pub executable: PathBuf,
     /// More arguments of `fleetyard bench`.
     pub arguments: Vec<String>,
-    /// Where the shards' stores are merged.
+    /// Path of the store into which those of the shards are merged.
     pub store: PathBuf,
     /// Trials of each shard; as many shards as there are.
     pub trials: Vec<u64>,
-    /// What a task asks for.
+    /// Resources of a task.
     pub resources: Resources,
 }
 
@@ -128,7 +128,7 @@ impl Run {
         &self.folder
     }
 
-    /// Where the shards' stores are to be merged.
+    /// Path of the store into which those of the shards are to be merged.
     pub fn store(&self) -> &Path {
         &self.job.store
     }
@@ -154,7 +154,7 @@ impl Run {
         self.job.submissions.iter().map(|of| of.job).collect()
     }
 
-    /// How the shards are.
+    /// The state of the shards.
     pub fn status(&self, slurm: &Slurm) -> Status {
         status(&self.job, &self.folder, slurm)
     }

@@ -1,5 +1,5 @@
-//! How a run's shards are: what their tasks left in the run's folder, and for those that
-//! left nothing what Slurm says.
+//! State of a run's shards: the files that their tasks left in the run's folder, and for shards
+//! without any the state that Slurm reports.
 
 use std::fmt;
 use std::io::Read;
@@ -13,7 +13,7 @@ use super::parse::{Line, State};
 use super::script::{CHANGED, NOT_VISIBLE, SHARDS};
 use super::{Error, Slurm};
 
-/// How a shard is.
+/// State of a shard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShardState {
@@ -44,7 +44,7 @@ pub enum ShardState {
 }
 
 impl ShardState {
-    /// Whether nothing more happens without a requeue.
+    /// True if nothing more happens without a requeue.
     pub fn has_ended(self) -> bool {
         !matches!(self, Self::Pending | Self::Running)
     }
@@ -79,17 +79,17 @@ impl fmt::Display for ShardState {
 pub struct Shard {
     /// Its number, from 1.
     pub shard: u32,
-    /// How it is.
+    /// Its state.
     pub state: ShardState,
     /// The task that it was last part of, as Slurm writes it: `123_4`.
     pub task: Option<String>,
-    /// Where it runs or ran.
+    /// The node on which it runs or ran.
     pub node: Option<String>,
     /// The code with which its task ended.
     pub exit_code: Option<u32>,
     /// The signal that ended it.
     pub signal: Option<String>,
-    /// Why it is so, as far as anybody says.
+    /// The reason of the state, as far as it is known.
     pub reason: Option<String>,
     /// Trials that are in its store, when it last said so.
     pub done: u64,
@@ -97,12 +97,12 @@ pub struct Shard {
     pub trials: u64,
 }
 
-/// How a run is.
+/// State of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Status {
     /// Its shards, in order.
     pub shards: Vec<Shard>,
-    /// Why Slurm was not asked with success: what is not in the folder is unknown.
+    /// The reason why Slurm did not answer: all that is not in the folder is unknown.
     pub unanswered: Option<String>,
 }
 
@@ -117,18 +117,18 @@ impl Status {
         self.shards.iter().map(|shard| shard.trials).sum()
     }
 
-    /// How many shards are in a state.
+    /// Number of shards in a state.
     pub fn count(&self, state: ShardState) -> usize {
         let shards = self.shards.iter();
         shards.filter(|shard| shard.state == state).count()
     }
 
-    /// Whether nothing more happens by itself.
+    /// True if nothing more happens by itself.
     pub fn has_ended(&self) -> bool {
         self.shards.iter().all(|shard| shard.state.has_ended())
     }
 
-    /// Whether every shard came to its end.
+    /// True if every shard came to its end.
     pub fn is_complete(&self) -> bool {
         self.count(ShardState::Completed) == self.shards.len()
     }
@@ -145,7 +145,7 @@ impl Status {
     }
 }
 
-/// What a task writes when it ends.
+/// The record that a task writes when it ends.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Ended {
@@ -156,7 +156,7 @@ struct Ended {
     node: String,
 }
 
-/// What bench writes beside its store while it runs.
+/// The file that `bench` writes beside its store while it runs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Progress {
     /// Trials in the store.
@@ -165,7 +165,7 @@ pub struct Progress {
     pub trials: u64,
 }
 
-/// How the shards of a run are.
+/// The state of a run's shards.
 pub(super) fn status(job: &Job, run: &Path, slurm: &Slurm) -> Status {
     let mut shards: Vec<Shard> = job.shards().map(|shard| begin(job, run, shard)).collect();
     let mut unanswered = None;

@@ -103,7 +103,7 @@ impl Cluster {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// What a task leaves when it ends.
+    /// Writes the file that a task leaves when it ends.
     fn ended(&self, job: u32, shard: u32, code: u32, signal: &str) {
         self.write(
             &format!("run/shards/{shard}.exit"),

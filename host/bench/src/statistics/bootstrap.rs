@@ -1,4 +1,4 @@
-//! What resampling draws, and the interval of what came out: from the 2.5th to the 97.5th percentile
+//! Draws of resampling, and the interval of their results: from the 2.5th to the 97.5th percentile
 //! (Efron and Tibshirani, "An introduction to the bootstrap" (1993), chapter 13).
 
 use fleetyard_world::SeededRandom;

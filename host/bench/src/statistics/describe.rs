@@ -1,4 +1,4 @@
-//! What a sample looks like: centre, spread, quantiles.
+//! Description of a sample: centre, spread, quantiles.
 
 use serde::Serialize;
 

@@ -8,7 +8,7 @@ use super::{mean, standard_deviation};
 /// Confidence of every interval.
 pub const CONFIDENCE: f64 = 0.95;
 
-/// From where to where.
+/// A closed interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interval {
     /// Lower end.

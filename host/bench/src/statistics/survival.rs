@@ -9,7 +9,7 @@ use super::{CONFIDENCE, Interval};
 /// A time that is known, or known to be longer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Time {
-    /// When it ended, or until when it was watched.
+    /// Time of the end, or of the last look.
     pub value: f64,
     /// It ended then; else it was still going on.
     pub ended: bool,
@@ -117,7 +117,7 @@ fn ascending(times: &[Time]) -> Vec<Time> {
     times
 }
 
-/// When something ended, each time once.
+/// Times of ends, ascending and each once.
 fn ends(ascending: &[Time]) -> Vec<f64> {
     let ended = ascending.iter().filter(|time| time.ended);
     let mut ends: Vec<f64> = ended.map(|time| time.value).collect();

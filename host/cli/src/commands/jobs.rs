@@ -20,14 +20,14 @@ const CLUSTER: &str = "Cluster";
 /// Shards up to which all are listed.
 const LISTED: usize = 40;
 
-/// What is done with a run.
+/// The subcommands for runs.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Jobs {
     /// Say how the shards of a run are
     Status {
         /// The folder of the run
         run: PathBuf,
-        /// How to print the result
+        /// Format of the result
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
@@ -62,7 +62,7 @@ pub(crate) enum Jobs {
     },
 }
 
-/// Where the tasks of a run go and what each gets.
+/// Partition, account and resources of a run's tasks.
 #[derive(Debug, Default, PartialEq, Args)]
 pub(crate) struct ResourceArgs {
     /// The partition, or several with commas [default: the site's]
@@ -117,7 +117,7 @@ impl ResourceArgs {
     }
 }
 
-/// How a suite is spread over a cluster.
+/// The distribution of a suite over a cluster.
 #[derive(Debug, Default, PartialEq, Args)]
 pub(crate) struct ClusterArgs {
     /// Parts that the suite is split into, a task each [default: one for each instance, at most 32]
@@ -148,11 +148,11 @@ pub(crate) struct Ask<'a> {
     pub(crate) longest: Duration,
     /// Threads of the suite's budget.
     pub(crate) threads: u32,
-    /// What its planners may fill, if the suite says so.
+    /// Memory limit of its planners in bytes, if the suite has one.
     pub(crate) memory: Option<u64>,
 }
 
-/// What the host itself may need beside the planner.
+/// Memory of the host itself beside the planner, in bytes.
 const HOST_MEMORY: u64 = 1 << 30;
 
 /// Submits a suite, and unless it is to be left alone waits for it and merges its stores.
@@ -332,7 +332,7 @@ fn row(shard: &Shard) -> Vec<String> {
     ]
 }
 
-/// What to do next, on standard error.
+/// Prints the next steps, on standard error.
 fn advise(run: &Run, status: &Status) {
     if let Some(reason) = &status.unanswered {
         output::warning(&format!("only the run's folder was asked: {reason}"));

@@ -17,14 +17,14 @@ use crate::args::Format;
 use crate::exit::{Exit, Result};
 use crate::output;
 
-/// What is done with stores.
+/// The subcommands for stores.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Stores {
     /// Say what a store has
     Info {
         /// The store
         store: PathBuf,
-        /// How to print the result
+        /// Format of the result
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
@@ -64,7 +64,7 @@ fn merge(out: &Path, parts: &[PathBuf]) -> Result<Exit> {
     Ok(Exit::Success)
 }
 
-/// What a store has, as JSON.
+/// The content of a store, as JSON.
 #[derive(Serialize)]
 struct Info<'a> {
     format: &'static str,

@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 fleetyard_abi::export! { invocation_policies: [Periodic] }
 
-/// What `--option NAME=VALUE` may say. The host checks it before the policy starts.
+/// The options, as in `--option NAME=VALUE`. The host checks them before the policy starts.
 #[derive(Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct PeriodicOptions {

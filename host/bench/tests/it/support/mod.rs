@@ -29,7 +29,7 @@ impl Stream {
     }
 }
 
-/// What trials to make.
+/// The trials to make.
 #[derive(Debug, Clone)]
 pub(crate) struct Shape<'a> {
     pub(crate) planners: &'a [&'a str],
@@ -39,7 +39,7 @@ pub(crate) struct Shape<'a> {
     pub(crate) repeats: u32,
     /// Chance of failure of the last planner with most agents.
     pub(crate) failures: f64,
-    /// Whether planners send better plans as time goes.
+    /// True if planners send better plans as time goes.
     pub(crate) anytime: bool,
 }
 

@@ -8,7 +8,7 @@ use host::Host;
 
 use example_plugin::Periodic;
 
-/// What the policy answers about two agents.
+/// The policy's answer about two agents.
 fn should_invoke(options: &str, since_s: f64, left: u32) -> bool {
     let status = FleetStatus {
         time_s: 100.0,
