@@ -79,7 +79,7 @@ using Cell = std::uint32_t;
 /* The distance of a cell from which no path leads to the goal. */
 inline constexpr std::uint32_t unreachable = std::numeric_limits<std::uint32_t>::max();
 
-/* What a plugin claims to support; joined by `|`. */
+/* Capabilities that a plugin claims, joined by `|`. */
 namespace capability {
 inline constexpr std::uint64_t grid = FLEETYARD_CAPABILITY_GRID;
 inline constexpr std::uint64_t roadmap = FLEETYARD_CAPABILITY_ROADMAP;
@@ -97,7 +97,7 @@ inline constexpr std::uint64_t deterministic = FLEETYARD_CAPABILITY_DETERMINISTI
 inline constexpr std::uint64_t threads = FLEETYARD_CAPABILITY_THREADS;
 } // namespace capability
 
-/* How a call ends that does not succeed. */
+/* Status of a call that does not succeed. */
 enum class Status : std::int32_t {
   infeasible = FLEETYARD_STATUS_INFEASIBLE,
   timed_out = FLEETYARD_STATUS_TIMED_OUT,
@@ -238,7 +238,7 @@ public:
   std::chrono::nanoseconds remaining() const noexcept {
     return deadline() - std::chrono::steady_clock::now();
   }
-  /* Whether the deadline has passed. Sink::cancelled tells earlier, and hears the host. */
+  /* True once the deadline has passed. Sink::cancelled tells earlier, and hears the host. */
   bool expired() const noexcept { return remaining().count() <= 0; }
   /* Length of the budget when the call began. */
   std::chrono::nanoseconds wall() const noexcept { return nanoseconds(raw_.wall_ns); }
@@ -303,7 +303,7 @@ public:
   std::uint32_t row(Cell cell) const noexcept { return cell / raw_.cols; }
   std::uint32_t col(Cell cell) const noexcept { return cell % raw_.cols; }
 
-  /* Whether a robot may stand in a cell; false off the map. */
+  /* True if a robot may stand in a cell; false off the map. */
   bool is_free(Cell cell) const noexcept { return cell < size() && raw_.passable[cell] != 0; }
 
   /* The cells that one move reaches from a cell of the map: north, east, south, west and
@@ -387,7 +387,7 @@ private:
   FleetyardEnvironment raw_;
 };
 
-/* What a planner is asked to solve. */
+/* An instance: the input of a planner. */
 class Instance {
 public:
   explicit Instance(const FleetyardInstance *raw)
@@ -411,7 +411,7 @@ public:
   Span<Cell> goals(std::size_t agent) const noexcept { return goals_[agent]; }
   /* The last goal of an agent: where its path should end. */
   Cell goal(std::size_t agent) const noexcept { return goals_[agent].back(); }
-  /* Whether headings matter. */
+  /* True if headings matter. */
   bool has_headings() const noexcept { return raw_.headings != nullptr; }
   /* The heading of an agent at its start, if headings matter. */
   Heading heading(std::size_t agent) const noexcept {
@@ -424,7 +424,7 @@ public:
   std::uint32_t window_steps() const noexcept { return raw_.window_steps; }
   /* Radius of the largest robot's enclosing circle. */
   double radius_m() const noexcept { return raw_.radius_m; }
-  /* Whether three or more agents may move round in a ring in one step, each into the cell
+  /* True if three or more agents may move round in a ring in one step, each into the cell
    * that the next one leaves. Plans for a fleet must not. */
   bool allows_cycles() const noexcept { return raw_.allows_cycles != 0; }
 
@@ -456,8 +456,8 @@ struct Task {
   Span<Cell> cells; /* to be visited in order */
 };
 
-/* Where the fleet will be when everything committed has been executed, and what is left
- * to do. */
+/* The state of the fleet when everything committed has been executed, and the work that
+ * is left. */
 class FleetState {
 public:
   explicit FleetState(const FleetyardFleetState *raw)
@@ -492,7 +492,7 @@ public:
   Motion motion() const noexcept { return static_cast<Motion>(raw_.motion); }
   Objective objective() const noexcept { return static_cast<Objective>(raw_.objective); }
   double radius_m() const noexcept { return raw_.radius_m; }
-  /* Whether agents may move round in a ring in one step. */
+  /* True if agents may move round in a ring in one step. */
   bool allows_cycles() const noexcept { return raw_.allows_cycles != 0; }
 
 private:
@@ -502,7 +502,7 @@ private:
   detail::Lists tasks_;
 };
 
-/* How the fleet is doing. */
+/* The status of the fleet. */
 class FleetStatus {
 public:
   explicit FleetStatus(const FleetyardFleetStatus *raw)
@@ -514,7 +514,7 @@ public:
   double time_s() const noexcept { return raw_.time_s; }
   /* Simulated time since the planner was last called. */
   double since_last_call_s() const noexcept { return raw_.since_last_call_s; }
-  /* How long the planner may take: its answer to a call now takes effect so much later. */
+  /* Limit of the planner's time: its answer to a call now takes effect so much later. */
   double planning_limit_s() const noexcept { return raw_.planning_limit_s; }
   /* The least time that an action of a robot takes. */
   double action_s() const noexcept { return raw_.action_s; }
@@ -560,7 +560,7 @@ struct Assignment {
   std::uint64_t task; /* identifier of one of the open tasks */
 };
 
-/* What an instance generator submits. */
+/* The instance that a generator submits. */
 struct NextInstance {
   std::vector<Cell> starts;
   std::vector<std::vector<Cell>> goals; /* per agent, at least one each */
@@ -574,8 +574,8 @@ struct NextInstance {
   std::vector<Assignment> assignments;
 
   NextInstance() = default;
-  /* What the state asks for, with the goals that agents have already. Agents that have none
-   * need one yet. */
+  /* The instance that the state asks for, with the goals that agents have already. Agents
+   * that have none need one yet. */
   explicit NextInstance(const FleetState &state)
       : starts(state.cells().begin(), state.cells().end()), motion(state.motion()),
         objective(state.objective()), window_steps(state.window_steps()),
@@ -646,7 +646,7 @@ public:
   void progress(std::uint64_t done, std::uint64_t total) const noexcept {
     raw_->progress(raw_->context, done, total);
   }
-  /* Whether the call should end: the host gave up on it, or the deadline is near. It is so
+  /* True if the call should end: the host gave up on it, or the deadline is near. It is so
    * a fiftieth of the budget before, but at least 1 ms and at most 100 ms, because an answer
    * that comes after the deadline does not count. Cheap; ask often. */
   bool cancelled() const noexcept {
@@ -905,7 +905,7 @@ public:
 
   /* The JSON text, for plugins that have a library to read it. */
   std::string_view json() const noexcept { return json_; }
-  /* Whether an option has a value or a default. */
+  /* True if an option has a value or a default. */
   bool has(std::string_view name) const { return find(name).has_value(); }
   /* The JSON text of a value. */
   std::string_view json(std::string_view name) const {
@@ -997,7 +997,7 @@ private:
 
 /* ---- The four kinds ---------------------------------------------------------- */
 
-/* What a plugin says of itself; a plugin hides with its own what it has to say. A plugin
+/* Description of a plugin, which hides these members by its own. A plugin
  * with options has a constructor that takes `const Options &`. */
 class Plugin {
 public:
@@ -1052,7 +1052,7 @@ public:
 /* Decides when the planner is called. */
 class InvocationPolicy : public Plugin {
 public:
-  /* Whether to call it now. */
+  /* True if the planner has to be called now. */
   virtual bool should_invoke(const FleetStatus &status, const Sink &sink) = 0;
 };
 

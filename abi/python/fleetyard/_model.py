@@ -1,4 +1,4 @@
-"""What the host tells a plugin, as dataclasses, and the ways in which a call fails.
+"""Input of a plugin, as dataclasses, and the ways in which a call fails.
 
 Field names are those of the wire. Cells are indices, ``row * cols + col``, with row
 0 at the top; fields that this version does not know are ignored.
@@ -89,11 +89,11 @@ class Budget:
         return (self.deadline_monotonic_ns - time.monotonic_ns()) * 1e-9
 
     def expired(self) -> bool:
-        """Whether the deadline has passed."""
+        """True once the deadline has passed."""
         return time.monotonic_ns() >= self.deadline_monotonic_ns
 
     def ending(self) -> bool:
-        """Whether it is time to answer: a fiftieth of the budget before the deadline, but
+        """True when it is time to answer: a fiftieth of the budget before the deadline, but
         at least 1 ms and at most 100 ms, because a late answer does not count."""
         reserve = min(max(self.wall_ns // 50, 1_000_000), 100_000_000)
         return time.monotonic_ns() >= self.deadline_monotonic_ns - reserve
@@ -141,7 +141,7 @@ class Grid:
         return divmod(cell, self.cols)
 
     def is_free(self, cell: int) -> bool:
-        """Whether a robot may stand in a cell."""
+        """True if a robot may stand in a cell."""
         return 0 <= cell < len(self.passable) and self.passable[cell] != 0
 
     def free_cells(self) -> List[int]:
@@ -243,7 +243,7 @@ class Assignment:
 
 @dataclass
 class Instance:
-    """What a planner is asked to solve, on the map it was prepared for."""
+    """An instance: the input of a planner, on the map it was prepared for."""
 
     starts: List[int]
     """Start cell of every agent."""
@@ -261,7 +261,7 @@ class Instance:
     radius_m: float = 0.0
     """Radius of the largest robot's enclosing circle."""
     allows_cycles: bool = True
-    """Whether three or more agents may move round in a ring in one step, each into the cell
+    """True if three or more agents may move round in a ring in one step, each into the cell
     that the next one leaves. Plans for a fleet must not."""
     assignments: List[Assignment] = field(default_factory=list)
     """Tasks that an instance generator gives to agents: the host appends the cells of a task
@@ -364,7 +364,7 @@ class Task:
 
 @dataclass
 class FleetState:
-    """Where the fleet will be when everything committed has been executed."""
+    """The state of the fleet when everything committed has been executed."""
 
     time_s: float
     """Simulated time since the run began."""
@@ -381,13 +381,13 @@ class FleetState:
     """Planning window asked for in steps; 0 for none. The next instance may have a shorter
     one."""
     motion: str = "pebble"
-    """How robots move: what the next instance must say."""
+    """The motion of robots, which the next instance must repeat."""
     objective: str = "sum-of-costs"
-    """What to minimise: what the next instance must say."""
+    """The quantity to minimise, which the next instance must repeat."""
     radius_m: float = 0.0
-    """Radius of the largest robot's enclosing circle: what the next instance must say."""
+    """Radius of the largest robot's enclosing circle, which the next instance must repeat."""
     allows_cycles: bool = True
-    """Whether agents may move round in a ring in one step: what the next instance must say."""
+    """True if agents may move round in a ring in one step; the next instance must repeat it."""
 
     @property
     def agents(self) -> int:
@@ -427,14 +427,14 @@ class FleetState:
 
 @dataclass
 class FleetStatus:
-    """How the fleet is doing."""
+    """The status of the fleet."""
 
     time_s: float
     """Simulated time since the run began."""
     since_last_call_s: float
     """Simulated time since the planner was last called."""
     planning_limit_s: float
-    """How long the planner may take: its answer to a call now takes effect so much later."""
+    """Limit of the planner's time: its answer to a call now takes effect so much later."""
     action_s: float
     """The least time that an action of a robot takes."""
     actions_left: List[int]

@@ -1,4 +1,4 @@
-"""How paths are written on the wire, and what an author may hand over.
+"""Encodings of paths on the wire, and the forms that an author may hand over.
 
 Per agent a list of cells, of ``(row, col)``, an array of either (anything with
 ``tolist``, as NumPy's arrays), or a string of moves from the agent's start: ``N E S W``
@@ -14,7 +14,7 @@ from typing import Any, Iterable, List, Mapping, Sequence, Set, SupportsIndex, T
 from ._model import OFF_MAP, whole
 
 Paths = Iterable[Union[str, Iterable[Union[SupportsIndex, Sequence[SupportsIndex]]]]]
-"""What an author may hand over as a plan: one path per agent."""
+"""The forms of a plan that an author may hand over: one path per agent."""
 
 _MOVES = {
     ".": (0, 0),

@@ -29,7 +29,7 @@ LOG_LEVELS = ("error", "warning", "info", "debug")
 
 
 class Context:
-    """What a plugin may say and ask while one call is running, from any thread."""
+    """Services of the host while one call is running, from any thread."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Context:
         self._writing_ns = 0
 
     def cancelled(self) -> bool:
-        """Whether the call should end: its deadline is so near that an answer may just
+        """True if the call should end: its deadline is so near that an answer may just
         arrive in time (see :meth:`Budget.ending`), or the host gave up on it. Cheap; ask
         often."""
         return self._revoked() or (self._budget is not None and self._budget.ending())
@@ -104,7 +104,7 @@ class Context:
 
 
 class Plugin(ABC):
-    """What all kinds have in common. The class attributes describe the plugin."""
+    """The part that all kinds share. The class attributes describe the plugin."""
 
     kind: ClassVar[str]
     id: ClassVar[str] = ""
@@ -128,7 +128,7 @@ class Plugin(ABC):
 
     @classmethod
     def descriptor(cls) -> Dict[str, Any]:
-        """What the host is told of the plugin."""
+        """The descriptor of the plugin for the host."""
         own_doc = cls.__doc__ if cls.__doc__ not in _BASE_DOCS else ""
         return {
             "id": cls.identifier(),
@@ -220,7 +220,7 @@ class InvocationPolicy(Plugin):
 
     @abstractmethod
     def should_invoke(self, status: FleetStatus, context: Context) -> bool:
-        """Whether to call the planner now."""
+        """True if the planner has to be called now."""
 
 
 _BASE_DOCS = {
@@ -230,5 +230,5 @@ _BASE_DOCS = {
 
 
 def encoder(instance: Instance, grid: Grid) -> Callable[[Any], List[Any]]:
-    """How the paths of an instance are written."""
+    """The encoder of paths of an instance."""
     return lambda paths: _paths.encode(paths, instance.starts, grid.rows, grid.cols)

@@ -62,7 +62,7 @@ INVALID_PARAMS = -32602
 INTERNAL_ERROR = -32603
 
 _GRACE_S = 1.0
-"""How long a call may go on when the host has gone away."""
+"""Seconds for which a call may go on when the host has gone away."""
 
 
 class _Refusal(Exception):
@@ -75,7 +75,7 @@ class _Refusal(Exception):
 
 
 class Channel:
-    """Where messages go, and which request was cancelled."""
+    """The output for messages, and the request that was cancelled."""
 
     def __init__(self, output: BinaryIO) -> None:
         self._output = output
@@ -382,8 +382,8 @@ def _lines(input: BinaryIO) -> Iterator[bytes]:
 
 
 def _notification(line: bytes) -> Any:
-    """What must be heard while a call is running: the id to cancel, or ``exit``.
-    Cheap to rule out."""
+    """A notification that must be heard while a call is running: the id to cancel, or
+    ``exit``. Other lines are cheap to rule out."""
     if len(line) > 256 or (b"cancel" not in line and b"exit" not in line):
         return None
     try:

@@ -1,7 +1,7 @@
-/* An instance generator in one C file: whoever has nothing to do gets the first open task
+/* An instance generator in one C file: an agent without a goal gets the first open task
  * that it can reach, in the order in which tasks were released.
  *
- * Who is left without a task stays where it is. Agents may share a goal, which the planner
+ * An agent that is left without a task stays where it is. Agents may share a goal, which the planner
  * has to be able to deal with.
  *
  * Build: cc -std=c11 -O2 -fPIC -shared -fvisibility=hidden -I ABI/include

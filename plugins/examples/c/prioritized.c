@@ -456,7 +456,7 @@ static const uint32_t *distances(Work *work, uint32_t agent) {
   return distance;
 }
 
-/* Whether an agent may go from one cell to another (or wait) between `time` and
+/* True if an agent may go from one cell to another (or wait) between `time` and
  * the step after it. */
 static bool free_to_move(const Work *work, uint32_t from, uint32_t to, uint32_t time) {
   if (work->parked[to] <= time + 1)
@@ -498,7 +498,7 @@ static uint64_t now_ns(void) {
   return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-/* Whether time is up: a fiftieth of the budget before the deadline, but at least 1 ms and at
+/* True when time is up: a fiftieth of the budget before the deadline, but at least 1 ms and at
  * most 100 ms, because an answer that comes after it does not count. */
 static bool late(const FleetyardBudget *budget) {
   uint64_t reserve = budget->wall_ns / 50, now = now_ns();
@@ -506,7 +506,7 @@ static bool late(const FleetyardBudget *budget) {
   return now >= budget->deadline_monotonic_ns || budget->deadline_monotonic_ns - now < reserve;
 }
 
-/* Whether the call has to end. The host is asked now and then only. */
+/* True if the call has to end. The host is asked now and then only. */
 static bool stopped(Work *work) {
   uint64_t limit = work->budget->nodes;
   if (limit && work->expansions >= limit)
@@ -695,7 +695,7 @@ static int32_t submit(Work *work) {
   return status;
 }
 
-/* Why the search was stopped, as a status. */
+/* The reason why the search was stopped, as a status. */
 static int32_t explain(const Work *work) {
   uint64_t restarts = work->restarts;
   if (work->out_of_memory)

@@ -49,7 +49,7 @@ static int32_t prepare(void *context, const FleetyardEnvironment *environment,
   return FLEETYARD_STATUS_SOLVED;
 }
 
-/* Where an agent of the failed plan is; after its last cell it stays there. */
+/* The cell of an agent of the failed plan; after its last cell it stays there. */
 static uint32_t at(const FleetyardPlan *plan, uint32_t agent, uint64_t time) {
   uint64_t length = plan->offsets[agent + 1] - plan->offsets[agent];
   return plan->cells[plan->offsets[agent] + (time < length ? time : length - 1)];
@@ -64,8 +64,8 @@ static bool is_move(const Policy *policy, uint32_t from, uint32_t to) {
          (high - low == 1 && high % policy->cols != 0);
 }
 
-/* Whether the step from `time` to the next has no fault. `stands` is who is where before
- * it and after it; in between it is put together in `next`. */
+/* True if the step from `time` to the next has no fault. `stands` has the agent in each cell
+ * before it and after it; in between it is put together in `next`. */
 static bool step(const Policy *policy, const FleetyardPlan *plan, uint64_t time,
                  uint32_t *stands, uint32_t *next) {
   bool sound = true;

@@ -152,7 +152,7 @@ private:
     return false;
   }
 
-  /* What an agent has to avoid in a child of a node. */
+  /* The moves that an agent has to avoid in a child of a node. */
   std::vector<Prohibition> prohibitions(std::size_t node, const Conflict &conflict,
                                         int side) const {
     std::vector<Prohibition> found{conflict.avoid[side]};
@@ -206,7 +206,7 @@ private:
       }
   }
 
-  /* Whether two paths meet, and where first. */
+  /* True if two paths collide; gives the first conflict. */
   static bool meet(const Path &one, const Path &other, Conflict &conflict) {
     const auto length = static_cast<Time>(std::max(one.size(), other.size()));
     for (Time time = 1; time < length; time++) {
@@ -317,7 +317,7 @@ private:
     return path;
   }
 
-  /* How many of the others a step meets. */
+  /* Number of the others that a step meets. */
   std::uint32_t met(std::size_t agent, Time time, Cell from, Cell to) const {
     std::uint32_t count = 0;
     for (std::size_t other = 0; other < paths_.size(); other++) {

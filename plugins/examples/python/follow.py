@@ -50,7 +50,7 @@ class Follow(fleetyard.FailPolicy):
         return paths
 
     def settle(self, at, wishes, rings):
-        """Who gets its wish: all but those that would collide, and those behind them."""
+        """Agents that get their wish: all but those that would collide, and those behind them."""
         steps = list(wishes)
         standing = {here: agent for agent, here in enumerate(at)}
         while True:

@@ -24,7 +24,7 @@ LOOK_EVERY = 1024
 
 
 class GridSearch(fleetyard.Planner):
-    """What the five have in common: one agent, four neighbours, one goal."""
+    """The part that the five share: one agent, four neighbours, one goal."""
 
     version = "0.1.0"
     license = "MIT OR Apache-2.0"
@@ -82,7 +82,7 @@ class BestFirst(GridSearch):
 
     cost, weight, low_h = 1, 1, False
     reopen = True
-    """Whether a shorter way to a cell that was expanded counts."""
+    """True if a shorter path to a cell that was expanded counts."""
 
     def search(self, start, goal):
         cols = self.grid.cols
