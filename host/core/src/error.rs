@@ -54,6 +54,24 @@ impl InputError {
         self.hint = Some(hint.into());
         self
     }
+
+    /// Adds what the user can do about it, where that is known.
+    #[must_use]
+    pub fn maybe_hint(self, hint: Option<impl Into<String>>) -> Self {
+        match hint {
+            Some(hint) => self.hint(hint),
+            None => self,
+        }
+    }
+
+    /// Adds what the user can do about it, unless that was said already.
+    #[must_use]
+    pub fn or_hint(self, hint: &str) -> Self {
+        match self.hint {
+            Some(_) => self,
+            None => self.hint(hint),
+        }
+    }
 }
 
 impl fmt::Display for InputError {

@@ -116,15 +116,22 @@ pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
     Ok(bytes)
 }
 
+/// Reads a file of at most `limit` bytes and parses it; errors name the file.
+pub fn load_file<T>(
+    path: impl AsRef<Path>,
+    limit: u64,
+    parse: impl FnOnce(&str, &[u8]) -> Result<T, InputError>,
+) -> Result<T, InputError> {
+    let path = path.as_ref();
+    let bytes = read_file(path, limit)?;
+    parse(&path.display().to_string(), &bytes)
+}
+
 fn read_error(path: &Path, error: &io::Error) -> InputError {
     let name = path.display().to_string();
     match error.kind() {
         io::ErrorKind::NotFound => {
-            let base = InputError::new(name, "no such file");
-            match missing_hint(path) {
-                Some(hint) => base.hint(hint),
-                None => base,
-            }
+            InputError::new(name, "no such file").maybe_hint(missing_hint(path))
         }
         io::ErrorKind::PermissionDenied => InputError::new(name, "permission denied")
             .hint("check who may read the file and its folder"),

@@ -2,12 +2,17 @@
 //! error with its place.
 
 use std::borrow::Cow;
-use std::fmt::Write as _;
+use std::collections::BTreeSet;
+use std::fmt::{self, Display, Write as _};
+use std::marker::PhantomData;
 
-use serde::de::{Deserializer, Error as _};
-use serde::{Deserialize, de};
+use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{
+    self, DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
+};
 
-use crate::{Digest, InputError};
+use crate::{Digest, InputError, shown};
 
 /// Stands between reason and hint in an error that passes through serde, which has room
 /// for one text only; see [`with_hint`].
@@ -60,15 +65,12 @@ pub fn json_error(source: &str, text: &[u8], error: &serde_json::Error) -> Input
     match error.classify() {
         serde_json::error::Category::Eof => input.hint("the file is truncated"),
         serde_json::error::Category::Syntax => input.hint("the file is not valid JSON"),
-        _ => match hint {
-            Some(hint) => input.hint(hint),
-            None => input,
-        },
+        _ => input.maybe_hint(hint),
     }
 }
 
 /// An error for serde whose hint arrives at [`json_error`].
-pub fn with_hint<E: de::Error>(error: &dyn std::fmt::Display, hint: Option<&str>) -> E {
+pub fn with_hint<E: de::Error>(error: &dyn Display, hint: Option<&str>) -> E {
     match hint {
         Some(hint) => E::custom(format_args!("{error}{HINT}{hint}")),
         None => E::custom(error),
@@ -89,6 +91,143 @@ pub fn format<'de, D: Deserializer<'de>>(
     Err(D::Error::custom(format!(
         "format is {shown:?}, expected {expected:?}"
     )))
+}
+
+/// A reader of one list, entry by entry; [`Listed`] hands it to serde.
+pub trait ReadList<'de>: Sized {
+    /// The list in the words of an error.
+    const EXPECTED: &'static str;
+    /// The content of the list.
+    type Value;
+    /// Reads the list to its end.
+    fn read<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error>;
+}
+
+/// A [`ReadList`] as a seed of serde.
+pub struct Listed<T>(pub T);
+
+impl<'de, T: ReadList<'de>> DeserializeSeed<'de> for Listed<T> {
+    type Value = T::Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<T::Value, D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de, T: ReadList<'de>> Visitor<'de> for Listed<T> {
+    type Value = T::Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(T::EXPECTED)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<T::Value, A::Error> {
+        self.0.read(list)
+    }
+}
+
+/// Reads an object and checks it before the reader goes on, so that what the check
+/// complains of gets the place where the object ends. An error that is raised later, among
+/// the elements of a list, would get that of the next one.
+pub fn checked<'de, D: Deserializer<'de>, R: Deserialize<'de>, T>(
+    deserializer: D,
+    expected: &'static str,
+    check: impl FnOnce(R) -> Result<T, D::Error>,
+) -> Result<T, D::Error> {
+    struct Checked<R, F>(&'static str, F, PhantomData<R>);
+
+    impl<'de, R, T, E, F> Visitor<'de> for Checked<R, F>
+    where
+        R: Deserialize<'de>,
+        E: de::Error,
+        F: FnOnce(R) -> Result<T, E>,
+    {
+        type Value = T;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str(self.0)
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
+            let raw = R::deserialize(MapAccessDeserializer::new(map))?;
+            (self.1)(raw).map_err(de::Error::custom)
+        }
+    }
+
+    deserializer.deserialize_map(Checked(expected, check, PhantomData))
+}
+
+/// Reads an object whose keys are names of the file's own: at least one entry, in the order
+/// of the file. `one` and `all` are the entries in the words of an error.
+pub fn named<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+    one: &'static str,
+    all: &'static str,
+) -> Result<Vec<(String, T)>, D::Error> {
+    struct Named<T>(&'static str, &'static str, PhantomData<T>);
+
+    impl<'de, T: Deserialize<'de>> Visitor<'de> for Named<T> {
+        type Value = Vec<(String, T)>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "an object of {} by name", self.1)
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+            let Self(one, all, _) = self;
+            let mut entries = Vec::new();
+            let mut names = BTreeSet::new();
+            while let Some(name) = map.next_key::<String>()? {
+                if !names.insert(name.clone()) {
+                    let reason = format!("the {one} {:?} is there twice", shown(&name));
+                    let hint = format!("give each {one} its own name");
+                    return Err(with_hint(&reason, Some(&hint)));
+                }
+                entries.push((name, map.next_value()?));
+            }
+            if entries.is_empty() {
+                return Err(A::Error::custom(format_args!("there are no {all}")));
+            }
+            Ok(entries)
+        }
+    }
+
+    deserializer.deserialize_map(Named(one, all, PhantomData))
+}
+
+/// Reads one key of a file that [`read_object`] has read: the second pass for what can only
+/// be understood when all the rest is known. An error has its place.
+pub fn read_key<'de, S: DeserializeSeed<'de>>(
+    source: &str,
+    bytes: &'de [u8],
+    key: &'static str,
+    seed: S,
+) -> Result<S::Value, InputError> {
+    struct Key<S>(&'static str, S);
+
+    impl<'de, S: DeserializeSeed<'de>> Visitor<'de> for Key<S> {
+        type Value = S::Value;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a JSON object")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<S::Value, A::Error> {
+            let Self(key, seed) = self;
+            let (mut seed, mut value) = (Some(seed), None);
+            while let Some(found) = map.next_key::<String>()? {
+                match seed.take_if(|_| found == key) {
+                    Some(seed) => value = Some(map.next_value_seed(seed)?),
+                    None => drop(map.next_value::<IgnoredAny>()?),
+                }
+            }
+            value.ok_or_else(|| de::Error::missing_field(key))
+        }
+    }
+
+    let mut document = serde_json::Deserializer::from_slice(bytes);
+    let value = document.deserialize_map(Key(key, seed));
+    value.map_err(|error| json_error(source, bytes, &error))
 }
 
 /// Refuses content that does not have the digest that its file names under `key`.
@@ -121,6 +260,50 @@ pub(crate) fn begin(format: &str, optional: &[(&str, Option<String>)]) -> String
         }
     }
     text
+}
+
+/// A digest as an optional key of [`begin`].
+pub(crate) fn text(digest: Option<Digest>) -> Option<String> {
+    digest.map(|digest| digest.to_string())
+}
+
+/// Appends a key whose value is a list, one entry per line.
+pub fn push_lines<T>(
+    text: &mut String,
+    key: &str,
+    entries: impl IntoIterator<Item = T>,
+    write: impl FnMut(&mut String, T),
+) {
+    let _ = write!(text, "  \"{key}\": [");
+    let any = push_entries(text, entries, ["\n    ", ",\n    "], write);
+    text.push_str(if any { "\n  ]" } else { "]" });
+}
+
+/// Appends a list on one line.
+pub(crate) fn push_list<T>(
+    text: &mut String,
+    entries: impl IntoIterator<Item = T>,
+    write: impl FnMut(&mut String, T),
+) {
+    text.push('[');
+    push_entries(text, entries, ["", ","], write);
+    text.push(']');
+}
+
+/// Appends entries after their separators, the first one's and the others'. Returns whether there are any.
+fn push_entries<T>(
+    text: &mut String,
+    entries: impl IntoIterator<Item = T>,
+    [first, other]: [&str; 2],
+    mut write: impl FnMut(&mut String, T),
+) -> bool {
+    let mut separator = first;
+    for entry in entries {
+        text.push_str(separator);
+        write(text, entry);
+        separator = other;
+    }
+    separator == other
 }
 
 /// Appends a finite number in the fewest digits that are read as the same number.

@@ -16,6 +16,7 @@ mod grid;
 mod instance;
 pub mod json;
 mod map_file;
+mod path_list;
 mod plan;
 pub mod plan_file;
 mod roadmap;
@@ -33,8 +34,8 @@ pub use fleetyard_abi::{Heading, PathEncoding};
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
 pub use files::{
-    create_output, is_unseen, open_input, open_regular, read_file, shown, write_all_atomically,
-    write_atomically,
+    create_output, is_unseen, load_file, open_input, open_regular, read_file, shown,
+    write_all_atomically, write_atomically,
 };
 pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{Connectivity, Grid, Role};

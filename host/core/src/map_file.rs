@@ -11,7 +11,7 @@
 
 use std::path::Path;
 
-use crate::files::{Lines, column, quote, read_file, stem, write_atomically};
+use crate::files::{Lines, column, load_file, quote, stem, write_atomically};
 use crate::formats::{is_json, read_lsmart};
 use crate::{Grid, InputError};
 
@@ -21,9 +21,7 @@ pub const MAP_FILE_LIMIT: u64 = 2 * Grid::MAX_CELLS + 4096;
 /// Reads and parses a map file, by its content a `.map` file or one of LSMART; the map's
 /// name is the file's stem.
 pub fn load_map(path: impl AsRef<Path>) -> Result<Grid, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, MAP_FILE_LIMIT)?;
-    read_map(&path.display().to_string(), &bytes)
+    load_file(path, MAP_FILE_LIMIT, read_map)
 }
 
 /// Parses the content of a map file. `source` is named in errors, and its

@@ -39,10 +39,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::Deserialize;
-use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
-use crate::files::{read_file, write_atomically};
-use crate::json::{self, check_digest, read_object};
+use crate::files::{load_file, write_atomically};
+use crate::json::{self, Listed, ReadList, check_digest, push_lines, push_list, read_object};
+use crate::path_list::{Paths, ReadPaths};
 use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, PathEncoding, moves};
 
 /// Largest plan file that is read, in bytes.
@@ -139,9 +140,7 @@ impl PlanFile {
 
 /// Reads and parses a plan file.
 pub fn load_plan(path: impl AsRef<Path>) -> Result<PlanFile, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, PLAN_FILE_LIMIT)?;
-    read_plan(&path.display().to_string(), &bytes)
+    load_file(path, PLAN_FILE_LIMIT, read_plan)
 }
 
 /// Parses the content of a plan file. `source` is named in errors.
@@ -163,7 +162,7 @@ struct Document {
     cols: u32,
     #[serde(default)]
     encoding: PathEncoding,
-    paths: RawPaths,
+    paths: Paths<RawPaths>,
 }
 
 impl Document {
@@ -176,13 +175,14 @@ impl Document {
             return Err(InputError::new(source, reason)
                 .hint(format!("a map has between 1 and {} cells", Grid::MAX_CELLS)));
         }
-        if let Some((agent, found)) = self.paths.kind_of(self.encoding) {
+        let Paths(paths) = self.paths;
+        if let Some((agent, found)) = paths.kind_of(self.encoding) {
             let encoding = self.encoding;
             let reason = format!("the encoding is {encoding}, but path {agent} is {found}");
             return Err(InputError::new(source, reason)
                 .hint("set \"encoding\" to pairs, cells or moves, as the paths are"));
         }
-        let plan = self.paths.into_plan(rows, cols);
+        let plan = paths.into_plan(rows, cols);
         let named = self.plan_digest;
         check_digest(source, "plan_digest", named, "the paths have", || {
             plan.digest()
@@ -212,6 +212,8 @@ struct RawPaths {
     paths: Vec<RawPath>,
     /// Positions of all paths in pairs or cells, one after the other.
     positions: Vec<Position>,
+    /// Number of cells of all paths with moves.
+    walked: usize,
 }
 
 /// Row and column, or a cell index and `CELL`. Negative and huge values are
@@ -276,39 +278,23 @@ impl RawPaths {
     }
 }
 
-impl<'de> Deserialize<'de> for RawPaths {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct PathsVisitor;
-
-        impl<'de> Visitor<'de> for PathsVisitor {
-            type Value = RawPaths;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a list with one path per agent")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<RawPaths, A::Error> {
-                let mut all = RawPaths::default();
-                let mut letters = 0;
-                while let Some(path) = list.next_element_seed(PathSeed(&mut all.positions))? {
-                    if all.paths.len() == PLAN_MAX_AGENTS {
-                        return Err(de::Error::custom(format!(
-                            "more than {PLAN_MAX_AGENTS} paths"
-                        )));
-                    }
-                    if let RawPath::Moves { letters: more, .. } = &path {
-                        letters += more.len() + 1;
-                    }
-                    if all.positions.len() + letters > PLAN_MAX_CELLS {
-                        return Err(too_long());
-                    }
-                    all.paths.push(path);
-                }
-                Ok(all)
-            }
+impl ReadPaths for RawPaths {
+    fn read_path<'de, A: SeqAccess<'de>>(&mut self, list: &mut A) -> Result<Option<()>, A::Error> {
+        let Some(path) = list.next_element_seed(PathSeed(&mut self.positions))? else {
+            return Ok(None);
+        };
+        if let RawPath::Moves { letters, .. } = &path {
+            self.walked += letters.len() + 1;
         }
+        if self.positions.len() + self.walked > PLAN_MAX_CELLS {
+            return Err(too_long());
+        }
+        self.paths.push(path);
+        Ok(Some(()))
+    }
 
-        deserializer.deserialize_seq(PathsVisitor)
+    fn agents(&self) -> usize {
+        self.paths.len()
     }
 }
 
@@ -318,7 +304,7 @@ fn too_long<E: de::Error>() -> E {
 
 struct PathSeed<'a>(&'a mut Vec<Position>);
 
-impl<'de> de::DeserializeSeed<'de> for PathSeed<'_> {
+impl<'de> DeserializeSeed<'de> for PathSeed<'_> {
     type Value = RawPath;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<RawPath, D::Error> {
@@ -425,34 +411,27 @@ struct PairPosition(Position);
 
 impl<'de> Deserialize<'de> for PairPosition {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct PairVisitor;
-
-        impl<'de> Visitor<'de> for PairVisitor {
-            type Value = PairPosition;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a pair [row, column]")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<PairPosition, A::Error> {
-                pair(list).map(PairPosition)
-            }
-        }
-
-        deserializer.deserialize_seq(PairVisitor)
+        Listed(Pair).deserialize(deserializer).map(Self)
     }
 }
 
-fn pair<'de, A: SeqAccess<'de>>(mut list: A) -> Result<Position, A::Error> {
-    let wrong = |found: &str| {
-        de::Error::custom(format!("a position is a pair [row, column], found {found}"))
-    };
-    let row: CellPosition = list.next_element()?.ok_or_else(|| wrong("an empty list"))?;
-    let col: CellPosition = list.next_element()?.ok_or_else(|| wrong("one number"))?;
-    if list.next_element::<IgnoredAny>()?.is_some() {
-        return Err(wrong("more than two entries"));
+struct Pair;
+
+impl<'de> ReadList<'de> for Pair {
+    const EXPECTED: &'static str = "a pair [row, column]";
+    type Value = Position;
+
+    fn read<A: SeqAccess<'de>>(self, mut list: A) -> Result<Position, A::Error> {
+        let wrong = |found: &str| {
+            de::Error::custom(format!("a position is a pair [row, column], found {found}"))
+        };
+        let row: CellPosition = list.next_element()?.ok_or_else(|| wrong("an empty list"))?;
+        let col: CellPosition = list.next_element()?.ok_or_else(|| wrong("one number"))?;
+        if list.next_element::<IgnoredAny>()?.is_some() {
+            return Err(wrong("more than two entries"));
+        }
+        Ok((row.0, col.0))
     }
-    Ok((row.0, col.0))
 }
 
 /// The first position of a path, which decides between pairs and cells.
@@ -479,7 +458,7 @@ impl<'de> Deserialize<'de> for AnyPosition {
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<AnyPosition, A::Error> {
-                pair(list).map(AnyPosition)
+                Pair.read(list).map(AnyPosition)
             }
         }
 
@@ -503,66 +482,42 @@ pub fn write_plan(file: &PlanFile) -> Vec<u8> {
     }
     let optional = [
         ("planner", file.planner.clone()),
-        (
-            "instance_digest",
-            file.instance_digest.map(|digest| digest.to_string()),
-        ),
-        (
-            "plan_digest",
-            file.plan_digest.map(|digest| digest.to_string()),
-        ),
+        ("instance_digest", json::text(file.instance_digest)),
+        ("plan_digest", json::text(file.plan_digest)),
         ("map", file.map.clone()),
     ];
     let mut text = json::begin(PLAN_FORMAT, &optional);
     text.reserve(256 + 8 * file.plan.cells().len());
-    let _ = writeln!(
-        text,
-        "  \"rows\": {},\n  \"cols\": {},",
-        file.rows, file.cols
-    );
-    let _ = write!(text, "  \"encoding\": \"{encoding}\",\n  \"paths\": [");
-    for (agent, path) in file.plan.paths().enumerate() {
-        text.push_str(if agent == 0 { "\n    " } else { ",\n    " });
-        match encoding {
+    let (rows, cols) = (file.rows, file.cols);
+    let _ = writeln!(text, "  \"rows\": {rows},\n  \"cols\": {cols},");
+    let _ = writeln!(text, "  \"encoding\": \"{encoding}\",");
+    let paths = file.plan.paths().enumerate();
+    push_lines(
+        &mut text,
+        "paths",
+        paths,
+        |text, (agent, path)| match encoding {
             PathEncoding::Moves => {
                 let (row, col) = row_col(path[0], file);
                 let letters = &strings[agent];
-                let _ = write!(
-                    text,
-                    "{{\"start\": [{row}, {col}], \"moves\": \"{letters}\"}}"
-                );
+                let _ = write!(text, r#"{{"start": [{row}, {col}], "moves": "{letters}"}}"#);
             }
-            PathEncoding::Pairs => {
-                write_list(&mut text, path, |text, cell| {
-                    let (row, col) = row_col(cell, file);
-                    let _ = write!(text, "[{row},{col}]");
-                });
-            }
-            PathEncoding::Cells => {
-                write_list(&mut text, path, |text, cell| {
-                    let cell = if is_on_map(cell, file) {
-                        i64::from(cell)
-                    } else {
-                        -1
-                    };
-                    let _ = write!(text, "{cell}");
-                });
-            }
-        }
-    }
-    text.push_str("\n  ]\n}\n");
+            PathEncoding::Pairs => push_list(text, path, |text, cell| {
+                let (row, col) = row_col(*cell, file);
+                let _ = write!(text, "[{row},{col}]");
+            }),
+            PathEncoding::Cells => push_list(text, path, |text, cell| {
+                let cell = if is_on_map(*cell, file) {
+                    i64::from(*cell)
+                } else {
+                    -1
+                };
+                let _ = write!(text, "{cell}");
+            }),
+        },
+    );
+    text.push_str("\n}\n");
     text.into_bytes()
-}
-
-fn write_list(text: &mut String, path: &[u32], mut write: impl FnMut(&mut String, u32)) {
-    text.push('[');
-    for (time, cell) in path.iter().enumerate() {
-        if time > 0 {
-            text.push(',');
-        }
-        write(text, *cell);
-    }
-    text.push(']');
 }
 
 fn is_on_map(cell: u32, file: &PlanFile) -> bool {

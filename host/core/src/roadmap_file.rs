@@ -36,17 +36,20 @@
 //! unknown keys are refused. Keys may come in any order. What does not have the digest
 //! that is named is refused.
 
-use std::fmt;
 use std::fmt::Write as _;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use serde::de::{self, Deserializer, IgnoredAny, SeqAccess, Visitor};
+use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, SeqAccess};
 
-use crate::files::{read_file, write_atomically};
-use crate::json::{self, check_digest, push_number, read_object, with_hint};
-use crate::plan_file::{PLAN_FILE_LIMIT, PLAN_MAX_AGENTS};
+use crate::files::{load_file, write_atomically};
+use crate::json::{
+    self, Listed, ReadList, check_digest, push_lines, push_list, push_number, read_object,
+    with_hint,
+};
+use crate::path_list::{Paths, ReadStops};
+use crate::plan_file::PLAN_FILE_LIMIT;
 use crate::{Digest, InputError, Roadmap, RoadmapPlan, TrajectoryFile, Visit};
 
 /// Largest roadmap file that is read, in bytes.
@@ -63,9 +66,7 @@ pub const ROADMAP_PLAN_FORMAT: &str = "fleetyard.roadmap-plan/1";
 
 /// Reads and parses a roadmap file.
 pub fn load_roadmap(path: impl AsRef<Path>) -> Result<Roadmap, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, ROADMAP_FILE_LIMIT)?;
-    read_roadmap(&path.display().to_string(), &bytes)
+    load_file(path, ROADMAP_FILE_LIMIT, read_roadmap)
 }
 
 #[derive(Deserialize)]
@@ -76,8 +77,8 @@ struct RoadmapDocument {
     roadmap_digest: Option<Digest>,
     #[serde(default = "yes")]
     directed: bool,
-    vertices: Vertices,
-    edges: Edges,
+    vertices: Pairs<f64>,
+    edges: Pairs<u32>,
 }
 
 fn yes() -> bool {
@@ -93,11 +94,11 @@ pub fn read_roadmap(source: &str, bytes: &[u8]) -> Result<Roadmap, InputError> {
     let hint = "a roadmap file is a JSON object with format, vertices and edges";
     let document: RoadmapDocument = read_object(source, bytes, hint)?;
     let () = document.format;
-    let Vertices { x_m, y_m } = document.vertices;
-    let Edges(edges) = document.edges;
+    let (Pairs(x_m, y_m), Pairs(from, to)) = (document.vertices, document.edges);
     let ways = if document.directed { 1 } else { 2 };
-    let edges = edges
+    let edges = from
         .into_iter()
+        .zip(to)
         .flat_map(|(from, to)| [(from, to), (to, from)].into_iter().take(ways));
     let roadmap = Roadmap::new(x_m, y_m, edges)
         .map_err(|error| InputError::new(source, error.to_string()))?;
@@ -108,142 +109,98 @@ pub fn read_roadmap(source: &str, bytes: &[u8]) -> Result<Roadmap, InputError> {
     Ok(roadmap)
 }
 
-/// A list whose entries are read into columns, one after the other.
-trait Columns<'de>: Default {
-    const WHAT: &'static str;
+/// Numbers that a roadmap file has in pairs: the coordinates of vertices, the ends of edges.
+trait Paired: for<'de> Deserialize<'de> {
+    /// A pair in the words of an error.
+    const PAIR: &'static str;
+    /// All pairs in the words of an error.
+    const PAIRS: &'static str;
+    /// A list of them in the words of an error.
+    const LIST: &'static str;
+    /// Most pairs of a file.
     const MOST: usize;
-    type Entry: Deserialize<'de>;
-    fn push(&mut self, entry: Self::Entry);
 }
 
-struct ColumnsVisitor<T>(PhantomData<T>);
+impl Paired for f64 {
+    const PAIR: &'static str = "a vertex [x, y]";
+    const PAIRS: &'static str = "vertices";
+    const LIST: &'static str = "a list of vertices";
+    const MOST: usize = Roadmap::MAX_VERTICES;
+}
 
-impl<'de, T: Columns<'de>> Visitor<'de> for ColumnsVisitor<T> {
-    type Value = T;
+impl Paired for u32 {
+    const PAIR: &'static str = "an edge [from, to]";
+    const PAIRS: &'static str = "edges";
+    const LIST: &'static str = "a list of edges";
+    const MOST: usize = Roadmap::MAX_EDGES;
+}
 
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a list of {}", T::WHAT)
+/// A list of pairs in two columns.
+struct Pairs<T>(Vec<T>, Vec<T>);
+
+impl<'de, T: Paired> Deserialize<'de> for Pairs<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Listed(Pairs(Vec::new(), Vec::new())).deserialize(deserializer)
     }
+}
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<T, A::Error> {
-        let mut columns = T::default();
-        let mut number = 0;
-        while let Some(entry) = list.next_element()? {
-            number += 1;
-            if number > T::MOST {
-                let reason = format!("more than {} {}", T::MOST, T::WHAT);
-                return Err(de::Error::custom(reason));
+impl<'de, T: Paired> ReadList<'de> for Pairs<T> {
+    const EXPECTED: &'static str = T::LIST;
+    type Value = Self;
+
+    fn read<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<Self, A::Error> {
+        while let Some((first, second)) = list.next_element_seed(Listed(Pair(PhantomData)))? {
+            if self.0.len() == T::MOST {
+                let reason = format!("more than {} {}", T::MOST, T::PAIRS);
+                return Err(A::Error::custom(reason));
             }
-            columns.push(entry);
+            self.0.push(first);
+            self.1.push(second);
         }
-        Ok(columns)
+        Ok(self)
     }
 }
 
 /// A list of exactly two numbers. Serde's own pairs do not say what they are.
-macro_rules! pair {
-    ($name:ident, $of:ty, $what:literal) => {
-        struct $name($of, $of);
+struct Pair<T>(PhantomData<T>);
 
-        impl<'de> Deserialize<'de> for $name {
-            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                struct PairVisitor;
+impl<'de, T: Paired> ReadList<'de> for Pair<T> {
+    const EXPECTED: &'static str = T::PAIR;
+    type Value = (T, T);
 
-                impl<'de> Visitor<'de> for PairVisitor {
-                    type Value = $name;
-
-                    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                        f.write_str($what)
-                    }
-
-                    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<$name, A::Error> {
-                        let wrong = |numbers| de::Error::invalid_length(numbers, &self);
-                        let first = list.next_element()?.ok_or_else(|| wrong(0))?;
-                        let second = list.next_element()?.ok_or_else(|| wrong(1))?;
-                        match list.next_element::<IgnoredAny>()? {
-                            Some(_) => Err(wrong(3)),
-                            None => Ok($name(first, second)),
-                        }
-                    }
-                }
-
-                deserializer.deserialize_seq(PairVisitor)
-            }
+    fn read<A: SeqAccess<'de>>(self, mut list: A) -> Result<(T, T), A::Error> {
+        let wrong = |numbers| A::Error::invalid_length(numbers, &T::PAIR);
+        let first = list.next_element()?.ok_or_else(|| wrong(0))?;
+        let second = list.next_element()?.ok_or_else(|| wrong(1))?;
+        match list.next_element::<IgnoredAny>()? {
+            Some(_) => Err(wrong(3)),
+            None => Ok((first, second)),
         }
-    };
-}
-
-pair!(Position, f64, "a vertex [x, y]");
-pair!(Edge, u32, "an edge [from, to]");
-
-#[derive(Default)]
-struct Vertices {
-    x_m: Vec<f64>,
-    y_m: Vec<f64>,
-}
-
-impl Columns<'_> for Vertices {
-    const WHAT: &'static str = "vertices";
-    const MOST: usize = Roadmap::MAX_VERTICES;
-    type Entry = Position;
-
-    fn push(&mut self, Position(x_m, y_m): Position) {
-        self.x_m.push(x_m);
-        self.y_m.push(y_m);
-    }
-}
-
-impl<'de> Deserialize<'de> for Vertices {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_seq(ColumnsVisitor(PhantomData))
-    }
-}
-
-#[derive(Default)]
-struct Edges(Vec<(u32, u32)>);
-
-impl Columns<'_> for Edges {
-    const WHAT: &'static str = "edges";
-    const MOST: usize = Roadmap::MAX_EDGES;
-    type Entry = Edge;
-
-    fn push(&mut self, Edge(from, to): Edge) {
-        self.0.push((from, to));
-    }
-}
-
-impl<'de> Deserialize<'de> for Edges {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_seq(ColumnsVisitor(PhantomData))
     }
 }
 
 /// The content of a roadmap file, with its digest.
 pub fn write_roadmap(roadmap: &Roadmap) -> Vec<u8> {
-    let optional = [("roadmap_digest", Some(roadmap.digest().to_string()))];
+    let optional = [("roadmap_digest", json::text(Some(roadmap.digest())))];
     let mut text = json::begin(ROADMAP_FORMAT, &optional);
     text.reserve(20 * roadmap.vertices() + 12 * roadmap.edge_count());
     let symmetric = roadmap.is_symmetric();
-    let _ = write!(text, "  \"directed\": {},\n  \"vertices\": [", !symmetric);
-    let break_after = |text: &mut String, number: usize| {
-        text.push_str(if number == 0 { "\n    " } else { ",\n    " });
-    };
-    for vertex in 0..roadmap.vertices() {
-        let (x, y) = roadmap.position_m(vertex as u32);
-        break_after(&mut text, vertex);
+    let _ = writeln!(text, "  \"directed\": {},", !symmetric);
+    let vertices = 0..roadmap.vertices() as u32;
+    push_lines(&mut text, "vertices", vertices, |text, vertex| {
+        let (x, y) = roadmap.position_m(vertex);
         text.push('[');
-        push_number(&mut text, x);
+        push_number(text, x);
         text.push_str(", ");
-        push_number(&mut text, y);
+        push_number(text, y);
         text.push(']');
-    }
-    text.push_str("\n  ],\n  \"edges\": [");
+    });
+    text.push_str(",\n");
     let edges = roadmap.edges().filter(|(from, to)| !symmetric || from < to);
-    for (number, (from, to)) in edges.enumerate() {
-        break_after(&mut text, number);
+    push_lines(&mut text, "edges", edges, |text, (from, to)| {
         let _ = write!(text, "[{from}, {to}]");
-    }
-    text.push_str("\n  ]\n}\n");
+    });
+    text.push_str("\n}\n");
     text.into_bytes()
 }
 
@@ -301,11 +258,7 @@ impl RoadmapPlanFile {
             ));
         }
         let plan = self.plan.to_trajectories(roadmap).map_err(|error| {
-            let input = InputError::new(self.source.as_str(), error.to_string());
-            match error.hint() {
-                Some(hint) => input.hint(hint),
-                None => input,
-            }
+            InputError::new(self.source.as_str(), error.to_string()).maybe_hint(error.hint())
         })?;
         Ok(TrajectoryFile {
             source: self.source.clone(),
@@ -318,9 +271,7 @@ impl RoadmapPlanFile {
 
 /// Reads and parses the file of a plan on a roadmap, but not its roadmap.
 pub fn load_roadmap_plan(path: impl AsRef<Path>) -> Result<RoadmapPlanFile, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, PLAN_FILE_LIMIT)?;
-    read_roadmap_plan(&path.display().to_string(), &bytes)
+    load_file(path, PLAN_FILE_LIMIT, read_roadmap_plan)
 }
 
 #[derive(Deserialize)]
@@ -332,7 +283,7 @@ struct PlanDocument {
     roadmap: Option<String>,
     roadmap_digest: Option<Digest>,
     plan_digest: Option<Digest>,
-    paths: Paths,
+    paths: Paths<RoadmapPlan>,
 }
 
 fn plan_format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
@@ -358,92 +309,24 @@ pub fn read_roadmap_plan(source: &str, bytes: &[u8]) -> Result<RoadmapPlanFile, 
     })
 }
 
-struct Paths(RoadmapPlan);
+impl ReadStops for RoadmapPlan {
+    const PATH: &'static str = "a path: a list of visits [vertex, arrival, departure]";
+    const STOP: &'static str = "a visit [vertex, arrival, departure] or [vertex, arrival]";
+    const STOPS: &'static str = "visits";
+    const MOST: usize = ROADMAP_PLAN_MAX_VISITS;
+    /// Visits that were read, those that are not kept included.
+    type Begun = usize;
 
-impl<'de> Deserialize<'de> for Paths {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct PathsVisitor;
-
-        impl<'de> Visitor<'de> for PathsVisitor {
-            type Value = Paths;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a list with one path per agent")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Paths, A::Error> {
-                let mut plan = RoadmapPlan::default();
-                while list.next_element_seed(PathSeed(&mut plan))?.is_some() {
-                    if plan.agents() > PLAN_MAX_AGENTS {
-                        let reason = format!("more than {PLAN_MAX_AGENTS} paths");
-                        return Err(de::Error::custom(reason));
-                    }
-                }
-                Ok(Paths(plan))
-            }
-        }
-
-        deserializer.deserialize_seq(PathsVisitor)
-    }
-}
-
-/// Reads the next path into a plan.
-struct PathSeed<'a>(&'a mut RoadmapPlan);
-
-impl<'de> de::DeserializeSeed<'de> for PathSeed<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for PathSeed<'_> {
-    type Value = ();
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a path: a list of visits [vertex, arrival, departure]")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        let plan = self.0;
-        let mut number = 0;
-        while let Some(()) = list.next_element_seed(VisitSeed(plan, number))? {
-            number += 1;
-            if plan.visit_count() > ROADMAP_PLAN_MAX_VISITS {
-                let reason = format!("the paths have more than {ROADMAP_PLAN_MAX_VISITS} visits");
-                return Err(de::Error::custom(reason));
-            }
-        }
-        let finished = plan.finish_path();
-        finished.map_err(|error| with_hint(&error, error.hint()))
-    }
-}
-
-/// Reads the next visit into a path. It is judged here, so that an error has its place.
-struct VisitSeed<'a>(&'a mut RoadmapPlan, usize);
-
-impl<'de> de::DeserializeSeed<'de> for VisitSeed<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for VisitSeed<'_> {
-    type Value = ();
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a visit [vertex, arrival, departure] or [vertex, arrival]")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        let wrong = |numbers: usize| de::Error::invalid_length(numbers, &self);
-        let vertex = list.next_element()?.ok_or_else(|| wrong(0))?;
-        let arrival_s = list.next_element()?.ok_or_else(|| wrong(1))?;
-        let departure_s = list.next_element()?;
-        if departure_s.is_some() && list.next_element::<IgnoredAny>()?.is_some() {
+    fn read_stop<'de, A: SeqAccess<'de>>(
+        &mut self,
+        read: &mut usize,
+        mut numbers: A,
+    ) -> Result<(), A::Error> {
+        let wrong = |found: usize| A::Error::invalid_length(found, &Self::STOP);
+        let vertex = numbers.next_element()?.ok_or_else(|| wrong(0))?;
+        let arrival_s = numbers.next_element()?.ok_or_else(|| wrong(1))?;
+        let departure_s = numbers.next_element()?;
+        if departure_s.is_some() && numbers.next_element::<IgnoredAny>()?.is_some() {
             return Err(wrong(4));
         }
         let visit = Visit {
@@ -451,9 +334,22 @@ impl<'de> Visitor<'de> for VisitSeed<'_> {
             arrival_s,
             departure_s: departure_s.unwrap_or(arrival_s),
         };
-        let Self(plan, number) = self;
-        let pushed = plan.push_visit(number, visit);
+        let pushed = self.push_visit(*read, visit);
+        *read += 1;
         pushed.map_err(|error| with_hint(&error, error.hint()))
+    }
+
+    fn finish<E: Error>(&mut self, _: &usize) -> Result<(), E> {
+        let finished = self.finish_path();
+        finished.map_err(|error| with_hint(&error, error.hint()))
+    }
+
+    fn stops(&self) -> usize {
+        self.visit_count()
+    }
+
+    fn agents(&self) -> usize {
+        self.agents()
     }
 }
 
@@ -462,33 +358,23 @@ pub fn write_roadmap_plan(file: &RoadmapPlanFile) -> Vec<u8> {
     let optional = [
         ("planner", file.planner.clone()),
         ("roadmap", file.roadmap.clone()),
-        (
-            "roadmap_digest",
-            file.roadmap_digest.map(|digest| digest.to_string()),
-        ),
-        (
-            "plan_digest",
-            file.plan_digest.map(|digest| digest.to_string()),
-        ),
+        ("roadmap_digest", json::text(file.roadmap_digest)),
+        ("plan_digest", json::text(file.plan_digest)),
     ];
     let mut text = json::begin(ROADMAP_PLAN_FORMAT, &optional);
     text.reserve(24 * file.plan.visit_count());
-    text.push_str("  \"paths\": [");
-    for (agent, path) in file.plan.paths().enumerate() {
-        text.push_str(if agent == 0 { "\n    [" } else { ",\n    [" });
-        for (at, visit) in path.iter().enumerate() {
-            let comma = if at == 0 { "" } else { "," };
-            let _ = write!(text, "{comma}[{},", visit.vertex);
-            push_number(&mut text, visit.arrival_s);
+    push_lines(&mut text, "paths", file.plan.paths(), |text, path| {
+        push_list(text, path, |text, visit| {
+            let _ = write!(text, "[{},", visit.vertex);
+            push_number(text, visit.arrival_s);
             if visit.departure_s > visit.arrival_s {
                 text.push(',');
-                push_number(&mut text, visit.departure_s);
+                push_number(text, visit.departure_s);
             }
             text.push(']');
-        }
-        text.push(']');
-    }
-    text.push_str("\n  ]\n}\n");
+        });
+    });
+    text.push_str("\n}\n");
     text.into_bytes()
 }
 

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::files::{Lines, column, quote, read_file, stem, write_atomically};
+use crate::files::{Lines, column, load_file, quote, stem, write_atomically};
 use crate::{Connectivity, Grid, GridInstance, GridSearch, InputError, InstanceError};
 
 /// Largest `.scen` file that is read, in bytes.
@@ -210,9 +210,7 @@ pub fn find_map(
 
 /// Reads and parses a `.scen` file.
 pub fn load_scen(path: impl AsRef<Path>) -> Result<Scenario, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, SCEN_FILE_LIMIT)?;
-    read_scen(&path.display().to_string(), &bytes)
+    load_file(path, SCEN_FILE_LIMIT, read_scen)
 }
 
 /// Parses the content of a `.scen` file. `source` is named in errors.

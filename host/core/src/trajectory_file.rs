@@ -18,15 +18,15 @@
 //! of them, and what does not, is said at [`TrajectoryPlan`]. A file whose paths do not
 //! have the digest that `plan_digest` names is refused.
 
-use std::fmt;
 use std::path::Path;
 
 use serde::Deserialize;
-use serde::de::{self, Deserializer, IgnoredAny, SeqAccess, Visitor};
+use serde::de::{Deserializer, Error, IgnoredAny, SeqAccess};
 
-use crate::files::{read_file, write_atomically};
-use crate::json::{self, check_digest, push_number, read_object, with_hint};
-use crate::plan_file::{PLAN_FILE_LIMIT, PLAN_MAX_AGENTS};
+use crate::files::{load_file, write_atomically};
+use crate::json::{self, check_digest, push_lines, push_list, push_number, read_object, with_hint};
+use crate::path_list::{Paths, ReadStops};
+use crate::plan_file::PLAN_FILE_LIMIT;
 use crate::trajectory::Unfinished;
 use crate::{Digest, InputError, Knot, TrajectoryPlan};
 
@@ -63,9 +63,7 @@ impl TrajectoryFile {
 
 /// Reads and parses a trajectory file.
 pub fn load_trajectories(path: impl AsRef<Path>) -> Result<TrajectoryFile, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, PLAN_FILE_LIMIT)?;
-    read_trajectories(&path.display().to_string(), &bytes)
+    load_file(path, PLAN_FILE_LIMIT, read_trajectories)
 }
 
 /// Parses the content of a trajectory file. `source` is named in errors.
@@ -92,99 +90,31 @@ struct Document {
     format: (),
     planner: Option<String>,
     plan_digest: Option<Digest>,
-    paths: Paths,
+    paths: Paths<TrajectoryPlan>,
 }
 
 fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
     json::format(deserializer, TRAJECTORY_FORMAT)
 }
 
-struct Paths(TrajectoryPlan);
+impl ReadStops for TrajectoryPlan {
+    const PATH: &'static str = "a path: a list of knots [t, x, y] or [t, x, y, heading]";
+    const STOP: &'static str = "a knot [t, x, y] or [t, x, y, heading]";
+    const STOPS: &'static str = "knots";
+    const MOST: usize = TRAJECTORY_MAX_KNOTS;
+    type Begun = Unfinished;
 
-impl<'de> Deserialize<'de> for Paths {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct PathsVisitor;
-
-        impl<'de> Visitor<'de> for PathsVisitor {
-            type Value = Paths;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a list with one path per agent")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Paths, A::Error> {
-                let mut plan = TrajectoryPlan::default();
-                while list.next_element_seed(PathSeed(&mut plan))?.is_some() {
-                    if plan.agents() > PLAN_MAX_AGENTS {
-                        let reason = format!("more than {PLAN_MAX_AGENTS} paths");
-                        return Err(de::Error::custom(reason));
-                    }
-                }
-                Ok(Paths(plan))
-            }
-        }
-
-        deserializer.deserialize_seq(PathsVisitor)
-    }
-}
-
-/// Reads the next path into a plan.
-struct PathSeed<'a>(&'a mut TrajectoryPlan);
-
-impl<'de> de::DeserializeSeed<'de> for PathSeed<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for PathSeed<'_> {
-    type Value = ();
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a path: a list of knots [t, x, y] or [t, x, y, heading]")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        let plan = self.0;
-        let mut path = Unfinished::default();
-        while let Some(()) = list.next_element_seed(KnotSeed(plan, &mut path))? {
-            if plan.knot_count() > TRAJECTORY_MAX_KNOTS {
-                let reason = format!("the paths have more than {TRAJECTORY_MAX_KNOTS} knots");
-                return Err(de::Error::custom(reason));
-            }
-        }
-        let finished = plan.finish_path(&path);
-        finished.map_err(|error| with_hint(&error, error.hint()))
-    }
-}
-
-/// Reads the next knot into a path. It is judged here, so that an error has its place.
-struct KnotSeed<'a>(&'a mut TrajectoryPlan, &'a mut Unfinished);
-
-impl<'de> de::DeserializeSeed<'de> for KnotSeed<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for KnotSeed<'_> {
-    type Value = ();
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a knot [t, x, y] or [t, x, y, heading]")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        let wrong = |numbers: usize| de::Error::invalid_length(numbers, &self);
-        let time_s = list.next_element()?.ok_or_else(|| wrong(0))?;
-        let x_m = list.next_element()?.ok_or_else(|| wrong(1))?;
-        let y_m = list.next_element()?.ok_or_else(|| wrong(2))?;
-        let heading_rad = list.next_element()?;
-        if heading_rad.is_some() && list.next_element::<IgnoredAny>()?.is_some() {
+    fn read_stop<'de, A: SeqAccess<'de>>(
+        &mut self,
+        path: &mut Unfinished,
+        mut numbers: A,
+    ) -> Result<(), A::Error> {
+        let wrong = |found: usize| A::Error::invalid_length(found, &Self::STOP);
+        let time_s = numbers.next_element()?.ok_or_else(|| wrong(0))?;
+        let x_m = numbers.next_element()?.ok_or_else(|| wrong(1))?;
+        let y_m = numbers.next_element()?.ok_or_else(|| wrong(2))?;
+        let heading_rad = numbers.next_element()?;
+        if heading_rad.is_some() && numbers.next_element::<IgnoredAny>()?.is_some() {
             return Err(wrong(5));
         }
         let knot = Knot {
@@ -193,9 +123,21 @@ impl<'de> Visitor<'de> for KnotSeed<'_> {
             y_m,
             heading_rad,
         };
-        let Self(plan, path) = self;
-        let pushed = plan.push_knot(path, knot);
+        let pushed = self.push_knot(path, knot);
         pushed.map_err(|error| with_hint(&error, error.hint()))
+    }
+
+    fn finish<E: Error>(&mut self, path: &Unfinished) -> Result<(), E> {
+        let finished = self.finish_path(path);
+        finished.map_err(|error| with_hint(&error, error.hint()))
+    }
+
+    fn stops(&self) -> usize {
+        self.knot_count()
+    }
+
+    fn agents(&self) -> usize {
+        self.agents()
     }
 }
 
@@ -203,29 +145,22 @@ impl<'de> Visitor<'de> for KnotSeed<'_> {
 pub fn write_trajectories(file: &TrajectoryFile) -> Vec<u8> {
     let optional = [
         ("planner", file.planner.clone()),
-        (
-            "plan_digest",
-            file.plan_digest.map(|digest| digest.to_string()),
-        ),
+        ("plan_digest", json::text(file.plan_digest)),
     ];
     let mut text = json::begin(TRAJECTORY_FORMAT, &optional);
     text.reserve(24 * file.plan.knot_count());
-    text.push_str("  \"paths\": [");
-    for (agent, knots) in file.plan.paths().enumerate() {
-        text.push_str(if agent == 0 { "\n    [" } else { ",\n    [" });
-        for (at, knot) in knots.iter().enumerate() {
-            text.push_str(if at == 0 { "[" } else { ",[" });
-            push_number(&mut text, knot.time_s);
-            for number in [Some(knot.x_m), Some(knot.y_m), knot.heading_rad] {
-                let Some(number) = number else { continue };
-                text.push(',');
-                push_number(&mut text, number);
-            }
-            text.push(']');
-        }
-        text.push(']');
-    }
-    text.push_str("\n  ]\n}\n");
+    push_lines(&mut text, "paths", file.plan.paths(), |text, knots| {
+        push_list(text, knots.iter(), |text, knot| {
+            let numbers = [
+                Some(knot.time_s),
+                Some(knot.x_m),
+                Some(knot.y_m),
+                knot.heading_rad,
+            ];
+            push_list(text, numbers.into_iter().flatten(), push_number);
+        });
+    });
+    text.push_str("\n}\n");
     text.into_bytes()
 }
 

@@ -26,12 +26,14 @@
 //! file, which deals its profiles to the agents. Files are named from the folder of the task.
 //! Starts and goals are `[x, y]` or `[x, y, heading]`; robots rest there. Unknown keys are refused.
 
-use std::fmt;
+use std::fmt::Write as _;
 use std::path::Path;
 
-use fleetyard_core::json::{self, json_error, read_object, with_hint};
+use fleetyard_core::json::{
+    self, Listed, ReadList, checked, named, push_lines, read_key, read_object, with_hint,
+};
 use fleetyard_core::{
-    Digest, Grid, Hasher, InputError, load_map, read_file, shown, write_atomically,
+    Digest, Grid, Hasher, InputError, load_file, load_map, shown, write_atomically,
 };
 use fleetyard_sim::motion::{Fleet, Profile, load_fleet};
 use fleetyard_world::{
@@ -39,10 +41,7 @@ use fleetyard_world::{
     load_workspace, separation_m,
 };
 use serde::Deserialize;
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{
-    DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
-};
+use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, SeqAccess};
 use serde_json::{Value, json};
 
 use crate::Free;
@@ -145,53 +144,42 @@ impl State {
 
 impl<'de> Deserialize<'de> for State {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Numbers;
+        Listed(Numbers).deserialize(deserializer)
+    }
+}
 
-        impl<'de> Visitor<'de> for Numbers {
-            type Value = State;
+/// The numbers of a [`State`].
+struct Numbers;
 
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a place [x, y] or [x, y, heading]")
-            }
+impl<'de> ReadList<'de> for Numbers {
+    const EXPECTED: &'static str = "a place [x, y] or [x, y, heading]";
+    type Value = State;
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<State, A::Error> {
-                let mut numbers = [None; 3];
-                for (count, slot) in numbers.iter_mut().enumerate() {
-                    *slot = seq.next_element::<f64>()?;
-                    if slot.is_none() && count < 2 {
-                        return Err(A::Error::invalid_length(count, &self));
-                    }
-                    if slot.is_none() {
-                        break;
-                    }
-                }
-                if seq.next_element::<IgnoredAny>()?.is_some() {
-                    return Err(A::Error::invalid_length(4, &self));
-                }
-                let [x_m, y_m] = [numbers[0], numbers[1]].map(Option::unwrap_or_default);
-                let most = numbers.iter().flatten().map(|number| number.abs());
-                if most.fold(0.0, f64::max) > Polygon::MOST_M {
-                    let reason = format!("[{x_m}, {y_m}] is too far or turned too often");
-                    let hint = "give coordinates in metres and a heading in radians";
-                    return Err(with_hint(&reason, Some(hint)));
-                }
-                Ok(State {
-                    x_m: x_m + 0.0,
-                    y_m: y_m + 0.0,
-                    heading_rad: numbers[2],
-                })
-            }
+    fn read<A: SeqAccess<'de>>(self, mut list: A) -> Result<State, A::Error> {
+        let wrong = |count| A::Error::invalid_length(count, &Self::EXPECTED);
+        let x_m: f64 = list.next_element()?.ok_or_else(|| wrong(0))?;
+        let y_m: f64 = list.next_element()?.ok_or_else(|| wrong(1))?;
+        let heading_rad: Option<f64> = list.next_element()?;
+        if heading_rad.is_some() && list.next_element::<IgnoredAny>()?.is_some() {
+            return Err(wrong(4));
         }
-
-        deserializer.deserialize_seq(Numbers)
+        let numbers = [x_m, y_m, heading_rad.unwrap_or(0.0)];
+        if numbers.iter().any(|number| number.abs() > Polygon::MOST_M) {
+            let reason = format!("[{x_m}, {y_m}] is too far or turned too often");
+            let hint = "give coordinates in metres and a heading in radians";
+            return Err(with_hint(&reason, Some(hint)));
+        }
+        Ok(State {
+            x_m: x_m + 0.0,
+            y_m: y_m + 0.0,
+            heading_rad,
+        })
     }
 }
 
 /// Reads and parses a task file, but not the files that it names.
 pub fn load_task(path: impl AsRef<Path>) -> Result<Task, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, TASK_FILE_LIMIT)?;
-    read_task(&path.display().to_string(), &bytes)
+    load_file(path, TASK_FILE_LIMIT, read_task)
 }
 
 #[derive(Deserialize)]
@@ -237,42 +225,13 @@ struct Kinds(Vec<(String, Profile)>);
 
 impl<'de> Deserialize<'de> for Kinds {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Entries;
-
-        impl<'de> Visitor<'de> for Entries {
-            type Value = Kinds;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("an object of kinds of robots by name")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Kinds, A::Error> {
-                let mut kinds: Vec<(String, Profile)> = Vec::new();
-                let mut names = std::collections::BTreeSet::new();
-                while let Some(name) = map.next_key::<String>()? {
-                    if !names.insert(name.clone()) {
-                        let reason = format!("the robot {:?} is there twice", shown(&name));
-                        return Err(with_hint(&reason, Some("give each kind its own name")));
-                    }
-                    kinds.push((name, map.next_value()?));
-                }
-                if kinds.is_empty() {
-                    return Err(A::Error::custom("there are no robots"));
-                }
-                Ok(Kinds(kinds))
-            }
-        }
-
-        deserializer.deserialize_map(Entries)
+        named(deserializer, "robot", "robots").map(Self)
     }
 }
 
 /// Parses the content of a task file. Errors name `source`.
 pub fn read_task(source: &str, bytes: &[u8]) -> Result<Task, InputError> {
-    let hinted = |error: InputError| match error.hint {
-        Some(_) => error,
-        None => error.hint(HINT),
-    };
+    let hinted = |error: InputError| error.or_hint(HINT);
     let one_of = |reason: &str, hint: &str| Err(InputError::new(source, reason).hint(hint));
     let document: Document = read_object(source, bytes, HINT).map_err(hinted)?;
     let place = match (document.world, document.map, document.cell_size_m) {
@@ -320,9 +279,7 @@ pub fn read_task(source: &str, bytes: &[u8]) -> Result<Task, InputError> {
     };
     // Names can only be resolved when all kinds are known, and an unknown one is refused at
     // its place: so the agents are read in a second pass.
-    let mut again = serde_json::Deserializer::from_slice(bytes);
-    let agents = AgentsKey(&fleet).deserialize(&mut again);
-    let agents = agents.map_err(|error| hinted(json_error(source, bytes, &error)))?;
+    let agents = read_key(source, bytes, "agents", Listed(AgentList(&fleet))).map_err(hinted)?;
     let tolerance = |given: Option<Positive>| given.map_or(DYNAMICS_TOLERANCE, |value| value.0);
     Ok(Task {
         source: source.to_owned(),
@@ -336,67 +293,23 @@ pub fn read_task(source: &str, bytes: &[u8]) -> Result<Task, InputError> {
     })
 }
 
-/// Finds the key `agents` in a document that is otherwise valid.
-struct AgentsKey<'a>(&'a Fleets);
-
-impl<'de> DeserializeSeed<'de> for AgentsKey<'_> {
-    type Value = Vec<Agent>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<Agent>, D::Error> {
-        deserializer.deserialize_map(self)
-    }
-}
-
-impl<'de> Visitor<'de> for AgentsKey<'_> {
-    type Value = Vec<Agent>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a task: a JSON object")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Vec<Agent>, A::Error> {
-        let mut agents = None;
-        while let Some(key) = map.next_key::<String>()? {
-            if key == "agents" {
-                agents = Some(map.next_value_seed(AgentList(self.0))?);
-            } else {
-                map.next_value::<IgnoredAny>()?;
-            }
-        }
-        agents.ok_or_else(|| A::Error::missing_field("agents"))
-    }
-}
-
 struct AgentList<'a>(&'a Fleets);
 
-impl<'de> DeserializeSeed<'de> for AgentList<'_> {
+impl<'de> ReadList<'de> for AgentList<'_> {
+    const EXPECTED: &'static str = "a list of agents";
     type Value = Vec<Agent>;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<Agent>, D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for AgentList<'_> {
-    type Value = Vec<Agent>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a list of agents")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Vec<Agent>, A::Error> {
+    fn read<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<Agent>, A::Error> {
         let mut agents = Vec::new();
-        while let Some(agent) = seq.next_element_seed(AgentEntry(self.0))? {
+        while let Some(agent) = list.next_element_seed(AgentEntry(self.0))? {
             agents.push(agent);
             if agents.len() > MAX_AGENTS {
                 return Err(A::Error::custom(format!("more than {MAX_AGENTS} agents")));
             }
         }
         if agents.is_empty() {
-            return Err(with_hint(
-                &"there are no agents",
-                Some("give each a start and a goal"),
-            ));
+            let hint = "give each a start and a goal";
+            return Err(with_hint(&"there are no agents", Some(hint)));
         }
         Ok(agents)
     }
@@ -408,18 +321,6 @@ impl<'de> DeserializeSeed<'de> for AgentEntry<'_> {
     type Value = Agent;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Agent, D::Error> {
-        deserializer.deserialize_map(self)
-    }
-}
-
-impl<'de> Visitor<'de> for AgentEntry<'_> {
-    type Value = Agent;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("an agent: an object with robot, start and goal")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Agent, A::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct Raw {
@@ -427,34 +328,30 @@ impl<'de> Visitor<'de> for AgentEntry<'_> {
             start: State,
             goal: State,
         }
-        let Raw { robot, start, goal } = Raw::deserialize(MapAccessDeserializer::new(map))?;
-        let robot = match (self.0, robot) {
-            (Fleets::File(_), None) => 0,
-            (Fleets::File(_), Some(_)) => {
-                let reason = "the agent names a robot, but the fleet file deals them";
-                return Err(with_hint(
-                    &reason,
-                    Some("leave out robot, or use robots in place of fleet"),
-                ));
-            }
-            (Fleets::Kinds(kinds), Some(name)) => {
-                let found = kinds.iter().position(|(known, _)| *known == name);
-                let unknown = || {
-                    let reason = format!("{:?} is not one of the robots", shown(&name));
-                    with_hint(&reason, Some("name a kind of robots"))
-                };
-                found.ok_or_else(unknown)? as u32
-            }
-            (Fleets::Kinds(kinds), None) if kinds.len() == 1 => 0,
-            (Fleets::Kinds(_), None) => {
-                let reason = "the agent does not say which robot it is";
-                return Err(with_hint(
-                    &reason,
-                    Some("add robot with the name of a kind"),
-                ));
-            }
-        };
-        Ok(Agent { robot, start, goal })
+        let expected = "an agent: an object with robot, start and goal";
+        checked(deserializer, expected, |Raw { robot, start, goal }| {
+            let robot = match (self.0, robot) {
+                (Fleets::File(_), None) => Ok(0),
+                (Fleets::File(_), Some(_)) => Err((
+                    "the agent names a robot, but the fleet file deals them".to_owned(),
+                    "leave out robot, or use robots in place of fleet",
+                )),
+                (Fleets::Kinds(kinds), Some(name)) => {
+                    let found = kinds.iter().position(|(known, _)| *known == name);
+                    found.map(|at| at as u32).ok_or_else(|| {
+                        let reason = format!("{:?} is not one of the robots", shown(&name));
+                        (reason, "name a kind of robots")
+                    })
+                }
+                (Fleets::Kinds(kinds), None) if kinds.len() == 1 => Ok(0),
+                (Fleets::Kinds(_), None) => Err((
+                    "the agent does not say which robot it is".to_owned(),
+                    "add robot with the name of a kind",
+                )),
+            };
+            let robot = robot.map_err(|(reason, hint)| with_hint(&reason, Some(hint)))?;
+            Ok(Agent { robot, start, goal })
+        })
     }
 }
 
@@ -495,18 +392,16 @@ pub fn write_task(task: &Task) -> Vec<u8> {
             Some(kinds)
         }
     };
-    let agents = task.agents.iter().map(|agent| {
-        let robot =
-            kinds.map(|kinds| format!("\"robot\": {}, ", json!(kinds[agent.robot as usize].0)));
+    let mut text = format!("{{\n  {},\n", lines.join(",\n  "));
+    push_lines(&mut text, "agents", &task.agents, |text, agent| {
+        let robot = kinds.map(|kinds| json!(kinds[agent.robot as usize].0));
+        let robot = robot.map(|robot| format!("\"robot\": {robot}, "));
         let (start, goal) = (agent.start.json(), agent.goal.json());
-        format!(
-            "    {{{}\"start\": {start}, \"goal\": {goal}}}",
-            robot.unwrap_or_default()
-        )
+        let robot = robot.unwrap_or_default();
+        let _ = write!(text, "{{{robot}\"start\": {start}, \"goal\": {goal}}}");
     });
-    let agents: Vec<String> = agents.collect();
-    lines.push(format!("\"agents\": [\n{}\n  ]", agents.join(",\n")));
-    format!("{{\n  {}\n}}\n", lines.join(",\n  ")).into_bytes()
+    text.push_str("\n}\n");
+    text.into_bytes()
 }
 
 /// Writes a task file.

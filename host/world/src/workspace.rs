@@ -25,16 +25,12 @@
 //! Bounds and obstacles are Ω and O of GRACE (section III-A): free is what is
 //! within the bounds and not inside an obstacle.
 
-use std::fmt;
-use std::fmt::Write as _;
-use std::marker::PhantomData;
 use std::path::Path;
 
-use fleetyard_core::json::read_object;
-use fleetyard_core::{Digest, Hasher, InputError, read_file, write_atomically};
+use fleetyard_core::json::{checked, push_lines, read_object, with_hint};
+use fleetyard_core::{Digest, Hasher, InputError, load_file, write_atomically};
 use serde::Deserialize;
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{self, Deserializer, MapAccess, Visitor};
+use serde::de::Deserializer;
 use serde_json::{Value, json};
 
 use crate::{Boundary, Bounds, Footprint, Polygon, Pose, Shape};
@@ -164,19 +160,14 @@ impl Workspace {
 
 /// Reads and parses a world file.
 pub fn load_workspace(path: impl AsRef<Path>) -> Result<Workspace, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, WORLD_FILE_LIMIT)?;
-    read_workspace(&path.display().to_string(), &bytes)
+    load_file(path, WORLD_FILE_LIMIT, read_workspace)
 }
 
 /// Parses the content of a world file. `source` is named in errors.
 pub fn read_workspace(source: &str, bytes: &[u8]) -> Result<Workspace, InputError> {
     let hint = "a world file is a JSON object with format, bounds_m, obstacles and movers";
     let read: Result<Document, InputError> = read_object(source, bytes, hint);
-    let document = read.map_err(|error| match error.hint {
-        Some(_) => error,
-        None => error.hint(hint),
-    })?;
+    let document = read.map_err(|error| error.or_hint(hint))?;
     let Format = document.format;
     let boundary = document.boundary_m.map(|file| file.0);
     let bounds = match (document.bounds_m, &boundary) {
@@ -219,12 +210,6 @@ struct Document {
     movers: Vec<MoverOfFile>,
 }
 
-/// An error inside a file gets its place from the reader, and its hint from a
-/// last line of the message; see [`fleetyard_core::json::json_error`].
-fn refused<E: de::Error>(reason: impl fmt::Display, hint: &str) -> E {
-    E::custom(format!("{reason}\nhint: {hint}"))
-}
-
 struct Format;
 
 impl<'de> Deserialize<'de> for Format {
@@ -237,10 +222,8 @@ impl<'de> Deserialize<'de> for Format {
             "format is {:?}, expected {WORLD_FORMAT:?}",
             fleetyard_core::shown(&found)
         );
-        Err(refused(
-            reason,
-            "is this another kind of file, or of a newer version?",
-        ))
+        let hint = "is this another kind of file, or of a newer version?";
+        Err(with_hint(&reason, Some(hint)))
     }
 }
 
@@ -254,7 +237,7 @@ impl<'de> Deserialize<'de> for BoundsOfFile {
         if !(is_near && x1 - x0 >= Shape::RESOLUTION_M && y1 - y0 >= Shape::RESOLUTION_M) {
             let reason = format!("bounds_m is [{x0}, {y0}, {x1}, {y1}], which is no area");
             let hint = "give [left, bottom, right, top] in metres";
-            return Err(refused(reason, hint));
+            return Err(with_hint(&reason, Some(hint)));
         }
         Ok(Self(Bounds {
             min: [x0, y0],
@@ -270,7 +253,8 @@ impl<'de> Deserialize<'de> for BoundaryOfFile {
         let vertices = Vec::<[f64; 2]>::deserialize(deserializer)?;
         let boundary = Boundary::new(&vertices);
         let refuse = |error: crate::PolygonError| {
-            refused(format!("boundary_m is no edge: {error}"), error.hint())
+            let reason = format!("boundary_m is no edge: {error}");
+            with_hint(&reason, Some(error.hint()))
         };
         boundary.map(Self).map_err(refuse)
     }
@@ -301,7 +285,7 @@ impl<'de> Deserialize<'de> for ObstacleOfFile {
                     angle_rad,
                 } => Polygon::rectangle(center, size, angle_rad),
             };
-            polygon.map_err(|error| refused(&error, error.hint()))
+            polygon.map_err(|error| with_hint(&error, Some(error.hint())))
         });
         polygon.map(Self)
     }
@@ -324,41 +308,10 @@ impl<'de> Deserialize<'de> for MoverOfFile {
                 .map(|[time_s, x, y, heading]| (*time_s, Pose::new(*x, *y, *heading)))
                 .collect();
             Mover::new(raw.footprint, &knots)
-                .map_err(|error| refused(error.reason, &error.hint.unwrap_or_default()))
+                .map_err(|error| with_hint(&error.reason, error.hint.as_deref()))
         });
         mover.map(Self)
     }
-}
-
-/// Reads an object and checks it before the reader goes on, so that what the
-/// check complains of gets the place where the object ends. An error that is
-/// raised later, among the elements of a list, would get that of the next one.
-fn checked<'de, D: Deserializer<'de>, R: Deserialize<'de>, T>(
-    deserializer: D,
-    expected: &'static str,
-    check: impl FnOnce(R) -> Result<T, D::Error>,
-) -> Result<T, D::Error> {
-    struct ObjectVisitor<R, F>(&'static str, F, PhantomData<R>);
-
-    impl<'de, R, T, E, F> Visitor<'de> for ObjectVisitor<R, F>
-    where
-        R: Deserialize<'de>,
-        E: de::Error,
-        F: FnOnce(R) -> Result<T, E>,
-    {
-        type Value = T;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str(self.0)
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
-            let raw = R::deserialize(MapAccessDeserializer::new(map))?;
-            (self.1)(raw).map_err(de::Error::custom)
-        }
-    }
-
-    deserializer.deserialize_map(ObjectVisitor(expected, check, PhantomData))
 }
 
 /// The content of a world file, one obstacle or mover per line. Rectangles are
@@ -378,24 +331,14 @@ pub fn write_workspace(workspace: &Workspace) -> Vec<u8> {
         None => ("bounds_m", json!([x0, y0, x1, y1])),
     };
     let mut text = format!(
-        "{{\n  \"format\": \"{WORLD_FORMAT}\",\n  \"name\": {name},\n  \"{key}\": {bounds},\n  "
+        "{{\n  \"format\": \"{WORLD_FORMAT}\",\n  \"name\": {name},\n  \"{key}\": {bounds},\n"
     );
-    write_lines(&mut text, "obstacles", obstacles);
-    text.push_str(",\n  ");
-    write_lines(&mut text, "movers", movers);
+    let push = |text: &mut String, value: Value| text.push_str(&value.to_string());
+    push_lines(&mut text, "obstacles", obstacles, push);
+    text.push_str(",\n");
+    push_lines(&mut text, "movers", movers, push);
     text.push_str("\n}\n");
     text.into_bytes()
-}
-
-fn write_lines(text: &mut String, key: &str, values: impl Iterator<Item = Value>) {
-    let _ = write!(text, "\"{key}\": [");
-    let mut any = false;
-    for value in values {
-        let comma = if any { "," } else { "" };
-        let _ = write!(text, "{comma}\n    {value}");
-        any = true;
-    }
-    text.push_str(if any { "\n  ]" } else { "]" });
 }
 
 /// Writes a world file, replacing an old one as a whole.

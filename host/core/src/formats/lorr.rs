@@ -21,7 +21,7 @@ use serde_json::Value;
 
 use super::pibt2::whole_number;
 use super::{AgentEntry, AgentList};
-use crate::files::{Lines, column, quote, read_file};
+use crate::files::{Lines, column, load_file, quote, read_file};
 use crate::json::json_error;
 use crate::plan_file::PLAN_MAX_AGENTS;
 use crate::{Grid, InputError, load_map, write_map};
@@ -86,9 +86,9 @@ pub struct TaskList {
 
 /// Reads a file of tasks on a map. It has at least one task.
 pub fn load_lorr_tasks(path: impl AsRef<Path>, grid: &Grid) -> Result<TaskList, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, LIST_LIMIT)?;
-    read_lorr_tasks(&path.display().to_string(), &bytes, grid)
+    load_file(path, LIST_LIMIT, |source, bytes| {
+        read_lorr_tasks(source, bytes, grid)
+    })
 }
 
 /// Reads a League instance and the files that it names, which are found from its

@@ -21,8 +21,8 @@
 use std::fmt;
 use std::path::Path;
 
-use fleetyard_core::json::{self, json_error, read_object, with_hint};
-use fleetyard_core::{InputError, read_file, shown};
+use fleetyard_core::json::{self, Listed, ReadList, named, read_key, read_object, with_hint};
+use fleetyard_core::{InputError, load_file, shown};
 use serde::de::{
     DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
 };
@@ -80,24 +80,17 @@ impl FleetFile {
 
 /// Reads and parses a fleet file.
 pub fn load_fleet(path: impl AsRef<Path>) -> Result<FleetFile, InputError> {
-    let path = path.as_ref();
-    let bytes = read_file(path, FLEET_FILE_LIMIT)?;
-    read_fleet(&path.display().to_string(), &bytes)
+    load_file(path, FLEET_FILE_LIMIT, read_fleet)
 }
 
 /// Parses the content of a fleet file. Errors name `source`.
 pub fn read_fleet(source: &str, bytes: &[u8]) -> Result<FleetFile, InputError> {
-    let hinted = |error: InputError| match error.hint {
-        Some(_) => error,
-        None => error.hint(HINT),
-    };
+    let hinted = |error: InputError| error.or_hint(HINT);
     let document: Document = read_object(source, bytes, HINT).map_err(hinted)?;
     let Profiles(profiles) = document.profiles;
     // Names can only be resolved when all profiles are known, and an unknown one is
     // refused at its place: so the agents are read in a second pass.
-    let mut again = serde_json::Deserializer::from_slice(bytes);
-    let agents = AgentsKey(&profiles).deserialize(&mut again);
-    let agents = agents.map_err(|error| hinted(json_error(source, bytes, &error)))?;
+    let agents = read_key(source, bytes, "agents", Agents(&profiles)).map_err(hinted)?;
     Ok(FleetFile { profiles, agents })
 }
 
@@ -120,64 +113,7 @@ struct Profiles(Vec<(String, Profile)>);
 
 impl<'de> Deserialize<'de> for Profiles {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Entries;
-
-        impl<'de> Visitor<'de> for Entries {
-            type Value = Profiles;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("an object of profiles by name")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Profiles, A::Error> {
-                let mut profiles: Vec<(String, Profile)> = Vec::new();
-                let mut names = std::collections::BTreeSet::new();
-                while let Some(name) = map.next_key::<String>()? {
-                    if !names.insert(name.clone()) {
-                        let reason = format!("the profile {:?} is there twice", shown(&name));
-                        return Err(with_hint(&reason, Some("give each profile its own name")));
-                    }
-                    profiles.push((name, map.next_value()?));
-                }
-                if profiles.is_empty() {
-                    return Err(A::Error::custom("there are no profiles"));
-                }
-                Ok(Profiles(profiles))
-            }
-        }
-
-        deserializer.deserialize_map(Entries)
-    }
-}
-
-/// Finds the key `agents` in a document that is otherwise valid.
-struct AgentsKey<'a>(&'a [(String, Profile)]);
-
-impl<'de> DeserializeSeed<'de> for AgentsKey<'_> {
-    type Value = Assignment;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Assignment, D::Error> {
-        deserializer.deserialize_map(self)
-    }
-}
-
-impl<'de> Visitor<'de> for AgentsKey<'_> {
-    type Value = Assignment;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a fleet: a JSON object")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Assignment, A::Error> {
-        let mut agents = None;
-        while let Some(key) = map.next_key::<String>()? {
-            if key == "agents" {
-                agents = Some(map.next_value_seed(Agents(self.0))?);
-            } else {
-                map.next_value::<IgnoredAny>()?;
-            }
-        }
-        agents.ok_or_else(|| A::Error::missing_field("agents"))
+        named(deserializer, "profile", "profiles").map(Self)
     }
 }
 
@@ -207,7 +143,7 @@ impl<'de> Visitor<'de> for Agents<'_> {
         let hint = r#"use a list of names, {"cycle": [...]} or {"all": NAME}"#;
         let assignment = match map.next_key::<String>()?.as_deref() {
             Some("all") => Assignment::All(map.next_value_seed(Name(self.0))?),
-            Some("cycle") => Assignment::Cycle(map.next_value_seed(Cycle(self.0))?),
+            Some("cycle") => Assignment::Cycle(map.next_value_seed(Listed(Cycle(self.0)))?),
             Some(other) => {
                 let reason = format!("{:?} is no way to assign profiles", shown(other));
                 return Err(with_hint(&reason, Some(hint)));
@@ -223,27 +159,16 @@ impl<'de> Visitor<'de> for Agents<'_> {
 
 struct Cycle<'a>(&'a [(String, Profile)]);
 
-impl<'de> DeserializeSeed<'de> for Cycle<'_> {
+impl<'de> ReadList<'de> for Cycle<'_> {
+    const EXPECTED: &'static str = "a list of names";
     type Value = Vec<u32>;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<u32>, D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Cycle<'_> {
-    type Value = Vec<u32>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a list of names")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Vec<u32>, A::Error> {
-        let list = names(seq, self.0)?;
-        if list.is_empty() {
+    fn read<A: SeqAccess<'de>>(self, list: A) -> Result<Vec<u32>, A::Error> {
+        let cycle = names(list, self.0)?;
+        if cycle.is_empty() {
             return Err(A::Error::custom("the cycle is empty"));
         }
-        Ok(list)
+        Ok(cycle)
     }
 }
 
