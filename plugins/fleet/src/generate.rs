@@ -20,12 +20,13 @@ use fleetyard_abi::{
     SharedEnvironment, Status, Task,
 };
 use fleetyard_plugin_spacetime::graph::Vertex;
+use fleetyard_plugin_spacetime::plugin::described;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::ground::{Ground, Search};
-use crate::{described, invalid};
+use crate::ground::{Ground, Learn, Search};
+use crate::invalid;
 
 /// The rule by which a generator chooses goals; also the type of its options.
 pub trait Rule: DeserializeOwned + JsonSchema + Send + 'static {
@@ -53,14 +54,18 @@ pub type WindowedMultiGoals = Generator<Windowed>;
 
 impl<R: Rule> Plugin for Generator<R> {
     fn descriptor() -> Descriptor {
-        let common = [
+        let common = &[
             Capability::Grid,
             Capability::Pebble,
             Capability::Rotation,
             Capability::Deterministic,
         ];
-        let all: Vec<_> = common.iter().chain(R::EXTRA).copied().collect();
-        described::<R>(Kind::InstanceGenerator, R::NAMES, R::ABOUT, &all)
+        described::<R>(
+            Kind::InstanceGenerator,
+            R::NAMES,
+            R::ABOUT,
+            [common, R::EXTRA],
+        )
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {

@@ -2,10 +2,24 @@
 
 use std::sync::Arc;
 
+use fleetyard_abi::Environment;
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Environment, Status};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::plugin::grid_of;
 use fleetyard_plugin_spacetime::problem::{graph_of, vertices_of};
+
+/// A map as a plugin knows it, kept between calls.
+pub trait Learn: Send + Sized {
+    /// Learns a map.
+    fn learn(environment: &Environment) -> Result<Self, Failure>;
+}
+
+/// Nothing has to be known of a map.
+impl Learn for () {
+    fn learn(_: &Environment) -> Result<(), Failure> {
+        Ok(())
+    }
+}
 
 /// A 4-connected grid and its connected regions.
 #[derive(Debug)]
@@ -15,14 +29,20 @@ pub struct Ground {
 }
 
 impl Ground {
-    pub(crate) fn learn(environment: &Environment) -> Result<Self, Failure> {
-        let other = || {
-            Failure::new(
-                Status::Unsupported,
-                "maps other than grids are not supported",
-            )
-        };
-        let graph = Arc::new(graph_of(environment.grid().ok_or_else(other)?)?);
+    /// Number of the connected region that a vertex is in.
+    pub(crate) fn region(&self, v: Vertex) -> u32 {
+        self.region[v as usize]
+    }
+
+    /// Vertices of the agents' cells, which have to be free and different.
+    pub(crate) fn places(&self, cells: &[u32]) -> Result<Vec<Vertex>, Failure> {
+        Ok(vertices_of(&self.graph, cells, "start")?)
+    }
+}
+
+impl Learn for Ground {
+    fn learn(environment: &Environment) -> Result<Self, Failure> {
+        let graph = Arc::new(graph_of(grid_of(environment)?)?);
         let mut region = vec![u32::MAX; graph.len()];
         let mut stack = Vec::new();
         for first in 0..graph.len() as Vertex {
@@ -41,16 +61,6 @@ impl Ground {
             }
         }
         Ok(Self { graph, region })
-    }
-
-    /// Number of the connected region that a vertex is in.
-    pub(crate) fn region(&self, v: Vertex) -> u32 {
-        self.region[v as usize]
-    }
-
-    /// Vertices of the agents' cells, which have to be free and different.
-    pub(crate) fn places(&self, cells: &[u32]) -> Result<Vec<Vertex>, Failure> {
-        Ok(vertices_of(&self.graph, cells, "start")?)
     }
 }
 

@@ -5,10 +5,11 @@
 
 use fleetyard_abi::sdk::{Failure, InvocationPolicy, Options, Plugin, Sink};
 use fleetyard_abi::{Descriptor, FleetStatus, Kind};
+use fleetyard_plugin_spacetime::plugin::{described, parse};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{described, invalid};
+use crate::invalid;
 
 /// Tolerance for times that are sums of many short ones, in seconds.
 const TOLERANCE_S: f64 = 1e-6;
@@ -40,17 +41,20 @@ impl Plugin for Periodic {
             Kind::InvocationPolicy,
             ("periodic", "Periodic"),
             "Calls the planner every `period_s` simulated seconds.",
-            &[],
+            [&[], &[]],
         )
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
-        let PeriodicOptions { period_s } = options.parse()?;
-        if !(period_s >= 0.001 && period_s.is_finite()) {
-            return Err(invalid(format!(
-                "options: `period_s` is {period_s}, but has to be 0.001 or more"
-            )));
-        }
+        let check = |PeriodicOptions { period_s }: &PeriodicOptions| {
+            if *period_s >= 0.001 && period_s.is_finite() {
+                return Ok(());
+            }
+            Err(format!(
+                "`period_s` is {period_s}, but has to be 0.001 or more"
+            ))
+        };
+        let PeriodicOptions { period_s } = parse(options, check)?;
         Ok(Self { period_s })
     }
 }
@@ -78,7 +82,7 @@ impl Plugin for EventBased {
             ("event-based", "Event-based"),
             "Calls the planner when some agent has fewer committed actions left than it can \
              finish within the planner's limit.",
-            &[],
+            [&[], &[]],
         )
     }
 

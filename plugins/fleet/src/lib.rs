@@ -15,26 +15,8 @@ mod ground;
 pub mod invocation;
 pub mod recover;
 
-use fleetyard_abi::sdk::{Failure, options_schema};
-use fleetyard_abi::{Capabilities, Capability, Descriptor, Kind, Status};
-use schemars::JsonSchema;
-
-/// A descriptor with what all plugins of this crate have in common.
-fn described<Options: JsonSchema>(
-    kind: Kind,
-    (id, name): (&str, &str),
-    about: &str,
-    capabilities: &[Capability],
-) -> Descriptor {
-    Descriptor {
-        name: name.into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        license: env!("CARGO_PKG_LICENSE").into(),
-        capabilities: Capabilities::of(capabilities),
-        options_schema: options_schema::<Options>(),
-        ..Descriptor::new(kind, id, about)
-    }
-}
+use fleetyard_abi::Status;
+use fleetyard_abi::sdk::Failure;
 
 fn invalid(reason: impl Into<String>) -> Failure {
     Failure::new(Status::InvalidInput, reason)

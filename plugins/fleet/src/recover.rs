@@ -21,11 +21,11 @@ mod wait;
 
 use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, Environment, Instance, Kind, Motion, Plan, PlanRef,
-    SharedEnvironment, Status,
+    Budget, Capability, Descriptor, Instance, Kind, Motion, Plan, PlanRef, SharedEnvironment,
+    Status,
 };
 use fleetyard_plugin_spacetime::graph::{Vertex, direction};
-use fleetyard_plugin_spacetime::plugin::Call;
+use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 
@@ -35,8 +35,8 @@ pub use pibt::Pibt;
 pub use rules::RuleBased;
 pub use wait::AllWait;
 
-use crate::ground::Ground;
-use crate::{described, invalid};
+use crate::ground::{Ground, Learn};
+use crate::invalid;
 
 /// A way to get the fleet moving; the type is that of its options.
 pub trait Recovery: DeserializeOwned + JsonSchema + Send + 'static {
@@ -47,15 +47,12 @@ pub trait Recovery: DeserializeOwned + JsonSchema + Send + 'static {
     /// Capabilities besides those that all policies have.
     const EXTRA: &'static [Capability] = &[];
     /// The map as the policy knows it, kept between calls.
-    type Map: Send;
+    type Map: Learn;
 
     /// The reason why the options are refused, beyond what their schema says.
     fn check(&self) -> Result<(), String> {
         Ok(())
     }
-
-    /// Learns a map.
-    fn learn(&self, environment: &Environment) -> Result<Self::Map, Failure>;
 
     /// Submits paths that do not collide; `failed` is what the planner left.
     fn recover(
@@ -73,7 +70,7 @@ pub struct Policy<R>(R);
 
 impl<R: Recovery> Plugin for Policy<R> {
     fn descriptor() -> Descriptor {
-        let common = [
+        let common = &[
             Capability::Grid,
             Capability::Pebble,
             Capability::Rotation,
@@ -81,16 +78,11 @@ impl<R: Recovery> Plugin for Policy<R> {
             Capability::DuplicateGoals,
             Capability::Deterministic,
         ];
-        let all: Vec<_> = common.iter().chain(R::EXTRA).copied().collect();
-        described::<R>(Kind::FailPolicy, R::NAMES, R::ABOUT, &all)
+        described::<R>(Kind::FailPolicy, R::NAMES, R::ABOUT, [common, R::EXTRA])
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
-        let recovery: R = options.parse()?;
-        recovery
-            .check()
-            .map_err(|reason| invalid(format!("options: {reason}")))?;
-        Ok(Self(recovery))
+        parse(options, R::check).map(Self)
     }
 }
 
@@ -103,7 +95,7 @@ impl<R: Recovery> FailPolicy for Policy<R> {
         _: &Budget,
         _: &dyn Sink,
     ) -> Result<R::Map, Failure> {
-        self.0.learn(environment)
+        R::Map::learn(environment)
     }
 
     fn recover(

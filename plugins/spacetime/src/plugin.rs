@@ -5,8 +5,8 @@
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridEnvironment, Instance, Kind, PlanRef,
-    SharedEnvironment, Status, monotonic_ns,
+    Budget, Capabilities, Capability, Descriptor, Environment, GridEnvironment, Instance, Kind,
+    PlanRef, SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -50,24 +50,13 @@ pub struct Team<M>(M);
 
 impl<M: Method> Plugin for Team<M> {
     fn descriptor() -> Descriptor {
-        let common = [Capability::Grid, Capability::Deterministic];
-        let all: Vec<_> = common.iter().chain(M::CAPABILITIES).copied().collect();
-        Descriptor {
-            name: M::NAME.into(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            license: env!("CARGO_PKG_LICENSE").into(),
-            capabilities: Capabilities::of(&all),
-            options_schema: options_schema::<M>(),
-            ..Descriptor::new(Kind::Planner, M::ID, M::ABOUT)
-        }
+        let common = &[Capability::Grid, Capability::Deterministic];
+        let names = (M::ID, M::NAME);
+        described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
-        let method: M = options.parse()?;
-        method
-            .check()
-            .map_err(|reason| Failure::new(Status::InvalidInput, format!("options: {reason}")))?;
-        Ok(Self(method))
+        parse(options, M::check).map(Self)
     }
 }
 
@@ -80,13 +69,7 @@ impl<M: Method> Planner for Team<M> {
         budget: &Budget,
         _: &dyn Sink,
     ) -> Result<M::Map, Failure> {
-        let other = || {
-            Failure::new(
-                Status::Unsupported,
-                "maps other than grids are not supported",
-            )
-        };
-        self.0.learn(environment.grid().ok_or_else(other)?, budget)
+        self.0.learn(grid_of(environment)?, budget)
     }
 
     fn plan(
@@ -98,6 +81,42 @@ impl<M: Method> Planner for Team<M> {
     ) -> Result<(), Failure> {
         self.0.solve(map, instance, &Call::new(budget, sink))
     }
+}
+
+/// A descriptor of a plugin that comes with the host.
+pub fn described<O: JsonSchema>(
+    kind: Kind,
+    (id, name): (&str, &str),
+    about: &str,
+    capabilities: [&[Capability]; 2],
+) -> Descriptor {
+    Descriptor {
+        name: name.into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        license: env!("CARGO_PKG_LICENSE").into(),
+        capabilities: Capabilities::of(&capabilities.concat()),
+        options_schema: options_schema::<O>(),
+        ..Descriptor::new(kind, id, about)
+    }
+}
+
+/// The options of a plugin. `check` says what is wrong with them, beyond what their schema
+/// says.
+pub fn parse<O: DeserializeOwned>(
+    options: Options<'_>,
+    check: impl FnOnce(&O) -> Result<(), String>,
+) -> Result<O, Failure> {
+    let options = options.parse()?;
+    let invalid = |reason| Failure::new(Status::InvalidInput, format!("options: {reason}"));
+    check(&options).map_err(invalid)?;
+    Ok(options)
+}
+
+/// The grid of an environment, which has to be one.
+pub fn grid_of(environment: &Environment) -> Result<&GridEnvironment, Failure> {
+    let other = "maps other than grids are not supported";
+    let unsupported = || Failure::new(Status::Unsupported, other);
+    environment.grid().ok_or_else(unsupported)
 }
 
 /// A call of a planner: the budget it has, and the host that listens.

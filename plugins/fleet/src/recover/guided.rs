@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Environment, Goals, Instance, PlanRef};
+use fleetyard_abi::{Goals, Instance, PlanRef};
 use fleetyard_plugin_mapf::lifelong::{Place, Ranking};
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::plugin::Call;
@@ -36,10 +36,6 @@ impl Recovery for GuidedOptions {
 
     fn check(&self) -> Result<(), String> {
         self.0.faults()
-    }
-
-    fn learn(&self, environment: &Environment) -> Result<SteppedMap, Failure> {
-        SteppedMap::learn(environment)
     }
 
     fn recover(

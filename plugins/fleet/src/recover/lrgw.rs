@@ -8,7 +8,7 @@
 //! multi-agent path finding: models and algorithms", ICAPS 2024.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Environment, Instance, PlanRef};
+use fleetyard_abi::{Instance, PlanRef};
 use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,10 +31,6 @@ impl Recovery for LrgwOptions {
          them pass (Li, Tinka, Kiesel, Durham, Kumar, Koenig, AAAI 2021; Zhang, Chen, Harabor, Le \
          Bodic, Stuckey, ICAPS 2024). Who has no path waits.";
     type Map = Ground;
-
-    fn learn(&self, environment: &Environment) -> Result<Ground, Failure> {
-        Ground::learn(environment)
-    }
 
     fn recover(
         &self,

@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Policy, Problem, Recovery, convoy};
-use crate::ground::Ground;
+use crate::ground::{Ground, Learn};
 
 /// Tables of ways to goals that are kept from call to call.
 const TABLE_BYTES: u64 = 256 << 20;
@@ -100,8 +100,8 @@ pub struct SteppedMap {
     planner: Lifelong,
 }
 
-impl SteppedMap {
-    pub(super) fn learn(environment: &Environment) -> Result<Self, Failure> {
+impl Learn for SteppedMap {
+    fn learn(environment: &Environment) -> Result<Self, Failure> {
         let ground = Ground::learn(environment)?;
         let planner = Lifelong::new(Arc::clone(&ground.graph), TABLE_BYTES);
         Ok(Self { ground, planner })
@@ -142,10 +142,6 @@ impl Recovery for PibtOptions {
 
     fn check(&self) -> Result<(), String> {
         self.0.faults()
-    }
-
-    fn learn(&self, environment: &Environment) -> Result<SteppedMap, Failure> {
-        SteppedMap::learn(environment)
     }
 
     fn recover(

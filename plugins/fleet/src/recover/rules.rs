@@ -9,7 +9,7 @@
 use std::collections::VecDeque;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Environment, Instance, PlanRef};
+use fleetyard_abi::{Instance, PlanRef};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Vertex};
 use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
@@ -32,10 +32,6 @@ impl Recovery for RuleBasedOptions {
          at their starts, and make one move out of somebody's way if they can; if not, that one \
          waits too (Morag, Stern, Felner, SoCS 2023).";
     type Map = Ground;
-
-    fn learn(&self, environment: &Environment) -> Result<Ground, Failure> {
-        Ground::learn(environment)
-    }
 
     fn recover(
         &self,

@@ -4,7 +4,7 @@
 //! finding", SoCS 2023, compare better policies with it.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Capability, Environment, Instance, Plan, PlanRef};
+use fleetyard_abi::{Capability, Instance, Plan, PlanRef};
 use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,10 +24,6 @@ impl Recovery for AllWaitOptions {
     const ABOUT: &'static str = "Keeps everybody where it is until the planner is called again.";
     const EXTRA: &'static [Capability] = &[Capability::EightConnected];
     type Map = ();
-
-    fn learn(&self, _: &Environment) -> Result<(), Failure> {
-        Ok(())
-    }
 
     fn recover(
         &self,
