@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use fleetyard_core::Grid;
 
+use crate::element::{BOX, Element, Short, Svg, push_line};
 use crate::glyph;
 use crate::palette::{AGENTS, GROUND, HEAT, INK, OBSTACLE, ROADMAP};
-use crate::svg::escape;
 
 /// Pixels across, of map and curve alike.
 const WIDTH: f64 = 960.0;
@@ -22,6 +22,9 @@ const HIGHEST: f64 = 1600.0;
 
 /// Height of the curve.
 const CURVE: f64 = 220.0;
+
+/// Decimals of coordinates.
+const DECIMALS: usize = 1;
 
 /// Intervals in which goals are counted for the curve, at most.
 const INTERVALS: usize = 60;
@@ -53,20 +56,15 @@ impl FleetPicture<'_> {
         let scale_top = PAD + map_height + 14.0;
         let curve_top = scale_top + 62.0;
         let height = curve_top + CURVE + 46.0;
-        let mut out = String::new();
-        let _ = write!(
-            out,
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" \
-             viewBox=\"0 0 {WIDTH} {height}\">\n<title>{}</title>\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-            escape(&self.title),
-            height = Short(height),
-        );
-        self.map(&mut out, side);
-        self.scale(&mut out, scale_top);
-        self.curve(&mut out, curve_top);
-        out.push_str("</svg>\n");
-        out
+        let sides = [WIDTH, height].map(short);
+        let mut svg = Svg::default();
+        svg.root([&sides[0], &sides[1]], sides).open();
+        svg.element("title").words(&self.title);
+        svg.ground();
+        self.map(&mut svg, side);
+        self.scale(&mut svg, scale_top);
+        self.curve(&mut svg, curve_top);
+        svg.finish()
     }
 
     fn longest_s(&self) -> f64 {
@@ -74,7 +72,7 @@ impl FleetPicture<'_> {
         finite.fold(0.0, |most, value| most.max(*value))
     }
 
-    fn map(&self, out: &mut String, side: f64) {
+    fn map(&self, svg: &mut Svg, side: f64) {
         let cols = self.grid.cols() as usize;
         let left = (WIDTH - side * cols as f64) / 2.0;
         let longest = self.longest_s();
@@ -99,43 +97,48 @@ impl FleetPicture<'_> {
                 col += run.len();
             }
         }
-        let _ = writeln!(
-            out,
-            "<g transform=\"translate({} {}) scale({})\" shape-rendering=\"crispEdges\">\n\
-             <rect width=\"{cols}\" height=\"{}\" fill=\"{GROUND}\"/>",
-            Short(left),
-            Short(PAD),
-            Fine(side),
-            self.grid.rows()
-        );
+        let (x, y, scale) = (short(left), short(PAD), Short(side, 4));
+        svg.element("g")
+            .with(
+                "transform",
+                format_args!("translate({x} {y}) scale({scale})"),
+            )
+            .with("shape-rendering", "crispEdges")
+            .open();
+        svg.element("rect")
+            .with("width", cols)
+            .with("height", self.grid.rows())
+            .with("fill", GROUND)
+            .end();
         for (path, color) in paths.iter().zip(HEAT.iter().chain([&OBSTACLE])) {
             if !path.is_empty() {
-                let _ = writeln!(out, "<path fill=\"{color}\" d=\"{path}\"/>");
+                svg.element("path")
+                    .with("fill", color)
+                    .with("d", path)
+                    .end();
             }
         }
-        out.push_str("</g>\n");
+        svg.close("g");
         frame(
-            out,
+            svg,
             [left, PAD],
             [side * cols as f64, side * f64::from(self.grid.rows())],
         );
     }
 
     /// The colours and what they stand for.
-    fn scale(&self, out: &mut String, top: f64) {
+    fn scale(&self, svg: &mut Svg, top: f64) {
         let longest = self.longest_s();
         let (left, width, height) = (PAD, 320.0, 12.0);
         let step = width / HEAT.len() as f64;
         for (at, color) in HEAT.iter().enumerate() {
-            let _ = writeln!(
-                out,
-                "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{height}\" fill=\"{color}\"/>",
-                Short(left + at as f64 * step),
-                Short(top),
-                Short(step)
-            );
+            let sides = [left + at as f64 * step, top, step, height];
+            svg.element("rect")
+                .numbers(BOX, sides.map(short))
+                .with("fill", color)
+                .end();
         }
-        frame(out, [left, top], [width, height]);
+        frame(svg, [left, top], [width, height]);
         let mut lines = Vec::new();
         let base = top + height + 5.0;
         for quarter in 0..5 {
@@ -147,7 +150,7 @@ impl FleetPicture<'_> {
         }
         let text = "seconds that robots stood still in a cell";
         lines.extend(glyph::lines(text, left + width + 24.0, top + 1.0, LETTER));
-        strokes(out, &lines, INK, 1.1);
+        strokes(svg, &lines, INK, 1.1);
     }
 
     /// Goals per second in equal intervals of the run.
@@ -170,7 +173,7 @@ impl FleetPicture<'_> {
             .collect()
     }
 
-    fn curve(&self, out: &mut String, top: f64) {
+    fn curve(&self, svg: &mut Svg, top: f64) {
         let points = self.throughput();
         let end = self.goals.last().map_or(1.0, |[end, _]| end.max(1e-9));
         let most = points
@@ -188,9 +191,9 @@ impl FleetPicture<'_> {
             let _ = write!(
                 rules,
                 "M{} {}H{}",
-                Short(left),
-                Short(y(rate)),
-                Short(right)
+                short(left),
+                short(y(rate)),
+                short(right)
             );
             let label = short_number(rate);
             let at = left - 6.0 - glyph::width(&label, LETTER);
@@ -198,15 +201,12 @@ impl FleetPicture<'_> {
         }
         for tick in 0..=(end / x_step + 1e-9).floor() as u32 {
             let time = f64::from(tick) * x_step;
-            let _ = write!(rules, "M{} {}v5", Short(x(time)), Short(bottom));
+            let _ = write!(rules, "M{} {}v5", short(x(time)), short(bottom));
             let label = short_number(time);
             let at = x(time) - glyph::width(&label, LETTER) / 2.0;
             text.extend(glyph::lines(&label, at, bottom + 9.0, LETTER));
         }
-        let _ = writeln!(
-            out,
-            "<path fill=\"none\" stroke=\"{ROADMAP}\" d=\"{rules}\"/>"
-        );
+        path(svg, ROADMAP).with("d", rules).end();
         text.extend(glyph::lines("goals per second", left, top - 20.0, LETTER));
         let unit = "simulated seconds";
         let at = right - glyph::width(unit, LETTER);
@@ -218,48 +218,43 @@ impl FleetPicture<'_> {
             .filter(|pair| pair[1][1] > pair[0][1]);
         let mut marks = String::new();
         for pair in calls {
-            let _ = write!(marks, "M{} {}v-8", Short(x(pair[1][0])), Short(bottom));
+            let _ = write!(marks, "M{} {}v-8", short(x(pair[1][0])), short(bottom));
         }
         let [line, mark] = [AGENTS[0], AGENTS[1]];
         if !marks.is_empty() {
-            let _ = writeln!(
-                out,
-                "<path fill=\"none\" stroke=\"{mark}\" stroke-width=\"1.5\" d=\"{marks}\">\
-                 <title>calls of the fail policy</title></path>"
-            );
             let note = "calls of the fail policy";
+            path(svg, mark)
+                .with("stroke-width", 1.5)
+                .with("d", marks)
+                .titled(note);
             let at = left + glyph::width("goals per second", LETTER) + 40.0;
-            let _ = writeln!(
-                out,
-                "<path fill=\"none\" stroke=\"{mark}\" stroke-width=\"1.5\" d=\"M{} {}v-8\"/>",
-                Short(at),
-                Short(top - 11.0)
-            );
+            let sample = format!("M{} {}v-8", short(at), short(top - 11.0));
+            path(svg, mark)
+                .with("stroke-width", 1.5)
+                .with("d", sample)
+                .end();
             text.extend(glyph::lines(note, at + 8.0, top - 20.0, LETTER));
         }
         let mean = self.goals.last().map_or(0.0, |[_, goals]| goals / end);
-        let _ = writeln!(
-            out,
-            "<path fill=\"none\" stroke=\"{line}\" stroke-dasharray=\"6 4\" d=\"M{} {}H{}\">\
-             <title>mean: {} goals per second</title></path>",
-            Short(left),
-            Short(y(mean)),
-            Short(right),
-            Fine(mean),
-        );
+        let level = format!("M{} {}H{}", short(left), short(y(mean)), short(right));
+        path(svg, line)
+            .with("stroke-dasharray", "6 4")
+            .with("d", level)
+            .titled(&format!("mean: {} goals per second", Short(mean, 4)));
         let mut data = String::new();
-        for (at, [time, rate]) in points.iter().enumerate() {
-            let letter = if at == 0 { 'M' } else { 'L' };
-            let _ = write!(data, "{letter}{} {}", Short(x(*time)), Short(y(*rate)));
-        }
+        push_line(
+            &mut data,
+            points.iter().map(|[time, rate]| [x(*time), y(*rate)]),
+            DECIMALS,
+        );
         if !data.is_empty() {
-            let _ = writeln!(
-                out,
-                "<path fill=\"none\" stroke=\"{line}\" stroke-width=\"2\" \
-                 stroke-linejoin=\"round\" d=\"{data}\"/>"
-            );
+            path(svg, line)
+                .with("stroke-width", 2)
+                .with("stroke-linejoin", "round")
+                .with("d", data)
+                .end();
         }
-        strokes(out, &text, INK, 1.1);
+        strokes(svg, &text, INK, 1.1);
     }
 }
 
@@ -269,30 +264,31 @@ fn level(share: f64) -> usize {
     ((share.sqrt() * colors as f64).ceil() as usize).clamp(1, colors) - 1
 }
 
-fn frame(out: &mut String, [x, y]: [f64; 2], [width, height]: [f64; 2]) {
-    let _ = writeln!(
-        out,
-        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"{ROADMAP}\"/>",
-        Short(x),
-        Short(y),
-        Short(width),
-        Short(height)
-    );
+fn frame(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2]) {
+    svg.element("rect")
+        .numbers(BOX, [x, y, width, height].map(short))
+        .with("fill", "none")
+        .with("stroke", ROADMAP)
+        .end();
 }
 
-fn strokes(out: &mut String, lines: &[Vec<[f64; 2]>], color: &str, width: f64) {
+/// A line without ground.
+fn path<'a>(svg: &'a mut Svg, color: &str) -> Element<'a> {
+    svg.element("path")
+        .with("fill", "none")
+        .with("stroke", color)
+}
+
+fn strokes(svg: &mut Svg, lines: &[Vec<[f64; 2]>], color: &str, width: f64) {
     let mut data = String::new();
     for line in lines {
-        for (at, [x, y]) in line.iter().enumerate() {
-            let letter = if at == 0 { 'M' } else { 'L' };
-            let _ = write!(data, "{letter}{} {}", Short(*x), Short(*y));
-        }
+        push_line(&mut data, line.iter().copied(), DECIMALS);
     }
-    let _ = writeln!(
-        out,
-        "<path fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\" \
-         stroke-linejoin=\"round\" d=\"{data}\"/>"
-    );
+    path(svg, color)
+        .with("stroke-width", width)
+        .with("stroke-linejoin", "round")
+        .with("d", data)
+        .end();
 }
 
 /// The smallest of 1, 2 and 5 times a power of ten that is not below a number.
@@ -315,31 +311,10 @@ fn short_number(value: f64) -> String {
         size if size >= 10.0 => 1,
         _ => 2,
     };
-    trimmed(format!("{value:.decimals$}"))
-}
-
-fn trimmed(text: String) -> String {
-    if !text.contains('.') {
-        return text;
-    }
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0" } else { text }.to_owned()
+    Short(value, decimals).to_string()
 }
 
 /// A coordinate in tenths of a pixel.
-struct Short(f64);
-
-impl std::fmt::Display for Short {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&trimmed(format!("{:.1}", self.0)))
-    }
-}
-
-/// A number in ten thousandths.
-struct Fine(f64);
-
-impl std::fmt::Display for Fine {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&trimmed(format!("{:.4}", self.0)))
-    }
+fn short(value: f64) -> Short {
+    Short(value, DECIMALS)
 }

@@ -13,12 +13,13 @@ use serde::Serialize;
 
 use crate::ViewError;
 use crate::palette::AGENTS;
-use crate::svg::{escape, reach_m};
+use crate::shell::{Shell, embedded};
+use crate::svg::reach_m;
 use crate::track::{Quanta, Track, base64};
 use crate::work::{Work, WorkMeta};
 use crate::world::{Cells, World, floor_exponent};
 
-const PAGE: &str = include_str!("replay.html");
+const BODY: &str = include_str!("replay.html");
 const STYLE: &str = include_str!("replay.css");
 const SCRIPT: &str = include_str!("replay.js");
 
@@ -396,16 +397,12 @@ impl Page {
         for track in std::mem::take(&mut self.tracks) {
             knots += track.write(&mut bytes);
         }
-        let meta = self.meta(knots, last_tick, incomplete);
-        let failed = |error: serde_json::Error| {
+        let meta = embedded(&self.meta(knots, last_tick, incomplete)).map_err(|error| {
             ViewError::new(
                 format!("the page cannot be written: {error}"),
                 "its numbers must be finite",
             )
-        };
-        // No `<` may end the element that holds it.
-        let meta = serde_json::to_string(&meta).map_err(failed)?;
-        let meta = meta.replace('<', "\\u003c");
+        })?;
         let size = meta.len() + bytes.len().div_ceil(3) * 4;
         if size > MAX_BYTES {
             return Err(ViewError::new(
@@ -413,27 +410,13 @@ impl Page {
                 "give a lower --rate or fewer --agents",
             ));
         }
-        let title = escape(&self.recording.title);
-        let tracks = base64(&bytes);
-        let mut page = String::with_capacity(size + PAGE.len() + STYLE.len() + SCRIPT.len() + 1000);
-        let mut rest = PAGE;
-        while let Some((before, (name, after))) = rest
-            .split_once("{{")
-            .and_then(|(before, rest)| Some((before, rest.split_once("}}")?)))
-        {
-            page.push_str(before);
-            page.push_str(match name {
-                "title" => &title,
-                "style" => STYLE,
-                "script" => SCRIPT,
-                "meta" => &meta,
-                "tracks" => &tracks,
-                other => unreachable!("replay.html has no {other}"),
-            });
-            rest = after;
-        }
-        page.push_str(rest);
-        Ok(page)
+        let shell = Shell {
+            title: &self.recording.title,
+            style: STYLE,
+            script: &[SCRIPT],
+            body: BODY,
+        };
+        Ok(shell.page(&[("meta", &meta), ("tracks", &base64(&bytes))]))
     }
 
     fn meta(&self, knots: u64, last_tick: u64, incomplete: Option<&str>) -> Meta<'_> {

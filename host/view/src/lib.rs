@@ -10,24 +10,28 @@
 
 #![forbid(unsafe_code)]
 
+mod element;
 mod error;
 mod fleet;
 mod glyph;
 mod html;
 mod palette;
 mod png;
+mod shell;
 mod still;
 mod svg;
 mod track;
 mod work;
 mod world;
 
+pub use element::{BOX, Element, Short, Svg, escape, push_line};
 pub use error::ViewError;
 pub use fleet::FleetPicture;
 pub use fleetyard_sim::trace::Outline;
 pub use html::{Page, PageOptions, Recording};
 pub use png::{Difference, difference, png};
+pub use shell::{Shell, embedded};
 pub use still::Still;
-pub use svg::{Body, Picture, escape};
+pub use svg::{Body, Picture};
 pub use track::base64;
 pub use world::{Cells, World};

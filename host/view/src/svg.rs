@@ -3,9 +3,10 @@
 
 use std::fmt::Write as _;
 
-use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m, is_unseen};
+use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
 use fleetyard_sim::trace::Outline;
 
+use crate::element::{BOX, Element, Short, Svg};
 use crate::glyph;
 use crate::palette::{AGENTS, CONTACT, GROUND, INK, OBSTACLE, ROADMAP};
 use crate::world::{World, floor_exponent};
@@ -123,15 +124,14 @@ impl<'a> Picture<'a> {
         canvas.bodies(&self.bodies);
         canvas.contacts(&self.contacts);
         canvas.footer(self.time_s);
-        canvas.out.push_str("</svg>\n");
-        canvas.out
+        canvas.svg.finish()
     }
 }
 
 /// The document, and how the world lies on it: the map's upper left corner is the
 /// origin, y grows down.
 struct Canvas {
-    out: String,
+    svg: Svg,
     left_m: f64,
     top_m: f64,
     width_m: f64,
@@ -160,7 +160,7 @@ impl Canvas {
         let pixel_m = side / pixels;
         // A tenth of a pixel can be seen when one zooms in; a hundredth cannot.
         Self {
-            out: String::new(),
+            svg: Svg::default(),
             left_m: world.bounds.min[0],
             top_m: world.bounds.max[1],
             width_m,
@@ -172,14 +172,8 @@ impl Canvas {
         }
     }
 
-    fn number(&self, value: f64) -> String {
-        let text = format!("{value:.*}", self.decimals);
-        let text = if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.')
-        } else {
-            &text
-        };
-        if text == "-0" { "0" } else { text }.to_owned()
+    fn number(&self, value: f64) -> Short {
+        Short(value, self.decimals)
     }
 
     /// A point of the world on the document.
@@ -207,7 +201,7 @@ impl Canvas {
         let mut data = String::new();
         let mut last = [String::new(), String::new()];
         for (at, point) in corners.into_iter().enumerate() {
-            let [x, y] = point.map(|value| self.number(value));
+            let [x, y] = point.map(|value| self.number(value).to_string());
             let _ = match (at, x == last[0], y == last[1]) {
                 (0, ..) => write!(data, "M{x} {y}"),
                 (_, true, true) => Ok(()),
@@ -221,27 +215,16 @@ impl Canvas {
     }
 
     fn open(&mut self, world: &World) {
-        let height_m = self.height_m + self.footer_m;
-        let _ = writeln!(
-            self.out,
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" \
-             viewBox=\"0 0 {} {}\">",
-            self.width_m / self.pixel_m,
-            height_m / self.pixel_m,
-            self.number(self.width_m),
-            self.number(height_m),
-        );
-        let _ = writeln!(self.out, "<title>{}</title>", escape(&world.name));
-        let (width, height) = (self.number(self.width_m), self.number(height_m));
-        let _ = writeln!(
-            self.out,
-            "<rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>"
-        );
-        let (width, height) = (self.number(self.width_m), self.number(self.height_m));
-        let _ = writeln!(
-            self.out,
-            "<rect width=\"{width}\" height=\"{height}\" fill=\"{GROUND}\"/>"
-        );
+        let (width_m, height_m) = (self.width_m, self.height_m + self.footer_m);
+        let pixels = [width_m, height_m].map(|side| Short(side / self.pixel_m, 0));
+        let view = [width_m, height_m].map(|side| self.number(side));
+        self.svg.root([&pixels[0], &pixels[1]], view).open();
+        self.svg.element("title").words(&world.name);
+        for (height_m, color) in [(height_m, "#fff"), (self.height_m, GROUND)] {
+            let sides = [width_m, height_m].map(|side| self.number(side));
+            let ground = self.svg.element("rect").numbers(["width", "height"], sides);
+            ground.with("fill", color).end();
+        }
     }
 
     /// Draws the area between the edge of the world and the edge of the picture.
@@ -251,26 +234,36 @@ impl Canvas {
         }
         let (width, height) = (self.number(self.width_m), self.number(self.height_m));
         let edge = self.line(outline.iter().map(|corner| self.place(*corner)));
-        let _ = writeln!(
-            self.out,
-            "<path fill=\"{OBSTACLE}\" fill-rule=\"evenodd\" d=\"M0 0H{width}V{height}H0z{edge}z\"/>"
-        );
+        self.svg
+            .element("path")
+            .with("fill", OBSTACLE)
+            .with("fill-rule", "evenodd")
+            .with("d", format_args!("M0 0H{width}V{height}H0z{edge}z"))
+            .end();
+    }
+
+    /// A line of a color and width.
+    fn stroke(&mut self, color: &str, width: f64) -> Element<'_> {
+        let width = self.number(width);
+        self.svg
+            .element("path")
+            .with("fill", "none")
+            .with("stroke", color)
+            .with("stroke-width", width)
     }
 
     fn roadmap(&mut self, edges: &[[[f64; 2]; 2]]) {
         if edges.is_empty() {
             return;
         }
-        let width = self.number(1.2 * self.pixel_m);
         let lines = edges.iter().map(|edge| {
             let ends = edge.map(|end| self.place(end));
             self.line(ends)
         });
         let data: String = lines.collect();
-        let _ = writeln!(
-            self.out,
-            "<path fill=\"none\" stroke=\"{ROADMAP}\" stroke-width=\"{width}\" d=\"{data}\"/>"
-        );
+        self.stroke(ROADMAP, 1.2 * self.pixel_m)
+            .with("d", data)
+            .end();
     }
 
     fn obstacles(&mut self, world: &World) {
@@ -282,10 +275,11 @@ impl Canvas {
                 let _ = write!(data, "M{x} {y}h{width}v{height}h-{width}z");
             }
             // Without blur, so that no seams show between rectangles.
-            let _ = writeln!(
-                self.out,
-                "<path fill=\"{OBSTACLE}\" shape-rendering=\"crispEdges\" d=\"{data}\"/>"
-            );
+            let cells = self.svg.element("path").with("fill", OBSTACLE);
+            cells
+                .with("shape-rendering", "crispEdges")
+                .with("d", data)
+                .end();
         }
         if !world.polygons.is_empty() {
             let mut data = String::new();
@@ -293,24 +287,30 @@ impl Canvas {
                 data += &self.line(polygon.iter().map(|corner| self.place(*corner)));
                 data.push('z');
             }
-            let _ = writeln!(self.out, "<path fill=\"{OBSTACLE}\" d=\"{data}\"/>");
+            let polygons = self.svg.element("path").with("fill", OBSTACLE);
+            polygons.with("d", data).end();
         }
     }
 
     /// Opens a group of each colour in turn and lets `each` draw the agents that
     /// have it.
-    fn by_color(&mut self, agents: usize, group: &str, mut each: impl FnMut(&mut Self, usize)) {
+    fn by_color(
+        &mut self,
+        agents: usize,
+        open: impl Fn(Element<'_>, &str),
+        mut each: impl FnMut(&mut Self, usize),
+    ) {
         for (first, color) in AGENTS.iter().enumerate().take(agents) {
-            let before = self.out.len();
-            let _ = writeln!(self.out, "<g {}>", group.replace("COLOR", color));
-            let opened = self.out.len();
+            let before = self.svg.text.len();
+            open(self.svg.element("g"), color);
+            let opened = self.svg.text.len();
             for agent in (first..agents).step_by(AGENTS.len()) {
                 each(self, agent);
             }
-            if self.out.len() == opened {
-                self.out.truncate(before);
+            if self.svg.text.len() == opened {
+                self.svg.text.truncate(before);
             } else {
-                self.out.push_str("</g>\n");
+                self.svg.close("g");
             }
         }
     }
@@ -324,29 +324,32 @@ impl Canvas {
         let opacity = (0.9 - 3.0 * agents as f64 / room).clamp(0.35, 0.85);
         let opacity = if faint { 0.5 * opacity } else { opacity };
         let width = self.number(0.16 * self.unit_m);
-        let group = format!(
-            "fill=\"none\" stroke=\"COLOR\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\" \
-             stroke-linejoin=\"round\" stroke-linecap=\"round\""
-        );
-        self.by_color(paths.len(), &group, |canvas, agent| {
+        let open = |group: Element<'_>, color: &str| {
+            group
+                .with("fill", "none")
+                .with("stroke", color)
+                .with("stroke-width", width)
+                .with("stroke-opacity", format_args!("{opacity:.2}"))
+                .with("stroke-linejoin", "round")
+                .with("stroke-linecap", "round")
+                .open();
+        };
+        self.by_color(paths.len(), open, |canvas, agent| {
             let data = canvas.line(paths[agent].iter().map(|point| canvas.place(*point)));
             if data.contains(['H', 'V', 'L']) {
-                let _ = writeln!(canvas.out, "<path d=\"{data}\"/>");
+                canvas.path(&data);
             }
         });
     }
 
     fn goals(&mut self, goals: &[Option<[f64; 2]>]) {
         let side = 0.56 * self.unit_m;
-        self.by_color(goals.len(), "fill=\"COLOR\"", |canvas, agent| {
+        let open = |group: Element<'_>, color: &str| group.with("fill", color).open();
+        self.by_color(goals.len(), open, |canvas, agent| {
             if let Some(goal) = goals[agent] {
-                let corner = canvas.place(goal).map(|middle| middle - side / 2.0);
-                let [x, y] = corner.map(|value| canvas.number(value));
-                let side = canvas.number(side);
-                let _ = writeln!(
-                    canvas.out,
-                    "<rect x=\"{x}\" y=\"{y}\" width=\"{side}\" height=\"{side}\"/>"
-                );
+                let [x, y] = canvas.place(goal).map(|middle| middle - side / 2.0);
+                let sides = [x, y, side, side].map(|value| canvas.number(value));
+                canvas.svg.element("rect").numbers(BOX, sides).end();
             }
         });
     }
@@ -354,20 +357,30 @@ impl Canvas {
     /// Above the goals, open in the middle: a start on another's goal shows both.
     fn starts(&mut self, paths: &[Vec<[f64; 2]>]) {
         let (radius, width) = (0.3 * self.unit_m, self.number(0.14 * self.unit_m));
-        let group = format!(
-            "fill=\"#fff\" fill-opacity=\"0.75\" stroke=\"COLOR\" stroke-width=\"{width}\""
-        );
-        self.by_color(paths.len(), &group, |canvas, agent| {
+        let open = |group: Element<'_>, color: &str| {
+            let ring = group.with("fill", "#fff").with("fill-opacity", 0.75);
+            ring.with("stroke", color)
+                .with("stroke-width", width)
+                .open();
+        };
+        self.by_color(paths.len(), open, |canvas, agent| {
             if let Some(start) = paths[agent].first() {
                 canvas.circle(*start, radius);
             }
         });
     }
 
+    fn path(&mut self, data: &str) {
+        self.svg.element("path").with("d", data).end();
+    }
+
     fn circle(&mut self, center: [f64; 2], radius: f64) {
-        let [x, y] = self.place(center).map(|value| self.number(value));
-        let radius = self.number(radius);
-        let _ = writeln!(self.out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>");
+        let [x, y] = self.place(center);
+        let numbers = [x, y, radius].map(|value| self.number(value));
+        self.svg
+            .element("circle")
+            .numbers(["cx", "cy", "r"], numbers)
+            .end();
     }
 
     fn bodies(&mut self, bodies: &[Body]) {
@@ -375,12 +388,12 @@ impl Canvas {
             .iter()
             .all(|body| reach_m(&body.outline) > 4.0 * self.pixel_m);
         // Small bodies are dots; an outline would swallow them.
-        let edge = if large { 1.2 * self.pixel_m } else { 0.0 };
-        let group = format!(
-            "fill=\"COLOR\" stroke=\"{INK}\" stroke-width=\"{}\"",
-            self.number(edge)
-        );
-        self.by_color(bodies.len(), &group, |canvas, agent| {
+        let edge = self.number(if large { 1.2 * self.pixel_m } else { 0.0 });
+        let open = |group: Element<'_>, color: &str| {
+            let ground = group.with("fill", color).with("stroke", INK);
+            ground.with("stroke-width", edge).open();
+        };
+        self.by_color(bodies.len(), open, |canvas, agent| {
             let body = &bodies[agent];
             match &body.outline {
                 Outline::Disc { radius_m } => {
@@ -393,7 +406,7 @@ impl Canvas {
                         .iter()
                         .map(|[a, b]| canvas.place([x + a * cos - b * sin, y + a * sin + b * cos]));
                     let data = canvas.line(corners);
-                    let _ = writeln!(canvas.out, "<path d=\"{data}z\"/>");
+                    canvas.path(&(data + "z"));
                 }
             }
         });
@@ -406,11 +419,7 @@ impl Canvas {
             });
             let data: String = noses.collect();
             if !data.is_empty() {
-                let width = self.number(1.6 * self.pixel_m);
-                let _ = writeln!(
-                    self.out,
-                    "<path fill=\"none\" stroke=\"{INK}\" stroke-width=\"{width}\" d=\"{data}\"/>"
-                );
+                self.stroke(INK, 1.6 * self.pixel_m).with("d", data).end();
             }
         }
     }
@@ -424,18 +433,19 @@ impl Canvas {
         let arm = radius * 0.45;
         for (color, width) in [("#fff", 5.0), (CONTACT, 2.4)] {
             let width = self.number(width * self.pixel_m);
-            let _ = writeln!(
-                self.out,
-                "<g fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\">"
-            );
+            let group = self.svg.element("g").with("fill", "none");
+            group
+                .with("stroke", color)
+                .with("stroke-width", width)
+                .open();
             for place in contacts {
                 self.circle(*place, radius);
                 let [x, y] = self.place(*place);
                 let cross = self.line([[x - arm, y - arm], [x + arm, y + arm]])
                     + &self.line([[x - arm, y + arm], [x + arm, y - arm]]);
-                let _ = writeln!(self.out, "<path d=\"{cross}\"/>");
+                self.path(&cross);
             }
-            self.out.push_str("</g>\n");
+            self.svg.close("g");
         }
     }
 
@@ -463,12 +473,10 @@ impl Canvas {
             lines.extend(glyph::lines(&text, left, letters_top, size));
         }
         let data: String = lines.into_iter().map(|line| self.line(line)).collect();
-        let (description, width) = (format!("scale: {text}"), self.number(1.5 * pixel));
-        let _ = writeln!(
-            self.out,
-            "<path fill=\"none\" stroke=\"{INK}\" stroke-width=\"{width}\" \
-             stroke-linejoin=\"round\" d=\"{data}\"><title>{description}</title></path>"
-        );
+        self.stroke(INK, 1.5 * pixel)
+            .with("stroke-linejoin", "round")
+            .with("d", data)
+            .titled(&format!("scale: {text}"));
     }
 }
 
@@ -479,23 +487,4 @@ fn round_length(most: f64) -> f64 {
         .into_iter()
         .find(|digit| digit * power <= most);
     digit.unwrap_or(1.0) * power
-}
-
-/// Text for XML and HTML, in elements and in quoted attributes.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            // Neither XML nor HTML can hold control characters in any form, and nobody is to
-            // read other text than there is.
-            c if is_unseen(c) && !matches!(c, '\n' | '\t') => out.push('\u{fffd}'),
-            '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-    }
-    out
 }

@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use fleetyard_view::escape;
+use fleetyard_view::{Shell, embedded, escape};
 use serde::Serialize;
 
 use super::Report;
@@ -20,7 +20,7 @@ use crate::evaluate::{
 };
 use crate::{COLUMNS, ColumnType, Places, Row};
 
-const PAGE: &str = include_str!("page/page.html");
+const BODY: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 
 /// The script, which is one function around all of these.
@@ -192,37 +192,21 @@ pub(super) fn html(report: &Report<'_>) -> String {
         planners,
     };
     // Numbers are finite and keys are text: there is nothing that JSON cannot hold.
-    let data = serde_json::to_string(&data).expect("the data can be written as JSON");
-    // No `<` may end the element that holds it.
-    let data = data.replace('<', "\\u003c");
-    let title = escape(&report.subject.title);
-    let script = SCRIPT.concat();
-    let (story, methods, origin) = (story(report), list(&methods()), origin(report));
-    let (stability, standings) = (stability(report), standings(report));
-    let mut page =
-        String::with_capacity(data.len() + PAGE.len() + STYLE.len() + script.len() + 4096);
-    let mut rest = PAGE;
-    while let Some((before, (name, after))) = rest
-        .split_once("{{")
-        .and_then(|(before, rest)| Some((before, rest.split_once("}}")?)))
-    {
-        page.push_str(before);
-        page.push_str(match name {
-            "title" => &title,
-            "style" => STYLE,
-            "script" => &script,
-            "data" => &data,
-            "story" => &story,
-            "methods" => &methods,
-            "stability" => &stability,
-            "standings" => &standings,
-            "origin" => &origin,
-            other => unreachable!("page.html has no {other}"),
-        });
-        rest = after;
-    }
-    page.push_str(rest);
-    page
+    let data = embedded(&data).expect("the data can be written as JSON");
+    let shell = Shell {
+        title: &report.subject.title,
+        style: STYLE,
+        script: &SCRIPT,
+        body: BODY,
+    };
+    shell.page(&[
+        ("data", &data),
+        ("story", &story(report)),
+        ("methods", &list(&methods())),
+        ("stability", &stability(report)),
+        ("standings", &standings(report)),
+        ("origin", &origin(report)),
+    ])
 }
 
 fn story(report: &Report<'_>) -> String {

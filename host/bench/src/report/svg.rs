@@ -1,9 +1,9 @@
 //! Figures as SVG for papers: light ground, text as text, and as wide as one or two
 //! columns of a page.
 
-use std::fmt::Write as _;
+use std::fmt::{Display, Write as _};
 
-use fleetyard_view::escape;
+use fleetyard_view::{BOX, Element, Short, Svg, push_line};
 
 use super::figure::{Axis, Figure, Marks, Scale, Series};
 use super::format::tick;
@@ -26,16 +26,13 @@ const GRID: &str = "#e4e1d8";
 const FONT: f64 = 7.5;
 const LETTER: f64 = 4.0;
 
-/// A number with as many decimals as a drawing needs.
-struct Short(f64);
-
-impl std::fmt::Display for Short {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let text = format!("{:.2}", self.0);
-        let text = text.trim_end_matches('0').trim_end_matches('.');
-        f.write_str(if text == "-0" { "0" } else { text })
-    }
+/// A coordinate.
+fn short(value: f64) -> Short {
+    Short(value, 2)
 }
+
+/// Attributes that an element has besides.
+type More<'a> = &'a [(&'a str, &'a dyn Display)];
 
 /// The figure as a document.
 pub fn svg(figure: &Figure) -> String {
@@ -61,7 +58,7 @@ pub fn svg(figure: &Figure) -> String {
     let legend = if has_legend {
         legend(&figure.series, left, right, bottom + 38.0)
     } else {
-        (String::new(), bottom + 30.0)
+        (Svg::default(), bottom + 30.0)
     };
     let [xs, ys] = figure.values();
     let frame = Frame {
@@ -74,27 +71,23 @@ pub fn svg(figure: &Figure) -> String {
         down: names.is_some(),
     };
     let total = legend.1 + 4.0;
-    let mut out = String::new();
-    let _ = write!(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}mm\" height=\"{}mm\" \
-         viewBox=\"0 0 {} {}\" font-family=\"Helvetica, Arial, sans-serif\" font-size=\"{FONT}\" \
-         fill=\"none\" stroke-linejoin=\"round\">\n<title>{}</title>\n<desc>{}</desc>\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-        Short(width / MM),
-        Short(total / MM),
-        Short(width),
-        Short(total),
-        escape(&figure.title),
-        escape(&figure.caption),
-    );
-    frame.ground(&mut out, &figure.x, &figure.y, figure.diagonal);
+    let mut svg = Svg::default();
+    let size = [width, total].map(|side| format!("{}mm", short(side / MM)));
+    svg.root([&size[0], &size[1]], [width, total].map(short))
+        .with("font-family", "Helvetica, Arial, sans-serif")
+        .with("font-size", FONT)
+        .with("fill", "none")
+        .with("stroke-linejoin", "round")
+        .open();
+    svg.element("title").words(&figure.title);
+    svg.element("desc").words(&figure.caption);
+    svg.ground();
+    frame.ground(&mut svg, &figure.x, &figure.y, figure.diagonal);
     for series in &figure.series {
-        frame.series(&mut out, series);
+        frame.series(&mut svg, series);
     }
-    out.push_str(&legend.0);
-    out.push_str("</svg>\n");
-    out
+    svg.append(&legend.0);
+    svg.finish()
 }
 
 struct Frame {
@@ -108,25 +101,21 @@ struct Frame {
     down: bool,
 }
 
-fn text(out: &mut String, at: [f64; 2], anchor: &str, color: &str, rest: &str, words: &str) {
-    let _ = writeln!(
-        out,
-        "<text x=\"{}\" y=\"{}\" text-anchor=\"{anchor}\" fill=\"{color}\"{rest}>{}</text>",
-        Short(at[0]),
-        Short(at[1]),
-        escape(words),
-    );
+fn text(svg: &mut Svg, at: [f64; 2], anchor: &str, color: &str, more: More<'_>, words: &str) {
+    svg.element("text")
+        .numbers(["x", "y"], at.map(short))
+        .with("text-anchor", anchor)
+        .with("fill", color)
+        .more(more)
+        .words(words);
 }
 
-fn line(out: &mut String, from: [f64; 2], to: [f64; 2], color: &str, rest: &str) {
-    let _ = writeln!(
-        out,
-        "<path d=\"M{} {}L{} {}\" stroke=\"{color}\"{rest}/>",
-        Short(from[0]),
-        Short(from[1]),
-        Short(to[0]),
-        Short(to[1]),
-    );
+fn line(svg: &mut Svg, from: [f64; 2], to: [f64; 2], color: &str, more: More<'_>) {
+    svg.element("path")
+        .with("d", path(&[from, to]))
+        .with("stroke", color)
+        .more(more)
+        .end();
 }
 
 /// No longer than `length` characters.
@@ -153,7 +142,7 @@ impl Frame {
         self.left + self.x.place(value)
     }
 
-    fn ground(&self, out: &mut String, x: &Axis, y: &Axis, diagonal: bool) {
+    fn ground(&self, svg: &mut Svg, x: &Axis, y: &Axis, diagonal: bool) {
         let Self {
             left,
             right,
@@ -161,62 +150,58 @@ impl Frame {
             bottom,
             ..
         } = *self;
-        let thin = " stroke-width=\"0.5\"";
+        let thin: More<'_> = &[("stroke-width", &0.5)];
         for value in &self.x.ticks {
             let at = self.x(*value);
-            line(out, [at, top], [at, bottom], GRID, thin);
+            line(svg, [at, top], [at, bottom], GRID, thin);
             text(
-                out,
+                svg,
                 [at, bottom + 10.0],
                 "middle",
                 SOFT,
-                "",
+                &[],
                 &tick(x.percent, *value),
             );
         }
         for value in &self.y.ticks {
             let at = bottom - self.y.place(*value);
-            line(out, [left, at], [right, at], GRID, thin);
+            line(svg, [left, at], [right, at], GRID, thin);
             text(
-                out,
+                svg,
                 [left - 4.0, at + 2.6],
                 "end",
                 SOFT,
-                "",
+                &[],
                 &tick(y.percent, *value),
             );
         }
         for (index, name) in y.names.iter().flatten().enumerate() {
             let at = self.at([1.0, index as f64])[1];
             let name = shortened(name, ((left - 6.0) / LETTER) as usize);
-            text(out, [left - 4.0, at + 2.6], "end", INK, "", &name);
+            text(svg, [left - 4.0, at + 2.6], "end", INK, &[], &name);
         }
-        line(out, [left, bottom], [right, bottom], SOFT, thin);
-        line(out, [left, top], [left, bottom], SOFT, thin);
+        line(svg, [left, bottom], [right, bottom], SOFT, thin);
+        line(svg, [left, top], [left, bottom], SOFT, thin);
         let middle = f64::midpoint(left, right);
-        text(out, [middle, bottom + 22.0], "middle", INK, "", &x.label);
+        text(svg, [middle, bottom + 22.0], "middle", INK, &[], &x.label);
         if !y.label.is_empty() {
             let middle = f64::midpoint(top, bottom);
-            let turned = format!(" transform=\"rotate(-90 9 {})\"", Short(middle));
-            text(out, [9.0, middle], "middle", INK, &turned, &y.label);
+            let turn = format!("rotate(-90 9 {})", short(middle));
+            let turned: More<'_> = &[("transform", &turn)];
+            text(svg, [9.0, middle], "middle", INK, turned, &y.label);
         }
         if diagonal {
             let [[x0, x1], [y0, y1]] = [self.x.ends(), self.y.ends()];
             let (low, high) = (x0.max(y0), x1.min(y1));
             if low < high {
-                let dashed = " stroke-width=\"0.7\" stroke-dasharray=\"3 3\"";
-                line(
-                    out,
-                    self.at([low, low]),
-                    self.at([high, high]),
-                    SOFT,
-                    dashed,
-                );
+                let dashed: More<'_> = &[("stroke-width", &0.7), ("stroke-dasharray", &"3 3")];
+                let [from, to] = [low, high].map(|value| self.at([value, value]));
+                line(svg, from, to, SOFT, dashed);
             }
         }
     }
 
-    fn series(&self, out: &mut String, series: &Series) {
+    fn series(&self, svg: &mut Svg, series: &Series) {
         let color = COLORS[series.slot % COLORS.len()];
         let dash = DASHES[series.slot / COLORS.len() % DASHES.len()];
         let place = |points: &[[f64; 2]]| -> Vec<[f64; 2]> {
@@ -225,27 +210,27 @@ impl Frame {
         match &series.marks {
             Marks::Curve { points, band } => {
                 if let Some(band) = band {
-                    self.band(out, points, band, color);
+                    self.band(svg, points, band, color);
                 }
                 let placed = place(points);
-                stroke(out, &path(&placed), color, dash);
+                stroke(svg, &path(&placed), color, dash);
                 if placed.len() <= 15 {
-                    marks(out, series.slot, &placed, 2.0, color, "");
+                    marks(svg, series.slot, &placed, 2.0, color, &[]);
                 }
             }
             Marks::Steps { points } => {
                 let mut d = String::new();
                 for (index, [x, y]) in place(points).into_iter().enumerate() {
                     let _ = match index {
-                        0 => write!(d, "M{} {}V{}", Short(x), Short(self.bottom), Short(y)),
-                        _ => write!(d, "H{}V{}", Short(x), Short(y)),
+                        0 => write!(d, "M{} {}V{}", short(x), short(self.bottom), short(y)),
+                        _ => write!(d, "H{}V{}", short(x), short(y)),
                     };
                 }
-                stroke(out, &d, color, dash);
+                stroke(svg, &d, color, dash);
             }
             Marks::Dots { points } => {
-                let faint = " fill-opacity=\"0.6\"";
-                marks(out, series.slot, &place(points), 1.4, color, faint);
+                let faint: More<'_> = &[("fill-opacity", &0.6)];
+                marks(svg, series.slot, &place(points), 1.4, color, faint);
             }
             Marks::Bar {
                 at,
@@ -256,21 +241,10 @@ impl Frame {
                 let y = self.at([1.0, *at as f64])[1];
                 let from = self.x(0.0).max(self.left);
                 let length = (self.x(*value) - from).max(0.5);
-                let _ = writeln!(
-                    out,
-                    "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"9\" fill=\"{color}\"/>",
-                    Short(from),
-                    Short(y - 4.5),
-                    Short(length),
-                );
+                bar(svg, [from, y], length, color).end();
                 if let Some([low, high]) = interval {
-                    line(
-                        out,
-                        [self.x(*low), y],
-                        [self.x(*high), y],
-                        INK,
-                        " stroke-width=\"0.9\"",
-                    );
+                    let [low, high] = [*low, *high].map(|end| [self.x(end), y]);
+                    line(svg, low, high, INK, &[("stroke-width", &0.9)]);
                 }
             }
             Marks::Box {
@@ -285,36 +259,29 @@ impl Frame {
             } => {
                 let y = self.at([1.0, *at as f64])[1];
                 for (from, to) in [(low, q1), (q3, high)] {
-                    line(
-                        out,
-                        [self.x(*from), y],
-                        [self.x(*to), y],
-                        color,
-                        " stroke-width=\"0.9\"",
-                    );
+                    let [from, to] = [*from, *to].map(|end| [self.x(end), y]);
+                    line(svg, from, to, color, &[("stroke-width", &0.9)]);
                 }
-                let _ = writeln!(
-                    out,
-                    "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"9\" fill=\"{color}\" \
-                     fill-opacity=\"0.25\" stroke=\"{color}\" stroke-width=\"0.8\"/>",
-                    Short(self.x(*q1)),
-                    Short(y - 4.5),
-                    Short((self.x(*q3) - self.x(*q1)).max(0.5)),
-                );
-                for (value, width) in [(low, "0.9"), (high, "0.9"), (median, "1.8")] {
+                let length = (self.x(*q3) - self.x(*q1)).max(0.5);
+                bar(svg, [self.x(*q1), y], length, color)
+                    .with("fill-opacity", 0.25)
+                    .with("stroke", color)
+                    .with("stroke-width", 0.8)
+                    .end();
+                for (value, width) in [(low, 0.9), (high, 0.9), (median, 1.8)] {
                     let x = self.x(*value);
-                    let rest = format!(" stroke-width=\"{width}\"");
-                    line(out, [x, y - 4.5], [x, y + 4.5], color, &rest);
+                    let [from, to] = [[x, y - 4.5], [x, y + 4.5]];
+                    line(svg, from, to, color, &[("stroke-width", &width)]);
                 }
                 let outliers: Vec<_> = outliers.iter().map(|value| [self.x(*value), y]).collect();
-                marks(out, 0, &outliers, 0.9, color, " fill-opacity=\"0.7\"");
-                let edged = format!(" stroke=\"{INK}\" stroke-width=\"0.7\"");
-                marks(out, 3, &[[self.x(*mean), y]], 2.4, "#fff", &edged);
+                marks(svg, 0, &outliers, 0.9, color, &[("fill-opacity", &0.7)]);
+                let edged: More<'_> = &[("stroke", &INK), ("stroke-width", &0.7)];
+                marks(svg, 3, &[[self.x(*mean), y]], 2.4, "#fff", edged);
             }
         }
     }
 
-    fn band(&self, out: &mut String, points: &[[f64; 2]], band: &[[f64; 2]], color: &str) {
+    fn band(&self, svg: &mut Svg, points: &[[f64; 2]], band: &[[f64; 2]], color: &str) {
         let edge = |end: usize| {
             let ends = points.iter().zip(band);
             ends.map(move |(point, band)| {
@@ -324,101 +291,103 @@ impl Frame {
         };
         let (low, high): (Vec<_>, Vec<_>) = (edge(0).collect(), edge(1).collect());
         if let ([low], [high]) = (&low[..], &high[..]) {
-            return line(out, *low, *high, color, " stroke-width=\"0.9\"");
+            return line(svg, *low, *high, color, &[("stroke-width", &0.9)]);
         }
         let around: Vec<_> = high.into_iter().chain(low.into_iter().rev()).collect();
-        let d = path(&around);
-        let _ = writeln!(
-            out,
-            "<path d=\"{d}z\" fill=\"{color}\" fill-opacity=\"0.14\"/>"
-        );
+        svg.element("path")
+            .with("d", path(&around) + "z")
+            .with("fill", color)
+            .with("fill-opacity", 0.14)
+            .end();
     }
+}
+
+/// A bar as high as letters, with a middle line from a place on.
+fn bar<'a>(svg: &'a mut Svg, [x, y]: [f64; 2], length: f64, color: &str) -> Element<'a> {
+    svg.element("rect")
+        .numbers(BOX, [x, y - 4.5, length, 9.0].map(short))
+        .with("fill", color)
 }
 
 fn path(points: &[[f64; 2]]) -> String {
     let mut d = String::new();
-    for (index, [x, y]) in points.iter().enumerate() {
-        let _ = write!(
-            d,
-            "{}{} {}",
-            if index == 0 { 'M' } else { 'L' },
-            Short(*x),
-            Short(*y)
-        );
-    }
+    push_line(&mut d, points.iter().copied(), 2);
     d
 }
 
-fn stroke(out: &mut String, d: &str, color: &str, dash: &str) {
+fn stroke(svg: &mut Svg, d: &str, color: &str, dash: &str) {
     if d.is_empty() {
         return;
     }
-    let _ = write!(
-        out,
-        "<path d=\"{d}\" stroke=\"{color}\" stroke-width=\"1.3\""
-    );
-    if !dash.is_empty() {
-        let _ = write!(out, " stroke-dasharray=\"{dash}\"");
-    }
-    out.push_str("/>\n");
+    let dashed: More<'_> = &[("stroke-dasharray", &dash)];
+    svg.element("path")
+        .with("d", d)
+        .with("stroke", color)
+        .with("stroke-width", 1.3)
+        .more(if dash.is_empty() { &[] } else { dashed })
+        .end();
 }
 
 /// The mark of a planner at each of these places.
-fn marks(out: &mut String, slot: usize, at: &[[f64; 2]], r: f64, color: &str, rest: &str) {
+fn marks(svg: &mut Svg, slot: usize, at: &[[f64; 2]], r: f64, color: &str, more: More<'_>) {
     if at.is_empty() {
         return;
     }
     let mut d = String::new();
     let (half, tall) = (r * 0.9, r * 1.15);
     for [x, y] in at {
-        let (x0, y0) = (Short(*x), Short(*y));
+        let (x0, y0) = (short(*x), short(*y));
         let _ = match slot % 5 {
             0 => write!(
                 d,
                 "M{} {y0}a{r} {r} 0 1 0 {} 0a{r} {r} 0 1 0 {} 0z",
-                Short(x - r),
-                Short(2.0 * r),
-                Short(-2.0 * r)
+                short(x - r),
+                short(2.0 * r),
+                short(-2.0 * r)
             ),
             1 => write!(
                 d,
                 "M{} {}h{2}v{2}h{3}z",
-                Short(x - half),
-                Short(y - half),
-                Short(2.0 * half),
-                Short(-2.0 * half)
+                short(x - half),
+                short(y - half),
+                short(2.0 * half),
+                short(-2.0 * half)
             ),
             2 => write!(
                 d,
                 "M{x0} {}l{} {}h{}z",
-                Short(y - tall),
-                Short(tall),
-                Short(1.8 * tall),
-                Short(-2.0 * tall)
+                short(y - tall),
+                short(tall),
+                short(1.8 * tall),
+                short(-2.0 * tall)
             ),
             3 => write!(
                 d,
                 "M{x0} {}l{1} {1}l{2} {1}l{2} {2}z",
-                Short(y - tall),
-                Short(tall),
-                Short(-tall)
+                short(y - tall),
+                short(tall),
+                short(-tall)
             ),
             _ => write!(
                 d,
                 "M{x0} {}l{} {}h{}z",
-                Short(y + tall),
-                Short(tall),
-                Short(-1.8 * tall),
-                Short(-2.0 * tall)
+                short(y + tall),
+                short(tall),
+                short(-1.8 * tall),
+                short(-2.0 * tall)
             ),
         };
     }
-    let _ = writeln!(out, "<path d=\"{d}\" fill=\"{color}\"{rest}/>");
+    svg.element("path")
+        .with("d", d)
+        .with("fill", color)
+        .more(more)
+        .end();
 }
 
 /// Names with their lines and marks, in rows from `top` on, and where they end.
-fn legend(series: &[Series], left: f64, right: f64, top: f64) -> (String, f64) {
-    let mut out = String::new();
+fn legend(series: &[Series], left: f64, right: f64, top: f64) -> (Svg, f64) {
+    let mut svg = Svg::default();
     let (mut x, mut y) = (left, top);
     for one in series {
         let name = shortened(&one.name, 40);
@@ -431,18 +400,14 @@ fn legend(series: &[Series], left: f64, right: f64, top: f64) -> (String, f64) {
         let dash = DASHES[one.slot / COLORS.len() % DASHES.len()];
         let mark = [x + 8.0, y - 2.5];
         if !matches!(one.marks, Marks::Dots { .. }) {
-            stroke(
-                &mut out,
-                &path(&[[x, y - 2.5], [x + 16.0, y - 2.5]]),
-                color,
-                dash,
-            );
+            let sample = path(&[[x, y - 2.5], [x + 16.0, y - 2.5]]);
+            stroke(&mut svg, &sample, color, dash);
         }
         if !matches!(one.marks, Marks::Steps { .. }) {
-            marks(&mut out, one.slot, &[mark], 2.0, color, "");
+            marks(&mut svg, one.slot, &[mark], 2.0, color, &[]);
         }
-        text(&mut out, [x + 19.0, y], "start", INK, "", &name);
+        text(&mut svg, [x + 19.0, y], "start", INK, &[], &name);
         x += length;
     }
-    (out, y + 4.0)
+    (svg, y + 4.0)
 }
