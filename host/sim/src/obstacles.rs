@@ -1,7 +1,9 @@
 //! Static obstacles: solid cells, polygons, and the edge of the workspace.
 
 use fleetyard_core::Grid;
-use fleetyard_world::{Bounds, Inside, Polygon, Pose, Shape, Workspace, contacts_in_span};
+use fleetyard_world::{
+    Bounds, BoxIndex, Inside, Polygon, Pose, Shape, Workspace, contacts_in_span,
+};
 
 use crate::chunk::{Span, Track};
 use crate::event::{Change, Other};
@@ -12,7 +14,7 @@ use crate::statics::{Statics, report_union};
 pub(crate) struct Obstacles {
     cells: Option<Cells>,
     parts: Vec<Part>,
-    bins: Bins,
+    index: BoxIndex,
 }
 
 /// Solid cells, and one of them as a shape.
@@ -56,8 +58,13 @@ impl Obstacles {
                 parts.extend(parts_of(edge, boundary.outside()));
             }
         }
-        let bins = Bins::new(&parts);
-        Self { cells, parts, bins }
+        let boxes = parts.iter().map(|part| part.shape.bounds(part.pose));
+        let index = BoxIndex::new(boxes.collect());
+        Self {
+            cells,
+            parts,
+            index,
+        }
     }
 
     /// Finds the begins and ends of a body's overlaps with obstacles, beyond the
@@ -73,10 +80,12 @@ impl Obstacles {
     ) {
         let radius = shape.effective_radius_m() - tolerance_m;
         let [left, bottom, right, top] = track.bounds();
-        let around = [left - radius, bottom - radius, right + radius, top + radius];
         if let Some(cells) = &self.cells {
-            let [left, bottom, right, top] = around;
-            if !cells.statics.box_is_clear(left, bottom, right, top) {
+            let (left, right) = (left - radius, right + radius);
+            if !cells
+                .statics
+                .box_is_clear(left, bottom - radius, right, top + radius)
+            {
                 if shape.is_disc() {
                     cells
                         .statics
@@ -89,7 +98,14 @@ impl Obstacles {
         if self.parts.is_empty() {
             return;
         }
-        let near = self.bins.find(around);
+        // With some slack, so that rounding loses nothing that touches.
+        let reach = shape.effective_radius_m() * (1.0 + 1e-9);
+        let area = Bounds {
+            min: [left - reach, bottom - reach],
+            max: [right + reach, top + reach],
+        };
+        let mut near = Vec::new();
+        self.index.near(area, &mut near);
         for of_polygon in near.chunk_by(|a, b| self.part(*a).polygon == self.part(*b).polygon) {
             let polygon = self.part(of_polygon[0]).polygon;
             each_span(track, first, |span, from, to, first| {
@@ -189,98 +205,5 @@ fn each_span(track: Track<'_>, first: bool, mut visit: impl FnMut(Span, Pose, Po
             end: track.t[at],
         };
         visit(span, track.pose(at - 1), track.pose(at), first && at == 1);
-    }
-}
-
-/// Parts by place: a uniform grid over their bounding boxes.
-#[derive(Debug, Default)]
-struct Bins {
-    left: f64,
-    bottom: f64,
-    side: f64,
-    cols: usize,
-    rows: usize,
-    starts: Vec<u32>,
-    parts: Vec<u32>,
-}
-
-impl Bins {
-    fn new(parts: &[Part]) -> Self {
-        let boxes: Vec<[f64; 4]> = parts
-            .iter()
-            .map(|part| {
-                let corners = part.shape.vertices().iter().map(|v| part.pose.apply(*v));
-                corners.fold(
-                    [
-                        f64::INFINITY,
-                        f64::INFINITY,
-                        f64::NEG_INFINITY,
-                        f64::NEG_INFINITY,
-                    ],
-                    |[left, bottom, right, top], [x, y]| {
-                        [left.min(x), bottom.min(y), right.max(x), top.max(y)]
-                    },
-                )
-            })
-            .collect();
-        let Some(whole) = boxes.iter().copied().reduce(|a, b| {
-            [
-                a[0].min(b[0]),
-                a[1].min(b[1]),
-                a[2].max(b[2]),
-                a[3].max(b[3]),
-            ]
-        }) else {
-            return Self::default();
-        };
-        // About two bins per part, in a square grid.
-        let (width, height) = (whole[2] - whole[0], whole[3] - whole[1]);
-        let side = (width * height / (2 * parts.len()) as f64).sqrt();
-        let mut bins = Self {
-            left: whole[0],
-            bottom: whole[1],
-            side,
-            cols: ((width / side) as usize + 1).min(1 << 12),
-            rows: ((height / side) as usize + 1).min(1 << 12),
-            ..Self::default()
-        };
-        let mut entries: Vec<(u32, u32)> = Vec::new();
-        for (part, bounds) in boxes.iter().enumerate() {
-            bins.each(*bounds, |bin| entries.push((bin as u32, part as u32)));
-        }
-        entries.sort_unstable();
-        bins.starts = vec![0; bins.rows * bins.cols + 1];
-        for (bin, _) in &entries {
-            bins.starts[*bin as usize + 1] += 1;
-        }
-        for at in 1..bins.starts.len() {
-            bins.starts[at] += bins.starts[at - 1];
-        }
-        bins.parts = entries.into_iter().map(|(_, part)| part).collect();
-        bins
-    }
-
-    fn each(&self, [left, bottom, right, top]: [f64; 4], mut visit: impl FnMut(usize)) {
-        let index = |value: f64, origin: f64, count: usize| {
-            ((value - origin) / self.side).clamp(0.0, (count - 1) as f64) as usize
-        };
-        let cols = index(left, self.left, self.cols)..=index(right, self.left, self.cols);
-        for row in index(bottom, self.bottom, self.rows)..=index(top, self.bottom, self.rows) {
-            for col in cols.clone() {
-                visit(row * self.cols + col);
-            }
-        }
-    }
-
-    /// Parts that may intersect a box, in ascending order.
-    fn find(&self, bounds: [f64; 4]) -> Vec<u32> {
-        let mut found = Vec::new();
-        self.each(bounds, |bin| {
-            let range = self.starts[bin] as usize..self.starts[bin + 1] as usize;
-            found.extend_from_slice(&self.parts[range]);
-        });
-        found.sort_unstable();
-        found.dedup();
-        found
     }
 }

@@ -2,9 +2,9 @@
 //!
 //! A disc that goes straight from a free place is free all the way exactly if its segment is no
 //! nearer than its radius to any edge of an obstacle or of the world. Edges are sorted into a grid
-//! of buckets of which a test visits those that the swept disc covers.
+//! of tiles of which a test visits those that the swept disc covers.
 
-use fleetyard_world::{Bounds, Workspace};
+use fleetyard_world::{Bounds, Lists, Tiles, Workspace, squared_distance};
 
 /// By how much a disc may reach over an edge, in metres: rounding, a thousandth of what a contact is.
 pub const FREE_SLACK_M: f64 = 1e-9;
@@ -15,12 +15,11 @@ pub struct Free {
     bounds: Bounds,
     has_boundary: bool,
     edges: Vec<Edge>,
-    side_m: f64,
-    size: [usize; 2],
-    /// Per bucket its edges, row by row.
-    buckets: Lists,
-    /// Per row of buckets its edges, each once.
-    rows: Lists,
+    tiles: Tiles,
+    /// Per tile its edges, row by row.
+    of_tile: Lists,
+    /// Per row of tiles its edges, each once.
+    of_row: Lists,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -30,34 +29,7 @@ struct Edge {
     of_boundary: bool,
 }
 
-#[derive(Debug, Clone, Default)]
-struct Lists {
-    offsets: Vec<u32>,
-    entries: Vec<u32>,
-}
-
-impl Lists {
-    fn new(count: usize, mut pairs: Vec<(u32, u32)>) -> Self {
-        pairs.sort_unstable();
-        let mut offsets = vec![0; count + 1];
-        for (list, _) in &pairs {
-            offsets[*list as usize + 1] += 1;
-        }
-        for at in 0..count {
-            offsets[at + 1] += offsets[at];
-        }
-        Self {
-            offsets,
-            entries: pairs.into_iter().map(|(_, entry)| entry).collect(),
-        }
-    }
-
-    fn get(&self, list: usize) -> &[u32] {
-        &self.entries[self.offsets[list] as usize..self.offsets[list + 1] as usize]
-    }
-}
-
-/// Most rows and columns of buckets.
+/// Most rows and columns of tiles.
 const MOST: f64 = 2048.0;
 
 impl Free {
@@ -81,30 +53,28 @@ impl Free {
         let bounds = world.bounds;
         let [width, height] = [0, 1].map(|axis| bounds.max[axis] - bounds.min[axis]);
         let wanted = (width * height / (2 * edges.len() + 16) as f64).sqrt();
-        let side_m = wanted.max(width.max(height) / MOST);
-        let size = [width, height].map(|extent| ((extent / side_m).ceil() as usize).max(1));
+        let tiles = Tiles::new(bounds, wanted.max(width.max(height) / MOST));
+        let size = tiles.size();
         let mut free = Self {
             bounds,
             has_boundary: world.boundary.is_some(),
             edges,
-            side_m,
-            size,
-            buckets: Lists::default(),
-            rows: Lists::default(),
+            tiles,
+            of_tile: Lists::default(),
+            of_row: Lists::default(),
         };
-        let (mut buckets, mut rows) = (Vec::new(), Vec::new());
+        let (mut of_tile, mut of_row) = (Vec::new(), Vec::new());
         for (number, edge) in free.edges.iter().enumerate() {
             free.covered(edge.from, edge.to, 0.0, |row, from, to| {
-                rows.push((row as u32, number as u32));
+                of_row.push((row as u32, number as u32));
                 let first = row * size[0];
-                buckets.extend(
-                    (first + from..=first + to).map(|bucket| (bucket as u32, number as u32)),
-                );
+                of_tile
+                    .extend((first + from..=first + to).map(|tile| (tile as u32, number as u32)));
                 false
             });
         }
-        free.buckets = Lists::new(size[0] * size[1], buckets);
-        free.rows = Lists::new(size[1], rows);
+        free.of_tile = Lists::new(size[0] * size[1], of_tile);
+        free.of_row = Lists::new(size[1], of_row);
         free
     }
 
@@ -113,13 +83,7 @@ impl Free {
         self.bounds
     }
 
-    fn index(&self, axis: usize, value: f64) -> usize {
-        let at = (value - self.bounds.min[axis]) / self.side_m;
-        // Below 0 becomes 0.
-        (at as usize).min(self.size[axis] - 1)
-    }
-
-    /// Visits the buckets that a disc covers on its way, as row, first and last column, until
+    /// Visits the tiles that a disc covers on its way, as row, first and last column, until
     /// the visitor is content.
     fn covered(
         &self,
@@ -133,11 +97,11 @@ impl Free {
         } else {
             (to, from)
         };
-        let reach = radius_m + FREE_SLACK_M + 1e-12 * self.side_m;
+        let reach = radius_m + FREE_SLACK_M + 1e-12 * self.tiles.side_m();
         let rise = high[1] - low[1];
-        let last = self.size[1] - 1;
-        for row in self.index(1, low[1] - reach)..=self.index(1, high[1] + reach) {
-            let line = |row: usize| self.bounds.min[1] + row as f64 * self.side_m;
+        let last = self.tiles.size()[1] - 1;
+        for row in self.tiles.index(1, low[1] - reach)..=self.tiles.index(1, high[1] + reach) {
+            let line = |row: usize| self.tiles.begin(1, row);
             let begin = if row == 0 {
                 f64::NEG_INFINITY
             } else {
@@ -157,8 +121,8 @@ impl Free {
                 low[0] + share * (high[0] - low[0])
             };
             let (a, b) = (x_at(begin, 0.0), x_at(end, 1.0));
-            let first = self.index(0, a.min(b) - reach);
-            if visit(row, first, self.index(0, a.max(b) + reach)) {
+            let first = self.tiles.index(0, a.min(b) - reach);
+            if visit(row, first, self.tiles.index(0, a.max(b) + reach)) {
                 return true;
             }
         }
@@ -171,7 +135,7 @@ impl Free {
             return false;
         }
         let (mut solid, mut around) = (0, 0);
-        for number in self.rows.get(self.index(1, point[1])) {
+        for number in self.of_row.get(self.tiles.index(1, point[1])) {
             let edge = self.edges[*number as usize];
             let (below, above) = (edge.from[1] <= point[1], edge.to[1] <= point[1]);
             if below == above {
@@ -212,12 +176,12 @@ impl Free {
         }
         let limit = radius.max(0.0) * radius.max(0.0);
         !self.covered(from, to, radius_m, |row, first, last| {
-            let row = row * self.size[0];
-            (row + first..=row + last).any(|bucket| {
-                let mut edges = self.buckets.get(bucket).iter();
+            let row = row * self.tiles.size()[0];
+            (row + first..=row + last).any(|tile| {
+                let mut edges = self.of_tile.get(tile).iter();
                 edges.any(|number| {
                     let edge = self.edges[*number as usize];
-                    squared_distance(from, to, edge.from, edge.to) < limit
+                    squared_distance((from, to), (edge.from, edge.to)) < limit
                 })
             })
         })
@@ -227,38 +191,10 @@ impl Free {
     pub fn clearance_m(&self, point: [f64; 2]) -> f64 {
         let edges = self.edges.iter();
         let squared = edges
-            .map(|edge| squared_distance(point, point, edge.from, edge.to))
+            .map(|edge| squared_distance((point, point), (edge.from, edge.to)))
             .fold(f64::INFINITY, f64::min);
         let (min, max) = (self.bounds.min, self.bounds.max);
         let sides = (0..2).flat_map(|axis| [point[axis] - min[axis], max[axis] - point[axis]]);
         sides.fold(squared.sqrt(), |least, side| least.min(side.abs()))
     }
-}
-
-/// The squared distance of two segments.
-fn squared_distance(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> f64 {
-    let cross = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
-        (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
-    };
-    let apart = |p: f64, q: f64| (p > 0.0 && q < 0.0) || (p < 0.0 && q > 0.0);
-    if apart(cross(a, b, c), cross(a, b, d)) && apart(cross(c, d, a), cross(c, d, b)) {
-        return 0.0;
-    }
-    let from = |p: [f64; 2], q: [f64; 2], point: [f64; 2]| {
-        let along = [q[0] - p[0], q[1] - p[1]];
-        let to = [point[0] - p[0], point[1] - p[1]];
-        let length = along[0] * along[0] + along[1] * along[1];
-        let progress = along[0] * to[0] + along[1] * to[1];
-        let share = if length > 0.0 {
-            (progress / length).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        let (x, y) = (to[0] - share * along[0], to[1] - share * along[1]);
-        x * x + y * y
-    };
-    from(a, b, c)
-        .min(from(a, b, d))
-        .min(from(c, d, a))
-        .min(from(c, d, b))
 }

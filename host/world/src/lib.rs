@@ -22,6 +22,7 @@ mod enclosing;
 pub mod exact;
 mod footprint;
 mod geometry;
+mod index;
 mod maze;
 mod polygon;
 mod pose;
@@ -41,6 +42,7 @@ mod workspace;
 pub use dynamics::{DYNAMICS_TOLERANCE, Demand, Dynamics, Excess, LONGEST_SAMPLE_S, Travel};
 pub use footprint::{Footprint, FootprintError};
 pub use geometry::{Inside, Relative};
+pub use index::{BoxIndex, Lists, Tiles};
 pub use maze::{Maze, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec};
 pub use polygon::{Boundary, Bounds, Polygon, PolygonError};
 pub use pose::Pose;
@@ -53,7 +55,7 @@ pub use separation::{Placement, distance_m, separation_m};
 pub use shape::{Shape, common_radius_m};
 pub use spec::{EmptySpec, MapSpec};
 pub use sweep::{RESOLUTION_M, contacts_in_span};
-pub use swept::{SWEPT_SLACK, swept_shapes_meet};
+pub use swept::{SWEPT_SLACK, Segment, squared_distance, swept_shapes_meet};
 pub use warehouse::WarehouseSpec;
 pub use workspace::{
     Mover, WORLD_FILE_LIMIT, WORLD_FORMAT, Workspace, load_workspace, read_workspace,

@@ -196,14 +196,31 @@ impl Boundary {
 impl Bounds {
     /// The smallest box around points, of which there is at least one.
     pub fn of(points: &[[f64; 2]]) -> Self {
-        let start = Self {
-            min: points[0],
-            max: points[0],
+        let at = |point: [f64; 2]| Self {
+            min: point,
+            max: point,
         };
-        points.iter().fold(start, |bounds, point| Self {
-            min: [bounds.min[0].min(point[0]), bounds.min[1].min(point[1])],
-            max: [bounds.max[0].max(point[0]), bounds.max[1].max(point[1])],
-        })
+        let others = points.iter().map(|point| at(*point));
+        others.fold(at(points[0]), Self::with)
+    }
+
+    /// The smallest box around two.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        let of = |pick: fn(f64, f64) -> f64, a: [f64; 2], b: [f64; 2]| {
+            [pick(a[0], b[0]), pick(a[1], b[1])]
+        };
+        Self {
+            min: of(f64::min, self.min, other.min),
+            max: of(f64::max, self.max, other.max),
+        }
+    }
+
+    /// Whether two boxes overlap or touch.
+    pub fn meets(self, other: Self) -> bool {
+        let along =
+            |axis: usize| self.min[axis] <= other.max[axis] && other.min[axis] <= self.max[axis];
+        along(0) && along(1)
     }
 
     /// True if a point is inside or on the border.

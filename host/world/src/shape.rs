@@ -1,6 +1,7 @@
 //! Shapes: discs and convex polygons, validated and ready for computing.
 
 use crate::enclosing::minimum_enclosing_circle;
+use crate::{Bounds, Pose};
 
 /// A disc or a convex polygon around the centre of its minimum enclosing circle.
 ///
@@ -124,6 +125,19 @@ impl Shape {
 
     pub(crate) fn edges(&self) -> &[Edge] {
         &self.edges
+    }
+
+    /// The smallest box around the shape at a pose, which a disc's turns do not change.
+    pub fn bounds(&self, at: Pose) -> Bounds {
+        if self.is_disc() {
+            let radius = self.effective_radius;
+            return Bounds {
+                min: [at.x - radius, at.y - radius],
+                max: [at.x + radius, at.y + radius],
+            };
+        }
+        let corners = self.vertices.iter().map(|vertex| at.apply(*vertex));
+        Bounds::of(&corners.collect::<Vec<_>>())
     }
 
     /// r_eff, the radius of the minimum enclosing circle, in metres.

@@ -32,7 +32,7 @@ pub fn swept_shapes_meet(
     margin_m: f64,
 ) -> bool {
     let point = |pose: Pose| [pose.x, pose.y];
-    let squared = between_segments((point(from_a), point(to_a)), (point(from_b), point(to_b)));
+    let squared = squared_distance((point(from_a), point(to_a)), (point(from_b), point(to_b)));
     let below = |reach: f64| reach > 0.0 && squared < reach * reach;
     if !below(a.effective_radius_m() + b.effective_radius_m() + margin_m) {
         return false;
@@ -147,7 +147,7 @@ impl Hull {
         let mut squared = f64::INFINITY;
         for one in sides(ours) {
             for two in sides(theirs) {
-                squared = squared.min(between_segments(one, two));
+                squared = squared.min(squared_distance(one, two));
             }
         }
         squared.sqrt() - radii
@@ -176,10 +176,11 @@ fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-type Segment = ([f64; 2], [f64; 2]);
+/// The ends of a straight line.
+pub type Segment = ([f64; 2], [f64; 2]);
 
 /// The squared distance of two segments, which may be points; 0 if they cross.
-fn between_segments(one: Segment, two: Segment) -> f64 {
+pub fn squared_distance(one: Segment, two: Segment) -> f64 {
     let sides = |(a, b): Segment, (c, d): Segment| {
         let (one, other) = (cross(a, b, c), cross(a, b, d));
         (one > 0.0 && other < 0.0) || (one < 0.0 && other > 0.0)

@@ -4,7 +4,8 @@ use fleetyard_core::{Grid, cell_center_m};
 
 use super::Touched;
 use crate::{
-    Bounds, Footprint, Inside, Mover, Polygon, Pose, Relative, Shape, Workspace, contacts_in_span,
+    Bounds, BoxIndex, Footprint, Inside, Mover, Polygon, Pose, Relative, Shape, Workspace,
+    contacts_in_span,
 };
 
 /// Everything that robots must not touch, besides each other. Borrows; cheap to make but for an
@@ -14,7 +15,9 @@ pub struct Obstacles<'a> {
     cells: Option<Cells<'a>>,
     workspace: Option<&'a Workspace>,
     bounds: Option<Bounds>,
-    index: Index,
+    /// Convex parts of all polygons, as polygon and part.
+    parts: Vec<(u32, u32)>,
+    index: BoxIndex,
 }
 
 #[derive(Debug, Clone)]
@@ -23,20 +26,6 @@ struct Cells<'a> {
     size_m: f64,
     /// A cell around its centre.
     shape: Shape,
-}
-
-/// A uniform grid of bins over the convex parts of all polygons.
-#[derive(Debug, Clone, Default)]
-struct Index {
-    /// Polygon and part.
-    parts: Vec<(u32, u32)>,
-    boxes: Vec<Bounds>,
-    origin: [f64; 2],
-    side: f64,
-    cols: usize,
-    rows: usize,
-    starts: Vec<u32>,
-    entries: Vec<u32>,
 }
 
 /// Parts of what is outside of a boundary have this in place of a polygon.
@@ -79,10 +68,21 @@ impl<'a> Obstacles<'a> {
     /// Also the obstacles, movers and bounds of a workspace.
     #[must_use]
     pub fn with_workspace(self, workspace: &'a Workspace) -> Self {
+        let obstacles = workspace.obstacles.iter().map(Polygon::parts).zip(0..);
+        let beyond = workspace.boundary.iter();
+        let beyond = beyond.map(|boundary| (boundary.outside(), BEYOND));
+        let (mut numbers, mut boxes) = (Vec::new(), Vec::new());
+        for (parts, polygon) in obstacles.chain(beyond) {
+            for (part, (at, shape)) in (0..).zip(parts) {
+                numbers.push((polygon, part));
+                boxes.push(shape.bounds(*at));
+            }
+        }
         Self {
             workspace: Some(workspace),
             bounds: Some(workspace.bounds),
-            index: Index::new(workspace),
+            parts: numbers,
+            index: BoxIndex::new(boxes),
             ..self
         }
     }
@@ -119,9 +119,10 @@ impl<'a> Obstacles<'a> {
             cells.meet(shape, from, to, area, tolerance_m, scratch);
         }
         if let Some(workspace) = self.workspace {
-            self.index.near(area, &mut scratch.near);
-            for part in scratch.near.drain(..) {
-                let (polygon, part) = self.index.parts[part as usize];
+            let mut near = std::mem::take(&mut scratch.near);
+            self.index.near(area, &mut near);
+            for part in near.drain(..) {
+                let (polygon, part) = self.parts[part as usize];
                 let (parts, touched) = match &workspace.boundary {
                     Some(boundary) if polygon == BEYOND => (boundary.outside(), Touched::Outside),
                     _ => {
@@ -130,24 +131,9 @@ impl<'a> Obstacles<'a> {
                     }
                 };
                 let (at, solid) = &parts[part as usize];
-                scratch.found.clear();
-                contacts_in_span(
-                    shape,
-                    from,
-                    to,
-                    solid,
-                    *at,
-                    *at,
-                    tolerance_m,
-                    &mut scratch.found,
-                );
-                let hits = scratch.found.iter();
-                let hits = hits.map(|inside| Hit {
-                    touched,
-                    inside: *inside,
-                });
-                scratch.hits.extend(hits);
+                scratch.meet(shape, [from, to], solid, *at, tolerance_m, touched);
             }
+            scratch.near = near;
         }
         if let Some(bounds) = self.bounds
             && !(bounds.contains(area.min) && bounds.contains(area.max))
@@ -163,6 +149,24 @@ pub(super) struct Scratch {
     pub(super) hits: Vec<Hit>,
     near: Vec<u32>,
     pub(super) found: Vec<Inside>,
+}
+
+impl Scratch {
+    /// Appends the overlaps of a body in a span with something that stands.
+    fn meet(
+        &mut self,
+        shape: &Shape,
+        [from, to]: [Pose; 2],
+        solid: &Shape,
+        at: Pose,
+        tolerance_m: f64,
+        touched: Touched,
+    ) {
+        let Self { hits, found, .. } = self;
+        found.clear();
+        contacts_in_span(shape, from, to, solid, at, at, tolerance_m, found);
+        hits.extend(found.drain(..).map(|inside| Hit { touched, inside }));
+    }
 }
 
 impl Cells<'_> {
@@ -204,23 +208,7 @@ impl Cells<'_> {
                     continue;
                 }
                 let at = Pose::at(x, y);
-                scratch.found.clear();
-                contacts_in_span(
-                    shape,
-                    from,
-                    to,
-                    &self.shape,
-                    at,
-                    at,
-                    tolerance_m,
-                    &mut scratch.found,
-                );
-                let hits = scratch.found.iter();
-                let hits = hits.map(|inside| Hit {
-                    touched,
-                    inside: *inside,
-                });
-                scratch.hits.extend(hits);
+                scratch.meet(shape, [from, to], &self.shape, at, tolerance_m, touched);
             }
         }
     }
@@ -274,109 +262,6 @@ fn leave(
         let Some(wall) = Shape::around(&corners, [0.0, 0.0]) else {
             continue;
         };
-        scratch.found.clear();
-        contacts_in_span(
-            shape,
-            from,
-            to,
-            &wall,
-            at,
-            at,
-            tolerance_m,
-            &mut scratch.found,
-        );
-        let touched = Touched::Outside;
-        let hits = scratch.found.iter();
-        let hits = hits.map(|inside| Hit {
-            touched,
-            inside: *inside,
-        });
-        scratch.hits.extend(hits);
-    }
-}
-
-impl Index {
-    fn new(workspace: &Workspace) -> Self {
-        let mut index = Self::default();
-        let obstacles = workspace.obstacles.iter().map(Polygon::parts).zip(0..);
-        let beyond = workspace.boundary.iter();
-        let beyond = beyond.map(|boundary| (boundary.outside(), BEYOND));
-        for (parts, polygon) in obstacles.chain(beyond) {
-            for (part, (at, shape)) in parts.iter().enumerate() {
-                let corners = shape.vertices().iter();
-                let corners: Vec<[f64; 2]> = corners.map(|vertex| at.apply(*vertex)).collect();
-                index.parts.push((polygon, part as u32));
-                index.boxes.push(Bounds::of(&corners));
-            }
-        }
-        let Some(first) = index.boxes.first() else {
-            return index;
-        };
-        let (mut whole, mut extent) = (*first, 0.0);
-        for bounds in &index.boxes {
-            let (width, height) = (bounds.max[0] - bounds.min[0], bounds.max[1] - bounds.min[1]);
-            extent += 0.5 * (width + height);
-            whole = Bounds {
-                min: [
-                    whole.min[0].min(bounds.min[0]),
-                    whole.min[1].min(bounds.min[1]),
-                ],
-                max: [
-                    whole.max[0].max(bounds.max[0]),
-                    whole.max[1].max(bounds.max[1]),
-                ],
-            };
-        }
-        // Bins as large as the mean box, but not many more than there are boxes.
-        let count = index.boxes.len() as f64;
-        let (width, height) = (whole.max[0] - whole.min[0], whole.max[1] - whole.min[1]);
-        let fewest = (width.max(height) / 1024.0).max((width * height / (4.0 * count)).sqrt());
-        index.side = (extent / count).max(fewest);
-        index.origin = whole.min;
-        index.cols = (width / index.side) as usize + 1;
-        index.rows = (height / index.side) as usize + 1;
-        let mut lists = vec![Vec::new(); index.cols * index.rows];
-        for (part, bounds) in index.boxes.iter().enumerate() {
-            index.each_bin(*bounds, |bin| lists[bin].push(part as u32));
-        }
-        index.starts.push(0);
-        for list in lists {
-            index.entries.extend(list);
-            index.starts.push(index.entries.len() as u32);
-        }
-        index
-    }
-
-    fn each_bin(&self, area: Bounds, mut visit: impl FnMut(usize)) {
-        let bin = |value: f64, origin: f64, count: usize| {
-            ((value - origin) / self.side).clamp(0.0, (count - 1) as f64) as usize
-        };
-        let columns = bin(area.min[0], self.origin[0], self.cols)
-            ..=bin(area.max[0], self.origin[0], self.cols);
-        let rows = bin(area.min[1], self.origin[1], self.rows)
-            ..=bin(area.max[1], self.origin[1], self.rows);
-        for row in rows {
-            for col in columns.clone() {
-                visit(row * self.cols + col);
-            }
-        }
-    }
-
-    /// The parts whose boxes overlap an area, each once, in order.
-    fn near(&self, area: Bounds, out: &mut Vec<u32>) {
-        if self.boxes.is_empty() {
-            return;
-        }
-        self.each_bin(area, |bin| {
-            let entries = self.starts[bin] as usize..self.starts[bin + 1] as usize;
-            out.extend(self.entries[entries].iter().copied().filter(|part| {
-                let bounds = &self.boxes[*part as usize];
-                (0..2).all(|axis| {
-                    area.min[axis] <= bounds.max[axis] && bounds.min[axis] <= area.max[axis]
-                })
-            }));
-        });
-        out.sort_unstable();
-        out.dedup();
+        scratch.meet(shape, [from, to], &wall, at, tolerance_m, Touched::Outside);
     }
 }
