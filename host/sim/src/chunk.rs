@@ -6,7 +6,7 @@
 //! whatever is combined afterwards is combined in the order of chunks. The size
 //! is part of the trace digest and does not depend on the number of threads.
 
-use fleetyard_world::Pose;
+use fleetyard_world::{Pose, Vector};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::control::Pilot;
@@ -50,6 +50,11 @@ impl Track<'_> {
     pub(crate) fn pose(&self, at: usize) -> Pose {
         let heading = self.heading.get(at).copied().unwrap_or(0.0);
         Pose::new(self.x[at], self.y[at], heading)
+    }
+
+    /// Place of the body at one of the moments.
+    pub(crate) fn place(&self, at: usize) -> Vector {
+        Vector::new(self.x[at], self.y[at])
     }
 
     /// Bounding box of the body's path: left, bottom, right and top.

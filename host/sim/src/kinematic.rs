@@ -290,19 +290,19 @@ fn each_common_span(
     b: Track<'_>,
     mut visit: impl FnMut(Span, Relative, &dyn Fn() -> [Pose; 4]),
 ) {
-    let relative = |a: (f64, f64), b: (f64, f64)| (b.0 - a.0, b.1 - a.1);
     if a.t.len() == b.t.len() && a.t == b.t {
-        let (mut x0, mut y0) = relative((a.x[0], a.y[0]), (b.x[0], b.y[0]));
+        let seen = |at: usize| b.place(at) - a.place(at);
+        let mut start = seen(0);
         for at in 1..a.t.len() {
-            let (x1, y1) = relative((a.x[at], a.y[at]), (b.x[at], b.y[at]));
+            let end = seen(at);
             let span = Span {
                 start: a.t[at - 1],
                 end: a.t[at],
             };
-            visit(span, Relative { x0, y0, x1, y1 }, &|| {
+            visit(span, Relative { start, end }, &|| {
                 [a.pose(at - 1), a.pose(at), b.pose(at - 1), b.pose(at)]
             });
-            (x0, y0) = (x1, y1);
+            start = end;
         }
         return;
     }
@@ -311,10 +311,9 @@ fn each_common_span(
     while ia < a.t.len() && ib < b.t.len() {
         let end = a.t[ia].min(b.t[ib]);
         let (to_a, to_b) = (a.within(ia, end), b.within(ib, end));
-        let (x0, y0) = relative((from_a.x, from_a.y), (from_b.x, from_b.y));
-        let (x1, y1) = relative((to_a.x, to_a.y), (to_b.x, to_b.y));
+        let way = Relative::between([from_a, to_a], [from_b, to_b]);
         let ends = [from_a, to_a, from_b, to_b];
-        visit(Span { start, end }, Relative { x0, y0, x1, y1 }, &|| ends);
+        visit(Span { start, end }, way, &|| ends);
         (start, from_a, from_b) = (end, to_a, to_b);
         ia += usize::from(a.t[ia] <= end);
         ib += usize::from(b.t[ib] <= end);

@@ -73,7 +73,7 @@ impl Setup<'_> {
                 }
             } else {
                 Outline::Polygon {
-                    vertices_m: shape.vertices().to_vec(),
+                    vertices_m: shape.vertices().iter().map(|at| (*at).into()).collect(),
                 }
             }
         };

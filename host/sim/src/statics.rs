@@ -4,7 +4,7 @@ use fleetyard_core::Grid;
 
 use crate::chunk::{Span, Track};
 use crate::event::{Change, EventKind, Other};
-use fleetyard_world::{Inside, Relative};
+use fleetyard_world::{Inside, Relative, Vector};
 
 /// The solid cells of a grid in the world frame.
 #[derive(Debug)]
@@ -99,10 +99,8 @@ impl Statics {
                 end: track.t[at],
             };
             let way = Relative {
-                x0: track.x[at - 1],
-                y0: track.y[at - 1],
-                x1: track.x[at],
-                y1: track.y[at],
+                start: track.place(at - 1),
+                end: track.place(at),
             };
             self.sweep(agent, way, span, first && at == 1, radius, changes);
         }
@@ -120,23 +118,18 @@ impl Statics {
         radius: f64,
         changes: &mut Vec<Change>,
     ) {
-        let Relative { x0, y0, x1, y1 } = way;
+        let (low, high) = way.start.inf_sup(&way.end);
         let around = [
-            x0.min(x1) - radius,
-            y0.min(y1) - radius,
-            x0.max(x1) + radius,
-            y0.max(y1) + radius,
+            low.x - radius,
+            low.y - radius,
+            high.x + radius,
+            high.y + radius,
         ];
         let half = 0.5 * self.cell;
         let mut met: Vec<(Inside, u32)> = Vec::new();
-        self.each_solid(around, |cell, (cx, cy)| {
-            let way = Relative {
-                x0: x0 - cx,
-                y0: y0 - cy,
-                x1: x1 - cx,
-                y1: y1 - cy,
-            };
-            if let Some(inside) = way.inside_square(half, radius) {
+        self.each_solid(around, |cell, (x, y)| {
+            let seen = way.seen_from(Vector::new(x, y));
+            if let Some(inside) = seen.inside_square(half, radius) {
                 met.push((inside, cell));
             }
         });
@@ -324,7 +317,7 @@ mod tests {
                 for to in 0..grid.cell_count() {
                     let (x0, y0) = cell_center_m(&grid, cell_size_m, from);
                     let (x1, y1) = cell_center_m(&grid, cell_size_m, to);
-                    let way = Relative { x0, y0, x1, y1 };
+                    let way = Relative { start: Vector::new(x0, y0), end: Vector::new(x1, y1) };
                     let (mut swept, mut glanced) = (Vec::new(), Vec::new());
                     statics.sweep(0, way, span, true, radius, &mut swept);
                     let (t, x, y) = ([0.0, 1.0], [x0, x1], [y0, y1]);

@@ -4,7 +4,7 @@
 //! nearer than its radius to any edge of an obstacle or of the world. Edges are sorted into a grid
 //! of tiles of which a test visits those that the swept disc covers.
 
-use fleetyard_world::{Bounds, Lists, Tiles, Workspace, squared_distance};
+use fleetyard_world::{Bounds, Lists, Tiles, Vector, Workspace, squared_distance};
 
 /// By how much a disc may reach over an edge, in metres: rounding, a thousandth of what a contact is.
 pub const FREE_SLACK_M: f64 = 1e-9;
@@ -27,6 +27,12 @@ struct Edge {
     from: [f64; 2],
     to: [f64; 2],
     of_boundary: bool,
+}
+
+impl Edge {
+    fn ends(self) -> [Vector; 2] {
+        [self.from.into(), self.to.into()]
+    }
 }
 
 /// Most rows and columns of tiles.
@@ -175,13 +181,14 @@ impl Free {
             return false;
         }
         let limit = radius.max(0.0) * radius.max(0.0);
+        let way = [from, to].map(Vector::from);
         !self.covered(from, to, radius_m, |row, first, last| {
             let row = row * self.tiles.size()[0];
             (row + first..=row + last).any(|tile| {
                 let mut edges = self.of_tile.get(tile).iter();
                 edges.any(|number| {
                     let edge = self.edges[*number as usize];
-                    squared_distance((from, to), (edge.from, edge.to)) < limit
+                    squared_distance(way, edge.ends()) < limit
                 })
             })
         })
@@ -189,9 +196,9 @@ impl Free {
 
     /// The distance of a point from the nearest edge of an obstacle or of the world, in metres.
     pub fn clearance_m(&self, point: [f64; 2]) -> f64 {
-        let edges = self.edges.iter();
+        let (edges, at) = (self.edges.iter(), Vector::from(point));
         let squared = edges
-            .map(|edge| squared_distance((point, point), (edge.from, edge.to)))
+            .map(|edge| squared_distance([at, at], edge.ends()))
             .fold(f64::INFINITY, f64::min);
         let (min, max) = (self.bounds.min, self.bounds.max);
         let sides = (0..2).flat_map(|axis| [point[axis] - min[axis], max[axis] - point[axis]]);

@@ -180,11 +180,7 @@ impl Raster {
     /// Blocks the cells into which a convex shape reaches, row by row: what of the shape is in a
     /// row is convex too, so that it reaches into all cells between its ends and no other.
     fn block(&mut self, pose: Pose, shape: &Shape, within: Option<Bounds>) {
-        let mut outline: Vec<[f64; 2]> = shape
-            .vertices()
-            .iter()
-            .map(|corner| pose.apply(*corner))
-            .collect();
+        let mut outline: Vec<[f64; 2]> = shape.corners(pose).collect();
         if let Some(Bounds { min, max }) = within {
             for axis in 0..2 {
                 outline = clip(&outline, axis, min[axis], 1.0);

@@ -548,8 +548,8 @@ impl Problem {
                 return shape.effective_radius_m();
             }
             let here = [pose.x, pose.y][axis];
-            let corners = shape.vertices().iter();
-            let corners = corners.map(|corner| sign * (pose.apply(*corner)[axis] - here));
+            let corners = shape.corners(pose);
+            let corners = corners.map(|corner| sign * (corner[axis] - here));
             corners.fold(0.0, f64::max)
         };
         let (bounds, point) = (self.world.bounds, state.at_m());

@@ -14,7 +14,10 @@
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use fleetyard_core::Knots;
+use fleetyard_core::{Knot, Knots};
+use nalgebra::UnitComplex;
+
+use crate::Vector;
 
 /// Rounding that is forgiven: so many metres or radians in every knot, and this part of every
 /// limit.
@@ -151,10 +154,11 @@ impl Dynamics {
                 },
                 false,
             ) => {
-                let speed = length([forward.max(backward), sideways]);
+                let speed = Vector::new(forward.max(backward), sideways).norm();
                 // A body that turns while it moves changes its velocity by that too.
                 let turning = speed * self.turn_rad_per_s;
-                let acceleration = length([forward_acceleration, sideways_acceleration]) + turning;
+                let acceleration =
+                    Vector::new(forward_acceleration, sideways_acceleration).norm() + turning;
                 judge.dynamics.travel = Travel::Polar {
                     speed,
                     acceleration,
@@ -175,8 +179,8 @@ struct Part {
     knot: usize,
     begin_s: f64,
     span_s: f64,
-    place: [f64; 2],
-    velocity: [f64; 2],
+    place: Vector,
+    velocity: Vector,
     /// The headings at its begin and end.
     headings: [f64; 2],
     /// Possible error of the velocity and the turn rate, if both knots of the leg are off by the
@@ -188,12 +192,13 @@ impl Part {
     fn leg(knots: Knots<'_>, knot: usize) -> Self {
         let (from, to) = (knots.get(knot - 1), knots.get(knot));
         let span_s = (to.time_s - from.time_s).max(SHORTEST_S);
+        let place = place(from);
         Self {
             knot,
             begin_s: from.time_s,
             span_s,
-            place: [from.x_m, from.y_m],
-            velocity: [(to.x_m - from.x_m) / span_s, (to.y_m - from.y_m) / span_s],
+            place,
+            velocity: (self::place(to) - place) / span_s,
             headings: [from, to].map(|knot| knot.heading_rad.unwrap_or(0.0)),
             off: 2.0 * DYNAMICS_TOLERANCE / span_s,
         }
@@ -206,8 +211,8 @@ impl Part {
             knot,
             begin_s: at.time_s,
             span_s: LONGEST_SAMPLE_S,
-            place: [at.x_m, at.y_m],
-            velocity: [0.0; 2],
+            place: place(at),
+            velocity: Vector::zeros(),
             headings: [at.heading_rad.unwrap_or(0.0); 2],
             off: 0.0,
         }
@@ -221,7 +226,7 @@ impl Part {
         Self {
             begin_s: self.begin_s + after_s,
             span_s: self.span_s * (to - from),
-            place: [0, 1].map(|axis| self.place[axis] + self.velocity[axis] * after_s),
+            place: self.place + self.velocity * after_s,
             headings: [heading(from), heading(to)],
             ..*self
         }
@@ -234,7 +239,7 @@ impl Part {
     }
 
     fn speed(&self) -> f64 {
-        length(self.velocity)
+        self.velocity.norm()
     }
 
     fn turn(&self) -> f64 {
@@ -249,8 +254,8 @@ impl Part {
     /// The velocity in the frame of the body, at a fraction of the turn.
     fn twist(&self, share: f64) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.headings[0] + self.turn() * share);
-        let [x, y] = self.velocity;
-        [x * cos + y * sin, y * cos - x * sin]
+        let frame = UnitComplex::from_cos_sin_unchecked(cos, sin);
+        frame.inverse_transform_vector(&self.velocity).into()
     }
 }
 
@@ -295,7 +300,7 @@ impl Judge {
             along: measured.along,
             knot: at.knot,
             time_s: at.begin_s,
-            place_m: at.place,
+            place_m: at.place.into(),
             value: measured.value,
             limit: measured.limit,
         };
@@ -371,7 +376,8 @@ impl Judge {
                 self.see(&speed("", part.speed(), limit), part);
             }
             Travel::Axes { speed: limit, .. } => {
-                for (along, value) in ["along x", "along y"].into_iter().zip(part.velocity) {
+                let speeds: [f64; 2] = part.velocity.into();
+                for (along, value) in ["along x", "along y"].into_iter().zip(speeds) {
                     self.see(&speed(along, value.abs(), limit), part);
                 }
             }
@@ -473,11 +479,10 @@ impl Judge {
         if speed <= part.off {
             return Ok([0.0; 2]);
         }
-        let [x, y] = part.velocity;
         let half = 0.5 * part.turn().abs() + self.swing(part);
         let reversed = 0.25 * part.counts_s() * if_finite(acceleration.max(deceleration)) * half;
         let middle = 0.5 * (part.headings[0] + part.headings[1]);
-        let course = libm::atan2(y, x) - middle;
+        let course = libm::atan2(part.velocity.y, part.velocity.x) - middle;
         let ahead = (wrapped(course).abs() - half).max(0.0);
         let back = (wrapped(course + PI).abs() - half).max(0.0);
         let (off, way) = if backward > 0.0 && back < ahead {
@@ -528,7 +533,7 @@ impl Judge {
         let [old, new] = [before.velocity, after.velocity];
         match self.dynamics.travel {
             Travel::Polar { acceleration, .. } => {
-                let by = length([new[0] - old[0], new[1] - old[1]]);
+                let by = (new - old).norm();
                 self.see(&change("", by, acceleration), after);
             }
             Travel::Axes { acceleration, .. } => {
@@ -672,8 +677,8 @@ fn if_finite(limit: f64) -> f64 {
     if limit.is_finite() { limit } else { 0.0 }
 }
 
-fn length([x, y]: [f64; 2]) -> f64 {
-    (x * x + y * y).sqrt()
+fn place(knot: Knot) -> Vector {
+    Vector::new(knot.x_m, knot.y_m)
 }
 
 /// The angle that differs by whole turns and is within half of one.
@@ -681,10 +686,8 @@ fn wrapped(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
 }
 
-fn angle_between(one: [f64; 2], two: [f64; 2]) -> f64 {
-    let across = one[0] * two[1] - one[1] * two[0];
-    let along = one[0] * two[0] + one[1] * two[1];
-    libm::atan2(across, along).abs()
+fn angle_between(one: Vector, two: Vector) -> f64 {
+    libm::atan2(one.perp(&two), one.dot(&two)).abs()
 }
 
 /// The two speeds of two ranges that differ least.

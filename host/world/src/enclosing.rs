@@ -10,37 +10,35 @@
 //! E. Welzl, "Smallest enclosing disks (balls and ellipsoids)", 1991;
 //! B. Gärtner, "Fast and robust smallest enclosing balls", 1999 (the pivot).
 
+use crate::Vector;
+
 /// Centre and radius of the smallest circle around `points`, of which there is
 /// at least one. No point is farther from the centre than the radius.
 pub(crate) fn minimum_enclosing_circle(points: &[[f64; 2]]) -> ([f64; 2], f64) {
+    let points: Vec<Vector> = points.iter().map(|point| (*point).into()).collect();
     let mut support = vec![points[0]];
     let mut center = points[0];
     let mut squared = 0.0;
     // Rounding could make the last rounds go in a circle; more rounds than
     // points are never needed.
     for _ in 0..=2 * points.len() {
-        let (farthest, distance) = farthest(points, center);
+        let (farthest, distance) = farthest(&points, center);
         if distance <= squared * SLACK {
             break;
         }
         support.push(farthest);
         (support, center, squared) = smallest_around(&support);
     }
-    (center, farthest(points, center).1.sqrt())
+    (center.into(), farthest(&points, center).1.sqrt())
 }
 
 /// Squared distances that differ by less than this factor are equal.
 const SLACK: f64 = 1.0 + 1e-13;
 
-fn squared_distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (x, y) = (a[0] - b[0], a[1] - b[1]);
-    x * x + y * y
-}
-
-fn farthest(points: &[[f64; 2]], center: [f64; 2]) -> ([f64; 2], f64) {
+fn farthest(points: &[Vector], center: Vector) -> (Vector, f64) {
     let mut most = (points[0], -1.0);
     for point in points {
-        let squared = squared_distance(*point, center);
+        let squared = (point - center).norm_squared();
         if squared > most.1 {
             most = (*point, squared);
         }
@@ -50,9 +48,9 @@ fn farthest(points: &[[f64; 2]], center: [f64; 2]) -> ([f64; 2], f64) {
 
 /// The smallest circle around at most four points: those of them that it passes
 /// through, its centre and its squared radius.
-fn smallest_around(points: &[[f64; 2]]) -> (Vec<[f64; 2]>, [f64; 2], f64) {
-    let mut best: Option<(Vec<[f64; 2]>, [f64; 2], f64)> = None;
-    let mut consider = |through: &[[f64; 2]], center: [f64; 2]| {
+fn smallest_around(points: &[Vector]) -> (Vec<Vector>, Vector, f64) {
+    let mut best: Option<(Vec<Vector>, Vector, f64)> = None;
+    let mut consider = |through: &[Vector], center: Vector| {
         let squared = farthest(through, center).1;
         let contains = farthest(points, center).1 <= squared * SLACK;
         if contains && best.as_ref().is_none_or(|(_, _, least)| squared < *least) {
@@ -61,7 +59,7 @@ fn smallest_around(points: &[[f64; 2]]) -> (Vec<[f64; 2]>, [f64; 2], f64) {
     };
     for (at, a) in points.iter().enumerate() {
         for (next, b) in points.iter().enumerate().skip(at + 1) {
-            consider(&[*a, *b], [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]);
+            consider(&[*a, *b], (a + b) * 0.5);
             for c in &points[next + 1..] {
                 if let Some(center) = circumcenter(*a, *b, *c) {
                     consider(&[*a, *b, *c], center);
@@ -78,14 +76,11 @@ fn smallest_around(points: &[[f64; 2]]) -> (Vec<[f64; 2]>, [f64; 2], f64) {
 }
 
 /// The point that is as far from `a` as from `b` and `c`, unless they are in line.
-fn circumcenter(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> Option<[f64; 2]> {
-    let (bx, by) = (b[0] - a[0], b[1] - a[1]);
-    let (cx, cy) = (c[0] - a[0], c[1] - a[1]);
-    let double_area = bx * cy - by * cx;
-    let (b2, c2) = (bx * bx + by * by, cx * cx + cy * cy);
-    let x = (cy * b2 - by * c2) / (2.0 * double_area);
-    let y = (bx * c2 - cx * b2) / (2.0 * double_area);
-    (x.is_finite() && y.is_finite()).then(|| [a[0] + x, a[1] + y])
+fn circumcenter(a: Vector, b: Vector, c: Vector) -> Option<Vector> {
+    let (b, c) = (b - a, c - a);
+    let (b2, c2) = (b.norm_squared(), c.norm_squared());
+    let from_a = Vector::new(c.y * b2 - b.y * c2, b.x * c2 - c.x * b2) / (2.0 * b.perp(&c));
+    from_a.iter().all(|v| v.is_finite()).then(|| a + from_a)
 }
 
 #[cfg(test)]
@@ -111,7 +106,10 @@ mod tests {
         ];
         for (points, center, radius) in cases {
             let found = minimum_enclosing_circle(points);
-            assert!(squared_distance(found.0, center) < 1e-24, "{points:?}");
+            assert!(
+                (Vector::from(found.0) - Vector::from(center)).norm() < 1e-12,
+                "{points:?}"
+            );
             assert!((found.1 - radius).abs() < 1e-12, "{points:?}");
         }
     }
@@ -132,16 +130,17 @@ mod tests {
         ) {
             let points: Vec<[f64; 2]> = points.into_iter().map(|(x, y)| [x, y]).collect();
             let (center, radius) = minimum_enclosing_circle(&points);
+            let points: Vec<Vector> = points.into_iter().map(Vector::from).collect();
             for point in &points {
-                prop_assert!(squared_distance(*point, center).sqrt() <= radius);
+                prop_assert!((point - Vector::from(center)).norm() <= radius);
             }
             let mut least = if points.len() == 1 { 0.0 } else { f64::INFINITY };
-            let mut consider = |center: [f64; 2]| {
+            let mut consider = |center: Vector| {
                 least = f64::min(least, farthest(&points, center).1.sqrt());
             };
             for a in &points {
                 for b in &points {
-                    consider([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]);
+                    consider((a + b) * 0.5);
                     for c in &points {
                         if let Some(center) = circumcenter(*a, *b, *c) {
                             consider(center);

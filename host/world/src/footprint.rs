@@ -132,7 +132,7 @@ fn polygon_shape(vertices_m: &[[f64; 2]]) -> Result<Shape, FootprintError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::common_radius_m;
+    use crate::{Pose, common_radius_m};
 
     fn disc(radius_m: f64) -> Footprint {
         Footprint::Disc { radius_m }
@@ -163,8 +163,9 @@ mod tests {
         assert_eq!(shape.vertices().len(), 4);
         assert!((shape.effective_radius_m() - 2f64.sqrt()).abs() < 1e-15);
         assert_eq!(shape.inner_radius_m(), 1.0);
+        let corners: Vec<[f64; 2]> = shape.corners(Pose::default()).collect();
         for at in 0..4 {
-            assert!(turn_at(shape.vertices(), at) > 0.0);
+            assert!(turn_at(&corners, at) > 0.0);
         }
 
         // The centre of the circle is on the longest side.

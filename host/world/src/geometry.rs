@@ -6,6 +6,8 @@
 //! numbers as at the end of the span before, so that a contact that lasts over
 //! several spans neither flickers nor is lost to rounding.
 
+use crate::{Pose, Vector};
+
 /// When, within a span, something is inside something convex.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inside {
@@ -19,60 +21,70 @@ pub struct Inside {
     pub at_end: bool,
 }
 
-/// The motion of one point relative to another: from `(x0, y0)` to `(x1, y1)`.
+/// The motion of one point relative to another, in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relative {
-    /// x at the start, in metres.
-    pub x0: f64,
-    /// y at the start, in metres.
-    pub y0: f64,
-    /// x at the end, in metres.
-    pub x1: f64,
-    /// y at the end, in metres.
-    pub y1: f64,
+    /// Where it is at the start.
+    pub start: Vector,
+    /// Where it is at the end.
+    pub end: Vector,
 }
 
 impl Relative {
-    fn start_squared(self) -> f64 {
-        self.x0 * self.x0 + self.y0 * self.y0
+    /// The motion of `two` as `one` sees it, each from one pose to the other.
+    pub fn between(one: [Pose; 2], two: [Pose; 2]) -> Self {
+        let seen = |at: usize| two[at].position() - one[at].position();
+        Self {
+            start: seen(0),
+            end: seen(1),
+        }
     }
 
-    fn end_squared(self) -> f64 {
-        self.x1 * self.x1 + self.y1 * self.y1
+    /// The motion seen from another place.
+    #[must_use]
+    pub fn seen_from(self, place: Vector) -> Self {
+        Self {
+            start: self.start - place,
+            end: self.end - place,
+        }
+    }
+
+    /// The whole way.
+    pub(crate) fn way(self) -> Vector {
+        self.end - self.start
     }
 
     /// The least squared distance to the origin and the first fraction at which
     /// it is reached.
     pub fn closest(self) -> (f64, f64) {
-        let (wx, wy) = (self.x1 - self.x0, self.y1 - self.y0);
-        let along = self.x0 * wx + self.y0 * wy;
+        let way = self.way();
+        let (start, end) = (self.start.norm_squared(), self.end.norm_squared());
+        let along = self.start.dot(&way);
         if along >= 0.0 {
-            return (self.start_squared(), 0.0);
+            return (start, 0.0);
         }
-        let length = wx * wx + wy * wy;
+        let length = way.norm_squared();
         if -along >= length {
-            return (self.end_squared(), 1.0);
+            return (end, 1.0);
         }
         let s = -along / length;
-        let (x, y) = (self.x0 + s * wx, self.y0 + s * wy);
         // Rounding must not make the least larger than an end, which decides
         // over contacts.
-        let inner = x * x + y * y;
-        (inner.min(self.start_squared()).min(self.end_squared()), s)
+        let inner = (self.start + way * s).norm_squared();
+        (inner.min(start).min(end), s)
     }
 
     /// When the point is nearer to the origin than `radius`, given the least
     /// squared distance from [`Relative::closest`].
     pub fn inside_disc(self, radius: f64, least_squared: f64) -> Option<Inside> {
         let limit = radius * radius;
-        let (at_start, at_end) = (self.start_squared() < limit, self.end_squared() < limit);
+        let [at_start, at_end] = [self.start, self.end].map(|at| at.norm_squared() < limit);
         if !at_start && !at_end && least_squared >= limit {
             return None;
         }
-        let (wx, wy) = (self.x1 - self.x0, self.y1 - self.y0);
         // Rounding may lose the crossing: of a point at rest, whose ends decide,
         // and of one that comes by so fast that a moment is all there is.
-        let crossing = disc_crossing(self.x0, self.y0, wx, wy, limit).unwrap_or_else(|| {
+        let crossing = disc_crossing(self.start, self.way(), limit).unwrap_or_else(|| {
             let (_, closest) = self.closest();
             (closest, closest)
         });
@@ -83,14 +95,11 @@ impl Relative {
     /// around the origin.
     pub fn inside_square(self, half: f64, radius: f64) -> Option<Inside> {
         let limit = radius * radius;
-        let near = |x: f64, y: f64| {
-            let (dx, dy) = ((x.abs() - half).max(0.0), (y.abs() - half).max(0.0));
-            dx * dx + dy * dy < limit
-        };
-        let (at_start, at_end) = (near(self.x0, self.y0), near(self.x1, self.y1));
+        let near = |at: Vector| at.map(|v| (v.abs() - half).max(0.0)).norm_squared() < limit;
+        let (at_start, at_end) = (near(self.start), near(self.end));
         // A rounded square is the union of two rectangles and four discs.
         // It is convex, so the hull of the six intervals is the interval.
-        let (wx, wy) = (self.x1 - self.x0, self.y1 - self.y0);
+        let (start, way) = (self.start, self.way());
         let mut hull: Option<(f64, f64)> = None;
         let mut join = |part: Option<(f64, f64)>| {
             let part = part.filter(|(enter, leave)| *leave > 0.0 && *enter < 1.0);
@@ -100,10 +109,10 @@ impl Relative {
             };
         };
         let (thin, wide) = (half, half + radius);
-        join(box_crossing(self.x0, self.y0, wx, wy, wide, thin));
-        join(box_crossing(self.x0, self.y0, wx, wy, thin, wide));
-        for (cx, cy) in [(-half, -half), (-half, half), (half, -half), (half, half)] {
-            join(disc_crossing(self.x0 - cx, self.y0 - cy, wx, wy, limit));
+        join(box_crossing(start, way, [wide, thin]));
+        join(box_crossing(start, way, [thin, wide]));
+        for (x, y) in [(-half, -half), (-half, half), (half, -half), (half, half)] {
+            join(disc_crossing(start - Vector::new(x, y), way, limit));
         }
         match hull {
             Some(crossing) => Some(Inside::clamped(crossing, at_start, at_end)),
@@ -129,10 +138,8 @@ impl Inside {
 }
 
 /// The open interval of s with |p + s·w|² < `limit`, if there is one.
-pub(crate) fn disc_crossing(x: f64, y: f64, wx: f64, wy: f64, limit: f64) -> Option<(f64, f64)> {
-    let a = wx * wx + wy * wy;
-    let b = x * wx + y * wy;
-    let c = x * x + y * y - limit;
+pub(crate) fn disc_crossing(p: Vector, w: Vector, limit: f64) -> Option<(f64, f64)> {
+    let (a, b, c) = (w.norm_squared(), p.dot(&w), p.norm_squared() - limit);
     let discriminant = b * b - a * c;
     // Written so that a point at rest, and NaN, have no crossing.
     if !(a > 0.0 && discriminant > 0.0) {
@@ -146,9 +153,10 @@ pub(crate) fn disc_crossing(x: f64, y: f64, wx: f64, wy: f64, limit: f64) -> Opt
 }
 
 /// The open interval of s with p + s·w inside a box around the origin.
-fn box_crossing(x: f64, y: f64, wx: f64, wy: f64, half_x: f64, half_y: f64) -> Option<(f64, f64)> {
+fn box_crossing(p: Vector, w: Vector, half: [f64; 2]) -> Option<(f64, f64)> {
     let mut interval = (f64::NEG_INFINITY, f64::INFINITY);
-    for (p, w, half) in [(x, wx, half_x), (y, wy, half_y)] {
+    for (axis, half) in half.into_iter().enumerate() {
+        let (p, w) = (p[axis], w[axis]);
         if w == 0.0 {
             if p.abs() >= half {
                 return None;
@@ -167,7 +175,7 @@ mod tests {
     //! parry is the oracle: its distance of a segment to a shape says whether a
     //! swept disc meets the shape, its shape cast says when.
 
-    use parry2d_f64::math::{Pose, Vector};
+    use parry2d_f64::math;
     use parry2d_f64::query::{self, ShapeCastOptions};
     use parry2d_f64::shape::{Ball, Cuboid, Segment, Shape};
     use proptest::prelude::*;
@@ -182,14 +190,17 @@ mod tests {
             coordinate.clone(),
             coordinate,
         ]
-        .prop_map(|[x0, y0, x1, y1]| Relative { x0, y0, x1, y1 })
+        .prop_map(|[x0, y0, x1, y1]| Relative {
+            start: Vector::new(x0, y0),
+            end: Vector::new(x1, y1),
+        })
     }
 
     /// Compares with parry; `shape` sits at the origin and the disc moves.
     fn check(way: Relative, shape: &dyn Shape, radius: f64, found: Option<Inside>) {
-        let (start, end) = (Vector::new(way.x0, way.y0), Vector::new(way.x1, way.y1));
-        let origin = Pose::IDENTITY;
-        let moved = Pose::from_translation(start);
+        let [start, end] = [way.start, way.end].map(|at| math::Vector::new(at.x, at.y));
+        let origin = math::Pose::IDENTITY;
+        let moved = math::Pose::from_translation(start);
         let least = if start == end {
             query::distance(&origin, shape, &moved, &Ball::new(1e-12))
         } else {
@@ -205,7 +216,7 @@ mod tests {
         assert!(!inside.at_start || inside.enter <= 0.0);
         assert!(!inside.at_end || inside.leave >= 1.0);
         let distance = |s: f64| {
-            let at = Pose::from_translation(start + (end - start) * s);
+            let at = math::Pose::from_translation(start + (end - start) * s);
             query::distance(&origin, shape, &at, &Ball::new(1e-12))
                 .expect("supported")
                 .distance
@@ -225,7 +236,7 @@ mod tests {
         }
         let ball = Ball::new(radius);
         let options = ShapeCastOptions::with_max_time_of_impact(1.0);
-        let zero = Vector::new(0.0, 0.0);
+        let zero = math::Vector::new(0.0, 0.0);
         let hit = query::cast_shapes(&origin, zero, shape, &moved, end - start, &ball, options)
             .expect("supported");
         // parry stops its casts at some small distance from the shape.
@@ -241,26 +252,23 @@ mod tests {
         #[test]
         fn discs_agree_with_parry(way in relative(), radius in 0.05..1.0f64) {
             let (squared, fraction) = way.closest();
-            let (x, y) = (
-                way.x0 + fraction * (way.x1 - way.x0),
-                way.y0 + fraction * (way.y1 - way.y0),
-            );
-            prop_assert!((x * x + y * y - squared).abs() < 1e-12);
+            let there = way.start + way.way() * fraction;
+            prop_assert!((there.norm_squared() - squared).abs() < 1e-12);
             // A disc against a point is a point against a disc.
             check(way, &Ball::new(1e-9), radius, way.inside_disc(radius, squared));
         }
 
         #[test]
         fn squares_agree_with_parry(way in relative(), radius in 0.05..0.5f64) {
-            let square = Cuboid::new(Vector::new(0.5, 0.5));
+            let square = Cuboid::new(math::Vector::new(0.5, 0.5));
             check(way, &square, radius, way.inside_square(0.5, radius));
         }
 
         /// A contact that lasts at the end of a span lasts at the start of the next, and so on.
         #[test]
         fn spans_fit_together(way in relative(), radius in 0.05..1.0f64, s in 0.0..1.0f64) {
-            let (x, y) = (way.x0 + s * (way.x1 - way.x0), way.y0 + s * (way.y1 - way.y0));
-            let (one, two) = (Relative { x1: x, y1: y, ..way }, Relative { x0: x, y0: y, ..way });
+            let middle = way.start + way.way() * s;
+            let (one, two) = (Relative { end: middle, ..way }, Relative { start: middle, ..way });
             let disc = |way: Relative| way.inside_disc(radius, way.closest().0);
             let square = |way: Relative| way.inside_square(0.5, radius.min(0.5));
             for (one, two) in [(disc(one), disc(two)), (square(one), square(two))] {

@@ -52,10 +52,10 @@ pub use random_map::RandomSpec;
 pub use room::RoomSpec;
 pub use scenario::ScenarioSpec;
 pub use separation::{Placement, distance_m, separation_m};
-pub use shape::{Shape, common_radius_m};
+pub use shape::{Shape, Vector, common_radius_m};
 pub use spec::{EmptySpec, MapSpec};
 pub use sweep::{RESOLUTION_M, contacts_in_span};
-pub use swept::{SWEPT_SLACK, Segment, squared_distance, swept_shapes_meet};
+pub use swept::{SWEPT_SLACK, squared_distance, swept_shapes_meet};
 pub use warehouse::WarehouseSpec;
 pub use workspace::{
     Mover, WORLD_FILE_LIMIT, WORLD_FORMAT, Workspace, load_workspace, read_workspace,

@@ -457,7 +457,7 @@ mod tests {
     fn check_parts(polygon: &Polygon) {
         let mut area = 0.0;
         for (pose, shape) in polygon.parts() {
-            let outline: Vec<[f64; 2]> = shape.vertices().iter().map(|v| pose.apply(*v)).collect();
+            let outline: Vec<[f64; 2]> = shape.corners(*pose).collect();
             let part = 0.5 * double_area(&outline);
             assert!(part > 0.0);
             area += part;
@@ -623,7 +623,7 @@ mod tests {
             let mut area = 0.0;
             for (pose, shape) in boundary.outside() {
                 let outline: Vec<[f64; 2]> =
-                    shape.vertices().iter().map(|v| pose.apply(*v)).collect();
+                    shape.corners(*pose).collect();
                 area += 0.5 * double_area(&outline);
             }
             let whole = frame - polygon.area_m2();

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::Vector;
+
 /// A position in metres and a heading in radians, counter-clockwise from +x.
 ///
 /// Headings are not wrapped: between two poses a heading goes straight from one
@@ -46,7 +48,13 @@ impl Pose {
         }
     }
 
-    /// A point of the body in the world.
+    /// Where it is.
+    pub fn position(self) -> Vector {
+        Vector::new(self.x, self.y)
+    }
+
+    /// A point of the body in the world. Not as [`Placement`](crate::Placement) does it,
+    /// which adds in another order: outlines keep their bits.
     pub fn apply(self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (cos, sin) = self.rotation();
         [self.x + cos * x - sin * y, self.y + sin * x + cos * y]

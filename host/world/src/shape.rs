@@ -1,7 +1,11 @@
 //! Shapes: discs and convex polygons, validated and ready for computing.
 
 use crate::enclosing::minimum_enclosing_circle;
+use crate::separation::{least_along, sides};
 use crate::{Bounds, Pose};
+
+/// A vector or a point of the plane, in metres.
+pub type Vector = nalgebra::Vector2<f64>;
 
 /// A disc or a convex polygon around the centre of its minimum enclosing circle.
 ///
@@ -12,7 +16,7 @@ use crate::{Bounds, Pose};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
     /// Counter-clockwise; none for a disc.
-    vertices: Vec<[f64; 2]>,
+    vertices: Vec<Vector>,
     /// `edges[i]` goes from vertex i to the next.
     edges: Vec<Edge>,
     effective_radius: f64,
@@ -25,7 +29,7 @@ pub struct Shape {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Edge {
     /// Outward, of length 1.
-    pub(crate) normal: [f64; 2],
+    pub(crate) normal: Vector,
     pub(crate) offset: f64,
 }
 
@@ -53,13 +57,11 @@ impl Shape {
 
     /// The same with the centre of the enclosing circle known.
     pub(crate) fn around(vertices_m: &[[f64; 2]], center: [f64; 2]) -> Option<Self> {
-        let length = |x: f64, y: f64| (x * x + y * y).sqrt();
-        let mut vertices: Vec<[f64; 2]> = Vec::with_capacity(vertices_m.len());
+        let center = Vector::from(center);
+        let mut vertices: Vec<Vector> = Vec::with_capacity(vertices_m.len());
         for vertex in vertices_m {
-            let vertex = [vertex[0] - center[0], vertex[1] - center[1]];
-            let is_new = |other: &[f64; 2]| {
-                length(vertex[0] - other[0], vertex[1] - other[1]) > Self::RESOLUTION_M
-            };
+            let vertex = Vector::from(*vertex) - center;
+            let is_new = |other: &Vector| (vertex - other).norm() > Self::RESOLUTION_M;
             if vertices.last().is_none_or(is_new) && vertices.first().is_none_or(is_new) {
                 vertices.push(vertex);
             }
@@ -67,42 +69,34 @@ impl Shape {
         if vertices.len() < 3 {
             return None;
         }
-        let edges = (0..vertices.len()).map(|at| {
-            let (a, b) = (vertices[at], vertices[(at + 1) % vertices.len()]);
-            let (x, y) = (b[0] - a[0], b[1] - a[1]);
-            let length = length(x, y);
-            let normal = [y / length, -x / length];
+        let edges = sides(&vertices).map(|(a, b)| {
+            let along = b - a;
+            let normal = Vector::new(along.y, -along.x) / along.norm();
             // All vertices count, so that rounding leaves none outside.
-            let offset = vertices
-                .iter()
-                .map(|vertex| normal[0] * vertex[0] + normal[1] * vertex[1])
-                .fold(f64::NEG_INFINITY, f64::max);
-            Edge { normal, offset }
+            let offsets = vertices.iter().map(|vertex| normal.dot(vertex));
+            Edge {
+                normal,
+                offset: offsets.fold(f64::NEG_INFINITY, f64::max),
+            }
         });
         let edges: Vec<Edge> = edges.collect();
         let inner_radius = edges
             .iter()
             .map(|edge| edge.offset)
             .fold(f64::INFINITY, f64::min);
-        let effective_radius = vertices
+        let effective_radius = vertices.iter().map(Vector::norm).fold(0.0, f64::max);
+        // Seen from inside, some edge of a polygon that is nothing but a line
+        // has the whole of it on itself.
+        let is_flat = edges
             .iter()
-            .map(|vertex| length(vertex[0], vertex[1]))
-            .fold(0.0, f64::max);
-        let shape = Self {
+            .any(|edge| edge.offset - least_along(&vertices, edge.normal) <= Self::RESOLUTION_M);
+        (!is_flat).then_some(Self {
             vertices,
             edges,
             effective_radius,
             inner_radius: inner_radius.max(0.0),
-            reference: center,
-        };
-        // Seen from inside, some edge of a polygon that is nothing but a line
-        // has the whole of it on itself.
-        let is_flat = shape.edges.iter().any(|edge| {
-            let least = shape.vertices.iter();
-            let least = least.map(|v| edge.normal[0] * v[0] + edge.normal[1] * v[1]);
-            edge.offset - least.fold(f64::INFINITY, f64::min) <= Self::RESOLUTION_M
-        });
-        (!is_flat).then_some(shape)
+            reference: center.into(),
+        })
     }
 
     /// The disc of the effective radius around c_eff: all that the shape can cover
@@ -119,7 +113,7 @@ impl Shape {
 
     /// Vertices in metres, counter-clockwise around c_eff at (0, 0); none for a
     /// disc.
-    pub fn vertices(&self) -> &[[f64; 2]] {
+    pub fn vertices(&self) -> &[Vector] {
         &self.vertices
     }
 
@@ -136,8 +130,13 @@ impl Shape {
                 max: [at.x + radius, at.y + radius],
             };
         }
-        let corners = self.vertices.iter().map(|vertex| at.apply(*vertex));
-        Bounds::of(&corners.collect::<Vec<_>>())
+        Bounds::of(&self.corners(at).collect::<Vec<_>>())
+    }
+
+    /// The vertices at a pose; none for a disc.
+    pub fn corners(&self, at: Pose) -> impl Iterator<Item = [f64; 2]> {
+        let vertices = self.vertices.iter();
+        vertices.map(move |vertex| at.apply((*vertex).into()))
     }
 
     /// r_eff, the radius of the minimum enclosing circle, in metres.

@@ -17,7 +17,7 @@
 
 use crate::geometry::disc_crossing;
 use crate::separation::{each_axis, separate, separation_m, sides};
-use crate::{Inside, Placement, Pose, Relative, Shape};
+use crate::{Inside, Placement, Pose, Relative, Shape, Vector};
 
 /// Accuracy where a body turns: an overlap that is never deeper than the tolerance plus this may be
 /// missed, and so may a gap of this size: a micrometre.
@@ -53,12 +53,7 @@ pub fn contacts_in_span(
     tolerance_m: f64,
     out: &mut Vec<Inside>,
 ) {
-    let way = Relative {
-        x0: from_b.x - from_a.x,
-        y0: from_b.y - from_a.y,
-        x1: to_b.x - to_a.x,
-        y1: to_b.y - to_a.y,
-    };
+    let way = Relative::between([from_a, to_a], [from_b, to_b]);
     let reach = a.effective_radius_m() + b.effective_radius_m();
     let (squared, _) = way.closest();
     if a.is_disc() && b.is_disc() {
@@ -131,10 +126,10 @@ impl Span<'_> {
     }
 
     /// Difference of the separation and that of a contact, and its direction in the world.
-    fn clearance(&self, fraction: f64) -> (f64, [f64; 2]) {
+    fn clearance(&self, fraction: f64) -> (f64, Vector) {
         let (at_a, at_b) = self.at(fraction);
-        let (separation, direction) = separate(self.a, self.b, at_a.see(at_b));
-        (separation + self.tolerance_m, at_a.rotate(direction))
+        let (separation, direction) = separate(self.a, self.b, &at_a.inv_mul(&at_b));
+        (separation + self.tolerance_m, at_a.rotation * direction)
     }
 
     /// When bodies that do not turn overlap, as fractions that may be beyond
@@ -143,23 +138,25 @@ impl Span<'_> {
         let (at_a, at_b): (Placement, Placement) = (self.from_a.into(), self.from_b.into());
         // The disc's centre in the frame of the polygon.
         let (polygon, frame, sign, disc) = match (self.a.is_disc(), self.b.is_disc()) {
-            (false, false) => return self.clip(at_a, at_b, way),
+            (false, false) => return self.clip(&at_a, &at_b, way),
             (false, true) => (self.a, at_a, 1.0, self.b),
             _ => (self.b, at_b, -1.0, self.a),
         };
-        let [x0, y0] = frame.rotate_back([sign * way.x0, sign * way.y0]);
-        let [x1, y1] = frame.rotate_back([sign * way.x1, sign * way.y1]);
-        let seen = Relative { x0, y0, x1, y1 };
+        let seen = |at: Vector| frame.inverse_transform_vector(&(at * sign));
+        let seen = Relative {
+            start: seen(way.start),
+            end: seen(way.end),
+        };
         seen.near_convex(polygon, disc.effective_radius_m() - self.tolerance_m)
     }
 
     /// When the gaps along all axes of two polygons are overlaps. They change
     /// uniformly, since the axes do not turn.
-    fn clip(&self, at_a: Placement, at_b: Placement, way: Relative) -> Option<(f64, f64)> {
-        let [wx, wy] = at_a.rotate_back([way.x1 - way.x0, way.y1 - way.y0]);
+    fn clip(&self, at_a: &Placement, at_b: &Placement, way: Relative) -> Option<(f64, f64)> {
+        let moved = at_a.inverse_transform_vector(&way.way());
         let mut interval = (f64::NEG_INFINITY, f64::INFINITY);
-        each_axis(self.a, self.b, at_a.see(at_b), |gap, [x, y]| {
-            below(gap + self.tolerance_m, x * wx + y * wy, &mut interval);
+        each_axis(self.a, self.b, &at_a.inv_mul(at_b), |gap, axis| {
+            below(gap + self.tolerance_m, axis.dot(&moved), &mut interval);
         });
         (interval.0 < interval.1).then_some(interval)
     }
@@ -167,21 +164,19 @@ impl Span<'_> {
     /// Goes through the span in steps on which the answer cannot change.
     fn advance(&self, at_start: bool, at_end: bool, out: &mut Vec<Inside>) {
         let turning = self.turning_m();
-        let (vx, vy) = (
-            (self.to_b.x - self.from_b.x) - (self.to_a.x - self.from_a.x),
-            (self.to_b.y - self.from_b.y) - (self.to_a.y - self.from_a.y),
-        );
+        let moved = |from: Pose, to: Pose| to.position() - from.position();
+        let velocity = moved(self.from_b, self.to_b) - moved(self.from_a, self.to_a);
         // More than 0, since something turns.
-        let speed = (vx * vx + vy * vy).sqrt() + turning;
+        let speed = velocity.norm() + turning;
         let least_step = (RESOLUTION_M / speed).max(1.0 / MOST_STEPS);
         let (mut inside, mut enter, mut s) = (at_start, 0.0, 0.0);
         while s < 1.0 {
-            let (clearance, [x, y]) = self.clearance(s);
+            let (clearance, direction) = self.clearance(s);
             let step = if inside {
                 -clearance / speed
             } else {
                 // How fast the gap in this direction may close.
-                let closing = turning - (x * vx + y * vy);
+                let closing = turning - direction.dot(&velocity);
                 if closing > 0.0 {
                     clearance / closing
                 } else {
@@ -253,14 +248,13 @@ impl Relative {
     /// When the point is nearer to a convex polygon than `radius`, or deeper in
     /// it than that if it is negative; fractions may be beyond the span.
     fn near_convex(self, polygon: &Shape, radius: f64) -> Option<(f64, f64)> {
-        let (wx, wy) = (self.x1 - self.x0, self.y1 - self.y0);
+        let (start, way) = (self.start, self.way());
         // The polygon itself, smaller if the radius is negative.
         let mut within = (f64::NEG_INFINITY, f64::INFINITY);
         let inset = radius.min(0.0);
         for edge in polygon.edges() {
-            let [x, y] = edge.normal;
-            let above = x * self.x0 + y * self.y0 - edge.offset - inset;
-            below(above, x * wx + y * wy, &mut within);
+            let above = edge.normal.dot(&start) - edge.offset - inset;
+            below(above, edge.normal.dot(&way), &mut within);
         }
         let mut hull = (within.0 < within.1).then_some(within);
         if radius <= 0.0 {
@@ -271,27 +265,22 @@ impl Relative {
         let mut join = |part: (f64, f64)| {
             hull = Some(hull.map_or(part, |all| (all.0.min(part.0), all.1.max(part.1))));
         };
-        for (edge, ([ax, ay], [bx, by])) in polygon.edges().iter().zip(sides(polygon.vertices())) {
-            let [x, y] = edge.normal;
+        for (edge, (a, b)) in polygon.edges().iter().zip(sides(polygon.vertices())) {
+            let normal = edge.normal;
             let mut over = (f64::NEG_INFINITY, f64::INFINITY);
-            let above = x * self.x0 + y * self.y0 - edge.offset;
-            let climb = x * wx + y * wy;
+            let above = normal.dot(&start) - edge.offset;
+            let climb = normal.dot(&way);
             below(above - radius, climb, &mut over);
             below(-above, -climb, &mut over);
             // Along the side, which is the normal turned to the left.
-            let [x, y] = [-y, x];
-            let along = x * wx + y * wy;
-            below(x * (self.x0 - bx) + y * (self.y0 - by), along, &mut over);
-            below(
-                -(x * (self.x0 - ax) + y * (self.y0 - ay)),
-                -along,
-                &mut over,
-            );
+            let side = Vector::new(-normal.y, normal.x);
+            let along = side.dot(&way);
+            below(side.dot(&(start - b)), along, &mut over);
+            below(-side.dot(&(start - a)), -along, &mut over);
             if over.0 < over.1 {
                 join(over);
             }
-            let corner = disc_crossing(self.x0 - ax, self.y0 - ay, wx, wy, radius * radius);
-            if let Some(corner) = corner {
+            if let Some(corner) = disc_crossing(start - a, way, radius * radius) {
                 join(corner);
             }
         }
@@ -303,7 +292,7 @@ impl Relative {
 pub(crate) mod tests {
     //! parry is the oracle: its signed distance along a span says who is inside.
 
-    use parry2d_f64::math::{Pose as Isometry, Vector};
+    use parry2d_f64::math;
     use parry2d_f64::query;
     use parry2d_f64::shape::{Ball, ConvexPolygon, Shape as ParryShape};
     use proptest::prelude::*;
@@ -336,8 +325,7 @@ pub(crate) mod tests {
                 (shape.edges().iter().all(|edge| {
                     let other = least_along(shape.vertices(), edge.normal);
                     edge.offset - other > 0.02
-                }) && sides(shape.vertices())
-                    .all(|(a, b)| (a[0] - b[0]).abs() + (a[1] - b[1]).abs() > 0.02))
+                }) && sides(shape.vertices()).all(|(a, b)| (a - b).abs().sum() > 0.02))
                 .then_some(shape)
             },
         );
@@ -361,12 +349,15 @@ pub(crate) mod tests {
         if shape.is_disc() {
             return Box::new(Ball::new(shape.effective_radius_m()));
         }
-        let corners = shape.vertices().iter().map(|[x, y]| Vector::new(*x, *y));
+        let corners = shape
+            .vertices()
+            .iter()
+            .map(|at| math::Vector::new(at.x, at.y));
         Box::new(ConvexPolygon::from_convex_polyline(corners.collect()).unwrap())
     }
 
-    pub(crate) fn placed(pose: Pose) -> Isometry {
-        Isometry::new(Vector::new(pose.x, pose.y), pose.heading)
+    pub(crate) fn placed(pose: Pose) -> math::Pose {
+        math::Pose::new(math::Vector::new(pose.x, pose.y), pose.heading)
     }
 
     fn signed_distance(a: &Shape, at_a: Pose, b: &Shape, at_b: Pose) -> f64 {

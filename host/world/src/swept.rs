@@ -8,7 +8,7 @@
 //! thin enough to say yes.
 
 use crate::separation::{from_segment, least_along, sides};
-use crate::{Placement, Pose, Shape};
+use crate::{Placement, Pose, Shape, Vector};
 
 /// A yes for bodies that turn may mean a gap of up to this part of the sum of
 /// their effective radii.
@@ -31,8 +31,8 @@ pub fn swept_shapes_meet(
     (from_b, to_b): (Pose, Pose),
     margin_m: f64,
 ) -> bool {
-    let point = |pose: Pose| [pose.x, pose.y];
-    let squared = squared_distance((point(from_a), point(to_a)), (point(from_b), point(to_b)));
+    let way = |from: Pose, to: Pose| [from.position(), to.position()];
+    let squared = squared_distance(way(from_a, to_a), way(from_b, to_b));
     let below = |reach: f64| reach > 0.0 && squared < reach * reach;
     if !below(a.effective_radius_m() + b.effective_radius_m() + margin_m) {
         return false;
@@ -89,14 +89,14 @@ impl<'a> Leg<'a> {
     fn hull(&self) -> Hull {
         if self.is_disc {
             return Hull {
-                corners: convex_hull(vec![[self.from.x, self.from.y], [self.to.x, self.to.y]]),
+                corners: convex_hull(vec![self.from.position(), self.to.position()]),
                 radius: self.shape.effective_radius_m(),
             };
         }
         let ends = [self.from, self.to].map(Placement::from);
         let corners = ends.iter().flat_map(|end| {
             let vertices = self.shape.vertices().iter();
-            vertices.map(|vertex| end.apply(*vertex))
+            vertices.map(|vertex| end.transform_point(&(*vertex).into()).coords)
         });
         Hull {
             corners: convex_hull(corners.collect()),
@@ -126,7 +126,7 @@ fn meet(a: &Leg<'_>, hull_a: &Hull, b: &Leg<'_>, hull_b: &Hull, margin: f64, sla
 /// A point, a segment or a convex polygon, thickened by a radius.
 struct Hull {
     /// Counter-clockwise.
-    corners: Vec<[f64; 2]>,
+    corners: Vec<Vector>,
     radius: f64,
 }
 
@@ -145,9 +145,9 @@ impl Hull {
             return -radii;
         }
         let mut squared = f64::INFINITY;
-        for one in sides(ours) {
-            for two in sides(theirs) {
-                squared = squared.min(squared_distance(one, two));
+        for (a, b) in sides(ours) {
+            for (c, d) in sides(theirs) {
+                squared = squared.min(squared_distance([a, b], [c, d]));
             }
         }
         squared.sqrt() - radii
@@ -155,58 +155,50 @@ impl Hull {
 }
 
 /// The largest gap along the normals of the first's sides.
-fn along_normals(polygon: &[[f64; 2]], other: &[[f64; 2]]) -> f64 {
+fn along_normals(polygon: &[Vector], other: &[Vector]) -> f64 {
     let mut most = f64::NEG_INFINITY;
-    for ([ax, ay], [bx, by]) in sides(polygon) {
-        let (x, y) = (by - ay, ax - bx);
-        let length = (x * x + y * y).sqrt();
-        let normal = [x / length, y / length];
-        let offset = normal[0] * ax + normal[1] * ay;
-        most = most.max(least_along(other, normal) - offset);
+    for (a, b) in sides(polygon) {
+        let normal = Vector::new(b.y - a.y, a.x - b.x);
+        let normal = normal / normal.norm();
+        most = most.max(least_along(other, normal) - normal.dot(&a));
     }
     most
 }
 
-fn contains(polygon: &[[f64; 2]], point: [f64; 2]) -> bool {
+fn contains(polygon: &[Vector], point: Vector) -> bool {
     polygon.len() > 2 && sides(polygon).all(|(a, b)| cross(a, b, point) >= 0.0)
 }
 
 /// Twice the area of a triangle, above 0 if its corners go counter-clockwise.
-fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+fn cross(a: Vector, b: Vector, c: Vector) -> f64 {
+    (b - a).perp(&(c - a))
 }
 
-/// The ends of a straight line.
-pub type Segment = ([f64; 2], [f64; 2]);
-
 /// The squared distance of two segments, which may be points; 0 if they cross.
-pub fn squared_distance(one: Segment, two: Segment) -> f64 {
-    let sides = |(a, b): Segment, (c, d): Segment| {
+pub fn squared_distance(one: [Vector; 2], two: [Vector; 2]) -> f64 {
+    let sides = |[a, b]: [Vector; 2], [c, d]: [Vector; 2]| {
         let (one, other) = (cross(a, b, c), cross(a, b, d));
         (one > 0.0 && other < 0.0) || (one < 0.0 && other > 0.0)
     };
     if sides(one, two) && sides(two, one) {
         return 0.0;
     }
-    let from = |(a, b): Segment, point: [f64; 2]| {
-        let [x, y] = from_segment(a, b, point);
-        x * x + y * y
-    };
-    from(one, two.0)
-        .min(from(one, two.1))
-        .min(from(two, one.0))
-        .min(from(two, one.1))
+    let from = |[a, b]: [Vector; 2], point| from_segment(a, b, point).norm_squared();
+    from(one, two[0])
+        .min(from(one, two[1]))
+        .min(from(two, one[0]))
+        .min(from(two, one[1]))
 }
 
 /// The convex hull, counter-clockwise (A. M. Andrew, 1979).
-fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
-    let order = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
+fn convex_hull(mut points: Vec<Vector>) -> Vec<Vector> {
+    let order = |a: &Vector, b: &Vector| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
     points.sort_by(order);
     points.dedup();
     if points.len() < 3 {
         return points;
     }
-    let mut hull: Vec<[f64; 2]> = Vec::with_capacity(points.len() + 1);
+    let mut hull: Vec<Vector> = Vec::with_capacity(points.len() + 1);
     // Below from left to right, and above back again.
     let (forth, back) = (points.iter(), points.iter().rev().skip(1));
     let mut kept = 1;

@@ -34,7 +34,7 @@
 mod touch;
 
 use fleetyard_core::Grid;
-use fleetyard_world::{Boundary, Bounds, Mover, Polygon, Pose, Shape};
+use fleetyard_world::{Boundary, Bounds, Mover, Polygon, Pose, Shape, Vector as Point};
 use rapier2d_f64::prelude::{
     ColliderBuilder, IntegrationParameters, MassProperties, PhysicsWorld, RigidBodyBuilder,
     RigidBodyHandle,
@@ -697,7 +697,7 @@ fn solid(what: &'static str, index: u32, shape: &Shape) -> Result<ColliderBuilde
     } else if let Some([half_x, half_y]) = half_extents(vertices) {
         Some(ColliderBuilder::cuboid(half_x, half_y))
     } else {
-        ColliderBuilder::convex_polyline(vertices.iter().map(|[x, y]| vector(*x, *y)).collect())
+        ColliderBuilder::convex_polyline(vertices.iter().map(|at| vector(at.x, at.y)).collect())
     };
     builder
         .filter(|builder| builder.shape.mass_properties(1.0).mass() > 0.0)
@@ -706,8 +706,8 @@ fn solid(what: &'static str, index: u32, shape: &Shape) -> Result<ColliderBuilde
 
 /// Half extents if the polygon is a rectangle around the origin, for which rapier has
 /// faster tests than for other polygons.
-fn half_extents(vertices: &[[f64; 2]]) -> Option<[f64; 2]> {
-    let [x, y] = vertices.first()?.map(f64::abs);
-    let is_corner = |vertex: &[f64; 2]| vertex[0].abs() == x && vertex[1].abs() == y;
-    (vertices.len() == 4 && vertices.iter().all(is_corner)).then_some([x, y])
+fn half_extents(vertices: &[Point]) -> Option<[f64; 2]> {
+    let corner = vertices.first()?.abs();
+    let is_corner = |vertex: &Point| vertex.abs() == corner;
+    (vertices.len() == 4 && vertices.iter().all(is_corner)).then_some(corner.into())
 }

@@ -635,7 +635,8 @@ fn size([x, y]: [f64; 2]) -> f64 {
     (x * x + y * y).sqrt()
 }
 
-/// A vector of the world in a frame with the given cosine and sine.
+/// A vector of the world in a frame with the given cosine and sine. Vectors are pairs here
+/// and not nalgebra's, since almost all is done side by side: gaps, caps, rates and speeds.
 fn into([cos, sin]: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
     [x * cos + y * sin, y * cos - x * sin]
 }

@@ -429,12 +429,7 @@ impl<'a, M: Motions> Sweep<'a, M> {
     /// Two bodies in a span in which both move uniformly.
     fn touch(&mut self, span: Window, i: usize, j: usize, [from_i, to_i, from_j, to_j]: [Pose; 4]) {
         let (a, b) = (self.shapes[i], self.shapes[j]);
-        let way = Relative {
-            x0: from_j.x - from_i.x,
-            y0: from_j.y - from_i.y,
-            x1: to_j.x - to_i.x,
-            y1: to_j.y - to_i.y,
-        };
+        let way = Relative::between([from_i, to_i], [from_j, to_j]);
         let (squared, fraction) = way.closest();
         if let Some(range) = self.search.approach_range_m
             && j < self.agents
@@ -620,11 +615,7 @@ mod tests {
                             .map(|[x, y]| [pose.x + x, pose.y + y])
                             .to_vec()
                     } else {
-                        shape
-                            .vertices()
-                            .iter()
-                            .map(|vertex| pose.apply(*vertex))
-                            .collect()
+                        shape.corners(pose).collect()
                     };
                     let room = corners.iter().flat_map(|corner| {
                         (0..2).flat_map(move |axis| {

@@ -194,20 +194,14 @@ impl Cells<'_> {
                     continue;
                 }
                 let (x, y) = cell_center_m(self.grid, self.size_m, cell);
-                let touched = Touched::Cell(cell);
+                let (at, touched) = (Pose::at(x, y), Touched::Cell(cell));
                 if shape.is_disc() {
-                    let way = Relative {
-                        x0: from.x - x,
-                        y0: from.y - y,
-                        x1: to.x - x,
-                        y1: to.y - y,
-                    };
+                    let way = Relative::between([at, at], [from, to]);
                     let inside = way.inside_square(0.5 * self.size_m, radius);
                     let hit = inside.map(|inside| Hit { touched, inside });
                     scratch.hits.extend(hit);
                     continue;
                 }
-                let at = Pose::at(x, y);
                 scratch.meet(shape, [from, to], &self.shape, at, tolerance_m, touched);
             }
         }

@@ -84,7 +84,7 @@ impl RapierObserver {
             let collider = if shape.is_disc() {
                 ColliderBuilder::ball(shape.effective_radius_m())
             } else {
-                let corners = shape.vertices().iter().map(|[x, y]| Vector::new(*x, *y));
+                let corners = shape.vertices().iter().map(|at| Vector::new(at.x, at.y));
                 ColliderBuilder::convex_polyline(corners.collect()).expect("a convex polygon")
             };
             let collider = collider
