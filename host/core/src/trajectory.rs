@@ -319,12 +319,9 @@ impl TrajectoryPlan {
         cell_size_m: f64,
         step_s: f64,
     ) -> Result<Self, TrajectoryError> {
-        check_scale(cell_size_m, step_s)?;
+        check_grid(plan, grid, cell_size_m, step_s)?;
         let mut all = Self::with_capacity(plan.agents(), 0);
-        for (agent, path) in plan.paths().enumerate() {
-            if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
-                return Err(TrajectoryError::OffMap { agent, time });
-            }
+        for path in plan.paths() {
             let within_wait = |time: usize| {
                 let around = time
                     .checked_sub(1)
@@ -354,12 +351,9 @@ impl TrajectoryPlan {
         cell_size_m: f64,
         step_s: f64,
     ) -> Result<Self, TrajectoryError> {
-        check_scale(cell_size_m, step_s)?;
+        check_grid(plan, grid, cell_size_m, step_s)?;
         let mut all = Self::with_capacity(plan.agents(), 0);
-        for (agent, path) in plan.paths().enumerate() {
-            if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
-                return Err(TrajectoryError::OffMap { agent, time });
-            }
+        for path in plan.paths() {
             let mut turns: Vec<u32> = Vec::new();
             for cell in path {
                 if turns.last() == Some(cell) {
@@ -532,10 +526,21 @@ fn follows(
     Ok(next != before)
 }
 
-fn check_scale(cell_size_m: f64, step_s: f64) -> Result<(), TrajectoryError> {
+/// Refuses a scale that is none, and a plan that leaves the map.
+fn check_grid(
+    plan: &GridPlan,
+    grid: &Grid,
+    cell_size_m: f64,
+    step_s: f64,
+) -> Result<(), TrajectoryError> {
     for (what, value) in [("cell size", cell_size_m), ("time of a step", step_s)] {
         if !(value > 0.0 && value.is_finite()) {
             return Err(TrajectoryError::Scale { what, value });
+        }
+    }
+    for (agent, path) in plan.paths().enumerate() {
+        if let Some(time) = path.iter().position(|cell| *cell >= grid.cell_count()) {
+            return Err(TrajectoryError::OffMap { agent, time });
         }
     }
     Ok(())

@@ -24,9 +24,9 @@ pub struct Inside {
 /// The motion of one point relative to another, in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relative {
-    /// Where it is at the start.
+    /// The place at the start.
     pub start: Vector,
-    /// Where it is at the end.
+    /// The place at the end.
     pub end: Vector,
 }
 

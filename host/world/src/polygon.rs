@@ -216,7 +216,7 @@ impl Bounds {
         }
     }
 
-    /// Whether two boxes overlap or touch.
+    /// True if two boxes overlap or touch.
     pub fn meets(self, other: Self) -> bool {
         let along =
             |axis: usize| self.min[axis] <= other.max[axis] && other.min[axis] <= self.max[axis];

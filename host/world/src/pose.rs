@@ -48,7 +48,7 @@ impl Pose {
         }
     }
 
-    /// Where it is.
+    /// The place without the heading.
     pub fn position(self) -> Vector {
         Vector::new(self.x, self.y)
     }

@@ -274,19 +274,14 @@ impl Repair<'_> {
         while next < self.members.len() && self.members.len() < self.size {
             let member = self.members[next];
             next += 1;
-            let mut others: Vec<u32> = self
+            let others: Vec<u32> = self
                 .team
                 .all()
                 .iter()
                 .filter(|conflict| conflict.involves(member))
                 .flat_map(|conflict| conflict.agents)
                 .collect();
-            others.sort_unstable();
-            others.dedup();
-            self.random.shuffle(&mut others);
-            for other in others {
-                self.take(other);
-            }
+            self.take_all(others);
         }
     }
 
@@ -294,12 +289,17 @@ impl Repair<'_> {
     fn parking(&mut self, agent: u32) {
         let path = self.team.path(agent as usize).to_vec();
         let Some(&goal) = path.last() else { return };
-        let mut others: Vec<u32> = path
+        let others: Vec<u32> = path
             .iter()
             .flat_map(|&v| self.team.visits(v).iter().map(move |visit| (v, visit)))
             .filter(|(v, visit)| visit.next == *v || *v == goal)
             .map(|(_, visit)| visit.agent)
             .collect();
+        self.take_all(others);
+    }
+
+    /// Takes agents, who may come more than once, in random order.
+    fn take_all(&mut self, mut others: Vec<u32>) {
         others.sort_unstable();
         others.dedup();
         self.random.shuffle(&mut others);

@@ -24,80 +24,54 @@ pub struct Threshold {
 /// Time that the hypervisor gave to others, per thread of the trial. It is lost as a
 /// whole and in no planner's power, so one percent is already as much as planners
 /// differ by. Two ticks may be rounding.
-pub const STEAL: Threshold = Threshold {
-    share: 0.01,
-    at_least_ms: 20.0,
-};
+pub const STEAL: Threshold = Threshold::new(0.01, 20.0);
 
 /// Time in which some task of the machine waited for a CPU, judged only where the
 /// trial's own run delay is not known. The host's and the kernel's short tasks alone
 /// make a percent or two.
-pub const PRESSURE_CPU: Threshold = Threshold {
-    share: 0.05,
-    at_least_ms: 20.0,
-};
+pub const PRESSURE_CPU: Threshold = Threshold::new(0.05, 20.0);
 
 /// Time in which some task waited for memory to be reclaimed or read back. A machine
 /// with memory to spare shows none at all.
-pub const PRESSURE_MEMORY: Threshold = Threshold {
-    share: 0.01,
-    at_least_ms: 10.0,
-};
+pub const PRESSURE_MEMORY: Threshold = Threshold::new(0.01, 10.0);
 
 /// Time in which some task waited for a disk. A planner hardly reads, so what others
 /// read touches it little, and logging alone makes some percent: only a disk that is
 /// busy for a good part of the time counts.
-pub const PRESSURE_IO: Threshold = Threshold {
-    share: 0.2,
-    at_least_ms: 50.0,
-};
+pub const PRESSURE_IO: Threshold = Threshold::new(0.2, 50.0);
 
 /// Time that the trial's threads were ready to run and did not, by the scheduler's
 /// exact count. A process that starts and answers waits for a CPU a few times, some
 /// tens of microseconds each; a larger allowance would leave short trials unmarked that
 /// are disturbed as much as long ones.
-pub const RUN_DELAY: Threshold = Threshold {
-    share: 0.02,
-    at_least_ms: 0.2,
-};
+pub const RUN_DELAY: Threshold = Threshold::new(0.02, 0.2);
 
 /// Time of a single thread that was not CPU time, where its run delay is not known.
 /// Waiting for the host's answers and reading files is in it, so it takes more.
-pub const NOT_RUNNING: Threshold = Threshold {
-    share: 0.05,
-    at_least_ms: 20.0,
-};
+pub const NOT_RUNNING: Threshold = Threshold::new(0.05, 20.0);
 
 /// Time in which the CPU was too hot, or the control group had used up its quota:
 /// all of it is lost, or runs at a fraction of the speed.
-pub const THROTTLED: Threshold = Threshold {
-    share: 0.01,
-    at_least_ms: 5.0,
-};
+pub const THROTTLED: Threshold = Threshold::new(0.01, 5.0);
 
 /// CPU time that others used on the trial's cores. Interrupts and the kernel's own
 /// threads make a percent; ticks on both ends blur some tens of milliseconds.
-pub const NEIGHBOUR: Threshold = Threshold {
-    share: 0.03,
-    at_least_ms: 50.0,
-};
+pub const NEIGHBOUR: Threshold = Threshold::new(0.03, 50.0);
 
 /// Time of the compared call in which the host's own thread was ready to run and did not, by the
 /// scheduler's exact count: an answer that lies there looks like a slow planner. The supervisors of
 /// plugins run on the host's core, and make it wait for a tenth of a millisecond.
-pub const HOST_WAITED: Threshold = Threshold {
-    share: 0.02,
-    at_least_ms: 0.2,
-};
+pub const HOST_WAITED: Threshold = Threshold::new(0.02, 0.2);
 
 /// Time of that call in which neither the plugin nor the host was at work, counted in nanoseconds.
 /// To wake each other costs both sides some ten microseconds.
-pub const HANDOVER: Threshold = Threshold {
-    share: 0.02,
-    at_least_ms: 0.05,
-};
+pub const HANDOVER: Threshold = Threshold::new(0.02, 0.05);
 
 impl Threshold {
+    const fn new(share: f64, at_least_ms: f64) -> Self {
+        Self { share, at_least_ms }
+    }
+
     fn ms(self, time_ms: f64) -> f64 {
         (self.share * time_ms).max(self.at_least_ms)
     }
