@@ -39,6 +39,24 @@ pub struct Axis {
     pub names: Option<Vec<String>>,
 }
 
+impl Axis {
+    /// A linear axis with a label.
+    pub fn of(label: impl Into<String>) -> Self {
+        Self {
+            label: label.into(),
+            ..Self::default()
+        }
+    }
+
+    /// A logarithmic axis with a label.
+    pub fn log(label: &str) -> Self {
+        Self {
+            log: true,
+            ..Self::of(label)
+        }
+    }
+}
+
 /// What a planner has in a figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Series {

@@ -55,10 +55,9 @@ impl Quantity {
 
     fn axis(self) -> Axis {
         Axis {
-            label: self.label,
             log: self.log,
             zero: !self.log,
-            ..Axis::default()
+            ..Axis::of(self.label)
         }
     }
 }
@@ -74,13 +73,12 @@ pub(super) fn size_of(trials: &Trials<'_>) -> Option<Dimension> {
         })
 }
 
-/// The share of cases that are solved.
-fn solved() -> Axis {
+/// An axis of shares.
+fn share(label: &str) -> Axis {
     Axis {
-        label: "cases solved".into(),
         percent: true,
         range: Some([0.0, 1.0]),
-        ..Axis::default()
+        ..Axis::of(label)
     }
 }
 
@@ -188,12 +186,6 @@ impl<'a> Maker<'a> {
     /// Success rates: curves by size, or bars where there is one size.
     fn success(&self) -> Figure {
         let caption = "Share of trials that succeeded, with 95 % intervals.";
-        let share = Axis {
-            label: "success".into(),
-            percent: true,
-            range: Some([0.0, 1.0]),
-            ..Axis::default()
-        };
         let Some(size) = size_of(self.trials) else {
             let bar = |summary: &PlannerSummary| {
                 let marks = Marks::Bar {
@@ -207,7 +199,7 @@ impl<'a> Maker<'a> {
                 id: "success".into(),
                 title: "Success".into(),
                 caption: caption.into(),
-                x: share,
+                x: share("success"),
                 y: self.names(),
                 diagonal: false,
                 series: self.summaries.iter().map(bar).collect(),
@@ -229,11 +221,8 @@ impl<'a> Maker<'a> {
             id: "success".into(),
             title: format!("Success by {}", size_name(size)),
             caption: caption.into(),
-            x: Axis {
-                label: size_name(size).into(),
-                ..Axis::default()
-            },
-            y: share,
+            x: Axis::of(size_name(size)),
+            y: share("success"),
             diagonal: false,
             series: curves.into_iter().map(curve).collect(),
         }
@@ -266,7 +255,7 @@ impl<'a> Maker<'a> {
                       Higher and further left is better."
                     .into(),
             x: Quantity::of(&SOLVE_TIME).axis(),
-            y: solved(),
+            y: share("cases solved"),
             diagonal: false,
             series: self.steps(cactus(self.trials, &SOLVE_TIME)),
         }
@@ -280,12 +269,8 @@ impl<'a> Maker<'a> {
                       the fastest planner of the instance: at 1 how often it is the fastest, on the \
                       right how much it solves."
                 .into(),
-            x: Axis {
-                label: "times the fastest".into(),
-                log: true,
-                ..Axis::default()
-            },
-            y: solved(),
+            x: Axis::log("times the fastest"),
+            y: share("cases solved"),
             diagonal: false,
             series: self.steps(profiles(self.trials, &SOLVE_TIME)),
         }
@@ -352,9 +337,8 @@ impl<'a> Maker<'a> {
         let axis = |planner: &str| {
             let quantity = Quantity::of(metric);
             Axis {
-                label: format!("{planner}: {}", quantity.label),
                 log: quantity.log,
-                ..Axis::default()
+                ..Axis::of(format!("{planner}: {}", quantity.label))
             }
         };
         let marks = Marks::Dots {
@@ -397,15 +381,8 @@ impl<'a> Maker<'a> {
                       intervals, over the cases that have a plan by then: it may rise when a hard \
                       case gets its first plan."
                 .into(),
-            x: Axis {
-                label: "time, ms".into(),
-                log: true,
-                ..Axis::default()
-            },
-            y: Axis {
-                label: "SoC / lower bound".into(),
-                ..Axis::default()
-            },
+            x: Axis::log("time, ms"),
+            y: Axis::of("SoC / lower bound"),
             diagonal: false,
             series: quality.into_iter().filter_map(curve).collect(),
         }
@@ -432,15 +409,8 @@ impl<'a> Maker<'a> {
                       instance and a gap of 1, 2, 5 or 10 % to the best plan that any planner found of it. \
                       Higher and further left is better."
                 .into(),
-            x: Axis {
-                label: "time, ms".into(),
-                log: true,
-                ..Axis::default()
-            },
-            y: Axis {
-                label: "targets reached".into(),
-                ..solved()
-            },
+            x: Axis::log("time, ms"),
+            y: share("targets reached"),
             diagonal: false,
             series: found.into_iter().filter_map(curve).collect(),
         }
@@ -474,10 +444,7 @@ impl<'a> Maker<'a> {
             caption: "Means over cases that succeeded, with 95 % intervals. Failures are left \
                       out: read it beside the success rate."
                 .into(),
-            x: Axis {
-                label: size_name(size).into(),
-                ..Axis::default()
-            },
+            x: Axis::of(size_name(size)),
             y: quantity.axis(),
             diagonal: false,
             series,
