@@ -15,13 +15,13 @@ use fleetyard_world::{MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec};
 const MAZES: u64 = 50;
 const BASE_SEED: u64 = 7;
 
-struct Question {
+struct Problem {
     grid: Grid,
     start: u32,
     goal: u32,
 }
 
-fn mazes(algorithm: MazeAlgorithm, side: u32, count: u64) -> Vec<Question> {
+fn mazes(algorithm: MazeAlgorithm, side: u32, count: u64) -> Vec<Problem> {
     let seeds = (0..count).filter_map(|index| MazeSeeds::Benchmark.seed(BASE_SEED, index));
     seeds
         .map(|seed| {
@@ -32,7 +32,7 @@ fn mazes(algorithm: MazeAlgorithm, side: u32, count: u64) -> Vec<Question> {
                 .map(|cell| map.is_passable(cell))
                 .collect();
             let grid = Grid::new(map.rows(), map.cols(), &free, Neighbors::Four);
-            Question {
+            Problem {
                 grid: grid.expect("a map"),
                 start: instance.starts()[0],
                 goal: instance.goals()[0],
@@ -43,10 +43,10 @@ fn mazes(algorithm: MazeAlgorithm, side: u32, count: u64) -> Vec<Question> {
 
 /// Total expansions, and the total length by the benchmark's rule: the cells of a
 /// Bresenham line, one for every row or column of the longer side.
-fn totals(search: &mut dyn Search, questions: &[Question]) -> (u64, u64) {
+fn totals(search: &mut dyn Search, problems: &[Problem]) -> (u64, u64) {
     let (mut expansions, mut length) = (0, 0);
     let mut path = Vec::new();
-    for Question { grid, start, goal } in questions {
+    for Problem { grid, start, goal } in problems {
         let answer = search.search(grid, *start, *goal, &mut Limit::none(), &mut path);
         assert_eq!(answer.outcome, Outcome::Found);
         expansions += answer.expansions;
@@ -103,12 +103,12 @@ fn mean(total: u64, count: usize) -> String {
 }
 
 /// Planner, mean expansions and mean length.
-fn means(questions: &[Question]) -> Vec<String> {
+fn means(problems: &[Problem]) -> Vec<String> {
     planners()
         .into_iter()
         .map(|(name, mut search)| {
-            let totals = totals(&mut *search, questions);
-            let [expansions, length] = [totals.0, totals.1].map(|one| mean(one, questions.len()));
+            let totals = totals(&mut *search, problems);
+            let [expansions, length] = [totals.0, totals.1].map(|one| mean(one, problems.len()));
             format!("{name} {expansions} {length}")
         })
         .collect()
@@ -116,9 +116,9 @@ fn means(questions: &[Question]) -> Vec<String> {
 
 #[test]
 fn expansions_and_lengths_of_table_iii() {
-    let questions = mazes(MazeAlgorithm::Backtracker, 15, MAZES);
+    let problems = mazes(MazeAlgorithm::Backtracker, 15, MAZES);
     assert_eq!(
-        means(&questions),
+        means(&problems),
         [
             "weighted-astar 187.16 142.72",
             "beam-search 198.36 142.72",
@@ -144,7 +144,7 @@ fn expansions_and_lengths_of_table_iii() {
 #[test]
 fn expansions_on_mazes_by_prim() {
     // The paper has no table of these; its own program expands as many.
-    let questions = mazes(MazeAlgorithm::Prim, 15, MAZES);
+    let problems = mazes(MazeAlgorithm::Prim, 15, MAZES);
     let expected = [
         "weighted-astar 70.28",
         "beam-search 173.32",
@@ -159,7 +159,7 @@ fn expansions_on_mazes_by_prim() {
         "lpa-star 101.00",
         "idastar 157.18",
     ];
-    let found = means(&questions);
+    let found = means(&problems);
     for (found, expected) in found.iter().zip(expected) {
         // Lengths are those of shortest paths, but for Theta*.
         assert!(
@@ -171,11 +171,11 @@ fn expansions_on_mazes_by_prim() {
 
 #[test]
 fn nothing_is_cut_short_where_both_cells_beside_a_corner_have_to_be_free() {
-    let questions = mazes(MazeAlgorithm::Backtracker, 15, MAZES);
+    let problems = mazes(MazeAlgorithm::Backtracker, 15, MAZES);
     let (ties, corners) = (TieBreaking::Fifo, Corners::BothFree);
     let mut theta = ThetaStar::new(Looks::Early, Heuristic::Euclidean, ties, corners);
-    let (_, length) = totals(&mut theta, &questions);
-    assert_eq!(mean(length, questions.len()), "142.72");
+    let (_, length) = totals(&mut theta, &problems);
+    assert_eq!(mean(length, problems.len()), "142.72");
 }
 
 /// The benchmark's program keeps the tree of its LPA* from one maze to the next, since
@@ -185,26 +185,26 @@ fn nothing_is_cut_short_where_both_cells_beside_a_corner_have_to_be_free() {
 /// blocked.
 #[test]
 fn a_tree_that_is_carried_from_maze_to_maze() {
-    let questions = mazes(MazeAlgorithm::Backtracker, 15, MAZES);
-    let Question { grid, start, goal } = &questions[0];
+    let problems = mazes(MazeAlgorithm::Backtracker, 15, MAZES);
+    let Problem { grid, start, goal } = &problems[0];
     let mut robot =
         Replanner::new(Method::LpaStar, grid.clone(), *start, *goal).expect("both are cells");
     let (mut expansions, mut path) = (0, Vec::new());
-    for Question { grid, .. } in &questions {
+    for Problem { grid, .. } in &problems {
         let cells = 0..grid.rows() * grid.cols();
         robot.set_free(cells.map(|cell| (cell, grid.is_free(cell))));
         let answer = robot.plan(&mut Limit::none(), &mut path);
         assert_eq!(answer.outcome, Outcome::Found);
         expansions += answer.expansions;
     }
-    assert_eq!(mean(expansions, questions.len()), "266.94");
+    assert_eq!(mean(expansions, problems.len()), "266.94");
 }
 
 #[test]
 fn ida_finishes_mazes_that_are_much_larger() {
-    for question in mazes(MazeAlgorithm::Backtracker, 63, 2) {
+    for problem in mazes(MazeAlgorithm::Backtracker, 63, 2) {
         let mut ida = IdaStar::new(None, Memory::Costs);
-        let (expansions, length) = totals(&mut ida, &[question]);
+        let (expansions, length) = totals(&mut ida, &[problem]);
         assert!(expansions > length);
     }
 }

@@ -1,7 +1,7 @@
 //! The conformance kit: asks a plugin, of whatever kind and attachment, what the
 //! contract promises, and says where it does otherwise.
 //!
-//! Every [`Case`] of [`CASES`] is one question with a known answer. It runs in
+//! Every [`Case`] of [`CASES`] is one check with a known answer. It runs in
 //! sessions of its own, so that a plugin that crashes in one says nothing of the
 //! others, and what it asks follows from a seed, so that a failure can be
 //! replayed. Plans are judged by `fleetyard-check`, as everywhere.

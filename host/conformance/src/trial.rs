@@ -1,4 +1,4 @@
-//! One case and one plugin: sessions, questions, answers, and what is noted on
+//! One case and one plugin: sessions, calls, answers, and what is noted on
 //! the way.
 
 use std::borrow::Cow;
@@ -51,7 +51,7 @@ impl From<Fault> for Stop {
 
 /// Knowledge of the kit about an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Hope {
+pub(crate) enum Expectation {
     /// There is a plan.
     Plan,
     /// There is a plan, and it is no wonder when it is not found.
@@ -307,7 +307,7 @@ impl<'a> Trial<'a> {
         Ok(session)
     }
 
-    // ---- Questions ---------------------------------------------------------------
+    // ---- Calls -------------------------------------------------------------------
 
     pub(crate) fn budget(&self, call: &Call<'_>) -> Budget {
         Budget {
@@ -426,15 +426,20 @@ impl<'a> Trial<'a> {
     // ---- Answers -----------------------------------------------------------------
 
     /// Judges an answer.
-    pub(crate) fn judge(&mut self, scene: &Scene, answer: &Answer, hope: Hope) -> Step<()> {
-        self.judge_as(scene, answer, hope, Arrival::Stay)
+    pub(crate) fn judge(
+        &mut self,
+        scene: &Scene,
+        answer: &Answer,
+        expectation: Expectation,
+    ) -> Step<()> {
+        self.judge_as(scene, answer, expectation, Arrival::Stay)
     }
 
     pub(crate) fn judge_as(
         &mut self,
         scene: &Scene,
         answer: &Answer,
-        hope: Hope,
+        expectation: Expectation,
         arrival: Arrival,
     ) -> Step<()> {
         if self.alone == Some(true) && scene.crowded {
@@ -447,7 +452,7 @@ impl<'a> Trial<'a> {
             let (name, picture) = (&scene.name, scene.picture());
             Err(Stop::Failed(format!("{name}: {reason}{picture}")))
         };
-        if hope == Hope::Survival {
+        if expectation == Expectation::Survival {
             self.judge_survival(scene, answer);
             return Ok(());
         }
@@ -471,16 +476,16 @@ impl<'a> Trial<'a> {
             Status::Cancelled if answer.by_clock => Status::TimedOut,
             status => status,
         };
-        match (hope, status) {
-            (Hope::NoPlan, Status::Solved) => {
+        match (expectation, status) {
+            (Expectation::NoPlan, Status::Solved) => {
                 failed("claims `solved`, but there is no plan".into())
             }
-            (Hope::NoPlan, Status::InternalError) => failed(format!("claims {shown}")),
-            (Hope::Plan | Hope::Perhaps, Status::Infeasible) => {
+            (Expectation::NoPlan, Status::InternalError) => failed(format!("claims {shown}")),
+            (Expectation::Plan | Expectation::Perhaps, Status::Infeasible) => {
                 failed(format!("claims {shown}, but there is a plan"))
             }
             (
-                Hope::Plan | Hope::Perhaps,
+                Expectation::Plan | Expectation::Perhaps,
                 Status::Unsupported
                 | Status::InvalidInput
                 | Status::InternalError
@@ -490,7 +495,7 @@ impl<'a> Trial<'a> {
                  nobody cancelled the call"
             )),
             // What is left by one who may leave collisions was not judged as a plan.
-            (Hope::Plan, Status::GaveUp | Status::TimedOut)
+            (Expectation::Plan, Status::GaveUp | Status::TimedOut)
                 if answer.plans().is_empty() || self.claims(Capability::CollidingPlans) =>
             {
                 let late = match answer.late {
@@ -591,18 +596,18 @@ impl<'a> Trial<'a> {
 
     /// Makes, prepares, asks, judges and ends: what most cases are.
     pub(crate) fn solve(&mut self, scene: &Scene) -> Step<Answer> {
-        self.solve_hoping(scene, Hope::Plan, self.wall())
+        self.solve_expecting(scene, Expectation::Plan, self.wall())
     }
 
-    pub(crate) fn solve_hoping(
+    pub(crate) fn solve_expecting(
         &mut self,
         scene: &Scene,
-        hope: Hope,
+        expectation: Expectation,
         wall: Duration,
     ) -> Step<Answer> {
         let mut session = self.ready(scene)?;
         let answer = self.ask(&mut session, scene, &Call::of(wall))?;
-        self.judge(scene, &answer, hope)?;
+        self.judge(scene, &answer, expectation)?;
         self.close(session);
         Ok(answer)
     }

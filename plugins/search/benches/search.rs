@@ -30,7 +30,7 @@ impl Noise {
     }
 }
 
-struct Question {
+struct Problem {
     rows: i32,
     cols: i32,
     free: Vec<bool>,
@@ -39,7 +39,7 @@ struct Question {
     goal: u32,
 }
 
-impl Question {
+impl Problem {
     fn new(rows: usize, cols: usize, free: Vec<bool>, start: usize, goal: usize) -> Self {
         let grid = Grid::new(rows as u32, cols as u32, &free, Neighbors::Four);
         Self {
@@ -212,17 +212,17 @@ fn too_long(map: &str, planner: &str) -> bool {
     planner == "idastar" && map != "maze-15"
 }
 
-/// The least mean time of some rounds over all questions.
-fn least(questions: &[Question], mut solve: impl FnMut(&Question)) -> Duration {
+/// The least mean time of some rounds over all problems.
+fn least(problems: &[Problem], mut solve: impl FnMut(&Problem)) -> Duration {
     const WHOLE: Duration = Duration::from_millis(300);
     let mut best = Duration::MAX;
     let begun = Instant::now();
     while begun.elapsed() < WHOLE {
         let started = Instant::now();
-        questions.iter().for_each(&mut solve);
+        problems.iter().for_each(&mut solve);
         best = best.min(started.elapsed());
     }
-    best / questions.len() as u32
+    best / problems.len() as u32
 }
 
 fn microseconds(time: Duration) -> f64 {
@@ -230,22 +230,22 @@ fn microseconds(time: Duration) -> f64 {
 }
 
 fn searches(criterion: &mut Criterion) {
-    let maps: [(&str, Vec<Question>); 3] = [
+    let maps: [(&str, Vec<Problem>); 3] = [
         (
             "maze-15",
-            (7..57).map(|seed| Question::maze(15, seed)).collect(),
+            (7..57).map(|seed| Problem::maze(15, seed)).collect(),
         ),
         (
             "maze-255",
-            (7..9).map(|seed| Question::maze(255, seed)).collect(),
+            (7..9).map(|seed| Problem::maze(255, seed)).collect(),
         ),
         (
             "open-256",
-            (7..11).map(|seed| Question::open(256, 20, seed)).collect(),
+            (7..11).map(|seed| Problem::open(256, 20, seed)).collect(),
         ),
     ];
     let mut table = Vec::new();
-    for (map, questions) in &maps {
+    for (map, problems) in &maps {
         let mut group = criterion.benchmark_group(*map);
         group
             .sample_size(10)
@@ -256,19 +256,19 @@ fn searches(criterion: &mut Criterion) {
                 continue;
             }
             let mut path = Vec::new();
-            group.bench_function(BenchmarkId::new(name, questions.len()), |bencher| {
+            group.bench_function(BenchmarkId::new(name, problems.len()), |bencher| {
                 bencher.iter(|| {
-                    for question in questions {
-                        black_box(question.ask(&mut *search, &mut path));
+                    for problem in problems {
+                        black_box(problem.ask(&mut *search, &mut path));
                     }
                 });
             });
-            let ours = least(questions, |question| {
-                black_box(question.ask(&mut *search, &mut path));
+            let ours = least(problems, |problem| {
+                black_box(problem.ask(&mut *search, &mut path));
             });
             let theirs = peer.map(|peer| {
-                least(questions, |question| {
-                    black_box(question.peer(peer));
+                least(problems, |problem| {
+                    black_box(problem.peer(peer));
                 })
             });
             table.push((*map, name, ours, theirs));

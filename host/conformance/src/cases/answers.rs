@@ -7,7 +7,7 @@ use fleetyard_abi::{Capability, FleetStatus, Kind, Objective, Plan, Status};
 use fleetyard_runtime::Closing;
 
 use crate::scene::{Demand, Scene};
-use crate::trial::{Answer, Call, Hope, Said, Step, Stop, Trial, invoke};
+use crate::trial::{Answer, Call, Expectation, Said, Step, Stop, Trial, invoke};
 
 /// Drawings of which the best plan is known: name, starts, goals, sum of costs.
 pub(crate) type Drawing = (
@@ -90,11 +90,11 @@ pub(crate) fn random_instances(trial: &mut Trial<'_>) -> Step<()> {
 /// Asks what has no answer: a fail policy finds one all the same, since it need not
 /// bring anybody to a goal.
 fn impossible(trial: &mut Trial<'_>, scene: &Scene) -> Step<()> {
-    let (hope, wall) = match trial.kind() {
-        Kind::FailPolicy => (Hope::Plan, trial.wall()),
-        _ => (Hope::NoPlan, trial.config().slice()),
+    let (expectation, wall) = match trial.kind() {
+        Kind::FailPolicy => (Expectation::Plan, trial.wall()),
+        _ => (Expectation::NoPlan, trial.config().slice()),
     };
-    trial.solve_hoping(scene, hope, wall)?;
+    trial.solve_expecting(scene, expectation, wall)?;
     Ok(())
 }
 
@@ -114,7 +114,7 @@ pub(crate) fn makespan(trial: &mut Trial<'_>) -> Step<()> {
     let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
     // No capability says so, and hosts may ask for either.
     if answer.status != Status::Unsupported {
-        trial.judge(&scene, &answer, Hope::Plan)?;
+        trial.judge(&scene, &answer, Expectation::Plan)?;
     }
     trial.close(session);
     Ok(())
@@ -125,7 +125,7 @@ pub(crate) fn figures(trial: &mut Trial<'_>) -> Step<()> {
     let mut session = trial.ready(&scene)?;
     // A figure outside of its domain breaks the contract, and ends this here.
     let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-    trial.judge(&scene, &answer, Hope::Perhaps)?;
+    trial.judge(&scene, &answer, Expectation::Perhaps)?;
     let claimed = |name: &str| answer.figures.get(name).copied();
     let costs = || answer.plans().iter().map(fleetyard_check::sum_of_costs);
     if let (Some(bound), Some(best)) = (claimed("lower_bound"), costs().min())
@@ -154,7 +154,7 @@ pub(crate) fn node_limit(trial: &mut Trial<'_>) -> Step<()> {
         ..Call::of(trial.wall())
     };
     let answer = trial.ask(&mut session, &scene, &call)?;
-    trial.judge(&scene, &answer, Hope::Perhaps)?;
+    trial.judge(&scene, &answer, Expectation::Perhaps)?;
     trial.close(session);
     Ok(())
 }
@@ -175,7 +175,7 @@ pub(crate) fn failed_plan(trial: &mut Trial<'_>) -> Step<()> {
             ..Call::of(trial.wall())
         };
         let answer = trial.ask(&mut session, &scene, &call)?;
-        trial.judge(&scene, &answer, Hope::Plan)?;
+        trial.judge(&scene, &answer, Expectation::Plan)?;
     }
     trial.close(session);
     Ok(())

@@ -8,7 +8,7 @@ use fleetyard_runtime::{Fault, Usage};
 use super::answers::{at_least, small};
 use crate::kit::milliseconds;
 use crate::scene::Scene;
-use crate::trial::{Call, Hope, Step, Stop, Trial, same};
+use crate::trial::{Call, Expectation, Step, Stop, Trial, same};
 
 pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
     let scene = small(trial)?;
@@ -23,7 +23,7 @@ pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
     let mut answers = Vec::new();
     for asked in [&scene, &other, &scene] {
         let answer = trial.ask(&mut session, asked, &Call::of(trial.wall()))?;
-        trial.judge(asked, &answer, Hope::Plan)?;
+        trial.judge(asked, &answer, Expectation::Plan)?;
         answers.push(answer);
     }
     trial.close(session);
@@ -46,7 +46,7 @@ pub(crate) fn other_map(trial: &mut Trial<'_>) -> Step<()> {
     for scene in [&first, &smaller, &larger, &first] {
         trial.prepare(&mut session, scene)?;
         let answer = trial.ask(&mut session, scene, &Call::of(trial.wall()))?;
-        trial.judge(scene, &answer, Hope::Plan)?;
+        trial.judge(scene, &answer, Expectation::Plan)?;
     }
     trial.close(session);
     Ok(())
@@ -59,7 +59,7 @@ pub(crate) fn made_again(trial: &mut Trial<'_>) -> Step<()> {
         trial.create(&mut session)?;
         trial.prepare(&mut session, &scene)?;
         let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-        trial.judge(&scene, &answer, Hope::Plan)?;
+        trial.judge(&scene, &answer, Expectation::Plan)?;
     }
     trial.close(session);
     Ok(())
@@ -86,9 +86,9 @@ pub(crate) fn bad_input(trial: &mut Trial<'_>) -> Step<()> {
     let mut session = trial.ready(&good)?;
     for scene in bad {
         let answer = trial.ask(&mut session, &scene, &Call::of(trial.config().slice()))?;
-        trial.judge(&scene, &answer, Hope::Survival)?;
+        trial.judge(&scene, &answer, Expectation::Survival)?;
         let answer = trial.ask(&mut session, &good, &Call::of(trial.wall()))?;
-        trial.judge(&good, &answer, Hope::Plan)?;
+        trial.judge(&good, &answer, Expectation::Plan)?;
     }
     trial.close(session);
     Ok(())
@@ -103,13 +103,13 @@ pub(crate) fn deadline(trial: &mut Trial<'_>) -> Step<()> {
     trial.figure("returned_ms", milliseconds(answer.wall));
     note_lateness(trial, answer.late);
     // What came in time has to be right all the same.
-    let hope = if trial.kind() == Kind::Planner {
-        Hope::NoPlan
+    let expectation = if trial.kind() == Kind::Planner {
+        Expectation::NoPlan
     } else {
-        Hope::Perhaps
+        Expectation::Perhaps
     };
     if trial.kind() != Kind::InstanceGenerator {
-        trial.judge(&scene, &answer, hope)?;
+        trial.judge(&scene, &answer, expectation)?;
     }
     trial.close(session);
     Ok(())
@@ -134,7 +134,7 @@ pub(crate) fn cancelled(trial: &mut Trial<'_>) -> Step<()> {
     let scene = small(trial)?;
     trial.prepare(&mut session, &scene)?;
     let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-    trial.judge(&scene, &answer, Hope::Plan)?;
+    trial.judge(&scene, &answer, Expectation::Plan)?;
     trial.close(session);
     Ok(())
 }
@@ -162,7 +162,7 @@ pub(crate) fn prepare_deadline(trial: &mut Trial<'_>) -> Step<()> {
     let scene = small(trial)?;
     trial.prepare(&mut session, &scene)?;
     let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-    trial.judge(&scene, &answer, Hope::Plan)?;
+    trial.judge(&scene, &answer, Expectation::Plan)?;
     trial.close(session);
     Ok(())
 }

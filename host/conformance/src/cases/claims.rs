@@ -7,7 +7,7 @@ use serde_json::{Map, json};
 use super::answers::{CORRIDOR, CROSSING, FOLLOWING, WALL, at_least, draw};
 use crate::judge::Arrival;
 use crate::scene::Scene;
-use crate::trial::{Call, Hope, Step, Stop, Trial, same};
+use crate::trial::{Call, Expectation, Step, Stop, Trial, same};
 
 pub(crate) fn eight_connected(trial: &mut Trial<'_>) -> Step<()> {
     let mut random = trial.random();
@@ -73,7 +73,7 @@ pub(crate) fn any_angle(trial: &mut Trial<'_>) -> Step<()> {
     }
     let shut = Scene::drawn("unreachable-goal", &["a.@.", "..@."], &["..@a", "..@."])?;
     let wall = trial.config().slice();
-    trial.solve_hoping(&shut.straight(), Hope::NoPlan, wall)?;
+    trial.solve_expecting(&shut.straight(), Expectation::NoPlan, wall)?;
     Ok(())
 }
 
@@ -112,7 +112,7 @@ pub(crate) fn duplicate_goals(trial: &mut Trial<'_>) -> Step<()> {
             trial.warn("claims that agents with one goal cannot both arrive: a visit is enough");
         } else {
             // Only one of two can stay there.
-            trial.judge_as(&scene, &answer, Hope::Plan, Arrival::Visit)?;
+            trial.judge_as(&scene, &answer, Expectation::Plan, Arrival::Visit)?;
         }
         trial.close(session);
     }
@@ -123,7 +123,7 @@ pub(crate) fn anytime(trial: &mut Trial<'_>) -> Step<()> {
     let mut random = trial.random();
     let scene = Scene::open("open", 12, 30, &mut random)?;
     let wall = at_least(trial.config().slice() * 2, 100);
-    let answer = trial.solve_hoping(&scene, Hope::Plan, wall)?;
+    let answer = trial.solve_expecting(&scene, Expectation::Plan, wall)?;
     trial.figure("plans", answer.plans().len() as f64);
     Ok(())
 }
@@ -136,7 +136,7 @@ pub(crate) fn colliding_plans(trial: &mut Trial<'_>) -> Step<()> {
     ];
     let wall = at_least(trial.config().slice(), 100);
     for scene in scenes {
-        let answer = trial.solve_hoping(&scene, Hope::NoPlan, wall)?;
+        let answer = trial.solve_expecting(&scene, Expectation::NoPlan, wall)?;
         if answer.plans().is_empty() {
             trial.warn(format!("{}: left no paths, as it may", scene.name));
         }
@@ -158,7 +158,7 @@ pub(crate) fn k_robust(trial: &mut Trial<'_>) -> Step<()> {
         trial.create_with(&mut session, &options)?;
         trial.prepare(&mut session, &scene)?;
         let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-        trial.judge(&scene, &answer, Hope::Plan)?;
+        trial.judge(&scene, &answer, Expectation::Plan)?;
         trial.close(session);
     }
     Ok(())
@@ -173,7 +173,7 @@ pub(crate) fn threads(trial: &mut Trial<'_>) -> Step<()> {
         ..Call::of(trial.wall())
     };
     let answer = trial.ask(&mut session, &scene, &call)?;
-    trial.judge(&scene, &answer, Hope::Plan)?;
+    trial.judge(&scene, &answer, Expectation::Plan)?;
     trial.close(session);
     Ok(())
 }
@@ -201,7 +201,7 @@ pub(crate) fn deterministic(trial: &mut Trial<'_>) -> Step<()> {
                 ..Call::of(trial.wall())
             };
             let answer = trial.ask(&mut session, &scene, &call)?;
-            trial.judge(&scene, &answer, Hope::Perhaps)?;
+            trial.judge(&scene, &answer, Expectation::Perhaps)?;
             trial.close(session);
             answers.push(answer);
         }
