@@ -1,4 +1,4 @@
-//! What the coordinator costs: trials that do nothing, into a store on the disk.
+//! Costs of the coordinator: trials that do nothing, into a store on the disk.
 //!
 //! `cargo bench -p fleetyard-bench --bench coordinator` gives the cost of a trial;
 //! with `-- --trials 100000` it prints time, memory and size of the store for so many.

@@ -1,4 +1,4 @@
-//! What a call takes in which nothing is done.
+//! Time of a call in which nothing is done.
 //!
 //! The clock of rankings is the host's. Of calls of microseconds most of a round trip is
 //! transport, so that a suite may rank by the round trip less the empty one: that of the
@@ -35,7 +35,7 @@ const LONGEST: u64 = 1 << 22;
 /// Most numbers of agents for which they are.
 const SIZES: usize = 16;
 
-/// What is not the planner's of a round trip.
+/// The part of a round trip that is not the planner's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Correction {
     /// The median of empty calls.

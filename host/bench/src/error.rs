@@ -1,10 +1,10 @@
-//! Why a suite cannot be run, as opposed to how its trials went.
+//! Reasons why a suite cannot be run, as opposed to how its trials went.
 
 use fleetyard_core::InputError;
 
 use crate::trial_error::TrialError;
 
-/// Why a suite cannot be run or go on.
+/// The reason why a suite cannot be run or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// A suite, a file that it names or a store is not what it must be.
@@ -15,7 +15,7 @@ pub enum BenchError {
     Plugin {
         /// The error at its place in the suite.
         at: InputError,
-        /// Why.
+        /// The reason.
         error: Box<TrialError>,
     },
     /// A trial could not be made at all.
@@ -23,7 +23,7 @@ pub enum BenchError {
     Trial {
         /// The planner's label.
         planner: String,
-        /// Why.
+        /// The reason.
         error: Box<TrialError>,
     },
     /// The host cannot run plugins here.
@@ -32,7 +32,7 @@ pub enum BenchError {
 }
 
 impl BenchError {
-    /// What to do about it.
+    /// A way out.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::Input(error) | Self::Plugin { at: error, .. } => error.hint.clone(),

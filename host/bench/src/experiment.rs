@@ -424,7 +424,8 @@ impl Planner {
     }
 }
 
-/// What stands for a planner as it is asked, but for the rest of a fleet.
+/// The hash of a planner with its code, attachment, options and context, but for the rest of a
+/// fleet.
 fn of_planner(code: Digest, id: &str, attach: &str, options: &str, context: &Value) -> Hasher {
     let mut hasher = Hasher::new("fleetyard.entrant/2");
     hasher.bytes(&code.0.to_le_bytes());

@@ -103,7 +103,7 @@ impl FleetModules {
         })
     }
 
-    /// What is asked for, whichever machine it runs on.
+    /// The configuration without the parts that depend on the machine.
     fn asked(&self) -> FleetConfig {
         let mut config = self.setup.config.clone();
         config.allowance.memory_bytes = 0;
@@ -122,7 +122,7 @@ impl FleetModules {
         hasher.finish()
     }
 
-    /// How long it drives in simulated time.
+    /// Simulated time that it drives, in seconds.
     pub(crate) fn duration_s(&self) -> f64 {
         self.setup.config.duration_s
     }
@@ -200,13 +200,13 @@ impl FleetModules {
     }
 }
 
-/// What came of a trial.
+/// Result of a trial.
 pub(crate) struct Drive {
     outcome: FleetOutcome,
     /// Of the planner's processes.
     usage: Option<Usage>,
     pub(crate) sandbox: Option<SandboxReport>,
-    /// Which module ran without its supervisor, and what became of that.
+    /// The module that ran without its supervisor, and its fault.
     unsupervised: Option<String>,
     /// Reasons for which times cannot be compared.
     contended: Vec<Reason>,
@@ -235,14 +235,14 @@ impl Watch for PlannerWatch {
 }
 
 impl Drive {
-    /// Why the row may not be compared with others; `None` when it may.
+    /// The reason why the row may not be compared with others; `None` when it may.
     pub(crate) fn unranked(&self, attach: Attach, limits: &Limits) -> Option<String> {
         let (sandbox, usage) = (self.sandbox.as_ref(), self.usage.as_ref());
         let unranked = || unranked(attach, limits, sandbox, usage, []);
         self.unsupervised.clone().or_else(unranked)
     }
 
-    /// What the row says of it. The trial succeeded if the fleet drove to the end and nobody
+    /// Writes the result into a row. The trial succeeded if the fleet drove to the end and nobody
     /// touched anything.
     pub(crate) fn fill(&self, row: &mut Row) {
         let FleetOutcome {

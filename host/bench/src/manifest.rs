@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 use crate::experiment::{Experiment, Pin};
 use crate::store::Meta;
 
-/// What a store was made from.
+/// The record of a store's origin.
 #[derive(Debug, Clone, Serialize)]
 pub struct Manifest {
     /// Name and version of this format.
@@ -27,17 +27,17 @@ pub struct Manifest {
     suite: String,
     /// The suite's file as it was.
     suite_text: String,
-    /// What it says, values of the command line included.
+    /// The suite's values, those of the command line included.
     suite_values: Value,
     /// Digest of all that it asks, instances and planners included.
     suite_digest: String,
     /// The part of it that was run.
     shard: Option<String>,
-    /// When the store was made.
+    /// Time at which the store was made.
     created_unix_ms: u64,
-    /// When this run began.
+    /// Begin of this run.
     started_unix_ms: u64,
-    /// When it ended; absent while it runs, and after it was killed.
+    /// End of this run; absent while it runs, and after it was killed.
     ended_unix_ms: Option<u64>,
     trials: Counts,
     planners: Vec<Planner>,
@@ -47,7 +47,7 @@ pub struct Manifest {
     machine: &'static Machine,
 }
 
-/// How many trials there are.
+/// Numbers of trials.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Counts {
     /// That the suite, or this part of it, asks for.
@@ -106,7 +106,7 @@ impl Manifest {
         }
     }
 
-    /// What is known when the run has ended.
+    /// Adds the facts that are known when the run has ended.
     pub fn end(&mut self, experiment: &Experiment<'_>, ended_unix_ms: u64) {
         self.planners = planners(experiment);
         self.pin = experiment.pin().cloned();
@@ -118,7 +118,7 @@ impl Manifest {
         self.trials = trials;
     }
 
-    /// Where the manifest of a store is: `NAME.manifest.json` beside `NAME.sqlite`.
+    /// Path of the manifest of a store: `NAME.manifest.json` beside `NAME.sqlite`.
     pub fn path(store: &Path) -> PathBuf {
         store.with_extension("manifest.json")
     }

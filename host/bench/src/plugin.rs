@@ -17,7 +17,7 @@ use crate::trial_error::TrialError;
 /// A plugin that was found, how it is attached and its options: all that it takes to start it.
 #[derive(Debug, Clone)]
 pub struct Plugin {
-    /// What it is called in messages and tables.
+    /// Its name in messages and tables.
     pub name: String,
     kind: Kind,
     file: PluginFile,
@@ -62,7 +62,7 @@ impl GivenOptions {
 }
 
 impl Plugin {
-    /// What a search for a plugin of this kind by `name` found, attached as usual and without
+    /// The plugin of this kind that a search for `name` found, attached as usual and without
     /// options.
     pub fn new(runtime: &Runtime, found: Found, kind: Kind, name: &str) -> Result<Self, Fault> {
         let Found {
@@ -113,7 +113,7 @@ impl Plugin {
         Self::new(runtime, found, Kind::Planner, id)
     }
 
-    /// Whether it is a part of this program, and no stranger.
+    /// True if it is a part of this program.
     pub fn is_built_in(&self) -> bool {
         self.file == PluginFile::BuiltIn
     }
@@ -128,17 +128,17 @@ impl Plugin {
         &self.code
     }
 
-    /// Where its code is; `None` for built-ins.
+    /// Path of its code; `None` for built-ins.
     pub fn path(&self) -> Option<PathBuf> {
         self.file.path().map(Into::into)
     }
 
-    /// Whether the lock file has just this code.
+    /// True if the lock file has just this code.
     pub fn is_pinned(&self) -> bool {
         self.standing == Standing::Pinned
     }
 
-    /// How it is attached.
+    /// The way in which it is attached.
     pub fn attach(&self) -> Attach {
         self.attach
     }
@@ -266,11 +266,11 @@ pub(crate) fn motion(descriptor: &Descriptor, rule: PathRule) -> Motion {
 /// A planner that was started and can be asked.
 pub struct Running {
     pub(crate) session: Session,
-    /// What it says of itself.
+    /// Its descriptor.
     pub descriptor: Descriptor,
     /// Its options, all of them known and well typed.
     pub options: Map<String, Value>,
-    /// How many instances it was asked.
+    /// Number of instances that it was asked to solve.
     pub(crate) trials: u64,
     /// The map that it learnt last.
     pub(crate) environment: Option<SharedEnvironment>,

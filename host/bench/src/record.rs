@@ -153,7 +153,7 @@ pub struct HostInfo {
 /// An instance.
 #[derive(Debug, Serialize)]
 pub struct InstanceInfo {
-    /// By which rule paths are judged.
+    /// The rule by which paths are judged.
     pub path_rule: PathRule,
     /// Name of the map.
     pub map: String,
@@ -228,7 +228,7 @@ impl From<Verdict> for VerdictInfo {
 pub struct Metrics {
     /// Sum of costs.
     pub soc_steps: Option<u64>,
-    /// When the last agent arrives.
+    /// Step at which the last agent arrives.
     pub makespan_steps: Option<u64>,
     /// Sum of shortest distances.
     pub lower_bound_steps: u64,
@@ -265,7 +265,7 @@ pub struct Metrics {
 /// A plan that came in time.
 #[derive(Debug, Serialize)]
 pub struct IncumbentInfo {
-    /// When it came.
+    /// Time of its arrival, from the start of the call.
     pub time_ms: f64,
     /// Sum of costs.
     pub soc_steps: Option<u64>,
@@ -282,7 +282,7 @@ pub struct ExecutionInfo {
     pub agents: u32,
     /// The number of those that arrived.
     pub arrived: u32,
-    /// When the last one arrived.
+    /// Time at which the last one arrived.
     pub makespan_s: Option<f64>,
     /// Sum of arrivals.
     pub sum_of_costs_s: Option<f64>,
@@ -332,7 +332,7 @@ pub(crate) fn watched(sandbox: Option<&SandboxReport>) -> Option<String> {
     (!watched.is_empty()).then(|| watched.join(", "))
 }
 
-/// Which layers were active and which limits were only watched, in one line.
+/// The layers that were active and the limits that were only watched, in one line.
 fn sandbox_line(sandbox: &SandboxReport) -> String {
     if sandbox.level == Level::None {
         return "none".into();

@@ -1,4 +1,4 @@
-//! Why a trial could not be made, as opposed to how it went.
+//! Reasons why a trial could not be made, as opposed to how it went.
 
 use fleetyard_abi::{Capability, Kind};
 use fleetyard_core::InputError;
@@ -8,8 +8,8 @@ use fleetyard_sim::SimError;
 
 use crate::options::RobotsError;
 
-/// Why a trial could not be made. What goes wrong once a planner is asked is a part of
-/// its record.
+/// The reason why a trial could not be made. Faults of a planner once it is asked are a part of its
+/// record.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// Something that was given is wrong.
@@ -67,11 +67,11 @@ pub enum TrialError {
     Incapable {
         /// Identifier of the planner.
         planner: String,
-        /// What the user calls it.
+        /// Its name as the user gave it.
         name: String,
-        /// What is needed.
+        /// The capability that is needed.
         missing: Capability,
-        /// Whether it claims to plan in straight lines between any cells.
+        /// True if it claims to plan in straight lines between any cells.
         lines: bool,
     },
 }
@@ -107,7 +107,7 @@ impl TrialError {
         }
     }
 
-    /// What to do about it.
+    /// A way out.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::Input(error) => error.hint.clone(),

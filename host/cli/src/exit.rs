@@ -1,4 +1,4 @@
-//! How the command ends: exit codes, and errors that become one.
+//! Exit codes of the command, and errors that become one.
 
 use std::fmt;
 

@@ -7,7 +7,7 @@ use crate::Row;
 use crate::statistics::{Clustered, Interval, Summary, clustered_share_interval, mean, sorted};
 use crate::verify::comparable;
 
-/// How much there is, and what stands in the way of comparing it.
+/// Numbers of trials, and obstacles to their comparison.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Overview {
     /// Rows.
@@ -18,11 +18,11 @@ pub struct Overview {
     pub planners: usize,
     /// Instances, by seed and budget.
     pub instances: usize,
-    /// How many instances, scenarios and maps these are.
+    /// Numbers of instances, scenarios and maps.
     pub counts: Counts,
-    /// For what else the trials are to speak.
+    /// The unit to which results are generalised.
     pub unit: Unit,
-    /// How many of these units there are: nothing is inferred from fewer than six.
+    /// Number of these units: nothing is inferred from fewer than six.
     pub clusters: usize,
     /// Instances that every planner solved.
     pub shared: usize,
@@ -67,7 +67,7 @@ impl Overview {
     }
 }
 
-/// How many trials failed for a reason.
+/// Number of trials that failed for a reason.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FailureCount {
     /// As [`Row::failure`] says it.
@@ -76,7 +76,7 @@ pub struct FailureCount {
     pub trials: usize,
 }
 
-/// What a planner's values of a metric look like.
+/// Distribution of a planner's values of a metric.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MetricSummary {
     /// The column.

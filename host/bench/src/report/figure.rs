@@ -1,4 +1,4 @@
-//! What a figure shows, apart from how it is drawn: `svg.rs` draws it for papers, and
+//! Content of figures, apart from how they are drawn: `svg.rs` draws them for papers, and
 //! `page/plot.js` in the page, which makes the same figures of filtered trials.
 
 use serde::Serialize;
@@ -8,32 +8,32 @@ use serde::Serialize;
 pub struct Figure {
     /// Its name among the figures of a report, fit for a file name.
     pub id: String,
-    /// What it shows, in a few words.
+    /// Its content, in a few words.
     pub title: String,
-    /// What has to be known to read it.
+    /// Explanation for readers.
     pub caption: String,
     /// The horizontal axis.
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// Whether both axes have the same values, and a line where they are equal.
+    /// True if both axes have the same values, and a line where they are equal.
     pub diagonal: bool,
-    /// What is drawn, later ones over earlier ones.
+    /// The series, later ones drawn over earlier ones.
     pub series: Vec<Series>,
 }
 
 /// An axis.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Axis {
-    /// What is along it, with its unit.
+    /// The quantity along it, with its unit.
     pub label: String,
-    /// Whether it is logarithmic.
+    /// True if it is logarithmic.
     pub log: bool,
-    /// Whether its values are shares, written as per cent.
+    /// True if its values are shares, written as per cent.
     pub percent: bool,
-    /// Whether it has to show zero.
+    /// True if it has to show zero.
     pub zero: bool,
-    /// From where to where it goes; by its values if it is not given.
+    /// Its ends; by its values if they are not given.
     pub range: Option<[f64; 2]>,
     /// Names along it instead of numbers; values are indices into them.
     pub names: Option<Vec<String>>,
@@ -57,19 +57,19 @@ impl Axis {
     }
 }
 
-/// What a planner has in a figure.
+/// The data of a planner in a figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Series {
     /// The planner, or what else the series is of.
     pub name: String,
     /// Number of the planner, which stands for colour, dashes and mark.
     pub slot: usize,
-    /// What is drawn.
+    /// The marks.
     #[serde(flatten)]
     pub marks: Marks,
 }
 
-/// What is drawn for a planner. Points are `[x, y]`.
+/// Marks of a planner. Points are `[x, y]`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Marks {
@@ -218,7 +218,7 @@ impl Scale {
         }
     }
 
-    /// How far along the axis a value is.
+    /// Position of a value along the axis.
     pub(super) fn place(&self, value: f64) -> f64 {
         let value = if self.log {
             value.max(1e-300).log10()
@@ -295,7 +295,7 @@ impl Figure {
         [xs, ys]
     }
 
-    /// Whether there is anything to be seen.
+    /// True if there is nothing to be seen.
     pub fn is_empty(&self) -> bool {
         let [xs, _] = self.values();
         xs.is_empty()

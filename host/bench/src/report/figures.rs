@@ -30,7 +30,7 @@ const LINEAR: [&str; 6] = [
     "nearest_approach_m",
 ];
 
-/// How a quantity is called, for the page.
+/// Names of a quantity, for the page.
 #[derive(Debug, Serialize)]
 pub(super) struct Quantity {
     column: &'static str,
@@ -62,7 +62,7 @@ impl Quantity {
     }
 }
 
-/// What instances differ by in size, if they do: team sizes, or else sizes of mazes.
+/// The dimension by which instances differ in size, if they do: team sizes, or else sizes of mazes.
 pub(super) fn size_of(trials: &Trials<'_>) -> Option<Dimension> {
     [Dimension::Agents, Dimension::MazeSize]
         .into_iter()
@@ -452,7 +452,7 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// How many instances are not among the points of a scatter plot.
+/// Numbers of the instances that are not among the points of a scatter plot.
 fn only(found: &crate::evaluate::Scatter) -> String {
     format!(
         "Only the horizontal one solved {}, only the vertical one {}, neither {}.",

@@ -58,7 +58,7 @@ struct Data<'a> {
     maps: Packed,
     /// Of each planner where 95 % of its ranks lie when clusters are drawn anew.
     ranks: Vec<Option<[usize; 2]>>,
-    /// What is drawn then.
+    /// The unit that is drawn then.
     unit: &'static str,
     /// Numbers of the planners that are held against each other at first.
     scatter: [usize; 2],

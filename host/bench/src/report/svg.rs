@@ -97,7 +97,7 @@ struct Frame {
     right: f64,
     top: f64,
     bottom: f64,
-    /// Whether y goes down, as names do.
+    /// True if y goes down, as names do.
     down: bool,
 }
 

@@ -286,7 +286,7 @@ pub(crate) fn map_seed_of(scenario: &str) -> Option<&str> {
     Some(seed)
 }
 
-/// How the scenario of a generated map begins.
+/// The beginning of the scenario of a generated map.
 const MAP_SEED: &str = "map seed ";
 
 impl Mazes {
