@@ -6,8 +6,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
-use fleetyard_testkit::root;
+use fleetyard_testkit::{Package, packages, root};
 
 /// The crates that a crate of the host may use of the others, whatever for (tests aside). A new
 /// crate has to be entered here.
@@ -103,27 +102,20 @@ const MAY_BE_UNSAFE: &[&str] = &["fleetyard-abi", "fleetyard-runtime"];
 /// Crates whose results are the same everywhere and every time.
 const REPRODUCIBLE: &[&str] = &["core", "world", "check", "sim", "views"];
 
-fn metadata() -> Metadata {
-    MetadataCommand::new()
-        .manifest_path(root().join("Cargo.toml"))
-        .no_deps()
-        .exec()
-        .unwrap()
-}
-
-fn folder(package: &Package) -> PathBuf {
-    package.manifest_path.parent().unwrap().into()
+/// The packages of this repository.
+fn ours() -> Vec<Package> {
+    packages(&root().join("Cargo.toml"))
 }
 
 fn is_plugin(package: &Package) -> bool {
-    folder(package).starts_with(root().join("plugins"))
+    package.folder().starts_with(root().join("plugins"))
 }
 
 /// Names of what a package needs, tests and benches aside.
 fn needs(package: &Package) -> Vec<&str> {
     let dependencies = package.dependencies.iter();
     dependencies
-        .filter(|dependency| dependency.kind != DependencyKind::Development)
+        .filter(|dependency| !dependency.is_for_tests())
         .map(|dependency| dependency.name.as_str())
         .collect()
 }
@@ -168,8 +160,7 @@ fn lines_with(files: &[PathBuf], texts: &[&str]) -> Vec<String> {
 
 #[test]
 fn nothing_points_upwards() {
-    let metadata = metadata();
-    let packages = metadata.workspace_packages();
+    let packages = ours();
     let ours: BTreeSet<&str> = packages
         .iter()
         .map(|package| package.name.as_str())
@@ -179,7 +170,7 @@ fn nothing_points_upwards() {
         .filter(|package| is_plugin(package))
         .map(|package| package.name.as_str())
         .collect();
-    for package in packages {
+    for package in &packages {
         let name = package.name.as_str();
         let entry = MAY_USE.iter().find(|(known, _)| *known == name);
         assert!(
@@ -201,8 +192,7 @@ fn nothing_points_upwards() {
 
 #[test]
 fn plugins_do_not_use_the_host_in_tests_either() {
-    let metadata = metadata();
-    for package in metadata.workspace_packages() {
+    for package in &ours() {
         if !is_plugin(package) {
             continue;
         }
@@ -219,10 +209,8 @@ fn plugins_do_not_use_the_host_in_tests_either() {
 
 #[test]
 fn the_judge_knows_neither_planners_nor_the_simulator() {
-    let metadata = metadata();
-    let check = metadata.workspace_packages().into_iter();
-    let check = check.filter(|package| package.name.as_str() == "fleetyard-check");
-    for package in check {
+    let is_check = |package: &Package| package.name == "fleetyard-check";
+    for package in ours().into_iter().filter(is_check) {
         // Its tests included: an oracle must not be what it judges.
         let needed: Vec<&str> = package
             .dependencies
@@ -241,8 +229,7 @@ fn the_judge_knows_neither_planners_nor_the_simulator() {
 
 #[test]
 fn heavy_dependencies_have_one_home() {
-    let metadata = metadata();
-    for package in metadata.workspace_packages() {
+    for package in &ours() {
         for needed in needs(package) {
             for (heavy, home) in HOMES {
                 let is_it = match heavy.strip_suffix('*') {
@@ -263,21 +250,19 @@ fn heavy_dependencies_have_one_home() {
 
 #[test]
 fn every_crate_takes_the_lints_of_the_workspace() {
-    let metadata = metadata();
-    for package in metadata.workspace_packages() {
+    for package in &ours() {
         let manifest = fs::read_to_string(&package.manifest_path).unwrap();
         assert!(
             manifest.contains("[lints]\nworkspace = true"),
             "{} does not say `lints.workspace = true`",
-            package.manifest_path
+            package.manifest_path.display()
         );
     }
 }
 
 #[test]
 fn versions_stand_in_one_table() {
-    let metadata = metadata();
-    for package in metadata.workspace_packages() {
+    for package in &ours() {
         let manifest = fs::read_to_string(&package.manifest_path).unwrap();
         let mut in_dependencies = false;
         for line in manifest.lines() {
@@ -287,7 +272,7 @@ fn versions_stand_in_one_table() {
                 assert!(
                     line.contains("workspace = true"),
                     "{}: `{line}` does not take its version from the workspace",
-                    package.manifest_path
+                    package.manifest_path.display()
                 );
             }
         }
@@ -296,19 +281,20 @@ fn versions_stand_in_one_table() {
 
 #[test]
 fn unsafe_is_forbidden_elsewhere() {
-    let metadata = metadata();
-    for package in metadata.workspace_packages() {
+    for package in &ours() {
         if MAY_BE_UNSAFE.contains(&package.name.as_str()) {
             continue;
         }
         for target in &package.targets {
-            let of_product = target.is_lib() || target.is_cdylib() || target.is_bin();
+            let of_product =
+                |kind: &String| ["lib", "rlib", "cdylib", "bin"].contains(&kind.as_str());
+            let of_product = target.kind.iter().any(of_product);
             let source = fs::read_to_string(&target.src_path).unwrap();
-            let glue = is_plugin(package) && is_glue(&folder(package));
+            let glue = is_plugin(package) && is_glue(package.folder());
             assert!(
                 !of_product || glue || source.contains("#![forbid(unsafe_code)]"),
                 "{} does not forbid unsafe code",
-                target.src_path
+                target.src_path.display()
             );
         }
     }

@@ -1,5 +1,5 @@
 //! The command as its users see it: good input, real files of `maps/`, every command.
-//! What happens to bad input is in `bad_input.rs`.
+//! Bad input is in `tests/cases`.
 
 use std::fs;
 use std::io::Write;

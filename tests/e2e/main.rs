@@ -5,7 +5,6 @@ mod adapters;
 mod adapters_real;
 mod architecture;
 mod attachments;
-mod bad_input;
 mod bench;
 mod bundle;
 mod cli;

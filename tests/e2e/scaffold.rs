@@ -8,8 +8,9 @@ use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::Command;
 
-use cargo_metadata::{DependencyKind, MetadataCommand};
-use fleetyard_testkit::{Ended, INPUT, SUCCESS, USAGE, Yard, have, prepare_package, root};
+use fleetyard_testkit::{
+    Ended, INPUT, Package, SUCCESS, USAGE, Yard, have, packages, prepare_package, root,
+};
 
 const KINDS: [&str; 4] = [
     "planner",
@@ -251,16 +252,12 @@ fn bad_requests_are_refused_and_leave_nothing() {
 
 /// Fully qualified dependencies of a package, tests aside.
 fn needs(manifest: &Path) -> BTreeSet<String> {
-    let metadata = MetadataCommand::new()
-        .manifest_path(manifest)
-        .no_deps()
-        .exec()
-        .unwrap();
-    let wanted = |name: &str| name == "fleetyard-abi";
-    let package = metadata.packages.iter().find(|p| wanted(&p.name)).unwrap();
+    let packages = packages(manifest);
+    let wanted = |package: &&Package| package.name == "fleetyard-abi";
+    let package = packages.iter().find(wanted).unwrap();
     let dependencies = package.dependencies.iter();
     let mut needs: BTreeSet<String> = dependencies
-        .filter(|needed| needed.kind != DependencyKind::Development)
+        .filter(|needed| !needed.is_for_tests())
         .map(|needed| {
             let (req, features) = (&needed.req, &needed.features);
             let defaults = needed.uses_default_features;

@@ -9,19 +9,23 @@
 pub mod browser;
 mod command;
 pub mod grid;
+mod metadata;
 mod notes;
 mod places;
 mod programs;
 pub mod python;
+mod table;
 
 pub use command::{
     Ended, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, Process, SUCCESS, Started, USAGE, Yard, have,
     is_ignored, until, words,
 };
 pub use grid::Case;
+pub use metadata::{Dependency, Package, Target, packages};
 pub use notes::Notes;
 pub use places::{fleetyard, instance, map, root};
 pub use programs::{
     Built, build, c_library, faulty_cpp_library, faulty_library, faulty_program,
     faulty_rust_library, prepare_package,
 };
+pub use table::each;

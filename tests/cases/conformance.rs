@@ -8,6 +8,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::sync::OnceLock;
 
 use fleetyard_testkit::{
@@ -16,12 +17,63 @@ use fleetyard_testkit::{
 };
 use serde_json::Value;
 
+use crate::{Tests, says};
+
+pub(crate) fn add(tests: &mut Tests) {
+    built_in(tests);
+    examples(tests);
+    promises(tests);
+    faulty_libraries(tests);
+    faulty_programs(tests);
+    wrong_command_lines(tests);
+    let singles: [(&str, fn()); 11] = [
+        (
+            "standard plugins as a library pass",
+            standard_library_passes,
+        ),
+        (
+            "standard plugins as a program pass",
+            standard_program_passes,
+        ),
+        (
+            "adapter is checked like any other plugin",
+            adapter_is_checked,
+        ),
+        ("every case is failed by somebody", every_case_is_failed),
+        (
+            "who does not hear the clock is stopped and named",
+            deaf_is_stopped,
+        ),
+        (
+            "library that changes the host's process fails one case",
+            changed_process,
+        ),
+        (
+            "crash in the host's own process takes one case with it",
+            crash_in_process,
+        ),
+        (
+            "failure is replayed by the command that it prints",
+            failure_is_replayed,
+        ),
+        (
+            "results are lines for people and one document for programs",
+            results,
+        ),
+        (
+            "plugins are chosen by kind and identifier",
+            plugins_are_chosen,
+        ),
+        ("every case is in the documentation", cases_are_documented),
+    ];
+    for (name, test) in singles {
+        tests.add(&format!("conformance::{name}"), test);
+    }
+}
+
 /// Runs `plugins check`.
 fn run(plugin: &str, arguments: &str) -> Ended {
-    let mut line = vec!["plugins", "check", plugin]
-        .into_iter()
-        .map(str::to_owned)
-        .collect::<Vec<_>>();
+    let mut line = ["plugins", "check", plugin].map(str::to_owned).to_vec();
     line.extend(words(arguments));
     Yard::new().run(&line)
 }
@@ -57,173 +109,186 @@ fn bad(document: &Value) -> BTreeSet<String> {
     bad
 }
 
-/// A plugin with which nothing is wrong, checked in each attachment.
+fn expected(names: &str) -> BTreeSet<String> {
+    names.split_whitespace().map(str::to_owned).collect()
+}
+
+fn crashed(names: &str) -> BTreeSet<String> {
+    names
+        .split_whitespace()
+        .map(|name| format!("{name}!"))
+        .collect()
+}
+
+/// Fails unless a check ends with these cases failed, and no others.
 #[track_caller]
-fn passes(plugin: &str, plugins: usize, attachments: &[&str]) {
-    for attachment in attachments {
-        // Too short for some answers at times, which is a warning.
-        let document = check(plugin, &format!("--budget 500ms {attachment}"), SUCCESS);
-        assert_eq!(bad(&document), BTreeSet::new(), "{plugin} {attachment}");
-        assert_eq!(list(&document, "plugins").len(), plugins, "{plugin}");
-        let passed = document["summary"]["passed"].as_u64().unwrap();
-        assert!(passed >= 11, "{plugin} {attachment}: {passed} passed");
-    }
+fn fails(plugin: &str, arguments: &str, wanted: &BTreeSet<String>) -> Value {
+    let code = if wanted.is_empty() { SUCCESS } else { PLUGIN };
+    let document = check(plugin, arguments, code);
+    assert_eq!(bad(&document), *wanted, "{document}");
+    document
 }
 
-const BOTH: &[&str] = &["--attach worker", "--attach in-process"];
+// ---- Plugins with which nothing is wrong --------------------------------------------
 
-#[test]
-fn built_in_planners_pass() {
-    passes("lacam", 1, BOTH);
-    passes("pibt", 1, &["--kind planner"]);
-    passes("empty", 1, &["--attach in-process"]);
+#[track_caller]
+fn passes(plugin: &str, plugins: usize, attachment: &str) {
+    // Too short for some answers at times, which is a warning.
+    let arguments = format!("--budget 500ms {attachment}");
+    let document = fails(plugin, &arguments, &BTreeSet::new());
+    assert_eq!(list(&document, "plugins").len(), plugins, "{plugin}");
+    let passed = document["summary"]["passed"].as_u64().unwrap();
+    assert!(passed >= 11, "{plugin} {attachment}: {passed} passed");
 }
 
-#[test]
-fn planners_that_search_conflicts_pass() {
-    passes("cbs", 1, &["--attach worker"]);
-    passes("ecbs", 1, &["--attach in-process"]);
-}
+const IN_WORKER: &str = "--attach worker";
+const IN_HOST: &str = "--attach in-process";
 
-#[test]
-fn planners_by_priorities_pass() {
-    passes("pp", 1, &["--attach worker"]);
-    passes("pbs", 1, &["--attach in-process"]);
-}
+/// Standard planners of every crate, and how each is attached.
+const BUILT_IN: &[(&str, &str)] = &[
+    ("lacam", IN_WORKER),
+    ("lacam", IN_HOST),
+    ("pibt", "--kind planner"),
+    ("empty", IN_HOST),
+    ("cbs", IN_WORKER),
+    ("ecbs", IN_HOST),
+    ("pp", IN_WORKER),
+    ("pbs", IN_HOST),
+    ("mapf-lns2", IN_HOST),
+    ("mapf-lns", IN_WORKER),
+    ("astar", IN_HOST),
+    ("beam-search", IN_HOST),
+    ("theta-star", IN_WORKER),
+];
 
-#[test]
-fn planners_that_repair_pass() {
-    passes("mapf-lns2", 1, &["--attach in-process"]);
-    passes("mapf-lns", 1, &["--attach worker"]);
-}
-
-#[test]
-fn built_in_planners_for_one_agent_pass() {
-    passes("astar", 1, &["--attach in-process"]);
-    passes("beam-search", 1, &["--attach in-process"]);
-    passes("theta-star", 1, &["--attach worker"]);
-}
-
-#[test]
-fn built_in_modules_of_fleets_pass() {
-    for kind in ["fail-policy", "instance-generator", "invocation-policy"] {
-        let described = run_listing();
-        let ids = described.iter().filter(|of| of["kind"] == kind);
-        let ids: Vec<&str> = ids.map(|of| of["id"].as_str().unwrap()).collect();
-        assert!(ids.len() >= 2, "{described:?}");
-        for id in &ids {
-            passes(id, 1, &[&format!("--kind {kind} --attach worker")]);
-        }
-        // One of each kind in the host's own process as well.
-        passes(ids[0], 1, &[&format!("--kind {kind} --attach in-process")]);
-    }
-}
+const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];
 
 /// The plugins that are linked in.
-fn run_listing() -> Vec<Value> {
+fn listing() -> Vec<Value> {
     let listed = Yard::new().line("plugins list --format json");
     let listed = listed.expect(SUCCESS).json();
     list(&listed[0], "plugins").clone()
 }
 
-#[test]
-fn the_standard_plugins_as_a_library_and_a_program_pass() {
-    let Built { library, program } = build("fleetyard-plugins");
-    let library = library.unwrap();
-    let all = run_listing().len();
+fn built_in(tests: &mut Tests) {
+    for (planner, attachment) in BUILT_IN {
+        let name = format!("conformance::built in::{planner} {attachment}");
+        tests.add(&name, move || passes(planner, 1, attachment));
+    }
+    for kind in MODULES {
+        tests.add(&format!("conformance::built in::{kind}"), move || {
+            let listing = listing();
+            let ids = listing.iter().filter(|of| of["kind"] == kind);
+            let ids: Vec<&str> = ids.map(|of| of["id"].as_str().unwrap()).collect();
+            assert!(ids.len() >= 2, "{listing:?}");
+            for id in &ids {
+                passes(id, 1, &format!("--kind {kind} {IN_WORKER}"));
+            }
+            // One of each kind in the host's own process as well.
+            passes(ids[0], 1, &format!("--kind {kind} {IN_HOST}"));
+        });
+    }
+}
+
+/// The standard plugins, built apart from the command.
+fn standard() -> &'static Built {
+    static BUILT: OnceLock<Built> = OnceLock::new();
+    BUILT.get_or_init(|| build("fleetyard-plugins"))
+}
+
+fn standard_library_passes() {
+    let library = standard().library.as_ref().unwrap().display().to_string();
     // All cases are asked of some of them above.
     let only = "--attach worker --only handshake --only descriptor --only default-options \
                 --only invalid-options --only random-instances --only any-angle --only unreachable-goal";
-    passes(&library.display().to_string(), all, &[only]);
-    let program = program.unwrap().display().to_string();
-    for kind in ["fail-policy", "instance-generator", "invocation-policy"] {
-        let modules = run_listing().iter().filter(|of| of["kind"] == kind).count();
-        passes(
-            &program,
-            modules,
-            &[&format!("--kind {kind} --attach stdio")],
-        );
+    passes(&library, listing().len(), only);
+}
+
+fn standard_program_passes() {
+    let program = standard().program.as_ref().unwrap().display().to_string();
+    let listing = listing();
+    for kind in MODULES {
+        let modules = listing.iter().filter(|of| of["kind"] == kind).count();
+        passes(&program, modules, &format!("--kind {kind} --attach stdio"));
     }
 }
 
-#[test]
-fn the_examples_in_c_pass() {
-    for (name, attachments) in [
-        ("prioritized", BOTH),
-        ("stop_before", BOTH),
-        ("first_task", &[""]),
-        ("when_idle", &[""]),
+/// The example in Rust; cargo is asked for it once.
+fn example() -> &'static Built {
+    static BUILT: OnceLock<Built> = OnceLock::new();
+    BUILT.get_or_init(|| build("fleetyard-example-rust"))
+}
+
+fn example_library() -> String {
+    example().library.as_ref().unwrap().display().to_string()
+}
+
+fn examples(tests: &mut Tests) {
+    // The planners in the host's own process as well.
+    for (language, name, attachment) in [
+        ("c", "prioritized", IN_WORKER),
+        ("c", "prioritized", IN_HOST),
+        ("c", "stop_before", IN_WORKER),
+        ("c", "stop_before", IN_HOST),
+        ("c", "first_task", ""),
+        ("c", "when_idle", ""),
+        ("cpp", "cbs", IN_WORKER),
+        ("cpp", "cbs", IN_HOST),
+        ("cpp", "follow", ""),
+        ("cpp", "nearest_task", ""),
+        ("cpp", "just_in_time", ""),
     ] {
-        let library = c_library(&format!("plugins/examples/c/{name}.c"), None);
-        passes(&library.display().to_string(), 1, attachments);
+        let test = format!("conformance::examples::{language}::{name} {attachment}");
+        tests.add(test.trim_end(), move || {
+            if language == "cpp" && !have(&std::env::var("CXX").unwrap_or_else(|_| "c++".into())) {
+                return;
+            }
+            let source = format!("plugins/examples/{language}/{name}.{language}");
+            let library = c_library(&source, None).display().to_string();
+            passes(&library, 1, attachment);
+        });
     }
-}
-
-#[test]
-fn the_examples_in_cpp_pass() {
-    if !have(&std::env::var("CXX").unwrap_or_else(|_| "c++".into())) {
-        return;
-    }
-    for (name, attachments) in [
-        ("cbs", BOTH),
-        ("follow", &[""]),
-        ("nearest_task", &[""]),
-        ("just_in_time", &[""]),
-    ] {
-        let library = c_library(&format!("plugins/examples/cpp/{name}.cpp"), None);
-        passes(&library.display().to_string(), 1, attachments);
-    }
-}
-
-#[test]
-fn the_examples_in_rust_pass() {
-    let Built { library, program } = example();
-    let library = library.as_ref().unwrap().display().to_string();
-    passes(&library, 4, &["--attach worker"]);
-    passes(&format!("{library}:all-wait"), 1, &["--attach in-process"]);
-    passes(
-        &program.as_ref().unwrap().display().to_string(),
-        4,
-        &["--attach stdio"],
-    );
-}
-
-#[test]
-fn the_examples_in_python_pass() {
-    if !have("python3") {
-        return;
-    }
-    let folder = root().join("plugins/examples/python");
+    tests.add("conformance::examples::rust::library", || {
+        passes(&example_library(), 4, IN_WORKER);
+    });
+    tests.add("conformance::examples::rust::one in the host", || {
+        passes(&format!("{}:all-wait", example_library()), 1, IN_HOST);
+    });
+    tests.add("conformance::examples::rust::program", || {
+        let program = example().program.as_ref().unwrap().display().to_string();
+        passes(&program, 4, "--attach stdio");
+    });
     for script in [
-        "pibt",
-        "raw_protocol",
-        "follow",
-        "nearest_task",
-        "just_in_time",
+        "pibt.py",
+        "raw_protocol.py",
+        "follow.py",
+        "nearest_task.py",
+        "just_in_time.py",
+        "grid_search.py:weighted-astar-python",
     ] {
-        let script = folder.join(format!("{script}.py"));
-        passes(&script.display().to_string(), 1, &[""]);
+        let name = format!("conformance::examples::python::{script}");
+        tests.add(&name, move || {
+            if have("python3") {
+                let script = root().join("plugins/examples/python").join(script);
+                passes(&script.display().to_string(), 1, "");
+            }
+        });
     }
-    let search = folder.join("grid_search.py").display().to_string();
-    passes(&format!("{search}:weighted-astar-python"), 1, &[""]);
-}
-
-#[test]
-fn the_example_in_java_passes() {
-    if !have("java") {
-        return;
-    }
-    // A virtual machine takes its time to start, for every case anew.
-    let only = "--only handshake --only ending --only crossing --only repeated-calls \
-                --only bad-input --only deadline";
-    let program = root().join("plugins/examples/java/one-by-one");
-    let document = check(
-        &program.display().to_string(),
-        &format!("--budget 500ms {only}"),
-        SUCCESS,
-    );
-    assert_eq!(bad(&document), BTreeSet::new(), "{document}");
-    assert_eq!(document["summary"]["passed"], 6, "{document}");
+    tests.add("conformance::examples::java", || {
+        if !have("java") {
+            return;
+        }
+        // A virtual machine takes its time to start, for every case anew.
+        let only = "--only handshake --only ending --only crossing --only repeated-calls \
+                    --only bad-input --only deadline";
+        let program = root().join("plugins/examples/java/one-by-one");
+        let document = fails(
+            &program.display().to_string(),
+            &format!("--budget 500ms {only}"),
+            &BTreeSet::new(),
+        );
+        assert_eq!(document["summary"]["passed"], 6, "{document}");
+    });
 }
 
 /// A solver for the command line that stays at home, and exits with 3 when it should not.
@@ -257,9 +322,7 @@ args = ["{map}", "{scen}", "{output}"]
 format = "paths-txt"
 "#;
 
-#[test]
-fn an_adapter_is_checked_like_any_other_plugin() {
-    use std::os::unix::fs::PermissionsExt;
+fn adapter_is_checked() {
     if !have("python3") {
         return;
     }
@@ -340,23 +403,13 @@ const PROMISES: &[Promise] = &[
     ("promising-invocation", "never-calls", ""),
 ];
 
-fn expected(names: &str) -> BTreeSet<String> {
-    names.split_whitespace().map(str::to_owned).collect()
-}
-
 /// The library of those plugins; cargo is asked for it once.
-fn promises() -> &'static str {
+fn promising() -> &'static str {
     static LIBRARY: OnceLock<String> = OnceLock::new();
     LIBRARY.get_or_init(|| {
         let library = build("fleetyard-faulty-promises").library.unwrap();
         library.display().to_string()
     })
-}
-
-/// The example in Rust, in the same way.
-fn example() -> &'static Built {
-    static BUILT: OnceLock<Built> = OnceLock::new();
-    BUILT.get_or_init(|| build("fleetyard-example-rust"))
 }
 
 /// The same for mistakes that show nearly everywhere; asked are `SOME`.
@@ -408,37 +461,54 @@ const DESCRIBED: &[(&str, &str)] = &[
     ),
 ];
 
-#[track_caller]
-fn breaks(table: &[Promise], only: &str, wanted: impl Fn(&str) -> bool) {
-    for (id, mistake, names) in table.iter().filter(|(id, ..)| wanted(id)) {
-        let arguments = format!("--id {id} --option mistake={mistake} --budget 20s {only}");
-        let code = if names.is_empty() { SUCCESS } else { PLUGIN };
-        let document = check(promises(), &arguments, code);
-        assert_eq!(bad(&document), expected(names), "{id} {mistake}");
+fn promises(tests: &mut Tests) {
+    for (table, only) in [(PROMISES, ""), (EVERYWHERE, SOME)] {
+        for (id, mistake, names) in table {
+            tests.add(
+                &format!("conformance::promises::{id}::{mistake}"),
+                move || {
+                    let arguments =
+                        format!("--id {id} --option mistake={mistake} --budget 20s {only}");
+                    fails(promising(), &arguments, &expected(names));
+                },
+            );
+        }
     }
-}
-
-#[test]
-fn a_planner_that_breaks_a_promise_fails_the_case_that_asks_for_it() {
-    breaks(PROMISES, "", |id| id == "promising");
-}
-
-#[test]
-fn so_does_a_plugin_of_another_kind() {
-    breaks(PROMISES, "", |id| id != "promising");
     for (id, names) in DESCRIBED {
-        let document = check(promises(), &format!("--id {id}"), PLUGIN);
-        assert_eq!(bad(&document), expected(names), "{id}");
+        tests.add(&format!("conformance::promises::{id}"), move || {
+            fails(promising(), &format!("--id {id}"), &expected(names));
+        });
+    }
+    // Odd, but allowed.
+    for (id, mistake, case, text) in [
+        ("promising", "chatters", "output", "logged 2000 lines"),
+        ("promising", "none", "passing-bay", "no answer: `gave-up`"),
+        (
+            "promising-generator",
+            "forgets-window",
+            "windowed",
+            "a window of 0 steps, asked was 5",
+        ),
+        (
+            "promising-invocation",
+            "never-calls",
+            "fleet-statuses",
+            "the fleet stands for good",
+        ),
+    ] {
+        tests.add(
+            &format!("conformance::warnings::{id}::{mistake}"),
+            move || {
+                let arguments = format!("--id {id} --option mistake={mistake} --only {case}");
+                let document = check(promising(), &arguments, SUCCESS);
+                let warnings = document["plugins"][0]["cases"][0]["warnings"].to_string();
+                assert!(warnings.contains(text), "{warnings}");
+            },
+        );
     }
 }
 
-#[test]
-fn what_is_wrong_everywhere_is_found_everywhere() {
-    breaks(EVERYWHERE, SOME, |_| true);
-}
-
-#[test]
-fn every_case_is_failed_by_somebody() {
+fn every_case_is_failed() {
     let tables = PROMISES.iter().chain(EVERYWHERE);
     let caught: BTreeSet<String> = tables
         .flat_map(|(.., names)| expected(&names.replace('!', "")))
@@ -458,41 +528,15 @@ fn every_case_is_failed_by_somebody() {
     }
 }
 
-#[test]
-fn who_does_not_hear_the_clock_is_stopped_and_named() {
+fn deaf_is_stopped() {
     let only: String = ["crossing", "colliding-plans", "deadline", "cancelled"]
         .map(|case| format!(" --only {case}"))
         .concat();
     let arguments = format!("--id promising --option mistake=deaf --budget 1s --grace 200ms{only}");
-    let document = check(promises(), &arguments, PLUGIN);
+    let document = check(promising(), &arguments, PLUGIN);
     assert_eq!(
         bad(&document),
         expected("colliding-plans deadline cancelled")
-    );
-}
-
-#[test]
-fn odd_but_allowed_is_a_warning() {
-    let library = promises();
-    let warned = |id: &str, mistake: &str, case: &str, text: &str| {
-        let arguments = format!("--id {id} --option mistake={mistake} --only {case}");
-        let document = check(library, &arguments, SUCCESS);
-        let warnings = document["plugins"][0]["cases"][0]["warnings"].to_string();
-        assert!(warnings.contains(text), "{id} {mistake}: {warnings}");
-    };
-    warned("promising", "chatters", "output", "logged 2000 lines");
-    warned("promising", "none", "passing-bay", "no answer: `gave-up`");
-    warned(
-        "promising-generator",
-        "forgets-window",
-        "windowed",
-        "a window of 0 steps, asked was 5",
-    );
-    warned(
-        "promising-invocation",
-        "never-calls",
-        "fleet-statuses",
-        "the fleet stands for good",
     );
 }
 
@@ -513,16 +557,7 @@ const ASKED: &str = "one-cell one-agent arrived following crossing random-instan
     output ending memory-growth cycle passing-bay no-room unreachable-goal node-limit deadline \
     thread-limit";
 
-fn crashed(names: &str) -> BTreeSet<String> {
-    names
-        .split_whitespace()
-        .map(|name| format!("{name}!"))
-        .collect()
-}
-
-#[test]
-fn faulty_planners_fail_what_they_break() {
-    let library = faulty_library().display().to_string();
+fn faulty_libraries(tests: &mut Tests) {
     for (fault, wanted) in [
         ("none", expected("")),
         ("garbage", expected("")),
@@ -535,84 +570,102 @@ fn faulty_planners_fail_what_they_break() {
         ("claims-solved-without-plan", expected(ASKED)),
         ("negative-expansions", expected(ASKED)),
         ("crash", crashed(ASKED)),
+        // When its objects end, it does: objects end where a second one is made.
+        (
+            "crash --option during=destroy",
+            crashed("default-options unknown-option invalid-options ending made-again"),
+        ),
+        (
+            "never --budget 300ms --grace 100ms --only handshake --only default-options \
+             --only one-cell --only deadline --only ending",
+            expected("one-cell deadline ending"),
+        ),
     ] {
-        let code = if wanted.is_empty() { SUCCESS } else { PLUGIN };
-        let arguments = format!("--option fault={fault} --budget 20s");
-        assert_eq!(bad(&check(&library, &arguments, code)), wanted, "{fault}");
+        let short = fault.split(" --budget").next().unwrap();
+        tests.add(
+            &format!("conformance::faulty library::{short}"),
+            move || {
+                let library = faulty_library().display().to_string();
+                let budget = if fault.contains("--budget") {
+                    ""
+                } else {
+                    "--budget 20s"
+                };
+                fails(
+                    &library,
+                    &format!("--option fault={fault} {budget}"),
+                    &wanted,
+                );
+            },
+        );
     }
-    // When its objects end, it does: objects end where a second one is made.
-    let arguments = "--option fault=crash --option during=destroy --budget 20s";
-    let wanted = crashed("default-options unknown-option invalid-options ending made-again");
-    assert_eq!(bad(&check(&library, arguments, PLUGIN)), wanted);
-    let arguments = "--option fault=never --budget 300ms --grace 100ms --only handshake \
-                     --only default-options --only one-cell --only deadline --only ending";
-    let wanted = expected("one-cell deadline ending");
-    assert_eq!(bad(&check(&library, arguments, PLUGIN)), wanted);
-}
-
-#[test]
-fn libraries_that_are_faulty_before_there_is_a_planner() {
     for variant in [
         "WRONG_MAJOR",
         "NO_SYMBOL",
         "CONSTRUCTOR_CRASH",
         "BAD_SCHEMA",
     ] {
-        let library = c_library("plugins/faulty/faulty.c", Some(variant));
-        let document = check(&library.display().to_string(), "", PLUGIN);
-        assert_eq!(bad(&document), expected("handshake"), "{variant}");
-        assert_eq!(document["plugins"][0]["id"], Value::Null, "{variant}");
+        tests.add(
+            &format!("conformance::faulty library::{variant}"),
+            move || {
+                let library = c_library("plugins/faulty/faulty.c", Some(variant));
+                let document = fails(&library.display().to_string(), "", &expected("handshake"));
+                assert_eq!(document["plugins"][0]["id"], Value::Null);
+            },
+        );
     }
-    let library = c_library("plugins/faulty/faulty.c", Some("LYING_CAPABILITIES"));
-    let document = check(&library.display().to_string(), "--budget 20s", PLUGIN);
-    let wanted = expected("descriptor eight-connected rotation k-robust");
-    assert_eq!(bad(&document), wanted);
+    tests.add("conformance::faulty library::LYING_CAPABILITIES", || {
+        let library = c_library("plugins/faulty/faulty.c", Some("LYING_CAPABILITIES"));
+        let wanted = expected("descriptor eight-connected rotation k-robust");
+        fails(&library.display().to_string(), "--budget 20s", &wanted);
+    });
 }
 
-#[test]
-fn faulty_programs_fail_what_they_break() {
-    if !have("python3") {
-        return;
-    }
-    let program = faulty_program().display().to_string();
-    let some = "--only handshake --only descriptor --only default-options --only output \
-                --only ending --only one-cell --only made-again";
-    for (arguments, wanted) in [
-        ("--option fault=none", expected("")),
-        ("--option fault=two-results", expected("ending made-again")),
+fn faulty_programs(tests: &mut Tests) {
+    const SOME: &str = "--only handshake --only descriptor --only default-options --only output \
+                        --only ending --only one-cell --only made-again";
+    for (fault, wanted) in [
+        ("none", expected("")),
+        ("two-results", expected("ending made-again")),
         (
-            "--option fault=answers-early",
+            "answers-early",
             expected("output ending one-cell made-again"),
         ),
+        ("nan", expected("output ending one-cell made-again")),
+        ("crash --option during=shutdown", crashed("ending")),
         (
-            "--option fault=nan",
+            "exit-3 --option during=create",
+            crashed("default-options output ending one-cell made-again"),
+        ),
+        (
+            "fails --option during=prepare",
             expected("output ending one-cell made-again"),
         ),
-        (
-            "--option fault=crash --option during=shutdown",
-            crashed("ending"),
-        ),
-        ("--option fault=exit-3 --option during=create", {
-            crashed("default-options output ending one-cell made-again")
-        }),
-        ("--option fault=fails --option during=prepare", {
-            expected("output ending one-cell made-again")
-        }),
     ] {
-        let code = if wanted.is_empty() { SUCCESS } else { PLUGIN };
-        let document = check(&program, &format!("{arguments} {some}"), code);
-        assert_eq!(bad(&document), wanted, "{arguments}");
+        tests.add(
+            &format!("conformance::faulty program::{fault}"),
+            move || {
+                if have("python3") {
+                    let program = faulty_program().display().to_string();
+                    fails(&program, &format!("--option fault={fault} {SOME}"), &wanted);
+                }
+            },
+        );
     }
-    let document = check(&program, "--option fault=garbage --only output", SUCCESS);
-    let warnings = document["plugins"][0]["cases"][0]["warnings"].to_string();
-    assert!(
-        warnings.contains("standard output that are no messages"),
-        "{warnings}"
-    );
+    tests.add("conformance::faulty program::garbage", || {
+        if have("python3") {
+            let program = faulty_program().display().to_string();
+            let document = check(&program, "--option fault=garbage --only output", SUCCESS);
+            let warnings = document["plugins"][0]["cases"][0]["warnings"].to_string();
+            assert!(
+                warnings.contains("standard output that are no messages"),
+                "{warnings}"
+            );
+        }
+    });
 }
 
-#[test]
-fn a_library_that_changes_the_hosts_process_fails_one_case() {
+fn changed_process() {
     let library = faulty_library().display().to_string();
     let some = "--attach in-process --only host-process --only one-cell --option";
     for fault in ["leaves-umask", "leaves-signals"] {
@@ -623,8 +676,7 @@ fn a_library_that_changes_the_hosts_process_fails_one_case() {
     assert_eq!(bad(&document), BTreeSet::new());
 }
 
-#[test]
-fn a_crash_in_the_hosts_own_process_takes_one_case_with_it() {
+fn crash_in_process() {
     let library = faulty_library().display().to_string();
     let arguments = "--attach in-process --option fault=crash --only handshake --only one-cell \
                      --only ending";
@@ -639,8 +691,7 @@ fn a_crash_in_the_hosts_own_process_takes_one_case_with_it() {
 
 // ---- The command -----------------------------------------------------------------
 
-#[test]
-fn a_failure_is_replayed_by_the_command_that_it_prints() {
+fn failure_is_replayed() {
     let library = faulty_library().display().to_string();
     let text = run(
         &library,
@@ -667,8 +718,7 @@ fn a_failure_is_replayed_by_the_command_that_it_prints() {
     assert_ne!(reason(&text), reason(&other.expect(PLUGIN).stdout));
 }
 
-#[test]
-fn results_are_lines_for_people_and_one_document_for_programs() {
+fn results() {
     let arguments = "--only handshake --only ending --only windowed --only fleet-states";
     let text = run("bfs", arguments).expect(SUCCESS).stdout;
     let lines: Vec<&str> = text.lines().collect();
@@ -723,10 +773,8 @@ fn results_are_lines_for_people_and_one_document_for_programs() {
     assert_eq!(document["summary"]["skipped"], 2);
 }
 
-#[test]
-fn plugins_are_chosen_by_kind_and_identifier() {
-    let library = example().library.as_ref().unwrap();
-    let library = library.display().to_string();
+fn plugins_are_chosen() {
+    let library = example_library();
     let chosen = |plugin: &str, arguments: &str| {
         let document = check(plugin, &format!("--only handshake {arguments}"), SUCCESS);
         let ids = list(&document, "plugins")
@@ -744,70 +792,91 @@ fn plugins_are_chosen_by_kind_and_identifier() {
     );
 }
 
-#[test]
-fn wrong_command_lines_are_refused_before_anything_is_started() {
-    let program = root().join("plugins/examples/python/raw_protocol.py");
-    let program = program.display().to_string();
-    let example = example().library.as_ref().unwrap();
-    let example = example.display().to_string();
-    for (plugin, arguments, texts) in [
+/// Command lines are refused before anything is started.
+fn wrong_command_lines(tests: &mut Tests) {
+    let raw = root().join("plugins/examples/python/raw_protocol.py");
+    let raw = raw.display().to_string();
+    for (name, plugin, arguments, texts) in [
         (
+            "case nearly of that name",
             "pibt",
             "--only dedline",
             ["no case `dedline`", "did you mean `deadline`?"],
         ),
         (
+            "unknown case",
             "pibt",
             "--only xyzzy",
             ["no case `xyzzy`", "--list` shows them all"],
         ),
         (
+            "seed without case",
             "pibt",
             "--reproduce 3",
             ["the seed of one case", "name the case"],
         ),
-        ("pibt", "--kind robot", ["robot", "instance-generator"]),
         (
+            "unknown kind",
+            "pibt",
+            "--kind robot",
+            ["robot", "instance-generator"],
+        ),
+        (
+            "unknown option",
             "pibt",
             "--kind planner --option swapp=true",
             ["unknown option `swapp`", "did you mean `swap`?"],
         ),
         (
+            "library as a program",
             "pibt",
             "--attach stdio",
             ["a shared library does not speak", "--attach worker"],
         ),
-        ("pibt", "--id lacamm", ["no such plugin", "pibt (planner)"]),
         (
+            "unknown identifier",
+            "pibt",
+            "--id lacamm",
+            ["no such plugin", "pibt (planner)"],
+        ),
+        (
+            "plugin nearly of that name",
             "pibtt",
             "",
             ["there is no plugin `pibtt`", "did you mean `pibt`?"],
         ),
         (
-            &program,
+            "program in the host",
+            "RAW",
             "--attach in-process",
             ["a program cannot be loaded", "leave out"],
         ),
         (
-            &example,
+            "option of one plugin of several",
+            "EXAMPLE",
             "--option attempts=3",
             ["fail-policy `all-wait`", "--kind and --id"],
         ),
-        ("", "", ["required", "<PLUGIN>"]),
+        ("nothing", "", "", ["required", "<PLUGIN>"]),
     ] {
-        let mut line = words("plugins check");
-        line.extend((!plugin.is_empty()).then(|| plugin.to_owned()));
-        line.extend(words(arguments));
-        let ended = Yard::new().run(&line).expect(USAGE);
-        for text in texts {
-            assert!(ended.stderr.contains(text), "no `{text}`: {ended}");
-        }
-        assert_eq!(ended.stdout, "", "{ended}");
+        let raw = raw.clone();
+        tests.add(&format!("conformance::command line::{name}"), move || {
+            let mut line = words("plugins check");
+            match plugin {
+                "" => {}
+                "RAW" => line.push(raw),
+                "EXAMPLE" => line.push(example_library()),
+                _ => line.push(plugin.to_owned()),
+            }
+            line.extend(words(arguments));
+            let ended = Yard::new().run(&line).expect(USAGE);
+            says(&ended, &texts);
+            assert_eq!(ended.stdout, "", "{ended}");
+        });
     }
 }
 
-#[test]
-fn every_case_is_in_the_documentation() {
+fn cases_are_documented() {
     let page = fs::read_to_string(root().join("docs/conformance.md")).unwrap();
     let mut rows = BTreeMap::new();
     for line in page.lines() {

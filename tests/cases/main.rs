@@ -1,0 +1,44 @@
+//! Files, command lines and plugins that are wrong, as tables: every row is a test with a name
+//! of its own. The exit code says whose fault it is, the message names the fault and its place,
+//! no process is left running, and no half-written file remains.
+
+mod command_line;
+mod conformance;
+mod files;
+mod plugins;
+
+use fleetyard_testkit::Ended;
+use libtest_mimic::{Arguments, Trial};
+
+/// The tests of all tables.
+#[derive(Default)]
+struct Tests(Vec<Trial>);
+
+impl Tests {
+    /// A test that fails when `test` panics. Words of the name are joined by hyphens.
+    fn add(&mut self, name: &str, test: impl FnOnce() + Send + 'static) {
+        let trial = Trial::test(name.replace(' ', "-"), || {
+            test();
+            Ok(())
+        });
+        self.0.push(trial);
+    }
+}
+
+/// Fails unless every text stands on standard error.
+#[track_caller]
+fn says(ended: &Ended, texts: &[&str]) {
+    for text in texts {
+        assert!(ended.stderr.contains(text), "no `{text}`: {ended}");
+    }
+    assert!(!ended.stderr.contains("panicked"), "{ended}");
+}
+
+fn main() {
+    let mut tests = Tests::default();
+    files::add(&mut tests);
+    command_line::add(&mut tests);
+    plugins::add(&mut tests);
+    conformance::add(&mut tests);
+    libtest_mimic::run(&Arguments::from_args(), tests.0).exit();
+}
