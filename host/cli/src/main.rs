@@ -6,22 +6,79 @@
 mod args;
 mod commands;
 mod exit;
+mod files;
 mod output;
 mod setup;
 
-use clap::Parser;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
 
-use crate::args::{Cli, Command, Maps, Plugins, Trace};
+use crate::commands::bench::{Bench, bench};
+use crate::commands::compare::{Compare, compare};
+use crate::commands::completions::completions;
+use crate::commands::convert::{Convert, convert};
+use crate::commands::doctor::{Doctor, doctor};
+use crate::commands::fleet::{Fleet, fleet};
+use crate::commands::jobs::{Jobs, jobs};
+use crate::commands::maps::{Maps, maps};
+use crate::commands::plugins::{Plugins, plugins};
+use crate::commands::report::{ReportArgs, report};
+use crate::commands::run::{Run, run};
+use crate::commands::security::security;
+use crate::commands::simulate::{Simulate, simulate};
+use crate::commands::store::{Stores, stores};
+use crate::commands::trace::{Trace, trace};
+use crate::commands::validate::{Validate, validate};
 use crate::exit::{Exit, Result};
 
-/// The plugins that are linked in, by the same entry that a shared library has.
-static BUILT_IN: &[&fleetyard_abi::c::PluginEntry] =
-    &[&fleetyard_plugins::fleetyard_plugin_entry_v1];
+/// Runs, executes and judges multi-robot planners.
+#[derive(Debug, Parser)]
+#[command(name = "fleetyard", version, about, after_help = exit::HELP, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(Run),
+    Compare(Compare),
+    Fleet(Box<Fleet>),
+    Bench(Bench),
+    /// Look at the stores of suites, join them, write them in other formats
+    #[command(subcommand)]
+    Store(Stores),
+    Report(ReportArgs),
+    Validate(Validate),
+    Simulate(Simulate),
+    Convert(Convert),
+    /// Look at traces of executions
+    #[command(subcommand)]
+    Trace(Trace),
+    /// Look at suites that run on a cluster, and go on with them
+    #[command(subcommand)]
+    Jobs(Jobs),
+    /// Make and look at plugins
+    #[command(subcommand)]
+    Plugins(Plugins),
+    /// Make and look at maps
+    #[command(subcommand)]
+    Maps(Maps),
+    Doctor(Doctor),
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+}
 
 fn main() {
     // Does not return in the processes that this program starts for plugins.
-    fleetyard_runtime::supervisor::intercept(BUILT_IN);
-    let exit = match dispatch(Cli::parse().command) {
+    fleetyard_runtime::supervisor::intercept(setup::BUILT_IN);
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches);
+    let cli = cli.unwrap_or_else(|error| error.format(&mut Cli::command()).exit());
+    let exit = match dispatch(&cli.command, &matches) {
         Ok(exit) => exit,
         Err(failure) => {
             eprintln!("{}", output::plain(&failure.to_string()));
@@ -31,48 +88,26 @@ fn main() {
     std::process::exit(exit.code());
 }
 
-fn dispatch(command: Command) -> Result<Exit> {
+fn dispatch(command: &Command, matches: &ArgMatches) -> Result<Exit> {
     match command {
-        Command::Run(arguments) => commands::run::run(&arguments),
-        Command::Fleet(arguments) => commands::fleet::fleet(&arguments),
-        Command::Compare(arguments) => commands::compare::compare(&arguments),
-        Command::Bench(arguments) => commands::bench::bench(&arguments),
-        Command::Store(what) => commands::store::stores(&what),
-        Command::Report(arguments) => commands::report::report(&arguments),
-        Command::Convert(arguments) => commands::convert::convert(&arguments),
-        Command::Validate(arguments) => commands::validate::validate(&arguments),
-        Command::Simulate(arguments) => commands::simulate::simulate(&arguments),
-        Command::Trace(Trace::Info { file, format }) => commands::trace::info(&file, format),
-        Command::Trace(Trace::Diff(arguments)) => commands::trace::diff(&arguments),
-        Command::Trace(Trace::Export(arguments)) => commands::trace::export(&arguments),
-        Command::Jobs(what) => commands::jobs::jobs(&what),
-        Command::Plugins(Plugins::New(arguments)) => commands::new::new(&arguments),
-        Command::Plugins(Plugins::List { trust, format }) => {
-            commands::plugins::list(&trust, format)
+        Command::Run(arguments) => run(arguments),
+        Command::Compare(arguments) => compare(arguments),
+        Command::Fleet(arguments) => {
+            let given = matches.subcommand().map_or(matches, |(_, given)| given);
+            fleet(arguments, given)
         }
-        Command::Plugins(Plugins::Check(arguments)) => commands::check::check(&arguments),
-        Command::Plugins(Plugins::Info {
-            plugin,
-            trust,
-            format,
-        }) => commands::plugins::info(&plugin, &trust, format),
-        Command::Plugins(Plugins::Pin(arguments)) => commands::pin::pin(&arguments),
-        Command::Maps(Maps::Generate(what)) => commands::maps::generate(&what),
-        Command::Maps(Maps::Scenario {
-            map,
-            agents,
-            seed,
-            out,
-        }) => commands::maps::scenario(&map, agents, seed, &out),
-        Command::Maps(Maps::Info { map, format }) => commands::maps::info(&map, format),
-        Command::Doctor {
-            security: true,
-            sandbox,
-            format,
-        } => commands::security::security(sandbox, format),
-        Command::Doctor {
-            sandbox, format, ..
-        } => commands::doctor::doctor(sandbox, format),
-        Command::Completions { shell } => commands::completions(shell),
+        Command::Bench(arguments) => bench(arguments),
+        Command::Store(what) => stores(what),
+        Command::Report(arguments) => report(arguments),
+        Command::Validate(arguments) => validate(arguments),
+        Command::Simulate(arguments) => simulate(arguments),
+        Command::Convert(arguments) => convert(arguments),
+        Command::Trace(what) => trace(what),
+        Command::Jobs(what) => jobs(what),
+        Command::Plugins(what) => plugins(what),
+        Command::Maps(what) => maps(what),
+        Command::Doctor(arguments) if arguments.security => security(arguments),
+        Command::Doctor(arguments) => doctor(arguments),
+        Command::Completions { shell } => completions(*shell, Cli::command()),
     }
 }

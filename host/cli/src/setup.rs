@@ -7,6 +7,7 @@ use fleetyard_abi::Kind;
 use fleetyard_bench::{
     BudgetOptions, Host, Plugin, Robots, RobotsError, SandboxOptions, half_of_memory,
 };
+use fleetyard_check::PathRule;
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, LOCK_FILE, Limits, Lock, PluginFile, Policy, Runtime,
     Standing, Trust,
@@ -16,7 +17,11 @@ use fleetyard_sim::{Fleet, SimConfig};
 
 use crate::args::{BudgetArgs, GrantArgs, PinArg, TrustArgs, WorldArgs};
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::{BUILT_IN, output};
+use crate::output;
+
+/// The plugins that are linked in, by the same entry that a shared library has.
+pub(crate) static BUILT_IN: &[&fleetyard_abi::c::PluginEntry] =
+    &[&fleetyard_plugins::fleetyard_plugin_entry_v1];
 
 /// The runtime with default limits.
 pub(crate) fn runtime(trust: Trust) -> Result<Runtime> {
@@ -93,7 +98,7 @@ pub(crate) fn policy(grants: &GrantArgs, hidden: Vec<PathBuf>) -> Result<Policy>
         }
     }
     Ok(Policy {
-        level: grants.sandbox.into(),
+        level: grants.sandbox,
         read: grants.allow_read.clone(),
         hidden,
         network: grants.allow_network,
@@ -166,7 +171,7 @@ pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
         radius_m: world.radius,
         ticks_hz: world.ticks_hz,
         substeps: world.substeps,
-        tier: world.tier.into(),
+        tier: world.tier,
         ..SimConfig::default()
     }
 }
@@ -190,4 +195,14 @@ pub(crate) fn bodies(robots: &Robots, agents: usize, config: &SimConfig) -> Resu
             hint: error.hint().map(str::to_owned),
         },
     })
+}
+
+/// Refuses a path rule that is not for so many agents.
+pub(crate) fn check_rule(rule: PathRule, agents: usize) -> Result<()> {
+    if rule.allows_agents(agents) {
+        return Ok(());
+    }
+    let message = format!("--path-rule {rule} is for one agent, not for {agents}");
+    Err(Failure::new(Exit::Usage, message)
+        .hint("such paths have no times, so that nobody can say who meets whom"))
 }

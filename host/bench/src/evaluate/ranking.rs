@@ -1,7 +1,8 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use fleetyard_core::words;
+use serde::Serialize;
 
 use super::summary::rate;
 use super::{
@@ -13,8 +14,7 @@ use crate::statistics::{kendall_tau_b, mean, sorted};
 
 /// The order of planners in a ranking: figures that count one after the other. The maze paper gives
 /// two that are not the same.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Order {
     /// As its text: success rate, comparable time, expansions, overall time, name. Length is
     /// reported and does not rank.
@@ -25,15 +25,12 @@ pub enum Order {
     Appendix,
 }
 
-impl Order {
-    /// As suites name it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Text => "text",
-            Self::Appendix => "appendix",
-        }
-    }
+words!(Order {
+    Text = "text", "Success rate, comparable time, expansions, overall time: the paper's text";
+    Appendix = "appendix", "With comparable length after the time: the paper's equation 23";
+});
 
+impl Order {
     /// For people, with expansions or without.
     pub fn description(self, by_expansions: bool) -> String {
         let length = match self {

@@ -22,8 +22,8 @@ use serde::Serialize;
 use super::jobs::{self, Ask, ClusterArgs};
 use crate::args::{Format, TrustArgs};
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::setup::trust;
-use crate::{BUILT_IN, output};
+use crate::output;
+use crate::setup::{BUILT_IN, trust};
 
 /// Parts of a suite on a cluster, unless somebody says how many.
 const PARTS: u32 = 32;

@@ -19,8 +19,8 @@ use tempfile::TempDir;
 use super::bench::{make_again, verdict, verification_text};
 use crate::args::{Format, TrustArgs};
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::setup::{runtime_with, trust};
-use crate::{BUILT_IN, output};
+use crate::output;
+use crate::setup::{BUILT_IN, runtime_with, trust};
 
 /// Write a finished suite into one archive, from which others repeat it.
 #[derive(Debug, Args)]
@@ -41,7 +41,7 @@ pub(crate) struct StoreBundle {
     format: Format,
 }
 
-/// Make the trials of a bundle again.
+/// Make the trials of a bundle again and compare plans and executions; exit code 1 if any differs.
 #[derive(Debug, Args)]
 pub(crate) struct StoreRepeat {
     /// The archive, or the folder that it was unpacked into

@@ -6,25 +6,77 @@
 
 use std::fmt::Write as _;
 use std::os::unix::process::ExitStatusExt;
+use std::path::PathBuf;
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use clap::ValueEnum;
+use clap::Args;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_bench::{half_of_memory, milliseconds};
 use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
 use fleetyard_core::quoted;
 use fleetyard_runtime::{
-    Attach, Found, Level, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
+    Attach, Found, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
 };
 use serde::Serialize;
 use serde_json::Map;
 
-use crate::BUILT_IN;
-use crate::args::{Check, Format, GrantArgs};
+use crate::args::{Format, GrantArgs, duration, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
-use crate::setup::{self, policy, runtime, trust};
+use crate::setup::{self, BUILT_IN, policy, runtime, trust};
+
+/// Ask a plugin what the contract promises, and show where it does otherwise.
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// A plugin's identifier, or the path of a library or program, of which all
+    /// plugins are checked; PATH:ID picks one of several
+    #[arg(required_unless_present = "list")]
+    plugin: Option<String>,
+    /// Run this case alone; may be given several times
+    #[arg(long, value_name = "CASE")]
+    only: Vec<String>,
+    /// Check plugins of this kind alone
+    #[arg(long, value_parser = word::<Kind>())]
+    kind: Option<Kind>,
+    /// Check plugins with this identifier alone
+    #[arg(long, value_name = "ID")]
+    id: Option<String>,
+    /// An option of the plugin in every case; may be given several times
+    #[arg(long = "option", value_name = "NAME=VALUE")]
+    options: Vec<String>,
+    /// How the plugin is attached [default: worker for libraries, stdio for
+    /// programs]
+    #[arg(long, value_parser = word::<Attach>())]
+    attach: Option<Attach>,
+    /// Seed of the whole run: of all instances, and of the plugin's random choices
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Ask one case again, by the seed that it showed
+    #[arg(long, value_name = "SEED", conflicts_with = "seed")]
+    reproduce: Option<u64>,
+    /// Wall-clock budget of a call; a tenth for those who use all of it
+    #[arg(long, value_name = "DURATION", default_value = "5s", value_parser = duration)]
+    budget: Duration,
+    /// How long a plugin may go on after the deadline once it was told to stop
+    #[arg(long, value_name = "DURATION", default_value = "2s", value_parser = duration)]
+    grace: Duration,
+    /// How long a plugin may take to start and be made
+    #[arg(long, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    startup: Duration,
+    #[command(flatten)]
+    grants: GrantArgs,
+    /// Show the cases and what they ask
+    #[arg(long)]
+    list: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+    /// Write the report of one case to a file: how the command asks a plugin in the
+    /// process of a host that may be lost
+    #[arg(long, value_name = "FILE", hide = true, requires = "reproduce")]
+    report_to: Option<PathBuf>,
+}
 
 #[derive(Serialize)]
 struct Document {
@@ -209,7 +261,7 @@ fn widest(cases: &[&Case]) -> usize {
 /// A library can be in this process as well; there is no other choice.
 fn attachment(file: &PluginFile, arguments: &Check) -> Result<Attach> {
     let default = file.default_attach();
-    let attach = arguments.attach.map_or(default, Attach::from);
+    let attach = arguments.attach.unwrap_or(default);
     if attach == default || (attach, default) == (Attach::InProcess, Attach::Worker) {
         return Ok(attach);
     }
@@ -500,10 +552,8 @@ fn granted(grants: &GrantArgs) -> Vec<String> {
     let usual = Policy::default();
     let mut words = Vec::new();
     let mut add = |name: &str, value: String| words.extend([format!("--{name}"), value]);
-    if let Some(level) = grants.sandbox.to_possible_value()
-        && Level::from(grants.sandbox) != usual.level
-    {
-        add("sandbox", level.get_name().to_owned());
+    if grants.sandbox != usual.level {
+        add("sandbox", grants.sandbox.to_string());
     }
     if grants.processes != usual.processes {
         add("processes", grants.processes.to_string());

@@ -5,19 +5,113 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use clap::error::ErrorKind;
+use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
 use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::evaluate::{Dimension, Planner, PlannerSummary, Trials, groups};
 use fleetyard_bench::suite::{Suite, SuiteInstance};
 use fleetyard_bench::{
     BenchError, Experiment, GivenOptions, Plugin, Record, Robots, Row, Shard, number, run,
 };
-use fleetyard_core::{Grid, find_map, load_map, load_scen};
+use fleetyard_check::PathRule;
+use fleetyard_core::{Connectivity, Grid, find_map, load_map, load_scen};
 use serde::Serialize;
 
-use crate::args::{Compare, Format};
+use crate::args::{
+    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, WorldArgs, connectivity, word,
+};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::{find_planner, host, sim_config};
+
+/// Run several planners on the same instances and show who did better.
+#[derive(Debug, Args)]
+pub(crate) struct Compare {
+    /// MovingAI scenario files, of one map or of several
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", required = true, num_args = 1..)]
+    scen: Vec<PathBuf>,
+    /// Where the maps are that the scenarios name: map files, or folders with NAME.map
+    /// [default: the folder of each scenario]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "PATH", num_args = 1..)]
+    map: Vec<PathBuf>,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, help_heading = INSTANCE, value_name = "N", default_value = "4", value_parser = connectivity)]
+    connectivity: Connectivity,
+    /// Team sizes
+    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N,…", required = true, value_delimiter = ',')]
+    agents: Vec<usize>,
+    /// What may lie between two cells of a path
+    #[arg(long, help_heading = INSTANCE, value_parser = word::<PathRule>(), default_value_t)]
+    path_rule: PathRule,
+    #[command(flatten)]
+    planners: PlannerArgs,
+    #[command(flatten)]
+    budget: BudgetArgs,
+    #[command(flatten)]
+    world: WorldArgs,
+    /// Do not execute the plans: no real-time factor, no contacts
+    #[arg(long, help_heading = EXECUTION)]
+    no_execute: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// Every `--planner PLUGIN [NAME=VALUE]…`, in order. The parser's derive keeps no
+/// occurrences apart.
+#[derive(Debug)]
+struct PlannerArgs(Vec<PluginArg>);
+
+impl PlannerArgs {
+    const ID: &str = "planner";
+}
+
+impl FromArgMatches for PlannerArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let given = matches.get_occurrences::<String>(Self::ID);
+        let mut planners = Vec::new();
+        for words in given.into_iter().flatten() {
+            let words: Vec<String> = words.cloned().collect();
+            let planner = PluginArg::new(&words, &[]).map_err(|failure| {
+                let hint = failure.hint.unwrap_or_default();
+                let message = format!("{}\n\n  tip: {hint}\n", failure.message);
+                clap::Error::raw(ErrorKind::ValueValidation, message)
+            })?;
+            planners.push(planner);
+        }
+        Ok(Self(planners))
+    }
+
+    fn update_from_arg_matches(
+        &mut self,
+        matches: &ArgMatches,
+    ) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for PlannerArgs {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command.arg(
+            Arg::new(Self::ID)
+                .long(Self::ID)
+                .short('p')
+                .help_heading(PLANNER)
+                .value_names(["PLUGIN", "NAME=VALUE"])
+                .num_args(1..)
+                .action(ArgAction::Append)
+                .required(true)
+                .help(
+                    "A planner, by identifier or path, and its options; may be given several times",
+                ),
+        )
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
 
 /// One line of the table. Means and medians are over the trials that succeeded; how
 /// many did stands beside them.
@@ -104,7 +198,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
         words.join(" ")
     });
     let mut suite = Suite::in_memory("comparison", labels);
-    suite.protocol.path_rule = arguments.path_rule.into();
+    suite.protocol.path_rule = arguments.path_rule;
     suite.protocol.seeds = vec![arguments.budget.seed];
     suite.config = sim_config(&arguments.world);
     suite.robots = (!arguments.no_execute).then_some(Robots::Pebbles);

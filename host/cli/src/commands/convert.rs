@@ -5,15 +5,67 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::Args;
 use fleetyard_core::formats::{
     AgentList, Contents, Format, Parts, Scale, TRANSPOSED_HINT, grid_size, looks_transposed,
 };
-use fleetyard_core::{Grid, GridInstance, InputError, PlanFile, load_map, write_all_atomically};
+use fleetyard_core::{
+    Connectivity, Grid, GridInstance, InputError, PathEncoding, PlanFile, load_map,
+    write_all_atomically,
+};
 
-use super::file_name;
-use crate::args::Convert;
+use crate::args::{connectivity, file_format, word};
 use crate::exit::{Exit, Failure, Result, internal};
+use crate::files::file_name;
 use crate::output;
+
+/// Convert an instance or a plan from one format to another.
+///
+/// Formats are guessed from content and name. What FROM lacks and TO needs is given
+/// with options: a file of paths has no map, a schedule has no goals.
+#[derive(Debug, Args)]
+pub(crate) struct Convert {
+    /// The file to read, - for standard input
+    #[arg(
+        value_name = "FROM",
+        required_unless_present = "list",
+        requires = "output"
+    )]
+    input: Option<PathBuf>,
+    /// The file to write, - for standard output
+    #[arg(value_name = "TO")]
+    output: Option<PathBuf>,
+    /// List the formats and what each carries
+    #[arg(long, conflicts_with = "input")]
+    list: bool,
+    /// The format of FROM [default: what the file looks like]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    from: Option<Format>,
+    /// The format of TO [default: what its name says]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    to: Option<Format>,
+    /// The map, where FROM has none
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+    /// Starts and goals, where FROM has none: a scenario, or another instance
+    #[arg(long, value_name = "FILE")]
+    scen: Option<PathBuf>,
+    /// How many agents to use, from the first [default: those of the plan, or all]
+    #[arg(long, value_name = "N")]
+    agents: Option<usize>,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    connectivity: Connectivity,
+    /// How paths are written in a plan file [default: pairs]
+    #[arg(long, value_parser = word::<PathEncoding>())]
+    plan_encoding: Option<PathEncoding>,
+    /// Side of a cell in metres, where a plan on a grid becomes trajectories
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    cell_size: f64,
+    /// Duration of one step in seconds, where a plan on a grid becomes trajectories
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    step: f64,
+}
 
 pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
     let (Some(from), Some(to)) = (&arguments.input, &arguments.output) else {
@@ -133,7 +185,7 @@ fn parts(
         warn_of_transposition(file, instance);
     }
     if let (Some(file), Some(encoding)) = (&mut plan, arguments.plan_encoding) {
-        file.encoding = encoding.into();
+        file.encoding = encoding;
     }
     Ok(Parts {
         grid,

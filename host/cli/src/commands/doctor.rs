@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use clap::Args;
 use fleetyard_bench::milliseconds;
 use fleetyard_runtime::measure::{Cpus, Machine, Topology};
 use fleetyard_runtime::sandbox::Backend;
@@ -13,10 +14,25 @@ use fleetyard_runtime::{
 };
 use serde::Serialize;
 
-use crate::args::{Format, LevelArg};
+use crate::args::{Format, word};
 use crate::exit::{Exit, Result};
 use crate::output;
 use crate::setup::runtime_with;
+
+/// Say what this machine grants to this user, and what to do about what it does not.
+#[derive(Debug, Args)]
+pub(crate) struct Doctor {
+    /// Say instead which promises about plugins hold on this machine, and what would
+    /// restore the others; the exit code is 1 when one is broken
+    #[arg(long)]
+    pub(crate) security: bool,
+    /// The level that is needed; the exit code is 1 when it cannot be had
+    #[arg(long, value_name = "LEVEL", value_parser = word::<Level>(), default_value_t)]
+    pub(super) sandbox: Level,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    pub(super) format: Format,
+}
 
 /// Everything that the doctor found.
 #[derive(Serialize)]
@@ -83,14 +99,13 @@ struct Folder {
     candidates: usize,
 }
 
-pub(crate) fn doctor(level: LevelArg, format: Format) -> Result<Exit> {
+pub(crate) fn doctor(arguments: &Doctor) -> Result<Exit> {
     let findings = examine()?;
-    match format {
+    match arguments.format {
         Format::Json => output::print_json(&findings)?,
         Format::Text => output::print(&output::plain(&text(&findings)))?,
     }
-    let strict = matches!(level, LevelArg::Strict);
-    if strict && !findings.sandbox.strict {
+    if arguments.sandbox == Level::Strict && !findings.sandbox.strict {
         output::error("this machine does not grant every required layer and limit to this user");
         return Ok(Exit::NoPlan);
     }

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use fleetyard_bench::evaluate::Order;
 use fleetyard_bench::export::{Format, export};
 use fleetyard_bench::report::Report;
 use fleetyard_core::write_all_atomically;
 
 use super::convert::{refuse_input, to_stdout};
-use super::report::{Rank, load};
+use super::report::load;
+use crate::args::word;
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 
@@ -21,8 +23,8 @@ pub(crate) struct StoreExport {
     #[command(flatten)]
     files: ExportFiles,
     /// By what planners are ranked in Markdown [default: as the suite says]
-    #[arg(long, value_enum)]
-    rank: Option<Rank>,
+    #[arg(long, value_parser = word::<Order>())]
+    rank: Option<Order>,
 }
 
 /// What to write; `-` is standard output.

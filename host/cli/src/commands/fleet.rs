@@ -5,30 +5,252 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
+use std::time::Duration;
 
-use clap::CommandFactory;
-use fleetyard_abi::Kind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Args};
+use fleetyard_abi::{Kind, Motion};
 use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, SandboxOptions};
 use fleetyard_bench::{half_of_memory, number, start_modules};
 use fleetyard_core::formats::load_lorr_tasks;
 use fleetyard_core::{Grid, InputError, load_map};
 use fleetyard_fleet::{
-    Allowance, CallTimes, End, Ended, FleetConfig, FleetOutcome, Ground, ModuleInfo, Modules,
-    Notice, Point, Recorder, Recording, Round, Watch, replay, resume, run,
+    Allowance, Assign, CallTimes, Clock, CutBy, End, Ended, FleetConfig, FleetOutcome, Ground,
+    ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Watch, replay, resume, run,
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
-use fleetyard_sim::{Fleet as Bodies, SimConfig, TraceSink, TraceWriter};
+use fleetyard_sim::{Fleet as Bodies, SimConfig, Tier, TraceSink, TraceWriter};
 use fleetyard_view::FleetPicture;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
-use super::{Unnamed, draw_document, keep, trace_file};
-use crate::args::{Cli, Fleet, FleetAsked, Format, LibraryAttachArg, PluginArg};
+use crate::args::{
+    DisturbanceArgs, Format, GrantArgs, LIMITS, PluginArg, RECORDS, ROBOTS, duration, one_of,
+    picture as picture_file, size, word,
+};
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::setup::{bodies, find_plugin, policy, robots, trust};
-use crate::{BUILT_IN, output};
+use crate::files::{Unnamed, draw_document, keep, trace_file};
+use crate::output;
+use crate::setup::{BUILT_IN, bodies, find_plugin, policy, robots, trust};
+
+const PLANNING: &str = "Planning";
+const GOALS: &str = "Goals";
+
+/// Run a fleet that never ends: robots drive, reach goals and get new ones, while a planner
+/// plans their next ways.
+///
+/// The invocation policy says when to plan, the instance generator what, the fail policy what
+/// to do where the planner has no plan that may be driven. docs/fleet.md says what happens
+/// when.
+#[derive(Debug, Args)]
+pub(crate) struct Fleet {
+    /// MovingAI or LSMART map [with --replay and --resume: the one that was recorded]
+    #[arg(long, short, value_name = "FILE", required_unless_present_any = ["replay", "resume"])]
+    map: Option<PathBuf>,
+    #[command(flatten)]
+    asked: FleetAsked,
+    /// Write what plugins answer to a file, from which the run can be had again
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with_all = ["replay", "resume"])]
+    record: Option<PathBuf>,
+    /// Run again what was recorded, without any plugin
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", conflicts_with = "resume")]
+    replay: Option<PathBuf>,
+    /// Go on with a run whose host was killed or interrupted, and with its recording
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    resume: Option<PathBuf>,
+    /// Write the trace to a file
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Ticks between the states in the trace; 0 records events only
+    #[arg(long, help_heading = RECORDS, value_name = "N", default_value_t = 1, requires = "trace")]
+    trace_every: u32,
+    /// Draw throughput over time, and where robots waited, to a file, SVG or PNG by its name
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture_file)]
+    picture: Option<PathBuf>,
+    /// Show what plugins wrote to their logs and to standard error
+    #[arg(long, short)]
+    verbose: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+    /// Threads of the simulator; results do not depend on it [default: a processor each, but for
+    /// those of the planner]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// How long a plugin may take to start and be made
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    startup: Duration,
+    #[command(flatten)]
+    grants: GrantArgs,
+}
+
+/// What decides about a run; a recording has it all.
+#[derive(Debug, Args)]
+struct FleetAsked {
+    /// Number of robots
+    #[arg(long, short = 'n', value_name = "N", required_unless_present_any = ["replay", "resume"],
+          value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    agents: Option<u32>,
+    /// How long to go on, in simulated time
+    #[arg(long, value_name = "DURATION", default_value = "10m", value_parser = positive_seconds)]
+    duration: f64,
+    /// Seed of every random choice: starts, goals, plugins, disturbances
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// The planner: a plugin's identifier, or the path of a library, a program or their folder;
+    /// PATH:ID picks one of several. Its options may follow
+    #[arg(long, short, help_heading = PLANNING, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, required_unless_present_any = ["replay", "resume"])]
+    planner: Vec<String>,
+    /// The instance generator: who is sent where
+    #[arg(long, help_heading = PLANNING, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, default_value = "windowed-multi-goals")]
+    generator: Vec<String>,
+    /// The invocation policy: when to plan
+    #[arg(long, help_heading = PLANNING, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, default_value = "periodic")]
+    invocation: Vec<String>,
+    /// The fail policy: what to do without a plan
+    #[arg(long, help_heading = PLANNING, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
+          action = ArgAction::Set, default_value = "pibt")]
+    fail_policy: Vec<String>,
+    /// Time between two calls, for an invocation policy with the option `period_s`
+    /// [default: the policy's]
+    #[arg(long, help_heading = PLANNING, value_name = "DURATION", value_parser = positive_seconds)]
+    period: Option<f64>,
+    /// How far ahead plans are free of collisions; 0s for plans to the end
+    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "10s",
+          value_parser = seconds)]
+    window: f64,
+    /// How long the planner may take
+    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "1s",
+          value_parser = positive_seconds)]
+    limit: f64,
+    /// How planners see robots move; robots turn in any case
+    #[arg(long, help_heading = PLANNING, value_parser = one_of(&[Motion::Pebble, Motion::Rotation]),
+          default_value_t = FleetConfig::default().motion)]
+    motion: Motion,
+    /// When an answer takes effect
+    #[arg(long, help_heading = PLANNING, value_parser = word::<Clock>(), default_value_t)]
+    clock: Clock,
+    /// How far robots are committed when the planner is called
+    #[arg(long, value_name = "CUT", value_parser = word::<CutBy>(), default_value_t)]
+    cut: CutBy,
+    /// An option of the planner; may be given several times
+    #[arg(long = "option", help_heading = PLANNING, value_name = "NAME=VALUE")]
+    options: Vec<String>,
+    /// An option of the instance generator
+    #[arg(long = "generator-option", help_heading = PLANNING, value_name = "NAME=VALUE")]
+    generator_options: Vec<String>,
+    /// An option of the invocation policy
+    #[arg(long = "invocation-option", help_heading = PLANNING, value_name = "NAME=VALUE")]
+    invocation_options: Vec<String>,
+    /// An option of the fail policy
+    #[arg(long = "fail-option", help_heading = PLANNING, value_name = "NAME=VALUE")]
+    fail_options: Vec<String>,
+    /// How libraries are attached, the built-in one among them: in the host's own process or in
+    /// processes of their own
+    #[arg(long, help_heading = PLANNING, value_name = "HOW",
+          value_parser = one_of(&[Attach::InProcess, Attach::Worker]), default_value_t = Attach::Worker)]
+    attach: Attach,
+    /// The host calls by itself when nobody had anything to do for so long
+    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "10s",
+          value_parser = positive_seconds)]
+    watchdog: f64,
+    /// Where goals come from
+    #[arg(long, help_heading = GOALS, value_parser = word::<Assign>(), default_value_t)]
+    assign: Assign,
+    /// Tasks, in the format of the League of Robot Runners
+    #[arg(long, help_heading = GOALS, value_name = "FILE")]
+    tasks: Option<PathBuf>,
+    /// How many tasks are known at a time, per robot
+    #[arg(long, help_heading = GOALS, value_name = "RATIO", default_value_t = 1.5)]
+    reveal: f64,
+    /// How long a robot stays where it reached a goal
+    #[arg(long, help_heading = GOALS, value_name = "DURATION", default_value = "0s",
+          value_parser = seconds)]
+    dwell: f64,
+    /// Motion model or preset of all robots, such as agv or lsmart-effective; pebble for discs
+    /// that move by one cell per step. docs/execution.md lists them
+    #[arg(long, help_heading = ROBOTS, value_name = "NAME", default_value = "agv",
+          conflicts_with = "fleet")]
+    model: String,
+    /// Footprints, models and limits of all robots, a fleetyard.fleet/1 file
+    #[arg(long, help_heading = ROBOTS, value_name = "FILE", conflicts_with = "radius")]
+    fleet: Option<PathBuf>,
+    /// Radius of a robot in metres [default: the preset's footprint, or 0.3 cells]
+    #[arg(long, help_heading = ROBOTS, value_name = "METRES")]
+    radius: Option<f64>,
+    /// Most actions that a robot has been sent and has not done
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 5)]
+    queue: u32,
+    #[command(flatten)]
+    disturbance: DisturbanceArgs,
+    /// Side of a cell in metres
+    #[arg(long, help_heading = ROBOTS, value_name = "METRES", default_value_t = 1.0)]
+    cell_size: f64,
+    /// Duration of one step of a plan in seconds, the least time of an action [default: a cell's
+    /// side at the top speed of the slowest robot, or 1]
+    #[arg(long, help_heading = ROBOTS, value_name = "SECONDS")]
+    step: Option<f64>,
+    /// Simulator ticks per second
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 60)]
+    ticks_hz: u32,
+    /// Substeps per tick
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 4)]
+    substeps: u32,
+    /// How bodies move and contacts are found
+    #[arg(long, help_heading = ROBOTS, value_parser = word::<Tier>(), default_value_t)]
+    tier: Tier,
+    /// Wall-clock time of a plugin for learning the map
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "1m",
+          value_parser = positive_seconds)]
+    prepare_budget: f64,
+    /// Wall-clock time of a call of any plugin but the planner
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "10s",
+          value_parser = positive_seconds)]
+    call_budget: f64,
+    /// Most threads a plugin may use
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=4096))]
+    plugin_threads: u32,
+    /// Most search nodes, for planners that count them [default: no limit]
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 0,
+          hide_default_value = true)]
+    nodes: u64,
+    /// Memory of all processes of a plugin together [default: half of the machine's]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size)]
+    memory: Option<u64>,
+}
+
+impl FleetAsked {
+    /// The first of these arguments that is on the command line: a recording says all of
+    /// it, and would contradict.
+    fn given(matches: &ArgMatches) -> Option<String> {
+        let all = Self::augment_args(clap::Command::new("fleet"));
+        let given = |argument: &&Arg| {
+            matches.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine)
+        };
+        let first = all.get_arguments().find(given)?;
+        first.get_long().map(|long| format!("--{long}"))
+    }
+}
+
+/// A duration in seconds, which may be nothing.
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    let duration = humantime::parse_duration(text)
+        .map_err(|_| "write a duration with its unit, such as 500ms, 10s or 10m".to_owned())?;
+    Ok(duration.as_secs_f64())
+}
+
+fn positive_seconds(text: &str) -> std::result::Result<f64, String> {
+    match seconds(text)? {
+        0.0 => Err("this has to be longer than nothing".to_owned()),
+        seconds => Ok(seconds),
+    }
+}
 
 /// The signal that told this process to end; 0 if none did.
 static SIGNAL: AtomicI32 = AtomicI32::new(0);
@@ -54,7 +276,8 @@ struct Plugin {
     options: Vec<String>,
 }
 
-pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
+/// Runs a fleet. `given` are the arguments as they stand on the command line.
+pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
     for path in [&arguments.picture, &arguments.record]
         .into_iter()
         .flatten()
@@ -62,14 +285,12 @@ pub(crate) fn fleet(arguments: &Fleet) -> Result<Exit> {
         check_folder(path)?;
     }
     let recorded = arguments.replay.as_ref().or(arguments.resume.as_ref());
-    if recorded.is_some() {
-        let matches = Cli::command().get_matches();
-        let matches = matches.subcommand_matches("fleet");
-        if let Some(given) = matches.and_then(FleetAsked::given) {
-            let message = format!("`{given}` cannot be given with --replay and --resume");
-            return Err(Failure::new(Exit::Usage, message)
-                .hint("all that decides about the run is in its recording"));
-        }
+    if recorded.is_some()
+        && let Some(given) = FleetAsked::given(given)
+    {
+        let message = format!("`{given}` cannot be given with --replay and --resume");
+        return Err(Failure::new(Exit::Usage, message)
+            .hint("all that decides about the run is in its recording"));
     }
     let recording = recorded.map(|path| Recording::open(path)).transpose()?;
     let mut setup = match &recording {
@@ -210,7 +431,7 @@ fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
         model: asked.model.clone(),
         fleet: asked.fleet.as_deref().map(absolute),
         tasks: asked.tasks.as_deref().map(absolute),
-        in_process: asked.attach == LibraryAttachArg::InProcess,
+        in_process: asked.attach == Attach::InProcess,
         plugins: plugins.collect::<Result<_>>()?,
     })
 }
@@ -222,13 +443,13 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
         duration_s: asked.duration,
         window_s: asked.window,
         limit_s: asked.limit,
-        clock: asked.clock.into(),
-        cut: asked.cut.into(),
+        clock: asked.clock,
+        cut: asked.cut,
         seed: asked.seed,
-        motion: asked.motion.into(),
+        motion: asked.motion,
         queue: asked.queue,
         dwell_s: asked.dwell,
-        assign: asked.assign.into(),
+        assign: asked.assign,
         reveal: asked.reveal,
         watchdog_s: asked.watchdog,
         allowance: Allowance {
@@ -244,7 +465,7 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
             radius_m: asked.radius,
             ticks_hz: asked.ticks_hz,
             substeps: asked.substeps,
-            tier: asked.tier.into(),
+            tier: asked.tier,
             disturbance: asked.disturbance.with_seed(asked.seed),
             ..SimConfig::default()
         },

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::{Args, Subcommand};
 use fleetyard_core::{
     Connectivity, Grid, InputError, Scenario, load_map, save_map, save_scen, shown,
 };
@@ -13,9 +14,198 @@ use fleetyard_world::{
 };
 use serde::Serialize;
 
-use crate::args::{Format, Generate, MazeArg, MazeRandomArg, MazeSizeArgs, OutArgs, SizeArgs};
+use crate::args::{Format, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Maps {
+    /// Make a map, and a scenario for it
+    #[command(subcommand)]
+    Generate(Generate),
+    /// Make a scenario for a map: random starts and goals
+    Scenario {
+        /// MovingAI map file
+        map: PathBuf,
+        /// Number of agents
+        #[arg(long, value_name = "N")]
+        agents: u32,
+        /// Seed of starts and goals
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        /// Folder to write to
+        #[arg(long, value_name = "FOLDER", default_value = ".")]
+        out: PathBuf,
+    },
+    /// Describe a map
+    Info {
+        /// MovingAI map file
+        map: PathBuf,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Generate {
+    /// No obstacles
+    Empty {
+        #[command(flatten)]
+        size: SizeArgs,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// Obstacles strewn at random, the free cells connected
+    Random {
+        #[command(flatten)]
+        size: SizeArgs,
+        /// Share of blocked cells, from 0 to below 1
+        #[arg(long, value_name = "SHARE")]
+        obstacle_density: f64,
+        /// Seed of the map
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// Rooms with doors
+    Room {
+        #[command(flatten)]
+        size: SizeArgs,
+        /// Distance from wall to wall: a room has one row and column less
+        #[arg(long, value_name = "N")]
+        room_size: u32,
+        /// Doors per wall between two rooms
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        doors: u32,
+        /// Seed of the map
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// A maze
+    Maze {
+        #[command(flatten)]
+        size: MazeSizeArgs,
+        /// Width of corridors in cells
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        corridor: u32,
+        /// How it is carved
+        #[arg(long, value_parser = word::<MazeAlgorithm>(), default_value_t = MazeAlgorithm::Backtracker)]
+        algorithm: MazeAlgorithm,
+        /// Whose random numbers carve it
+        #[arg(long, value_parser = word::<MazeRandom>(), default_value_t)]
+        random: MazeRandom,
+        /// Seed of the map
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+        /// Also write a scenario with the maze's own task: from its north-west cell to
+        /// the one in its middle
+        #[arg(long)]
+        scenario: bool,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+    /// Shelves and aisles: warehouse-A-B-C-D-E of the MovingAI benchmarks
+    Warehouse {
+        /// Blocks of shelves beside each other (A)
+        #[arg(long, value_name = "A")]
+        blocks_across: u32,
+        /// Blocks of shelves above each other (B)
+        #[arg(long, value_name = "B")]
+        blocks_down: u32,
+        /// Width of a block in cells (C)
+        #[arg(long, value_name = "C")]
+        block_cols: u32,
+        /// Height of a block in cells (D)
+        #[arg(long, value_name = "D")]
+        block_rows: u32,
+        /// Width of aisles in cells (E)
+        #[arg(long, value_name = "E")]
+        aisle: u32,
+        /// Free columns at the left and right [default: A * C / 4]
+        #[arg(long, value_name = "N")]
+        margin: Option<u32>,
+        /// Height of the aisles between blocks above each other [default: E]
+        #[arg(long, value_name = "N")]
+        aisle_rows: Option<u32>,
+        /// Free rows at the top and bottom [default: as between blocks]
+        #[arg(long, value_name = "N")]
+        edge_rows: Option<u32>,
+        /// Without the wall all around
+        #[arg(long)]
+        open: bool,
+        /// Make the free cells above and below shelves endpoints (letter e)
+        #[arg(long)]
+        endpoints: bool,
+        /// Make every Nth cell of the outermost free columns a workstation (letter w)
+        #[arg(long, value_name = "N")]
+        workstations: Option<u32>,
+        #[command(flatten)]
+        out: OutArgs,
+    },
+}
+
+/// Where a generated map goes, and its scenario.
+#[derive(Debug, Args)]
+pub(crate) struct OutArgs {
+    /// Folder to write to
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    out: PathBuf,
+    /// Name of the map, and of its file without `.map` [default: after its parameters]
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// Also write a scenario for so many agents
+    #[arg(long, value_name = "N")]
+    scenario_agents: Option<u32>,
+    /// Seed of the scenario
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    scenario_seed: u64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SizeArgs {
+    /// Rows of the map
+    #[arg(long, value_name = "N")]
+    rows: u32,
+    /// Columns of the map
+    #[arg(long, value_name = "N")]
+    cols: u32,
+}
+
+/// A maze's size: that of the map, or that of the maze.
+#[derive(Debug, Args)]
+pub(crate) struct MazeSizeArgs {
+    /// Rows of the map
+    #[arg(long, value_name = "N", required_unless_present_any = ["width", "height"])]
+    rows: Option<u32>,
+    /// Columns of the map
+    #[arg(long, value_name = "N", required_unless_present_any = ["width", "height"])]
+    cols: Option<u32>,
+    /// Width in maze cells, instead of --cols: the map is closed on all sides
+    #[arg(long, value_name = "N", requires = "height", conflicts_with_all = ["rows", "cols"],
+        value_parser = clap::value_parser!(u32).range(1..))]
+    width: Option<u32>,
+    /// Height in maze cells, instead of --rows
+    #[arg(long, value_name = "N", requires = "width", conflicts_with_all = ["rows", "cols"],
+        value_parser = clap::value_parser!(u32).range(1..))]
+    height: Option<u32>,
+}
+
+pub(crate) fn maps(what: &Maps) -> Result<Exit> {
+    match what {
+        Maps::Generate(what) => generate(what),
+        Maps::Scenario {
+            map,
+            agents,
+            seed,
+            out,
+        } => scenario(map, *agents, *seed, out),
+        Maps::Info { map, format } => info(map, *format),
+    }
+}
 
 /// The generators name their parameters, which are flags here.
 fn wrong_flag(error: InputError) -> Failure {
@@ -27,7 +217,7 @@ fn wrong_flag(error: InputError) -> Failure {
     }
 }
 
-pub(crate) fn generate(what: &Generate) -> Result<Exit> {
+fn generate(what: &Generate) -> Result<Exit> {
     let (spec, out) = spec(what);
     let grid = named(spec.generate().map_err(wrong_flag)?, out)?;
     let mut scenarios = Vec::new();
@@ -74,7 +264,7 @@ fn named(grid: Grid, out: &OutArgs) -> Result<Grid> {
     )?)
 }
 
-pub(crate) fn scenario(map: &Path, agents: u32, seed: u64, out: &Path) -> Result<Exit> {
+fn scenario(map: &Path, agents: u32, seed: u64, out: &Path) -> Result<Exit> {
     let grid = load_map(map)?;
     let scenario = make_scenario(&grid, agents, seed, "agents")?;
     save(&scenario, &out.join(scenario_name(&grid, seed)))?;
@@ -161,22 +351,14 @@ fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
             out,
             ..
         } => {
-            let algorithm = match algorithm {
-                MazeArg::Backtracker => MazeAlgorithm::Backtracker,
-                MazeArg::Prim => MazeAlgorithm::Prim,
-            };
-            let random = match random {
-                MazeRandomArg::ChaCha => MazeRandom::ChaCha,
-                MazeRandomArg::Python => MazeRandom::Python,
-            };
             let (rows, cols) = maze_size(size, *corridor);
             (
                 MapSpec::Maze(MazeSpec {
                     rows,
                     cols,
                     corridor: *corridor,
-                    algorithm,
-                    random,
+                    algorithm: *algorithm,
+                    random: *random,
                     seed: *seed,
                 }),
                 out,
@@ -243,7 +425,7 @@ struct Info {
     digest: fleetyard_core::Digest,
 }
 
-pub(crate) fn info(map: &Path, format: Format) -> Result<Exit> {
+fn info(map: &Path, format: Format) -> Result<Exit> {
     let grid = load_map(map)?;
     let mut terrain: BTreeMap<char, u64> = BTreeMap::new();
     for letter in grid.terrain() {

@@ -9,15 +9,46 @@ use std::fmt::Write as _;
 use std::fs::{self, Permissions};
 use std::io;
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::{Args, ValueEnum};
 use fleetyard_abi::Kind;
-use fleetyard_core::InputError;
+use fleetyard_core::{InputError, quoted};
 
-use crate::args::{LangArg, New};
+use crate::args::word;
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use fleetyard_core::quoted;
+
+/// Write a new plugin that works, for you to change.
+#[derive(Debug, Args)]
+pub(crate) struct New {
+    /// Its name: the plugin's identifier, and the folder that is written
+    name: String,
+    /// What it is written in
+    #[arg(long, value_enum)]
+    lang: Lang,
+    /// Its kind
+    #[arg(long, value_parser = word::<Kind>(), default_value_t = Kind::Planner)]
+    kind: Kind,
+    /// Where the folder goes
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    out: PathBuf,
+}
+
+/// What a new plugin is written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Lang {
+    /// A shared library on the Rust SDK
+    Rust,
+    /// A shared library on the header alone
+    C,
+    /// A shared library on the C++ wrapper of the header
+    Cpp,
+    /// A program on the Python package
+    Python,
+    /// A manifest for a program that reads MovingAI files and writes paths
+    Command,
+}
 
 /// The text of a file of `templates/`.
 macro_rules! template {
@@ -109,7 +140,7 @@ pub(crate) fn new(arguments: &New) -> Result<Exit> {
 }
 
 impl Name {
-    fn new(name: &str, lang: LangArg) -> Result<Self> {
+    fn new(name: &str, lang: Lang) -> Result<Self> {
         const LONGEST: usize = 64;
         let wrong = |reason: String| Failure::new(Exit::Usage, reason);
         let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -139,9 +170,9 @@ impl Name {
         let id = name.to_ascii_lowercase();
         let module = id.replace('-', "_");
         let (reserved, what) = match lang {
-            LangArg::Rust => (template!("reserved-rust.txt"), "a keyword or crate"),
-            LangArg::Python => (template!("reserved-python.txt"), "a keyword or module"),
-            LangArg::C | LangArg::Cpp | LangArg::Command => ("", ""),
+            Lang::Rust => (template!("reserved-rust.txt"), "a keyword or crate"),
+            Lang::Python => (template!("reserved-python.txt"), "a keyword or module"),
+            Lang::C | Lang::Cpp | Lang::Command => ("", ""),
         };
         if reserved.split_whitespace().any(|word| word == module) {
             let lang = title(lang);
@@ -173,18 +204,18 @@ fn capitalised(word: &str) -> String {
     first.to_ascii_uppercase() + rest
 }
 
-fn title(lang: LangArg) -> &'static str {
+fn title(lang: Lang) -> &'static str {
     match lang {
-        LangArg::Rust => "Rust",
-        LangArg::C => "C",
-        LangArg::Cpp => "C++",
-        LangArg::Python => "Python",
-        LangArg::Command => "TOML",
+        Lang::Rust => "Rust",
+        Lang::C => "C",
+        Lang::Cpp => "C++",
+        Lang::Python => "Python",
+        Lang::Command => "TOML",
     }
 }
 
 /// What is written, and how it is used; `{}` in commands stands for the folder.
-fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
+fn scaffold(lang: Lang, kind: Kind, name: &Name) -> Result<Scaffold> {
     let mut files = Vec::new();
     let mut add = |path: &str, text: &str, about| {
         files.push(File {
@@ -196,7 +227,7 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
     };
     let yours = "the plugin: your code goes here";
     let (build, test, plugin) = match lang {
-        LangArg::Rust => {
+        Lang::Rust => {
             add("src/lib.rs", of_kind!(kind, "rust/", ".rs"), yours);
             let test = of_kind!(kind, "rust/tests/", ".rs");
             add("tests/plugin.rs", test, "its test");
@@ -213,7 +244,7 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
                 "target/release/libexample_plugin.so",
             )
         }
-        LangArg::C => {
+        Lang::C => {
             add("example_plugin.c", of_kind!(kind, "c/", ".c"), yours);
             let test = of_kind!(kind, "c/tests/", ".c");
             add("tests/test.c", test, "its test");
@@ -221,7 +252,7 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
             add("Makefile", template!("c/Makefile"), "how it is built");
             (Some("make -C {}"), "make -C {} check", "example_plugin.so")
         }
-        LangArg::Cpp => {
+        Lang::Cpp => {
             add("example_plugin.cpp", of_kind!(kind, "cpp/", ".cpp"), yours);
             let test = of_kind!(kind, "cpp/tests/", ".cpp");
             add("tests/test.cpp", test, "its test");
@@ -229,14 +260,14 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
             add("Makefile", template!("cpp/Makefile"), "how it is built");
             (Some("make -C {}"), "make -C {} check", "example_plugin.so")
         }
-        LangArg::Python => {
+        Lang::Python => {
             add("example_plugin.py", of_kind!(kind, "python/", ".py"), yours);
             let test = of_kind!(kind, "python/tests/", ".py");
             add("tests/test_plugin.py", test, "its test");
             let test = "python3 -m unittest discover {}/tests";
             (None, test, "example_plugin.py")
         }
-        LangArg::Command => {
+        Lang::Command => {
             if kind != Kind::Planner {
                 let reason = format!("a command-line solver can be a planner, but no {kind}");
                 return Err(Failure::new(Exit::Usage, reason)
@@ -254,11 +285,11 @@ fn scaffold(lang: LangArg, kind: Kind, name: &Name) -> Result<Scaffold> {
     };
     add(".gitignore", template!("gitignore"), "");
     let (sdk, folder, about) = match lang {
-        LangArg::Rust => (RUST_SDK, "sdk/src/", SDK),
-        LangArg::C => (C_SDK, "", "the contract"),
-        LangArg::Cpp => (CPP_SDK, "", SDK),
-        LangArg::Python => (PYTHON_SDK, "fleetyard/", SDK),
-        LangArg::Command => (&[] as &[_], "", ""),
+        Lang::Rust => (RUST_SDK, "sdk/src/", SDK),
+        Lang::C => (C_SDK, "", "the contract"),
+        Lang::Cpp => (CPP_SDK, "", SDK),
+        Lang::Python => (PYTHON_SDK, "fleetyard/", SDK),
+        Lang::Command => (&[] as &[_], "", ""),
     };
     for (at, (file, text)) in sdk.iter().enumerate() {
         let about = if at == 0 { about } else { "" };
@@ -318,10 +349,10 @@ fn write(files: &[File], out: &Path, folder: &Path) -> Result<()> {
 }
 
 /// What was written, and the commands that come next.
-fn text(scaffold: &Scaffold, kind: Kind, lang: LangArg, folder: &Path) -> String {
+fn text(scaffold: &Scaffold, kind: Kind, lang: Lang, folder: &Path) -> String {
     const MAP: &str = "random-16-16-10";
     let what = match lang {
-        LangArg::Command => "from a command-line solver".to_owned(),
+        Lang::Command => "from a command-line solver".to_owned(),
         _ => format!("in {}", title(lang)),
     };
     let mut out = format!("{}: a new {kind} {what}\n", folder.display());
@@ -409,9 +440,9 @@ mod tests {
 
     #[test]
     fn names_are_given_to_files_and_code() {
-        let odd = Name::new("my-example_plugin", LangArg::C).unwrap();
+        let odd = Name::new("my-example_plugin", Lang::C).unwrap();
         assert_eq!(odd.put("<example-plugin>"), "<my-example_plugin>");
-        let name = Name::new("My-Planner_2", LangArg::Rust).unwrap();
+        let name = Name::new("My-Planner_2", Lang::Rust).unwrap();
         assert_eq!((&*name.id, &*name.module), ("my-planner_2", "my_planner_2"));
         assert_eq!(
             name.put("class ExamplePlugin(Planner):"),

@@ -1,17 +1,50 @@
 //! `fleetyard plugins pin`: writes down whose code may run, and looks whether it is
 //! still the same.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::Args;
 use fleetyard_runtime::{
     Discovery, LOCK_FILE, Lock, Pinned, PinnedPlugin, PluginFile, Policy, Runtime, Trust,
 };
 use serde::Serialize;
 
-use crate::args::{Format, Pin};
+use crate::args::Format;
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::{runtime, runtime_with};
+
+/// Write down the digests of plugins' code: what is pinned runs unchanged or not at all.
+#[derive(Debug, Args)]
+#[allow(clippy::struct_excessive_bools, reason = "what to do, one flag each")]
+pub(crate) struct Pin {
+    /// Plugins, by identifier or path
+    #[arg(value_name = "PLUGIN", required_unless_present_any = ["list", "check"])]
+    plugins: Vec<String>,
+    /// Accept what has changed since a plugin was pinned
+    #[arg(long, conflicts_with_all = ["list", "check", "remove"])]
+    update: bool,
+    /// Take plugins out of the lock
+    #[arg(long, conflicts_with_all = ["list", "check"])]
+    remove: bool,
+    /// Show what is pinned
+    #[arg(long, conflicts_with_all = ["check", "plugins"])]
+    list: bool,
+    /// Say whether everything that is pinned is unchanged; nothing is started
+    #[arg(long, conflicts_with = "plugins")]
+    check: bool,
+    /// The lock file [default: fleetyard.lock in the current folder]
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "FLEETYARD_LOCK",
+        hide_env_values = true
+    )]
+    lock: Option<PathBuf>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
 
 /// What became of an entry of the lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use clap::Subcommand;
 use fleetyard_abi::{Capability, Descriptor};
 use fleetyard_core::Digest;
 use fleetyard_runtime::{
@@ -11,10 +12,52 @@ use fleetyard_runtime::{
 use serde::Serialize;
 use serde_json::Value;
 
+use super::check::{Check, check};
+use super::new::{New, new};
+use super::pin::{Pin, pin};
 use crate::args::{Format, TrustArgs};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::{runtime, trust, unreadable};
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Plugins {
+    /// List every plugin, where it comes from, and why one was refused
+    List {
+        #[command(flatten)]
+        trust: TrustArgs,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+    New(New),
+    Check(Box<Check>),
+    /// Describe a plugin: what it can do and its options
+    Info {
+        /// A plugin's identifier, or the path of a library or program
+        plugin: String,
+        #[command(flatten)]
+        trust: TrustArgs,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+    Pin(Pin),
+}
+
+pub(crate) fn plugins(what: &Plugins) -> Result<Exit> {
+    match what {
+        Plugins::List { trust, format } => list(trust, *format),
+        Plugins::New(arguments) => new(arguments),
+        Plugins::Check(arguments) => check(arguments),
+        Plugins::Info {
+            plugin,
+            trust,
+            format,
+        } => info(plugin, trust, *format),
+        Plugins::Pin(arguments) => pin(arguments),
+    }
+}
 
 /// A file of the plugin path, as `--format json` shows it.
 #[derive(Serialize)]
@@ -71,7 +114,7 @@ fn listed(all: &[Discovered], found: &Discovered) -> Listed {
     }
 }
 
-pub(crate) fn list(arguments: &TrustArgs, format: Format) -> Result<Exit> {
+fn list(arguments: &TrustArgs, format: Format) -> Result<Exit> {
     let runtime = runtime(trust(arguments)?)?;
     let discovery = Discovery::from_environment();
     let all = discovery.scan(&runtime);
@@ -162,7 +205,7 @@ struct Described {
 /// How many paths are shown as text.
 const READS: usize = 20;
 
-pub(crate) fn info(name: &str, arguments: &TrustArgs, format: Format) -> Result<Exit> {
+fn info(name: &str, arguments: &TrustArgs, format: Format) -> Result<Exit> {
     let runtime = runtime(trust(arguments)?)?;
     let described = describe(&runtime, name)?;
     match format {

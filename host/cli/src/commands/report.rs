@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use fleetyard_bench::evaluate::{Order, RunComparison, TrialPair};
 use fleetyard_bench::export::{Format as Export, export, rfc3339};
 use fleetyard_bench::report::{Report, Subject, Table, svg, two_runs};
@@ -14,7 +14,7 @@ use fleetyard_bench::{Places, Row, Store};
 use fleetyard_core::{InputError, nearest, read_file, write_all_atomically};
 use serde_json::json;
 
-use crate::args::Format;
+use crate::args::{Format, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 
@@ -35,8 +35,8 @@ pub(crate) struct ReportArgs {
     #[arg(long, value_name = "NAME", requires = "stores")]
     map: Vec<String>,
     /// By what planners are ranked [default: as the suite says]
-    #[arg(long, value_enum)]
-    rank: Option<Rank>,
+    #[arg(long, value_parser = word::<Order>())]
+    rank: Option<Order>,
     /// Write a page with filters, tables and figures, which needs no other file
     #[arg(long, value_name = "FILE", requires = "stores")]
     html: Option<PathBuf>,
@@ -52,24 +52,6 @@ pub(crate) struct ReportArgs {
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-}
-
-/// The maze paper says twice by what planners are ranked, and not the same.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(super) enum Rank {
-    /// Success rate, comparable time, expansions, overall time: the paper's text
-    Text,
-    /// With comparable length after the time: the paper's equation 23
-    Appendix,
-}
-
-impl From<Rank> for Order {
-    fn from(rank: Rank) -> Self {
-        match rank {
-            Rank::Text => Self::Text,
-            Rank::Appendix => Self::Appendix,
-        }
-    }
 }
 
 pub(crate) fn report(arguments: &ReportArgs) -> Result<Exit> {
@@ -140,7 +122,7 @@ pub(super) struct Loaded {
 }
 
 /// All trials of the stores, and what they are about.
-pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
+pub(super) fn load(stores: &[PathBuf], rank: Option<Order>) -> Result<Loaded> {
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
     let mut subject = Subject::default();
     let (mut order, mut unit) = (None, None);
@@ -216,7 +198,7 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Rank>) -> Result<Loaded> {
     if subject.title.is_empty() {
         "Trials".clone_into(&mut subject.title);
     }
-    subject.order = rank.map(Order::from).or(order).unwrap_or_default();
+    subject.order = rank.or(order).unwrap_or_default();
     subject.unit = unit.unwrap_or_default();
     subject.facts.extend(planners(&rows));
     for (digest, description) in machines {

@@ -1,32 +1,109 @@
 //! `fleetyard run`: one planner on one instance.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use clap::{ArgAction, Args};
 use fleetyard_abi::Status;
 use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial};
-use fleetyard_core::InputError;
+use fleetyard_check::PathRule;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
-use fleetyard_runtime::{LogLine, Termination, interrupt_calls, interrupted_by};
+use fleetyard_core::{Connectivity, GridInstance, InputError, PathEncoding, load_map, load_scen};
+use fleetyard_runtime::{Attach, LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_view::{Picture, World};
 
 use super::simulate::Sinks;
-use super::{draw, file_name, load_instance};
-use crate::args::{Format, PluginArg, Run};
+use crate::args::{
+    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, connectivity,
+    picture, word,
+};
 use crate::exit::{Exit, Result};
+use crate::files::{draw, file_name};
 use crate::output;
 use crate::setup::{find_planner, host, sim_config};
 
+/// Run a planner on an instance under a budget and judge its plan.
+#[derive(Debug, Args)]
+pub(crate) struct Run {
+    #[command(flatten)]
+    instance: InstanceArgs,
+    /// A plugin's identifier, or the path of a library, a program or their folder; PATH:ID
+    /// picks one of several. Its options may follow
+    #[arg(long, short, help_heading = PLANNER, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1.., required = true,
+          action = ArgAction::Set)]
+    planner: Vec<String>,
+    /// An option of the planner; may be given several times
+    #[arg(long = "option", help_heading = PLANNER, value_name = "NAME=VALUE")]
+    options: Vec<String>,
+    /// What may lie between two cells of a path
+    #[arg(long, help_heading = INSTANCE, value_parser = word::<PathRule>(), default_value_t)]
+    path_rule: PathRule,
+    #[command(flatten)]
+    budget: BudgetArgs,
+    /// How the plugin is attached [default: worker for libraries, stdio for
+    /// programs, command for a planner.toml]
+    #[arg(long, help_heading = PLANNER, value_parser = word::<Attach>())]
+    attach: Option<Attach>,
+    /// Execute the plan in the simulator
+    #[arg(long, help_heading = EXECUTION)]
+    execute: bool,
+    #[command(flatten)]
+    world: WorldArgs,
+    /// Write the plan to a file
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    plan_out: Option<PathBuf>,
+    /// How paths are written in the plan file
+    #[arg(long, help_heading = RECORDS, value_parser = word::<PathEncoding>(), default_value_t)]
+    plan_encoding: PathEncoding,
+    /// Write the execution's trace to a file (implies --execute)
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    trace_out: Option<PathBuf>,
+    /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture)]
+    picture: Option<PathBuf>,
+    /// Show what the planner wrote to its log and to standard error
+    #[arg(long, short)]
+    verbose: bool,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// The instance that is asked.
+#[derive(Debug, Args)]
+struct InstanceArgs {
+    /// MovingAI map file
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
+    map: PathBuf,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, help_heading = INSTANCE, value_name = "N", default_value = "4", value_parser = connectivity)]
+    connectivity: Connectivity,
+    /// MovingAI scenario file
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
+    scen: PathBuf,
+    /// How many of the scenario's entries to use, from the first
+    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N")]
+    agents: usize,
+}
+
+impl InstanceArgs {
+    fn load(&self) -> Result<GridInstance> {
+        let grid = Arc::new(load_map(&self.map)?);
+        Ok(load_scen(&self.scen)?.instance(grid, self.agents, self.connectivity)?)
+    }
+}
+
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let asked = PluginArg::new(&arguments.planner, &arguments.options)?;
-    let instance = load_instance(&arguments.instance)?;
+    let instance = arguments.instance.load()?;
     for path in [&arguments.plan_out, &arguments.picture]
         .into_iter()
         .flatten()
     {
         check_folder(path)?;
     }
-    let attach = arguments.attach.map(Into::into);
+    let attach = arguments.attach;
     let outputs = [
         &arguments.plan_out,
         &arguments.trace_out,
@@ -35,7 +112,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let mut hidden: Vec<PathBuf> = outputs.into_iter().flatten().cloned().collect();
     hidden.extend([
         arguments.instance.scen.clone(),
-        arguments.instance.map.map.clone(),
+        arguments.instance.map.clone(),
     ]);
     let host = host(&arguments.budget, attach, hidden)?;
     let planner = find_planner(&host.runtime, &asked.plugin)?
@@ -55,7 +132,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         planner: &planner,
         instance: &instance,
         scenario: &file_name(&arguments.instance.scen),
-        path_rule: arguments.path_rule.into(),
+        path_rule: arguments.path_rule,
         seed: arguments.budget.seed,
         config: &sim_config(&arguments.world),
         robots: execute.then_some(&Robots::Pebbles),
@@ -71,7 +148,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {
         let mut file = PlanFile::new(&instance, plan.trimmed());
         file.planner = Some(format!("{} {}", record.planner.id, record.planner.version));
-        file.encoding = arguments.plan_encoding.into();
+        file.encoding = arguments.plan_encoding;
         save_plan(&file, path)?;
     }
     if record.execution.is_some() {

@@ -8,8 +8,8 @@ use fleetyard_runtime::sandbox::Attempt;
 use fleetyard_runtime::{Layer, LayerState, Limit, SandboxReport};
 use serde::Serialize;
 
-use super::doctor::level;
-use crate::args::{Format, LevelArg};
+use super::doctor::{Doctor, level};
+use crate::args::Format;
 use crate::exit::{Exit, Result};
 use crate::output;
 
@@ -162,14 +162,14 @@ struct Findings {
 
 /// Prints the promises; the exit code is 1 when one is broken or, where `strict` is
 /// needed, weaker.
-pub(crate) fn security(needed: LevelArg, format: Format) -> Result<Exit> {
-    let (report, succeeded) = level(needed.into())?.attempts()?;
+pub(crate) fn security(arguments: &Doctor) -> Result<Exit> {
+    let (report, succeeded) = level(arguments.sandbox)?.attempts()?;
     let findings = Findings {
         fleetyard: env!("CARGO_PKG_VERSION"),
         user: fleetyard_runtime::user(),
         promises: promises(&report, &succeeded),
     };
-    match format {
+    match arguments.format {
         Format::Json => output::print_json(&findings)?,
         Format::Text => output::print(&output::plain(&text(&findings)))?,
     }

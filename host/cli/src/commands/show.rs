@@ -1,65 +1,125 @@
 //! Pictures and pages of traces, for `fleetyard trace export`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::Args;
 use fleetyard_core::{InputError, write_atomically};
 use fleetyard_sim::TraceSink;
 use fleetyard_sim::trace::{Header, TraceContents};
 use fleetyard_view::{Page, PageOptions, Recording, Still, World};
 
-use super::{draw_png, draw_svg, file_name, not_drawn};
-use crate::args::TraceExport;
+use crate::args::not_negative;
 use crate::exit::Result;
+use crate::files::{draw_png, draw_svg, file_name, not_drawn};
+
+/// Pictures and pages that are asked for.
+#[derive(Debug, Args)]
+pub(super) struct ShownArgs {
+    /// Draw all ways and contacts, or a moment (--at), as SVG
+    #[arg(long, value_name = "FILE", group = "targets")]
+    svg: Option<PathBuf>,
+    /// The same as PNG
+    #[arg(long, value_name = "FILE", group = "targets")]
+    png: Option<PathBuf>,
+    /// The moment to draw, in simulated seconds
+    #[arg(long, value_name = "SECONDS", value_parser = |text: &str| not_negative(text, "time"))]
+    at: Option<f64>,
+    /// Width of a PNG in pixels
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16_384))]
+    width: Option<u32>,
+    /// Write an animated replay as one HTML page
+    #[arg(long, value_name = "FILE", group = "targets")]
+    html: Option<PathBuf>,
+    /// States per simulated second on the page
+    #[arg(long, value_name = "HZ", default_value_t = 10.0)]
+    rate: f64,
+    /// Agents to show on the page, such as 0,3,7-12 [default: all]
+    #[arg(long, value_name = "LIST", value_parser = agent_list)]
+    agents: Option<AgentList>,
+}
+
+impl ShownArgs {
+    /// The files that are written.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.svg, &self.png, &self.html].into_iter().flatten()
+    }
+}
+
+/// Numbers of agents.
+#[derive(Debug, Clone)]
+struct AgentList(Vec<u32>);
+
+/// Reads numbers and ranges of numbers, separated by commas.
+fn agent_list(text: &str) -> std::result::Result<AgentList, String> {
+    let mut agents = Vec::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let number = |text: &str| text.trim().parse::<u32>();
+        let (Ok(first), Ok(last)) = (number(first), number(last)) else {
+            return Err("write numbers and ranges, such as 0,3,7-12".to_owned());
+        };
+        if first > last {
+            return Err(format!("the range {part} ends before it begins"));
+        }
+        if agents.len() + (last - first) as usize >= 1 << 24 {
+            return Err("these are more agents than a page can show".to_owned());
+        }
+        agents.extend(first..=last);
+    }
+    Ok(AgentList(agents))
+}
 
 /// Takes a trace and makes of it the pictures and the page that are asked for.
-pub(crate) struct Shown<'a> {
-    arguments: &'a TraceExport,
+pub(super) struct Shown<'a> {
+    arguments: &'a ShownArgs,
+    trace: &'a Path,
     still: Option<Still>,
     page: Option<Page>,
 }
 
 impl<'a> Shown<'a> {
-    pub(crate) fn new(arguments: &'a TraceExport, header: &Header) -> Result<Self> {
+    pub(super) fn new(arguments: &'a ShownArgs, trace: &'a Path, header: &Header) -> Result<Self> {
         let pictures = arguments.svg.is_some() || arguments.png.is_some();
         let options = PageOptions {
             rate_hz: arguments.rate,
             agents: arguments.agents.as_ref().map(|list| list.0.clone()),
         };
         let page = arguments.html.as_ref().map(|path| {
-            let recording = Recording::of_trace(title(&arguments.file), header);
+            let recording = Recording::of_trace(title(trace), header);
             Page::new(recording, &options).map_err(|error| not_drawn(path, &error))
         });
         Ok(Self {
             arguments,
+            trace,
             still: pictures.then(|| Still::new(header, arguments.at)),
             page: page.transpose()?,
         })
     }
 
     /// What the trace is told to.
-    pub(crate) fn sinks(&mut self) -> impl Iterator<Item = &mut dyn TraceSink> {
+    pub(super) fn sinks(&mut self) -> impl Iterator<Item = &mut dyn TraceSink> {
         let still = self.still.as_mut().map(|still| still as &mut dyn TraceSink);
         let page = self.page.as_mut().map(|page| page as &mut dyn TraceSink);
         still.into_iter().chain(page)
     }
 
     /// Writes what was asked for, as far as the trace was intact.
-    pub(crate) fn finish(self, contents: &TraceContents) -> Result<()> {
-        let arguments = self.arguments;
+    pub(super) fn finish(self, contents: &TraceContents) -> Result<()> {
+        let (arguments, trace) = (self.arguments, self.trace);
         if let Some(still) = self.still {
             if still.end_s().is_none() {
-                return Err(no_states(&arguments.file).into());
+                return Err(no_states(trace).into());
             }
             if let (Some(at), Some(end)) = (arguments.at, still.end_s())
                 && at > end
             {
-                let name = arguments.file.display().to_string();
+                let name = trace.display().to_string();
                 let reason = format!("the trace has states up to {end} s, not at {at} s");
                 return Err(InputError::new(name, reason)
                     .hint("give an earlier time with --at")
                     .into());
             }
-            let world = World::of_trace(title(&arguments.file), &contents.header);
+            let world = World::of_trace(title(trace), &contents.header);
             let picture = still.picture(&world);
             if let Some(path) = &arguments.svg {
                 draw_svg(path, &picture)?;
@@ -71,7 +131,7 @@ impl<'a> Shown<'a> {
         if let (Some(page), Some(path)) = (self.page, &arguments.html) {
             let damage = contents.damage.as_ref().map(ToString::to_string);
             if contents.states == 0 {
-                return Err(no_states(&arguments.file).into());
+                return Err(no_states(trace).into());
             }
             let page = page
                 .finish(damage.as_deref())

@@ -3,25 +3,149 @@
 use std::cell::Cell;
 use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::{Args, ValueEnum};
 use fleetyard_bench::{ExecutionInfo, execute, number};
 use fleetyard_check::PathRule;
-use fleetyard_core::formats::{AnyPlan, grid_size, load_plan_and_roadmap};
+use fleetyard_core::formats::{AnyPlan, Format as FileFormat, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
 use fleetyard_sim::trace::{Header, States, Summary};
-use fleetyard_sim::{Event, Plan, SimConfig, Simulator, TraceSink, TraceWriter};
+use fleetyard_sim::{Event, Plan, Policy, SimConfig, Simulator, TraceSink, TraceWriter};
 use fleetyard_view::{Picture, World};
 use fleetyard_world::{Bounds, Workspace, load_workspace};
 use indicatif::ProgressBar;
 
-use super::validate::one_agent;
-use super::{Unnamed, draw, keep, trace_file};
-use crate::args::{Format, Mishap, Simulate};
+use crate::args::{
+    DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, file_format, picture as picture_file,
+    word,
+};
 use crate::exit::{Exit, Result};
+use crate::files::{Unnamed, draw, keep, trace_file};
 use crate::output;
-use crate::setup::{bodies, robots, sim_config};
+use crate::setup::{bodies, check_rule, robots, sim_config};
+
+/// Execute a plan in the simulator.
+#[derive(Debug, Args)]
+pub(crate) struct Simulate {
+    /// MovingAI map file; plans on grids need one
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+    /// Workspace with obstacles in continuous space, a fleetyard.world/1 file
+    #[arg(long = "world", value_name = "FILE")]
+    workspace: Option<PathBuf>,
+    /// The plan, in any format that `fleetyard convert --list` lists
+    plan: PathBuf,
+    /// The format of the plan [default: what the file looks like]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    from: Option<FileFormat>,
+    /// How a path on a grid is meant: in unit moves, or (bresenham, supercover) as a list
+    /// of cells between which the robot goes in straight lines, a cell a step
+    #[arg(long, value_parser = word::<PathRule>(), default_value_t)]
+    path_rule: PathRule,
+    #[command(flatten)]
+    world: WorldArgs,
+    #[command(flatten)]
+    robots: RobotArgs,
+    #[command(flatten)]
+    conduct: ConductArgs,
+    /// Threads that do the work; results do not depend on it [default: one per processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Write the trace to a file
+    #[arg(long, value_name = "FILE", alias = "trace-out")]
+    trace: Option<PathBuf>,
+    /// Ticks between the states in the trace; 0 records events only
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "trace")]
+    trace_every: u32,
+    /// Write contacts and arrivals to a file, one JSON object a line
+    #[arg(long, value_name = "FILE")]
+    events: Option<PathBuf>,
+    /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
+    #[arg(long, value_name = "FILE", value_parser = picture_file)]
+    picture: Option<PathBuf>,
+    /// End with exit code 4 when one of these happened; several are separated by commas
+    #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
+    fail_on: Vec<Mishap>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// Something in an execution that its user may not want.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Mishap {
+    /// Somebody touched somebody or something
+    Contacts,
+    /// Two agents touched
+    AgentContacts,
+    /// An agent touched an obstacle, one that stands or one that moves
+    ObstacleContacts,
+    /// An agent did not arrive
+    Unfinished,
+}
+
+/// What is on the move.
+#[derive(Debug, Args)]
+struct RobotArgs {
+    /// Motion model or preset of all robots, such as pebble, agv, holonomic or go2;
+    /// docs/execution.md lists them [default: pebble]
+    #[arg(
+        long,
+        help_heading = ROBOTS,
+        value_name = "NAME",
+        conflicts_with = "fleet"
+    )]
+    model: Option<String>,
+    /// Footprints, models and limits of all robots, a fleetyard.fleet/1 file
+    #[arg(
+        long,
+        help_heading = ROBOTS,
+        value_name = "FILE",
+        conflicts_with = "radius"
+    )]
+    fleet: Option<PathBuf>,
+}
+
+/// How the plan is carried out, and what goes wrong meanwhile.
+#[derive(Debug, Args)]
+struct ConductArgs {
+    /// When a robot may go on
+    #[arg(long, help_heading = EXECUTION, value_parser = word::<Policy>(), default_value_t)]
+    policy: Policy,
+    #[command(flatten)]
+    disturbance: DisturbanceArgs,
+    /// Seconds between two exchanges of messages
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = 0.1)]
+    message_period: f64,
+    /// Metres that robots keep from each other's ways beyond what their controllers need
+    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = 0.0)]
+    margin: f64,
+    /// Seed of all delays, noise and losses
+    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Go on until everybody has arrived (always so with --policy adg)
+    #[arg(long, help_heading = EXECUTION)]
+    until_done: bool,
+    /// End at this simulated time at the latest
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS")]
+    time_limit: Option<f64>,
+    /// Heading of robots at the start, in degrees from east, where the plan gives none
+    #[arg(long, help_heading = EXECUTION, value_name = "DEGREES", default_value_t = 90.0,
+          allow_negative_numbers = true)]
+    start_heading: f64,
+    /// Execute also what begins with robots in obstacles or in each other
+    #[arg(long, help_heading = EXECUTION)]
+    allow_overlaps: bool,
+}
+
+impl ConductArgs {
+    /// Whether the execution goes on until everybody has arrived.
+    fn goes_on(&self) -> bool {
+        self.until_done || self.policy == Policy::Adg
+    }
+}
 
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let grid = arguments.map.as_deref().map(load_map).transpose()?;
@@ -136,16 +260,14 @@ fn along_lines(
     plan: &AnyPlan,
     config: &SimConfig,
 ) -> Result<Option<TrajectoryPlan>> {
-    let rule = PathRule::from(arguments.path_rule);
+    let rule = arguments.path_rule;
     let (AnyPlan::Grid(file), Some(grid)) = (plan, grid) else {
         return Ok(None);
     };
     if rule == PathRule::Steps {
         return Ok(None);
     }
-    if !rule.allows_agents(file.plan.agents()) {
-        return Err(one_agent(rule, file.plan.agents()));
-    }
+    check_rule(rule, file.plan.agents())?;
     let lines = TrajectoryPlan::along_lines(&file.plan, grid, config.cell_size_m, config.step_s)
         .map_err(|error| InputError::new(file.source.as_str(), error.to_string()))?;
     Ok(Some(lines))
@@ -161,7 +283,7 @@ fn plan_of(plan: &AnyPlan) -> Plan<'_> {
 fn config(arguments: &Simulate) -> SimConfig {
     let conduct = &arguments.conduct;
     let mut config = SimConfig {
-        policy: conduct.policy.into(),
+        policy: conduct.policy,
         message_period_s: conduct.message_period,
         margin_m: conduct.margin,
         until_done: conduct.until_done,

@@ -36,11 +36,8 @@ pub(crate) enum Stores {
         #[arg(required = true)]
         parts: Vec<PathBuf>,
     },
-    /// Write the trials of a store in the formats of other tools
     Export(StoreExport),
-    /// Write a finished suite into one archive, from which others repeat it
     Bundle(StoreBundle),
-    /// Make the trials of a bundle again and compare plans and executions; exit code 1 if any differs
     Repeat(StoreRepeat),
 }
 

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use clap::{Args, Subcommand};
 use fleetyard_bench::number;
 use fleetyard_core::{InputError, open_input};
 use fleetyard_sim::trace::{
@@ -15,11 +16,76 @@ use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::convert::refuse_input;
-use super::show::Shown;
-use super::{Unnamed, file_name, keep};
-use crate::args::{Format, TraceDiff, TraceExport};
+use super::show::{Shown, ShownArgs};
+use crate::args::{Format, not_negative};
 use crate::exit::{Exit, Failure, Result, internal};
+use crate::files::{Unnamed, file_name, keep};
 use crate::output;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Trace {
+    /// Say what a trace is about and whether it is whole; the exit code is 3 if not
+    Info {
+        /// The trace
+        file: PathBuf,
+        /// How to print the result
+        #[arg(long, value_enum, default_value = "text")]
+        format: Format,
+    },
+    Diff(TraceDiff),
+    Export(TraceExport),
+}
+
+/// Find where two traces differ first; the exit code is 1 if they do.
+#[derive(Debug, Args)]
+pub(crate) struct TraceDiff {
+    /// A trace
+    #[arg(value_name = "A")]
+    a: PathBuf,
+    /// Another one
+    #[arg(value_name = "B")]
+    b: PathBuf,
+    /// How far apart values may be, in metres, radians and seconds
+    #[arg(long, value_name = "DISTANCE", default_value_t = 0.0, value_parser = |text: &str| not_negative(text, "tolerance"))]
+    tolerance: f64,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// Write states and events of a trace to other files.
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("targets").required(true).multiple(true)))]
+pub(crate) struct TraceExport {
+    /// The trace
+    file: PathBuf,
+    /// Write states as CSV, a line for every body at every tick
+    #[arg(long, value_name = "FILE", group = "targets")]
+    csv: Option<PathBuf>,
+    /// Write events as CSV
+    #[arg(long, value_name = "FILE", group = "targets")]
+    events: Option<PathBuf>,
+    /// Write goals, calls and notices of a fleet as CSV
+    #[arg(long, value_name = "FILE", group = "targets")]
+    journal: Option<PathBuf>,
+    /// Write everything as one JSON document
+    #[arg(long, value_name = "FILE", group = "targets")]
+    json: Option<PathBuf>,
+    /// Leave out all states but those of every n-th tick, in CSV and JSON
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    #[command(flatten)]
+    shown: ShownArgs,
+}
+
+pub(crate) fn trace(what: &Trace) -> Result<Exit> {
+    match what {
+        Trace::Info { file, format } => info(file, *format),
+        Trace::Diff(arguments) => diff(arguments),
+        Trace::Export(arguments) => export(arguments),
+    }
+}
 
 type Reader = TraceReader<BufReader<Watched>>;
 
@@ -71,7 +137,7 @@ fn verdict(contents: &TraceContents) -> Exit {
 
 // ---- info ------------------------------------------------------------------------------
 
-pub(crate) fn info(path: &Path, format: Format) -> Result<Exit> {
+fn info(path: &Path, format: Format) -> Result<Exit> {
     let mut counts = Counts::default();
     let bytes = std::fs::metadata(path).map_or(0, |meta| meta.len());
     let bar = watch(&[path]);
@@ -258,7 +324,7 @@ fn info_text(path: &Path, bytes: u64, contents: &TraceContents, counts: &Counts)
 
 // ---- diff ------------------------------------------------------------------------------
 
-pub(crate) fn diff(arguments: &TraceDiff) -> Result<Exit> {
+fn diff(arguments: &TraceDiff) -> Result<Exit> {
     let TraceDiff { a, b, .. } = arguments;
     // A fleet's traces are read three times.
     let bar = watch(&[a, b, a, b, a, b]);
@@ -347,7 +413,7 @@ fn field_line(part: &str, field: &FieldDifference) -> String {
 
 // ---- export ----------------------------------------------------------------------------
 
-pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
+fn export(arguments: &TraceExport) -> Result<Exit> {
     let TraceExport {
         file,
         csv,
@@ -355,15 +421,10 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         journal,
         json,
         every,
-        svg,
-        png,
-        html,
-        ..
+        shown,
     } = arguments;
-    for path in [csv, events, journal, json, svg, png, html]
-        .into_iter()
-        .flatten()
-    {
+    let files = [csv, events, journal, json].into_iter().flatten();
+    for path in files.chain(shown.files()) {
         refuse_input(path, &[file.as_path()])?;
     }
     let bar = watch(&[file]);
@@ -380,7 +441,7 @@ pub(crate) fn export(arguments: &TraceExport) -> Result<Exit> {
         Failure::from(InputError::new(file.display().to_string(), reason))
     };
     let mut exporter = Exporter::new(*every, out);
-    let mut shown = Shown::new(arguments, reader.header())?;
+    let mut shown = Shown::new(shown, file, reader.header())?;
     let mut sinks: Vec<&mut dyn TraceSink> = vec![&mut exporter];
     sinks.extend(shown.sinks());
     let contents = reader.replay(&mut sinks).map_err(failed)?;

@@ -1,28 +1,78 @@
 //! `fleetyard validate`: is a plan valid, and what does it cost?
 
 use std::fmt::Write as _;
-
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use clap::Args;
 use fleetyard_bench::number;
 use fleetyard_check::{PathRule, Verdict, metrics, validate_paths};
 use fleetyard_core::formats::{
-    AnyPlan, TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed,
+    AnyPlan, Format as FileFormat, TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed,
 };
-use fleetyard_core::{Digest, InputError, load_map, load_scen};
+use fleetyard_core::{Connectivity, Digest, InputError, load_map, load_scen};
 use serde::Serialize;
 
-use super::validate_plane as plane;
-use crate::args::{Format, Validate};
+use super::validate_plane::{PlaneArgs, judge};
+use crate::args::{Format, connectivity, file_format, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
+use crate::setup::check_rule;
 
-/// How many violations are listed: as many as people read, or programs may be after.
-pub(super) fn listed(arguments: &Validate) -> usize {
-    match (arguments.all, arguments.format) {
-        (true, _) => 1_000_000,
-        (false, Format::Text) => 20,
-        (false, Format::Json) => 100,
+/// Say whether a plan is valid, and what it costs.
+///
+/// A plan on a grid is judged by the rules of its instance. With --radius or --fleet a plan
+/// is judged in the plane, where footprints must not overlap at any time.
+#[derive(Debug, Args)]
+pub(crate) struct Validate {
+    /// MovingAI map file
+    #[arg(long, value_name = "FILE", required_unless_present = "world")]
+    map: Option<PathBuf>,
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    connectivity: Connectivity,
+    /// MovingAI scenario file, with starts and goals
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "map",
+        required_unless_present = "robots"
+    )]
+    scen: Option<PathBuf>,
+    /// How many of the scenario's entries to use, from the first
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "scen",
+        required_unless_present = "robots"
+    )]
+    agents: Option<usize>,
+    /// What may lie between two cells of a path
+    #[arg(long, value_parser = word::<PathRule>(), default_value_t)]
+    path_rule: PathRule,
+    #[command(flatten)]
+    plane: PlaneArgs,
+    /// The plan, in any format that `fleetyard convert --list` lists
+    plan: PathBuf,
+    /// List all violations, not only the first of them
+    #[arg(long)]
+    all: bool,
+    /// The format of the plan [default: what the file looks like]
+    #[arg(long, value_name = "FORMAT", value_parser = file_format)]
+    from: Option<FileFormat>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+impl Validate {
+    /// How many violations are listed: as many as people read, or programs may be after.
+    fn listed(&self) -> usize {
+        match (self.all, self.format) {
+            (true, _) => 1_000_000,
+            (false, Format::Text) => 20,
+            (false, Format::Json) => 100,
+        }
     }
 }
 
@@ -59,8 +109,14 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
         _ => Ok::<_, InputError>(None),
     };
     let file = match plan {
-        plan if arguments.radius.is_some() || arguments.fleet.is_some() => {
-            return plane::validate(arguments, grid.as_deref(), plan, instance);
+        plan if arguments.plane.has_robots() => {
+            let (plane, rule, listed) = (&arguments.plane, arguments.path_rule, arguments.listed());
+            let report = judge(plane, rule, listed, grid.as_deref(), plan, instance)?;
+            match arguments.format {
+                Format::Json => output::print_json(&report)?,
+                Format::Text => output::print(&report.text(listed))?,
+            }
+            return Ok(exit(report.is_valid()));
         }
         AnyPlan::Grid(file) => file,
         AnyPlan::Trajectories(file) => {
@@ -84,14 +140,12 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
         );
     };
     let size = grid_size(instance.grid());
-    let rule = PathRule::from(arguments.path_rule);
-    if !rule.allows_agents(instance.agents()) {
-        return Err(one_agent(rule, instance.agents()));
-    }
+    let rule = arguments.path_rule;
+    check_rule(rule, instance.agents())?;
     file.check_for(&instance)?;
-    let figures = metrics(&instance, &file.plan, arguments.cell_size);
+    let figures = metrics(&instance, &file.plan, arguments.plane.cell_size);
     let report = Report {
-        verdict: validate_paths(&instance, &file.plan, rule, listed(arguments)),
+        verdict: validate_paths(&instance, &file.plan, rule, arguments.listed()),
         metrics: Figures {
             soc_steps: figures.sum_of_costs,
             makespan_steps: figures.makespan,
@@ -110,11 +164,15 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     if !report.verdict.valid && looks_transposed(size, instance.starts(), &file.plan) {
         output::hint(TRANSPOSED_HINT);
     }
-    Ok(if report.verdict.valid {
+    Ok(exit(report.verdict.valid))
+}
+
+fn exit(valid: bool) -> Exit {
+    if valid {
         Exit::Success
     } else {
         Exit::InvalidPlan
-    })
+    }
 }
 
 fn text(report: &Report, rule: PathRule) -> String {
@@ -158,11 +216,4 @@ fn text(report: &Report, rule: PathRule) -> String {
         let _ = write!(out, "in metres    {} m", number(*length_m));
     }
     out
-}
-
-/// Why paths without times are refused.
-pub(super) fn one_agent(rule: PathRule, agents: usize) -> Failure {
-    let message = format!("--path-rule {rule} is for one agent, not for {agents}");
-    Failure::new(Exit::Usage, message)
-        .hint("such paths have no times, so that nobody can say who meets whom")
 }

@@ -2,7 +2,9 @@
 //! stands there, at all times?
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
+use clap::Args;
 use fleetyard_bench::number;
 use fleetyard_check::{ContinuousTask, ContinuousVerdict, PathRule, validate_trajectories};
 use fleetyard_core::formats::AnyPlan;
@@ -14,13 +16,38 @@ use fleetyard_world::exact::Obstacles;
 use fleetyard_world::{Bounds, Dynamics, Footprint, Pose, Shape, load_workspace};
 use serde::Serialize;
 
-use super::validate::{listed, one_agent};
-use crate::args::{Format, Validate};
-use crate::exit::{Exit, Result};
-use crate::output;
+use crate::exit::Result;
+use crate::setup::check_rule;
+
+/// The plane and what is in it.
+#[derive(Debug, Args)]
+pub(super) struct PlaneArgs {
+    /// World file with bounds and obstacles in the plane
+    #[arg(long, value_name = "FILE", requires = "robots")]
+    world: Option<PathBuf>,
+    /// Robots are discs of this radius in metres
+    #[arg(long, value_name = "METRES", group = "robots")]
+    radius: Option<f64>,
+    /// Fleet file with the robots' footprints and limits
+    #[arg(long, value_name = "FILE", group = "robots")]
+    fleet: Option<PathBuf>,
+    /// Side of a cell in metres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    pub(super) cell_size: f64,
+    /// Duration of one step in seconds, for a plan on a grid that is judged in the plane
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    step: f64,
+}
+
+impl PlaneArgs {
+    /// True if a plan is judged in the plane.
+    pub(super) fn has_robots(&self) -> bool {
+        self.radius.is_some() || self.fleet.is_some()
+    }
+}
 
 #[derive(Serialize)]
-struct Report {
+pub(super) struct Report {
     verdict: ContinuousVerdict,
     metrics: Figures,
     plan_digest: Digest,
@@ -36,13 +63,15 @@ struct Figures {
 
 /// Judges a plan by footprints. `instance` makes the instance with the starts and goals of
 /// so many agents, if there is one.
-pub(super) fn validate(
-    arguments: &Validate,
+pub(super) fn judge(
+    arguments: &PlaneArgs,
+    rule: PathRule,
+    listed: usize,
     grid: Option<&Grid>,
     plan: AnyPlan,
     instance: impl FnOnce(usize) -> std::result::Result<Option<GridInstance>, InputError>,
-) -> Result<Exit> {
-    let file = in_the_plane(arguments, grid, plan)?;
+) -> Result<Report> {
+    let file = in_the_plane(arguments, rule, grid, plan)?;
     let (plan, agents) = (&file.plan, file.plan.agents());
     let robots = Robots::new(arguments, agents)?;
     let shapes: Vec<&Shape> = robots.shapes.iter().collect();
@@ -92,29 +121,21 @@ pub(super) fn validate(
         ..ContinuousTask::new(&shapes, &obstacles)
     };
     let arrivals = || plan.paths().map(|knots| knots.time_s[knots.arrival()]);
-    let report = Report {
-        verdict: validate_trajectories(plan, &task, listed(arguments)),
+    Ok(Report {
+        verdict: validate_trajectories(plan, &task, listed),
         metrics: Figures {
             sum_of_costs_s: arrivals().sum(),
             makespan_s: arrivals().fold(0.0, f64::max),
             length_m: plan.paths().map(|knots| knots.length_m()).sum(),
         },
         plan_digest: plan.digest(),
-    };
-    match arguments.format {
-        Format::Json => output::print_json(&report)?,
-        Format::Text => output::print(&text(&report, listed(arguments)))?,
-    }
-    Ok(if report.verdict.valid {
-        Exit::Success
-    } else {
-        Exit::InvalidPlan
     })
 }
 
 /// The plan in the plane, which one on a grid becomes.
 fn in_the_plane(
-    arguments: &Validate,
+    arguments: &PlaneArgs,
+    rule: PathRule,
     grid: Option<&Grid>,
     plan: AnyPlan,
 ) -> Result<TrajectoryFile> {
@@ -130,10 +151,7 @@ fn in_the_plane(
     };
     file.check_map(grid)?;
     let (cell_size_m, step_s) = (arguments.cell_size, arguments.step);
-    let rule = PathRule::from(arguments.path_rule);
-    if !rule.allows_agents(file.plan.agents()) {
-        return Err(one_agent(rule, file.plan.agents()));
-    }
+    check_rule(rule, file.plan.agents())?;
     let in_the_plane = match rule {
         PathRule::Steps => TrajectoryPlan::from_grid,
         PathRule::Bresenham | PathRule::Supercover => TrajectoryPlan::along_lines,
@@ -155,7 +173,7 @@ struct Robots {
 }
 
 impl Robots {
-    fn new(arguments: &Validate, agents: usize) -> Result<Self> {
+    fn new(arguments: &PlaneArgs, agents: usize) -> Result<Self> {
         let Some(path) = &arguments.fleet else {
             let radius_m = arguments.radius.unwrap_or_default();
             let shape = Footprint::Disc { radius_m }.shape().map_err(|error| {
@@ -179,32 +197,39 @@ impl Robots {
     }
 }
 
-fn text(report: &Report, listed: usize) -> String {
-    let Report {
-        verdict, metrics, ..
-    } = report;
-    let mut out = String::new();
-    // Writing to a string cannot fail.
-    if verdict.valid {
-        let _ = writeln!(out, "valid");
-    } else {
-        let count = verdict.violations.len();
-        let or_more = if count >= listed { " or more" } else { "" };
-        let _ = writeln!(out, "INVALID: {count}{or_more} violations");
-        for violation in &verdict.violations {
-            let _ = writeln!(out, "  {}: {}", violation.rule.name(), violation.sentence);
-        }
-        if count >= listed {
-            let _ = writeln!(out, "  … and maybe more; --all lists them");
-        }
+impl Report {
+    pub(super) fn is_valid(&self) -> bool {
+        self.verdict.valid
     }
-    let Figures {
-        sum_of_costs_s,
-        makespan_s,
-        length_m,
-    } = metrics;
-    let _ = writeln!(out, "sum of costs {} s", number(*sum_of_costs_s));
-    let _ = writeln!(out, "makespan     {} s", number(*makespan_s));
-    let _ = write!(out, "path length  {} m", number(*length_m));
-    out
+
+    /// For people; `listed` is how many violations are shown at most.
+    pub(super) fn text(&self, listed: usize) -> String {
+        let Report {
+            verdict, metrics, ..
+        } = self;
+        let mut out = String::new();
+        // Writing to a string cannot fail.
+        if verdict.valid {
+            let _ = writeln!(out, "valid");
+        } else {
+            let count = verdict.violations.len();
+            let or_more = if count >= listed { " or more" } else { "" };
+            let _ = writeln!(out, "INVALID: {count}{or_more} violations");
+            for violation in &verdict.violations {
+                let _ = writeln!(out, "  {}: {}", violation.rule.name(), violation.sentence);
+            }
+            if count >= listed {
+                let _ = writeln!(out, "  … and maybe more; --all lists them");
+            }
+        }
+        let Figures {
+            sum_of_costs_s,
+            makespan_s,
+            length_m,
+        } = metrics;
+        let _ = writeln!(out, "sum of costs {} s", number(*sum_of_costs_s));
+        let _ = writeln!(out, "makespan     {} s", number(*makespan_s));
+        let _ = write!(out, "path length  {} m", number(*length_m));
+        out
+    }
 }
