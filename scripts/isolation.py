@@ -21,11 +21,13 @@ Then it measures the time from spawn to ready with all layers and with none in t
 and one honest trial with and without the sandbox.
 
 Writes the tables between the marker comments of docs/results/isolation.md and leaves the
-rest of that file alone; with --only or --print it prints them instead. --raw keeps every
-single run. Takes about half an hour on two cores. Standard library only.
+rest of that file alone, and the kill times of every behaviour to isolation-limits.csv beside
+it; with --only or --print it prints the tables instead. --raw keeps every single run. Takes
+about half an hour on two cores. Standard library only.
 """
 
 import argparse
+import csv
 import ctypes
 import dataclasses
 import json
@@ -802,11 +804,12 @@ def amount(number):
 
 
 def milliseconds(values):
+    """Median and largest as text."""
     if not values:
-        return ""
+        return "", ""
     middle, most = statistics.median(values), max(values)
     digits = 1 if most < 100 else 0
-    return f"{middle:.{digits}f}/{most:.{digits}f}"
+    return f"{middle:.{digits}f}", f"{most:.{digits}f}"
 
 
 def of(results, behaviour, condition=None):
@@ -819,7 +822,7 @@ def of(results, behaviour, condition=None):
 
 def containment_tables(results, conditions):
     names = [condition.name for condition in conditions]
-    rows, odd, times = [], [], []
+    rows, odd = [], []
     for group, behaviours in GROUPS.items():
         tried = [b for b in behaviours if of(results, b)]
         held = []
@@ -836,24 +839,6 @@ def containment_tables(results, conditions):
                     cell = f"{good}/{len(ones)}" if ones else ""
                     cells.append(f"**{cell}**" if good < len(ones) else cell)
                 odd.append([title(behaviour), by, *cells])
-            if any(one["limit"] for one in everything) or behaviour.limits.strip():
-                right = sum(one["right"] for one in everything)
-                named = sorted({one["limit"] or "none" for one in everything})
-                wrong = right < len(everything)
-                score = f"{right}/{len(everything)}"
-                kill = lambda name: [  # noqa: E731
-                    one["kill_ms"]
-                    for one in of(results, behaviour, name)
-                    if one["kill_ms"] is not None
-                ]
-                times.append(
-                    [
-                        title(behaviour),
-                        ", ".join(named),
-                        f"**{score}**" if wrong else score,
-                        *(milliseconds(kill(name)) for name in names),
-                    ]
-                )
         if tried:
             rows.append([group, len(tried), f"{sum(held)} of {len(held)}"])
     head = ["behaviour", "plugins", *(TITLES[name] for name in names)]
@@ -865,11 +850,51 @@ def containment_tables(results, conditions):
         contained.insert(0, table(head, odd, 2))
     return {
         "contained": "\n\n".join(contained),
-        "limits": table(
-            ["behaviour", "limit named", "right", *(TITLES[name] for name in names)], times, 2
-        ),
+        "limits": limits_table(results, names),
         "exceptions": exceptions(results, names),
     }
+
+
+def limited(results):
+    """Behaviours that a limit may end, by that limit, with their runs."""
+    found = {}
+    for behaviour in (one for group in GROUPS.values() for one in group):
+        everything = of(results, behaviour)
+        if any(one["limit"] for one in everything) or (everything and behaviour.limits.strip()):
+            found.setdefault(behaviour.limits.strip() or "none", []).append((behaviour, everything))
+    return found
+
+
+def kill_times(runs, name):
+    of_condition = [one["kill_ms"] for one in runs if one["condition"] == name]
+    return [time for time in of_condition if time is not None]
+
+
+def limits_table(results, names):
+    rows = []
+    for limit, behaviours in limited(results).items():
+        runs = [one for _, ones in behaviours for one in ones]
+        right = sum(one["right"] for one in runs)
+        most = [max(kill_times(runs, name), default=None) for name in names]
+        shown = ["" if time is None else f"{time:.0f}" for time in most]
+        rows.append([limit, len(behaviours), f"{right} of {len(runs)}", *shown])
+    head = ["limit", "behaviours", "right", *(TITLES[name] for name in names)]
+    return table(head, rows)
+
+
+def write_limits(path, results, conditions):
+    """Every behaviour that a limit may end: the limits that were named, and its kill times."""
+    names = [condition.name for condition in conditions]
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        times = [f"{name}_{figure}_ms" for name in names for figure in ("median", "largest")]
+        writer.writerow(["behaviour", "limits_named", "right", "runs", *times])
+        for behaviour, runs in (pair for pairs in limited(results).values() for pair in pairs):
+            named = sorted({one["limit"] or "none" for one in runs})
+            right = sum(one["right"] for one in runs)
+            cells = [milliseconds(kill_times(runs, name)) for name in names]
+            flat = [figure for cell in cells for figure in cell]
+            writer.writerow([title(behaviour).replace("`", ""), " ".join(named), right, len(runs), *flat])
 
 
 def summary(results, names):
@@ -1237,6 +1262,8 @@ def main():
             print(f"## {name}\n\n{content}\n")
     else:
         write_tables(arguments.docs, tables)
+        if results:
+            write_limits(arguments.docs.with_name("isolation-limits.csv"), results, conditions)
         print(f"{arguments.docs}: {', '.join(tables)}")
 
 
