@@ -1,4 +1,15 @@
 //! The waypoint law of the maze benchmark, appendix C, equations 26 to 38.
+//!
+//! ```text
+//! e  = angle of the way − heading                                              27
+//! ω* = clip(k_ψ·e, ±ω_max)                                                     28
+//! v* = α·min(v_max, d, sqrt(2·a_dec·d))                                        30
+//! α  = 0 if |e| ≥ θ_turn, 1 if |e| ≤ θ_drive, else 1 − σ((|e| − θ_drive)/(θ_turn − θ_drive))    31
+//! σ(z) = z²·(3 − 2z)                                                           32
+//! v, ω: slewed by a₊·Δt when growing in size, else by a₋·Δt                    33, 34
+//! |v| ≤ v_max·max(0.18, 1 − 0.68·|ω|/ω_max)                                    35, 36
+//! wheels: v ∓ b·ω/2, over r for the axle                                       37, 38
+//! ```
 
 use core::f64::consts::PI;
 
