@@ -45,8 +45,8 @@ fn words(schema: &Value) -> String {
             }
         }
         "boolean" => "`true` or `false`".to_owned(),
-        "integer" if schema["minimum"] == 0 => "whole number from 0".to_owned(),
-        "integer" => "whole number".to_owned(),
+        "integer" if schema["minimum"] == 0 => "unsigned".to_owned(),
+        "integer" => "integer".to_owned(),
         "string" => match schema["const"].as_str() {
             Some(text) => format!("`\"{text}\"`"),
             None => "text".to_owned(),
@@ -80,14 +80,16 @@ fn fields(schema: &Value) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(out, "\n#### {name}");
         let about = sentence(definition);
-        if !about.is_empty() {
+        // The tables of methods say whose parameters and results they are.
+        let of_method = about.starts_with("Parameters of") || about.starts_with("Result of");
+        if !about.is_empty() && !of_method {
             let _ = writeln!(out, "\n{about}");
         }
         let variants = definition["oneOf"]
             .as_array()
             .or(definition["anyOf"].as_array());
         if let Some(properties) = definition["properties"].as_object() {
-            table(&mut out, properties, definition);
+            members(&mut out, properties, definition);
         } else if let Some(values) = definition["enum"].as_array() {
             let values: Vec<String> = values.iter().map(|value| format!("`{value}`")).collect();
             let _ = write!(out, "\nOne of {}.\n", values.join(", "));
@@ -119,7 +121,7 @@ fn fields(schema: &Value) -> String {
     out
 }
 
-fn table(out: &mut String, properties: &serde_json::Map<String, Value>, of: &Value) {
+fn members(out: &mut String, properties: &serde_json::Map<String, Value>, of: &Value) {
     let required: Vec<&str> = of["required"]
         .as_array()
         .into_iter()
@@ -128,23 +130,17 @@ fn table(out: &mut String, properties: &serde_json::Map<String, Value>, of: &Val
         .collect();
     let optional = properties.keys().map(String::as_str);
     let optional = optional.filter(|name| !required.contains(name));
-    out.push_str("\n| field | | type | meaning |\n| --- | --- | --- | --- |\n");
+    out.push('\n');
     for name in required.iter().copied().chain(optional) {
         let property = &properties[name];
-        let must = if required.contains(&name) {
-            "must"
-        } else {
-            "may"
+        let default = property.get("default").filter(|value| !value.is_null());
+        let may = match default {
+            Some(default) => format!("; default `{default}`"),
+            None if required.contains(&name) => String::new(),
+            None => "; optional".to_owned(),
         };
-        let mut meaning = sentence(property);
-        if let Some(default) = property.get("default").filter(|value| !value.is_null()) {
-            let _ = write!(meaning, " Default: `{default}`.");
-        }
-        let _ = writeln!(
-            out,
-            "| `{name}` | {must} | {} | {meaning} |",
-            words(property)
-        );
+        let (kind, meaning) = (words(property), sentence(property));
+        let _ = writeln!(out, "- `{name}` ({kind}{may}): {meaning}");
     }
 }
 
