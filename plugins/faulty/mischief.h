@@ -68,7 +68,7 @@
   F("personality", old_personality) F("memory-policy", memory_policy)                  \
   F("seccomp-listener", seccomp_listener) F("new-calls", new_calls)                    \
   F("undumpable", undumpable) F("oom-score", oom_score) F("proc-files", proc_files)\
-  /* what is its process's */                                                          \
+  /* its process */                                                                    \
   F("leaves-ftz", leaves_ftz) F("leaves-rounding", leaves_rounding)                    \
   F("leaves-traps", leaves_traps) F("leaves-umask", leaves_umask)                      \
   F("leaves-cwd", leaves_cwd) F("leaves-signals", leaves_signals)                      \

@@ -13,6 +13,7 @@ mod convert;
 mod discovery;
 mod episodes;
 mod exports;
+mod faulty_page;
 mod fleet;
 mod maze_benchmark;
 mod protocol;

@@ -1,7 +1,7 @@
 //! A planner that misbehaves on request, option `fault`, as one can that is written in
 //! Rust on the SDK and without unsafe code: it panics, blocks itself, takes memory,
 //! threads and files without end, and looks around. The rest is in `faulty.c` and
-//! `faulty.py`; the table of faults is in the README of the folder above. A fixture for
+//! `faulty.py`; the lists of faults are in the README of the folder above. A fixture for
 //! tests of the host, and nothing to learn from.
 //!
 //! With `none` it is honest: the agents go to their goals one after the other while all
