@@ -1,6 +1,6 @@
 //! Lanes: preferred directions along the rows and columns of a map.
 //!
-//! Where nobody minds, agents that go to and fro meet head on, and those that come after
+//! Without lanes, agents that go to and fro meet head on, and those that come after
 //! them wait for both. L. Cohen, T. Uras, S. Koenig, "Feasibility study: using highways for
 //! bounded-suboptimal multi-agent path finding", SoCS 2015, have searches prefer highways
 //! that the user draws; Y. Zhang, H. Jiang, V. Bhatt, S. Nikolaidis, J. Li, "Guidance graph

@@ -25,7 +25,7 @@ use connect::nearest_visible;
 /// Most vertices of a roadmap that an operator makes.
 pub const ROADMAP_MOST_VERTICES: usize = 1 << 20;
 
-/// Where vertices come from.
+/// Origin of the vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {
@@ -36,7 +36,7 @@ pub enum Sampling {
     Halton,
 }
 
-/// How a roadmap is built.
+/// The construction of a roadmap.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Builder {
@@ -140,7 +140,7 @@ impl Builder {
 /// Parameters of a roadmap view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RoadmapSpec {
-    /// How vertices and edges come about.
+    /// The construction of vertices and edges.
     pub builder: Builder,
     /// Least distance of drawn vertices from each other and from starts and goals, in metres; 2·r_com if
     /// not given. Where so many vertices find no room, the distance shrinks, and the report says to what.

@@ -12,7 +12,7 @@ const PROBES: u64 = 1000;
 /// Nearest vertices that a place may see to count as covered.
 const COVERING: usize = 8;
 
-/// What a builder made.
+/// Properties of the roadmap that a builder made.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RoadmapReport {
     /// Number of vertices, starts and goals included.
