@@ -1,5 +1,4 @@
-//! What trials may use, and how their plans are executed. Defaults are those of
-//! `fleetyard run`.
+//! Budgets of trials, and the execution of their plans. Defaults are those of `fleetyard run`.
 
 use std::time::Duration;
 
@@ -77,17 +76,17 @@ pub fn half_of_memory() -> u64 {
     Machine::here().memory_kb.unwrap_or(0) / 2 * 1024
 }
 
-/// What a plugin may use and see in every call.
+/// Grants and limits of a plugin in every call.
 #[derive(Debug, Clone)]
 pub struct SandboxOptions {
     /// Layers, files, network, environment, processes and disk.
     pub policy: Policy,
     /// Most output that is no message.
     pub output_bytes: u64,
-    /// Whose code may be started.
+    /// The code that may be started.
     pub trust: Trust,
-    /// Whether planners have processor cores of their own, where the machine has so
-    /// many that nobody else has reserved.
+    /// True if planners have processor cores of their own, where the machine has so many that
+    /// nobody else has reserved.
     pub pin: bool,
 }
 
@@ -102,7 +101,7 @@ impl Default for SandboxOptions {
     }
 }
 
-/// Which robots execute a plan.
+/// The robots that execute a plan.
 #[derive(Debug, Clone, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Robots {
@@ -111,11 +110,11 @@ pub enum Robots {
     Pebbles,
     /// One model for everybody, by the name of a model or preset.
     Model(String),
-    /// What a fleet file says, by the file's name.
+    /// The robots of a fleet file, with the file's name.
     File(String, Box<FleetFile>),
 }
 
-/// Why there is no such fleet.
+/// The reason why there is no such fleet.
 #[derive(Debug, thiserror::Error)]
 pub enum RobotsError {
     /// No model has this name, or its limits contradict each other.
@@ -130,7 +129,7 @@ pub enum RobotsError {
 }
 
 impl RobotsError {
-    /// What to do about it.
+    /// A way out.
     pub fn hint(&self) -> Option<&str> {
         match self {
             Self::Model(error) => Some(error.hint),
@@ -146,7 +145,7 @@ impl Robots {
     /// in a ring.
     pub const DRIVEN_RADIUS_CELLS: f64 = 0.3;
 
-    /// What it says as JSON, without the name of a file: no result depends on where files lie.
+    /// The robots as JSON, without the name of a file: no result depends on where files lie.
     pub(crate) fn said(&self) -> Value {
         match self {
             Self::File(_, file) => json!({ "file": file }),

@@ -1,5 +1,5 @@
-//! What a `plan` call costs the host, by attachment: an empty planner, 1000
-//! agents on `warehouse-10-20-10-2-1`.
+//! Costs of a `plan` call for the host, by attachment: an empty planner, 1000 agents on
+//! `warehouse-10-20-10-2-1`.
 //!
 //! `copy` is the baseline: copying the plan once. The program for `stdio` is this
 //! benchmark itself, which serves the built-in plugins when it is told to.

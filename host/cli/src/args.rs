@@ -180,7 +180,7 @@ pub(crate) struct SandboxArgs {
     /// Memory for learning the map [default: the plan's]
     #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size)]
     pub(crate) prepare_memory: Option<u64>,
-    /// Whether the planner has processor cores of its own
+    /// Processor cores of the planner's own
     #[arg(long, help_heading = LIMITS, value_enum, default_value = "auto", value_name = "HOW")]
     pub(crate) pin: PinArg,
 }
@@ -206,7 +206,7 @@ pub(crate) struct TrustArgs {
     pub(crate) locked: bool,
 }
 
-/// What a plugin may use and see in every call, whoever makes it.
+/// The grants and limits of a plugin in every call, whoever makes it.
 #[derive(Debug, Args)]
 pub(crate) struct GrantArgs {
     #[command(flatten)]
@@ -259,7 +259,7 @@ pub(crate) struct WorldArgs {
     pub(crate) tier: Tier,
 }
 
-/// What goes wrong meanwhile.
+/// Disturbances of the execution.
 #[derive(Debug, Args)]
 pub(crate) struct DisturbanceArgs {
     /// How robots are late: none, bernoulli:P,SECONDS, uniform:MIN,MAX,
@@ -271,7 +271,7 @@ pub(crate) struct DisturbanceArgs {
     #[arg(long, help_heading = EXECUTION, value_name = "STD,FLOOR",
           value_parser = disturbance::<VelocityNoise>)]
     pub(crate) velocity_noise: Option<VelocityNoise>,
-    /// How long messages take and how many are lost: MIN,MAX,LOSS [default: none and none]
+    /// Delay of messages in seconds and share of lost ones: MIN,MAX,LOSS [default: none and none]
     #[arg(long, help_heading = EXECUTION, value_name = "MIN,MAX,LOSS",
           value_parser = disturbance::<Messages>)]
     pub(crate) messages: Option<Messages>,

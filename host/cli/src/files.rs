@@ -52,7 +52,7 @@ pub(crate) fn not_drawn(path: &Path, error: &ViewError) -> InputError {
     InputError::new(path.display().to_string(), error.reason.as_str()).hint(error.hint)
 }
 
-/// What will be a file under a name, once it is whole. It is made when it is first written to:
+/// A file that gets its name once it is whole. It is made when it is first written to:
 /// until then a host that is interrupted, while a planner runs, leaves nothing behind.
 pub(crate) struct Unnamed {
     path: PathBuf,

@@ -39,8 +39,8 @@ pub(crate) fn runtime_with(policy: Policy, trust: Trust) -> Result<Runtime> {
     Runtime::new(BUILT_IN, limits).map_err(internal)
 }
 
-/// Where trials run, with the limits that the arguments ask for. What the command itself
-/// reads and writes is `hidden` from planners.
+/// The host of trials, with the limits that the arguments ask for. Files that the command itself
+/// reads and writes are `hidden` from planners.
 pub(crate) fn host(
     arguments: &BudgetArgs,
     attach: Option<Attach>,
@@ -88,7 +88,7 @@ pub(crate) fn trust(arguments: &TrustArgs) -> Result<Trust> {
     })
 }
 
-/// What the sandbox is to grant, and what it is to hide.
+/// The grants of the sandbox, and the files that it hides.
 pub(crate) fn policy(grants: &GrantArgs, hidden: Vec<PathBuf>) -> Result<Policy> {
     for path in &grants.allow_read {
         if !path.exists() {
@@ -155,7 +155,7 @@ pub(crate) fn find(runtime: &Runtime, kind: Option<Kind>, name: &str) -> Result<
     Ok(found)
 }
 
-/// Why a folder of the plugin path has no plugins.
+/// The warning that a folder of the plugin path cannot be searched.
 pub(crate) fn unreadable(folder: &Path, reason: &str) -> String {
     format!(
         "the folder {} of FLEETYARD_PLUGIN_PATH cannot be searched: {reason}",

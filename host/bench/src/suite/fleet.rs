@@ -43,7 +43,7 @@ const SERIES_S: f64 = 10.0;
 pub struct FleetSetup {
     /// All numbers; `agents` and the seeds are those of a trial.
     pub config: FleetConfig,
-    /// Who drives.
+    /// The robots.
     pub robots: Robots,
     /// Says what the planner is asked.
     pub generator: FleetPlugin,
@@ -60,7 +60,7 @@ pub struct FleetPlugin {
     pub plugin: String,
     /// Its options, not yet checked against its schema.
     pub options: Map<String, serde_json::Value>,
-    /// Where it stands in the suite.
+    /// Its place in the suite.
     pub place: Place,
 }
 

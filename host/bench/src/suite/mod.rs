@@ -37,7 +37,7 @@ pub const MOST_TRIALS: u64 = 10_000_000;
 /// Most instances of a suite.
 pub const MOST_INSTANCES: u64 = 1_000_000;
 
-/// What a suite file says.
+/// The content of a suite file.
 #[derive(Debug, Clone)]
 pub struct Suite {
     /// Letters, digits, `.`, `_` and `-`: files are named after it.
@@ -48,20 +48,20 @@ pub struct Suite {
     pub text: String,
     /// How trials follow each other and are compared.
     pub protocol: Protocol,
-    /// What every call may take.
+    /// Budget of every call.
     pub budget: BudgetOptions,
-    /// What planners may use and see. Whose code is trusted is for the command to say.
+    /// Grants and limits of planners. The command decides whose code is trusted.
     pub sandbox: SandboxOptions,
     /// Size of cells and steps, and how plans are executed.
     pub config: SimConfig,
-    /// Who executes plans; `None` when nobody does.
+    /// The robots that execute plans; `None` when plans are not executed.
     pub robots: Option<Robots>,
-    /// Who is asked, at least one; no two have the same label.
+    /// The planners, at least one; no two have the same label.
     pub planners: Vec<PlannerSetup>,
     sets: Vec<InstanceSet>,
     /// The file as a whole.
     place: Place,
-    /// What it says, without comments and order.
+    /// Its values, without comments and order.
     normal: Map<String, Value>,
 }
 
@@ -80,11 +80,11 @@ pub struct Protocol {
     pub seeds: Vec<u64>,
     /// How long a planner's process is kept.
     pub reuse: Reuse,
-    /// Which time is compared.
+    /// The time that is compared.
     pub clock: Clock,
     /// By which rule paths are judged.
     pub path_rule: PathRule,
-    /// What planners are ranked by after their success rate.
+    /// The order of planners after their success rate.
     pub ranking: Order,
     /// For what else than itself the suite is to speak.
     pub generalise_over: Unit,
@@ -148,19 +148,19 @@ names!(Clock: Host = "host", LessEmpty = "call", Cpu = "cpu");
 /// A planner of a suite.
 #[derive(Debug, Clone)]
 pub struct PlannerSetup {
-    /// What it is called in tables; no other planner of the suite is called so.
+    /// Its name in tables; no other planner of the suite has it.
     pub label: String,
     /// An identifier, the path of a library or program, or `PATH:ID`.
     pub plugin: String,
-    /// How it is attached, if not as usual.
+    /// The way of attaching it, if not as usual.
     pub attach: Option<Attach>,
     /// Its options, not yet checked against its schema.
     pub options: Map<String, Value>,
     /// The fleet that it plans for, in a suite of fleets.
     pub fleet: Option<FleetSetup>,
-    /// Where `plugin` stands in the suite.
+    /// Place of `plugin` in the suite.
     pub plugin_place: Place,
-    /// Where `options` stands, or the planner where it has none.
+    /// Place of `options`, or of the planner where it has none.
     pub options_place: Place,
 }
 
@@ -243,13 +243,13 @@ impl Suite {
         Ok(files)
     }
 
-    /// What the suite says as JSON, without comments and with keys in order: the values
-    /// of the command line are in it, defaults are not.
+    /// The suite as JSON, without comments and with keys in order: the values of the command line
+    /// are in it, defaults are not.
     pub fn normal(&self) -> String {
         format!("{:#}", Value::Object(self.normal.clone()))
     }
 
-    /// What the suite says as JSON values.
+    /// The suite as JSON values.
     pub(crate) fn values(&self) -> &Map<String, Value> {
         &self.normal
     }
@@ -274,7 +274,7 @@ impl Suite {
         hasher.finish()
     }
 
-    /// How many timed trials so many instances are.
+    /// Number of timed trials of so many instances.
     fn trials(&self, instances: u64) -> Result<u64, InputError> {
         let parts = [
             (self.planners.len() as u64, "planner"),

@@ -109,7 +109,7 @@ const SERIES: &[&str] = &["from", "to", "count", "step"];
 
 const MOST_AGENTS: u64 = 1 << 24;
 
-/// What paths in a suite are relative to, and what variables in them stand for.
+/// The folder that paths in a suite are relative to, and the values of variables in them.
 pub(super) struct Paths<'p> {
     pub(super) folder: &'p Path,
     pub(super) variable: &'p dyn Fn(&str) -> Option<String>,

@@ -28,16 +28,16 @@ use crate::setup::{BUILT_IN, trust};
 /// Parts of a suite on a cluster, unless somebody says how many.
 const PARTS: u32 = 32;
 
-/// How often a line says how far a run is, where there is no terminal.
+/// Time between two lines about the progress of a run, where there is no terminal.
 const EVERY: Duration = Duration::from_secs(10);
 
-/// How often programs are told.
+/// Time between two records of the progress for programs.
 const FILE_EVERY: Duration = Duration::from_secs(1);
 
-/// How many of the first steps a dry run shows.
+/// Number of the first steps that a dry run shows.
 const SHOWN: usize = 12;
 
-/// How many differing trials are listed for people.
+/// Most differing trials that are listed for people.
 const DIFFERENCES: usize = 20;
 
 /// Run a suite: every planner on every instance.
@@ -46,7 +46,7 @@ const DIFFERENCES: usize = 20;
 pub(crate) struct Bench {
     /// The suite, a TOML file
     pub(crate) suite: PathBuf,
-    /// Where trials are kept [default: the suite's name with .sqlite, in the current folder]
+    /// Store of the trials [default: the suite's name with .sqlite, in the current folder]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Go on with a store that has trials: make those that are missing
@@ -71,14 +71,14 @@ pub(crate) struct Bench {
     /// Make recorded trials again and compare plans and executions; exit code 1 if any differs
     #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
     verify: bool,
-    /// How many trials to make again, spread evenly over planners and instances [default: all]
+    /// Number of trials to make again, spread evenly over planners and instances [default: all]
     #[arg(long, value_name = "N", requires = "verify",
           value_parser = clap::value_parser!(u64).range(1..))]
     verify_sample: Option<u64>,
     /// A file for programs that watch the run: how many trials are done, as JSON
     #[arg(long, value_name = "FILE", hide = true)]
     progress_file: Option<PathBuf>,
-    /// Who runs it
+    /// Executor of the trials
     #[arg(long, value_enum, default_value = "local")]
     executor: Executor,
     #[command(flatten)]
@@ -270,7 +270,7 @@ fn meta(experiment: &Experiment<'_>, suite_file: &Path, there: Option<&Store>) -
 /// A store that is ready to be written.
 struct Begun {
     store: SharedStore,
-    /// What is no longer as it was when the store's trials were made.
+    /// Changes since the store's trials were made.
     changes: Vec<String>,
     /// Trials that are kept apart for it.
     superseded: u64,
@@ -331,7 +331,7 @@ fn adopt(experiment: &Experiment<'_>, store: &mut Store, meta: &Meta) -> Result<
     Ok(store.adopt(meta, asked)?)
 }
 
-/// What came of a run, and how long it took.
+/// Result of a run, and the time that it took.
 struct Outcome {
     ran: Ran,
     elapsed: Duration,
@@ -399,7 +399,7 @@ fn go(
     Ok(Outcome { ran, elapsed })
 }
 
-/// What to do when the process is told to end.
+/// Prepares for a signal that ends the process.
 fn interrupted(
     store: SharedStore,
     record: impl Fn(&Store) -> std::result::Result<u64, InputError> + Send + 'static,
@@ -451,7 +451,7 @@ struct Watch<'a> {
     faulty: BTreeSet<String>,
 }
 
-/// How far a run is, for programs.
+/// Progress of a run, for programs.
 #[derive(Serialize)]
 struct Told {
     done: u64,
@@ -522,7 +522,7 @@ fn trials(count: u64) -> String {
     format!("{count} trial{plural}")
 }
 
-/// What a run came to, as JSON.
+/// Result of a run, as JSON.
 #[derive(Serialize)]
 struct Report<'a> {
     format: &'static str,
@@ -649,7 +649,7 @@ fn table(evaluation: &Evaluation) -> String {
     output::table(&header, lines.collect(), &[1, 2, 3, 4, 5])
 }
 
-/// What would be run, as JSON.
+/// Trials that would be run, as JSON.
 #[derive(Serialize)]
 struct Plan<'a> {
     format: &'static str,
@@ -663,7 +663,7 @@ struct Plan<'a> {
     /// Trials of this part, warm-ups aside.
     trials: u64,
     warm_ups: u64,
-    /// How often a trial is made again that others disturb.
+    /// Most times that a trial is made again because others disturb it.
     retry_contended: u32,
     /// In the store already, of this part.
     there: u64,
@@ -795,7 +795,7 @@ fn dry_run(arguments: &Bench, experiment: &Experiment<'_>, place: &Path) -> Resu
     Ok(Exit::Success)
 }
 
-/// What came of making trials again, as JSON.
+/// Result of making trials again, as JSON.
 #[derive(Serialize)]
 struct Verification<'a> {
     format: &'static str,
@@ -878,7 +878,7 @@ pub(super) fn make_again(
     Ok(verified?)
 }
 
-/// How a command ends that made trials again.
+/// The exit code of a command that made trials again.
 pub(super) fn verdict(verified: &Verified) -> Exit {
     if verified.differ.is_empty() && verified.nondeterministic.is_empty() {
         Exit::Success

@@ -49,7 +49,7 @@ pub(crate) struct StoreRepeat {
     /// A new folder to unpack it into, which stays [default: one that is removed]
     #[arg(long, value_name = "DIR")]
     into: Option<PathBuf>,
-    /// How many trials to make again, spread evenly over planners and instances [default: all]
+    /// Number of trials to make again, spread evenly over planners and instances [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     sample: Option<u64>,
     #[command(flatten)]
@@ -59,7 +59,7 @@ pub(crate) struct StoreRepeat {
     format: Format,
 }
 
-/// What was written, as JSON.
+/// The bundle that was written, as JSON.
 #[derive(Serialize)]
 struct Written<'a> {
     format: &'static str,
@@ -159,12 +159,12 @@ enum Code {
     Missing,
 }
 
-/// What came of making a bundle's trials again, as JSON.
+/// Result of making a bundle's trials again, as JSON.
 #[derive(Serialize)]
 struct Repeated<'a> {
     format: &'static str,
     bundle: &'a Path,
-    /// Where it was unpacked and stays.
+    /// Folder into which it was unpacked and in which it stays.
     folder: Option<&'a Path>,
     suite: &'a str,
     planners: &'a [Standing<'a>],

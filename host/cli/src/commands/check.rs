@@ -45,8 +45,7 @@ pub(crate) struct Check {
     /// An option of the plugin in every case; may be given several times
     #[arg(long = "option", value_name = "NAME=VALUE")]
     options: Vec<String>,
-    /// How the plugin is attached [default: worker for libraries, stdio for
-    /// programs]
+    /// Attachment of the plugin [default: worker for libraries, stdio for programs]
     #[arg(long, value_parser = word::<Attach>())]
     attach: Option<Attach>,
     /// Seed of the whole run: of all instances, and of the plugin's random choices

@@ -30,8 +30,8 @@ pub(crate) struct Compare {
     /// MovingAI scenario files, of one map or of several
     #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", required = true, num_args = 1..)]
     scen: Vec<PathBuf>,
-    /// Where the maps are that the scenarios name: map files, or folders with NAME.map
-    /// [default: the folder of each scenario]
+    /// Maps that the scenarios name: map files, or folders with NAME.map [default: the folder of
+    /// each scenario]
     #[arg(long, short, help_heading = INSTANCE, value_name = "PATH", num_args = 1..)]
     map: Vec<PathBuf>,
     /// Neighbours of a cell: 4 or 8
@@ -40,7 +40,7 @@ pub(crate) struct Compare {
     /// Team sizes
     #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N,…", required = true, value_delimiter = ',')]
     agents: Vec<usize>,
-    /// What may lie between two cells of a path
+    /// Rule for the motion between two cells of a path
     #[arg(long, help_heading = INSTANCE, value_parser = word::<PathRule>(), default_value_t)]
     path_rule: PathRule,
     #[command(flatten)]
@@ -133,9 +133,9 @@ struct Line {
     contended: usize,
     /// Limits that were only watched, not enforced.
     limits_watched: BTreeSet<String>,
-    /// Why trials may not be compared with others.
+    /// Reasons why trials may not be compared with others.
     unranked: BTreeSet<String>,
-    /// How the trials that failed ended.
+    /// Reasons of the trials that failed.
     failures: Vec<String>,
 }
 
@@ -162,7 +162,7 @@ struct Disagreement {
     difference: Option<f64>,
 }
 
-/// What became of all claims.
+/// Results of checking all claims.
 #[derive(Debug, Default, Serialize)]
 struct Claims {
     agree: usize,

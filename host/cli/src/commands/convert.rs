@@ -50,13 +50,13 @@ pub(crate) struct Convert {
     /// Starts and goals, where FROM has none: a scenario, or another instance
     #[arg(long, value_name = "FILE")]
     scen: Option<PathBuf>,
-    /// How many agents to use, from the first [default: those of the plan, or all]
+    /// Number of agents to use, from the first [default: those of the plan, or all]
     #[arg(long, value_name = "N")]
     agents: Option<usize>,
     /// Neighbours of a cell: 4 or 8
     #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
     connectivity: Connectivity,
-    /// How paths are written in a plan file [default: pairs]
+    /// Encoding of paths in a plan file [default: pairs]
     #[arg(long, value_parser = word::<PathEncoding>())]
     plan_encoding: Option<PathEncoding>,
     /// Side of a cell in metres, where a plan on a grid becomes trajectories
@@ -139,7 +139,7 @@ fn target(arguments: &Convert, to: &Path, contents: &Contents) -> Result<Format>
     })
 }
 
-/// What there is to write: what the file says, and what the options add to it.
+/// The parts to write: those of the file, and those that options add.
 fn parts(
     arguments: &Convert,
     contents: &Contents,

@@ -49,7 +49,7 @@ struct Findings {
 
 #[derive(Serialize)]
 struct Sandbox {
-    /// Whether `--sandbox strict` would run.
+    /// True if `--sandbox strict` would run.
     strict: bool,
     backend: Option<Backend>,
     /// The filter of system calls with `--sandbox strict`; absent where that does not run.
@@ -67,9 +67,9 @@ struct Finding {
     #[serde(flatten)]
     state: LayerState,
     required: bool,
-    /// What is lost without it; absent when it is active.
+    /// The loss without it; absent when it is active.
     costs: Option<&'static str>,
-    /// What to do about it; absent when nobody refused it.
+    /// A way out; absent when nobody refused it.
     advice: Option<&'static str>,
 }
 
@@ -78,7 +78,7 @@ struct Cores {
     physical: Option<u32>,
     /// The logical processors that this process may use.
     usable: Option<Cpus>,
-    /// Whether a trial of one thread can have a core of its own right now.
+    /// True if a trial of one thread can have a core of its own right now.
     reservable: bool,
     reason: Option<String>,
 }
@@ -86,7 +86,7 @@ struct Cores {
 #[derive(Serialize)]
 struct Tool {
     name: &'static str,
-    /// What it is for.
+    /// The purpose of the tool.
     purpose: &'static str,
     version: Option<String>,
 }
@@ -172,7 +172,7 @@ pub(crate) fn level(level: Level) -> Result<Runtime> {
     runtime_with(policy, Trust::default())
 }
 
-/// How long an empty sandbox takes, as the median of a few.
+/// Time that an empty sandbox takes, as the median of a few.
 fn spawn(runtime: &Runtime) -> Result<f64> {
     const TIMES: usize = 9;
     let mut times = Vec::with_capacity(TIMES);
@@ -254,7 +254,7 @@ fn first_line(name: &str, arguments: &[&str]) -> Option<String> {
     (output.status.success() && !line.is_empty()).then(|| line.to_owned())
 }
 
-/// What the user can do, most important first, each thing once.
+/// Advice to the user, most important first, each piece once.
 fn advice(sandbox: &Sandbox, cores: &Cores, machine: &Machine, tools: &[Tool]) -> Vec<String> {
     let mut advice: Vec<String> = Vec::new();
     for finding in &sandbox.layers {

@@ -27,7 +27,7 @@ pub(crate) struct StoreExport {
     rank: Option<Order>,
 }
 
-/// What to write; `-` is standard output.
+/// The files to write; `-` is standard output.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = true)]
 struct ExportFiles {
@@ -43,7 +43,7 @@ struct ExportFiles {
     /// Apache Parquet
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
-    /// What `fleetyard report` writes as Markdown
+    /// The Markdown of `fleetyard report`
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
     /// A database for OMPL's Planner Arena

@@ -86,7 +86,7 @@ pub(crate) struct Fleet {
     grants: GrantArgs,
 }
 
-/// What decides about a run; a recording has it all.
+/// The settings that decide about a run; a recording has them all.
 #[derive(Debug, Args)]
 struct FleetAsked {
     /// Number of robots
@@ -128,14 +128,14 @@ struct FleetAsked {
     #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "1s",
           value_parser = positive_seconds)]
     limit: f64,
-    /// How planners see robots move; robots turn in any case
+    /// Motion of robots as planners see it; robots turn in any case
     #[arg(long, help_heading = PLANNING, value_parser = one_of(&[Motion::Pebble, Motion::Rotation]),
           default_value_t = FleetConfig::default().motion)]
     motion: Motion,
     /// When an answer takes effect
     #[arg(long, help_heading = PLANNING, value_parser = word::<Clock>(), default_value_t)]
     clock: Clock,
-    /// How far robots are committed when the planner is called
+    /// Extent to which robots are committed when the planner is called
     #[arg(long, value_name = "CUT", value_parser = word::<CutBy>(), default_value_t)]
     cut: CutBy,
     /// An option of the planner; may be given several times
@@ -150,7 +150,7 @@ struct FleetAsked {
     /// An option of the fail policy
     #[arg(long = "fail-option", help_heading = PLANNING, value_name = "NAME=VALUE")]
     fail_options: Vec<String>,
-    /// How libraries are attached, the built-in one among them: in the host's own process or in
+    /// Attachment of libraries, the built-in one among them: in the host's own process or in
     /// processes of their own
     #[arg(long, help_heading = PLANNING, value_name = "HOW",
           value_parser = one_of(&[Attach::InProcess, Attach::Worker]), default_value_t = Attach::Worker)]
@@ -159,7 +159,7 @@ struct FleetAsked {
     #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "10s",
           value_parser = positive_seconds)]
     watchdog: f64,
-    /// Where goals come from
+    /// Origin of goals
     #[arg(long, help_heading = GOALS, value_parser = word::<Assign>(), default_value_t)]
     assign: Assign,
     /// Tasks, in the format of the League of Robot Runners
@@ -255,7 +255,7 @@ fn positive_seconds(text: &str) -> std::result::Result<f64, String> {
 /// The signal that told this process to end; 0 if none did.
 static SIGNAL: AtomicI32 = AtomicI32::new(0);
 
-/// What has to be read or started again for a replay or to go on.
+/// The files and plugins that a replay or a continuation needs again.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Setup {
@@ -381,7 +381,7 @@ fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
-/// What the user should know of a recording before it is used.
+/// Prints remarks on a recording before it is used.
 fn about(recording: &Recording) {
     let (name, header) = (recording.name(), recording.header());
     if recording.is_torn() {
@@ -478,7 +478,7 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
     Ok((config, bodies))
 }
 
-/// What of the numbers is this machine's and decides about nothing.
+/// Adds the numbers of this machine, which decide about nothing.
 fn with_host(mut config: FleetConfig, arguments: &Fleet) -> FleetConfig {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let planner = config.allowance.threads as usize;
@@ -489,7 +489,7 @@ fn with_host(mut config: FleetConfig, arguments: &Fleet) -> FleetConfig {
     config
 }
 
-/// What the command itself reads and writes.
+/// The files that the command itself reads and writes.
 fn own_files(arguments: &Fleet) -> Vec<PathBuf> {
     let files = [
         &arguments.map,

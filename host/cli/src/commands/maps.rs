@@ -92,10 +92,10 @@ pub(crate) enum Generate {
         /// Width of corridors in cells
         #[arg(long, value_name = "N", default_value_t = 1)]
         corridor: u32,
-        /// How it is carved
+        /// Algorithm that carves it
         #[arg(long, value_parser = word::<MazeAlgorithm>(), default_value_t = MazeAlgorithm::Backtracker)]
         algorithm: MazeAlgorithm,
-        /// Whose random numbers carve it
+        /// Source of the random numbers
         #[arg(long, value_parser = word::<MazeRandom>(), default_value_t)]
         random: MazeRandom,
         /// Seed of the map
@@ -148,7 +148,7 @@ pub(crate) enum Generate {
     },
 }
 
-/// Where a generated map goes, and its scenario.
+/// Folder of a generated map and its scenario.
 #[derive(Debug, Args)]
 pub(crate) struct OutArgs {
     /// Folder to write to

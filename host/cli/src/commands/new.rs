@@ -1,9 +1,8 @@
 //! `fleetyard plugins new`: a folder with a plugin that works, for its author to change.
 //!
-//! What is written are the files of `templates/`: code that is built and tested as it
-//! stands, of a plugin `example-plugin`, which gets the new plugin's name. The SDK goes
-//! beside it, from the same sources as everywhere, so that a new plugin needs nothing
-//! but its compiler or interpreter.
+//! The written files are those of `templates/`: code that is built and tested as it stands, of a
+//! plugin `example-plugin`, which gets the new plugin's name. The SDK goes beside it, from the same
+//! sources as everywhere, so that a new plugin needs nothing but its compiler or interpreter.
 
 use std::fmt::Write as _;
 use std::fs::{self, Permissions};
@@ -24,18 +23,18 @@ use crate::output;
 pub(crate) struct New {
     /// Its name: the plugin's identifier, and the folder that is written
     name: String,
-    /// What it is written in
+    /// Language of the plugin
     #[arg(long, value_enum)]
     lang: Lang,
     /// Its kind
     #[arg(long, value_parser = word::<Kind>(), default_value_t = Kind::Planner)]
     kind: Kind,
-    /// Where the folder goes
+    /// Folder in which the plugin's folder is made
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     out: PathBuf,
 }
 
-/// What a new plugin is written in.
+/// The language of a new plugin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Lang {
     /// A shared library on the Rust SDK
@@ -91,7 +90,7 @@ const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
 const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
     "__init__.py" "_model.py" "_paths.py" "_plugins.py" "_server.py" "py.typed");
 
-/// What the files of an SDK are.
+/// Description of the files of an SDK.
 const SDK: &str = "the SDK";
 
 /// A new plugin's folder.
@@ -108,7 +107,7 @@ struct Scaffold {
 struct File {
     path: String,
     text: String,
-    /// What the file is; nothing for what is not worth a line.
+    /// Description of the file; empty for one that is not worth a line.
     about: &'static str,
     executable: bool,
 }

@@ -58,7 +58,7 @@ enum State {
     Changed,
 }
 
-/// How many files of a plugin are shown by name; the lock has them all.
+/// Number of a plugin's files that are shown by name; the lock has them all.
 const SHOWN: usize = 6;
 
 #[derive(Serialize)]
@@ -173,7 +173,7 @@ fn check(lock: &Lock) -> Vec<Line> {
     lock.pinned().iter().map(state).collect()
 }
 
-/// Whether a user's name for a plugin stands for an entry. The file need not be there.
+/// True if a user's name for a plugin stands for an entry. The file need not be there.
 fn is_meant(lock: &Lock, entry: &Pinned, name: &str) -> bool {
     let named = match PluginFile::at(Path::new(name)) {
         Ok(file) => file.path().map(Path::to_owned),

@@ -67,7 +67,7 @@ struct Listed {
     attach: Attach,
     contract: Option<Contract>,
     plugins: Vec<ListedPlugin>,
-    /// What the file is to the lock.
+    /// Standing of the file in the lock.
     lock: Standing,
     /// Of its code; of this program, for the built-ins.
     digest: Option<Digest>,
@@ -198,11 +198,11 @@ struct Described {
     contract: Contract,
     digest: Option<Digest>,
     code: Vec<CodeFile>,
-    /// What it may read besides the system's files.
+    /// Paths that it may read besides the system's files.
     reads: Vec<String>,
 }
 
-/// How many paths are shown as text.
+/// Most paths that are shown as text.
 const READS: usize = 20;
 
 fn info(name: &str, arguments: &TrustArgs, format: Format) -> Result<Exit> {

@@ -107,8 +107,8 @@ pub(crate) fn report(arguments: &ReportArgs) -> Result<Exit> {
     Ok(Exit::Success)
 }
 
-/// Whether this names a file. Labels of planners seldom do; a store that is not there is
-/// told from a label by how it looks.
+/// True if this names a file. Labels of planners seldom do; a store that is not there is told from
+/// a label by how it looks.
 fn is_store(name: &str) -> bool {
     Path::new(name).is_file()
 }
@@ -239,7 +239,7 @@ fn keep_maps(loaded: &mut Loaded, maps: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// Which code planners were.
+/// The code of each planner.
 fn planners(rows: &[Row]) -> Vec<(String, String)> {
     let mut found: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for row in rows {
@@ -324,7 +324,7 @@ fn write(arguments: &ReportArgs, report: &Report<'_>, rows: &[Row], more: &[Tabl
     Ok(())
 }
 
-/// How a file names a folder: from its own folder on where that is possible.
+/// Path from a file's own folder to a folder, where that is possible.
 fn way(file: &Path, folder: &Path) -> String {
     let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let (file, folder) = (whole(file), whole(folder));

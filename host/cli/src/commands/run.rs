@@ -36,13 +36,13 @@ pub(crate) struct Run {
     /// An option of the planner; may be given several times
     #[arg(long = "option", help_heading = PLANNER, value_name = "NAME=VALUE")]
     options: Vec<String>,
-    /// What may lie between two cells of a path
+    /// Rule for the motion between two cells of a path
     #[arg(long, help_heading = INSTANCE, value_parser = word::<PathRule>(), default_value_t)]
     path_rule: PathRule,
     #[command(flatten)]
     budget: BudgetArgs,
-    /// How the plugin is attached [default: worker for libraries, stdio for
-    /// programs, command for a planner.toml]
+    /// Attachment of the plugin [default: worker for libraries, stdio for programs, command for a
+    /// planner.toml]
     #[arg(long, help_heading = PLANNER, value_parser = word::<Attach>())]
     attach: Option<Attach>,
     /// Execute the plan in the simulator
@@ -53,7 +53,7 @@ pub(crate) struct Run {
     /// Write the plan to a file
     #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     plan_out: Option<PathBuf>,
-    /// How paths are written in the plan file
+    /// Encoding of paths in the plan file
     #[arg(long, help_heading = RECORDS, value_parser = word::<PathEncoding>(), default_value_t)]
     plan_encoding: PathEncoding,
     /// Write the execution's trace to a file (implies --execute)
@@ -82,7 +82,7 @@ struct InstanceArgs {
     /// MovingAI scenario file
     #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
     scen: PathBuf,
-    /// How many of the scenario's entries to use, from the first
+    /// Number of the scenario's entries to use, from the first
     #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N")]
     agents: usize,
 }
@@ -214,7 +214,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     Ok(exit)
 }
 
-/// Why there is no plan although nothing is wrong with the planner.
+/// The reason why there is no plan although the planner is not at fault.
 fn no_plan(record: &Record, arguments: &Run) -> String {
     let id = &record.planner.id;
     let mut reason = match record.claim {

@@ -13,7 +13,7 @@ use crate::args::Format;
 use crate::exit::{Exit, Result};
 use crate::output;
 
-/// How far a promise holds.
+/// The extent to which a promise holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Standing {
@@ -35,16 +35,16 @@ impl Standing {
     }
 }
 
-/// What users are promised, and how that stands.
+/// A promise to users, and its standing.
 #[derive(Debug, Serialize)]
 struct Promise {
     name: &'static str,
     /// The promise in a sentence.
     sentence: &'static str,
     standing: Standing,
-    /// What is missing or was got past, one sentence each.
+    /// The parts that are missing or were got past, one sentence each.
     why: Vec<String>,
-    /// What would restore it.
+    /// Advice that would restore it.
     restore: Vec<String>,
 }
 
@@ -52,9 +52,9 @@ struct Promise {
 struct Kept {
     name: &'static str,
     sentence: &'static str,
-    /// What a plugin must not get done.
+    /// Attempts in which a plugin must not succeed.
     attempts: &'static [Attempt],
-    /// What keeps it from that.
+    /// The layers that prevent it.
     layers: &'static [Layer],
 }
 
@@ -129,7 +129,7 @@ const ALWAYS: &[(&str, &str)] = &[
     ),
 ];
 
-/// What is promised of a limit: its name, and the sentence.
+/// The promise about a limit: its name, and the sentence.
 fn of_limit(limit: Limit) -> (&'static str, &'static str) {
     match limit {
         Limit::Wall => (
@@ -253,7 +253,7 @@ fn promises(report: &SandboxReport, succeeded: &[Attempt]) -> Vec<Promise> {
     kept.chain(limits).chain(always).collect()
 }
 
-/// What to do about missing layers, each thing once.
+/// Advice about missing layers, each piece once.
 fn restore(missing: Vec<&LayerState>) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     for state in missing {

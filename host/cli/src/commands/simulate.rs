@@ -40,8 +40,8 @@ pub(crate) struct Simulate {
     /// The format of the plan [default: what the file looks like]
     #[arg(long, value_name = "FORMAT", value_parser = file_format)]
     from: Option<FileFormat>,
-    /// How a path on a grid is meant: in unit moves, or (bresenham, supercover) as a list
-    /// of cells between which the robot goes in straight lines, a cell a step
+    /// Meaning of a path on a grid: unit moves, or (bresenham, supercover) a list of cells between
+    /// which the robot goes in straight lines, a cell a step
     #[arg(long, value_parser = word::<PathRule>(), default_value_t)]
     path_rule: PathRule,
     #[command(flatten)]
@@ -86,7 +86,7 @@ enum Mishap {
     Unfinished,
 }
 
-/// What is on the move.
+/// The robots that move.
 #[derive(Debug, Args)]
 struct RobotArgs {
     /// Motion model or preset of all robots, such as pebble, agv, holonomic or go2;
@@ -108,7 +108,7 @@ struct RobotArgs {
     fleet: Option<PathBuf>,
 }
 
-/// How the plan is carried out, and what goes wrong meanwhile.
+/// The execution of the plan, and its disturbances.
 #[derive(Debug, Args)]
 struct ConductArgs {
     /// When a robot may go on
@@ -141,7 +141,7 @@ struct ConductArgs {
 }
 
 impl ConductArgs {
-    /// Whether the execution goes on until everybody has arrived.
+    /// True if the execution goes on until all robots have arrived.
     fn goes_on(&self) -> bool {
         self.until_done || self.policy == Policy::Adg
     }
@@ -213,7 +213,7 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     Ok(Exit::InvalidPlan)
 }
 
-/// How much there was of what may not happen, if there was some.
+/// Number of mishaps that the user forbids, in words, if there were any.
 fn happened(mishap: Mishap, execution: &ExecutionInfo) -> Option<String> {
     let figures = &execution.figures;
     let (count, what) = match mishap {
@@ -301,7 +301,7 @@ fn config(arguments: &Simulate) -> SimConfig {
     config
 }
 
-/// What the kernel could give without swapping, where it tells.
+/// Memory in bytes that the kernel could give without swapping, where it tells.
 pub(super) fn available_memory_bytes() -> Option<u64> {
     let meminfo = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = meminfo
@@ -344,7 +344,7 @@ fn picture(
     draw(path, &picture)
 }
 
-/// Where a plan without a map goes, with its roadmap, and a metre around it.
+/// The area of a plan without a map, with its roadmap, and a metre around it.
 fn bounds(plan: &AnyPlan, roadmap: Option<&Roadmap>) -> Bounds {
     let mut points = Vec::new();
     for [x, y] in roadmap.into_iter().flat_map(Roadmap::lines).flatten() {
@@ -362,7 +362,7 @@ fn bounds(plan: &AnyPlan, roadmap: Option<&Roadmap>) -> Bounds {
     Bounds::of(&points)
 }
 
-/// What is told to files and to a terminal while an execution goes on.
+/// Receivers of the progress of an execution: files and a terminal.
 pub(super) struct Sinks {
     trace: Option<TraceWriter<BufWriter<Unnamed>>>,
     events: Option<BufWriter<Unnamed>>,

@@ -45,7 +45,7 @@ pub(crate) struct TraceDiff {
     /// Another one
     #[arg(value_name = "B")]
     b: PathBuf,
-    /// How far apart values may be, in metres, radians and seconds
+    /// Largest difference of values, in metres, radians and seconds
     #[arg(long, value_name = "DISTANCE", default_value_t = 0.0, value_parser = |text: &str| not_negative(text, "tolerance"))]
     tolerance: f64,
     /// How to print the result
@@ -184,7 +184,7 @@ fn scene_info(scene: &Scene) -> Value {
     })
 }
 
-/// How many cells these are.
+/// Number of cells.
 fn count(cells: Option<&Cells>) -> u64 {
     let runs = cells.into_iter().flat_map(Cells::in_rows);
     runs.map(|(_, _, length)| u64::from(length)).sum()

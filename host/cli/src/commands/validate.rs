@@ -39,7 +39,7 @@ pub(crate) struct Validate {
         required_unless_present = "robots"
     )]
     scen: Option<PathBuf>,
-    /// How many of the scenario's entries to use, from the first
+    /// Number of the scenario's entries to use, from the first
     #[arg(
         long,
         value_name = "N",
@@ -47,7 +47,7 @@ pub(crate) struct Validate {
         required_unless_present = "robots"
     )]
     agents: Option<usize>,
-    /// What may lie between two cells of a path
+    /// Rule for the motion between two cells of a path
     #[arg(long, value_parser = word::<PathRule>(), default_value_t)]
     path_rule: PathRule,
     #[command(flatten)]

@@ -166,7 +166,7 @@ fn in_the_plane(
     })
 }
 
-/// What agents cover, and what they can do.
+/// Shapes and limits of the agents.
 struct Robots {
     shapes: Vec<Shape>,
     limits: Option<Vec<Dynamics>>,

@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 fleetyard_abi::export! { fail_policies: [SafePrefix] }
 
-/// What `--option NAME=VALUE` may say. The host checks it before the policy starts.
+/// The options, as in `--option NAME=VALUE`. The host checks them before the policy starts.
 #[derive(Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct SafePrefixOptions {
@@ -109,7 +109,7 @@ impl FailPolicy for SafePrefix {
 }
 
 impl Map {
-    /// Whether all agents can go from their cells to these in one step.
+    /// True if all agents can go from their cells to these in one step.
     fn is_safe(&self, now: &[u32], after: &[u32]) -> bool {
         let moves: Vec<(u32, u32)> = now.iter().copied().zip(after.iter().copied()).collect();
         moves.iter().enumerate().all(|(agent, (from, to))| {

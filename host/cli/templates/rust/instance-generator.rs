@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 fleetyard_abi::export! { instance_generators: [NearestIdle] }
 
-/// What `--option NAME=VALUE` may say. The host checks it before the generator starts.
+/// The options, as in `--option NAME=VALUE`. The host checks them before the generator starts.
 #[derive(Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct NearestIdleOptions {

@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 fleetyard_abi::export! { planners: [Prioritized] }
 
-/// What `--option NAME=VALUE` may say. The host checks it before the planner starts.
+/// The options, as in `--option NAME=VALUE`. The host checks them before the planner starts.
 #[derive(Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct PrioritizedOptions {
@@ -165,7 +165,7 @@ impl Map {
     }
 }
 
-/// Who is where at a time, by cell. After its last cell an agent stays there.
+/// The agent in each cell at a time. After its last cell an agent stays there.
 fn positions(paths: &BTreeMap<usize, Vec<u32>>, time: usize) -> BTreeMap<u32, usize> {
     let at = |path: &Vec<u32>| path[time.min(path.len() - 1)];
     paths.iter().map(|(who, path)| (at(path), *who)).collect()

@@ -8,7 +8,7 @@ use host::{BUDGET, Host, map};
 
 use example_plugin::SafePrefix;
 
-/// What the policy does for two agents at the ends of a corridor of four cells.
+/// Paths of the policy for two agents at the ends of a corridor of four cells.
 fn recover(options: &str, failed: Option<[&[u32]; 2]>) -> Vec<Vec<u32>> {
     let host = Host::default();
     let failed = failed.map(Plan::from_paths);
