@@ -95,6 +95,16 @@ impl<'a> Picture<'a> {
         self
     }
 
+    /// Sets starts and goals in metres, without paths between them.
+    #[must_use]
+    pub fn ends(mut self, ends: impl IntoIterator<Item = ([f64; 2], [f64; 2])>) -> Self {
+        (self.paths, self.goals) = ends
+            .into_iter()
+            .map(|(start, goal)| (vec![start], Some(goal)))
+            .unzip();
+        self
+    }
+
     fn end_at_goals(mut self) -> Self {
         self.goals = self.paths.iter().map(|path| path.last().copied()).collect();
         self

@@ -2,22 +2,27 @@
 
 use std::sync::Arc;
 
-use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
+use fleetyard_core::{Connectivity, Grid, GridInstance, InputError, words};
 use fleetyard_world::{Boundary, Bounds, Polygon, Pose, Shape, Workspace};
-use serde::Serialize;
+use serde_json::{Value, json};
 
-use crate::{FREE_SLACK_M, Origin, Problem, State};
+use crate::{FREE_SLACK_M, Origin, Problem, State, VIEW_FORMAT};
 
 /// Distance that robots keep if they keep the rules of a grid.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Separation {
     /// Cells of side 2r, as published: on four neighbours a robot that follows another one round
     /// a corner comes as near as √2·r.
+    #[default]
     Rules,
     /// Cells of side 2√2·r: 2r between any two robots at all times.
     Strict,
 }
+
+words!(Separation {
+    Rules = "rules", "Cells of side 2r, as published: round corners robots come as near as √2·r to each other";
+    Strict = "strict", "Cells of side 2√2·r: always 2r from each other";
+});
 
 /// Parameters of a grid view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +46,23 @@ pub struct GridView {
     pub snapped_m: Vec<[f64; 2]>,
     /// Operator, parameters and sources.
     pub origin: Origin,
+}
+
+impl GridView {
+    /// How the view came about, and its starts and goals as cells.
+    pub fn about(&self) -> Value {
+        json!({
+            "format": VIEW_FORMAT,
+            "representation": "grid",
+            "origin": self.origin,
+            "instance_digest": self.instance.digest(),
+            "cell_m": self.cell_m,
+            "corner_m": self.corner_m,
+            "starts": self.instance.starts(),
+            "goals": self.instance.goals(),
+            "snapped_m": self.snapped_m,
+        })
+    }
 }
 
 /// The side of a cell: 2·L·r for moves of at most L cells, and at least 2√2·r where robots keep
@@ -130,7 +152,7 @@ pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, Inpu
              cell; use a roadmap, smaller robots or wider passages",
         )
     })?;
-    let parameters = serde_json::json!({
+    let parameters = json!({
         "neighbors": spec.connectivity.degree(),
         "separation": spec.separation,
         "cell_m": cell_m,

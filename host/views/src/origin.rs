@@ -6,6 +6,9 @@ use serde_json::Value;
 
 use crate::Problem;
 
+/// The value of `format` in files that say how a view came about.
+pub const VIEW_FORMAT: &str = "fleetyard.view/1";
+
 /// Operator, parameters and sources of what was derived.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Origin {

@@ -12,29 +12,35 @@ mod tangent;
 
 use core::fmt;
 
-use fleetyard_core::{Digest, InputError, Roadmap};
+use fleetyard_core::{Digest, InputError, Roadmap, words};
 use fleetyard_world::Travel;
 use serde::Serialize;
+use serde_json::{Value, json};
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
 
 pub use report::RoadmapReport;
 
-use crate::{Free, Origin, Problem};
+use crate::{Free, Origin, Problem, VIEW_FORMAT};
 use connect::nearest_visible;
 
 /// Most vertices of a roadmap that an operator makes.
 pub const ROADMAP_MOST_VERTICES: usize = 1 << 20;
 
 /// Origin of the vertices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sampling {
     /// Independent places, any equally likely.
+    #[default]
     Uniform,
     /// The Halton sequence of bases 2 and 3, shifted by the seed (Cranley and Patterson 1976): places
     /// that fill space evenly.
     Halton,
 }
+
+words!(Sampling {
+    Uniform = "uniform", "Independent places, any equally likely";
+    Halton = "halton", "A Halton sequence, which fills space evenly, shifted by the seed";
+});
 
 /// The construction of a roadmap.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -183,6 +189,22 @@ pub struct RoadmapView {
 }
 
 impl RoadmapView {
+    /// How the view came about, and its starts and goals as vertices.
+    pub fn about(&self) -> Value {
+        json!({
+            "format": VIEW_FORMAT,
+            "representation": "roadmap",
+            "origin": self.origin,
+            "view_digest": self.digest(),
+            "roadmap_digest": self.roadmap.digest(),
+            "radius_m": self.radius_m,
+            "speed_m_per_s": self.speed_m_per_s,
+            "starts": self.starts,
+            "goals": self.goals,
+            "report": self.report,
+        })
+    }
+
     /// Digest of the roadmap with starts, goals, radius and speed.
     pub fn digest(&self) -> Digest {
         let mut hasher = fleetyard_core::Hasher::new("fleetyard.roadmap-view/1");
@@ -322,7 +344,7 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
         .flat_map(|&(from, to)| [(from, to), (to, from)]);
     let roadmap =
         Roadmap::new(x_m, y_m, both).map_err(|error| InputError::new(source, error.to_string()))?;
-    let parameters = serde_json::json!({
+    let parameters = json!({
         "builder": spec.builder,
         "spacing_m": spacing_m,
         "r_com_m": radius_m,
