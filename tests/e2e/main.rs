@@ -23,3 +23,4 @@ mod scaffold;
 mod simulate;
 mod trace;
 mod tutorials;
+mod world;

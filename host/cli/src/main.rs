@@ -29,6 +29,7 @@ use crate::commands::simulate::{Simulate, simulate};
 use crate::commands::store::{Stores, stores};
 use crate::commands::trace::{Trace, trace};
 use crate::commands::validate::{Validate, validate};
+use crate::commands::world::{Worlds, worlds};
 use crate::exit::{Exit, Result};
 
 /// Runs, executes and judges multi-robot planners.
@@ -64,6 +65,9 @@ enum Command {
     /// Make and look at maps
     #[command(subcommand)]
     Maps(Maps),
+    /// Derive grids and roadmaps of a task's world
+    #[command(subcommand, name = "world")]
+    Worlds(Worlds),
     Doctor(Doctor),
     /// Print a completion script for a shell
     Completions {
@@ -106,6 +110,7 @@ fn dispatch(command: &Command, matches: &ArgMatches) -> Result<Exit> {
         Command::Jobs(what) => jobs(what),
         Command::Plugins(what) => plugins(what),
         Command::Maps(what) => maps(what),
+        Command::Worlds(what) => worlds(what),
         Command::Doctor(arguments) if arguments.security => security(arguments),
         Command::Doctor(arguments) => doctor(arguments),
         Command::Completions { shell } => completions(*shell, Cli::command()),

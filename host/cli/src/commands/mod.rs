@@ -23,3 +23,4 @@ pub(crate) mod store;
 pub(crate) mod trace;
 pub(crate) mod validate;
 mod validate_plane;
+pub(crate) mod world;

@@ -1,0 +1,135 @@
+//! `fleetyard world`: views of a task's world, and how they came about.
+
+use fleetyard_testkit::{INPUT, SUCCESS, USAGE, Yard, root};
+use serde_json::Value;
+
+fn task(name: &str) -> String {
+    root().join("maps").join(name).display().to_string()
+}
+
+fn json(yard: &Yard, file: &str) -> Value {
+    serde_json::from_slice(&yard.read(file)).unwrap()
+}
+
+#[test]
+fn a_task_is_described() {
+    let yard = Yard::new();
+    let window = task("window.task.json");
+    let ended = yard
+        .line(&format!("world info {window} --format json"))
+        .expect(SUCCESS);
+    let info = ended.json();
+    assert_eq!(info["agents"], 8);
+    assert_eq!(info["robots"], 3);
+    assert_eq!(info["r_com_m"], 0.08);
+    let text = yard
+        .line(&format!("world info {window}"))
+        .expect(SUCCESS)
+        .stdout;
+    assert!(text.contains("size              5 × 5 m"), "{text}");
+}
+
+#[test]
+fn the_grid_of_a_task_can_be_planned_on() {
+    let yard = Yard::new();
+    let rooms = task("two-rooms.task.json");
+    let ended = yard
+        .line(&format!("world grid {rooms} --out g --picture g.svg"))
+        .expect(SUCCESS);
+    assert!(
+        ended
+            .stdout
+            .ends_with("written           g/two-rooms.grid.json\n"),
+        "{}",
+        ended.stdout
+    );
+    let about = json(&yard, "g/two-rooms.grid.json");
+    assert_eq!(about["format"], "fleetyard.view/1");
+    assert_eq!(about["origin"]["operator"], "world-to-grid");
+    assert_eq!(about["origin"]["parameters"]["separation"], "rules");
+    let plan = "run -m g/two-rooms.map -s g/two-rooms.scen -n 3 -p pp --format json";
+    let record = yard.line(plan).expect(SUCCESS).json();
+    assert_eq!(record["instance"]["digest"], about["instance_digest"]);
+    assert!(yard.read("g.svg").starts_with(b"<svg"));
+    // Robots in the widest sense need wider cells.
+    yard.line(&format!(
+        "world grid {rooms} --out s --separation strict --neighbors 8"
+    ))
+    .expect(SUCCESS);
+    let strict = json(&yard, "s/two-rooms.grid.json");
+    assert!(strict["cell_m"].as_f64() > about["cell_m"].as_f64());
+}
+
+#[test]
+fn roadmaps_of_a_task_name_what_made_them() {
+    let yard = Yard::new();
+    let rooms = task("two-rooms.task.json");
+    for (flags, vertices) in [
+        ("", 906),
+        ("--density S", 166),
+        ("--builder prm-star --sampling halton --vertices 100", 106),
+        ("--builder delaunay --vertices 100 --seed 7", 106),
+        ("--builder tangent", 50),
+    ] {
+        let line = format!("world roadmap {rooms} {flags} --name r --picture r.png --format json");
+        let about = yard.line(&line).expect(SUCCESS).json();
+        assert_eq!(about["report"]["vertices"], vertices, "{flags}");
+        assert_eq!(json(&yard, "r.view.json"), about, "{flags}");
+        let roadmap = json(&yard, "r.roadmap.json");
+        assert_eq!(roadmap["roadmap_digest"], about["roadmap_digest"]);
+        assert!(yard.read("r.png").starts_with(b"\x89PNG"));
+        let again = yard.line(&line).expect(SUCCESS).json();
+        assert_eq!(again, about, "{flags}");
+    }
+}
+
+#[test]
+fn a_map_becomes_a_world() {
+    let yard = Yard::new();
+    let map = task("empty-8-8.map");
+    yard.line(&format!("world convert {map} w.world.json --cell-size 0.5"))
+        .expect(SUCCESS);
+    assert_eq!(json(&yard, "w.world.json")["bounds_m"][2], 4.0);
+}
+
+#[test]
+fn what_cannot_be_derived_ends_with_a_reason_and_a_way_out() {
+    let yard = Yard::new();
+    let rooms = task("two-rooms.task.json");
+    for (line, exit, told) in [
+        (
+            format!("world roadmap {rooms} --density L"),
+            USAGE,
+            "[possible values: S, D, SD]",
+        ),
+        (
+            format!("world roadmap {rooms} --builder lattice"),
+            USAGE,
+            "--side",
+        ),
+        (
+            format!("world roadmap {rooms} --vertices 2"),
+            INPUT,
+            "cannot reach its goal",
+        ),
+        (
+            format!("world roadmap {rooms} --name ../x"),
+            USAGE,
+            "hint: files are named after it",
+        ),
+        (
+            format!("world convert {rooms} w.json"),
+            INPUT,
+            "two-rooms.task.json:1",
+        ),
+        (
+            "world info absent.task.json".to_owned(),
+            INPUT,
+            "absent.task.json",
+        ),
+    ] {
+        let ended = yard.line(&line).expect(exit);
+        assert!(ended.stderr.contains(told), "{line}: {}", ended.stderr);
+        assert!(yard.files().is_empty(), "{line} left {:?}", yard.files());
+    }
+}
