@@ -1,6 +1,6 @@
 //! Files that are no plugins, libraries that break the contract, and planners that misbehave.
 //!
-//! What a library and a program can both do is tried through both, and in the host's own
+//! Faults that a library and a program can both have are tried through both, and in the host's own
 //! process where it does not take the host down.
 
 use std::collections::BTreeSet;
@@ -184,7 +184,7 @@ fn exit_codes(tests: &mut Tests) {
 
 // ---- Libraries ------------------------------------------------------------------------
 
-/// What a library does wrong before there is a planner, and what is said of it.
+/// Faults of a library before there is a planner, and the messages about them.
 const LIBRARIES: &[(&str, &[&str])] = &[
     (
         "NO_SYMBOL",
