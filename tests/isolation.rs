@@ -15,8 +15,8 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use fleetyard_testkit::{
-    Ended, NO_PLAN, PLUGIN, SUCCESS, Started, Yard, c_library, faulty_library, faulty_program,
-    faulty_rust_library, fleetyard, have, instance, map, root, until, words,
+    Ended, NO_PLAN, PLUGIN, SUCCESS, Started, Yard, c_library, each, faulty_library,
+    faulty_program, faulty_rust_library, fleetyard, have, instance, map, root, until, words,
 };
 use serde_json::Value;
 
@@ -132,7 +132,7 @@ fn the_limit_that_is_exceeded_is_named() {
             &["disk"],
         ),
     ];
-    for (fault, by, arguments, limits) in cases {
+    each(cases, |(fault, by, arguments, limits)| {
         for plugin in plugins(by) {
             let ended = Yard::new().run(&faulty(&plugin, fault, arguments));
             assert!(ended.left.is_empty(), "{fault}: {:?} {ended}", ended.left);
@@ -147,7 +147,7 @@ fn the_limit_that_is_exceeded_is_named() {
             let latency = &record["kill_latency_ms"];
             assert!(latency.is_number() || !stopped_by_us, "{fault}: {ended}");
         }
-    }
+    });
 }
 
 #[test]
@@ -407,17 +407,23 @@ fn fails_to(fault: &str, by: &str, option: &str) -> Vec<Ended> {
     ends
 }
 
-#[test]
-fn nothing_gets_out() {
-    if refused().is_some() {
-        return;
-    }
+/// A file that everybody could write, in a folder of its own.
+fn precious() -> (tempfile::TempDir, PathBuf) {
     let outside = tempfile::tempdir().unwrap();
     // A plugin of another user must not be stopped by this folder alone.
     fs::set_permissions(outside.path(), fs::Permissions::from_mode(0o777)).unwrap();
     let file = outside.path().join("precious");
     fs::write(&file, "as it was").unwrap();
     fs::set_permissions(&file, fs::Permissions::from_mode(0o666)).unwrap();
+    (outside, file)
+}
+
+#[test]
+fn nothing_gets_out() {
+    if refused().is_some() {
+        return;
+    }
+    let (outside, file) = precious();
     let target = format!("--option target={}", file.display());
     let folder = format!("--option target={}", outside.path().display());
     fails_to("read-file", "cpr", &target);
@@ -638,11 +644,7 @@ fn the_sandbox_is_locked_before_a_constructor_runs() {
     if refused().is_some() {
         return;
     }
-    let outside = tempfile::tempdir().unwrap();
-    fs::set_permissions(outside.path(), fs::Permissions::from_mode(0o777)).unwrap();
-    let file = outside.path().join("precious");
-    fs::write(&file, "as it was").unwrap();
-    fs::set_permissions(&file, fs::Permissions::from_mode(0o666)).unwrap();
+    let (_outside, file) = precious();
     let library = c_library("plugins/faulty/faulty.c", Some("CONSTRUCTOR_FAULT"));
     let yard = Yard::new()
         .set("FLEETYARD_FAULT", "write-outside")
@@ -1351,10 +1353,10 @@ fn what_a_library_leaves_in_the_hosts_process_is_put_back_and_named() {
     assert!(broken_promises(&honest).is_empty(), "{honest}");
     let digest = &honest["execution"]["trace_digest"];
     assert!(digest.is_string(), "{honest}");
-    for (fault, what) in cases {
+    each(cases, |(fault, what)| {
         let arithmetic = what.starts_with("flush") || what == "the rounding" || what == "the traps";
         if arithmetic && !cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
-            continue;
+            return;
         }
         let (record, with) = beside_the_simulator(&Yard::new(), &library, fault);
         assert_eq!(&record["execution"]["trace_digest"], digest, "{fault}");
@@ -1366,7 +1368,7 @@ fn what_a_library_leaves_in_the_hosts_process_is_put_back_and_named() {
             broken.iter().all(|(during, _)| *during == "plan"),
             "{broken:?}"
         );
-    }
+    });
 }
 
 #[test]

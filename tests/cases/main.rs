@@ -1,10 +1,13 @@
-//! Files, command lines and plugins that are wrong, as tables: every row is a test with a name
-//! of its own. The exit code says whose fault it is, the message names the fault and its place,
-//! no process is left running, and no half-written file remains.
+//! Tables whose every row is a test with a name of its own: files, command lines and plugins that
+//! are wrong, the conformance kit, and the modules of fleets by every attachment.
+//!
+//! Whatever is wrong, the exit code says whose fault it is, the message names the fault and its
+//! place, no process is left running, and no half-written file remains.
 
 mod command_line;
 mod conformance;
 mod files;
+mod modules;
 mod plugins;
 
 use fleetyard_testkit::Ended;
@@ -35,10 +38,12 @@ fn says(ended: &Ended, texts: &[&str]) {
 }
 
 fn main() {
+    modules::intercept();
     let mut tests = Tests::default();
     files::add(&mut tests);
     command_line::add(&mut tests);
     plugins::add(&mut tests);
     conformance::add(&mut tests);
+    modules::add(&mut tests);
     libtest_mimic::run(&Arguments::from_args(), tests.0).exit();
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fleetyard_testkit::{Package, packages, root};
+use fleetyard_testkit::{Package, Target, packages, root};
 
 /// The crates that a crate of the host may use of the others, whatever for (tests aside). A new
 /// crate has to be entered here.
@@ -109,6 +109,12 @@ fn ours() -> Vec<Package> {
 
 fn is_plugin(package: &Package) -> bool {
     package.folder().starts_with(root().join("plugins"))
+}
+
+/// True for libraries and programs.
+fn is_product(target: &Target) -> bool {
+    let product = |kind: &String| ["lib", "rlib", "cdylib", "bin"].contains(&kind.as_str());
+    target.kind.iter().any(product)
 }
 
 /// Names of what a package needs, tests and benches aside.
@@ -286,18 +292,49 @@ fn unsafe_is_forbidden_elsewhere() {
             continue;
         }
         for target in &package.targets {
-            let of_product =
-                |kind: &String| ["lib", "rlib", "cdylib", "bin"].contains(&kind.as_str());
-            let of_product = target.kind.iter().any(of_product);
             let source = fs::read_to_string(&target.src_path).unwrap();
             let glue = is_plugin(package) && is_glue(package.folder());
             assert!(
-                !of_product || glue || source.contains("#![forbid(unsafe_code)]"),
+                !is_product(target) || glue || source.contains("#![forbid(unsafe_code)]"),
                 "{} does not forbid unsafe code",
                 target.src_path.display()
             );
         }
     }
+}
+
+/// Targets without tests are not built for them, which saves time as long as there are none.
+#[test]
+fn tests_that_are_switched_off_have_nothing_to_run() {
+    for package in &ours() {
+        let files = sources(&package.folder().join("src"));
+        for target in package.targets.iter().filter(|target| is_product(target)) {
+            let path = target.src_path.display();
+            if !target.test {
+                let tests = lines_with(&files, &["#[test]", "#[cfg(test)]", "proptest!"]);
+                assert_eq!(tests, [""; 0], "{path} has `test = false`");
+            }
+            if !target.doctest && !target.kind.contains(&"bin".to_owned()) {
+                let examples: Vec<_> = files.iter().filter(|file| has_example(file)).collect();
+                assert!(
+                    examples.is_empty(),
+                    "{path} has `doctest = false`: {examples:?}"
+                );
+            }
+        }
+    }
+}
+
+/// True if a block of code in the documentation of a file is Rust, as those without a name are.
+fn has_example(file: &Path) -> bool {
+    let content = fs::read_to_string(file).unwrap();
+    let lines = content.lines().map(str::trim_start);
+    let fences = lines.filter_map(|line| {
+        let comment = line.strip_prefix("//!").or(line.strip_prefix("///"))?;
+        comment.trim_start().strip_prefix("```")
+    });
+    let mut beginnings = fences.step_by(2);
+    beginnings.any(|language| language.is_empty() || language.starts_with("rust"))
 }
 
 /// True if a plugin's crate exports an entry symbol.

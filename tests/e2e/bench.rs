@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use fleetyard_bench::{Row, Store};
 use fleetyard_testkit::{
-    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, faulty_program, fleetyard, have, is_ignored, map,
+    INPUT, NO_PLAN, SUCCESS, USAGE, Yard, each, faulty_program, fleetyard, have, is_ignored, map,
     root, until, words,
 };
 
@@ -240,7 +240,7 @@ fn bad_input_is_said_before_anything_runs() {
             17,
         ),
     ];
-    for (name, text, reason, line) in cases {
+    each(cases, |(name, text, reason, line)| {
         let file = format!("{name}.toml");
         yard.write(&file, text);
         let ended = yard.line(&format!("bench {file}")).expect(INPUT);
@@ -250,7 +250,7 @@ fn bad_input_is_said_before_anything_runs() {
             ended.stderr.contains(&place),
             "{name} is not at line {line}: {ended}"
         );
-    }
+    });
     let missing = yard.line("bench nowhere.toml").expect(INPUT);
     assert!(missing.stderr.contains("no such file"), "{missing}");
     yard.write("s.toml", good);
@@ -258,7 +258,7 @@ fn bad_input_is_said_before_anything_runs() {
         "text.sqlite",
         "this is no store, whatever its name says".repeat(9),
     );
-    for (line, code, reason) in [
+    let rows = [
         (
             "bench s.toml --store text.sqlite --resume",
             INPUT,
@@ -279,10 +279,11 @@ fn bad_input_is_said_before_anything_runs() {
         ("bench s.toml --shard 3/2", USAGE, "write I/N"),
         ("bench s.toml --set wall=1s", INPUT, "wall"),
         ("bench s.toml --verify-sample 3", USAGE, "--verify"),
-    ] {
+    ];
+    each(rows, |(line, code, reason)| {
         let ended = yard.line(line).expect(code);
         assert!(ended.stderr.contains(reason), "{line}: {ended}");
-    }
+    });
     let stores = yard
         .files()
         .into_iter()

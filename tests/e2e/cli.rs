@@ -8,8 +8,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use fleetyard_testkit::{
-    self, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, Started, USAGE, Yard, c_library,
-    faulty_library, faulty_program, have, instance, is_ignored, map, root, until, words,
+    INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, Started, USAGE, Yard, c_library, faulty_library,
+    faulty_program, have, instance, is_ignored, map, root, until, words,
 };
 use serde_json::Value;
 

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, fleetyard, root};
+use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, each, fleetyard, root};
 
 const MAP: &str = "type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n";
 const SCEN: &str = "version 1\n1\ta.map\t3\t2\t0\t0\t2\t1\t3\n0\ta.map\t3\t2\t0\t1\t2\t0\t3\n";
@@ -133,7 +133,7 @@ fn what_is_missing_or_wrong_is_said_with_a_way_out() {
     yard.write("empty.txt", "\n");
     yard.write("bad.yaml", "map: {dimensions: [1, x]}\n");
     let before = yard.files();
-    for (line, code, texts) in [
+    let rows = [
         (
             "convert paths.txt x.json",
             INPUT,
@@ -284,13 +284,14 @@ fn what_is_missing_or_wrong_is_said_with_a_way_out() {
             INPUT,
             &["what.txt: this is in no format that is known"],
         ),
-    ] {
+    ];
+    each(rows, |(line, code, texts)| {
         let ended = yard.line(line).expect(code);
         for text in texts {
             assert!(ended.stderr.contains(text), "{line}: no `{text}`: {ended}");
         }
         assert_eq!(yard.files(), before, "{line}");
-    }
+    });
 }
 
 /// Four files are written, of which the second cannot be.

@@ -7,7 +7,7 @@ use std::fs;
 use std::process::Command;
 
 use fleetyard_testkit::{
-    self, INPUT, NO_PLAN, SUCCESS, USAGE, Yard, have, is_ignored, map, root, until, words,
+    INPUT, NO_PLAN, SUCCESS, USAGE, Yard, each, have, is_ignored, map, root, until, words,
 };
 use serde_json::Value;
 
@@ -214,7 +214,7 @@ fn in_real_time_simulated_time_follows_the_clock() {
 
 #[test]
 fn where_the_planner_fails_the_fail_policy_takes_over() {
-    for (fault, kind, words) in [
+    let rows = [
         (
             "crash",
             "planner-fault",
@@ -234,7 +234,8 @@ fn where_the_planner_fails_the_fail_policy_takes_over() {
             "planner-gave-up",
             "its paths collide",
         ),
-    ] {
+    ];
+    each(rows, |(fault, kind, words)| {
         let outcome = short(&format!("--option fault={fault} --option every=3"));
         let count = counts(&outcome)[kind].as_u64().unwrap_or(0);
         assert!(count >= 3, "{fault}: {}", counts(&outcome));
@@ -247,7 +248,7 @@ fn where_the_planner_fails_the_fail_policy_takes_over() {
         assert_eq!(metric(&outcome, "restarts") > 0, restarts, "{fault}");
         let invalid = if kind == "invalid-batch" { count } else { 0 };
         assert_eq!(metric(&outcome, "invalid_batches"), invalid);
-    }
+    });
 }
 
 #[test]
@@ -284,14 +285,15 @@ fn where_the_fail_policy_fails_everybody_waits() {
 
 #[test]
 fn what_a_generator_may_not_ask_for_is_not_asked() {
-    for (fault, kind, words) in [
+    let rows = [
         ("crash", "generator-fault", "SIGSEGV"),
         ("fails", "generator-fault", "failed as asked"),
         ("missing", "generator-fault", "goal lists"),
         ("blocked", "invalid-instance", "which is blocked"),
         ("moves-starts", "invalid-instance", "other `starts`"),
         ("invents-tasks", "invalid-instance", "task 12345"),
-    ] {
+    ];
+    each(rows, |(fault, kind, words)| {
         let outcome = short(&format!(
             "--generator-option fault={fault} --generator-option every=3"
         ));
@@ -300,7 +302,7 @@ fn what_a_generator_may_not_ask_for_is_not_asked() {
         let count = counts(&outcome)[kind].as_u64().unwrap();
         assert_eq!(metric(&outcome, "fail_calls"), count, "{fault}");
         assert_eq!(metric(&outcome, "all_waits"), 0, "{fault}");
-    }
+    });
 }
 
 #[test]

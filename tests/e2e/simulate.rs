@@ -1,6 +1,6 @@
 //! `fleetyard simulate`: plans executed with robots as they are, on the command line.
 
-use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, each, root};
 
 /// Two agents that meet in a crossing, the second a step later.
 fn yard() -> Yard {
@@ -193,7 +193,7 @@ fn what_is_wrong_is_said() {
         "wall.json",
         r#"{"format": "fleetyard.plan/1", "rows": 5, "cols": 5, "paths": [[[0, 0], [0, 1]]]}"#,
     );
-    for (line, exit, part) in [
+    let rows = [
         ("simulate plan.json", INPUT, "needs the map"),
         (
             "simulate --map a.map plan.json --fleet fleet.json",
@@ -225,11 +225,12 @@ fn what_is_wrong_is_said() {
             INPUT,
             "begins in the solid cell",
         ),
-    ] {
+    ];
+    each(rows, |(line, exit, part)| {
         let ended = yard.line(line).expect(exit);
         assert!(ended.stderr.contains(part), "{line}: {ended}");
         assert_eq!(ended.stdout, "", "{line}");
-    }
+    });
     // Nothing is left of an execution that was refused.
     yard.line("simulate --map a.map swap.json --policy adg --trace t.fyt --events e.jsonl")
         .expect(INPUT);

@@ -1,5 +1,6 @@
 //! The contract as a plugin and as a host meet it: header, schema, wire and paths.
 
+mod figures;
 mod header;
 mod paths;
 mod schema;

@@ -51,6 +51,10 @@ pub struct Target {
     pub kind: Vec<String>,
     /// Its root file.
     pub src_path: PathBuf,
+    /// True if its unit tests are built.
+    pub test: bool,
+    /// True if the examples of its documentation are run.
+    pub doctest: bool,
 }
 
 impl Package {

@@ -6,6 +6,7 @@ use fleetyard_bench::suite::{KEYS, Suite, SuiteInstance, load_suite};
 use fleetyard_bench::{BudgetOptions, Robots};
 use fleetyard_core::document::Setting;
 use fleetyard_core::{Connectivity, InputError};
+use fleetyard_testkit::each;
 
 /// Reads a suite whose paths are relative to the folder of the repository's own maps.
 fn read(text: &str) -> Result<Suite, InputError> {
@@ -675,7 +676,7 @@ fn what_is_wrong_with_a_fleet_has_its_place() {
         let hint = error.hint.clone().unwrap_or_default();
         format!("{error}; {hint}")
     };
-    for (from, to, expected) in [
+    let rows = [
         (
             "limit = \"500ms\"",
             "limit = \"0s\"",
@@ -709,8 +710,9 @@ fn what_is_wrong_with_a_fleet_has_its_place() {
             "plugin = \"pibt\"\nfleet = { invocation = { plugin = \"periodic\", options = { period_s = 1 } }, period = \"1s\",",
             "`period` is the option `period_s`",
         ),
-    ] {
+    ];
+    each(rows, |(from, to, expected)| {
         let said = told(from, to);
         assert!(said.contains(expected), "{to}: {said}");
-    }
+    });
 }

@@ -1,5 +1,6 @@
 //! The validator against rules written down twice.
 
+mod continuous;
 mod oracle;
 mod paths;
 mod rules;

@@ -481,10 +481,17 @@ mod tests {
         assert_eq!((back.steal_ms, back.quota_us), (Some(0), Some(0)));
     }
 
+    /// Counters are there exactly where the kernel has them.
     #[test]
-    fn this_machine_is_read_without_harm() {
-        let before = Snapshot::take(None);
-        let difference = Snapshot::take(None).since(&before);
-        assert!(difference.elapsed_ms >= 0.0 && difference.cpus.is_none());
+    fn this_machine_is_read() {
+        let difference = Snapshot::take(None).since(&Snapshot::take(None));
+        let told = |path: &str| std::fs::read_to_string(path).is_ok();
+        assert_eq!(difference.cpus, None);
+        assert_eq!(difference.busy_ms.is_some(), told("/proc/stat"));
+        assert_eq!(difference.load_after.is_some(), told("/proc/loadavg"));
+        let Pressures { cpu, memory, io } = difference.pressure;
+        assert_eq!(cpu.is_some(), told("/proc/pressure/cpu"));
+        assert_eq!(memory.is_some(), told("/proc/pressure/memory"));
+        assert_eq!(io.is_some(), told("/proc/pressure/io"));
     }
 }

@@ -1,9 +1,11 @@
 //! Robots with models and controllers: by time and by order, alone and disturbed,
 //! on any number of threads.
 
+use std::mem::discriminant;
+
 use crate::common;
 use fleetyard_core::{Grid, GridPlan, Knot, TrajectoryPlan};
-use fleetyard_sim::motion::Model;
+use fleetyard_sim::motion::{Model, PRESETS};
 use fleetyard_sim::{
     Fleet, NoTrace, Outcome, Policy, Profile, SimConfig, SimError, Simulator, Tier,
 };
@@ -55,7 +57,7 @@ fn disturbed(seed: u64) -> SimConfig {
     config
 }
 
-const MODELS: &[&str] = &[
+const MODELS: [&str; 9] = [
     "pebble",
     "rotation",
     "single-integrator",
@@ -299,10 +301,13 @@ fn the_contact_tier_drives_the_same_robots() {
     assert_eq!(outcome, again);
 }
 
+/// A new kind of model has to be in the table of those that are driven here.
 #[test]
-fn every_model_has_a_name() {
-    for model in MODELS {
-        assert!(model.parse::<Model>().is_ok(), "{model}");
+fn every_kind_of_model_is_driven() {
+    let driven = MODELS.map(|name| discriminant(&name.parse::<Model>().expect(name)));
+    for preset in PRESETS {
+        let kind = discriminant(&(preset.model)());
+        assert!(driven.contains(&kind), "{}", preset.name);
     }
 }
 

@@ -81,17 +81,14 @@ fn page(options: &PageOptions) -> String {
     page.finish(None).unwrap()
 }
 
-/// Two robots of a fleet for 10 s: 0 reaches a goal and goes on to the next one of its
-/// task, 1 has no goal before 4 s. The third call is left to the fail policy.
-fn fleet_page(options: &PageOptions) -> String {
-    let rows = ["e...w", "....."];
-    let grid = Grid::new("yard", 2, 5, rows.concat().into_bytes()).unwrap();
-    let recording = Recording {
-        title: "fleet".to_owned(),
-        world: World::of_grid(&grid, 1.0),
-        columns: 5,
-        endpoints: Some(Cells::of_runs(2, 1.0, [(0, 0, 1)])),
-        workstations: Some(Cells::of_runs(2, 1.0, [(0, 4, 1)])),
+/// Two discs on a map, ten ticks a second.
+fn two_discs(title: &str, grid: &Grid) -> Recording {
+    Recording {
+        title: title.to_owned(),
+        world: World::of_grid(grid, 1.0),
+        columns: grid.cols(),
+        endpoints: None,
+        workstations: None,
         outlines: vec![Outline::Disc { radius_m: 0.3 }],
         outline_of_body: vec![0, 0],
         agents: 2,
@@ -100,6 +97,18 @@ fn fleet_page(options: &PageOptions) -> String {
         tick_s: 0.1,
         state_every: 1,
         facts: Vec::new(),
+    }
+}
+
+/// Two robots of a fleet for 10 s: 0 reaches a goal and goes on to the next one of its
+/// task, 1 has no goal before 4 s. The third call is left to the fail policy.
+fn fleet_page(options: &PageOptions) -> String {
+    let rows = ["e...w", "....."];
+    let grid = Grid::new("yard", 2, 5, rows.concat().into_bytes()).unwrap();
+    let recording = Recording {
+        endpoints: Some(Cells::of_runs(2, 1.0, [(0, 0, 1)])),
+        workstations: Some(Cells::of_runs(2, 1.0, [(0, 4, 1)])),
+        ..two_discs("fleet", &grid)
     };
     let mut page = Page::new(recording, options).unwrap();
     let at = |tick, what| Entry { tick, what };
@@ -245,22 +254,7 @@ fn fewer_agents_and_states_make_a_smaller_page_that_says_so() {
 #[test]
 fn what_cannot_be_shown_is_refused() {
     let grid = Grid::new("map", 1, 2, b"..".to_vec()).unwrap();
-    let world = World::of_grid(&grid, 1.0);
-    let recording = || Recording {
-        title: "map".to_owned(),
-        world: world.clone(),
-        columns: 2,
-        endpoints: None,
-        workstations: None,
-        outlines: vec![Outline::Disc { radius_m: 0.3 }],
-        outline_of_body: vec![0, 0],
-        agents: 2,
-        goals_m: Vec::new(),
-        headings: false,
-        tick_s: 0.1,
-        state_every: 1,
-        facts: Vec::new(),
-    };
+    let recording = || two_discs("map", &grid);
     let refused = |rate_hz, agents| {
         let options = PageOptions { rate_hz, agents };
         Page::new(recording(), &options).unwrap_err().to_string()

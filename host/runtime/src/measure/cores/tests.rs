@@ -476,10 +476,15 @@ fn a_thread_is_pinned_or_told_that_it_is_not() {
     .unwrap();
 }
 
+/// The cores of this machine have all CPUs that this process may use, and no others.
 #[test]
-fn this_machine_is_asked_without_harm() {
-    match Topology::of_this_process() {
-        Ok(topology) => assert!(topology.cores() as usize <= topology.cpus().len()),
+fn the_topology_of_this_machine_has_its_cpus() {
+    let allowed = affinity(None).unwrap();
+    match Topology::read(&Source::system(), &allowed) {
+        Ok(topology) => {
+            assert_eq!(topology.cpus(), allowed);
+            assert!((1..=topology.cpus().len()).contains(&(topology.cores() as usize)));
+        }
         Err(reason) => assert_eq!(reason, NoCores::UnknownTopology),
     }
 }

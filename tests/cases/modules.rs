@@ -1,8 +1,5 @@
 //! The modules of a fleet give the same answer through every attachment: linked in, in a
-//! worker, and as a program that speaks JSON over stdio. Has no harness, because it is its own
-//! worker and program.
-
-#![allow(missing_docs)]
+//! worker, and as a program that speaks JSON over stdio. This binary is its own worker and program.
 
 use std::time::Duration;
 
@@ -11,7 +8,8 @@ use fleetyard_abi::{
     Motion, Objective, Plan, SharedEnvironment, Task, c, serve,
 };
 use fleetyard_runtime::{Attach, Limits, PluginFile, Runtime, Session, supervisor};
-use libtest_mimic::{Arguments, Trial};
+
+use crate::Tests;
 
 static BUILT_IN: &[&c::PluginEntry] = &[&fleetyard_plugins::fleetyard_plugin_entry_v1];
 const SERVE: &str = "__serve";
@@ -158,25 +156,22 @@ fn answers(attach: Attach, kind: Kind, id: &str) -> String {
     answers.join("\n")
 }
 
-fn main() {
+/// Does not return in the processes that tests start for plugins.
+pub(crate) fn intercept() {
     supervisor::intercept(BUILT_IN);
-    let catalog = fleetyard_plugins::catalog();
     if std::env::args().nth(1).as_deref() == Some(SERVE) {
-        std::process::exit(serve::serve_stdio(catalog));
+        std::process::exit(serve::serve_stdio(fleetyard_plugins::catalog()));
     }
-    let modules = fleetyard_abi::sdk::Catalog::descriptors(catalog);
-    let modules = modules.into_iter().filter(|of| of.kind != Kind::Planner);
-    let trials = modules.map(|of| {
-        Trial::test(format!("{}::{}", of.kind, of.id), move || {
+}
+
+pub(crate) fn add(tests: &mut Tests) {
+    let modules = fleetyard_abi::sdk::Catalog::descriptors(fleetyard_plugins::catalog());
+    for of in modules.into_iter().filter(|of| of.kind != Kind::Planner) {
+        tests.add(&format!("modules::{}::{}", of.kind, of.id), move || {
             let expected = answers(Attach::InProcess, of.kind, &of.id);
             for attach in [Attach::Worker, Attach::Stdio] {
-                let found = answers(attach, of.kind, &of.id);
-                if found != expected {
-                    return Err(format!("{attach:?}: {found}\nnot {expected}").into());
-                }
+                assert_eq!(answers(attach, of.kind, &of.id), expected, "{attach:?}");
             }
-            Ok(())
-        })
-    });
-    libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit();
+        });
+    }
 }
