@@ -40,15 +40,15 @@ pub use fleet::start_modules;
 pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
 pub use places::{Places, ScenarioPlace};
-pub use plan::{Planned, Schedule, Shard, Step, in_turn};
+pub use plan::{Planned, Schedule, Shard, Step};
 pub use plugin::{GivenOptions, Plugin, Running};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, number,
 };
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
-pub use run::{Progress, Ran, SharedStore, run};
-pub use store::{Asked, KeptPlan, Merged, Meta, Store, schema};
+pub use run::{Progress, Ran, run};
+pub use store::{Asked, KeptPlan, Merged, Meta, SharedStore, Store, schema};
 pub use trial::{Host, Outcome, Trial, execute, milliseconds};
 pub use trial_error::TrialError;
 pub use verify::{Difference, Verified, What, verify};

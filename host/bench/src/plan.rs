@@ -213,7 +213,7 @@ pub(crate) fn key(planner: Digest, instance: Digest, twins: u64, seed: u64, repe
 ///
 /// Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
 /// Australian Journal of Scientific Research A 2 (1949).
-pub fn in_turn(row: usize, planners: usize) -> impl Iterator<Item = usize> {
+fn in_turn(row: usize, planners: usize) -> impl Iterator<Item = usize> {
     // With an odd number each row is needed in reverse as well.
     let reversed = planners % 2 == 1 && (row / planners.max(1)) % 2 == 1;
     (0..planners).map(move |place| {

@@ -5,49 +5,12 @@
 //! caller's.
 
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-
-use fleetyard_core::InputError;
 
 use crate::error::BenchError;
 use crate::estimate::{Estimate, Left};
 use crate::plan::{Planned, Schedule, Shard, Step};
 use crate::row::Row;
-use crate::store::Store;
-
-/// A store that may be closed from another thread, when the process is told to end.
-#[derive(Clone)]
-pub struct SharedStore(Arc<Mutex<Option<Store>>>);
-
-impl SharedStore {
-    /// Of a store that is open for writing.
-    pub fn new(store: Store) -> Self {
-        Self(Arc::new(Mutex::new(Some(store))))
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Option<Store>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Works with the store; an error once it was closed.
-    pub fn with<T>(
-        &self,
-        work: impl FnOnce(&mut Store) -> Result<T, InputError>,
-    ) -> Result<T, InputError> {
-        match self.lock().as_mut() {
-            Some(store) => work(store),
-            None => Err(InputError::new("store", "the store was closed")),
-        }
-    }
-
-    /// Takes the store away from everybody else, and waits for a trial that is just being
-    /// written. Nobody gets at it as long as `last` runs.
-    pub fn close(&self, last: impl FnOnce(Option<Store>)) {
-        let mut store = self.lock();
-        last(store.take());
-    }
-}
 
 /// The progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]

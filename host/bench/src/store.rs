@@ -17,7 +17,7 @@ use std::fs::{self, File};
 use std::io::{self, Read, Seek, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use fleetyard_core::{Digest, InputError, open_regular};
@@ -1176,5 +1176,38 @@ impl Drop for Lock {
         // Closing is not enough when a process that is just being started has a copy of the
         // descriptor for a moment.
         let _ = rustix::fs::flock(&self.file, FlockOperation::Unlock);
+    }
+}
+
+/// A store that may be closed from another thread, when the process is told to end.
+#[derive(Clone)]
+pub struct SharedStore(Arc<Mutex<Option<Store>>>);
+
+impl SharedStore {
+    /// Of a store that is open for writing.
+    pub fn new(store: Store) -> Self {
+        Self(Arc::new(Mutex::new(Some(store))))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<Store>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Works with the store; an error once it was closed.
+    pub fn with<T>(
+        &self,
+        work: impl FnOnce(&mut Store) -> Result<T, InputError>,
+    ) -> Result<T, InputError> {
+        match self.lock().as_mut() {
+            Some(store) => work(store),
+            None => Err(InputError::new("store", "the store was closed")),
+        }
+    }
+
+    /// Takes the store away from everybody else, and waits for a trial that is just being
+    /// written. Nobody gets at it as long as `last` runs.
+    pub fn close(&self, last: impl FnOnce(Option<Store>)) {
+        let mut store = self.lock();
+        last(store.take());
     }
 }

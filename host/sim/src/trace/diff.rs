@@ -1,6 +1,6 @@
 //! Comparison of two traces.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 use std::io::Read;
 
 use fleetyard_core::InputError;
@@ -113,8 +113,8 @@ impl Difference {
 
     fn compare_states<R: Read>(
         &mut self,
-        mut one: TraceReader<R>,
-        mut other: TraceReader<R>,
+        one: TraceReader<R>,
+        other: TraceReader<R>,
         tolerance: f64,
     ) -> Result<(), InputError> {
         self.header = header_differences(one.header(), other.header());
@@ -124,31 +124,31 @@ impl Difference {
             return Ok(());
         }
         let records_alike = header.state_every == other.header().state_every;
-        let (mut a, mut b) = (Kept::default(), Kept::default());
-        let (mut a_is_there, mut b_is_there) = (a.advance(&mut one)?, b.advance(&mut other)?);
-        while a_is_there && b_is_there {
+        let (mut one, mut other) = (Items::new(one, states), Items::new(other, states));
+        let (mut a, mut b) = (one.next()?, other.next()?);
+        while let (Some(now), Some(then)) = (&a, &b) {
+            let order = now.tick.cmp(&then.tick);
             // Where one trace has states less often, others are passed over.
-            if a.tick == b.tick {
-                self.compare_tick(&header, &a, &b, tolerance);
+            if order.is_eq() {
+                self.compare_tick(&header, now, then, tolerance);
                 self.ticks_compared += 1;
             }
-            let (from_a, from_b) = (a.tick <= b.tick, b.tick <= a.tick);
-            if from_a {
-                a_is_there = a.advance(&mut one)?;
+            if order.is_le() {
+                a = one.next()?;
             }
-            if from_b {
-                b_is_there = b.advance(&mut other)?;
+            if order.is_ge() {
+                b = other.next()?;
             }
         }
-        if records_alike && a_is_there != b_is_there {
-            let tick = if a_is_there { a.tick } else { b.tick };
+        if let (true, Some(longer)) = (records_alike, a.as_ref().or(b.as_ref())) {
+            let exists = |state: &Option<Kept>| state.is_some().then_some(1.0);
             self.state.get_or_insert_with(|| StateDifference {
-                tick,
-                time_s: header.time_s(tick),
+                tick: longer.tick,
+                time_s: header.time_s(longer.tick),
                 body: 0,
                 value: "existence",
-                a: a_is_there.then_some(1.0),
-                b: b_is_there.then_some(1.0),
+                a: exists(&a),
+                b: exists(&b),
             });
         }
         Ok(())
@@ -199,12 +199,6 @@ impl Difference {
         other: TraceReader<R>,
         tolerance: f64,
     ) -> Result<bool, InputError> {
-        fn events<'f>(frame: &Frame<'f>) -> &'f [Event] {
-            match frame {
-                Frame::Events(events) => events,
-                _ => &[],
-            }
-        }
         let (mut one, mut other) = (Items::new(one, events), Items::new(other, events));
         let same = |a: &Event, b: &Event| {
             if tolerance > 0.0 {
@@ -231,12 +225,6 @@ impl Difference {
         one: TraceReader<R>,
         other: TraceReader<R>,
     ) -> Result<(), InputError> {
-        fn entries<'f>(frame: &Frame<'f>) -> &'f [Entry] {
-            match frame {
-                Frame::Journal(entries) => entries,
-                _ => &[],
-            }
-        }
         let (mut one, mut other) = (Items::new(one, entries), Items::new(other, entries));
         (self.entry, self.entries_compared) =
             first_difference(&mut one, &mut other, |a, b| a == b)?;
@@ -302,48 +290,53 @@ fn field_differences(
 }
 
 /// The states of a tick.
-#[derive(Default)]
 struct Kept {
     tick: u64,
     channels: [Vec<f64>; 3],
     progress: Vec<u32>,
 }
 
-impl Kept {
-    /// Goes to the next states; `false` at the end.
-    fn advance<R: Read>(&mut self, reader: &mut TraceReader<R>) -> Result<bool, InputError> {
-        while let Some(frame) = reader.next_frame()? {
-            if let Frame::State { tick, states } = frame {
-                self.tick = tick;
-                let channels = [Some(states.x_m), Some(states.y_m), states.heading_rad];
-                for (kept, channel) in self.channels.iter_mut().zip(channels) {
-                    kept.clear();
-                    kept.extend(channel.unwrap_or_default());
-                }
-                self.progress.clear();
-                self.progress.extend(states.progress.unwrap_or_default());
-                return Ok(true);
-            }
-        }
-        Ok(false)
+fn states(frame: &Frame<'_>) -> Vec<Kept> {
+    let Frame::State { tick, states } = frame else {
+        return Vec::new();
+    };
+    let channels = [Some(states.x_m), Some(states.y_m), states.heading_rad];
+    vec![Kept {
+        tick: *tick,
+        channels: channels.map(|channel| channel.unwrap_or_default().to_vec()),
+        progress: states.progress.unwrap_or_default().to_vec(),
+    }]
+}
+
+fn events(frame: &Frame<'_>) -> Vec<Event> {
+    match frame {
+        Frame::Events(events) => events.to_vec(),
+        _ => Vec::new(),
     }
 }
 
-/// Events or entries of a journal one by one.
+fn entries(frame: &Frame<'_>) -> Vec<Entry> {
+    match frame {
+        Frame::Journal(entries) => entries.to_vec(),
+        _ => Vec::new(),
+    }
+}
+
+/// States, events or entries of a journal one by one.
 struct Items<R, T> {
     reader: TraceReader<R>,
-    waiting: VecDeque<T>,
+    waiting: std::vec::IntoIter<T>,
     /// Those of a frame.
-    of: for<'f> fn(&Frame<'f>) -> &'f [T],
+    of: fn(&Frame<'_>) -> Vec<T>,
     has_journal: bool,
     summary: Option<Summary>,
 }
 
-impl<R: Read, T: Clone> Items<R, T> {
-    fn new(reader: TraceReader<R>, of: for<'f> fn(&Frame<'f>) -> &'f [T]) -> Self {
+impl<R: Read, T> Items<R, T> {
+    fn new(reader: TraceReader<R>, of: fn(&Frame<'_>) -> Vec<T>) -> Self {
         Self {
             reader,
-            waiting: VecDeque::new(),
+            waiting: Vec::new().into_iter(),
             of,
             has_journal: false,
             summary: None,
@@ -353,13 +346,13 @@ impl<R: Read, T: Clone> Items<R, T> {
     /// The next one; at the end of the trace `None`, and there is a summary.
     fn next(&mut self) -> Result<Option<T>, InputError> {
         loop {
-            if let Some(item) = self.waiting.pop_front() {
+            if let Some(item) = self.waiting.next() {
                 return Ok(Some(item));
             }
             let Some(frame) = self.reader.next_frame()? else {
                 return Ok(None);
             };
-            self.waiting.extend((self.of)(&frame).iter().cloned());
+            self.waiting = (self.of)(&frame).into_iter();
             match frame {
                 Frame::Journal(_) => self.has_journal = true,
                 Frame::End(summary) => self.summary = Some(summary.clone()),
@@ -370,7 +363,7 @@ impl<R: Read, T: Clone> Items<R, T> {
 }
 
 /// The first two that differ, and the number of those that were compared.
-fn first_difference<R: Read, T: Clone>(
+fn first_difference<R: Read, T>(
     one: &mut Items<R, T>,
     other: &mut Items<R, T>,
     same: impl Fn(&T, &T) -> bool,
