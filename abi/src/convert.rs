@@ -9,10 +9,12 @@ use std::ptr;
 
 use crate::c;
 use crate::figures::check_figure;
+use crate::lists::Lists;
 use crate::model::{
-    Assignment, Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading,
-    Instance, LogLevel, Motion, Objective, Plan, PlanRef, SharedEnvironment, Task,
+    Assignment, Budget, Environment, FleetState, FleetStatus, GridEnvironment, Heading, Instance,
+    LogLevel, Motion, Objective, SharedEnvironment, Task,
 };
+use crate::plan::GridPlan;
 use crate::sdk::{Rejected, Sink};
 
 /// `sizeof` a C structure, for its `struct_size` field.
@@ -242,33 +244,35 @@ unsafe fn headings_from_c(
         .map(Some)
 }
 
-/// Refuses lists of more than `max_cells` cells together before it looks at the cells.
+/// Copies lists, then looks at the copy: another thread of the other side may still write to
+/// its arrays. Refuses more than `max_cells` cells together before it looks at a cell.
 ///
 /// # Safety
 /// `offsets` has `len + 1` elements behind it and `cells` as many as the last of
 /// them says.
-unsafe fn goals_from_c(
-    name: &str,
+unsafe fn lists_from_c(
+    names: [&str; 2],
     offsets: *const u64,
     cells: *const u32,
     len: usize,
     max_cells: usize,
-) -> Result<Goals, String> {
-    let disordered = || format!("the offsets of {name} are out of order");
+) -> Result<Lists<u32>, String> {
+    let disordered = || format!("{} do not begin with 0 or are out of order", names[0]);
     // SAFETY: by the caller's promise.
-    let offsets = unsafe { copied(name, offsets, len + 1)? };
+    let offsets = unsafe { copied(names[0], offsets, len + 1)? };
     let total = offsets.last().copied().unwrap_or(0);
     if offsets.first() != Some(&0) || !offsets.is_sorted() {
         return Err(disordered());
     }
     if total > max_cells as u64 {
         return Err(format!(
-            "{name} has {total} cells, more than the limit of {max_cells}"
+            "{} are {total} cells, more than the limit of {max_cells}",
+            names[1]
         ));
     }
     // SAFETY: by the caller's promise.
-    let cells = unsafe { copied(name, cells, total as usize)? };
-    Goals::from_flat(offsets, cells).ok_or_else(disordered)
+    let cells = unsafe { copied(names[1], cells, total as usize)? };
+    Lists::from_flat(offsets, cells).ok_or_else(disordered)
 }
 
 fn motion_from_c(code: i32) -> Result<Motion, String> {
@@ -307,7 +311,7 @@ impl CInstance {
             starts: instance.starts.as_ptr(),
             headings: pointer_or_null(headings.as_ref()),
             goal_offsets: instance.goals.offsets().as_ptr(),
-            goals: instance.goals.cells().as_ptr(),
+            goals: instance.goals.items().as_ptr(),
             motion: instance.motion.code(),
             objective: instance.objective.code(),
             window_steps: instance.window_steps,
@@ -355,8 +359,8 @@ impl Instance {
             headings: unsafe { headings_from_c(instance.headings, agents)? },
             // SAFETY: as promised.
             goals: unsafe {
-                goals_from_c(
-                    "instance.goals",
+                lists_from_c(
+                    ["instance.goal_offsets", "instance.goals"],
                     instance.goal_offsets,
                     instance.goals,
                     agents,
@@ -379,60 +383,37 @@ impl Instance {
     }
 }
 
-/// The number of paths, if it is the one that was asked for.
-fn expected(paths: u32, agents: Option<usize>) -> Result<usize, String> {
-    let paths = paths as usize;
-    match agents.filter(|agents| *agents != paths) {
-        Some(agents) => Err(wrong_agents(paths, agents)),
-        None => Ok(paths),
-    }
-}
-
-/// The number of cells that offsets promise, before anybody looks at a cell.
-fn total(offsets: &[u64], max_cells: usize) -> Result<usize, String> {
-    let total = offsets.last().copied().unwrap_or(0);
-    if offsets.first() != Some(&0) || !offsets.is_sorted() {
-        return Err("plan.offsets do not begin with 0 or are out of order".into());
-    }
-    if total > max_cells as u64 {
-        return Err(format!(
-            "the plan has {total} cells, more than the limit of {max_cells}"
-        ));
-    }
-    Ok(total as usize)
-}
-
-impl<'a> PlanRef<'a> {
+impl GridPlan {
     /// The C form; valid as long as the plan is.
-    pub fn to_c(self) -> c::Plan {
+    pub fn to_c(&self) -> c::Plan {
         c::Plan {
             struct_size: size_of::<c::Plan>(),
             agents: self.agents() as u32,
-            offsets: self.offsets().as_ptr(),
+            offsets: self.lists().offsets().as_ptr(),
             cells: self.cells().as_ptr(),
         }
     }
 
-    /// Borrows from the C form. Refuses a plan for another number of agents, or
-    /// one with more than `max_cells` cells, before looking at its arrays.
+    /// Copies from the C form. Refuses a plan for another number of agents, or one with more
+    /// than `max_cells` cells, before looking at its arrays.
     ///
     /// # Safety
-    /// As [`checked`], and the arrays are as long as the header says, for all of
-    /// `'a`.
+    /// As [`checked`], and the arrays are as long as the header says.
     pub unsafe fn from_c(
         pointer: *const c::Plan,
         agents: Option<usize>,
         max_cells: usize,
     ) -> Result<Self, String> {
         // SAFETY: by the caller's promise, here and below.
-        let plan = unsafe { checked("plan", pointer)? };
-        let paths = expected(plan.agents, agents)?;
+        let plan = unsafe { std::ptr::read(checked("plan", pointer)?) };
+        let paths = plan.agents as usize;
+        if let Some(agents) = agents.filter(|agents| *agents != paths) {
+            return Err(wrong_agents(paths, agents));
+        }
+        let names = ["plan.offsets", "plan.cells"];
         // SAFETY: as promised.
-        let offsets = unsafe { slice("plan.offsets", plan.offsets, paths + 1)? };
-        let total = total(offsets, max_cells)?;
-        // SAFETY: as promised.
-        let cells = unsafe { slice("plan.cells", plan.cells, total)? };
-        Self::new(offsets, cells).ok_or_else(|| "plan.offsets do not fit the cells".into())
+        let lists = unsafe { lists_from_c(names, plan.offsets, plan.cells, paths, max_cells)? };
+        Ok(lists.into())
     }
 }
 
@@ -446,7 +427,7 @@ pub struct CFleetState {
     raw: c::FleetState,
     _headings: Option<Vec<i32>>,
     _ids: Vec<u64>,
-    _tasks: Goals,
+    _tasks: Lists<u32>,
 }
 
 impl CFleetState {
@@ -454,13 +435,8 @@ impl CFleetState {
     pub fn new(state: &FleetState, environment: *const c::Environment) -> Self {
         let headings = headings_to_c(state.headings.as_ref());
         let ids: Vec<u64> = state.tasks.iter().map(|task| task.id).collect();
-        let mut offsets = vec![0];
-        let mut cells = Vec::new();
-        for task in &state.tasks {
-            cells.extend_from_slice(&task.cells);
-            offsets.push(cells.len() as u64);
-        }
-        let tasks = Goals::from_flat(offsets, cells).unwrap_or(Goals::single(Vec::new()));
+        let tasks = state.tasks.iter();
+        let tasks: Lists<u32> = tasks.map(|task| task.cells.iter().copied()).collect();
         let raw = c::FleetState {
             struct_size: size_of::<c::FleetState>(),
             agents: state.cells.len() as u32,
@@ -469,12 +445,12 @@ impl CFleetState {
             cells: state.cells.as_ptr(),
             headings: pointer_or_null(headings.as_ref()),
             goal_offsets: state.goals.offsets().as_ptr(),
-            goals: state.goals.cells().as_ptr(),
+            goals: state.goals.items().as_ptr(),
             tasks: ids.len() as u32,
             window_steps: state.window_steps,
             task_ids: ids.as_ptr(),
             task_offsets: tasks.offsets().as_ptr(),
-            task_cells: tasks.cells().as_ptr(),
+            task_cells: tasks.items().as_ptr(),
             motion: state.motion.code(),
             objective: state.objective.code(),
             radius_m: state.radius_m,
@@ -508,8 +484,8 @@ impl FleetState {
         let ids = unsafe { slice("state.task_ids", state.task_ids, tasks)? };
         // SAFETY: as promised.
         let lists = unsafe {
-            goals_from_c(
-                "state.task_cells",
+            lists_from_c(
+                ["state.task_offsets", "state.task_cells"],
                 state.task_offsets,
                 state.task_cells,
                 tasks,
@@ -524,8 +500,8 @@ impl FleetState {
             headings: unsafe { headings_from_c(state.headings, agents)? },
             // SAFETY: as promised.
             goals: unsafe {
-                goals_from_c(
-                    "state.goals",
+                lists_from_c(
+                    ["state.goal_offsets", "state.goals"],
                     state.goal_offsets,
                     state.goals,
                     agents,
@@ -657,35 +633,12 @@ unsafe fn context<'a>(pointer: *mut c_void) -> &'a SinkContext<'a> {
     unsafe { &*pointer.cast::<SinkContext<'a>>() }
 }
 
-impl Plan {
-    /// Copies from the C form, then looks at the copy: another thread of the plugin may
-    /// still write to its arrays. Refuses what [`PlanRef::from_c`] refuses.
-    ///
-    /// # Safety
-    /// As [`checked`], and the arrays are as long as the header says.
-    unsafe fn copy_from_c(
-        pointer: *const c::Plan,
-        agents: Option<usize>,
-        max_cells: usize,
-    ) -> Result<Self, String> {
-        // SAFETY: by the caller's promise, here and below.
-        let plan = unsafe { std::ptr::read(checked("plan", pointer)?) };
-        let paths = expected(plan.agents, agents)?;
-        // SAFETY: as promised.
-        let offsets = unsafe { copied("plan.offsets", plan.offsets, paths + 1)? };
-        let total = total(&offsets, max_cells)?;
-        // SAFETY: as promised.
-        let cells = unsafe { copied("plan.cells", plan.cells, total)? };
-        Plan::from_parts(offsets, cells).ok_or_else(|| "plan.offsets do not fit the cells".into())
-    }
-}
-
 unsafe extern "C" fn submit_plan(pointer: *mut c_void, plan: *const c::Plan) -> i32 {
     // SAFETY: the plugin passes back the context of the sink it was given.
     let context = unsafe { context(pointer) };
     // SAFETY: the plugin's promise by the header.
-    match unsafe { Plan::copy_from_c(plan, context.agents, context.max_cells) } {
-        Ok(plan) => code(context.sink.submit_plan(plan.as_ref())),
+    match unsafe { GridPlan::from_c(plan, context.agents, context.max_cells) } {
+        Ok(plan) => code(context.sink.submit_plan(&plan)),
         Err(fault) => context.broken(fault),
     }
 }
@@ -766,7 +719,7 @@ impl<'a> CSink<'a> {
 }
 
 impl Sink for CSink<'_> {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
         let submit = self.raw.submit_plan.ok_or(Rejected)?;
         let raw = plan.to_c();
         // SAFETY: the plan lives through the call.

@@ -12,9 +12,10 @@ use crate::c;
 use crate::convert::{CSink, size_of, string};
 use crate::layout;
 use crate::model::{
-    Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, PlanRef, Status,
+    Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, Status,
 };
 use crate::object::{FailPolicy, InstanceGenerator, InvocationPolicy, Object, Planner, Prepare};
+use crate::plan::GridPlan;
 use crate::sdk::{Entry, Failure, Options, StaticCatalog};
 
 /// A crate's catalogue, found by type. Implemented by [`export!`](crate::export!).
@@ -385,9 +386,9 @@ unsafe extern "C" fn recover(
         } else {
             let agents = Some(instance.agents());
             // SAFETY: as in `prepare`.
-            Some(unsafe { PlanRef::from_c(failed_plan, agents, usize::MAX) }.map_err(invalid)?)
+            Some(unsafe { GridPlan::from_c(failed_plan, agents, usize::MAX) }.map_err(invalid)?)
         };
-        plugin.recover(&instance, failed, &budget, sink)
+        plugin.recover(&instance, failed.as_ref(), &budget, sink)
     };
     // SAFETY: the sink is that of the call.
     unsafe { guarded(sink, call) }

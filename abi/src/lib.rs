@@ -1,7 +1,7 @@
 //! The plugin contract of Fleetyard, and nothing else.
 //!
 //! - [`c`]: the C ABI, from which `include/fleetyard.h` is generated.
-//! - The owned model ([`Instance`], [`Plan`], [`Budget`], …): the same things as
+//! - The owned model ([`Instance`], [`GridPlan`], [`Budget`], …): the same things as
 //!   Rust values, whose serde form is the JSON wire ([`wire`], [`paths`]).
 //! - [`sdk`]: what a plugin in Rust implements, and [`export!`], which makes a
 //!   shared library of it; [`serve`] makes an executable that speaks JSON.
@@ -23,13 +23,17 @@ pub mod convert;
 pub mod export;
 pub mod figures;
 pub mod layout;
+mod lists;
 mod model;
 pub mod moves;
 pub mod object;
 pub mod paths;
+mod plan;
 pub mod sdk;
 pub mod serve;
 pub mod wire;
 
 pub use clock::monotonic_ns;
+pub use lists::{Goals, Lists};
 pub use model::*;
+pub use plan::GridPlan;

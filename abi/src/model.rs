@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::c;
+use crate::lists::Goals;
 
 /// The four kinds of plugin.
 #[derive(
@@ -652,94 +653,6 @@ fn sum_of_costs() -> Objective {
     Objective::SumOfCosts
 }
 
-/// A list of cells per agent or task, stored flat; on the wire a list of lists.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Goals {
-    offsets: Vec<u64>,
-    cells: Vec<u32>,
-}
-
-impl Goals {
-    /// One cell each.
-    pub fn single(cells: Vec<u32>) -> Self {
-        Self {
-            offsets: (0..=cells.len() as u64).collect(),
-            cells,
-        }
-    }
-
-    /// From flat arrays; `None` when the offsets do not fit the cells.
-    pub fn from_flat(offsets: Vec<u64>, cells: Vec<u32>) -> Option<Self> {
-        let fit = offsets.first() == Some(&0)
-            && offsets.last() == Some(&(cells.len() as u64))
-            && offsets.is_sorted();
-        fit.then_some(Self { offsets, cells })
-    }
-
-    /// Number of lists.
-    pub fn len(&self) -> usize {
-        self.offsets.len() - 1
-    }
-
-    /// True if there are no lists.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The cells of list `index`.
-    pub fn get(&self, index: usize) -> &[u32] {
-        &self.cells[self.offsets[index] as usize..self.offsets[index + 1] as usize]
-    }
-
-    /// Every list, in order.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[u32]> {
-        self.offsets
-            .windows(2)
-            .map(|range| &self.cells[range[0] as usize..range[1] as usize])
-    }
-
-    /// Prefix sums of the lists' lengths.
-    pub fn offsets(&self) -> &[u64] {
-        &self.offsets
-    }
-
-    /// All cells.
-    pub fn cells(&self) -> &[u32] {
-        &self.cells
-    }
-}
-
-impl Serialize for Goals {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.iter())
-    }
-}
-
-impl<'de> Deserialize<'de> for Goals {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let lists = Vec::<Vec<u32>>::deserialize(deserializer)?;
-        let mut goals = Self {
-            offsets: vec![0],
-            cells: Vec::new(),
-        };
-        for list in lists {
-            goals.cells.extend(list);
-            goals.offsets.push(goals.cells.len() as u64);
-        }
-        Ok(goals)
-    }
-}
-
-impl JsonSchema for Goals {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "Goals".into()
-    }
-
-    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        Vec::<Vec<u32>>::json_schema(generator)
-    }
-}
-
 impl Instance {
     /// One goal per agent, pebbles, sum of costs, no window.
     pub fn one_shot(starts: Vec<u32>, goals: Vec<u32>) -> Self {
@@ -803,7 +716,7 @@ impl Instance {
         if let Some(agent) = self.goals.iter().position(<[u32]>::is_empty) {
             return Err(format!("agent {agent} has no goal"));
         }
-        let mut all = self.starts.iter().chain(self.goals.cells());
+        let mut all = self.starts.iter().chain(self.goals.items());
         if let Some(cell) = all.find(|cell| **cell as usize >= cells) {
             return Err(format!("cell {cell} is not on a map of {cells} cells"));
         }
@@ -891,116 +804,6 @@ pub struct FleetStatus {
     pub action_s: f64,
     /// Per agent, committed actions that are not yet executed.
     pub actions_left: Vec<u32>,
-}
-
-/// A plan, borrowed: path `i` is `cells[offsets[i]..offsets[i + 1]]`.
-#[derive(Debug, Clone, Copy)]
-pub struct PlanRef<'a> {
-    offsets: &'a [u64],
-    cells: &'a [u32],
-}
-
-impl<'a> PlanRef<'a> {
-    /// From flat arrays; `None` when the offsets do not fit the cells.
-    pub fn new(offsets: &'a [u64], cells: &'a [u32]) -> Option<Self> {
-        let fit = offsets.first() == Some(&0)
-            && offsets.last() == Some(&(cells.len() as u64))
-            && offsets.is_sorted();
-        fit.then_some(Self { offsets, cells })
-    }
-
-    /// Number of agents.
-    pub fn agents(&self) -> usize {
-        self.offsets.len() - 1
-    }
-
-    /// Prefix sums of path lengths.
-    pub fn offsets(&self) -> &'a [u64] {
-        self.offsets
-    }
-
-    /// All paths' cells.
-    pub fn cells(&self) -> &'a [u32] {
-        self.cells
-    }
-
-    /// Every path, in order.
-    pub fn paths(&self) -> impl ExactSizeIterator<Item = &'a [u32]> + use<'a> {
-        let cells = self.cells;
-        self.offsets
-            .windows(2)
-            .map(move |range| &cells[range[0] as usize..range[1] as usize])
-    }
-
-    /// Copies.
-    pub fn to_plan(&self) -> Plan {
-        Plan {
-            offsets: self.offsets.to_vec(),
-            cells: self.cells.to_vec(),
-        }
-    }
-}
-
-/// A plan, owned. Nothing is promised of its cells: they may be on no map.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Plan {
-    offsets: Vec<u64>,
-    cells: Vec<u32>,
-}
-
-impl Default for Plan {
-    fn default() -> Self {
-        Self {
-            offsets: vec![0],
-            cells: Vec::new(),
-        }
-    }
-}
-
-impl Plan {
-    /// From flat arrays; `None` when the offsets do not fit the cells.
-    pub(crate) fn from_parts(offsets: Vec<u64>, cells: Vec<u32>) -> Option<Self> {
-        PlanRef::new(&offsets, &cells)?;
-        Some(Self { offsets, cells })
-    }
-
-    /// Collects one path per agent.
-    pub fn from_paths<P: AsRef<[u32]>>(paths: impl IntoIterator<Item = P>) -> Self {
-        let mut plan = Self::default();
-        for path in paths {
-            plan.push_path(path.as_ref());
-        }
-        plan
-    }
-
-    /// Appends the path of the next agent.
-    pub fn push_path(&mut self, path: &[u32]) {
-        self.cells.extend_from_slice(path);
-        self.end_path();
-    }
-
-    /// The prefix sums of path lengths, and the cells.
-    pub fn into_parts(self) -> (Vec<u64>, Vec<u32>) {
-        (self.offsets, self.cells)
-    }
-
-    /// The cells, the last ones those of the path that is being written.
-    pub(crate) fn cells_mut(&mut self) -> &mut Vec<u32> {
-        &mut self.cells
-    }
-
-    /// Ends the path that is being written.
-    pub(crate) fn end_path(&mut self) {
-        self.offsets.push(self.cells.len() as u64);
-    }
-
-    /// Borrows.
-    pub fn as_ref(&self) -> PlanRef<'_> {
-        PlanRef {
-            offsets: &self.offsets,
-            cells: &self.cells,
-        }
-    }
 }
 
 /// Shared environments: a planner may keep what it was prepared with.

@@ -9,9 +9,9 @@
 use std::fmt;
 
 use crate::model::{
-    Budget, Capabilities, FleetState, FleetStatus, Instance, Kind, PlanRef, SharedEnvironment,
-    Status,
+    Budget, Capabilities, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status,
 };
+use crate::plan::GridPlan;
 use crate::sdk::{self, Failure, Sink};
 
 /// Learns maps.
@@ -43,7 +43,7 @@ pub trait FailPolicy: Prepare {
     fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure>;
@@ -248,7 +248,7 @@ impl<P: sdk::FailPolicy> FailPolicy for FailPolicyOf<P> {
     fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {

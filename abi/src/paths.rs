@@ -18,8 +18,9 @@ use serde::de::{self, DeserializeSeed, SeqAccess, Visitor};
 use serde::ser::SerializeSeq;
 use serde::{Deserializer, Serialize, Serializer};
 
-use crate::model::{PathEncoding, Plan, PlanRef};
+use crate::model::PathEncoding;
 use crate::moves::{self, OFF_MAP};
+use crate::plan::GridPlan;
 
 pub use reader::{PathsError, PathsReader};
 
@@ -52,7 +53,7 @@ impl PathContext<'_> {
 #[derive(Debug, Clone, Copy)]
 pub struct WritePaths<'a> {
     /// The plan.
-    pub plan: PlanRef<'a>,
+    pub plan: &'a GridPlan,
     /// The map's size and the starts.
     pub context: PathContext<'a>,
     /// The encoding.
@@ -108,9 +109,9 @@ impl Serialize for Pairs<'_> {
 
 /// Reads what [`WritePaths`] writes, straight into flat arrays.
 impl<'de> DeserializeSeed<'de> for PathContext<'_> {
-    type Value = Plan;
+    type Value = GridPlan;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Plan, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<GridPlan, D::Error> {
         deserializer.deserialize_seq(PlanVisitor { context: self })
     }
 }
@@ -120,14 +121,14 @@ struct PlanVisitor<'a> {
 }
 
 impl<'de> Visitor<'de> for PlanVisitor<'_> {
-    type Value = Plan;
+    type Value = GridPlan;
 
     fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("a list with one path per agent")
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Plan, A::Error> {
-        let mut plan = Plan::default();
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<GridPlan, A::Error> {
+        let mut plan = GridPlan::default();
         let mut agent = 0;
         while seq
             .next_element_seed(PathVisitor {
@@ -147,7 +148,7 @@ impl<'de> Visitor<'de> for PlanVisitor<'_> {
 struct PathVisitor<'a> {
     context: PathContext<'a>,
     agent: usize,
-    plan: &'a mut Plan,
+    plan: &'a mut GridPlan,
 }
 
 impl PathVisitor<'_> {
@@ -156,7 +157,7 @@ impl PathVisitor<'_> {
     }
 
     fn push<E: de::Error>(&mut self, cell: u32) -> Result<(), E> {
-        if self.plan.as_ref().cells().len() >= self.context.max_cells {
+        if self.plan.cells_mut().len() >= self.context.max_cells {
             return Err(self.too_long());
         }
         self.plan.cells_mut().push(cell);

@@ -14,7 +14,7 @@
 //!
 //! ```
 //! use fleetyard_abi::sdk::{Failure, Options, Plugin, Planner, Sink};
-//! use fleetyard_abi::{Budget, Capabilities, Capability, Descriptor, Instance, Kind, Plan};
+//! use fleetyard_abi::{Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind};
 //! use fleetyard_abi::SharedEnvironment;
 //!
 //! /// Leaves everybody at their start.
@@ -53,7 +53,7 @@
 //!         _: &Budget,
 //!         sink: &dyn Sink,
 //!     ) -> Result<(), Failure> {
-//!         sink.submit_plan(Plan::from_paths(instance.starts.iter().map(|cell| [*cell])).as_ref())?;
+//!         sink.submit_plan(&GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell])))?;
 //!         Ok(())
 //!     }
 //! }
@@ -78,9 +78,10 @@ use serde::de::DeserializeOwned;
 
 use crate::model::{
     Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel,
-    PathEncoding, PlanRef, SharedEnvironment, Status,
+    PathEncoding, SharedEnvironment, Status,
 };
 use crate::object::Object;
+use crate::plan::GridPlan;
 
 /// The reason why a call did not succeed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -129,7 +130,7 @@ impl From<Rejected> for Failure {
 pub trait Sink: Sync {
     /// Hands over a plan. May be called any number of times, each plan better
     /// than the last.
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected>;
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected>;
     /// Hands over the next instance, in `generate`.
     fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected>;
     /// Reports a figure such as `expansions`, kept as a claim; those of
@@ -217,7 +218,7 @@ pub trait FailPolicy: Plugin + Send {
         &mut self,
         map: &mut Self::Map,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure>;

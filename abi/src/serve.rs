@@ -18,9 +18,10 @@ use serde_json::value::RawValue;
 
 use crate::clock::monotonic_ns;
 use crate::export::panic_message;
-use crate::model::{Instance, LogLevel, PathEncoding, Plan, PlanRef, SharedEnvironment, Status};
+use crate::model::{Instance, LogLevel, PathEncoding, SharedEnvironment, Status};
 use crate::object::Object;
 use crate::paths::{PathContext, WritePaths};
+use crate::plan::GridPlan;
 use crate::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use crate::wire::{
     self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
@@ -287,7 +288,7 @@ impl<W: Write + Send> Server<'_, W> {
                 };
                 let failed = failed_paths.map(read).transpose().map_err(invalid_params)?;
                 let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
-                let failed = failed.as_ref().map(Plan::as_ref);
+                let failed = failed.as_ref();
                 let began_ns = monotonic_ns();
                 let result = policy.recover(&instance, failed, &budget, &sink);
                 let call_ns = sink.worked_ns(began_ns);
@@ -484,7 +485,7 @@ impl<W: Write + Send> WireSink<'_, W> {
 }
 
 impl<W: Write + Send> Sink for WireSink<'_, W> {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
         let Answer::Plan(context) = self.answer else {
             return Err(Rejected);
         };

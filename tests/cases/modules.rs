@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use fleetyard_abi::{
-    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Heading, Instance, Kind,
-    Motion, Objective, Plan, SharedEnvironment, Task, c, serve,
+    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, GridPlan, Heading,
+    Instance, Kind, Motion, Objective, SharedEnvironment, Task, c, serve,
 };
 use fleetyard_runtime::{Attach, Limits, PluginFile, Runtime, Session, supervisor};
 
@@ -46,17 +46,15 @@ fn environment() -> SharedEnvironment {
 fn state() -> FleetState {
     let free: Vec<u32> = (0..SIDE * SIDE).filter(|cell| free(*cell)).collect();
     let cells: Vec<u32> = free.iter().copied().step_by(3).collect();
-    let (mut offsets, mut goals) = (vec![0], Vec::new());
+    let mut goals = Goals::default();
     for agent in 0..cells.len() {
-        if agent % 5 != 0 {
-            goals.extend([free[agent % 6 * 7], free[agent * 2]]);
-        }
-        offsets.push(goals.len() as u64);
+        let both = [free[agent % 6 * 7], free[agent * 2]];
+        goals.push(both.into_iter().filter(|_| agent % 5 != 0));
     }
     FleetState {
         time_s: 12.5,
         headings: Some(vec![Heading::North; cells.len()]),
-        goals: Goals::from_flat(offsets, goals).expect("offsets fit"),
+        goals,
         tasks: (0..4)
             .map(|task| Task {
                 id: 1 << (10 * task),
@@ -73,7 +71,7 @@ fn state() -> FleetState {
 }
 
 /// The instance for the fail policies, and paths that collide: everybody goes east and back.
-fn failed(motion: Motion) -> (Instance, Plan) {
+fn failed(motion: Motion) -> (Instance, GridPlan) {
     let mut state = state();
     state.motion = motion;
     let goals: Vec<u32> = state.cells.iter().rev().copied().collect();
@@ -88,7 +86,7 @@ fn failed(motion: Motion) -> (Instance, Plan) {
         let back: Vec<u32> = path.iter().rev().copied().collect();
         [path, back].concat()
     });
-    let failed = Plan::from_paths(east_and_back);
+    let failed = GridPlan::from_paths(east_and_back);
     (state.instance(Goals::single(goals)), failed)
 }
 

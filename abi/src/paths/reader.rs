@@ -6,9 +6,9 @@
 
 use serde::Deserialize;
 
-use crate::model::Plan;
 use crate::moves::{MoveError, Walk};
 use crate::paths::{Coordinate, PathContext, Position};
+use crate::plan::GridPlan;
 
 /// The longest number that is looked at. JSON allows any length.
 const LONGEST_NUMBER: usize = 40;
@@ -83,11 +83,11 @@ enum State {
 /// }
 /// assert!(paths.is_done());
 /// let (plan, paths) = paths.finish().unwrap();
-/// assert_eq!((plan.as_ref().cells(), paths), (&[0, 1, 2, 5][..], 1));
+/// assert_eq!((plan.cells(), paths), (&[0, 1, 2, 5][..], 1));
 /// ```
 #[derive(Debug)]
 pub struct PathsReader {
-    plan: Plan,
+    plan: GridPlan,
     /// Paths that have ended, those included that nobody asked for.
     paths: usize,
     state: State,
@@ -113,7 +113,7 @@ impl PathsReader {
     /// Before the bracket that opens the list.
     pub fn new() -> Self {
         Self {
-            plan: Plan::default(),
+            plan: GridPlan::default(),
             paths: 0,
             state: State::Before,
             token: Vec::new(),
@@ -132,7 +132,7 @@ impl PathsReader {
 
     /// The plan and the number of its paths, or why it is none. Where there are more paths
     /// than agents, the plan has only theirs.
-    pub fn finish(mut self) -> Result<(Plan, usize), String> {
+    pub fn finish(mut self) -> Result<(GridPlan, usize), String> {
         if let Some(wrong) = self.wrong.take() {
             return Err(wrong);
         }
@@ -396,7 +396,7 @@ impl PathsReader {
     /// Gives up the plan; the rest of it is skipped.
     fn refuse(&mut self, wrong: String, depth: u32, string: bool) {
         self.wrong.get_or_insert(wrong);
-        self.plan = Plan::default();
+        self.plan = GridPlan::default();
         self.state = State::Skip {
             depth,
             string,

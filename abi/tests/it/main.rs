@@ -2,6 +2,7 @@
 
 mod figures;
 mod header;
+mod lists;
 mod paths;
 mod schema;
 mod serve;

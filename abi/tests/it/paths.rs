@@ -2,7 +2,7 @@
 
 use fleetyard_abi::moves::OFF_MAP;
 use fleetyard_abi::paths::{PathContext, PathsError, PathsReader, WritePaths};
-use fleetyard_abi::{Environment, PathEncoding, Plan};
+use fleetyard_abi::{Environment, GridPlan, PathEncoding};
 use serde::de::DeserializeSeed;
 
 fn context(rows: u32, cols: u32) -> PathContext<'static> {
@@ -14,22 +14,22 @@ fn context(rows: u32, cols: u32) -> PathContext<'static> {
     }
 }
 
-fn read(context: PathContext<'_>, text: &str) -> serde_json::Result<Plan> {
+fn read(context: PathContext<'_>, text: &str) -> serde_json::Result<GridPlan> {
     context.deserialize(&mut serde_json::Deserializer::from_str(text))
 }
 
 #[track_caller]
 fn arrives(context: PathContext<'_>, plan: &[&[u32]], expected: &[&[u32]]) {
-    let plan = Plan::from_paths(plan);
+    let plan = GridPlan::from_paths(plan);
     for encoding in PathEncoding::ALL {
         let paths = WritePaths {
-            plan: plan.as_ref(),
+            plan: &plan,
             context,
             encoding,
         };
         let text = serde_json::to_string(&paths).unwrap();
         let read = read(context, &text).unwrap();
-        assert_eq!(read, Plan::from_paths(expected), "{text}");
+        assert_eq!(read, GridPlan::from_paths(expected), "{text}");
     }
 }
 
@@ -51,8 +51,9 @@ fn paths_on_a_map_without_columns_can_be_written() {
 fn a_coordinate_is_outside_the_map_however_large_it_is() {
     let text = "[[18446744073709551615, [0, 1]], [[18446744073709551615, 0], [0, -1]]]";
     assert!(
-        read(context(3, 4), text)
-            .is_ok_and(|plan| { plan == Plan::from_paths([&[OFF_MAP, 1], &[OFF_MAP, OFF_MAP]]) })
+        read(context(3, 4), text).is_ok_and(|plan| {
+            plan == GridPlan::from_paths([&[OFF_MAP, 1], &[OFF_MAP, OFF_MAP]])
+        })
     );
     for text in ["[[[0, \"1\"]]]", "[[[0, 0.5]]]"] {
         let error = read(context(3, 4), text).unwrap_err().to_string();
@@ -74,7 +75,11 @@ fn a_grid_without_cells_is_refused() {
 }
 
 /// Reads a text in pieces of so many bytes; the plan of all paths that have an agent.
-fn in_pieces(context: PathContext<'_>, text: &str, size: usize) -> Result<(Plan, usize), String> {
+fn in_pieces(
+    context: PathContext<'_>,
+    text: &str,
+    size: usize,
+) -> Result<(GridPlan, usize), String> {
     let mut paths = PathsReader::new();
     for piece in text.as_bytes().chunks(size) {
         match paths.feed(&context, piece) {
@@ -141,9 +146,8 @@ fn paths_that_come_in_pieces_are_those_that_come_at_once() {
             let pieces = in_pieces(context(3, 4), text, size);
             match (&whole, &pieces) {
                 (Ok(whole), Ok((plan, paths))) => {
-                    assert_eq!(whole.as_ref().agents(), *paths, "{text}");
-                    let kept = whole.as_ref();
-                    let kept = Plan::from_paths(kept.paths().take(2));
+                    assert_eq!(whole.agents(), *paths, "{text}");
+                    let kept = GridPlan::from_paths(whole.paths().take(2));
                     assert_eq!(*plan, kept, "{text}");
                 }
                 (Err(_), Err(_)) => {}

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use fleetyard_abi::sdk::{Failure, InvocationPolicy, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, FleetStatus, Instance, Kind, Plan,
+    Budget, Capabilities, Capability, Descriptor, FleetStatus, GridPlan, Instance, Kind,
     SharedEnvironment, Status, c, convert, layout, serve,
 };
 
@@ -50,8 +50,8 @@ impl Planner for Stay {
     ) -> Result<(), Failure> {
         assert!(!self.0.panic, "asked to panic");
         sink.metric("agents", instance.agents() as f64);
-        let plan = Plan::from_paths(instance.starts.iter().map(|cell| [*cell]));
-        sink.submit_plan(plan.as_ref())?;
+        let plan = GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell]));
+        sink.submit_plan(&plan)?;
         Ok(())
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn unpacked(packed: &[u8]) -> Option<Vec<u8>> {
 mod tests {
     use std::sync::Arc;
 
-    use fleetyard_core::{Connectivity, Grid, read_plan};
+    use fleetyard_core::{Connectivity, Digest, Grid, read_plan};
 
     use super::*;
 
@@ -53,7 +53,7 @@ mod tests {
         let text = unpacked(&packed).unwrap();
         let file = read_plan("p.json", &text).unwrap();
         assert_eq!(file.plan, plan);
-        assert_eq!(file.plan_digest, Some(plan.digest()));
+        assert_eq!(file.plan_digest, Some(Digest::of_plan(&plan)));
         assert_eq!((file.rows, file.cols), (2, 3));
         assert_eq!(
             (file.planner, file.map, file.instance_digest),

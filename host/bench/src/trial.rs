@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Budget, SharedEnvironment};
-use fleetyard_check::{PathRule, metrics, sum_of_costs, validate_paths};
-use fleetyard_core::{GridInstance, GridPlan, InputError, TrajectoryPlan};
+use fleetyard_check::{PathRule, metrics, validate_paths};
+use fleetyard_core::{Digest, GridInstance, GridPlan, InputError, TrajectoryPlan};
 use fleetyard_runtime::measure::{
     Call, Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
@@ -331,7 +331,7 @@ impl Trial<'_> {
             environment_digest: None,
             execution,
             instance_digest: self.instance.digest(),
-            plan_digest: plan.as_ref().map(GridPlan::digest),
+            plan_digest: plan.as_ref().map(Digest::of_plan),
         };
         record.claims = claims::of(&record);
         let (mut log, mut stderr) = (Vec::new(), String::new());
@@ -512,7 +512,11 @@ impl Trial<'_> {
             };
             IncumbentInfo {
                 time_ms: milliseconds(incumbent.arrived),
-                soc_steps: incumbent.plan.as_ref().filter(|_| timed).map(sum_of_costs),
+                soc_steps: incumbent
+                    .plan
+                    .as_ref()
+                    .filter(|_| timed)
+                    .map(GridPlan::sum_of_costs),
                 valid: incumbent.plan.as_ref().map(valid),
             }
         });

@@ -19,7 +19,7 @@ pub use continuous::{
     BeyondLimit, ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, Tolerance,
     validate_trajectories,
 };
-pub use metrics::{PlanMetrics, metrics, sum_of_costs};
+pub use metrics::{PlanMetrics, metrics};
 pub use path::{PathRule, validate_paths};
 pub use validate::{Terms, validate, validate_terms};
 pub use verdict::{CellPosition, Rule, Verdict, Violation};

@@ -39,17 +39,6 @@ pub struct PlanMetrics {
     pub costs: Vec<u32>,
 }
 
-/// The sum of costs alone: one pass from each path's end.
-pub fn sum_of_costs(plan: &GridPlan) -> u64 {
-    let arrival = |path: &[u32]| {
-        let goal = path.last()?;
-        path.iter()
-            .rposition(|cell| cell != goal)
-            .map(|last| last as u64 + 1)
-    };
-    plan.paths().filter_map(arrival).sum()
-}
-
 /// Computes the metrics of a plan on cells of `cell_size_m` metres.
 ///
 /// A step that is no unit move counts as one move of its straight-line length;

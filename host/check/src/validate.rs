@@ -301,7 +301,7 @@ impl<'a> Sweep<'a> {
         self.active.push(Active {
             agent: name,
             end: u32::try_from(end).unwrap_or(u32::MAX),
-            offset: self.plan.offsets()[agent],
+            offset: self.plan.lists().range(agent).start,
             row,
             col,
             direction: STAY,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group};
-use fleetyard_abi::{Budget, Instance, Kind, PlanRef, SharedEnvironment, c, serve};
+use fleetyard_abi::{Budget, GridPlan, Instance, Kind, Lists, SharedEnvironment, c, serve};
 use fleetyard_core::{Connectivity, GridInstance};
 use fleetyard_runtime::{Attach, Limits, PluginFile, Runtime, Session, plan_from_abi, supervisor};
 use fleetyard_world::{ScenarioSpec, WarehouseSpec};
@@ -76,10 +76,9 @@ fn overhead(criterion: &mut Criterion) {
     group
         .measurement_time(Duration::from_secs(3))
         .sample_size(50);
-    let offsets: Vec<u64> = (0..=AGENTS as u64).collect();
-    let plan = PlanRef::new(&offsets, &instance.starts).expect("offsets fit");
+    let plan = GridPlan::from(Lists::single(instance.starts.clone()));
     group.bench_function("copy", |bencher| {
-        bencher.iter(|| plan_from_abi(plan, u32::MAX));
+        bencher.iter(|| plan_from_abi(&plan, u32::MAX));
     });
     let cases = [
         ("in-process", &PluginFile::BuiltIn, Attach::InProcess),

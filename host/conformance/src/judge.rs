@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use fleetyard_abi::{Assignment, FleetState, Instance, Motion};
-use fleetyard_check::{PathRule, Rule, Terms, sum_of_costs, validate_paths, validate_terms};
+use fleetyard_check::{PathRule, Rule, Terms, validate_paths, validate_terms};
 use fleetyard_core::GridPlan;
 
 use crate::scene::Scene;
@@ -39,7 +39,7 @@ pub(crate) fn plan(
         }
     }
     tolerates(plan, delay, scene.window_steps)?;
-    Ok(sum_of_costs(plan))
+    Ok(plan.sum_of_costs())
 }
 
 /// Checks that paths which may collide are at least paths of these agents.

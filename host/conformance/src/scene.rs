@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    FleetState, FleetStatus, Goals, Heading, Instance, Motion, Objective, SharedEnvironment, Task,
+    FleetState, FleetStatus, Heading, Instance, Motion, Objective, SharedEnvironment, Task,
 };
 use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
 use fleetyard_world::SeededRandom;
@@ -276,7 +276,7 @@ impl Scene {
         Instance {
             starts: self.starts.clone(),
             headings: self.headings.clone(),
-            goals: lists(&self.goals),
+            goals: self.goals.iter().cloned().collect(),
             motion: self.motion,
             objective: self.objective,
             window_steps: self.window_steps,
@@ -319,7 +319,7 @@ impl Scene {
             time_s: 12.5,
             cells: self.starts.clone(),
             headings: self.headings.clone(),
-            goals: lists(&goals),
+            goals: goals.into_iter().collect(),
             tasks: (0..tasks).map(task).collect(),
             window_steps: self.window_steps,
             motion: self.motion,
@@ -384,18 +384,6 @@ impl From<InputError> for Stop {
     fn from(error: InputError) -> Self {
         Self::Failed(format!("the kit could not make its instance: {error}"))
     }
-}
-
-/// Lists of cells in the terms of the contract.
-fn lists(lists: &[Vec<u32>]) -> Goals {
-    let mut offsets = vec![0];
-    let mut cells = Vec::new();
-    for list in lists {
-        cells.extend(list);
-        offsets.push(cells.len() as u64);
-    }
-    // The offsets fit by construction.
-    Goals::from_flat(offsets, cells).unwrap_or_else(|| Goals::single(Vec::new()))
 }
 
 pub(crate) fn free_cells(grid: &Grid) -> Vec<u32> {

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, FleetStatus, Instance, Kind, Motion, Objective, Plan, Status,
+    Budget, Capability, Descriptor, FleetStatus, GridPlan, Instance, Kind, Motion, Objective,
+    Status,
 };
-use fleetyard_core::GridPlan;
 use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Session};
 use fleetyard_world::SeededRandom;
 use serde_json::{Map, Value};
@@ -69,7 +69,7 @@ pub(crate) struct Call<'a> {
     pub(crate) nodes: u64,
     pub(crate) threads: u32,
     /// The plan that a planner left, for fail policies.
-    pub(crate) failed: Option<&'a Plan>,
+    pub(crate) failed: Option<&'a GridPlan>,
 }
 
 impl Call<'_> {

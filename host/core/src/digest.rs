@@ -5,12 +5,26 @@
 
 use std::fmt;
 
+use fleetyard_abi::GridPlan;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
 /// A 128-bit content digest, printed and serialised as 32 hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Digest(pub u128);
+
+impl Digest {
+    /// Digest of a plan's paths without the waits at their ends.
+    pub fn of_plan(plan: &GridPlan) -> Self {
+        let plan = plan.trimmed();
+        let mut hasher = Hasher::new("fleetyard.grid-plan/1");
+        hasher.u64(plan.agents() as u64);
+        for path in plan.paths() {
+            hasher.u32s(path);
+        }
+        hasher.finish()
+    }
+}
 
 impl fmt::Display for Digest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

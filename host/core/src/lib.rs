@@ -17,7 +17,6 @@ mod instance;
 pub mod json;
 mod map_file;
 mod path_list;
-mod plan;
 pub mod plan_file;
 mod roadmap;
 pub mod roadmap_file;
@@ -29,7 +28,7 @@ pub mod trajectory_file;
 mod words;
 
 pub use fleetyard_abi::moves::{self, OFF_MAP};
-pub use fleetyard_abi::{Heading, PathEncoding};
+pub use fleetyard_abi::{GridPlan, Heading, PathEncoding};
 
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
@@ -41,7 +40,6 @@ pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{Connectivity, Grid, Role};
 pub use instance::{GridInstance, InstanceError};
 pub use map_file::{MAP_FILE_LIMIT, load_map, read_map, save_map, write_map};
-pub use plan::GridPlan;
 pub use plan_file::{PlanFile, load_plan, read_plan, save_plan, write_plan};
 pub use roadmap::{Roadmap, RoadmapError, RoadmapPlan, RoadmapPlanError, Visit};
 pub use roadmap_file::{

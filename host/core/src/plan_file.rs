@@ -89,7 +89,7 @@ impl PlanFile {
             source: "plan".to_owned(),
             planner: None,
             instance_digest: Some(instance.digest()),
-            plan_digest: Some(plan.digest()),
+            plan_digest: Some(Digest::of_plan(&plan)),
             map: Some(grid.name().to_owned()),
             rows: grid.rows(),
             cols: grid.cols(),
@@ -185,7 +185,7 @@ impl Document {
         let plan = paths.into_plan(rows, cols);
         let named = self.plan_digest;
         check_digest(source, "plan_digest", named, "the paths have", || {
-            plan.digest()
+            Digest::of_plan(&plan)
         })?;
         Ok(PlanFile {
             source: source.to_owned(),

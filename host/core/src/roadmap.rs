@@ -1,5 +1,7 @@
 //! Roadmaps, graphs whose vertices lie in the plane, and plans on them.
 
+use fleetyard_abi::Lists;
+
 use crate::trajectory::{Knot, TrajectoryError, TrajectoryPlan};
 use crate::{Digest, Hasher};
 
@@ -203,8 +205,7 @@ pub struct Visit {
 /// edge takes time. Whether the vertices and edges exist is for [`RoadmapPlan::check`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoadmapPlan {
-    offsets: Vec<usize>,
-    visits: Vec<Visit>,
+    paths: Lists<Visit>,
 }
 
 /// The reason why a plan on a roadmap is refused. Agents and their visits are counted from 0.
@@ -296,11 +297,8 @@ impl Default for RoadmapPlan {
 impl RoadmapPlan {
     /// A plan without agents, ready for [`RoadmapPlan::push_path`].
     pub fn with_capacity(agents: usize, visits: usize) -> Self {
-        let mut offsets = Vec::with_capacity(agents + 1);
-        offsets.push(0);
         Self {
-            offsets,
-            visits: Vec::with_capacity(visits),
+            paths: Lists::with_capacity(agents, visits),
         }
     }
 
@@ -310,13 +308,12 @@ impl RoadmapPlan {
         &mut self,
         visits: impl IntoIterator<Item = Visit>,
     ) -> Result<(), RoadmapPlanError> {
-        let begin = self.visits.len();
         let mut visits = visits.into_iter().enumerate();
         let result = visits
             .try_for_each(|(number, visit)| self.push_visit(number, visit))
             .and_then(|()| self.finish_path());
         if result.is_err() {
-            self.visits.truncate(begin);
+            self.paths.drop_open_list();
         }
         result
     }
@@ -329,7 +326,7 @@ impl RoadmapPlan {
         number: usize,
         given: Visit,
     ) -> Result<(), RoadmapPlanError> {
-        let (agent, begin) = (self.agents(), self.begin());
+        let agent = self.agents();
         let next = Visit {
             vertex: given.vertex,
             arrival_s: given.arrival_s + 0.0,
@@ -355,12 +352,12 @@ impl RoadmapPlan {
                 departure_s,
             });
         }
-        let Some(before) = self.visits[begin..].last_mut() else {
+        let Some(before) = self.paths.open_list().last_mut() else {
             if arrival_s != 0.0 {
                 let time_s = arrival_s;
                 return Err(RoadmapPlanError::LateBegin { agent, time_s });
             }
-            self.visits.push(next);
+            self.paths.push_item(next);
             return Ok(());
         };
         let stays = before.vertex == next.vertex;
@@ -376,44 +373,39 @@ impl RoadmapPlan {
         if stays {
             before.departure_s = departure_s;
         } else {
-            self.visits.push(next);
+            self.paths.push_item(next);
         }
         Ok(())
     }
 
     /// Makes the visits that were appended the path of the next agent.
     pub(crate) fn finish_path(&mut self) -> Result<(), RoadmapPlanError> {
-        if self.visits.len() == self.begin() {
+        if self.paths.open_list().is_empty() {
             let agent = self.agents();
             return Err(RoadmapPlanError::NoVisits { agent });
         }
-        self.offsets.push(self.visits.len());
+        self.paths.end_list();
         Ok(())
-    }
-
-    /// Index of the first visit that belongs to no agent yet.
-    fn begin(&self) -> usize {
-        self.offsets[self.agents()]
     }
 
     /// Number of agents.
     pub fn agents(&self) -> usize {
-        self.offsets.len() - 1
+        self.paths.len()
     }
 
     /// One agent's visits, at least one.
     pub fn path(&self, agent: usize) -> &[Visit] {
-        &self.visits[self.offsets[agent]..self.offsets[agent + 1]]
+        &self.paths[agent]
     }
 
     /// Every agent's visits, in order.
     pub fn paths(&self) -> impl ExactSizeIterator<Item = &[Visit]> {
-        (0..self.agents()).map(|agent| self.path(agent))
+        self.paths.iter()
     }
 
     /// Number of visits of all agents.
     pub fn visit_count(&self) -> usize {
-        self.visits.len()
+        self.paths.items().len()
     }
 
     /// Time at which the last agent arrives at its last vertex, in seconds.
@@ -453,7 +445,7 @@ impl RoadmapPlan {
     /// is checked.
     pub fn to_trajectories(&self, roadmap: &Roadmap) -> Result<TrajectoryPlan, RoadmapPlanError> {
         self.check(roadmap)?;
-        let mut plan = TrajectoryPlan::with_capacity(self.agents(), self.visits.len());
+        let mut plan = TrajectoryPlan::with_capacity(self.agents(), self.visit_count());
         for path in self.paths() {
             let last = path.len() - 1;
             plan.push_path(path.iter().enumerate().flat_map(|(visit, at)| {

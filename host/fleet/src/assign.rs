@@ -371,13 +371,11 @@ impl Assigner {
     /// nobody has a task for it, its only goal here is the cell where it will be.
     pub fn upcoming(&mut self, cells: &[u32], next_goal: &[u32], window_steps: u32) -> Goals {
         self.give_nearest(cells, next_goal, window_steps);
-        let mut flat = Vec::with_capacity(2 * cells.len());
-        let mut offsets = Vec::with_capacity(cells.len() + 1);
-        offsets.push(0);
+        let mut goals = Goals::with_capacity(cells.len(), 2 * cells.len());
         for (agent, (&cell, &next)) in cells.iter().zip(next_goal).enumerate() {
-            let (mut at, mut way, begin) = (cell, 0, flat.len());
+            let (mut at, mut way) = (cell, 0);
             for index in next.. {
-                let known = flat.len() - begin;
+                let known = goals.open_list().len();
                 if known == MOST_UPCOMING || (known >= 2 && way > window_steps) {
                     break;
                 }
@@ -387,15 +385,14 @@ impl Assigner {
                 }
                 way = u32::saturating_add(way, manhattan(at, goal, self.cols));
                 at = goal;
-                flat.push(goal);
+                goals.push_item(goal);
             }
-            if flat.len() == begin {
-                flat.push(cell);
+            if goals.open_list().is_empty() {
+                goals.push_item(cell);
             }
-            offsets.push(flat.len() as u64);
+            goals.end_list();
         }
-        // Offsets are written beside the cells.
-        Goals::from_flat(offsets, flat).unwrap_or_else(|| Goals::single(cells.to_vec()))
+        goals
     }
 
     fn give_nearest(&mut self, cells: &[u32], next_goal: &[u32], window_steps: u32) {

@@ -7,8 +7,7 @@
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    Assignment, Capability, FleetState, Goals, Instance, Kind, Motion, Plan, SharedEnvironment,
-    Status,
+    Assignment, Capability, FleetState, Goals, Instance, Kind, Motion, SharedEnvironment, Status,
 };
 use fleetyard_core::{Connectivity, Grid, GridPlan};
 use fleetyard_runtime::{Fault, PlanRun, Termination};
@@ -289,7 +288,7 @@ impl Pipeline {
 
     /// Asks the planner. Returns what is left to the fail policy where no plan may be executed:
     /// paths that collide, where they are paths.
-    fn plan(&mut self, call: &Call, instance: &Instance, answer: &mut Answer) -> Option<Plan> {
+    fn plan(&mut self, call: &Call, instance: &Instance, answer: &mut Answer) -> Option<GridPlan> {
         let wall_s = self.config.limit_s;
         let run = ask_for_plan(
             &mut self.planner,
@@ -333,9 +332,7 @@ impl Pipeline {
                         format!("{}; its paths collide: {refused}", claim(&run)),
                     );
                 }
-                let plan = &refused.plan;
-                self.are_paths(instance, plan)
-                    .then(|| Plan::from_paths(plan.paths()))
+                Some(refused.plan).filter(|plan| self.are_paths(instance, plan))
             }
         }
     }
@@ -364,7 +361,7 @@ impl Pipeline {
         &mut self,
         call: &Call,
         mut instance: Instance,
-        failed: Option<&Plan>,
+        failed: Option<&GridPlan>,
         answer: &mut Answer,
     ) {
         if !self.fail_policy.capabilities().has(Capability::Rotation) {

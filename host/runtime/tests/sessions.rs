@@ -11,10 +11,10 @@ use fleetyard_abi::sdk::{
 };
 use fleetyard_abi::{
     Assignment, Budget, Capabilities, Capability, Descriptor, Environment, FleetState, FleetStatus,
-    Goals, GridEnvironment, Heading, Instance, Kind, LogLevel, Motion, Objective, PathEncoding,
-    Plan, PlanRef, SharedEnvironment, Status, Task, c, serve,
+    Goals, GridEnvironment, GridPlan, Heading, Instance, Kind, LogLevel, Motion, Objective,
+    PathEncoding, SharedEnvironment, Status, Task, c, serve,
 };
-use fleetyard_core::{GridPlan, OFF_MAP};
+use fleetyard_core::OFF_MAP;
 use fleetyard_runtime::{
     Attach, Fault, Limits, PluginFile, Runtime, Session, Termination, supervisor,
 };
@@ -33,9 +33,9 @@ fn described(kind: Kind) -> Descriptor {
 }
 
 impl Echo {
-    fn plan_of(instance: &Instance) -> Plan {
+    fn plan_of(instance: &Instance) -> GridPlan {
         let goals = instance.goals.iter();
-        Plan::from_paths(instance.starts.iter().zip(goals).map(|(start, goals)| {
+        GridPlan::from_paths(instance.starts.iter().zip(goals).map(|(start, goals)| {
             let mut path = vec![*start];
             path.extend_from_slice(goals);
             path
@@ -81,14 +81,14 @@ impl Planner for Echo {
         sink.metric("not a number", f64::NAN);
         sink.log(LogLevel::Warning, "ümläut");
         // Two plans: the first worse than the second.
-        sink.submit_plan(Plan::from_paths(instance.starts.iter().map(|s| [*s])).as_ref())?;
-        sink.submit_plan(Self::plan_of(instance).as_ref())?;
+        sink.submit_plan(&GridPlan::from_paths(instance.starts.iter().map(|s| [*s])))?;
+        sink.submit_plan(&Self::plan_of(instance))?;
         match budget.nodes {
             0 => Ok(()),
             1 => Err(Failure::new(Status::GaveUp, "as asked")),
             2 => panic!("as asked"),
             _ => {
-                sink.submit_plan(Plan::from_paths([[0u32]]).as_ref())?;
+                sink.submit_plan(&GridPlan::from_paths([[0u32]]))?;
                 Ok(())
             }
         }
@@ -121,12 +121,12 @@ impl FailPolicy for EchoPolicy {
         &mut self,
         (): &mut (),
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         _: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let plan = failed.map_or_else(|| Echo::plan_of(instance), |failed| failed.to_plan());
-        sink.submit_plan(plan.as_ref())?;
+        let plan = failed.map_or_else(|| Echo::plan_of(instance), GridPlan::clone);
+        sink.submit_plan(&plan)?;
         Ok(())
     }
 }
@@ -160,13 +160,9 @@ impl InstanceGenerator for EchoGenerator {
         if state.tasks.is_empty() {
             return Err(Failure::new(Status::GaveUp, "there are no tasks"));
         }
-        let mut offsets = vec![0];
-        let mut cells = Vec::new();
+        let mut lists = Goals::default();
         for (goals, task) in state.goals.iter().zip(&state.tasks) {
-            cells.extend_from_slice(goals);
-            cells.push(task.id as u32);
-            cells.extend_from_slice(&task.cells);
-            offsets.push(cells.len() as u64);
+            lists.push([goals, &[task.id as u32], &task.cells].concat());
         }
         let given = state.tasks.iter().map(|task| Assignment {
             agent: task.cells.len() as u32,
@@ -175,7 +171,7 @@ impl InstanceGenerator for EchoGenerator {
         sink.submit_instance(&Instance {
             starts: state.cells.clone(),
             headings: state.headings.clone(),
-            goals: Goals::from_flat(offsets, cells).expect("offsets fit"),
+            goals: lists,
             motion: state.motion,
             objective: state.objective,
             window_steps: state.window_steps + state.time_s as u32,
@@ -248,7 +244,7 @@ fn instance() -> Instance {
     Instance {
         starts: vec![0, 5],
         headings: Some(vec![Heading::North, Heading::East]),
-        goals: Goals::from_flat(vec![0, 2, 3], vec![1, 4, 4]).unwrap(),
+        goals: [vec![1, 4], vec![4]].into_iter().collect(),
         motion: Motion::Rotation,
         objective: Objective::Makespan,
         window_steps: 7,
@@ -345,7 +341,7 @@ fn fail_policy(attach: Attach) {
         vec![vec![0, 5], vec![]],
         vec![vec![3], vec![5, OFF_MAP]],
     ] {
-        let failed = Plan::from_paths(&paths);
+        let failed = GridPlan::from_paths(&paths);
         let run = session.recover(&instance(), Some(&failed), &budget(0));
         assert_eq!(run.fault, None);
         assert_eq!(run.plan(), Some(&GridPlan::from_paths(&paths)));
@@ -359,7 +355,7 @@ fn instance_generator(attach: Attach) {
         time_s: 2.5,
         cells: vec![0, 5],
         headings: Some(vec![Heading::West, Heading::South]),
-        goals: Goals::from_flat(vec![0, 0, 1], vec![3]).unwrap(),
+        goals: [vec![], vec![3]].into_iter().collect(),
         tasks: vec![
             Task {
                 id: 1,
@@ -380,7 +376,7 @@ fn instance_generator(attach: Attach) {
     let expected = Instance {
         starts: vec![0, 5],
         headings: state.headings.clone(),
-        goals: Goals::from_flat(vec![0, 2, 4], vec![1, 4, 3, 4]).unwrap(),
+        goals: [[1, 4], [3, 4]].into_iter().collect(),
         motion: Motion::Rotation,
         objective: Objective::Makespan,
         window_steps: 7,

@@ -4,7 +4,7 @@
 //! goes from knot k − 1 to knot k; a wait is an action that stays. Times are in substeps
 //! since the start of the execution.
 
-use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
+use fleetyard_core::{Digest, Grid, GridPlan, TrajectoryPlan, cell_center_m};
 
 use fleetyard_world::Pose;
 
@@ -33,7 +33,7 @@ impl Plan<'_> {
     /// Digest of the plan.
     pub fn digest(&self) -> fleetyard_core::Digest {
         match self {
-            Self::Grid(plan) => plan.digest(),
+            Self::Grid(plan) => Digest::of_plan(plan),
             Self::Trajectories(plan) => plan.digest(),
         }
     }
@@ -80,7 +80,7 @@ impl Reference<'_> {
     /// Index of an agent's last knot.
     pub(crate) fn last(&self, agent: usize) -> usize {
         match self {
-            Self::Grid { plan, .. } => plan.offsets()[agent + 1] - plan.offsets()[agent] - 1,
+            Self::Grid { plan, .. } => plan.path(agent).len() - 1,
             Self::Trajectories { plan, .. } => {
                 plan.offsets()[agent + 1] - plan.offsets()[agent] - 1
             }

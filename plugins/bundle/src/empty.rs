@@ -6,8 +6,7 @@
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, PlanRef, SharedEnvironment,
-    Status,
+    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Lists, SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -65,16 +64,9 @@ impl Planner for Empty {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let length = 1 + self.steps as usize;
-        let offsets: Vec<u64> = (0..=instance.agents() as u64)
-            .map(|agent| agent * length as u64)
-            .collect();
         let starts = instance.starts.iter();
-        let cells: Vec<u32> = starts
-            .flat_map(|at| std::iter::repeat_n(*at, length))
-            .collect();
-        if let Some(plan) = PlanRef::new(&offsets, &cells) {
-            sink.submit_plan(plan)?;
-        }
+        let stay: Lists<u32> = starts.map(|at| std::iter::repeat_n(*at, length)).collect();
+        sink.submit_plan(&stay.into())?;
         let mut agents = instance.starts.iter().zip(instance.goals.iter());
         if agents.all(|(start, goals)| goals.iter().all(|goal| goal == start)) {
             Ok(())

@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let result = solve(&problem, &settings, &mut || begin.elapsed() > limit);
     let plan = problem.plan(&result.paths);
-    let paths: Vec<Vec<u32>> = plan.as_ref().paths().map(<[u32]>::to_vec).collect();
+    let paths: Vec<Vec<u32>> = plan.paths().map(<[u32]>::to_vec).collect();
     let verdict = case.judge(&paths, 0).err();
     println!(
         "{:?} cost {} bound {} conflicts {} expanded {} generated {} bypassed {} low {} time {:.3} {}",

@@ -40,7 +40,7 @@ fn search(
     call.metric("bypassed", outcome.bypassed as f64);
     call.metric("low_level_expansions", outcome.low_level as f64);
     call.metric("lower_bound", outcome.lower_bound as f64);
-    call.submit(problem.plan(&outcome.paths).as_ref());
+    call.submit(&problem.plan(&outcome.paths));
     let failure = |status, reason: &str| Err(Failure::new(status, reason));
     match outcome.end {
         End::Solved => Ok(()),

@@ -20,7 +20,7 @@ fn run(case: &Case, settings: &Settings) -> (Outcome, Vec<Vec<u32>>) {
     let problem = problem(case);
     let outcome = solve(&problem, settings, &mut || false);
     let plan = problem.plan(&outcome.paths);
-    let paths = plan.as_ref().paths().map(<[u32]>::to_vec).collect();
+    let paths = plan.paths().map(<[u32]>::to_vec).collect();
     (outcome, paths)
 }
 
@@ -126,7 +126,7 @@ fn brute_force(case: &Case, delay: u32) -> Option<u64> {
             }
         };
         for agent in 0..agents {
-            let there = state.0[agent].0 == case.instance.goals.get(agent)[0];
+            let there = state.0[agent].0 == case.instance.goals[agent][0];
             if state.2 >> agent & 1 == 0 && there {
                 offer(
                     (state.0.clone(), state.1.clone(), state.2 | 1 << agent),
@@ -248,7 +248,7 @@ proptest! {
         if window > 0 {
             // Starts are cells of the part of the map in which the agent is, if it is its own.
             let goals = lists.iter().zip(&starts).enumerate().map(|(agent, (list, start))| {
-                let goal = case.instance.goals.get(agent)[0];
+                let goal = case.instance.goals[agent][0];
                 list.iter().map(|n| if n % 2 == 0 { *start } else { goal }).collect()
             });
             let goals: Vec<_> = goals.collect();

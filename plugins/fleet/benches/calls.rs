@@ -12,8 +12,8 @@ use fleetyard_abi::sdk::{
     FailPolicy, InstanceGenerator, InvocationPolicy, Options, Plugin, Rejected, Sink,
 };
 use fleetyard_abi::{
-    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Instance, LogLevel,
-    Motion, Objective, Plan, PlanRef, SharedEnvironment,
+    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, GridPlan, Instance,
+    LogLevel, Motion, Objective, SharedEnvironment,
 };
 use fleetyard_plugin_fleet::generate::{DistinctOneGoal, OneGoal, WindowedMultiGoals};
 use fleetyard_plugin_fleet::invocation::{EventBased, Periodic};
@@ -31,7 +31,7 @@ const BUDGET: Budget = Budget {
 struct Taken;
 
 impl Sink for Taken {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
         black_box(plan.cells().len());
         Ok(())
     }
@@ -54,7 +54,7 @@ fn below(state: &mut u64, bound: usize) -> usize {
     (*state >> 33) as usize % bound
 }
 
-type Yard = (usize, SharedEnvironment, FleetState, Plan);
+type Yard = (usize, SharedEnvironment, FleetState, GridPlan);
 
 /// A warehouse, a fleet in a fifth of its free cells, and walks of twenty steps that collide.
 fn yard(agents: usize) -> Yard {
@@ -78,10 +78,8 @@ fn yard(agents: usize) -> Yard {
         cells.swap(last, below(&mut state, last + 1));
     }
     cells.truncate(agents);
-    let goals: Vec<u32> = (0..agents * 4)
-        .map(|_| all[below(&mut state, all.len())])
-        .collect();
-    let offsets = (0..=agents as u64).map(|agent| agent * 4).collect();
+    let goals = (0..agents).map(|_| [(); 4].map(|()| all[below(&mut state, all.len())]));
+    let goals: Goals = goals.collect();
     let walks = cells.iter().map(|start| {
         let mut path = vec![*start];
         let mut direction = below(&mut state, 4);
@@ -101,12 +99,12 @@ fn yard(agents: usize) -> Yard {
         }
         path
     });
-    let walks = Plan::from_paths(walks.collect::<Vec<_>>());
+    let walks = GridPlan::from_paths(walks.collect::<Vec<_>>());
     let fleet = FleetState {
         time_s: 10.0,
         cells,
         headings: None,
-        goals: Goals::from_flat(offsets, goals).unwrap_or(Goals::single(Vec::new())),
+        goals,
         tasks: Vec::new(),
         window_steps: 20,
         motion: Motion::Pebble,
@@ -160,7 +158,7 @@ fn policy<P: FailPolicy>(c: &mut Criterion, fleets: &[Yard]) {
         c.bench_function(&format!("{}/{agents}", P::descriptor().id), |b| {
             b.iter_custom(|times| {
                 timed(times, || {
-                    policy.recover(&mut map, &instance, Some(walks.as_ref()), &BUDGET, &Taken)
+                    policy.recover(&mut map, &instance, Some(walks), &BUDGET, &Taken)
                 })
             });
         });

@@ -290,9 +290,7 @@ impl Rule for Windowed {
     const EXTRA: &'static [Capability] = &[Capability::Windowed, Capability::DuplicateGoals];
 
     fn goals(&self, fleet: &Fleet<'_>, _: &dyn Sink) -> Result<Goals, Failure> {
-        let mut offsets = Vec::with_capacity(fleet.at.len() + 1);
-        let mut cells = Vec::with_capacity(fleet.at.len() * 2);
-        offsets.push(0);
+        let mut lists = Goals::with_capacity(fleet.at.len(), fleet.at.len() * 2);
         let waits = self.waits(fleet)?;
         for (agent, goals) in fleet.upcoming.iter().enumerate() {
             let mut here = fleet.at[agent];
@@ -305,15 +303,14 @@ impl Rule for Windowed {
                 let goal = fleet.reachable(agent, cell)?;
                 steps += u64::from(fleet.ground.graph.manhattan(here, goal));
                 here = goal;
-                cells.push(cell);
+                lists.push_item(cell);
             }
             if goals.is_empty() {
-                cells.push(fleet.ground.graph.cell(here));
+                lists.push_item(fleet.ground.graph.cell(here));
             }
-            offsets.push(cells.len() as u64);
+            lists.end_list();
         }
-        Goals::from_flat(offsets, cells)
-            .ok_or_else(|| Failure::new(Status::InternalError, "the lists of goals do not fit"))
+        Ok(lists)
     }
 }
 

@@ -116,14 +116,14 @@ impl InvocationPolicy for EventBased {
 #[cfg(test)]
 mod tests {
     use fleetyard_abi::sdk::Rejected;
-    use fleetyard_abi::{Instance, LogLevel, PlanRef, Status};
+    use fleetyard_abi::{GridPlan, Instance, LogLevel, Status};
 
     use super::*;
 
     struct Deaf;
 
     impl Sink for Deaf {
-        fn submit_plan(&self, _: PlanRef<'_>) -> Result<(), Rejected> {
+        fn submit_plan(&self, _: &GridPlan) -> Result<(), Rejected> {
             Err(Rejected)
         }
         fn submit_instance(&self, _: &Instance) -> Result<(), Rejected> {

@@ -21,10 +21,10 @@ mod wait;
 
 use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, Instance, Kind, Motion, Plan, PlanRef, SharedEnvironment,
-    Status,
+    Budget, Capability, Descriptor, GridPlan, Instance, Kind, Motion, SharedEnvironment, Status,
 };
 use fleetyard_plugin_spacetime::graph::{Vertex, direction};
+use fleetyard_plugin_spacetime::plan::plan_of;
 use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -59,7 +59,7 @@ pub trait Recovery: DeserializeOwned + JsonSchema + Send + 'static {
         &self,
         map: &mut Self::Map,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         call: &Call<'_>,
     ) -> Result<(), Failure>;
 }
@@ -102,7 +102,7 @@ impl<R: Recovery> FailPolicy for Policy<R> {
         &mut self,
         map: &mut R::Map,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
@@ -151,10 +151,10 @@ impl<'a> Problem<'a> {
 
     /// The usable part of each path that the planner left: as much as begins where the agent is,
     /// goes from cell to cell, and lies within the window. At least the start.
-    fn paths(&self, failed: Option<PlanRef<'_>>) -> Vec<Vec<Vertex>> {
+    fn paths(&self, failed: Option<&GridPlan>) -> Vec<Vec<Vertex>> {
         let graph = &self.ground.graph;
         let most = self.window.map_or(usize::MAX, |steps| steps as usize);
-        let mut left = failed.map(|plan| plan.paths());
+        let mut left = failed.map(GridPlan::paths);
         let usable = |start: &Vertex| {
             let mut path = vec![*start];
             let cells = left.as_mut().and_then(Iterator::next).unwrap_or_default();
@@ -178,15 +178,6 @@ impl<'a> Problem<'a> {
 
     /// Submits paths without the waits at their ends.
     fn submit(&self, paths: &[Vec<Vertex>], call: &Call<'_>) {
-        let mut plan = Plan::default();
-        let mut cells = Vec::new();
-        for path in paths {
-            let moves = path.iter().rposition(|v| Some(v) != path.last());
-            let used = moves.map_or(1, |last| last + 2).min(path.len());
-            cells.clear();
-            cells.extend(path[..used].iter().map(|v| self.ground.graph.cell(*v)));
-            plan.push_path(&cells);
-        }
-        call.submit(plan.as_ref());
+        call.submit(&plan_of(paths, &self.ground.graph).trimmed());
     }
 }

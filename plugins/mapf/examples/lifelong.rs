@@ -52,12 +52,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut since = vec![0_u32; agents];
     let (mut reached, mut longest, mut times) = (0_u64, 0, Vec::new());
     for call in 0..calls {
-        let list = |agent: usize| (0..3).map(move |k| (agent, k));
-        let upcoming = (0..agents)
-            .flat_map(list)
-            .map(|(a, k)| goal(a, next[a] + k));
-        let offsets = (0..=agents as u64).map(|agent| 3 * agent).collect();
-        let goals = Goals::from_flat(offsets, upcoming.collect()).ok_or("no goals")?;
+        let list = |agent: usize| [0, 1, 2].map(|k| goal(agent, next[agent] + k));
+        let goals: Goals = (0..agents).map(list).collect();
         let query = Query {
             starts: &cells,
             goals: &goals,

@@ -5,7 +5,8 @@
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome, Plan};
+use fleetyard_abi::GridPlan;
+use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome};
 
 #[path = "../tests/it/support.rs"]
 mod support;
@@ -31,7 +32,7 @@ impl Console {
 }
 
 impl Observer for Console {
-    fn incumbent(&mut self, _: &Plan, sum_of_costs: u64) {
+    fn incumbent(&mut self, _: &GridPlan, sum_of_costs: u64) {
         if self.trace {
             println!(
                 "incumbent {sum_of_costs} at {:.3} s",
@@ -93,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         } => {
             println!(
                 "soc={sum_of_costs} makespan={} lb={lower_bound}",
-                plan.makespan()
+                plan.horizon()
             );
             if check {
                 support::verify(&problem, &plan)?;

@@ -77,7 +77,7 @@ impl ByLane<'_> {
             lanes,
             tables,
         } = &mut *self.streets;
-        let goal = graph.vertex(*self.goals.get(agent).get(visited)?)?;
+        let goal = graph.vertex(*self.goals.get(agent)?.get(visited)?)?;
         tables.get(graph, goal, false, Some(lanes))
     }
 

@@ -50,6 +50,5 @@ pub mod plugin;
 mod scatter;
 mod solve;
 
-pub use fleetyard_plugin_spacetime::plan::Plan;
 pub use fleetyard_plugin_spacetime::problem::ProblemError;
 pub use solve::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};

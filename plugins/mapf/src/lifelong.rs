@@ -18,10 +18,10 @@
 
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, Heading};
+use fleetyard_abi::{Goals, GridPlan, Heading, Lists};
 use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
-use fleetyard_plugin_spacetime::plan::{Plan, paths_of, plan_of};
+use fleetyard_plugin_spacetime::plan::{paths_of, plan_of};
 use fleetyard_plugin_spacetime::problem::{ProblemError, vertex_of, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 
@@ -151,7 +151,7 @@ impl Lifelong {
         query: &Query<'_>,
         ranking: &mut R,
         stop: &mut dyn FnMut() -> bool,
-    ) -> Result<(Plan, End), ProblemError> {
+    ) -> Result<(GridPlan, End), ProblemError> {
         let graph = &self.graph;
         if query.starts.len() != query.goals.len() {
             let (starts, goals) = (query.starts.len(), query.goals.len());
@@ -159,17 +159,17 @@ impl Lifelong {
             return Err(ProblemError::Malformed { reason });
         }
         let starts = vertices_of(graph, query.starts, "start")?;
-        let mut goals = Vec::with_capacity(query.goals.cells().len());
+        let mut goals = Lists::with_capacity(query.goals.len(), query.goals.items().len());
         for (agent, cells) in query.goals.iter().enumerate() {
             for &cell in cells {
-                goals.push(vertex_of(graph, agent, "goal", cell)?);
+                goals.push_item(vertex_of(graph, agent, "goal", cell)?);
             }
+            goals.end_list();
         }
         let mut fleet = Fleet {
             graph,
             gradients: &mut self.gradients,
             goals: &goals,
-            offsets: query.goals.offsets(),
             stays: vec![false; starts.len()],
             next: vec![0; starts.len()],
             row: vec![NOTHING; starts.len()],
@@ -203,9 +203,7 @@ struct Attempt {
 struct Fleet<'a, R> {
     graph: &'a Graph,
     gradients: &'a mut Gradients,
-    goals: &'a [Vertex],
-    /// Goals of agent `i`: `offsets[i]..offsets[i + 1]`.
-    offsets: &'a [u64],
+    goals: &'a Lists<Vertex>,
     /// Agents that have to be at their last goal in the end.
     stays: Vec<bool>,
     /// Number of goals that each agent has visited.
@@ -268,7 +266,7 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
 
 impl<'a, R: Ranking> Fleet<'a, R> {
     fn of(&self, agent: usize) -> &'a [Vertex] {
-        &self.goals[self.offsets[agent] as usize..self.offsets[agent + 1] as usize]
+        &self.goals[agent]
     }
 
     /// Tells an agent where to go from `v`, when it begins or has moved there from a
@@ -349,7 +347,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         query: &Query<'_>,
         starts: &[Vertex],
         stop: &mut dyn FnMut() -> bool,
-    ) -> Result<(Plan, End), ProblemError> {
+    ) -> Result<(GridPlan, End), ProblemError> {
         let graph = self.graph;
         let agents = starts.len();
         if query.window.is_none() {
@@ -374,7 +372,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             Expected::TooLarge => Some(End::Memory),
         };
         if let Some(end) = end {
-            return Ok((plan_of(&paths_of(&[starts]), graph), end));
+            return Ok((plan_of(paths_of(&[starts]), graph), end));
         }
         let mut random = Random::new(query.seed, 0);
         let mut best = Attempt {
@@ -399,7 +397,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             }
         }
         let configurations: Vec<&[Vertex]> = best.steps.chunks_exact(agents.max(1)).collect();
-        Ok((plan_of(&paths_of(&configurations), graph), best.end))
+        Ok((plan_of(paths_of(&configurations), graph), best.end))
     }
 
     /// Puts everybody at the start again. False when it was stopped.

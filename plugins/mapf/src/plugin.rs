@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Budget, Capability, GridEnvironment, Instance, PlanRef, Status};
+use fleetyard_abi::{Budget, Capability, GridEnvironment, GridPlan, Instance, Status};
 use fleetyard_plugin_spacetime::plugin::{Call, Method, Team};
 use fleetyard_plugin_spacetime::problem::graph_of;
 use schemars::JsonSchema;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::lanes::Streets;
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
-use crate::{Algorithm, Limit, Observer, Options, Outcome, Plan, Problem, solve};
+use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
 
 /// Charge of a move against a lane, in steps: where streets are narrow, agents that meet push each
 /// other far.
@@ -205,7 +205,7 @@ impl Roads {
         let problem = Problem {
             graph: self.lifelong.graph(),
             starts: &instance.starts,
-            goals: instance.goals.cells(),
+            goals: instance.goals.items(),
         };
         let options = Options {
             rings: instance.allows_cycles,
@@ -218,12 +218,7 @@ impl Roads {
             ..options.clone()
         };
         let failure = |status, reason: &str| Err(Failure::new(status, reason));
-        match solve(
-            &problem,
-            &options,
-            call.budget.seed,
-            &mut Submitter::new(call),
-        )? {
+        match solve(&problem, &options, call.budget.seed, &mut Submitter(call))? {
             Outcome::Solved { .. } => Ok(()),
             Outcome::Infeasible => failure(Status::Infeasible, "the search space is exhausted"),
             Outcome::GaveUp(Limit::Stopped) => {
@@ -275,7 +270,7 @@ impl Roads {
         }?;
         // Under a window a plan may be shorter than asked for: everybody stays then.
         if end == End::Done || (query.window.is_some() && end == End::Stopped) {
-            Submitter::new(call).incumbent(&plan, plan.sum_of_costs());
+            call.submit(&plan);
         }
         let failure = |status, reason: &str| Err(Failure::new(status, reason));
         match end {
@@ -297,35 +292,18 @@ impl Roads {
 }
 
 /// Hands incumbents to the host.
-struct Submitter<'a> {
-    call: &'a Call<'a>,
-    offsets: Vec<u64>,
-}
-
-impl<'a> Submitter<'a> {
-    fn new(call: &'a Call<'a>) -> Self {
-        Self {
-            call,
-            offsets: Vec::new(),
-        }
-    }
-}
+struct Submitter<'a>(&'a Call<'a>);
 
 impl Observer for Submitter<'_> {
-    fn incumbent(&mut self, plan: &Plan, _: u64) {
-        self.offsets.clear();
-        self.offsets
-            .extend(plan.offsets().iter().map(|offset| *offset as u64));
-        if let Some(plan) = PlanRef::new(&self.offsets, plan.cells()) {
-            self.call.submit(plan);
-        }
+    fn incumbent(&mut self, plan: &GridPlan, _: u64) {
+        self.0.submit(plan);
     }
 
     fn stop(&mut self) -> bool {
-        self.call.stop()
+        self.0.stop()
     }
 
     fn metric(&mut self, name: &str, value: f64) {
-        self.call.metric(name, value);
+        self.0.metric(name, value);
     }
 }

@@ -1,13 +1,13 @@
 //! The way from a problem to an outcome: checks, guidance, search, refinement.
 
+use fleetyard_abi::GridPlan;
+
 use crate::lacam::{Lacam, Step};
 use crate::one_shot;
 use crate::scatter::{Guide, scatter};
 use fleetyard_plugin_spacetime::distance::{Distances, MAX_DISTANCE};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
-use fleetyard_plugin_spacetime::plan::{
-    Paths, Plan, configurations_of, paths_of, plan_of, sum_of_costs,
-};
+use fleetyard_plugin_spacetime::plan::{Paths, configurations_of, paths_of, plan_of, sum_of_costs};
 use fleetyard_plugin_spacetime::problem::{ProblemError, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_plugin_spacetime::refine::Refiner;
@@ -78,7 +78,7 @@ impl Default for Options {
 /// The caller of a planner, which hears of plans and figures while the planner works.
 pub trait Observer {
     /// A plan better than any before, and its sum of costs.
-    fn incumbent(&mut self, plan: &Plan, sum_of_costs: u64);
+    fn incumbent(&mut self, plan: &GridPlan, sum_of_costs: u64);
     /// True if the planner has to stop now: a deadline has passed or the work is cancelled. Asked
     /// often.
     fn stop(&mut self) -> bool;
@@ -105,7 +105,7 @@ pub enum Outcome {
     /// The best plan found.
     Solved {
         /// The plan.
-        plan: Plan,
+        plan: GridPlan,
         /// Its sum of costs.
         sum_of_costs: u64,
         /// A proven lower bound of the sum of costs.

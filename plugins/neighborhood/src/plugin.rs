@@ -129,7 +129,7 @@ fn first_plan(
     let repaired = repair(&problem, size, call.budget.seed, &mut control);
     call.metric("pairs_at_first", repaired.pairs_at_first as f64);
     call.metric("repairs", repaired.neighborhoods as f64);
-    call.submit(problem.plan(&repaired.paths).as_ref());
+    call.submit(&problem.plan(&repaired.paths));
     if repaired.valid {
         on(&problem, repaired, &mut control);
         return Ok(());
@@ -168,7 +168,7 @@ fn improve(problem: &Problem, first: Repaired, call: &Call<'_>, control: &mut Co
         work += round.work;
         let stopped = (control.stop)();
         if cost < told && (stopped || work > REPORT * cells) {
-            call.submit(problem.plan(refiner.paths()).as_ref());
+            call.submit(&problem.plan(refiner.paths()));
             (work, told) = (0, cost);
         }
         if stopped {
@@ -176,6 +176,6 @@ fn improve(problem: &Problem, first: Repaired, call: &Call<'_>, control: &mut Co
         }
     }
     if cost < told {
-        call.submit(problem.plan(refiner.paths()).as_ref());
+        call.submit(&problem.plan(refiner.paths()));
     }
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Failure, Options, Planner};
-use fleetyard_abi::{Budget, Goals, Instance, Motion, Plan, Status, monotonic_ns};
+use fleetyard_abi::{Budget, Goals, GridPlan, Instance, Motion, Status, monotonic_ns};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_neighborhood::repair::{Control, Repaired, repair};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
@@ -29,8 +29,8 @@ fn cells(problem: &Problem, repaired: &Repaired) -> Vec<Vec<u32>> {
     paths(&problem.plan(&repaired.paths))
 }
 
-fn paths(plan: &Plan) -> Vec<Vec<u32>> {
-    plan.as_ref().paths().map(<[u32]>::to_vec).collect()
+fn paths(plan: &GridPlan) -> Vec<Vec<u32>> {
+    plan.paths().map(<[u32]>::to_vec).collect()
 }
 
 proptest! {
@@ -65,7 +65,11 @@ fn budget(nodes: u64, threads: u32) -> Budget {
 }
 
 /// Asks a planner for plans, which are in the order in which they came.
-fn ask<P: Planner>(case: &Case, budget: Budget, notes: &Notes) -> (Result<(), Failure>, Vec<Plan>) {
+fn ask<P: Planner>(
+    case: &Case,
+    budget: Budget,
+    notes: &Notes,
+) -> (Result<(), Failure>, Vec<GridPlan>) {
     let mut planner = Object::planner(P::create(Options::new("")).unwrap());
     let prepared = planner.prepare(&case.environment(), &budget, notes);
     prepared.expect("planners learn maps").unwrap();
@@ -90,7 +94,7 @@ fn every_plan_is_better_and_the_same_again() {
         for plan in &plans {
             assert_eq!(case.judge(&paths(plan), 0), Ok(()));
         }
-        let cost = |plan: &Plan| paths(plan).iter().map(|path| path.len() - 1).sum();
+        let cost = |plan: &GridPlan| paths(plan).iter().map(|path| path.len() - 1).sum();
         let costs: Vec<usize> = plans.iter().map(cost).collect();
         assert!(
             costs.len() > 2 && costs.is_sorted_by(|a, b| a > b),

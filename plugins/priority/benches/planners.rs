@@ -22,14 +22,13 @@ fn warehouse(agents: usize, goals: usize, window: u32) -> Problem {
     random.shuffle(&mut free);
     let starts = free[..agents].to_vec();
     random.shuffle(&mut free);
-    let mut cells = Vec::new();
+    let mut lists = Goals::default();
     for &last in &free[..agents] {
-        cells.extend((1..goals).map(|_| free[random.below(free.len())]));
-        cells.push(last);
+        let first = (1..goals).map(|_| free[random.below(free.len())]);
+        lists.push(first.chain([last]));
     }
-    let offsets = (0..=agents as u64).map(|agent| agent * goals as u64);
     let instance = Instance {
-        goals: Goals::from_flat(offsets.collect(), cells).expect("the offsets fit"),
+        goals: lists,
         window_steps: window,
         allows_cycles: false,
         ..Instance::one_shot(starts.clone(), starts)

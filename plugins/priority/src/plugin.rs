@@ -43,7 +43,7 @@ fn solve(
         memory: half_of_memory(call.budget),
     };
     let outcome = run(&problem, &mut control);
-    call.submit(problem.plan(outcome.paths()).as_ref());
+    call.submit(&problem.plan(outcome.paths()));
     match outcome {
         Outcome::Solved(_) => Ok(()),
         Outcome::Stopped(_) => Err(Failure::new(

@@ -62,7 +62,7 @@ fn problem(case: &Case, rule: GoalRule) -> Option<Problem> {
 
 fn cells(problem: &Problem, outcome: &Outcome) -> Vec<Vec<u32>> {
     let plan = problem.plan(outcome.paths());
-    plan.as_ref().paths().map(<[u32]>::to_vec).collect()
+    plan.paths().map(<[u32]>::to_vec).collect()
 }
 
 /// The reason why the paths of a solved problem are no plan: goals that are shared or transient are
@@ -105,17 +105,17 @@ prop_compose! {
         let agents = (free.len() * share / 10).max(1).min(free.len());
         let starts = free[..agents.min(free.len())].to_vec();
         random.shuffle(&mut free);
-        let mut cells = Vec::new();
+        let mut lists = Goals::default();
         for agent in 0..starts.len() {
-            cells.extend((1..goals).map(|_| free[random.below(free.len())]));
+            let mut list: Vec<u32> = (1..goals).map(|_| free[random.below(free.len())]).collect();
             // Last goals of their own, or any.
-            cells.push(if apart { free[agent] } else { free[random.below(free.len())] });
+            list.push(if apart { free[agent] } else { free[random.below(free.len())] });
+            lists.push(list);
         }
-        let offsets = (0..=starts.len() as u64).map(|agent| agent * goals as u64).collect();
         let headings = starts.iter().map(|_| HEADINGS[random.below(4)]).collect();
         let instance = Instance {
             headings: Some(headings),
-            goals: Goals::from_flat(offsets, cells).unwrap(),
+            goals: lists,
             motion: if turning { Motion::Rotation } else { Motion::Pebble },
             window_steps: window,
             allows_cycles: cycles,

@@ -6,7 +6,7 @@
 
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Motion, PlanRef,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, Motion,
     SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
@@ -129,12 +129,7 @@ impl<V: Variety> Planner for GridPlanner<V> {
         sink.metric("expansions", answer.expansions as f64);
         let failed = |status, reason| Err(Failure::new(status, reason));
         match answer.outcome {
-            Outcome::Found => {
-                let ends = [0, self.path.len() as u64];
-                let plan = PlanRef::new(&ends, &self.path)
-                    .ok_or_else(|| Failure::new(Status::InternalError, "the path has no cells"))?;
-                Ok(sink.submit_plan(plan)?)
-            }
+            Outcome::Found => Ok(sink.submit_plan(&GridPlan::from_paths([&self.path]))?),
             Outcome::NoPath => failed(Status::Infeasible, "the goal cannot be reached"),
             Outcome::GaveUp => failed(
                 Status::GaveUp,
@@ -150,7 +145,7 @@ impl<V: Variety> Planner for GridPlanner<V> {
 
 /// Start and goal of the one agent.
 fn ends(instance: &Instance) -> Result<(u32, u32), Failure> {
-    match (instance.starts.as_slice(), instance.goals.cells()) {
+    match (instance.starts.as_slice(), instance.goals.items()) {
         ([start], [goal]) => Ok((*start, *goal)),
         (starts, _) => {
             let agents = starts.len();

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{GridEnvironment, Instance, Motion, Status};
+use fleetyard_abi::{GridEnvironment, GridPlan, Instance, Motion, Status};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -12,6 +12,7 @@ use thiserror::Error;
 use crate::distance::{MAX_DISTANCE, Table, Tables};
 use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
 use crate::lanes::Lanes;
+use crate::plan::plan_of;
 use crate::sipp::{Guidance, Team};
 
 /// The reason why there is nothing to plan for.
@@ -252,7 +253,7 @@ impl Ground {
                 tables: Vec::new(),
                 after: Vec::new(),
             };
-            for &cell in instance.goals.get(agent) {
+            for &cell in &instance.goals[agent] {
                 let goal = vertex_of(&graph, agent, "goal", cell)?;
                 wanted += 1;
                 let memory = ProblemError::Memory {
@@ -367,18 +368,8 @@ impl Problem {
     }
 
     /// The paths as cells of the grid, one per agent.
-    pub fn plan<P: AsRef<[Vertex]>>(
-        &self,
-        paths: impl IntoIterator<Item = P>,
-    ) -> fleetyard_abi::Plan {
-        let mut plan = fleetyard_abi::Plan::default();
-        let mut cells = Vec::new();
-        for path in paths {
-            cells.clear();
-            cells.extend(path.as_ref().iter().map(|&v| self.graph.cell(v)));
-            plan.push_path(&cells);
-        }
-        plan
+    pub fn plan<P: AsRef<[Vertex]>>(&self, paths: impl IntoIterator<Item = P>) -> GridPlan {
+        plan_of(paths, &self.graph)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use fleetyard_abi::{Goals, GridEnvironment, Heading, Instance, Motion, Status};
+use fleetyard_abi::{GridEnvironment, Heading, Instance, Motion, Status};
 use fleetyard_plugin_spacetime::distance::{Table, Tables};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
@@ -326,7 +326,7 @@ prop_compose! {
         let heading = [Heading::North, Heading::East, Heading::South, Heading::West][random.below(4)];
         let instance = Instance {
             headings: Some(vec![heading]),
-            goals: Goals::from_flat(vec![0, goals.len() as u64], goals)?,
+            goals: [goals].into_iter().collect(),
             motion: if turning { Motion::Rotation } else { Motion::Pebble },
             window_steps: window,
             allows_cycles: cycles,

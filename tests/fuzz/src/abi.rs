@@ -20,8 +20,8 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Options, Rejected, Sink};
 use fleetyard_abi::{
-    Assignment, Budget, Environment, Goals, GridEnvironment, Heading, Instance, Kind, LogLevel,
-    Motion, Objective, Plan, PlanRef, Status, c,
+    Assignment, Budget, Environment, Goals, GridEnvironment, GridPlan, Heading, Instance, Kind,
+    Lists, LogLevel, Motion, Objective, Status, c,
 };
 use fleetyard_runtime::Library;
 
@@ -211,7 +211,7 @@ struct Stage {
 
 #[derive(Default)]
 struct Expected {
-    plans: Vec<Plan>,
+    plans: Vec<GridPlan>,
     instances: Vec<Instance>,
     metrics: Vec<(String, u64)>,
     logs: usize,
@@ -474,7 +474,8 @@ unsafe fn submit_plan(sink: *const c::Sink, line: &Line) {
     let whole = to(line, "to") == To::There && size == size_of::<c::Plan>() as u32;
     let raw = memory.structure(raw, size, to(line, "to"));
     let valid = valid.filter(|_| whole);
-    let valid = valid.and_then(|(offsets, cells)| Some(PlanRef::new(&offsets, &cells)?.to_plan()));
+    let valid =
+        valid.and_then(|(offsets, cells)| Some(GridPlan::from(Lists::from_flat(offsets, cells)?)));
     // SAFETY: the sink is the host's, and the plan is as long as it says.
     let code = unsafe {
         (*sink)
@@ -665,8 +666,8 @@ impl Taken {
 }
 
 impl Sink for Taken {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
-        self.now().plans.push(plan.to_plan());
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
+        self.now().plans.push(plan.clone());
         Ok(())
     }
 

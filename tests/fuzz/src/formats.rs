@@ -86,6 +86,6 @@ fn check(contents: &Contents, format: Format) {
         };
         let again = Contents::read(Path::new(SOURCE), &written.bytes, Some(*to), Some(size));
         let again = again.expect("the same plan").plan.expect("a plan");
-        assert_eq!(again.plan.digest(), plan.digest(), "{to}");
+        assert_eq!(again.plan.trimmed(), plan.trimmed(), "{to}");
     }
 }

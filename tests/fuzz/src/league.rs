@@ -146,7 +146,7 @@ fn deal(grid: &Grid, list: &TaskList) {
             let goals = assigner.upcoming(&cells, &next, round);
             assert_eq!(goals.len(), agents);
             for agent in 0..agents {
-                let goal = goals.get(agent)[0];
+                let goal = goals[agent][0];
                 assert!(grid.is_passable(goal));
                 if assigner.goal(agent, next[agent]) == goal {
                     assigner.reached(agent, next[agent]);

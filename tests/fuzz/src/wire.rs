@@ -7,7 +7,7 @@ use fleetyard_abi::wire::{
     PrepareParams, ProgressParams, RecoverParams, Request, Response, ShouldInvokeParams,
     ShouldInvokeResult,
 };
-use fleetyard_abi::{Environment, Instance, PathEncoding, Plan, moves::OFF_MAP};
+use fleetyard_abi::{Environment, GridPlan, Instance, PathEncoding, moves::OFF_MAP};
 use fleetyard_runtime::message::{self, Message};
 use fleetyard_runtime::plan_from_abi;
 use serde::de::DeserializeSeed;
@@ -191,7 +191,7 @@ fn instance(instance: &Instance) {
         assert!(instance.agents() > 0);
         assert_eq!(instance.goals.len(), instance.agents());
         assert!(instance.goals.iter().all(|goals| !goals.is_empty()));
-        let all = instance.starts.iter().chain(instance.goals.cells());
+        let all = instance.starts.iter().chain(instance.goals.items());
         assert!(all.into_iter().all(|cell| (*cell as usize) < cells));
         // A larger map has the same cells and more.
         assert!(instance.check(cells + 1).is_ok());
@@ -219,15 +219,15 @@ fn paths(text: &RawValue) {
         let cells = rows * cols;
         pieces_are_the_whole(many, text.get());
         if let Ok(plan) = read(many, text.get()) {
-            assert!(plan.as_ref().agents() <= text.get().len());
-            assert!(plan.as_ref().cells().len() <= text.get().len());
+            assert!(plan.agents() <= text.get().len());
+            assert!(plan.cells().len() <= text.get().len());
             let on_map = |cell: &u32| *cell < cells || *cell == OFF_MAP;
-            assert!(plan.as_ref().cells().iter().all(on_map));
+            assert!(plan.cells().iter().all(on_map));
             through_every_encoding(many, &plan);
-            let kept = plan_from_abi(plan.as_ref(), cells);
-            assert!(kept.paths().eq(plan.as_ref().paths()));
+            let kept = plan_from_abi(&plan, cells);
+            assert!(kept.paths().eq(plan.paths()));
             // The limit is on the sum, whatever the encoding.
-            let fits = plan.as_ref().cells().len() <= few.max_cells;
+            let fits = plan.cells().len() <= few.max_cells;
             let limited = read(few, text.get());
             assert_eq!(limited.is_ok(), fits);
             assert!(!fits || limited.is_ok_and(|limited| limited == plan));
@@ -236,12 +236,12 @@ fn paths(text: &RawValue) {
         }
         // As a library hands it over: any numbers.
         if let Ok(numbers) = serde_json::from_str::<Vec<Vec<u32>>>(text.get()) {
-            through_every_encoding(many, &Plan::from_paths(numbers));
+            through_every_encoding(many, &GridPlan::from_paths(numbers));
         }
     }
 }
 
-fn read(context: PathContext<'_>, text: &str) -> serde_json::Result<Plan> {
+fn read(context: PathContext<'_>, text: &str) -> serde_json::Result<GridPlan> {
     context.deserialize(&mut serde_json::Deserializer::from_str(text))
 }
 
@@ -255,10 +255,9 @@ fn pieces_are_the_whole(context: PathContext<'_>, text: &str) {
         let found = (read && paths.is_done()).then(|| paths.finish());
         match (&whole, found) {
             (Ok(whole), Some(Ok((plan, paths)))) => {
-                let whole = whole.as_ref();
                 assert_eq!(paths, whole.agents());
                 let kept = whole.paths().take(context.starts.len());
-                assert_eq!(plan, Plan::from_paths(kept));
+                assert_eq!(plan, GridPlan::from_paths(kept));
             }
             (Err(_), None | Some(Err(_))) => {}
             (whole, found) => panic!("{text} by {size}: {whole:?} {found:?}"),
@@ -268,18 +267,18 @@ fn pieces_are_the_whole(context: PathContext<'_>, text: &str) {
 
 /// A plan is the same by every encoding, and by none at all as in process; positions
 /// outside the map are [`OFF_MAP`].
-fn through_every_encoding(context: PathContext<'_>, plan: &Plan) {
-    let kept = plan_from_abi(plan.as_ref(), context.rows * context.cols);
+fn through_every_encoding(context: PathContext<'_>, plan: &GridPlan) {
+    let kept = plan_from_abi(plan, context.rows * context.cols);
     for encoding in PathEncoding::ALL {
         let written = serde_json::to_string(&WritePaths {
-            plan: plan.as_ref(),
+            plan,
             context,
             encoding,
         });
         let written = written.expect("paths can be written");
         let again = read(context, &written).expect("what was written can be read");
         assert!(
-            again.as_ref().paths().eq(kept.paths()),
+            again.paths().eq(kept.paths()),
             "{plan:?} as {written} is {again:?}"
         );
     }
@@ -297,8 +296,8 @@ mod server {
     use fleetyard_abi::sdk::{Entry, Failure, Options, Sink, StaticCatalog};
     use fleetyard_abi::wire::{CancelParams, Envelope};
     use fleetyard_abi::{
-        Assignment, Budget, Descriptor, FleetState, FleetStatus, Goals, Instance, Kind, LogLevel,
-        Plan, PlanRef, SharedEnvironment, serve,
+        Assignment, Budget, Descriptor, FleetState, FleetStatus, Goals, GridPlan, Instance, Kind,
+        LogLevel, SharedEnvironment, serve,
     };
 
     struct Calm;
@@ -333,10 +332,10 @@ mod server {
             let paths = (0..instance.agents()).map(|agent| {
                 let start = instance.starts[agent];
                 let mut path = vec![start, start.wrapping_add(1)];
-                path.extend_from_slice(instance.goals.get(agent));
+                path.extend_from_slice(&instance.goals[agent]);
                 path
             });
-            sink.submit_plan(Plan::from_paths(paths).as_ref())?;
+            sink.submit_plan(&GridPlan::from_paths(paths))?;
             Ok(())
         }
     }
@@ -345,12 +344,12 @@ mod server {
         fn recover(
             &mut self,
             instance: &Instance,
-            failed: Option<PlanRef<'_>>,
+            failed: Option<&GridPlan>,
             _: &Budget,
             sink: &dyn Sink,
         ) -> Result<(), Failure> {
-            let stay = Plan::from_paths(instance.starts.iter().map(|cell| [*cell]));
-            sink.submit_plan(failed.unwrap_or(stay.as_ref()))?;
+            let stay = GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell]));
+            sink.submit_plan(failed.unwrap_or(&stay))?;
             Ok(())
         }
     }

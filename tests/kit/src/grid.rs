@@ -54,13 +54,8 @@ pub fn region(map: &GridEnvironment, from: u32) -> Vec<u32> {
 
 /// Lists of goals, one per agent.
 pub fn goals(lists: &[impl AsRef<[u32]>]) -> Goals {
-    let ends = lists.iter().scan(0, |end, list| {
-        *end += list.as_ref().len() as u64;
-        Some(*end)
-    });
-    let offsets = [0].into_iter().chain(ends).collect();
-    let cells = lists.iter().flat_map(AsRef::as_ref).copied().collect();
-    Goals::from_flat(offsets, cells).expect("the offsets fit")
+    let lists = lists.iter().map(AsRef::as_ref);
+    lists.map(|list| list.iter().copied()).collect()
 }
 
 /// The goals of a list that a path visits in their order.
@@ -276,7 +271,7 @@ impl Case {
     /// path at once when it is at the last one.
     pub fn arrivals(&self, paths: &[impl AsRef<[u32]>]) -> Result<(), String> {
         for (agent, path) in paths.iter().enumerate() {
-            let (goals, path) = (self.instance.goals.get(agent), path.as_ref());
+            let (goals, path) = (&self.instance.goals[agent], path.as_ref());
             if visited(goals, path) < goals.len() {
                 return Err(format!("agent {agent} does not visit its goals"));
             }

@@ -4,13 +4,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fleetyard_abi::sdk::{Rejected, Sink};
-use fleetyard_abi::{Instance, LogLevel, Plan, PlanRef};
+use fleetyard_abi::{GridPlan, Instance, LogLevel};
 
 /// Accepts and keeps everything that is submitted.
 #[derive(Debug, Default)]
 pub struct Notes {
     /// All plans, in the order in which they came.
-    pub plans: Mutex<Vec<Plan>>,
+    pub plans: Mutex<Vec<GridPlan>>,
     /// The last instance.
     pub instance: Mutex<Option<Instance>>,
     /// The answer to a plugin that asks for it.
@@ -18,8 +18,8 @@ pub struct Notes {
 }
 
 impl Sink for Notes {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
-        self.plans.lock().unwrap().push(plan.to_plan());
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
+        self.plans.lock().unwrap().push(plan.clone());
         Ok(())
     }
     fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {

@@ -155,7 +155,7 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
             waits: figures.waits,
         },
         instance_digest: instance.digest(),
-        plan_digest: file.plan.digest(),
+        plan_digest: Digest::of_plan(&file.plan),
     };
     match arguments.format {
         Format::Json => output::print_json(&report)?,

@@ -5,7 +5,7 @@
 
 use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridEnvironment, Instance, Kind, Plan, PlanRef,
+    Budget, Capabilities, Capability, Descriptor, GridEnvironment, GridPlan, Instance, Kind,
     SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
@@ -82,7 +82,7 @@ impl FailPolicy for SafePrefix {
         &mut self,
         map: &mut Map,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         _budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
@@ -103,7 +103,7 @@ impl FailPolicy for SafePrefix {
                 }
             }
         }
-        sink.submit_plan(Plan::from_paths(paths).as_ref())?;
+        sink.submit_plan(&GridPlan::from_paths(paths))?;
         Ok(())
     }
 }

@@ -7,7 +7,7 @@ use std::collections::{BTreeSet, VecDeque};
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Assignment, Budget, Capabilities, Capability, Descriptor, FleetState, Goals, GridEnvironment,
+    Assignment, Budget, Capabilities, Capability, Descriptor, FleetState, GridEnvironment,
     Instance, Kind, SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
@@ -131,7 +131,7 @@ impl InstanceGenerator for NearestIdle {
         }
         sink.submit_instance(&Instance {
             assignments,
-            ..state.instance(flat(&goals)?)
+            ..state.instance(goals.into_iter().collect())
         })?;
         Ok(())
     }
@@ -167,16 +167,6 @@ impl Map {
         let none = || Failure::new(Status::GaveUp, "no cell is left for an agent to wait in");
         nearest.map(|(_, near)| near).ok_or_else(none)
     }
-}
-
-/// Lists of goals, as instances have them.
-fn flat(lists: &[Vec<u32>]) -> Result<Goals, Failure> {
-    let mut offsets = vec![0];
-    for list in lists {
-        offsets.push(offsets[offsets.len() - 1] + list.len() as u64);
-    }
-    let wrong = || Failure::new(Status::InternalError, "lists of goals do not fit");
-    Goals::from_flat(offsets, lists.concat()).ok_or_else(wrong)
 }
 
 /// The cells that one move reaches, for every cell. Cells are `row * cols + col`.

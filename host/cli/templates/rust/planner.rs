@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridEnvironment, Instance, Kind, Plan,
+    Budget, Capabilities, Capability, Descriptor, GridEnvironment, GridPlan, Instance, Kind,
     SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
@@ -94,7 +94,7 @@ impl Planner for Prioritized {
             let failed = loop {
                 let Some(agent) = order.get(paths.len()).copied() else {
                     // By agent, as a map is in the order of its keys.
-                    sink.submit_plan(Plan::from_paths(paths.into_values()).as_ref())?;
+                    sink.submit_plan(&GridPlan::from_paths(paths.into_values()))?;
                     return Ok(());
                 };
                 match map.find_path(instance, agent, &paths, sink)? {
@@ -125,7 +125,7 @@ impl Map {
         others: &BTreeMap<usize, Vec<u32>>,
         sink: &dyn Sink,
     ) -> Result<Option<Vec<u32>>, Failure> {
-        let (start, goal) = (instance.starts[agent], instance.goals.get(agent)[0]);
+        let (start, goal) = (instance.starts[agent], instance.goals[agent][0]);
         // steps[t] has every cell where the agent can be at time t, and where it was
         // before that.
         let mut steps = vec![BTreeMap::from([(start, start)])];

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use fleetyard_abi::{Capability, FleetStatus, Kind, Objective, Plan, Status};
+use fleetyard_abi::{Capability, FleetStatus, GridPlan, Kind, Objective, Status};
 use fleetyard_runtime::Closing;
 
 use crate::scene::{Demand, Scene};
@@ -127,7 +127,7 @@ pub(crate) fn figures(trial: &mut Trial<'_>) -> Step<()> {
     let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
     trial.judge(&scene, &answer, Expectation::Perhaps)?;
     let claimed = |name: &str| answer.figures.get(name).copied();
-    let costs = || answer.plans().iter().map(fleetyard_check::sum_of_costs);
+    let costs = || answer.plans().iter().map(GridPlan::sum_of_costs);
     if let (Some(bound), Some(best)) = (claimed("lower_bound"), costs().min())
         && bound > best as f64
     {
@@ -169,7 +169,7 @@ pub(crate) fn failed_plan(trial: &mut Trial<'_>) -> Step<()> {
         [&[0], &[4]],
     ];
     for paths in left {
-        let failed = Plan::from_paths(paths);
+        let failed = GridPlan::from_paths(paths);
         let call = Call {
             failed: Some(&failed),
             ..Call::of(trial.wall())
@@ -274,7 +274,7 @@ pub(crate) fn at_least(wall: Duration, least_ms: u64) -> Duration {
 mod tests {
     use std::collections::{BTreeMap, BTreeSet};
 
-    use fleetyard_core::{Connectivity, GridPlan};
+    use fleetyard_core::Connectivity;
 
     use super::*;
     use crate::judge::{self, Arrival};

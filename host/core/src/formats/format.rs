@@ -14,10 +14,10 @@ use super::{
 };
 use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
 use crate::{
-    Grid, GridInstance, GridPlan, InputError, PathEncoding, PlanFile, Roadmap, RoadmapPlanFile,
-    Scenario, TrajectoryFile, TrajectoryPlan, load_roadmap, read_file, read_map, read_roadmap,
-    read_roadmap_plan, read_scen, read_trajectories, write_map, write_roadmap, write_roadmap_plan,
-    write_scen, write_trajectories,
+    Digest, Grid, GridInstance, GridPlan, InputError, PathEncoding, PlanFile, Roadmap,
+    RoadmapPlanFile, Scenario, TrajectoryFile, TrajectoryPlan, load_roadmap, read_file, read_map,
+    read_roadmap, read_roadmap_plan, read_scen, read_trajectories, write_map, write_roadmap,
+    write_roadmap_plan, write_scen, write_trajectories,
 };
 
 /// Declares the formats in the order in which they are listed.
@@ -647,7 +647,7 @@ impl Parts {
             }
             Format::Plan => {
                 let mut file = plan()?.clone();
-                file.plan_digest = Some(file.plan.digest());
+                file.plan_digest = Some(Digest::of_plan(&file.plan));
                 if let Some(instance) = &self.instance {
                     file.check_for(instance)?;
                     file.instance_digest = Some(instance.digest());

@@ -1305,7 +1305,7 @@ mod tests {
             ] {
                 let again = layout.read("answer", &text, SIZE, None).expect("a plan");
                 prop_assert_eq!(again.agents(), plan.agents());
-                prop_assert_eq!(again.digest(), plan.digest());
+                prop_assert_eq!(again.trimmed(), plan.trimmed());
             }
         }
 

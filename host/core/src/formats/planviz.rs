@@ -590,7 +590,7 @@ mod tests {
             let goals: Vec<u32> = plan.paths().map(|path| path[path.len() - 1]).collect();
             let text = write_planviz(&plan, &goals, SIZE).expect("a result");
             let again = read_planviz("r.json", &text, SIZE).expect("a plan");
-            prop_assert_eq!(again.digest(), plan.digest());
+            prop_assert_eq!(again.trimmed(), plan.trimmed());
         }
 
         #[test]

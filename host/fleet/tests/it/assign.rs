@@ -180,14 +180,13 @@ fn auto_is_tasks_then_roles_then_random() {
 fn enough_goals_for_the_window_are_told_and_two_at_least() {
     let grid = grid(&["w........e"]);
     let mut assigner = Assigner::with_starts(&grid, Source::Roles, &[1], 0).unwrap();
-    let told =
-        |assigner: &mut Assigner, window| assigner.upcoming(&[1], &[0], window).get(0).to_vec();
+    let told = |assigner: &mut Assigner, window| assigner.upcoming(&[1], &[0], window)[0].to_vec();
     assert_eq!(told(&mut assigner, 0), [0, 9]);
     // 1 and 9 steps are 10, which is not longer than 10.
     assert_eq!(told(&mut assigner, 9), [0, 9]);
     assert_eq!(told(&mut assigner, 10), [0, 9, 0]);
     assert_eq!(told(&mut assigner, 40), [0, 9, 0, 9, 0, 9]);
-    assert_eq!(assigner.upcoming(&[1], &[3], 0).get(0), [9, 0]);
+    assert_eq!(assigner.upcoming(&[1], &[3], 0)[0], [9, 0]);
     // However large the window is, there is an end.
     assert_eq!(told(&mut assigner, u32::MAX).len(), 1000);
 }
@@ -205,7 +204,7 @@ fn tasks_are_revealed_given_and_done() {
     // Nobody has a goal before tasks are given: the nearest first, the older of two.
     assert_eq!(assigner.goal(0, 0), OFF_MAP);
     let goals = assigner.upcoming(&[1, 5], &[0, 0], 0);
-    assert_eq!((goals.get(0), goals.get(1)), (&[2][..], &[9, 8][..]));
+    assert_eq!((&goals[0], &goals[1]), (&[2][..], &[9, 8][..]));
     assert_eq!(ids(&assigner), [2]);
     assert_eq!(assigner.goal(1, 1), 8);
     assert_eq!(assigner.goal(1, 2), OFF_MAP);
@@ -217,10 +216,10 @@ fn tasks_are_revealed_given_and_done() {
     assert_eq!(ids(&assigner), [2, 3]);
     // Who runs out of goals within the window gets its next task now.
     let goals = assigner.upcoming(&[2, 9], &[1, 1], 5);
-    assert_eq!((goals.get(0), goals.get(1)), (&[0][..], &[8, 19, 11][..]));
+    assert_eq!((&goals[0], &goals[1]), (&[0][..], &[8, 19, 11][..]));
     // Nobody has a task for the first one when its own is planned: it stays.
     let goals = assigner.upcoming(&[0, 9], &[2, 1], 0);
-    assert_eq!(goals.get(0), [0]);
+    assert_eq!(goals[0], [0]);
     assert_eq!(assigner.goal(0, 2), OFF_MAP);
     assigner.reached(1, 1);
     assert_eq!(
@@ -252,7 +251,7 @@ fn memory_of_tasks_does_not_grow() {
     for _ in 0..1000 {
         let goals = assigner.upcoming(&[0, 4], &next, 4);
         for (agent, next) in next.iter_mut().enumerate() {
-            assert!((1..=10).contains(&goals.get(agent).len()));
+            assert!((1..=10).contains(&goals[agent].len()));
             if assigner.goal(agent, *next) != OFF_MAP {
                 assigner.reached(agent, *next);
                 *next += 1;

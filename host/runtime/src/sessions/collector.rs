@@ -6,8 +6,7 @@ use std::time::Duration;
 
 use fleetyard_abi::convert::wrong_agents;
 use fleetyard_abi::sdk::{Rejected, Sink};
-use fleetyard_abi::{Budget, Instance, LogLevel, Plan, PlanRef, monotonic_ns};
-use fleetyard_core::GridPlan;
+use fleetyard_abi::{Budget, GridPlan, Instance, LogLevel, monotonic_ns};
 
 use crate::interrupt::interrupted_by;
 use crate::sessions::bounds::{
@@ -78,18 +77,20 @@ impl Collector {
 
     /// Keeps a plan that was read from so many paths on a map of this size, or says why it
     /// breaks the protocol.
-    pub(crate) fn accept(&self, plan: Plan, paths: usize, arrived_ns: u64) -> Result<(), String> {
+    pub(crate) fn accept(
+        &self,
+        plan: GridPlan,
+        paths: usize,
+        arrived_ns: u64,
+    ) -> Result<(), String> {
         if !self.is_wanted(paths, arrived_ns)? {
             return Ok(());
         }
-        let (offsets, cells) = plan.into_parts();
-        let offsets = offsets.into_iter().map(|offset| offset as usize).collect();
-        let plan = GridPlan::from_parts(offsets, cells).unwrap_or_default();
         self.keep(plan, arrived_ns);
         Ok(())
     }
 
-    fn accept_ref(&self, plan: PlanRef<'_>, arrived_ns: u64) -> Result<(), String> {
+    fn accept_ref(&self, plan: &GridPlan, arrived_ns: u64) -> Result<(), String> {
         if self.is_wanted(plan.agents(), arrived_ns)? {
             self.keep(plan_from_abi(plan, self.cells), arrived_ns);
         }
@@ -141,7 +142,7 @@ impl Collected {
 }
 
 impl Sink for Collector {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
         let arrived = monotonic_ns();
         if let Err(reason) = self.accept_ref(plan, arrived) {
             self.lock().fault.get_or_insert(reason);

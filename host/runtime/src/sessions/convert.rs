@@ -1,9 +1,9 @@
 //! Between the domain model of the host and the model of the contract.
 
 use fleetyard_abi::{
-    Environment, GridEnvironment, Instance, Motion, Objective, PlanRef, SharedEnvironment,
+    Environment, GridEnvironment, GridPlan, Instance, Motion, Objective, SharedEnvironment,
 };
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, OFF_MAP};
+use fleetyard_core::{Connectivity, Grid, GridInstance, OFF_MAP};
 
 /// The environment of an instance, as a planner is told it.
 pub fn environment(instance: &GridInstance, cell_size_m: f64, step_s: f64) -> SharedEnvironment {
@@ -51,7 +51,7 @@ pub fn instance(instance: &GridInstance, radius_m: f64) -> Instance {
 /// A plugin's plan for a map of so many cells, as the host keeps it. Whatever is
 /// outside the map becomes [`OFF_MAP`], as it does on the wire: a plan is the same by
 /// every attachment.
-pub fn plan_from_abi(plan: PlanRef<'_>, cells: u32) -> GridPlan {
+pub fn plan_from_abi(plan: &GridPlan, cells: u32) -> GridPlan {
     let mut kept = GridPlan::with_capacity(plan.agents(), plan.cells().len());
     let on_map = |cell: &u32| if *cell < cells { *cell } else { OFF_MAP };
     for path in plan.paths() {

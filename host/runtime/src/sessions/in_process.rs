@@ -6,7 +6,7 @@ use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options};
 use fleetyard_abi::wire::Outcome;
 use fleetyard_abi::{
-    Budget, FleetState, FleetStatus, Instance, Kind, Plan, SharedEnvironment, Status, monotonic_ns,
+    Budget, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status, monotonic_ns,
 };
 use serde_json::Value;
 
@@ -70,7 +70,7 @@ impl InProcess {
                     planner.plan(instance, budget, collector)
                 }
                 (Some(Object::FailPolicy(policy)), Solver::FailPolicy(failed)) => {
-                    policy.recover(instance, failed.map(Plan::as_ref), budget, collector)
+                    policy.recover(instance, failed, budget, collector)
                 }
                 _ => Err(wrong_object()),
             };

@@ -7,7 +7,7 @@
 //! order. A reader that pulls (`serde_json::from_reader`) would have to wait inside of a
 //! message, and would hold a string of moves whole before it is one.
 
-use fleetyard_abi::Plan;
+use fleetyard_abi::GridPlan;
 use fleetyard_abi::paths::{PathContext, PathsError, PathsReader};
 use serde::de::DeserializeSeed;
 use serde_json::value::RawValue;
@@ -44,9 +44,9 @@ impl Expected<'_> {
         };
         let read = found.unwrap_or_else(|| {
             let mut value = serde_json::Deserializer::from_str(value.get());
-            let plan: serde_json::Result<Plan> = context.deserialize(&mut value);
+            let plan: serde_json::Result<GridPlan> = context.deserialize(&mut value);
             let plan = plan.map_err(|error| error.to_string())?;
-            let paths = plan.as_ref().agents();
+            let paths = plan.agents();
             Ok((plan, paths))
         });
         read.map_err(|reason| format!("the paths are malformed: {reason}"))
@@ -54,7 +54,7 @@ impl Expected<'_> {
 }
 
 /// A plan and how many paths its writer gave, or why it is none.
-pub(crate) type Read = Result<(Plan, usize), String>;
+pub(crate) type Read = Result<(GridPlan, usize), String>;
 
 /// The field of a message that has `paths`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -399,11 +399,14 @@ mod tests {
         );
         let whole = heard(text.as_bytes(), text.len());
         assert_eq!(whole.len(), 8, "{whole:?}");
-        let found = |cells: &str| {
-            let cells = format!("cells: [{cells}]");
-            whole.iter().flatten().any(|line| line.contains(&cells))
+        let found = |paths: &str| {
+            let paths = format!("paths: [{paths}]");
+            whole.iter().flatten().any(|line| line.contains(&paths))
         };
-        assert!(found("0, 1, 2, 5, 4") && found("0, 5, 4"), "{whole:?}");
+        assert!(
+            found("[0, 1, 2], [5, 4]") && found("[0], [5, 4]"),
+            "{whole:?}"
+        );
         for size in [1, 2, 5, 64] {
             assert_eq!(heard(text.as_bytes(), size), whole);
         }

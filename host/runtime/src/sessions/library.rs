@@ -13,8 +13,8 @@ use fleetyard_abi::object::{
 };
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding,
-    PlanRef, SharedEnvironment, Status, c,
+    Budget, Capabilities, Descriptor, FleetState, FleetStatus, GridPlan, Instance, Kind,
+    PathEncoding, SharedEnvironment, Status, c,
 };
 
 use crate::Fault;
@@ -537,14 +537,14 @@ impl FailPolicy for Foreign<c::FailPolicy> {
     fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let recover = self.raw.recover.ok_or_else(|| missing("recover"))?;
         let plans = Some(self.plans(instance));
         let instance = CInstance::new(instance, self.environment()?);
-        let failed = failed.map(PlanRef::to_c);
+        let failed = failed.map(GridPlan::to_c);
         let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);
         // SAFETY: all arguments live through the call.
         self.ask(plans, budget, sink, |context, budget, sink| unsafe {

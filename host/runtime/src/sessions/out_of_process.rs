@@ -10,9 +10,7 @@ use fleetyard_abi::wire::{
     PROTOCOL_VERSION, Peer, PlanParams, PlanResult, PrepareParams, RecoverParams,
     ShouldInvokeParams, ShouldInvokeResult,
 };
-use fleetyard_abi::{
-    Budget, FleetState, FleetStatus, Instance, Kind, Plan, SharedEnvironment, Status,
-};
+use fleetyard_abi::{Budget, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -49,7 +47,7 @@ impl Written {
         let context = call.context()?;
         let failed = match call.solver {
             Solver::Planner => None,
-            Solver::FailPolicy(failed) => failed.map(Plan::as_ref),
+            Solver::FailPolicy(failed) => failed,
         };
         let failed = failed.map(|plan| WritePaths {
             plan,

@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use fleetyard_abi::paths::PathContext;
 use fleetyard_abi::wire::Outcome;
-use fleetyard_abi::{Budget, GridEnvironment, Instance, PathEncoding, Plan, Status};
-use fleetyard_core::GridPlan;
+use fleetyard_abi::{Budget, GridEnvironment, GridPlan, Instance, PathEncoding, Status};
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
@@ -209,7 +208,7 @@ pub(super) enum Solver<'a> {
     /// A planner.
     Planner,
     /// A fail policy, with what the planner left, if it left something.
-    FailPolicy(Option<&'a Plan>),
+    FailPolicy(Option<&'a GridPlan>),
 }
 
 /// A call that asks for a plan.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use fleetyard_abi::{
-    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
+    Budget, Descriptor, FleetState, FleetStatus, GridPlan, Instance, Kind, PathEncoding,
     SharedEnvironment,
 };
 use fleetyard_core::Digest;
@@ -159,7 +159,7 @@ impl Session {
     pub fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<&Plan>,
+        failed: Option<&GridPlan>,
         budget: &Budget,
     ) -> PlanRun {
         self.solve(Solver::FailPolicy(failed), instance, budget)

@@ -143,7 +143,7 @@ fn what_is_written_is_read() {
         };
         assert_eq!(header, expected);
         assert_eq!(header.digests.world, grid.digest());
-        assert_eq!(header.digests.plan, plan.digest());
+        assert_eq!(header.digests.plan, Digest::of_plan(&plan));
         let is_recorded = |state: &&Kept| {
             options.every > 0 && state.tick.is_multiple_of(u64::from(options.every))
         };

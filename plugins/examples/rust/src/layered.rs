@@ -11,8 +11,8 @@
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Plan, SharedEnvironment, Status,
-    monotonic_ns,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, SharedEnvironment,
+    Status, monotonic_ns,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng as _, SeedableRng};
@@ -122,7 +122,7 @@ impl Planner for Layered {
             }
             sink.metric("attempts", f64::from(attempts));
             let Some(rank) = failed else {
-                sink.submit_plan(Plan::from_paths(paths).as_ref())?;
+                sink.submit_plan(&GridPlan::from_paths(paths))?;
                 return Ok(());
             };
             if attempts == self.options.attempts {
@@ -142,7 +142,7 @@ impl Map {
     /// claim (windows, several or shared goals, other motions) the SDK refuses.
     fn check(&self, instance: &Instance) -> Result<Vec<u32>, Failure> {
         let invalid = |reason: String| Failure::new(Status::InvalidInput, reason);
-        let goals = instance.goals.cells().to_vec();
+        let goals = instance.goals.items().to_vec();
         for cells in [&instance.starts, &goals] {
             if let Some(cell) = cells
                 .iter()

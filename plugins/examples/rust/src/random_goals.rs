@@ -105,7 +105,7 @@ impl InstanceGenerator for RandomGoals {
             .filter_map(<[u32]>::last)
             .copied()
             .collect();
-        let (mut offsets, mut goals) = (vec![0], Vec::new());
+        let mut goals = Goals::default();
         for (agent, open) in state.goals.iter().enumerate() {
             if sink.cancelled() {
                 return Err(Failure::new(Status::Cancelled, "cancelled"));
@@ -113,14 +113,11 @@ impl InstanceGenerator for RandomGoals {
             if open.is_empty() {
                 let goal = regions.draw(&mut random, state.cells[agent], &taken)?;
                 taken.insert(goal);
-                goals.push(goal);
+                goals.push([goal]);
             } else {
-                goals.extend_from_slice(open);
+                goals.push(open.iter().copied());
             }
-            offsets.push(goals.len() as u64);
         }
-        let goals = Goals::from_flat(offsets, goals)
-            .ok_or_else(|| Failure::new(Status::InternalError, "the lists of goals are broken"))?;
         sink.submit_instance(&state.instance(goals))?;
         Ok(())
     }

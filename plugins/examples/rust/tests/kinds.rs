@@ -8,21 +8,21 @@ use std::sync::{Arc, Mutex};
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, Instance, Kind, LogLevel,
-    Motion, Objective, Plan, PlanRef, SharedEnvironment, Status,
+    Budget, Environment, FleetState, FleetStatus, GridEnvironment, GridPlan, Instance, Kind,
+    LogLevel, Motion, Objective, SharedEnvironment, Status,
 };
 use fleetyard_example_rust::catalog;
 
 #[derive(Default)]
 struct Collected {
-    plan: Mutex<Option<Plan>>,
+    plan: Mutex<Option<GridPlan>>,
     instance: Mutex<Option<Instance>>,
     cancelled: bool,
 }
 
 impl Sink for Collected {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
-        *self.plan.lock().unwrap() = Some(plan.to_plan());
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
+        *self.plan.lock().unwrap() = Some(plan.clone());
         Ok(())
     }
     fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
@@ -72,7 +72,7 @@ fn plan(
     options: &str,
     instance: &Instance,
     sink: &Collected,
-) -> Result<Plan, Failure> {
+) -> Result<GridPlan, Failure> {
     let Object::Planner(mut planner) = create(Kind::Planner, "layered", options)? else {
         panic!("another kind");
     };
@@ -82,15 +82,15 @@ fn plan(
 }
 
 /// The rules of classical MAPF, in the plainest way.
-fn assert_solves(plan: &Plan, instance: &Instance, map: &SharedEnvironment) {
+fn assert_solves(plan: &GridPlan, instance: &Instance, map: &SharedEnvironment) {
     let grid = map.grid().unwrap();
-    let paths: Vec<&[u32]> = plan.as_ref().paths().collect();
+    let paths: Vec<&[u32]> = plan.paths().collect();
     assert_eq!(paths.len(), instance.agents());
     let at = |agent: usize, time: usize| paths[agent][time.min(paths[agent].len() - 1)];
     let steps = paths.iter().map(|path| path.len()).max().unwrap();
     for (agent, path) in paths.iter().enumerate() {
         assert_eq!(path[0], instance.starts[agent]);
-        assert_eq!(path.last(), instance.goals.get(agent).last());
+        assert_eq!(path.last(), instance.goals[agent].last());
         for pair in path.windows(2) {
             let [from, to] = pair.try_into().unwrap();
             let rows = (from / grid.cols).abs_diff(to / grid.cols);
@@ -123,7 +123,7 @@ fn layered_solves_what_needs_another_order_and_giving_way() {
         let instance = Instance::one_shot(starts, goals);
         let solved = plan(&map, "", &instance, &Collected::default()).unwrap();
         assert_solves(&solved, &instance, &map);
-        let steps = solved.as_ref().paths().map(|path| path.len() - 1).max();
+        let steps = solved.paths().map(|path| path.len() - 1).max();
         assert!(steps <= Some(most_steps as usize), "{steps:?} for {rows:?}");
         let again = plan(&map, "{}", &instance, &Collected::default()).unwrap();
         assert_eq!(solved, again, "equal for equal seeds");
@@ -139,7 +139,7 @@ fn layered_says_why_not() {
     };
     let swap = || Instance::one_shot(vec![0, 2], vec![2, 0]);
     let two_goals = Instance {
-        goals: Goals::from_flat(vec![0, 2], vec![1, 2]).unwrap(),
+        goals: [vec![1, 2]].into_iter().collect(),
         ..Instance::one_shot(vec![0], vec![])
     };
     let cases = [
@@ -207,7 +207,7 @@ fn all_wait_waits() {
     let instance = Instance::one_shot(vec![2, 0], vec![0, 2]);
     policy.recover(&instance, None, &BUDGET, &sink).unwrap();
     let plan = sink.plan.into_inner().unwrap().unwrap();
-    assert_eq!(plan, Plan::from_paths([[2], [0]]));
+    assert_eq!(plan, GridPlan::from_paths([[2], [0]]));
 }
 
 #[test]
@@ -222,7 +222,7 @@ fn random_goals_are_free_reachable_and_distinct() {
         time_s: 0.0,
         cells: vec![0, 1, 4],
         headings: None,
-        goals: Goals::from_flat(vec![0, 0, 2, 2], vec![6, 7]).unwrap(),
+        goals: [vec![], vec![6, 7], vec![]].into_iter().collect(),
         tasks: Vec::new(),
         window_steps: 3,
         motion: Motion::Pebble,
@@ -240,18 +240,18 @@ fn random_goals_are_free_reachable_and_distinct() {
         assert_eq!(instance.starts, state.cells);
         assert_eq!(instance.window_steps, 3);
         assert!((instance.radius_m - 0.35).abs() < f64::EPSILON);
-        assert_eq!(instance.goals.get(1), [6, 7]);
-        assert!([1, 2, 6, 8].contains(&instance.goals.get(0)[0]));
-        assert!([5, 10, 11].contains(&instance.goals.get(2)[0]));
-        drawn.insert(instance.goals.get(0)[0]);
+        assert_eq!(instance.goals[1], [6, 7]);
+        assert!([1, 2, 6, 8].contains(&instance.goals[0][0]));
+        assert!([5, 10, 11].contains(&instance.goals[2][0]));
+        drawn.insert(instance.goals[0][0]);
     }
     assert_eq!(drawn.len(), 4, "all of them in forty draws");
 
     // Three agents in two cells' room: nothing is left for the last.
     state.cells = vec![4, 5, 10];
-    state.goals = Goals::from_flat(vec![0, 1, 2, 2], vec![11, 4]).unwrap();
+    state.goals = [vec![11], vec![4], vec![]].into_iter().collect();
     generator.generate(&state, &BUDGET, &sink).unwrap();
-    state.goals = Goals::from_flat(vec![0, 2, 3, 3], vec![4, 11, 5]).unwrap();
+    state.goals = [vec![4, 11], vec![5], vec![]].into_iter().collect();
     generator.generate(&state, &BUDGET, &sink).unwrap();
     state.cells = vec![4, 5, 3];
     let failure = generator.generate(&state, &BUDGET, &sink).unwrap_err();

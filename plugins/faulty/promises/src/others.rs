@@ -6,8 +6,8 @@ use fleetyard_abi::sdk::{
     FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
 };
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, FleetState, FleetStatus, Goals, Instance, Kind,
-    Plan, PlanRef, SharedEnvironment, Status, monotonic_ns,
+    Budget, Capabilities, Capability, Descriptor, FleetState, FleetStatus, Goals, GridPlan,
+    Instance, Kind, SharedEnvironment, Status, monotonic_ns,
 };
 use serde_json::json;
 
@@ -52,7 +52,7 @@ impl FailPolicy for Policy {
         &mut self,
         (): &mut (),
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         _: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
@@ -63,11 +63,11 @@ impl FailPolicy for Policy {
             }
             (Mistake::StandsElsewhere, _) => {
                 let last = instance.starts.iter().rev();
-                sink.submit_plan(Plan::from_paths(last.map(|start| [*start])).as_ref())?;
+                sink.submit_plan(&GridPlan::from_paths(last.map(|start| [*start])))?;
             }
             _ => {
                 let stay = instance.starts.iter().map(|start| [*start]);
-                sink.submit_plan(Plan::from_paths(stay).as_ref())?;
+                sink.submit_plan(&GridPlan::from_paths(stay))?;
             }
         }
         Ok(())
@@ -113,22 +113,19 @@ impl InstanceGenerator for Generator {
         _: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        if self.0 == Mistake::IdleFleetFails && state.goals.cells().is_empty() {
+        if self.0 == Mistake::IdleFleetFails && state.goals.items().is_empty() {
             return Err(Failure::new(Status::InternalError, "nobody has a goal"));
         }
-        let (mut offsets, mut goals) = (vec![0], Vec::new());
-        for (cell, open) in state.cells.iter().zip(state.goals.iter()) {
-            goals.extend_from_slice(open);
+        let mut goals: Vec<Vec<u32>> = state.goals.iter().map(<[u32]>::to_vec).collect();
+        for (cell, open) in state.cells.iter().zip(&mut goals) {
             if open.is_empty() {
-                goals.push(*cell);
+                open.push(*cell);
             }
-            offsets.push(goals.len() as u64);
         }
         if let (Mistake::BlockedGoals, Some(cell)) = (self.0, blocked.first()) {
-            goals[0] = *cell;
+            goals[0][0] = *cell;
         }
-        let goals = Goals::from_flat(offsets, goals)
-            .ok_or_else(|| Failure::new(Status::InternalError, "broken lists"))?;
+        let goals: Goals = goals.into_iter().collect();
         let mut instance = state.instance(goals);
         match self.0 {
             Mistake::MovesFleet => instance.starts.reverse(),

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::sdk::{self, Failure, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Heading, Instance, Kind, LogLevel, Motion,
-    Objective, Plan, SharedEnvironment, Status, monotonic_ns,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Heading, Instance, Kind, LogLevel,
+    Motion, Objective, SharedEnvironment, Status, monotonic_ns,
 };
 
 use crate::{Choice, Mistake};
@@ -20,7 +20,7 @@ pub(crate) struct Planner {
     map: Map,
     prepared: bool,
     cancelled: bool,
-    answers: BTreeMap<usize, Plan>,
+    answers: BTreeMap<usize, GridPlan>,
 }
 
 #[derive(Default)]
@@ -160,22 +160,22 @@ impl sdk::Planner for Planner {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let mistake = self.choice.mistake;
-        let stay = || Plan::from_paths(instance.starts.iter().map(|start| [*start]));
+        let stay = || GridPlan::from_paths(instance.starts.iter().map(|start| [*start]));
         self.check(instance, budget, sink)?;
         match mistake {
             Mistake::LimitedByNodesLies if budget.nodes == 1 => {
-                sink.submit_plan(stay().as_ref())?;
+                sink.submit_plan(&stay())?;
                 return Ok(());
             }
             Mistake::SeesThroughWalls if instance.motion == Motion::AnyAngle => {
                 let lines = instance.starts.iter().zip(instance.goals.iter());
                 let lines = lines.map(|(start, goals)| [*start, goals[0]]);
-                sink.submit_plan(Plan::from_paths(lines).as_ref())?;
+                sink.submit_plan(&GridPlan::from_paths(lines))?;
                 return Ok(());
             }
             Mistake::OldAnswer => {
                 if let Some(plan) = self.answers.get(&instance.agents()) {
-                    sink.submit_plan(plan.as_ref())?;
+                    sink.submit_plan(plan)?;
                     return Ok(());
                 }
             }
@@ -189,17 +189,17 @@ impl sdk::Planner for Planner {
                     steps.splice(0..0, (0..waits).map(|_| first.clone()));
                 }
                 let plan = plan_of(&steps);
-                sink.submit_plan(plan.as_ref())?;
+                sink.submit_plan(&plan)?;
                 if mistake == Mistake::WorseLater && instance.agents() >= 25 {
                     steps.insert(0, steps[0].clone());
-                    sink.submit_plan(plan_of(&steps).as_ref())?;
+                    sink.submit_plan(&plan_of(&steps))?;
                 }
                 self.answers.insert(instance.agents(), plan);
                 Ok(())
             }
             Err(failure) => {
                 let left = self.shortest(instance, mistake == Mistake::LeavesNonsense);
-                sink.submit_plan(left.as_ref())?;
+                sink.submit_plan(&left)?;
                 if mistake == Mistake::SwapsPlaces {
                     return Ok(());
                 }
@@ -235,7 +235,7 @@ impl Planner {
         if instance
             .starts
             .iter()
-            .chain(instance.goals.cells())
+            .chain(instance.goals.items())
             .any(blocked)
             || different.len() < instance.agents()
         {
@@ -282,8 +282,8 @@ impl Planner {
     fn solve(&self, instance: &Instance) -> Result<Vec<Vec<u32>>, Failure> {
         let mistake = self.choice.mistake;
         let alone = instance.agents() == 1;
-        if alone && mistake == Mistake::OneAgentJumps && instance.goals.get(0) != instance.starts {
-            let goal = instance.goals.get(0)[0];
+        if alone && mistake == Mistake::OneAgentJumps && instance.goals[0] != instance.starts {
+            let goal = instance.goals[0][0];
             return Ok(vec![instance.starts.clone(), vec![goal]]);
         }
         let blind = mistake == Mistake::WindowBlind && instance.window_steps > 0;
@@ -316,7 +316,7 @@ impl Planner {
     }
 
     /// Everybody's shortest path to all goals, or a jump to the last.
-    fn shortest(&self, instance: &Instance, jump: bool) -> Plan {
+    fn shortest(&self, instance: &Instance, jump: bool) -> GridPlan {
         let path = |(start, goals): (&u32, &[u32])| {
             let mut path = vec![*start];
             for goal in goals {
@@ -330,7 +330,7 @@ impl Planner {
             }
             path
         };
-        Plan::from_paths(instance.starts.iter().zip(instance.goals.iter()).map(path))
+        GridPlan::from_paths(instance.starts.iter().zip(instance.goals.iter()).map(path))
     }
 
     fn one_by_one(&self, instance: &Instance) -> Result<Vec<Vec<u32>>, Failure> {
@@ -345,7 +345,7 @@ impl Planner {
             (0..instance.agents()).map(|a| (a, 0)).collect();
         let mut tries = 0;
         while let Some((agent, visited)) = waiting.pop_front() {
-            let goals = instance.goals.get(agent);
+            let goals = &instance.goals[agent];
             let Some(goal) = goals.get(visited).copied() else {
                 continue;
             };
@@ -440,16 +440,16 @@ impl Walk {
     }
 }
 
-fn plan_of(steps: &[Vec<u32>]) -> Plan {
+fn plan_of(steps: &[Vec<u32>]) -> GridPlan {
     let agents = steps.first().map_or(0, Vec::len);
-    Plan::from_paths((0..agents).map(|agent| {
+    GridPlan::from_paths((0..agents).map(|agent| {
         let path: Vec<u32> = steps.iter().map(|step| step[agent]).collect();
         path
     }))
 }
 
-fn steps_of(plan: &Plan) -> Vec<Vec<u32>> {
-    let paths: Vec<&[u32]> = plan.as_ref().paths().collect();
+fn steps_of(plan: &GridPlan) -> Vec<Vec<u32>> {
+    let paths: Vec<&[u32]> = plan.paths().collect();
     let length = paths.iter().map(|path| path.len()).max().unwrap_or(0);
     let at = |time: usize| paths.iter().map(move |path| path[time.min(path.len() - 1)]);
     (0..length).map(|time| at(time).collect()).collect()

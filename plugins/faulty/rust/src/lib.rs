@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Rejected, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, LogLevel, Plan, PlanRef,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, LogLevel,
     SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
@@ -131,7 +131,7 @@ impl FaultyOptions {
 struct StandardError;
 
 impl Sink for StandardError {
-    fn submit_plan(&self, _: PlanRef<'_>) -> Result<(), Rejected> {
+    fn submit_plan(&self, _: &GridPlan) -> Result<(), Rejected> {
         Err(Rejected)
     }
 
@@ -226,10 +226,10 @@ impl Planner for Faulty {
         if fault == Fault::TooFewAgents {
             paths.pop();
         }
-        let plan = Plan::from_paths(paths);
-        sink.submit_plan(plan.as_ref())?;
+        let plan = GridPlan::from_paths(paths);
+        sink.submit_plan(&plan)?;
         match fault {
-            Fault::Twice => sink.submit_plan(plan.as_ref())?,
+            Fault::Twice => sink.submit_plan(&plan)?,
             Fault::ExitAfterPlan => std::process::exit(0),
             Fault::CrashAfter => {
                 std::thread::spawn(|| {
@@ -261,7 +261,7 @@ impl Map {
         while !waiting.is_empty() {
             let before = waiting.len();
             waiting.retain(|agent| {
-                let goal = instance.goals.get(*agent).last().copied();
+                let goal = instance.goals[*agent].last().copied();
                 let standing: Vec<u32> = paths.iter().filter_map(|p| p.last().copied()).collect();
                 let way = goal.and_then(|goal| self.way(&standing, standing[*agent], goal));
                 let Some(way) = way else { return true };

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Goals, Instance, PlanRef};
+use fleetyard_abi::{Goals, GridPlan, Instance};
 use fleetyard_plugin_mapf::lifelong::{Place, Ranking};
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::plugin::Call;
@@ -42,7 +42,7 @@ impl Recovery for GuidedOptions {
         &self,
         map: &mut SteppedMap,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         self.0
@@ -85,7 +85,7 @@ impl<'g> Guides<'g> {
         ground: &'g Ground,
         problem: &Problem<'_>,
         goals: &Goals,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
     ) -> Self {
         let paths = problem.paths(failed).into_iter();
         let guide = |(mut path, goals): (Vec<Vertex>, &[u32])| {

@@ -8,7 +8,7 @@
 //! multi-agent path finding: models and algorithms", ICAPS 2024.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Instance, PlanRef};
+use fleetyard_abi::{GridPlan, Instance};
 use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ impl Recovery for LrgwOptions {
         &self,
         ground: &mut Ground,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         let problem = Problem::new(ground, instance)?;

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Environment, Goals, Instance, PlanRef};
+use fleetyard_abi::{Environment, Goals, GridPlan, Instance};
 use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query, Ranking};
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::plugin::Call;
@@ -110,20 +110,16 @@ impl Learn for SteppedMap {
 
 /// Of each agent's goals those that it can reach, up to the first that it cannot.
 fn reachable(problem: &Problem<'_>, goals: &Goals) -> Goals {
-    let mut offsets = Vec::with_capacity(goals.len() + 1);
-    let mut cells = Vec::with_capacity(goals.cells().len());
-    offsets.push(0);
-    for (start, goals) in problem.starts.iter().zip(goals.iter()) {
+    let agents = problem.starts.iter().zip(goals.iter());
+    let reached = agents.map(|(start, goals)| {
         let region = problem.ground.region(*start);
-        let good = |cell: &&u32| {
-            let goal = problem.ground.graph.vertex(**cell);
+        let good = move |cell: &u32| {
+            let goal = problem.ground.graph.vertex(*cell);
             goal.is_some_and(|goal| problem.ground.region(goal) == region)
         };
-        cells.extend(goals.iter().take_while(good));
-        offsets.push(cells.len() as u64);
-    }
-    // The offsets fit by construction.
-    Goals::from_flat(offsets, cells).unwrap_or_else(|| Goals::single(Vec::new()))
+        goals.iter().copied().take_while(good)
+    });
+    reached.collect()
 }
 
 /// Plans anew with PIBT, whatever the planner has left.
@@ -148,7 +144,7 @@ impl Recovery for PibtOptions {
         &self,
         map: &mut SteppedMap,
         instance: &Instance,
-        _: Option<PlanRef<'_>>,
+        _: Option<&GridPlan>,
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         self.0.recover(map, instance, call, |_, _, _| ByDistance)

@@ -9,7 +9,7 @@
 use std::collections::VecDeque;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Instance, PlanRef};
+use fleetyard_abi::{GridPlan, Instance};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Vertex};
 use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
@@ -37,7 +37,7 @@ impl Recovery for RuleBasedOptions {
         &self,
         ground: &mut Ground,
         instance: &Instance,
-        failed: Option<PlanRef<'_>>,
+        failed: Option<&GridPlan>,
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         let problem = Problem::new(ground, instance)?;

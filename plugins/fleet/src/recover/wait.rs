@@ -4,7 +4,7 @@
 //! finding", SoCS 2023, compare better policies with it.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Capability, Instance, Plan, PlanRef};
+use fleetyard_abi::{Capability, GridPlan, Instance};
 use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -29,11 +29,11 @@ impl Recovery for AllWaitOptions {
         &self,
         (): &mut (),
         instance: &Instance,
-        _: Option<PlanRef<'_>>,
+        _: Option<&GridPlan>,
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         let stay = instance.starts.iter().map(|start| [*start]);
-        call.submit(Plan::from_paths(stay).as_ref());
+        call.submit(&GridPlan::from_paths(stay));
         Ok(())
     }
 }

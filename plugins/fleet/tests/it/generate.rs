@@ -53,7 +53,7 @@ fn generate<P: InstanceGenerator>(
 fn single<P: InstanceGenerator>(environment: &SharedEnvironment, state: &FleetState) -> Vec<u32> {
     let instance = generate::<P>(environment, state).unwrap();
     assert!(instance.goals.iter().all(|goals| goals.len() == 1));
-    instance.goals.cells().to_vec()
+    instance.goals.items().to_vec()
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn tasks_go_to_the_nearest_idle_agents() {
     assert_eq!(instance.goals, lists(&[&[6], &[3], &[5, 1], &[16]]));
     let instance = generate::<DistinctOneGoal>(&row, &fleet).unwrap();
     assert_eq!(instance.assignments, given);
-    assert_eq!(instance.goals.cells(), [6, 3, 5, 16]);
+    assert_eq!(instance.goals.items(), [6, 3, 5, 16]);
     let instance = generate::<OneGoal>(&row, &fleet).unwrap();
     assert_eq!(instance.assignments, given);
 }

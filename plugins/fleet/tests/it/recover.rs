@@ -3,7 +3,7 @@
 use crate::common::{BUDGET, drawn, map};
 use fleetyard_abi::object::{FailPolicy, Object};
 use fleetyard_abi::sdk::{self, Options, Plugin as _};
-use fleetyard_abi::{Budget, Goals, Heading, Instance, Motion, Plan, SharedEnvironment};
+use fleetyard_abi::{Budget, Goals, GridPlan, Heading, Instance, Motion, SharedEnvironment};
 use fleetyard_plugin_fleet::recover::{AllWait, GuidedPibt, Lrgw, Pibt, RuleBased};
 use fleetyard_testkit::{Case, Notes};
 use proptest::prelude::*;
@@ -29,23 +29,25 @@ fn recover(
     policy: &mut dyn FailPolicy,
     environment: &SharedEnvironment,
     instance: &Instance,
-    failed: Option<&Plan>,
-) -> Plan {
+    failed: Option<&GridPlan>,
+) -> GridPlan {
     let host = Notes::default();
     policy.prepare(environment, &BUDGET, &host).unwrap();
-    policy
-        .recover(instance, failed.map(Plan::as_ref), &BUDGET, &host)
-        .unwrap();
+    policy.recover(instance, failed, &BUDGET, &host).unwrap();
     host.plans.into_inner().unwrap().pop().unwrap()
 }
 
 /// Motions, turns, collisions and rings; nobody has to arrive.
-fn fault(environment: &SharedEnvironment, instance: &Instance, plan: &Plan) -> Result<(), String> {
+fn fault(
+    environment: &SharedEnvironment,
+    instance: &Instance,
+    plan: &GridPlan,
+) -> Result<(), String> {
     let case = Case {
         map: environment.grid().unwrap().clone(),
         instance: instance.clone(),
     };
-    let paths: Vec<&[u32]> = plan.as_ref().paths().collect();
+    let paths: Vec<&[u32]> = plan.paths().collect();
     case.motions(&paths)?;
     case.collisions(&paths, 0)
 }
@@ -56,7 +58,7 @@ fn repair<P: sdk::FailPolicy>(
     instance: &Instance,
     failed: &[&[u32]],
 ) -> Vec<Vec<u32>> {
-    let failed = Plan::from_paths(failed);
+    let failed = GridPlan::from_paths(failed);
     let plan = recover(
         made::<P>("{}").as_mut(),
         environment,
@@ -64,7 +66,7 @@ fn repair<P: sdk::FailPolicy>(
         Some(&failed),
     );
     assert_eq!(fault(environment, instance, &plan), Ok(()));
-    plan.as_ref().paths().map(<[u32]>::to_vec).collect()
+    plan.paths().map(<[u32]>::to_vec).collect()
 }
 
 fn asked(starts: &[u32], goals: &[u32], window_steps: u32) -> Instance {
@@ -91,7 +93,7 @@ impl Draw {
 const HEADINGS: [Heading; 4] = [Heading::East, Heading::South, Heading::West, Heading::North];
 
 /// A crowd on a map with walls, and walks at random, which collide.
-fn crowd(seed: u64) -> (SharedEnvironment, Instance, Plan) {
+fn crowd(seed: u64) -> (SharedEnvironment, Instance, GridPlan) {
     let mut draw = Draw(seed);
     let (rows, cols) = (2 + draw.below(7) as u32, 2 + draw.below(7) as u32);
     let density = draw.below(4);
@@ -109,16 +111,14 @@ fn crowd(seed: u64) -> (SharedEnvironment, Instance, Plan) {
     let agents = 1 + draw.below(free.len() as u64) as usize;
     let starts = free[..agents].to_vec();
     let any = |draw: &mut Draw| free[draw.below(free.len() as u64) as usize];
-    let (mut offsets, mut goals) = (vec![0], Vec::new());
+    let mut goals = Goals::default();
     for _ in 0..agents {
-        for _ in 0..=draw.below(3) {
-            goals.push(any(&mut draw));
-        }
-        offsets.push(goals.len() as u64);
+        let many = draw.below(3);
+        goals.push((0..=many).map(|_| any(&mut draw)));
     }
     let turning = draw.below(2) == 0;
     let instance = Instance {
-        goals: Goals::from_flat(offsets, goals).unwrap(),
+        goals,
         headings: Some((0..agents).map(|agent| HEADINGS[agent % 4]).collect()),
         motion: if turning {
             Motion::Rotation
@@ -153,7 +153,7 @@ fn crowd(seed: u64) -> (SharedEnvironment, Instance, Plan) {
         }
         paths.push(path);
     }
-    (environment, instance, Plan::from_paths(paths))
+    (environment, instance, GridPlan::from_paths(paths))
 }
 
 proptest! {
@@ -186,7 +186,7 @@ proptest! {
         let good = recover(pibt.as_mut(), &environment, &instance, None);
         let mut lrgw = made::<Lrgw>("{}");
         let driven = recover(lrgw.as_mut(), &environment, &instance, Some(&good));
-        for (good, driven) in good.as_ref().paths().zip(driven.as_ref().paths()) {
+        for (good, driven) in good.paths().zip(driven.paths()) {
             prop_assert!(driven.len() <= good.len());
             let moves = |path: &[u32]| {
                 let mut path = path.to_vec();
@@ -288,7 +288,7 @@ fn guides_are_preferred_to_shortest_ways() {
     );
     // Past the first goal and back, though the way to the second begins here.
     let row = drawn(&["....."]);
-    let goals = Goals::from_flat(vec![0, 2], vec![4, 1]).unwrap();
+    let goals = [vec![4, 1]].into_iter().collect();
     let instance = Instance {
         goals,
         ..asked(&[2], &[0], 9)
@@ -307,7 +307,7 @@ fn steps_are_the_windows_or_the_options() {
     assert_eq!(repair::<Pibt>(&row, &instance, &[&[0]])[0].len(), 6);
     let mut short = made::<Pibt>(r#"{"steps":2}"#);
     let plan = recover(short.as_mut(), &row, &instance, None);
-    assert_eq!(plan.as_ref().cells().len(), 3);
+    assert_eq!(plan.cells().len(), 3);
     let forever = Instance {
         window_steps: 0,
         ..instance.clone()

@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, GridEnvironment, Instance};
+use fleetyard_abi::{Goals, GridEnvironment, GridPlan, Instance};
+use fleetyard_plugin_mapf::ProblemError;
 use fleetyard_plugin_mapf::lanes::Streets;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
-use fleetyard_plugin_mapf::{Plan, ProblemError};
 use fleetyard_plugin_spacetime::graph::Graph;
 use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
@@ -34,7 +34,12 @@ fn lifelong(map: &GridEnvironment) -> Lifelong {
 }
 
 /// Starts, moves, collisions, and rings if not allowed; nobody has to arrive.
-fn judge(map: &GridEnvironment, starts: &[u32], plan: &Plan, rings: bool) -> Result<(), String> {
+fn judge(
+    map: &GridEnvironment,
+    starts: &[u32],
+    plan: &GridPlan,
+    rings: bool,
+) -> Result<(), String> {
     let case = Case {
         map: map.clone(),
         instance: Instance {
@@ -63,7 +68,7 @@ fn query<'a>(starts: &'a [u32], goals: &'a Goals, window: Option<u32>) -> Query<
     }
 }
 
-fn run(planner: &mut Lifelong, query: &Query<'_>) -> (Plan, End) {
+fn run(planner: &mut Lifelong, query: &Query<'_>) -> (GridPlan, End) {
     planner.run(query, &mut ByDistance, &mut || false).unwrap()
 }
 
@@ -119,7 +124,7 @@ fn drive(
         };
         assert_eq!(end, End::Done);
         assert_eq!(judge(map, &cells, &plan, false), Ok(()));
-        assert!(plan.makespan() <= u64::from(window));
+        assert!(plan.horizon() <= window as usize);
         for agent in 0..agents {
             let path = plan.path(agent);
             let done = grid::visited(&lists[agent], path) as u32;
@@ -211,7 +216,7 @@ fn four_in_a_square_turn_only_if_they_may() {
         };
         let (plan, _) = run(&mut lifelong(&map), &query);
         assert_eq!(judge(&map, &starts, &plan, rings), Ok(()));
-        assert_eq!(plan.makespan() > 0, rings);
+        assert_eq!(plan.horizon() > 0, rings);
     }
 }
 
@@ -282,7 +287,7 @@ fn limits_end_a_run() {
         ..query(&starts, &goals, None)
     };
     let (plan, end) = run(&mut planner, &few);
-    assert_eq!((plan.makespan(), end), (2, End::Steps));
+    assert_eq!((plan.horizon(), end), (2, End::Steps));
     let long = query(&starts, &goals, Some(10_000));
     let (plan, end) = planner.run(&long, &mut ByDistance, &mut || true).unwrap();
     assert_eq!(end, End::Stopped);

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::Range;
 
 use crate::support::{Patient, solve, verify};
-use fleetyard_abi::{Goals, GridEnvironment, Instance};
-use fleetyard_plugin_mapf::{Algorithm, Limit, Observer, Options, Outcome, Plan, ProblemError};
+use fleetyard_abi::{Goals, GridEnvironment, GridPlan, Instance};
+use fleetyard_plugin_mapf::{Algorithm, Limit, Observer, Options, Outcome, ProblemError};
 use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
 
@@ -50,7 +50,7 @@ fn successors(problem: &Case, q: &[u32]) -> Vec<Vec<u32>> {
 /// the sum of loss.
 fn brute_force(problem: &Case, retire: bool) -> Option<u64> {
     let Instance { starts, goals, .. } = &problem.instance;
-    let (agents, goals) = (starts.len(), goals.cells());
+    let (agents, goals) = (starts.len(), goals.items());
     let all = (1_u32 << agents) - 1;
     let mut best: BTreeMap<(Vec<u32>, u32), u64> = BTreeMap::new();
     let mut open = BinaryHeap::from([Reverse((0, starts.clone(), 0_u32))]);
@@ -283,7 +283,7 @@ fn no_agents_and_agents_at_home_cost_nothing() {
             else {
                 panic!("there is a plan");
             };
-            assert_eq!((sum_of_costs, lower_bound, plan.makespan()), (0, 0, 0));
+            assert_eq!((sum_of_costs, lower_bound, plan.horizon()), (0, 0, 0));
             assert_eq!(verify(&problem, &plan), Ok(()));
         }
     }
@@ -395,7 +395,7 @@ fn extreme_options_are_harmless() {
 struct Impatient(u64);
 
 impl Observer for Impatient {
-    fn incumbent(&mut self, _: &Plan, _: u64) {}
+    fn incumbent(&mut self, _: &GridPlan, _: u64) {}
     fn stop(&mut self) -> bool {
         self.0 = self.0.saturating_sub(1);
         self.0 == 0

@@ -1,7 +1,8 @@
 //! Cases as the planner sees them, and an observer; for tests, example and benchmark.
 #![allow(dead_code, reason = "each user takes what it needs")]
 
-use fleetyard_plugin_mapf::{Observer, Options, Outcome, Plan, Problem, ProblemError};
+use fleetyard_abi::GridPlan;
+use fleetyard_plugin_mapf::{Observer, Options, Outcome, Problem, ProblemError};
 use fleetyard_plugin_spacetime::graph::Graph;
 use fleetyard_testkit::Case;
 
@@ -9,12 +10,12 @@ use fleetyard_testkit::Case;
 #[derive(Debug, Default)]
 pub(crate) struct Patient {
     pub(crate) sums: Vec<u64>,
-    pub(crate) plans: Vec<Plan>,
+    pub(crate) plans: Vec<GridPlan>,
     pub(crate) metrics: Vec<(String, f64)>,
 }
 
 impl Observer for Patient {
-    fn incumbent(&mut self, plan: &Plan, sum_of_costs: u64) {
+    fn incumbent(&mut self, plan: &GridPlan, sum_of_costs: u64) {
         self.sums.push(sum_of_costs);
         self.plans.push(plan.clone());
     }
@@ -41,12 +42,12 @@ pub(crate) fn solve(
     let problem = Problem {
         graph: &graph(case),
         starts: &case.instance.starts,
-        goals: case.instance.goals.cells(),
+        goals: case.instance.goals.items(),
     };
     fleetyard_plugin_mapf::solve(&problem, options, seed, observer)
 }
 
 /// Says what is wrong with a plan, if anything is.
-pub(crate) fn verify(case: &Case, plan: &Plan) -> Result<(), String> {
+pub(crate) fn verify(case: &Case, plan: &GridPlan) -> Result<(), String> {
     case.judge(&plan.paths().collect::<Vec<_>>(), 0)
 }

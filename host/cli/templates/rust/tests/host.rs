@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use fleetyard_abi::sdk::{Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Environment, GridEnvironment, Instance, LogLevel, PlanRef, SharedEnvironment,
+    Budget, Environment, GridEnvironment, GridPlan, Instance, LogLevel, SharedEnvironment,
 };
 
 #[derive(Default)]
@@ -16,7 +16,7 @@ pub struct Host {
 }
 
 impl Sink for Host {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
         *self.paths.lock().unwrap() = plan.paths().map(<[u32]>::to_vec).collect();
         Ok(())
     }

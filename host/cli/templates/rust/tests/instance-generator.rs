@@ -3,7 +3,7 @@
 mod host;
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin};
-use fleetyard_abi::{FleetState, Goals, Motion, Objective, Status, Task};
+use fleetyard_abi::{FleetState, Motion, Objective, Status, Task};
 use host::{BUDGET, Host, map};
 
 use example_plugin::NearestIdle;
@@ -18,7 +18,7 @@ fn generate(row: &str, cells: [u32; 2], goal: u32, task: &[u32]) -> Result<Vec<V
         time_s: 0.0,
         cells: cells.to_vec(),
         headings: None,
-        goals: Goals::from_flat(vec![0, 0, 1], vec![goal]).unwrap(),
+        goals: [vec![], vec![goal]].into_iter().collect(),
         tasks: vec![Task {
             id: 7,
             cells: task.to_vec(),

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use fleetyard_abi::{Capabilities, Capability, Plan, Status};
+use fleetyard_abi::{Capabilities, Capability, Status};
 use fleetyard_core::document::{Document, Table, Value};
 use fleetyard_core::formats::{Begin, Format, Layout, Major, MapSize};
 use fleetyard_core::{GridPlan, InputError, shown};
@@ -328,9 +328,8 @@ impl Manifest {
         answer: &[u8],
         (rows, cols): (u32, u32),
         agents: usize,
-    ) -> Result<Plan, InputError> {
-        let plan = self.read_paths(answer, MapSize { rows, cols }, agents)?;
-        Ok(Plan::from_paths(plan.paths()))
+    ) -> Result<GridPlan, InputError> {
+        self.read_paths(answer, MapSize { rows, cols }, agents)
     }
 
     pub(super) fn read_paths(

@@ -12,7 +12,7 @@ use std::time::Duration;
 use fleetyard_abi::object::{Planner, Prepare};
 use fleetyard_abi::sdk::{Failure, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Environment, GridEnvironment, Instance, LogLevel, Motion, Plan,
+    Budget, Capability, Environment, GridEnvironment, GridPlan, Instance, LogLevel, Motion,
     SharedEnvironment, Status, monotonic_ns,
 };
 use fleetyard_core::formats::{
@@ -179,7 +179,7 @@ impl Solver {
         if instance.goals.iter().any(|goals| goals.len() != 1) {
             return Err(self.unsupported("takes one goal per agent"));
         }
-        let mut cells = instance.starts.iter().chain(instance.goals.cells());
+        let mut cells = instance.starts.iter().chain(instance.goals.items());
         if let Some(cell) = cells.find(|cell| grid.passable[**cell as usize] == 0) {
             return invalid(format!("cell {cell} is blocked, but a start or a goal"));
         }
@@ -188,7 +188,7 @@ impl Solver {
         }
         let capabilities = self.installed.manifest.capabilities;
         if !capabilities.has(Capability::DuplicateGoals)
-            && let Some(cell) = twice(instance.goals.cells())
+            && let Some(cell) = twice(instance.goals.items())
         {
             return Err(self.unsupported(&format!("takes no goal twice, as cell {cell}")));
         }
@@ -197,7 +197,7 @@ impl Solver {
 
     /// The file of starts and goals.
     fn agents_file(&self, instance: &Instance, grid: &GridEnvironment, seed: u64) -> Vec<u8> {
-        let goals = instance.goals.cells();
+        let goals = instance.goals.items();
         match self.installed.manifest.input.agents {
             AgentsFormat::Scenario { row_first } => {
                 scenario(&instance.starts, goals, grid, row_first)
@@ -369,7 +369,7 @@ impl Solver {
     }
 
     /// Reads the answer as a plan.
-    fn plan_in(&self, answer: &[u8], instance: &Instance) -> Result<Plan, InputError> {
+    fn plan_in(&self, answer: &[u8], instance: &Instance) -> Result<GridPlan, InputError> {
         let manifest = &self.installed.manifest;
         let source = manifest.output.source();
         let size = match self.grid() {
@@ -381,7 +381,7 @@ impl Solver {
             let reason = "agents do not begin at their starts";
             return Err(InputError::new(source, reason).hint(TRANSPOSED_HINT));
         }
-        Ok(Plan::from_paths(plan.paths()))
+        Ok(plan)
     }
 
     fn report_metrics(&self, left: &Left, sink: &dyn Sink) {
@@ -590,8 +590,8 @@ fn scenario(starts: &[u32], goals: &[u32], grid: &GridEnvironment, row_first: bo
     })
 }
 
-fn submit(plan: &Plan, sink: &dyn Sink) -> Result<(), Failure> {
-    sink.submit_plan(plan.as_ref()).map_err(|rejected| {
+fn submit(plan: &GridPlan, sink: &dyn Sink) -> Result<(), Failure> {
+    sink.submit_plan(plan).map_err(|rejected| {
         if sink.cancelled() {
             Failure::new(Status::TimedOut, "the answer was read after the deadline")
         } else {

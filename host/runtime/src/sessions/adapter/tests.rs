@@ -637,7 +637,7 @@ fn rows_of_agent_time_and_position_are_paths() {
     let answer = |manifest: &Manifest, text: &str, agents| {
         let plan = manifest.read_answer(text.as_bytes(), (3, 4), agents);
         let plan = plan.map_err(|error| error.to_string())?;
-        let paths = plan.as_ref().paths().map(<[u32]>::to_vec);
+        let paths = plan.paths().map(<[u32]>::to_vec);
         Ok::<_, String>(paths.collect::<Vec<_>>())
     };
     let plain = described("order = 'x-y'\nignore = '^agent'");
@@ -700,7 +700,7 @@ fn an_answer_of_another_map_or_team_is_refused() {
         r#"{"format": "fleetyard.plan/1", "rows": 3, "cols": 4, "paths": [[[0, 0], [0, 1]]]}"#;
     let read = |size, agents| {
         let plan = manifest.read_answer(answer.as_bytes(), size, agents);
-        plan.map(|plan| plan.as_ref().cells().to_vec())
+        plan.map(|plan| plan.cells().to_vec())
             .map_err(|error| error.to_string())
     };
     assert_eq!(read((3, 4), 1), Ok(vec![0, 1]));
