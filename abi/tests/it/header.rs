@@ -1,5 +1,5 @@
 //! `include/fleetyard.h` is what `src/c.rs` says, and compilers take it, and
-//! `include/fleetyard.hpp` over it.
+//! `include/fleetyard_easy.h` and `include/fleetyard.hpp` over it.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -105,15 +105,17 @@ fn compile(program: &str, arguments: &[&str], extension: &str) {
     assert!(output.status.success(), "{program} {arguments:?}:\n{log}");
 }
 
+/// Compilers with their standards, and how they and files call the language.
+const COMPILERS: [(&str, &str, &str, &str); 4] = [
+    ("gcc", "-std=c11", "c", "c"),
+    ("g++", "-std=c++17", "c++", "cpp"),
+    ("clang", "-std=c11", "c", "c"),
+    ("clang++", "-std=c++17", "c++", "cpp"),
+];
+
 #[test]
 fn header_compiles_as_c11_and_cpp17() {
-    let cases = [
-        ("gcc", "-std=c11", "c"),
-        ("g++", "-std=c++17", "cpp"),
-        ("clang", "-std=c11", "c"),
-        ("clang++", "-std=c++17", "cpp"),
-    ];
-    for (program, standard, extension) in cases {
+    for (program, standard, _, extension) in COMPILERS {
         if installed(program) {
             compile(program, &[standard], extension);
         } else {
@@ -122,7 +124,7 @@ fn header_compiles_as_c11_and_cpp17() {
         }
     }
     assert!(
-        cases.iter().any(|(program, ..)| installed(program)),
+        COMPILERS.iter().any(|(program, ..)| installed(program)),
         "no C compiler is installed"
     );
 }
@@ -161,6 +163,24 @@ fn strict(compiler: &str, standard: &str) -> Command {
         .args(["-Wsign-conversion", "-Wshadow", "-Werror", "-I"])
         .arg(root().join("include"));
     command
+}
+
+#[test]
+fn the_easy_header_reads_options_learns_maps_and_submits_plans() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let program = folder.path().join("easy");
+    for (compiler, standard, language, _) in COMPILERS {
+        if installed(compiler) {
+            succeed(
+                strict(compiler, standard)
+                    .args(["-x", language])
+                    .arg(root().join("tests/it/easy.c"))
+                    .arg("-o")
+                    .arg(&program),
+            );
+            succeed(&mut Command::new(&program));
+        }
+    }
 }
 
 /// The C++ compilers that are here, each with the standards to try.

@@ -8,43 +8,25 @@
  *        -o first_task.so first_task.c
  */
 
-#include "fleetyard.h"
+#include "fleetyard_easy.h"
 
-#include <stdbool.h>
-#include <stdlib.h>
-#include <string.h>
-
-#define NONE UINT32_MAX
-#define TEXT(literal) {(const uint8_t *)(literal), sizeof(literal) - 1}
-
-static int32_t fail(const FleetyardSink *sink, int32_t status, const char *message) {
-  sink->fail(sink->context, (FleetyardStr){(const uint8_t *)message, strlen(message)});
-  return status;
-}
-
-/* ---- The generator ----------------------------------------------------------- */
+#define NONE FLEETYARD_NONE
 
 typedef struct {
-  uint32_t *region; /* per cell the number of the region that is connected; NONE if blocked */
+  FleetyardMap map;
+  uint32_t *region; /* per cell the first cell of the region that is connected; NONE if blocked */
 } Generator;
 
 /* Moves past corners lead nowhere that straight ones do not: both cells at the side of a
  * diagonal move are free. So four neighbours make the regions of eight. */
-static void fill(uint32_t *region, uint32_t *stack, const FleetyardGrid *grid, uint32_t cell) {
+static void fill(const FleetyardMap *map, uint32_t *region, uint32_t *stack, uint32_t first) {
   size_t height = 0;
-  uint32_t cols = grid->cols, cells = grid->rows * cols, number = cell;
-  region[cell] = number;
-  for (stack[height++] = cell; height > 0;) {
-    cell = stack[--height];
-    uint32_t near[4] = {
-        cell >= cols ? cell - cols : NONE,
-        cell % cols + 1 < cols ? cell + 1 : NONE,
-        cell + cols < cells ? cell + cols : NONE,
-        cell % cols > 0 ? cell - 1 : NONE,
-    };
+  region[first] = first;
+  for (stack[height++] = first; height > 0;) {
+    const uint32_t *near = map->neighbours[stack[--height]];
     for (int i = 0; i < 4; i++)
-      if (near[i] != NONE && grid->passable[near[i]] && region[near[i]] == NONE) {
-        region[near[i]] = number;
+      if (near[i] != NONE && region[near[i]] == NONE) {
+        region[near[i]] = first;
         stack[height++] = near[i];
       }
   }
@@ -53,24 +35,17 @@ static void fill(uint32_t *region, uint32_t *stack, const FleetyardGrid *grid, u
 static int32_t prepare(void *context, const FleetyardEnvironment *environment,
                        const FleetyardBudget *budget, const FleetyardSink *sink) {
   Generator *generator = context;
+  const FleetyardMap *map = &generator->map;
   (void)budget; /* a few milliseconds for the largest maps */
-  if (environment->representation != FLEETYARD_REPRESENTATION_GRID)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "this generator knows grids only");
-  const FleetyardGrid *grid = environment->view;
-  uint64_t cells = (uint64_t)grid->rows * grid->cols;
-  if (cells == 0 || cells >= NONE)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "the map has no cells or too many");
-  uint32_t *region = malloc((size_t)cells * sizeof *region);
-  uint32_t *stack = malloc((size_t)cells * sizeof *stack);
-  if (!region || !stack) {
-    free(region);
-    free(stack);
-    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
-  }
-  memset(region, 0xFF, (size_t)cells * sizeof *region);
-  for (uint32_t cell = 0; cell < cells; cell++)
-    if (grid->passable[cell] && region[cell] == NONE)
-      fill(region, stack, grid, cell);
+  int32_t status = fleetyard_learn(&generator->map, environment, sink);
+  if (status != FLEETYARD_STATUS_SOLVED)
+    return status;
+  uint32_t *region = fleetyard_array(map->cells, sizeof *region);
+  uint32_t *stack = fleetyard_array(map->cells, sizeof *stack);
+  memset(region, 0xFF, map->cells * sizeof *region);
+  for (uint32_t cell = 0; cell < map->cells; cell++)
+    if (map->passable[cell] && region[cell] == NONE)
+      fill(map, region, stack, cell);
   free(stack);
   free(generator->region);
   generator->region = region;
@@ -94,127 +69,71 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
   int32_t status = FLEETYARD_STATUS_SOLVED;
   (void)budget;
   if (!generator->region)
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "`generate` came before `prepare`");
+    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                          "`generate` came before `prepare`");
 
-  /* Every goal and every task once, and a cell for who has neither. */
-  size_t most = (size_t)state->goal_offsets[agents] + agents;
-  if (state->tasks > 0)
-    most += (size_t)state->task_offsets[state->tasks];
-  uint64_t *offsets = malloc(((size_t)agents + 1) * sizeof *offsets);
-  uint32_t *goals = malloc(most * sizeof *goals);
-  uint8_t *given = calloc((size_t)state->tasks + 1, 1);
-  FleetyardAssignment *assignments = calloc((size_t)state->tasks + 1, sizeof *assignments);
+  FleetyardLists goals = {0};
+  bool *given = fleetyard_array(state->tasks, sizeof *given);
+  FleetyardAssignment *assignments = fleetyard_array(state->tasks, sizeof *assignments);
   uint32_t assigned = 0;
-  if (!offsets || !goals || !given || !assignments) {
-    status = fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
-    goto end;
-  }
-  uint64_t used = 0;
   for (uint32_t agent = 0; agent < agents; agent++) {
-    offsets[agent] = used;
-    for (uint64_t i = state->goal_offsets[agent]; i < state->goal_offsets[agent + 1]; i++)
-      goals[used++] = state->goals[i];
-    for (uint32_t task = 0; task < state->tasks && used == offsets[agent]; task++)
+    uint64_t begin = state->goal_offsets[agent], end = state->goal_offsets[agent + 1];
+    fleetyard_append_all(&goals, state->goals + begin, end - begin);
+    for (uint32_t task = 0; task < state->tasks && begin == end; task++)
       if (!given[task] && can_reach(generator, state, agent, task)) {
-        given[task] = 1;
+        given[task] = true;
         assignments[assigned++] =
             (FleetyardAssignment){.task = state->task_ids[task], .agent = agent};
-        for (uint64_t i = state->task_offsets[task]; i < state->task_offsets[task + 1]; i++)
-          goals[used++] = state->task_cells[i];
+        begin = state->task_offsets[task], end = state->task_offsets[task + 1];
+        fleetyard_append_all(&goals, state->task_cells + begin, end - begin);
       }
-    if (used == offsets[agent])
-      goals[used++] = state->cells[agent];
-    if (agent % 64 == 0 && sink->cancelled(sink->context)) {
-      status = fail(sink, FLEETYARD_STATUS_TIMED_OUT, "the call's time is up");
-      goto end;
+    if (begin == end)
+      fleetyard_append(&goals, state->cells[agent]);
+    fleetyard_end_list(&goals);
+    if (agent % 64 == 0 && fleetyard_cancelled(sink)) {
+      fleetyard_free_lists(&goals);
+      status = fleetyard_fail(sink, FLEETYARD_STATUS_TIMED_OUT, "the call's time is up");
+      break;
     }
   }
-  offsets[agents] = used;
-  FleetyardInstance instance = {
-      .struct_size = sizeof instance,
-      .agents = agents,
-      .starts = state->cells,
-      .headings = state->headings,
-      .goal_offsets = offsets,
-      .goals = goals,
-      .motion = state->motion,
-      .objective = state->objective,
-      .window_steps = state->window_steps,
-      .allows_cycles = state->allows_cycles,
-      .radius_m = state->radius_m,
-      .assignments_count = assigned,
-      .assignments = assignments,
-  };
-  sink->submit_instance(sink->context, &instance);
-
-end:
-  free(offsets);
-  free(goals);
+  if (status == FLEETYARD_STATUS_SOLVED)
+    status = fleetyard_submit_instance(state, &goals, assignments, assigned, sink);
   free(given);
   free(assignments);
   return status;
 }
 
 static void destroy(void *context) {
-  Generator *generator = context;
-  free(generator->region);
-  free(generator);
+  free(((Generator *)context)->region);
+  fleetyard_destroy(context);
 }
 
 /* ---- What the library exports ------------------------------------------------ */
 
 static const FleetyardDescriptor first_task = {
     .struct_size = sizeof(FleetyardDescriptor),
-    .id = TEXT("first-task"),
-    .name = TEXT("First task (C example)"),
-    .version = TEXT("0.1.0"),
-    .description = TEXT("Gives every idle agent the first open task that it can reach."),
-    .license = TEXT("MIT OR Apache-2.0"),
+    .id = FLEETYARD_TEXT("first-task"),
+    .name = FLEETYARD_TEXT("First task (C example)"),
+    .version = FLEETYARD_TEXT("0.1.0"),
+    .description =
+        FLEETYARD_TEXT("Gives every idle agent the first open task that it can reach."),
+    .license = FLEETYARD_TEXT("MIT OR Apache-2.0"),
     .capabilities = FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_EIGHT_CONNECTED |
                     FLEETYARD_CAPABILITY_PEBBLE | FLEETYARD_CAPABILITY_ROTATION |
                     FLEETYARD_CAPABILITY_WINDOWED | FLEETYARD_CAPABILITY_DUPLICATE_GOALS |
                     FLEETYARD_CAPABILITY_DETERMINISTIC,
 };
 
-static uint32_t count(void) { return 1; }
-
-static const FleetyardDescriptor *descriptor(uint32_t index) {
-  return index == 0 ? &first_task : NULL;
-}
-
-static int32_t create(uint32_t index, FleetyardStr options, const FleetyardSink *sink,
+static int32_t create(FleetyardStr options, const FleetyardSink *sink,
                       FleetyardInstanceGenerator *out) {
-  /* An object with a member has a colon; the host lets no option through without a schema. */
-  if (index != 0 || (options.len != 0 && memchr(options.ptr, ':', options.len)))
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "this generator has no options");
-  Generator *generator = calloc(1, sizeof *generator);
-  if (!generator)
-    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
-  *out = (FleetyardInstanceGenerator){
-      .struct_size = sizeof *out,
-      .context = generator,
-      .prepare = prepare,
-      .generate = generate,
-      .destroy = destroy,
-  };
-  return FLEETYARD_STATUS_SOLVED;
+  int32_t status = fleetyard_no_options(NULL, options, sink);
+  if (status != FLEETYARD_STATUS_SOLVED)
+    return status;
+  out->context = fleetyard_array(1, sizeof(Generator));
+  out->prepare = prepare;
+  out->generate = generate;
+  out->destroy = destroy;
+  return status;
 }
 
-static const FleetyardInstanceGeneratorFactory factory = {
-    .struct_size = sizeof(FleetyardInstanceGeneratorFactory),
-    .count = count,
-    .descriptor = descriptor,
-    .create = create,
-};
-
-static const void *get_factory(FleetyardStr id) {
-  static const char own[] = FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID;
-  return id.len == sizeof own - 1 && memcmp(id.ptr, own, id.len) == 0 ? &factory : NULL;
-}
-
-const FleetyardPluginEntry fleetyard_plugin_entry_v1 = {
-    .struct_size = sizeof(FleetyardPluginEntry),
-    .abi_major = FLEETYARD_ABI_MAJOR,
-    .abi_minor = FLEETYARD_ABI_MINOR,
-    .get_factory = get_factory,
-};
+FLEETYARD_LIBRARY(InstanceGenerator, FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID, first_task, create);

@@ -21,131 +21,14 @@
 
 #define _POSIX_C_SOURCE 200809L /* clock_gettime */
 
-#include "fleetyard.h"
+#include "fleetyard_easy.h"
 
 #include <inttypes.h>
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
-#ifndef FLEETYARD_PLANNER_FACTORY_ID
-#define FLEETYARD_PLANNER_FACTORY_ID "fleetyard.planner/1"
-#endif
+#define NONE FLEETYARD_NONE
 
-#define NONE UINT32_MAX
-#define TEXT(literal) {(const uint8_t *)(literal), sizeof(literal) - 1}
-
-/* ---- What the plugin says to the host -------------------------------------- */
-
-/* Explains a status and returns it, so that a function can end with one line. */
-#if defined(__GNUC__)
-__attribute__((format(printf, 3, 4)))
-#endif
-static int32_t
-fail(const FleetyardSink *sink, int32_t status, const char *format, ...) {
-  char text[512];
-  va_list arguments;
-  va_start(arguments, format);
-  int length = vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  if (length < 0)
-    length = 0;
-  if ((size_t)length >= sizeof text)
-    length = (int)sizeof text - 1;
-  sink->fail(sink->context, (FleetyardStr){(const uint8_t *)text, (size_t)length});
-  return status;
-}
-
-static void metric(const FleetyardSink *sink, const char *name, double value) {
-  sink->metric(sink->context, (FleetyardStr){(const uint8_t *)name, strlen(name)}, value);
-}
-
-static bool equals(FleetyardStr text, const char *other) {
-  return text.len == strlen(other) && (text.len == 0 || memcmp(text.ptr, other, text.len) == 0);
-}
-
-/* ---- Options: a reader for one flat JSON object ---------------------------- */
-
-typedef struct {
-  const uint8_t *at, *end;
-} Json;
-
-static int json_peek(Json *json) {
-  while (json->at < json->end && *json->at != 0 && strchr(" \t\r\n", *json->at))
-    json->at++;
-  return json->at < json->end ? *json->at : -1;
-}
-
-static bool json_take(Json *json, char wanted) {
-  if (json_peek(json) != wanted)
-    return false;
-  json->at++;
-  return true;
-}
-
-/* Reads four hexadecimal digits; characters beyond ASCII become '?', since no name
- * or value of an option has any. */
-static int json_hex(Json *json) {
-  unsigned value = 0;
-  for (int i = 0; i < 4; i++) {
-    int byte = json->at < json->end ? *json->at++ : 0;
-    const char *digits = "0123456789abcdef0123456789ABCDEF";
-    const char *digit = byte ? strchr(digits, byte) : NULL;
-    if (!digit)
-      return -1;
-    value = value * 16 + (unsigned)(digit - digits) % 16;
-  }
-  return value > 0 && value < 0x80 ? (int)value : '?';
-}
-
-/* Reads a string into `out`, cut to `room` bytes. */
-static bool json_string(Json *json, char *out, size_t room) {
-  size_t used = 0;
-  if (!json_take(json, '"'))
-    return false;
-  while (json->at < json->end && *json->at != '"') {
-    int byte = *json->at++;
-    if (byte < 0x20)
-      return false;
-    if (byte == '\\') {
-      static const char letters[] = "\"\\/bfnrt", meanings[] = "\"\\/\b\f\n\r\t";
-      int letter = json->at < json->end ? *json->at++ : 0;
-      const char *escape = letter ? strchr(letters, letter) : NULL;
-      byte = escape ? meanings[escape - letters] : letter == 'u' ? json_hex(json) : -1;
-      if (byte < 0)
-        return false;
-    }
-    if (used + 1 < room)
-      out[used++] = (char)byte;
-  }
-  out[used] = 0;
-  if (json->at == json->end)
-    return false;
-  json->at++;
-  return true;
-}
-
-/* Reads a whole number that is not negative; 3.0 is one. */
-static bool json_count(Json *json, uint64_t *out) {
-  uint64_t value = 0;
-  if (json_peek(json) < '0' || json_peek(json) > '9')
-    return false;
-  while (json->at < json->end && *json->at >= '0' && *json->at <= '9') {
-    uint64_t digit = (uint64_t)(*json->at++ - '0');
-    if (value > (UINT64_MAX - digit) / 10)
-      return false;
-    value = value * 10 + digit;
-  }
-  if (json->at < json->end && *json->at == '.')
-    do
-      json->at++;
-    while (json->at < json->end && *json->at == '0');
-  *out = value;
-  return json->at == json->end || (*json->at != 0 && strchr(",}] \t\r\n", *json->at));
-}
+/* ---- Options --------------------------------------------------------------- */
 
 /* Shortest first costs a tenth less than longest first, and is the default: whoever has
  * a short way then need not wait until all the long ways across its goal are over. */
@@ -165,100 +48,22 @@ typedef struct {
   "\"default\":\"shortest\",\"description\":\"Who is planned first in the first order:" \
   " the agent with the shortest way, with the longest, or anyone.\"}}}"
 
-/* The host has checked the options against the schema; this is for the plugin's
- * own safety and for hosts that have not. */
-static int32_t read_options(FleetyardStr text, const FleetyardSink *sink, Options *options) {
-  Json json = {text.ptr, text.ptr};
-  char name[64], value[64];
-  *options = (Options){0, SHORTEST_FIRST};
-  if (text.len == 0)
-    return FLEETYARD_STATUS_SOLVED;
-  json.end = text.ptr + text.len;
-  if (!json_take(&json, '{'))
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: not a JSON object");
-  bool more = json_peek(&json) != '}';
-  while (more) {
-    if (!json_string(&json, name, sizeof name) || !json_take(&json, ':'))
-      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: malformed JSON");
-    if (strcmp(name, "restarts") == 0) {
-      if (!json_count(&json, &options->restarts))
-        return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                    "options: `restarts` is not a whole number of 0 or more");
-    } else if (strcmp(name, "first_order") == 0) {
-      static const char *const orders[] = {"shortest", "longest", "random"};
-      int found = -1;
-      if (json_string(&json, value, sizeof value))
-        for (int i = 0; i < 3; i++)
-          if (strcmp(value, orders[i]) == 0)
-            found = i;
-      if (found < 0)
-        return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                    "options: `first_order` is none of shortest, longest, random");
-      options->first_order = (FirstOrder)found;
-    } else {
-      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: there is no option `%s`", name);
-    }
-    more = json_take(&json, ',');
-  }
-  if (!json_take(&json, '}') || json_peek(&json) != -1)
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "options: malformed JSON");
-  return FLEETYARD_STATUS_SOLVED;
-}
-
 /* ---- The planner object ---------------------------------------------------- */
 
 typedef struct {
+  FleetyardMap map; /* without cells before prepare */
   Options options;
-  uint32_t cells;
-  uint32_t (*neighbours)[4]; /* per cell, NONE where there is none; null before prepare */
-  uint8_t *passable;
 } Planner;
 
-static int32_t prepare(void *context, const FleetyardEnvironment *environment,
-                       const FleetyardBudget *budget, const FleetyardSink *sink) {
-  Planner *planner = context;
-  (void)budget; /* a few milliseconds for the largest maps */
-  if (environment->struct_size != sizeof *environment)
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "FleetyardEnvironment has another size");
-  if (environment->representation != FLEETYARD_REPRESENTATION_GRID)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "this planner plans on grids only");
-  const FleetyardGrid *grid = environment->view;
-  if (grid->struct_size != sizeof *grid)
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "FleetyardGrid has another size");
-  if (grid->connectivity != 4)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
-                "this planner plans on grids with 4 neighbours, not %" PRIu32,
-                grid->connectivity);
-  uint64_t cells = (uint64_t)grid->rows * grid->cols;
-  if (cells == 0 || cells >= NONE / 4)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "the map has no cells or too many");
-
-  free(planner->neighbours);
-  free(planner->passable);
-  planner->neighbours = malloc((size_t)cells * sizeof *planner->neighbours);
-  planner->passable = malloc((size_t)cells);
-  if (!planner->neighbours || !planner->passable) {
-    free(planner->neighbours);
-    free(planner->passable);
-    planner->neighbours = NULL;
-    planner->passable = NULL;
-    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
-  }
-  memcpy(planner->passable, grid->passable, (size_t)cells);
-  planner->cells = (uint32_t)cells;
-  for (uint32_t cell = 0; cell < planner->cells; cell++) {
-    uint32_t row = cell / grid->cols, col = cell % grid->cols;
-    uint32_t next[4] = {
-        row > 0 ? cell - grid->cols : NONE,
-        col + 1 < grid->cols ? cell + 1 : NONE,
-        row + 1 < grid->rows ? cell + grid->cols : NONE,
-        col > 0 ? cell - 1 : NONE,
-    };
-    for (int i = 0; i < 4; i++)
-      planner->neighbours[cell][i] =
-          next[i] != NONE && grid->passable[next[i]] ? next[i] : NONE;
-  }
-  return FLEETYARD_STATUS_SOLVED;
+static int32_t configure(void *context, FleetyardStr text, const FleetyardSink *sink) {
+  double restarts = 0, first_order = SHORTEST_FIRST;
+  const FleetyardOption known[] = {
+      {"restarts", &restarts, 0, 9007199254740992.0, NULL}, /* 2^53: exact as a double */
+      {"first_order", &first_order, 0, 0, "shortest longest random"},
+  };
+  int32_t status = fleetyard_read_options(text, known, 2, sink);
+  ((Planner *)context)->options = (Options){(uint64_t)restarts, (FirstOrder)(int)first_order};
+  return status;
 }
 
 /* ---- One call of plan: what it keeps --------------------------------------- */
@@ -433,26 +238,13 @@ static const uint32_t *distances(Work *work, uint32_t agent) {
   if (distance)
     return distance;
   if (work->keep_distances)
-    distance = work->distance[agent] = malloc(planner->cells * sizeof *distance);
+    distance = work->distance[agent] = malloc(planner->map.cells * sizeof *distance);
   if (!distance) {
     work->keep_distances = false;
     distance = work->shared_distance;
   }
-  memset(distance, 0xFF, planner->cells * sizeof *distance);
-  uint32_t head = 0, tail = 0;
   uint32_t goal = work->instance->goals[work->instance->goal_offsets[agent]];
-  distance[goal] = 0;
-  work->queue[tail++] = goal;
-  while (head < tail) {
-    uint32_t cell = work->queue[head++];
-    for (int i = 0; i < 4; i++) {
-      uint32_t next = planner->neighbours[cell][i];
-      if (next != NONE && distance[next] == NONE) {
-        distance[next] = distance[cell] + 1;
-        work->queue[tail++] = next;
-      }
-    }
-  }
+  fleetyard_distances(&planner->map, goal, distance, work->queue);
   return distance;
 }
 
@@ -512,7 +304,7 @@ static bool stopped(Work *work) {
   if (limit && work->expansions >= limit)
     work->out_of_nodes = true;
   if (work->expansions % 256 == 0 &&
-      (late(work->budget) || work->sink->cancelled(work->sink->context)))
+      (late(work->budget) || fleetyard_cancelled(work->sink)))
     work->cancelled = true;
   return work->out_of_nodes || work->cancelled || work->out_of_memory;
 }
@@ -550,7 +342,7 @@ static uint32_t find_path(Work *work, uint32_t agent) {
         return NONE;
       /* The step pushed last is tried first: waiting comes last. */
       for (int i = 4; i >= 0; i--) {
-        uint32_t next = i == 4 ? node.cell : work->planner->neighbours[node.cell][i];
+        uint32_t next = i == 4 ? node.cell : work->planner->map.neighbours[node.cell][i];
         if (next == NONE || !free_to_move(work, node.cell, next, node.time))
           continue;
         uint32_t time = node.time + 1;
@@ -590,7 +382,7 @@ static bool reserve(Work *work, uint32_t agent, uint32_t last) {
 
 /* Plans the agents in the present order. Returns how many have a path. */
 static uint32_t plan_in_order(Work *work) {
-  size_t map = work->planner->cells * sizeof(uint32_t);
+  size_t map = work->planner->map.cells * sizeof(uint32_t);
   work->cells_used = 0;
   work->horizon = 0;
   table_clear(&work->occupant);
@@ -642,73 +434,62 @@ static int compare_ways(const void *left, const void *right) {
 static int32_t check_instance(const Work *work) {
   const FleetyardInstance *instance = work->instance;
   const FleetyardSink *sink = work->sink;
-  const Planner *planner = work->planner;
+  const FleetyardMap *map = &work->planner->map;
   int32_t result = FLEETYARD_STATUS_SOLVED;
   if (instance->motion != FLEETYARD_MOTION_PEBBLE)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "this planner knows pebble motion only");
+    return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                          "this planner knows pebble motion only");
   uint32_t *start_of = work->queue, *goal_of = work->shared_distance; /* not in use yet */
-  memset(start_of, 0xFF, planner->cells * sizeof *start_of);
-  memset(goal_of, 0xFF, planner->cells * sizeof *goal_of);
+  memset(start_of, 0xFF, map->cells * sizeof *start_of);
+  memset(goal_of, 0xFF, map->cells * sizeof *goal_of);
   for (uint32_t agent = 0; agent < instance->agents; agent++) {
     uint64_t first = instance->goal_offsets[agent];
     if (instance->goal_offsets[agent + 1] != first + 1)
-      return fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
-                  "agent %" PRIu32 " has not exactly one goal", agent);
+      return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                            "agent %" PRIu32 " has not exactly one goal", agent);
     uint32_t start = instance->starts[agent], goal = instance->goals[first];
-    if (start >= planner->cells || goal >= planner->cells || !planner->passable[start] ||
-        !planner->passable[goal])
-      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                  "agent %" PRIu32 " starts or ends in a cell where nobody can stand", agent);
+    if (start >= map->cells || goal >= map->cells || !map->passable[start] ||
+        !map->passable[goal])
+      return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                            "agent %" PRIu32 " starts or ends in a cell where nobody can stand",
+                            agent);
     if (start_of[start] != NONE)
-      return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                  "agents %" PRIu32 " and %" PRIu32 " start in the same cell", start_of[start],
-                  agent);
+      return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                            "agents %" PRIu32 " and %" PRIu32 " start in the same cell",
+                            start_of[start], agent);
     if (goal_of[goal] != NONE)
-      result = fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
-                    "agents %" PRIu32 " and %" PRIu32 " have the same goal", goal_of[goal],
-                    agent);
+      result = fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                              "agents %" PRIu32 " and %" PRIu32 " have the same goal",
+                              goal_of[goal], agent);
     start_of[start] = goal_of[goal] = agent;
   }
   return result;
 }
 
 static int32_t submit(Work *work) {
-  uint32_t agents = work->instance->agents;
-  uint64_t *offsets = malloc(((size_t)agents + 1) * sizeof *offsets);
-  uint32_t *cells = malloc(work->cells_used * sizeof *cells);
-  int32_t status = FLEETYARD_STATUS_SOLVED;
-  if (offsets && cells) {
-    offsets[0] = 0;
-    for (uint32_t agent = 0; agent < agents; agent++) {
-      Path path = work->paths[agent];
-      memcpy(cells + offsets[agent], work->cells + path.begin, path.length * sizeof *cells);
-      offsets[agent + 1] = offsets[agent] + path.length;
-    }
-    FleetyardPlan plan = {sizeof plan, agents, offsets, cells};
-    if (work->sink->submit_plan(work->sink->context, &plan) != FLEETYARD_OK)
-      status = fail(work->sink, FLEETYARD_STATUS_TIMED_OUT, "the host did not take the plan");
-  } else {
-    status = fail(work->sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+  FleetyardLists paths = {0};
+  for (uint32_t agent = 0; agent < work->instance->agents; agent++) {
+    Path path = work->paths[agent];
+    fleetyard_append_all(&paths, work->cells + path.begin, path.length);
+    fleetyard_end_list(&paths);
   }
-  free(offsets);
-  free(cells);
-  return status;
+  return fleetyard_submit_plan(&paths, work->sink);
 }
 
 /* The reason why the search was stopped, as a status. */
 static int32_t explain(const Work *work) {
   uint64_t restarts = work->restarts;
   if (work->out_of_memory)
-    return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
-                "the memory ran out after %" PRIu64 " restarts", restarts);
+    return fleetyard_fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+                          "the memory ran out after %" PRIu64 " restarts", restarts);
   if (work->out_of_nodes)
-    return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
-                "the node limit was reached after %" PRIu64 " restarts", restarts);
+    return fleetyard_fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+                          "the node limit was reached after %" PRIu64 " restarts", restarts);
   if (!late(work->budget))
-    return fail(work->sink, FLEETYARD_STATUS_CANCELLED, "cancelled after %" PRIu64 " restarts",
-                restarts);
-  return fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
-              "no order of %" PRIu64 " worked before the deadline", restarts + 1);
+    return fleetyard_fail(work->sink, FLEETYARD_STATUS_CANCELLED,
+                          "cancelled after %" PRIu64 " restarts", restarts);
+  return fleetyard_fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+                        "no order of %" PRIu64 " worked before the deadline", restarts + 1);
 }
 
 static int32_t solve(Work *work) {
@@ -720,15 +501,15 @@ static int32_t solve(Work *work) {
 
   Way *ways = malloc(agents * sizeof *ways);
   if (!ways)
-    return fail(work->sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+    return fleetyard_fail(work->sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
   for (uint32_t agent = 0; agent < agents && status == FLEETYARD_STATUS_SOLVED; agent++) {
     uint32_t length = distances(work, agent)[work->instance->starts[agent]];
     ways[agent] = (Way){length, agent};
     if (length == NONE)
-      status = fail(work->sink, FLEETYARD_STATUS_INFEASIBLE,
-                    "no path leads agent %" PRIu32 " to its goal", agent);
+      status = fleetyard_fail(work->sink, FLEETYARD_STATUS_INFEASIBLE,
+                              "no path leads agent %" PRIu32 " to its goal", agent);
     else if (agent % 16 == 0 &&
-             (late(work->budget) || work->sink->cancelled(work->sink->context)))
+             (late(work->budget) || fleetyard_cancelled(work->sink)))
       status = explain(work);
   }
   if (status == FLEETYARD_STATUS_SOLVED) {
@@ -754,10 +535,10 @@ static int32_t solve(Work *work) {
     if (work->cancelled || work->out_of_nodes || work->out_of_memory)
       return explain(work);
     if (options->restarts && work->restarts >= options->restarts)
-      return fail(work->sink, FLEETYARD_STATUS_GAVE_UP,
-                  "no order of %" PRIu64 " worked; at best %" PRIu32 " of %" PRIu32
-                  " agents had a path",
-                  work->restarts + 1, best, agents);
+      return fleetyard_fail(work->sink, FLEETYARD_STATUS_GAVE_UP,
+                            "no order of %" PRIu64 " worked; at best %" PRIu32 " of %" PRIu32
+                            " agents had a path",
+                            work->restarts + 1, best, agents);
     next_order(work, planned);
   }
 }
@@ -767,15 +548,16 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
   const Planner *planner = context;
   int32_t status;
   if (instance->struct_size != sizeof *instance || budget->struct_size != sizeof *budget)
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                "FleetyardInstance or FleetyardBudget has another size");
-  if (!planner->neighbours)
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "`plan` came before `prepare`");
-  if (instance->agents == 0 || instance->agents > planner->cells)
-    return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "%" PRIu32 " agents on %" PRIu32 " cells",
-                instance->agents, planner->cells);
+    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                          "FleetyardInstance or FleetyardBudget has another size");
+  if (planner->map.cells == 0)
+    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "`plan` came before `prepare`");
+  if (instance->agents == 0 || instance->agents > planner->map.cells)
+    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
+                          "%" PRIu32 " agents on %" PRIu32 " cells", instance->agents,
+                          planner->map.cells);
 
-  size_t agents = instance->agents, cells = planner->cells;
+  size_t agents = instance->agents, cells = planner->map.cells;
   Work work = {.planner = planner, .instance = instance, .budget = budget, .sink = sink};
   work.random = budget->seed;
   work.occupant.stamp = work.seen.stamp = 1;
@@ -794,10 +576,10 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
       work.parked && work.last_use && work.settled)
     status = solve(&work);
   else
-    status = fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+    status = fleetyard_fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
 
-  metric(sink, "expansions", (double)work.expansions);
-  metric(sink, "restarts", (double)work.restarts);
+  fleetyard_metric(sink, "expansions", (double)work.expansions);
+  fleetyard_metric(sink, "restarts", (double)work.restarts);
   for (size_t agent = 0; work.distance && agent < agents; agent++)
     free(work.distance[agent]);
   free(work.distance);
@@ -816,71 +598,22 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
   return status;
 }
 
-static void destroy(void *context) {
-  Planner *planner = context;
-  free(planner->neighbours);
-  free(planner->passable);
-  free(planner);
-}
-
 /* ---- What the library exports ---------------------------------------------- */
 
 static const FleetyardDescriptor prioritized = {
     .struct_size = sizeof(FleetyardDescriptor),
-    .id = TEXT("prioritized"),
-    .name = TEXT("Prioritized planning (C example)"),
-    .version = TEXT("0.1.0"),
-    .description = TEXT("Plans agents one after the other by A* in space and time around the "
-                        "paths of those before (Erdmann and Lozano-Perez 1987; Silver 2005), "
-                        "in other orders when an agent finds no path."),
-    .license = TEXT("MIT OR Apache-2.0"),
-    .options_schema = TEXT(OPTIONS_SCHEMA),
+    .id = FLEETYARD_TEXT("prioritized"),
+    .name = FLEETYARD_TEXT("Prioritized planning (C example)"),
+    .version = FLEETYARD_TEXT("0.1.0"),
+    .description = FLEETYARD_TEXT(
+        "Plans agents one after the other by A* in space and time around the "
+        "paths of those before (Erdmann and Lozano-Perez 1987; Silver 2005), "
+        "in other orders when an agent finds no path."),
+    .license = FLEETYARD_TEXT("MIT OR Apache-2.0"),
+    .options_schema = FLEETYARD_TEXT(OPTIONS_SCHEMA),
     .capabilities =
-        FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE | FLEETYARD_CAPABILITY_DETERMINISTIC,
+        FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE |
+        FLEETYARD_CAPABILITY_DETERMINISTIC,
 };
 
-static uint32_t planner_count(void) { return 1; }
-
-static const FleetyardDescriptor *planner_descriptor(uint32_t index) {
-  return index == 0 ? &prioritized : NULL;
-}
-
-static int32_t create(uint32_t index, FleetyardStr text, const FleetyardSink *sink,
-                      FleetyardPlanner *out) {
-  Options options;
-  if (index != 0)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "there is no planner %" PRIu32, index);
-  int32_t status = read_options(text, sink, &options);
-  if (status != FLEETYARD_STATUS_SOLVED)
-    return status;
-  Planner *planner = calloc(1, sizeof *planner);
-  if (!planner)
-    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
-  planner->options = options;
-  *out = (FleetyardPlanner){
-      .struct_size = sizeof *out,
-      .context = planner,
-      .prepare = prepare,
-      .plan = plan,
-      .destroy = destroy,
-  };
-  return FLEETYARD_STATUS_SOLVED;
-}
-
-static const FleetyardPlannerFactory planners = {
-    .struct_size = sizeof(FleetyardPlannerFactory),
-    .count = planner_count,
-    .descriptor = planner_descriptor,
-    .create = create,
-};
-
-static const void *get_factory(FleetyardStr id) {
-  return equals(id, FLEETYARD_PLANNER_FACTORY_ID) ? &planners : NULL;
-}
-
-const FleetyardPluginEntry fleetyard_plugin_entry_v1 = {
-    .struct_size = sizeof(FleetyardPluginEntry),
-    .abi_major = FLEETYARD_ABI_MAJOR,
-    .abi_minor = FLEETYARD_ABI_MINOR,
-    .get_factory = get_factory,
-};
+FLEETYARD_PLANNER(prioritized, sizeof(Planner), configure, plan);

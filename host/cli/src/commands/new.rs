@@ -78,7 +78,7 @@ macro_rules! copies {
     };
 }
 
-const C_SDK: &[(&str, &str)] = copies!("abi/include": "fleetyard.h");
+const C_SDK: &[(&str, &str)] = copies!("abi/include": "fleetyard_easy.h" "fleetyard.h");
 
 const CPP_SDK: &[(&str, &str)] =
     copies!("abi/include": "fleetyard.hpp" "fleetyard.h" "fleetyard.map");
@@ -285,7 +285,7 @@ fn scaffold(lang: Lang, kind: Kind, name: &Name) -> Result<Scaffold> {
     add(".gitignore", template!("gitignore"), "");
     let (sdk, folder, about) = match lang {
         Lang::Rust => (RUST_SDK, "sdk/src/", SDK),
-        Lang::C => (C_SDK, "", "the contract"),
+        Lang::C => (C_SDK, "", SDK),
         Lang::Cpp => (CPP_SDK, "", SDK),
         Lang::Python => (PYTHON_SDK, "fleetyard/", SDK),
         Lang::Command => (&[] as &[_], "", ""),
