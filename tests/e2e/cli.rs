@@ -562,6 +562,32 @@ fn completions_for_shells() {
 }
 
 #[test]
+fn every_command_has_a_page_of_the_manual() {
+    let yard = Yard::new();
+    yard.line("man {here}/man").expect(SUCCESS);
+    let page = |command: &str| {
+        let name = format!("man/fleetyard{command}.1");
+        String::from_utf8(yard.read(&name)).unwrap()
+    };
+    for text in ["Exit codes:", "NO_COLOR", "fleetyard\\-simulate(1)"] {
+        assert!(page("").contains(text), "no {text}: {}", page(""));
+    }
+    for (command, option) in [
+        ("-run", "planner"),
+        ("-plugins-check", "reproduce"),
+        ("-maps-generate-maze", "algorithm"),
+    ] {
+        let page = page(command);
+        assert!(page.starts_with(".ie"), "{page}");
+        assert!(page.contains(&format!("\\-\\-{option}")), "{page}");
+    }
+    assert!(!yard.path("man/fleetyard-man.1").exists());
+    yard.write("file", "");
+    let ended = yard.line("man {here}/file").expect(INPUT);
+    assert!(ended.stderr.contains("hint:"), "{ended}");
+}
+
+#[test]
 fn help_says_what_there_is() {
     let yard = Yard::new();
     let help = yard.line("--help").expect(SUCCESS).stdout;

@@ -8,22 +8,58 @@ use std::time::Duration;
 
 use bytesize::ByteSize;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, ValueEnum};
+use clap::{Arg, ArgMatches, Args, FromArgMatches, ValueEnum, value_parser};
+use fleetyard_bench::{BudgetOptions, SandboxOptions};
 use fleetyard_core::formats::Format as FileFormat;
 use fleetyard_core::{Connectivity, Words};
-use fleetyard_runtime::Level;
+use fleetyard_runtime::{Level, Policy};
 use fleetyard_sim::noise::{Delay, Disturbance, Messages, VelocityNoise};
-use fleetyard_sim::{SimError, Tier};
+use fleetyard_sim::{SimConfig, SimError, Tier};
 
 use crate::exit::{Exit, Failure, Result};
 
-/// How results are printed.
+/// The form in which results are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
     /// For people
     Text,
     /// For programs: one JSON document on standard output
     Json,
+}
+
+impl Format {
+    const ID: &str = "format";
+}
+
+impl FromArgMatches for Format {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        Ok(matches.get_one(Self::ID).copied().unwrap_or(Self::Text))
+    }
+
+    fn update_from_arg_matches(
+        &mut self,
+        matches: &ArgMatches,
+    ) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for Format {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command.arg(
+            Arg::new(Self::ID)
+                .long(Self::ID)
+                .value_name("FORMAT")
+                .value_parser(value_parser!(Self))
+                .default_value("text")
+                .help("Format of the result"),
+        )
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
 }
 
 /// What a reader of a value says of text that is none.
@@ -97,6 +133,21 @@ pub(crate) fn size(text: &str) -> Read<u64> {
     Ok(size.as_u64())
 }
 
+/// A duration as users write it: help shows defaults so.
+pub(crate) fn duration_text(duration: Duration) -> String {
+    humantime::format_duration(duration).to_string()
+}
+
+/// A number of bytes as users write it.
+pub(crate) fn size_text(bytes: u64) -> String {
+    let units = [(30, "GiB"), (20, "MiB"), (10, "KiB")];
+    let whole = |(power, _): &(u32, _)| bytes.trailing_zeros() >= *power;
+    match units.into_iter().find(whole) {
+        Some((power, unit)) => format!("{}{unit}", bytes >> power),
+        None => format!("{bytes}B"),
+    }
+}
+
 /// A number that is not negative; `what` is what it counts.
 pub(crate) fn not_negative(text: &str, what: &str) -> Read<f64> {
     let value: f64 = text.parse().map_err(|_| "write a number".to_owned())?;
@@ -137,23 +188,26 @@ const TRUST: &str = "Trust";
 #[derive(Debug, Args)]
 pub(crate) struct BudgetArgs {
     /// Wall-clock budget of a plan
-    #[arg(long, short, help_heading = BUDGET, value_name = "DURATION", default_value = "10s", value_parser = duration)]
+    #[arg(long, short, help_heading = BUDGET, value_name = "DURATION", value_parser = duration,
+          default_value = duration_text(BudgetOptions::default().wall))]
     pub(crate) budget: Duration,
     /// Wall-clock budget for learning the map [default: the plan's]
     #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration)]
     pub(crate) prepare_budget: Option<Duration>,
     /// How long a planner may take to start and be made
-    #[arg(long, help_heading = BUDGET, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration,
+          default_value = duration_text(BudgetOptions::default().startup))]
     pub(crate) startup: Duration,
     /// How long a planner may go on after the deadline once it was told to stop;
     /// plans that come meanwhile do not count
     #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration)]
     pub(crate) grace: Option<Duration>,
     /// Most search nodes, for planners that count them [default: no limit]
-    #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    #[arg(long, help_heading = BUDGET, value_name = "N", hide_default_value = true,
+          default_value_t = BudgetOptions::default().nodes)]
     pub(crate) nodes: u64,
     /// Most threads a planner may use
-    #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = 1,
+    #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = BudgetOptions::default().threads,
           value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) threads: u32,
     /// Seed of every random choice
@@ -215,14 +269,16 @@ pub(crate) struct GrantArgs {
     #[arg(long, help_heading = LIMITS, value_name = "LEVEL", value_parser = word::<Level>(), default_value_t)]
     pub(crate) sandbox: Level,
     /// Most processes and threads
-    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 256,
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = Policy::default().processes,
           value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub(crate) processes: u32,
     /// Most output that is no message: standard error, stray lines
-    #[arg(long, help_heading = LIMITS, value_name = "SIZE", default_value = "64MiB", value_parser = size)]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size,
+          default_value = size_text(SandboxOptions::default().output_bytes))]
     pub(crate) output_limit: u64,
     /// Size of the scratch folder, which is empty at the start of every run
-    #[arg(long, help_heading = LIMITS, value_name = "SIZE", default_value = "256MiB", value_parser = size)]
+    #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size,
+          default_value = size_text(Policy::default().disk_bytes))]
     pub(crate) disk: u64,
     /// Let the plugin read a file or folder; may be given several times
     #[arg(long, help_heading = LIMITS, value_name = "PATH")]
@@ -239,20 +295,20 @@ pub(crate) struct GrantArgs {
 #[derive(Debug, Args)]
 pub(crate) struct WorldArgs {
     /// Side of a cell in metres
-    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = 1.0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     pub(crate) cell_size: f64,
     /// Duration of one step of a plan in seconds
-    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = 1.0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = SimConfig::default().step_s)]
     pub(crate) step: f64,
     /// Radius of an agent in metres [default: 0.35 cells; of robots with a model the
     /// preset's footprint, or 0.3 cells]
     #[arg(long, help_heading = EXECUTION, value_name = "METRES")]
     pub(crate) radius: Option<f64>,
     /// Simulator ticks per second
-    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = 60)]
+    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = SimConfig::default().ticks_hz)]
     pub(crate) ticks_hz: u32,
     /// Substeps per tick
-    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = 4)]
+    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = SimConfig::default().substeps)]
     pub(crate) substeps: u32,
     /// How bodies move and contacts are found
     #[arg(long, help_heading = EXECUTION, value_parser = word::<Tier>(), default_value_t)]
@@ -264,8 +320,7 @@ pub(crate) struct WorldArgs {
 pub(crate) struct DisturbanceArgs {
     /// How robots are late: none, bernoulli:P,SECONDS, uniform:MIN,MAX,
     /// gaussian:MEAN,STD or bursts:RATE,SECONDS
-    #[arg(long, help_heading = EXECUTION, value_name = "DELAY", default_value = "none",
-          value_parser = disturbance::<Delay>)]
+    #[arg(long, help_heading = EXECUTION, value_name = "DELAY", value_parser = disturbance::<Delay>, default_value_t)]
     pub(crate) delay: Delay,
     /// How uneven speeds are: STD,FLOOR as parts of the speed [default: even]
     #[arg(long, help_heading = EXECUTION, value_name = "STD,FLOOR",

@@ -10,6 +10,8 @@ mod files;
 mod output;
 mod setup;
 
+use std::path::PathBuf;
+
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
@@ -20,6 +22,7 @@ use crate::commands::convert::{Convert, convert};
 use crate::commands::doctor::{Doctor, doctor};
 use crate::commands::fleet::{Fleet, fleet};
 use crate::commands::jobs::{Jobs, jobs};
+use crate::commands::man::man;
 use crate::commands::maps::{Maps, maps};
 use crate::commands::plugins::{Plugins, plugins};
 use crate::commands::report::{ReportArgs, report};
@@ -74,6 +77,12 @@ enum Command {
         /// The shell
         shell: Shell,
     },
+    /// Write the manual, a page for each command
+    #[command(hide = true)]
+    Man {
+        /// The folder for the pages
+        folder: PathBuf,
+    },
 }
 
 fn main() {
@@ -114,5 +123,6 @@ fn dispatch(command: &Command, matches: &ArgMatches) -> Result<Exit> {
         Command::Doctor(arguments) if arguments.security => security(arguments),
         Command::Doctor(arguments) => doctor(arguments),
         Command::Completions { shell } => completions(*shell, Cli::command()),
+        Command::Man { folder } => man(folder, Cli::command()),
     }
 }

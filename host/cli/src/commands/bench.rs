@@ -85,8 +85,7 @@ pub(crate) struct Bench {
     cluster: ClusterArgs,
     #[command(flatten)]
     trust: TrustArgs,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

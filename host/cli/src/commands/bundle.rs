@@ -36,8 +36,7 @@ pub(crate) struct StoreBundle {
     /// Take the files of plugins along, which are somebody's; their digests always are
     #[arg(long)]
     plugins: bool,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 
@@ -54,8 +53,7 @@ pub(crate) struct StoreRepeat {
     sample: Option<u64>,
     #[command(flatten)]
     trust: TrustArgs,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

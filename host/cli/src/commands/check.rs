@@ -21,7 +21,7 @@ use fleetyard_runtime::{
 use serde::Serialize;
 use serde_json::Map;
 
-use crate::args::{Format, GrantArgs, duration, word};
+use crate::args::{Format, GrantArgs, duration, duration_text, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 use crate::setup::{self, BUILT_IN, policy, runtime, trust};
@@ -55,21 +55,23 @@ pub(crate) struct Check {
     #[arg(long, value_name = "SEED", conflicts_with = "seed")]
     reproduce: Option<u64>,
     /// Wall-clock budget of a call; a tenth for those who use all of it
-    #[arg(long, value_name = "DURATION", default_value = "5s", value_parser = duration)]
+    #[arg(long, value_name = "DURATION", value_parser = duration,
+          default_value = duration_text(Config::default().budget))]
     budget: Duration,
     /// How long a plugin may go on after the deadline once it was told to stop
-    #[arg(long, value_name = "DURATION", default_value = "2s", value_parser = duration)]
+    #[arg(long, value_name = "DURATION", value_parser = duration,
+          default_value = duration_text(Config::default().grace))]
     grace: Duration,
     /// How long a plugin may take to start and be made
-    #[arg(long, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    #[arg(long, value_name = "DURATION", value_parser = duration,
+          default_value = duration_text(Config::default().startup))]
     startup: Duration,
     #[command(flatten)]
     grants: GrantArgs,
     /// Show the cases and what they ask
     #[arg(long)]
     list: bool,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
     /// Write the report of one case to a file: how the command asks a plugin in the
     /// process of a host that may be lost

@@ -52,8 +52,7 @@ pub(crate) struct Compare {
     /// Do not execute the plans: no real-time factor, no contacts
     #[arg(long, help_heading = EXECUTION)]
     no_execute: bool,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

@@ -13,6 +13,7 @@ use fleetyard_core::{
     Connectivity, Grid, GridInstance, InputError, PathEncoding, PlanFile, load_map,
     write_all_atomically,
 };
+use fleetyard_sim::SimConfig;
 
 use crate::args::{connectivity, file_format, word};
 use crate::exit::{Exit, Failure, Result, internal};
@@ -60,10 +61,10 @@ pub(crate) struct Convert {
     #[arg(long, value_parser = word::<PathEncoding>())]
     plan_encoding: Option<PathEncoding>,
     /// Side of a cell in metres, where a plan on a grid becomes trajectories
-    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    #[arg(long, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     cell_size: f64,
     /// Duration of one step in seconds, where a plan on a grid becomes trajectories
-    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = SimConfig::default().step_s)]
     step: f64,
 }
 

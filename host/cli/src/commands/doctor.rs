@@ -29,8 +29,7 @@ pub(crate) struct Doctor {
     /// The level that is needed; the exit code is 1 when it cannot be had
     #[arg(long, value_name = "LEVEL", value_parser = word::<Level>(), default_value_t)]
     pub(super) sandbox: Level,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     pub(super) format: Format,
 }
 

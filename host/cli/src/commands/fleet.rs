@@ -19,6 +19,7 @@ use fleetyard_fleet::{
     ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Watch, replay, resume, run,
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
+use fleetyard_sim::trace::TraceOptions;
 use fleetyard_sim::{Fleet as Bodies, SimConfig, Tier, TraceSink, TraceWriter};
 use fleetyard_view::FleetPicture;
 use indicatif::ProgressBar;
@@ -27,8 +28,8 @@ use serde::{Deserialize, Serialize};
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
 use crate::args::{
-    DisturbanceArgs, Format, GrantArgs, LIMITS, PluginArg, RECORDS, ROBOTS, duration, one_of,
-    picture as picture_file, size, word,
+    DisturbanceArgs, Format, GrantArgs, LIMITS, PluginArg, RECORDS, ROBOTS, duration,
+    duration_text, one_of, picture as picture_file, size, word,
 };
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::{Unnamed, draw_document, keep, trace_file};
@@ -64,7 +65,8 @@ pub(crate) struct Fleet {
     #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     trace: Option<PathBuf>,
     /// Ticks between the states in the trace; 0 records events only
-    #[arg(long, help_heading = RECORDS, value_name = "N", default_value_t = 1, requires = "trace")]
+    #[arg(long, help_heading = RECORDS, value_name = "N", default_value_t = TraceOptions::default().every,
+          requires = "trace")]
     trace_every: u32,
     /// Draw throughput over time, and where robots waited, to a file, SVG or PNG by its name
     #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture_file)]
@@ -72,15 +74,15 @@ pub(crate) struct Fleet {
     /// Show what plugins wrote to their logs and to standard error
     #[arg(long, short)]
     verbose: bool,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
     /// Threads of the simulator; results do not depend on it [default: a processor each, but for
     /// those of the planner]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// How long a plugin may take to start and be made
-    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "1m", value_parser = duration)]
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", value_parser = duration,
+          default_value = duration_text(BudgetOptions::default().startup))]
     startup: Duration,
     #[command(flatten)]
     grants: GrantArgs,
@@ -94,10 +96,10 @@ struct FleetAsked {
           value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     agents: Option<u32>,
     /// How long to go on, in simulated time
-    #[arg(long, value_name = "DURATION", default_value = "10m", value_parser = positive_seconds)]
+    #[arg(long, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().duration_s), value_parser = positive_seconds)]
     duration: f64,
     /// Seed of every random choice: starts, goals, plugins, disturbances
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = FleetConfig::default().seed)]
     seed: u64,
     /// The planner: a plugin's identifier, or the path of a library, a program or their folder;
     /// PATH:ID picks one of several. Its options may follow
@@ -121,11 +123,11 @@ struct FleetAsked {
     #[arg(long, help_heading = PLANNING, value_name = "DURATION", value_parser = positive_seconds)]
     period: Option<f64>,
     /// How far ahead plans are free of collisions; 0s for plans to the end
-    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "10s",
+    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().window_s),
           value_parser = seconds)]
     window: f64,
     /// How long the planner may take
-    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "1s",
+    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().limit_s),
           value_parser = positive_seconds)]
     limit: f64,
     /// Motion of robots as planners see it; robots turn in any case
@@ -156,7 +158,7 @@ struct FleetAsked {
           value_parser = one_of(&[Attach::InProcess, Attach::Worker]), default_value_t = Attach::Worker)]
     attach: Attach,
     /// The host calls by itself when nobody had anything to do for so long
-    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = "10s",
+    #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().watchdog_s),
           value_parser = positive_seconds)]
     watchdog: f64,
     /// Origin of goals
@@ -166,10 +168,10 @@ struct FleetAsked {
     #[arg(long, help_heading = GOALS, value_name = "FILE")]
     tasks: Option<PathBuf>,
     /// How many tasks are known at a time, per robot
-    #[arg(long, help_heading = GOALS, value_name = "RATIO", default_value_t = 1.5)]
+    #[arg(long, help_heading = GOALS, value_name = "RATIO", default_value_t = FleetConfig::default().reveal)]
     reveal: f64,
     /// How long a robot stays where it reached a goal
-    #[arg(long, help_heading = GOALS, value_name = "DURATION", default_value = "0s",
+    #[arg(long, help_heading = GOALS, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().dwell_s),
           value_parser = seconds)]
     dwell: f64,
     /// Motion model or preset of all robots, such as agv or lsmart-effective; pebble for discs
@@ -184,40 +186,40 @@ struct FleetAsked {
     #[arg(long, help_heading = ROBOTS, value_name = "METRES")]
     radius: Option<f64>,
     /// Most actions that a robot has been sent and has not done
-    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 5)]
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = FleetConfig::default().queue)]
     queue: u32,
     #[command(flatten)]
     disturbance: DisturbanceArgs,
     /// Side of a cell in metres
-    #[arg(long, help_heading = ROBOTS, value_name = "METRES", default_value_t = 1.0)]
+    #[arg(long, help_heading = ROBOTS, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     cell_size: f64,
     /// Duration of one step of a plan in seconds, the least time of an action [default: a cell's
     /// side at the top speed of the slowest robot, or 1]
     #[arg(long, help_heading = ROBOTS, value_name = "SECONDS")]
     step: Option<f64>,
     /// Simulator ticks per second
-    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 60)]
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = SimConfig::default().ticks_hz)]
     ticks_hz: u32,
     /// Substeps per tick
-    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = 4)]
+    #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = SimConfig::default().substeps)]
     substeps: u32,
     /// How bodies move and contacts are found
     #[arg(long, help_heading = ROBOTS, value_parser = word::<Tier>(), default_value_t)]
     tier: Tier,
     /// Wall-clock time of a plugin for learning the map
-    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "1m",
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().allowance.prepare_s),
           value_parser = positive_seconds)]
     prepare_budget: f64,
     /// Wall-clock time of a call of any plugin but the planner
-    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = "10s",
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().allowance.call_s),
           value_parser = positive_seconds)]
     call_budget: f64,
     /// Most threads a plugin may use
-    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 1,
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = FleetConfig::default().allowance.threads,
           value_parser = clap::value_parser!(u32).range(1..=4096))]
     plugin_threads: u32,
     /// Most search nodes, for planners that count them [default: no limit]
-    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = 0,
+    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = FleetConfig::default().allowance.nodes,
           hide_default_value = true)]
     nodes: u64,
     /// Memory of all processes of a plugin together [default: half of the machine's]
@@ -243,6 +245,10 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
     let duration = humantime::parse_duration(text)
         .map_err(|_| "write a duration with its unit, such as 500ms, 10s or 10m".to_owned())?;
     Ok(duration.as_secs_f64())
+}
+
+fn seconds_text(seconds: f64) -> String {
+    duration_text(Duration::from_secs_f64(seconds))
 }
 
 fn positive_seconds(text: &str) -> std::result::Result<f64, String> {

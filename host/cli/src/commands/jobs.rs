@@ -27,8 +27,7 @@ pub(crate) enum Jobs {
     Status {
         /// The folder of the run
         run: PathBuf,
-        /// Format of the result
-        #[arg(long, value_enum, default_value = "text")]
+        #[command(flatten)]
         format: Format,
     },
     /// Wait until all shards of a run have ended; exit code 1 if one did not come to its end

@@ -41,8 +41,7 @@ pub(crate) enum Maps {
     Info {
         /// MovingAI map file
         map: PathBuf,
-        /// How to print the result
-        #[arg(long, value_enum, default_value = "text")]
+        #[command(flatten)]
         format: Format,
     },
 }

@@ -10,6 +10,7 @@ pub(crate) mod doctor;
 mod export;
 pub(crate) mod fleet;
 pub(crate) mod jobs;
+pub(crate) mod man;
 pub(crate) mod maps;
 pub(crate) mod new;
 pub(crate) mod pin;

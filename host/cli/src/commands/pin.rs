@@ -41,8 +41,7 @@ pub(crate) struct Pin {
         hide_env_values = true
     )]
     lock: Option<PathBuf>,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

@@ -26,8 +26,7 @@ pub(crate) enum Plugins {
     List {
         #[command(flatten)]
         trust: TrustArgs,
-        /// How to print the result
-        #[arg(long, value_enum, default_value = "text")]
+        #[command(flatten)]
         format: Format,
     },
     New(New),
@@ -38,8 +37,7 @@ pub(crate) enum Plugins {
         plugin: String,
         #[command(flatten)]
         trust: TrustArgs,
-        /// How to print the result
-        #[arg(long, value_enum, default_value = "text")]
+        #[command(flatten)]
         format: Format,
     },
     Pin(Pin),

@@ -49,8 +49,7 @@ pub(crate) struct ReportArgs {
     /// Write all trials, the columns of the maze paper first
     #[arg(long, value_name = "FILE", requires = "stores")]
     csv: Option<PathBuf>,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

@@ -65,8 +65,7 @@ pub(crate) struct Run {
     /// Show what the planner wrote to its log and to standard error
     #[arg(long, short)]
     verbose: bool,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct ShownArgs {
     #[arg(long, value_name = "FILE", group = "targets")]
     html: Option<PathBuf>,
     /// States per simulated second on the page
-    #[arg(long, value_name = "HZ", default_value_t = 10.0)]
+    #[arg(long, value_name = "HZ", default_value_t = PageOptions::default().rate_hz)]
     rate: f64,
     /// Agents to show on the page, such as 0,3,7-12 [default: all]
     #[arg(long, value_name = "LIST", value_parser = agent_list)]

@@ -11,7 +11,7 @@ use fleetyard_bench::{ExecutionInfo, execute, number};
 use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, Format as FileFormat, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
-use fleetyard_sim::trace::{Header, States, Summary};
+use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
 use fleetyard_sim::{Event, Plan, Policy, SimConfig, Simulator, TraceSink, TraceWriter};
 use fleetyard_view::{Picture, World};
 use fleetyard_world::{Bounds, Workspace, load_workspace};
@@ -57,7 +57,7 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "FILE", alias = "trace-out")]
     trace: Option<PathBuf>,
     /// Ticks between the states in the trace; 0 records events only
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "trace")]
+    #[arg(long, value_name = "N", default_value_t = TraceOptions::default().every, requires = "trace")]
     trace_every: u32,
     /// Write contacts and arrivals to a file, one JSON object a line
     #[arg(long, value_name = "FILE")]
@@ -68,8 +68,7 @@ pub(crate) struct Simulate {
     /// End with exit code 4 when one of these happened; several are separated by commas
     #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
     fail_on: Vec<Mishap>,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 
@@ -117,13 +116,13 @@ struct ConductArgs {
     #[command(flatten)]
     disturbance: DisturbanceArgs,
     /// Seconds between two exchanges of messages
-    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = 0.1)]
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = SimConfig::default().message_period_s)]
     message_period: f64,
     /// Metres that robots keep from each other's ways beyond what their controllers need
-    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = 0.0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = SimConfig::default().margin_m)]
     margin: f64,
     /// Seed of all delays, noise and losses
-    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = 0)]
+    #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = SimConfig::default().disturbance.seed)]
     seed: u64,
     /// Go on until everybody has arrived (always so with --policy adg)
     #[arg(long, help_heading = EXECUTION)]
@@ -132,8 +131,8 @@ struct ConductArgs {
     #[arg(long, help_heading = EXECUTION, value_name = "SECONDS")]
     time_limit: Option<f64>,
     /// Heading of robots at the start, in degrees from east, where the plan gives none
-    #[arg(long, help_heading = EXECUTION, value_name = "DEGREES", default_value_t = 90.0,
-          allow_negative_numbers = true)]
+    #[arg(long, help_heading = EXECUTION, value_name = "DEGREES", allow_negative_numbers = true,
+          default_value_t = SimConfig::default().start_heading_rad.to_degrees())]
     start_heading: f64,
     /// Execute also what begins with robots in obstacles or in each other
     #[arg(long, help_heading = EXECUTION)]

@@ -24,8 +24,7 @@ pub(crate) enum Stores {
     Info {
         /// The store
         store: PathBuf,
-        /// Format of the result
-        #[arg(long, value_enum, default_value = "text")]
+        #[command(flatten)]
         format: Format,
     },
     /// Join the stores of a suite's shards into a new one

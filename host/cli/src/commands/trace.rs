@@ -28,8 +28,7 @@ pub(crate) enum Trace {
     Info {
         /// The trace
         file: PathBuf,
-        /// How to print the result
-        #[arg(long, value_enum, default_value = "text")]
+        #[command(flatten)]
         format: Format,
     },
     Diff(TraceDiff),
@@ -48,8 +47,7 @@ pub(crate) struct TraceDiff {
     /// Largest difference of values, in metres, radians and seconds
     #[arg(long, value_name = "DISTANCE", default_value_t = 0.0, value_parser = |text: &str| not_negative(text, "tolerance"))]
     tolerance: f64,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

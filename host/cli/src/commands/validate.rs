@@ -60,8 +60,7 @@ pub(crate) struct Validate {
     /// The format of the plan [default: what the file looks like]
     #[arg(long, value_name = "FORMAT", value_parser = file_format)]
     from: Option<FileFormat>,
-    /// How to print the result
-    #[arg(long, value_enum, default_value = "text")]
+    #[command(flatten)]
     format: Format,
 }
 

@@ -11,6 +11,7 @@ use fleetyard_core::formats::AnyPlan;
 use fleetyard_core::{
     Digest, Grid, GridInstance, InputError, TrajectoryFile, TrajectoryPlan, cell_center_m,
 };
+use fleetyard_sim::SimConfig;
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_world::exact::Obstacles;
 use fleetyard_world::{Bounds, Dynamics, Footprint, Pose, Shape, load_workspace};
@@ -32,10 +33,10 @@ pub(super) struct PlaneArgs {
     #[arg(long, value_name = "FILE", group = "robots")]
     fleet: Option<PathBuf>,
     /// Side of a cell in metres
-    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    #[arg(long, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     pub(super) cell_size: f64,
     /// Duration of one step in seconds, for a plan on a grid that is judged in the plane
-    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = SimConfig::default().step_s)]
     step: f64,
 }
 
