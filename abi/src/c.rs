@@ -19,6 +19,7 @@
 
 use std::ffi::c_void;
 
+#[cfg(feature = "layout")]
 use abi_stable::StableAbi;
 
 /// Major version of the ABI; host and plugin agree only when it is equal.
@@ -131,7 +132,8 @@ pub const INVOKE_NOW: i32 = 1;
 
 /// UTF-8 text, not terminated by a zero byte.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Str {
     /// First byte; may be null when `len` is 0.
     pub ptr: *const u8,
@@ -142,7 +144,8 @@ pub struct Str {
 /// Limits of one call. The host enforces them; a planner that keeps them is not
 /// killed.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Budget {
     /// `sizeof(FleetyardBudget)`.
     pub struct_size: u32,
@@ -163,7 +166,8 @@ pub struct Budget {
 /// A grid: row 0 is the top, column 0 the left, and the cell at `(row, col)` has
 /// the index `row * cols + col`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Grid {
     /// `sizeof(FleetyardGrid)`.
     pub struct_size: u32,
@@ -187,7 +191,8 @@ pub struct Grid {
 
 /// The part of the input that stays the same between calls: the map.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Environment {
     /// `sizeof(FleetyardEnvironment)`.
     pub struct_size: u32,
@@ -201,7 +206,8 @@ pub struct Environment {
 
 /// A task that an instance generator gives to an agent.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Assignment {
     /// Identifier of the task, one of `FleetyardFleetState::task_ids`.
     pub task: u64,
@@ -213,7 +219,8 @@ pub struct Assignment {
 
 /// An instance: the input of a planner.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Instance {
     /// `sizeof(FleetyardInstance)`.
     pub struct_size: u32,
@@ -259,7 +266,8 @@ pub struct Instance {
 /// `offsets[i]` up to but not including `offsets[i + 1]`. After its last cell an
 /// agent stays there.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Plan {
     /// `sizeof(FleetyardPlan)`.
     pub struct_size: u32,
@@ -274,7 +282,8 @@ pub struct Plan {
 /// The state of the fleet when everything committed has been executed, and the work that is left:
 /// the input of an instance generator.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct FleetState {
     /// `sizeof(FleetyardFleetState)`.
     pub struct_size: u32,
@@ -319,7 +328,8 @@ pub struct FleetState {
 
 /// The status of the fleet: the input of an invocation policy.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct FleetStatus {
     /// `sizeof(FleetyardFleetStatus)`.
     pub struct_size: u32,
@@ -339,7 +349,8 @@ pub struct FleetStatus {
 
 /// Receives what a plugin has to say. Given to a call, valid until it returns.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Sink {
     /// `sizeof(FleetyardSink)`.
     pub struct_size: u32,
@@ -371,7 +382,8 @@ pub struct Sink {
 
 /// Services of the host for the plugin. Valid from `init` to `deinit`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Host {
     /// `sizeof(FleetyardHost)`.
     pub struct_size: u32,
@@ -391,7 +403,8 @@ pub struct Host {
 
 /// Identity and capabilities of a plugin. Static: valid until `deinit`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Descriptor {
     /// `sizeof(FleetyardDescriptor)`.
     pub struct_size: u32,
@@ -418,7 +431,8 @@ pub struct Descriptor {
 /// Life: `create`, then `prepare` once per map, then `plan` any number of times,
 /// then `destroy`. All calls into one object come from one thread at a time.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct Planner {
     /// `sizeof(FleetyardPlanner)`.
     pub struct_size: u32,
@@ -457,7 +471,8 @@ pub struct Planner {
 ///
 /// Life: as a planner's, with `recover` in place of `plan`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct FailPolicy {
     /// `sizeof(FleetyardFailPolicy)`.
     pub struct_size: u32,
@@ -495,7 +510,8 @@ pub struct FailPolicy {
 ///
 /// Life: as a planner's, with `generate` in place of `plan`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct InstanceGenerator {
     /// `sizeof(FleetyardInstanceGenerator)`.
     pub struct_size: u32,
@@ -531,7 +547,8 @@ pub struct InstanceGenerator {
 ///
 /// Life: `create`, then `should_invoke` any number of times, then `destroy`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct InvocationPolicy {
     /// `sizeof(FleetyardInvocationPolicy)`.
     pub struct_size: u32,
@@ -556,7 +573,8 @@ pub struct InvocationPolicy {
 
 /// Makes planners.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct PlannerFactory {
     /// `sizeof(FleetyardPlannerFactory)`.
     pub struct_size: u32,
@@ -575,7 +593,8 @@ pub struct PlannerFactory {
 
 /// Makes fail policies; as `FleetyardPlannerFactory`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct FailPolicyFactory {
     /// `sizeof(FleetyardFailPolicyFactory)`.
     pub struct_size: u32,
@@ -598,7 +617,8 @@ pub struct FailPolicyFactory {
 
 /// Makes instance generators; as `FleetyardPlannerFactory`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct InstanceGeneratorFactory {
     /// `sizeof(FleetyardInstanceGeneratorFactory)`.
     pub struct_size: u32,
@@ -621,7 +641,8 @@ pub struct InstanceGeneratorFactory {
 
 /// Makes invocation policies; as `FleetyardPlannerFactory`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct InvocationPolicyFactory {
     /// `sizeof(FleetyardInvocationPolicyFactory)`.
     pub struct_size: u32,
@@ -644,7 +665,8 @@ pub struct InvocationPolicyFactory {
 
 /// The one symbol that a library exports, named `fleetyard_plugin_entry_v1`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, StableAbi)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
 pub struct PluginEntry {
     /// `sizeof(FleetyardPluginEntry)`.
     pub struct_size: u32,

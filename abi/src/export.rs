@@ -10,6 +10,7 @@ use std::sync::{Arc, OnceLock};
 
 use crate::c;
 use crate::convert::{CSink, size_of, string};
+#[cfg(feature = "layout")]
 use crate::layout;
 use crate::model::{
     Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, Status,
@@ -139,6 +140,7 @@ unsafe extern "C" fn get_factory<E: Export>(id: c::Str) -> *const c_void {
             ptr::from_ref(Factories::<E>::INSTANCE_GENERATOR).cast()
         }
         c::INVOCATION_POLICY_FACTORY_ID => ptr::from_ref(Factories::<E>::INVOCATION_POLICY).cast(),
+        #[cfg(feature = "layout")]
         layout::RUST_LAYOUT_ID => ptr::from_ref(layout::rust_layout()).cast(),
         _ => ptr::null(),
     }

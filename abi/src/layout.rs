@@ -1,6 +1,6 @@
 //! Layout check for Rust plugins, by abi_stable.
 //!
-//! A plugin that was built with this crate answers the factory identifier
+//! A plugin that was built with the feature `layout` of this crate answers the factory identifier
 //! [`RUST_LAYOUT_ID`] with the layouts of all C structures as it compiled them.
 //! The host compares them with its own: a plugin built against a changed copy of
 //! the contract is refused with the place where they differ, rather than crashing

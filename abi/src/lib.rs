@@ -6,6 +6,11 @@
 //! - [`sdk`]: what a plugin in Rust implements, and [`export!`], which makes a
 //!   shared library of it; [`serve`] makes an executable that speaks JSON.
 //!
+//! The feature `layout` lets the host refuse a Rust plugin that was built against a changed copy
+//! of this crate, and say where they differ; host and plugin both need it. A plugin without it is
+//! loaded like one in C, on the word of the sizes and versions in its structures. It costs the
+//! crate `abi_stable`, and is off by default.
+//!
 //! The version of the ABI is [`c::ABI_MAJOR`].[`c::ABI_MINOR`] and that of the
 //! JSON protocol [`wire::PROTOCOL_VERSION`]; neither is the product's version.
 
@@ -22,6 +27,7 @@ mod clock;
 pub mod convert;
 pub mod export;
 pub mod figures;
+#[cfg(feature = "layout")]
 pub mod layout;
 mod lists;
 mod model;

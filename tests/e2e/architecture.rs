@@ -254,6 +254,28 @@ fn heavy_dependencies_have_one_home() {
     }
 }
 
+/// Authors of plugins build what the contract needs without its features.
+#[test]
+fn the_contract_needs_no_heavy_crate_by_default() {
+    let packages = ours();
+    let contract = packages
+        .iter()
+        .find(|package| package.name == "fleetyard-abi");
+    let contract = contract.unwrap();
+    assert!(!contract.features.contains_key("default"));
+    let optional = contract
+        .dependencies
+        .iter()
+        .filter(|needed| needed.optional);
+    let optional: BTreeSet<&str> = optional.map(|needed| needed.name.as_str()).collect();
+    let mut needed = needs(contract);
+    needed.retain(|name| !optional.contains(name));
+    assert_eq!(
+        needed,
+        ["libc", "schemars", "serde", "serde_json", "thiserror"]
+    );
+}
+
 #[test]
 fn every_crate_takes_the_lints_of_the_workspace() {
     for package in &ours() {

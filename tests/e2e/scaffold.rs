@@ -260,11 +260,12 @@ fn needs(manifest: &Path) -> BTreeSet<String> {
         .filter(|needed| !needed.is_for_tests())
         .map(|needed| {
             let (req, features) = (&needed.req, &needed.features);
-            let defaults = needed.uses_default_features;
-            format!("{} {req} {features:?} {defaults}", needed.name)
+            let (defaults, optional) = (needed.uses_default_features, needed.optional);
+            format!("{} {req} {features:?} {defaults} {optional}", needed.name)
         })
         .collect();
     needs.insert(format!("{} {}", package.version, package.edition));
+    needs.insert(format!("{:?}", package.features));
     needs
 }
 

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use fleetyard_abi::sdk::{Failure, InvocationPolicy, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, FleetStatus, GridPlan, Instance, Kind,
-    SharedEnvironment, Status, c, convert, layout, serve,
+    SharedEnvironment, Status, c, convert, serve,
 };
 
 #[derive(Default, serde::Deserialize)]
@@ -213,7 +213,14 @@ fn the_c_abi_lists_what_the_crate_exports() {
     }
     // SAFETY: as above.
     assert!(unsafe { get_factory(c::Str::new("somebody.else/1")) }.is_null());
-    // SAFETY: as above; the answer is a layout table.
+}
+
+#[cfg(feature = "layout")]
+#[test]
+fn the_c_abi_tells_the_layouts_of_the_contract() {
+    use fleetyard_abi::layout;
+    let get_factory = fleetyard_plugin_entry_v1.get_factory.unwrap();
+    // SAFETY: the text is static, and the answer is a layout table.
     let same = unsafe { layout::check(get_factory(c::Str::new(layout::RUST_LAYOUT_ID))) };
     assert_eq!(same, layout::LayoutCheck::Same);
 }

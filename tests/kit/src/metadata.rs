@@ -1,5 +1,6 @@
 //! Packages as cargo describes them.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -16,6 +17,8 @@ pub struct Package {
     pub edition: String,
     /// Its `Cargo.toml`.
     pub manifest_path: PathBuf,
+    /// Its features, each with what it asks for.
+    pub features: BTreeMap<String, Vec<String>>,
     /// All that it depends on, tests and builds included.
     pub dependencies: Vec<Dependency>,
     /// Its libraries, programs, tests, benches and examples.
@@ -33,6 +36,8 @@ pub struct Dependency {
     pub kind: Option<String>,
     /// Features that are asked for.
     pub features: Vec<String>,
+    /// True if a feature of the package has to ask for it.
+    pub optional: bool,
     /// True if its default features are asked for.
     pub uses_default_features: bool,
 }
