@@ -3,36 +3,50 @@
 use std::time::Duration;
 
 use fleetyard_core::InputError;
+use fleetyard_core::document::between;
 use fleetyard_runtime::measure::Machine;
 use fleetyard_runtime::{Limits, Policy, Trust};
 use fleetyard_sim::motion::{FleetError, FleetFile, Model, MotionError};
 use fleetyard_sim::{Fleet, Profile, SimConfig};
 use fleetyard_world::Footprint;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use crate::suite::settings::{duration, size};
+
 /// The budget of every call of a trial.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct BudgetOptions {
     /// Wall clock of a plan.
+    #[serde(deserialize_with = "duration")]
     pub wall: Duration,
     /// Wall clock of learning the map; `None` is the plan's.
+    #[serde(deserialize_with = "duration")]
     pub prepare: Option<Duration>,
     /// How long a planner may take to start and be made.
+    #[serde(deserialize_with = "duration")]
     pub startup: Duration,
     /// How long a planner may go on after the deadline once it was told to stop.
+    #[serde(deserialize_with = "duration")]
     pub grace: Option<Duration>,
     /// Processor time of a plan; `None` for no limit.
+    #[serde(deserialize_with = "duration")]
     pub cpu: Option<Duration>,
     /// Processor time of learning the map; `None` is the plan's.
+    #[serde(deserialize_with = "duration")]
     pub prepare_cpu: Option<Duration>,
     /// Memory of all processes together; `None` is half of the machine's.
+    #[serde(rename(deserialize = "memory"), deserialize_with = "size")]
     pub memory_bytes: Option<u64>,
     /// Memory of learning the map; `None` is the plan's.
+    #[serde(rename(deserialize = "prepare_memory"), deserialize_with = "size")]
     pub prepare_memory_bytes: Option<u64>,
     /// Most search nodes, for planners that count them; 0 for no limit.
+    #[serde(deserialize_with = "between::<1, { u64::MAX }, u64, _, _>")]
     pub nodes: u64,
     /// Most threads that a planner may use.
+    #[serde(deserialize_with = "between::<1, 4096, u32, _, _>")]
     pub threads: u32,
 }
 

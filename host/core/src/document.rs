@@ -1,64 +1,100 @@
-//! TOML with places: tables that are read key by key, and errors that say where.
-//!
-//! Not a general reader: it exists so that every fault of a manifest or a suite names
-//! its line, its column and a way out, and so that no unknown key goes unnoticed.
+//! TOML by serde, with places: what a file says becomes the types that it is for, and every
+//! fault has its line, its column and a way out.
 //!
 //! ```
-//! use fleetyard_core::document::{Document, Table};
+//! use fleetyard_core::document;
 //!
-//! let document = Document::new("robots.toml", "speed = 2\ncolor = \"red\"\n");
-//! let root = document.parse()?;
-//! let fault = Table::new(document, "", 0, root.get_ref(), &["speed", "colour"]).unwrap_err();
-//! assert_eq!(fault.to_string(), "robots.toml:2:1: unknown key `color`");
+//! #[derive(serde::Deserialize)]
+//! #[serde(deny_unknown_fields)]
+//! struct Robot {
+//!     speed: f64,
+//!     colour: String,
+//! }
+//!
+//! let read = |text| document::read("robot.toml", text, &[], |root| root.read::<Robot>());
+//! let robot = read("speed = 2\ncolour = \"red\"\n")?;
+//! assert_eq!((robot.speed, robot.colour.as_str()), (2.0, "red"));
+//! let fault = read("speed = 2\ncolor = \"red\"\n").map(|robot| robot.speed).unwrap_err();
+//! assert_eq!(fault.to_string(), "robot.toml:2:1: unknown key `color`");
 //! assert_eq!(fault.hint.as_deref(), Some("did you mean `colour`?"));
 //! # Ok::<(), fleetyard_core::InputError>(())
 //! ```
 
-use std::borrow::Cow;
+mod value;
 
+use std::fmt;
+
+use serde::Deserializer;
+use serde::de::{self, Unexpected, Visitor};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::{InputError, nearest, shown};
+use crate::json::{HINT, with_hint};
+use crate::{InputError, Words, nearest, shown};
 
-/// The text that is read, for places in it, and what is set over it.
-///
-/// A byte is counted from the start of the text, on through the settings: each begins
-/// one byte after the end of what is before it.
-#[derive(Debug, Clone, Copy)]
-pub struct Document<'a> {
+pub use value::Value;
+
+/// Reads a document: `source` is its name in errors, the values of `settings` take the place
+/// of its own, and `reader` gets its root.
+pub fn read<T>(
+    source: &str,
+    text: &str,
+    settings: &[Setting],
+    reader: impl FnOnce(Value<'_>) -> Result<T, InputError>,
+) -> Result<T, InputError> {
+    let texts = Texts {
+        source,
+        text,
+        settings,
+    };
+    // A byte is counted from the start of the text, on through the settings: each begins one
+    // byte after the end of what is before it, here after so much space.
+    let mut begin = text.len() + 1;
+    let mut spaced = Vec::new();
+    for setting in settings {
+        spaced.push(" ".repeat(begin) + &setting.text);
+        begin += setting.text.len() + 1;
+    }
+    let mut root = texts.parse(text)?;
+    for set in &spaced {
+        merge(&mut root, texts.parse(set)?);
+    }
+    reader(Value::root(&texts, &DeValue::Table(root)))
+}
+
+/// The text that is read, and what is set over it.
+#[derive(Debug)]
+struct Texts<'a> {
     source: &'a str,
     text: &'a str,
     settings: &'a [Setting],
 }
 
-impl<'a> Document<'a> {
-    /// `source` is the text's name in errors.
-    pub fn new(source: &'a str, text: &'a str) -> Self {
-        Self::with_settings(source, text, &[])
-    }
-
-    /// The same with values from elsewhere in place of those of the text.
-    pub fn with_settings(source: &'a str, text: &'a str, settings: &'a [Setting]) -> Self {
-        Self {
-            source,
-            text,
-            settings,
-        }
+impl Texts<'_> {
+    fn parse<'t>(&self, text: &'t str) -> Result<DeTable<'t>, InputError> {
+        let parsed = DeTable::parse(text).map(Spanned::into_inner);
+        parsed.map_err(|error| {
+            let reason = not_toml(&error);
+            match error.span() {
+                Some(span) => self.place(span.start).error(reason),
+                None => InputError::new(self.source, reason),
+            }
+        })
     }
 
     /// The place of a byte.
-    pub fn place(self, at: usize) -> Place {
-        if at > self.text.len() {
-            let mut begin = self.text.len() + 1;
-            for setting in self.settings {
-                begin += setting.text.len() + 1;
-                if at < begin {
-                    return Place {
-                        source: setting.option.clone(),
-                        line_column: None,
-                    };
-                }
+    fn place(&self, at: usize) -> Place {
+        let mut end = self.text.len();
+        for setting in self.settings {
+            if at <= end {
+                break;
+            }
+            end += setting.text.len() + 1;
+            if at <= end {
+                return Place {
+                    source: setting.option.clone(),
+                    line_column: None,
+                };
             }
         }
         let before = &self.text[..self.text.floor_char_boundary(at)];
@@ -70,64 +106,11 @@ impl<'a> Document<'a> {
             line_column: Some((line as u64, column as u64)),
         }
     }
-
-    /// An error at a byte.
-    pub fn error(self, at: usize, reason: impl Into<String>) -> InputError {
-        self.place(at).error(reason)
-    }
-
-    /// The root table of the text.
-    pub fn parse(self) -> Result<Spanned<DeTable<'a>>, InputError> {
-        let mut root = self.parse_part(self.text, 0)?;
-        let mut begin = self.text.len() + 1;
-        for setting in self.settings {
-            let set = self.parse_part(&setting.text, begin)?.into_inner();
-            merge(root.get_mut(), shifted(set, begin));
-            begin += setting.text.len() + 1;
-        }
-        Ok(root)
-    }
-
-    fn parse_part(self, text: &'a str, begin: usize) -> Result<Spanned<DeTable<'a>>, InputError> {
-        DeTable::parse(text).map_err(|error| {
-            let reason = not_toml(&error);
-            match error.span() {
-                Some(span) => self.error(begin + span.start, reason),
-                None => InputError::new(self.source, reason),
-            }
-        })
-    }
 }
 
 fn not_toml(error: &toml::de::Error) -> String {
     let lines: Vec<&str> = error.message().lines().collect();
     format!("this is not TOML: {}", lines.join(", "))
-}
-
-/// A table whose places count from `begin`.
-fn shifted(table: DeTable<'_>, begin: usize) -> DeTable<'_> {
-    fn moved<T>(spanned: Spanned<T>, begin: usize, change: impl FnOnce(T) -> T) -> Spanned<T> {
-        let span = spanned.span();
-        let span = span.start + begin..span.end + begin;
-        Spanned::new(span, change(spanned.into_inner()))
-    }
-    fn of_value(value: DeValue<'_>, begin: usize) -> DeValue<'_> {
-        match value {
-            DeValue::Table(table) => DeValue::Table(shifted(table, begin)),
-            DeValue::Array(items) => {
-                let items = items.into_iter();
-                let items = items.map(|item| moved(item, begin, |item| of_value(item, begin)));
-                DeValue::Array(items.collect())
-            }
-            plain => plain,
-        }
-    }
-    let entries = table.into_iter();
-    let entries = entries.map(|(key, item)| {
-        let key = moved(key, begin, |key| key);
-        (key, moved(item, begin, |item| of_value(item, begin)))
-    });
-    entries.collect()
 }
 
 /// Values of `from` take the place of those in `into`, key by key in tables.
@@ -198,7 +181,7 @@ impl Setting {
 }
 
 /// A place in a document, for errors that are found once the text is gone.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
     source: String,
     line_column: Option<(u64, u64)>,
@@ -235,385 +218,283 @@ impl Place {
     }
 }
 
-/// A table whose keys are known.
+/// A fault of a value, on its way through serde to the place of the value.
 #[derive(Debug)]
-pub struct Table<'t, 'a> {
-    /// The text that it is from.
-    pub document: Document<'a>,
-    /// Its name in messages: empty for the root, else as `[program]`.
-    name: Cow<'t, str>,
-    at: usize,
-    entries: &'t DeTable<'a>,
+pub struct Fault {
+    /// A reason that begins with `it ` or ends with ` in it` is about a value or a table, whose
+    /// name takes the pronoun's place.
+    reason: String,
+    hint: Option<String>,
+    /// The keys that are known, if the fault is an unknown one.
+    known: Option<&'static [&'static str]>,
+    place: Option<Place>,
 }
 
-impl<'t, 'a> Table<'t, 'a> {
-    /// Refuses keys that are not in `known`.
-    pub fn new(
-        document: Document<'a>,
-        name: impl Into<Cow<'t, str>>,
-        at: usize,
-        entries: &'t DeTable<'a>,
-        known: &[&str],
-    ) -> Result<Self, InputError> {
-        let table = Self::open(document, name, at, entries);
-        let unknown = table
-            .keys()
-            .filter(|(key, _)| !known.contains(key))
-            .min_by_key(|(_, at)| *at);
-        match unknown {
-            None => Ok(table),
-            Some((key, at)) => {
-                let hint = match nearest(key, known, 3) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => format!("known keys: {}", known.join(", ")),
-                };
-                let reason = format!("unknown key `{}`{}", shown(key), table.within());
-                Err(document.error(at, reason).hint(hint))
-            }
-        }
-    }
-
-    /// A table whose keys are names that the author chose.
-    pub fn open(
-        document: Document<'a>,
-        name: impl Into<Cow<'t, str>>,
-        at: usize,
-        entries: &'t DeTable<'a>,
-    ) -> Self {
+impl Fault {
+    /// A fault without a hint.
+    pub fn new(reason: impl Into<String>) -> Self {
         Self {
-            document,
-            name: name.into(),
-            at,
-            entries,
+            reason: reason.into(),
+            hint: None,
+            known: None,
+            place: None,
         }
     }
 
-    /// The table's name for messages.
-    fn within(&self) -> String {
-        match self.name.as_ref() {
-            "" => String::new(),
-            name => format!(" in {name}"),
+    /// Adds what to do about it.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+
+    /// A word that is none of those that are known.
+    pub fn word(word: &str, known: &[&str]) -> Self {
+        let fault = Self::new(format!("it cannot be \"{}\"", shown(word)));
+        fault.hint(match nearest(word, known, 3) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None => format!("it is one of {}", known.join(", ")),
+        })
+    }
+
+    fn error(self) -> InputError {
+        let error = self.place.unwrap_or_default().error(self.reason);
+        InputError {
+            hint: self.hint,
+            ..error
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.reason)
+    }
+}
+
+impl std::error::Error for Fault {}
+
+impl de::Error for Fault {
+    fn custom<T: fmt::Display>(message: T) -> Self {
+        let text = message.to_string();
+        match text.split_once(HINT) {
+            Some((reason, hint)) => Self::new(reason).hint(hint),
+            None => Self::new(text),
         }
     }
 
-    /// Its keys and where they stand, in alphabetical order.
-    pub fn keys(&self) -> impl Iterator<Item = (&'t str, usize)> {
-        let entries = self.entries;
-        entries
-            .keys()
-            .map(|key| (key.get_ref().as_ref(), key.span().start))
+    fn invalid_type(found: Unexpected<'_>, expected: &dyn de::Expected) -> Self {
+        let found = match found {
+            Unexpected::Bool(_) => "a boolean",
+            Unexpected::Signed(_) | Unexpected::Unsigned(_) => "an integer",
+            Unexpected::Float(_) => "a number",
+            Unexpected::Str(_) => "a string",
+            Unexpected::Seq => "a list",
+            Unexpected::Map => "a table",
+            Unexpected::Other(other) => other,
+            _ => "something else",
+        };
+        let expected = expected.to_string();
+        let expected = match expected.as_str() {
+            "a boolean" => "true or false",
+            "u32" | "u64" | "usize" => "an integer",
+            "f64" | "a JSON number" => "a number",
+            "any valid JSON value" => "a string, a number or a boolean",
+            "a sequence" => "a list",
+            "a map" => "a table",
+            other => other,
+        };
+        Self::custom(format_args!("it is {found}, expected {expected}"))
     }
 
-    /// Its values with their keys, in alphabetical order.
-    pub fn values(&self) -> impl Iterator<Item = (&'t str, Value<'t, 'a>)> {
-        let (document, entries) = (self.document, self.entries);
-        entries.iter().map(move |(key, value)| {
-            let name = key.get_ref().as_ref();
-            (name, Value::new(document, name, value))
-        })
+    fn invalid_value(found: Unexpected<'_>, expected: &dyn de::Expected) -> Self {
+        let most = match expected.to_string().as_str() {
+            "u32" => u32::MAX.into(),
+            "u64" | "usize" => u64::MAX,
+            other => return Self::new(format!("it is {found}, expected {other}")),
+        };
+        Self::new(format!("it is not between 0 and {most}"))
     }
 
-    /// The value of a key, if it is there.
-    pub fn get(&self, key: &'t str) -> Option<Value<'t, 'a>> {
-        let value = self.entries.get(key)?;
-        Some(Value::new(self.document, key, value))
+    fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {
+        Self::word(word, known)
     }
 
-    /// The value of a key that must be there.
-    pub fn require(&self, key: &'t str) -> Result<Value<'t, 'a>, InputError> {
-        self.get(key).ok_or_else(|| {
-            self.error(format!("the key `{key}` is missing{}", self.within()))
-                .hint(format!("add `{key} = …`"))
-        })
-    }
-
-    /// The place where it begins.
-    pub fn place(&self) -> Place {
-        self.document.place(self.at)
-    }
-
-    /// An error about the table as a whole.
-    pub fn error(&self, reason: impl Into<String>) -> InputError {
-        self.document.error(self.at, reason)
-    }
-
-    /// As a JSON object, with the tables in it; dates, `inf` and `nan` are refused.
-    pub fn object(&self) -> Result<serde_json::Map<String, serde_json::Value>, InputError> {
-        let values = self.values();
-        values
-            .map(|(key, value)| Ok((key.to_owned(), value.tree()?)))
-            .collect()
-    }
-
-    /// The text of a key, if it is there.
-    pub fn text(&self, key: &'t str) -> Result<Option<&'t str>, InputError> {
-        self.get(key).map(|value| value.text()).transpose()
-    }
-}
-
-/// A value and its key.
-#[derive(Debug, Clone)]
-pub struct Value<'t, 'a> {
-    document: Document<'a>,
-    /// Its name in messages.
-    pub key: Cow<'t, str>,
-    at: usize,
-    inner: &'t DeValue<'a>,
-}
-
-impl<'t, 'a> Value<'t, 'a> {
-    fn new(
-        document: Document<'a>,
-        key: impl Into<Cow<'t, str>>,
-        value: &'t Spanned<DeValue<'a>>,
-    ) -> Self {
+    fn unknown_field(key: &str, known: &'static [&'static str]) -> Self {
         Self {
-            document,
-            key: key.into(),
-            at: value.span().start,
-            inner: value.get_ref(),
+            known: Some(known),
+            ..Self::new(format!("unknown key `{}` in it", shown(key)))
         }
     }
 
-    /// The place where it begins.
-    pub fn place(&self) -> Place {
-        self.document.place(self.at)
+    fn missing_field(key: &'static str) -> Self {
+        Self::new(format!("the key `{key}` is missing in it")).hint(format!("add `{key} = …`"))
     }
+}
 
-    /// An error about the value.
-    pub fn error(&self, reason: impl Into<String>) -> InputError {
-        self.document.error(self.at, reason)
-    }
+/// Reads a text that `read` understands. `hint` says how to write one.
+pub fn text<'de, D: Deserializer<'de>, T>(
+    deserializer: D,
+    hint: &str,
+    read: impl FnOnce(&str) -> Result<T, Fault>,
+) -> Result<T, D::Error> {
+    struct Text<'h, F>(&'h str, F);
 
-    fn wrong_type(&self, expected: &str) -> InputError {
-        let found = match self.inner {
-            DeValue::String(_) => "a string",
-            DeValue::Integer(_) => "an integer",
-            DeValue::Float(_) => "a number",
-            DeValue::Boolean(_) => "a boolean",
-            DeValue::Datetime(_) => "a date",
-            DeValue::Array(_) => "a list",
-            DeValue::Table(_) => "a table",
-        };
-        self.error(format!(
-            "`{}` is {found}, expected {expected}",
-            shown(&self.key)
-        ))
-    }
+    impl<T, F: FnOnce(&str) -> Result<T, Fault>> Visitor<'_> for Text<'_, F> {
+        type Value = T;
 
-    /// The value as text.
-    pub fn text(&self) -> Result<&'t str, InputError> {
-        match self.inner {
-            DeValue::String(text) => Ok(text),
-            _ => Err(self.wrong_type("a string")),
-        }
-    }
-
-    /// Text that says something.
-    pub fn nonempty(&self) -> Result<&'t str, InputError> {
-        match self.text()? {
-            text if text.trim().is_empty() => {
-                Err(self.error(format!("`{}` is empty", shown(&self.key))))
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a string")?;
+            match self.0 {
+                "" => Ok(()),
+                hint => write!(f, "{HINT}{hint}"),
             }
-            text => Ok(text),
+        }
+
+        fn visit_str<E: de::Error>(self, text: &str) -> Result<T, E> {
+            (self.1)(text).map_err(|fault| with_hint(&fault, fault.hint.as_deref()))
         }
     }
 
-    /// The value as yes or no.
-    pub fn flag(&self) -> Result<bool, InputError> {
-        match self.inner {
-            DeValue::Boolean(flag) => Ok(*flag),
-            _ => Err(self.wrong_type("true or false")),
-        }
+    deserializer.deserialize_str(Text(hint, read))
+}
+
+/// Reads a text that says something. For a field with `deserialize_with`.
+pub fn nonempty<'de, D: Deserializer<'de>, T: From<String>>(
+    deserializer: D,
+) -> Result<T, D::Error> {
+    text(deserializer, "", |text| {
+        not_empty(text).map(|text| text.to_owned().into())
+    })
+}
+
+/// Refuses a text that says nothing.
+pub fn not_empty(text: &str) -> Result<&str, Fault> {
+    match text.trim() {
+        "" => Err(Fault::new("it is empty")),
+        _ => Ok(text),
+    }
+}
+
+/// Reads an integer, both bounds included, as an `N`. For a field with `deserialize_with`.
+pub fn between<'de, const LOW: u64, const HIGH: u64, N, T, D>(
+    deserializer: D,
+) -> Result<T, D::Error>
+where
+    N: TryFrom<u64>,
+    T: From<N>,
+    D: Deserializer<'de>,
+{
+    let bounds = Whole {
+        low: LOW,
+        high: HIGH,
+    };
+    let number = N::try_from(deserializer.deserialize_i128(bounds)?);
+    let number = number.map_err(|_| de::Error::custom(bounds.reason()))?;
+    Ok(number.into())
+}
+
+/// An integer, both bounds included.
+#[derive(Clone, Copy)]
+struct Whole {
+    low: u64,
+    high: u64,
+}
+
+impl Whole {
+    fn reason(self) -> String {
+        format!("it is not between {} and {}", self.low, self.high)
+    }
+}
+
+impl Visitor<'_> for Whole {
+    type Value = u64;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an integer")
     }
 
-    /// The value as an integer, both bounds included.
-    pub fn integer(&self, low: i64, high: i64) -> Result<i64, InputError> {
-        let DeValue::Integer(integer) = self.inner else {
-            return Err(self.wrong_type("an integer"));
-        };
-        i64::from_str_radix(integer.as_str(), integer.radix())
-            .ok()
-            .filter(|value| (low..=high).contains(value))
-            .ok_or_else(|| {
-                let reason = format!("`{}` is not between {low} and {high}", shown(&self.key));
-                self.error(reason)
-            })
+    fn visit_i128<E: de::Error>(self, number: i128) -> Result<u64, E> {
+        let number = u64::try_from(number).ok();
+        let fits = number.filter(|number| (self.low..=self.high).contains(number));
+        fits.ok_or_else(|| E::custom(self.reason()))
     }
+}
 
-    /// The value as an integer that may be larger than most of TOML's, both bounds
-    /// included.
-    pub fn whole(&self, low: u64, high: u64) -> Result<u64, InputError> {
-        let DeValue::Integer(integer) = self.inner else {
-            return Err(self.wrong_type("an integer"));
-        };
-        u64::from_str_radix(integer.as_str(), integer.radix())
-            .ok()
-            .filter(|value| (low..=high).contains(value))
-            .ok_or_else(|| {
-                let reason = format!("`{}` is not between {low} and {high}", shown(&self.key));
-                self.error(reason)
-            })
-    }
-
-    /// The value as a finite number.
-    pub fn number(&self) -> Result<f64, InputError> {
-        let text = match self.inner {
-            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
-            DeValue::Float(float) => float.as_str(),
-            _ => return Err(self.wrong_type("a number")),
-        };
-        let value: Option<f64> = text.parse().ok().filter(|value: &f64| value.is_finite());
-        value.ok_or_else(|| self.error(format!("`{}` is not a finite number", shown(&self.key))))
-    }
-
-    /// Its items, or the value itself where it is no list.
-    pub fn one_or_more(&self) -> Result<Vec<Self>, InputError> {
-        match self.inner {
-            DeValue::Array(_) => self.list(),
-            _ => Ok(vec![self.clone()]),
-        }
-    }
-
-    /// Its items; errors name each as the list itself.
-    pub fn list(&self) -> Result<Vec<Self>, InputError> {
-        let DeValue::Array(items) = self.inner else {
-            return Err(self.wrong_type("a list"));
-        };
-        let items = items.iter();
-        Ok(items
-            .map(|item| Self::new(self.document, self.key.clone(), item))
-            .collect())
-    }
-
-    /// One of some words, and what it stands for.
-    pub fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T, InputError> {
-        let text = self.text()?;
-        let found = choices.iter().find(|(word, _)| *word == text);
-        found.map(|(_, meaning)| *meaning).ok_or_else(|| {
-            let known: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
-            let hint = match nearest(text, &known, 3) {
-                Some(near) => format!("did you mean \"{near}\"?"),
-                None => format!("it is one of {}", known.join(", ")),
-            };
-            let reason = format!("`{}` cannot be \"{}\"", shown(&self.key), shown(text));
-            self.error(reason).hint(hint)
+/// Reads one of some words of an enum that has more.
+pub fn one_of<'de, D: Deserializer<'de>, T: Words>(
+    deserializer: D,
+    values: &[T],
+) -> Result<T, D::Error> {
+    text(deserializer, "", |text| {
+        let found = values.iter().find(|value| value.name() == text);
+        found.copied().ok_or_else(|| {
+            let words: Vec<&str> = values.iter().map(|value| value.name()).collect();
+            Fault::word(text, &words)
         })
-    }
-
-    /// A table with known keys.
-    pub fn table(
-        &self,
-        name: impl Into<Cow<'t, str>>,
-        known: &[&str],
-    ) -> Result<Table<'t, 'a>, InputError> {
-        match self.inner {
-            DeValue::Table(entries) => Table::new(self.document, name, self.at, entries, known),
-            _ => Err(self.wrong_type("a table")),
-        }
-    }
-
-    /// A table with names that the author chose.
-    pub fn names(&self, name: impl Into<Cow<'t, str>>) -> Result<Table<'t, 'a>, InputError> {
-        match self.inner {
-            DeValue::Table(entries) => Ok(Table::open(self.document, name, self.at, entries)),
-            _ => Err(self.wrong_type("a table")),
-        }
-    }
-
-    /// True if it is a table.
-    pub fn is_table(&self) -> bool {
-        matches!(self.inner, DeValue::Table(_))
-    }
-
-    /// The value as JSON; tables, dates, `inf` and `nan` are refused.
-    pub fn json(&self) -> Result<serde_json::Value, InputError> {
-        let number = |found: Option<serde_json::Number>| {
-            found
-                .map(serde_json::Value::Number)
-                .ok_or_else(|| self.error(format!("`{}` is out of range", shown(&self.key))))
-        };
-        match self.inner {
-            DeValue::String(text) => Ok(text.as_ref().into()),
-            DeValue::Boolean(flag) => Ok((*flag).into()),
-            DeValue::Integer(integer) => {
-                let (text, radix) = (integer.as_str(), integer.radix());
-                let value = i64::from_str_radix(text, radix).map(Into::into);
-                let value = value.or_else(|_| u64::from_str_radix(text, radix).map(Into::into));
-                number(value.ok())
-            }
-            DeValue::Float(float) => {
-                let value = float.as_str().parse().ok();
-                number(value.and_then(serde_json::Number::from_f64))
-            }
-            DeValue::Array(_) => {
-                let items = self.list()?;
-                items.iter().map(Value::json).collect()
-            }
-            DeValue::Datetime(_) | DeValue::Table(_) => {
-                Err(self.wrong_type("a string, a number or a boolean"))
-            }
-        }
-    }
-    /// A table as a JSON object, with the tables in it; dates, `inf` and `nan` are
-    /// refused.
-    pub fn object(&self) -> Result<serde_json::Map<String, serde_json::Value>, InputError> {
-        self.names("")?.object()
-    }
-
-    fn tree(&self) -> Result<serde_json::Value, InputError> {
-        match self.inner {
-            DeValue::Table(_) => Ok(self.object()?.into()),
-            DeValue::Array(_) => self.list()?.iter().map(Self::tree).collect(),
-            _ => self.json(),
-        }
-    }
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use serde::Deserialize;
+
     use super::*;
+
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Root {
+        #[serde(default)]
+        name: String,
+        protocol: Protocol,
+    }
+
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Protocol {
+        #[serde(deserialize_with = "between::<1, 9, u64, _, _>")]
+        repeats: u64,
+        seeds: Vec<Seed>,
+        clock: Option<Clock>,
+    }
+
+    #[derive(Deserialize)]
+    struct Seed(#[serde(deserialize_with = "between::<0, 99, u64, _, _>")] u64);
+
+    #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    enum Clock {
+        Host,
+        LessEmpty,
+    }
 
     const TEXT: &str = "[protocol]\nrepeats = 1\nseeds = [1]\n";
 
-    fn set(settings: &[&str]) -> Result<Vec<String>, InputError> {
+    fn set(settings: &[&str]) -> Result<String, InputError> {
         let settings: Result<Vec<Setting>, InputError> = settings
             .iter()
             .map(|given| Setting::new("--set", given))
             .collect();
-        let settings = settings?;
-        let document = Document::with_settings("a.toml", TEXT, &settings);
-        let root = document.parse()?;
-        let root = Table::new(document, "", 0, root.get_ref(), &["name", "protocol"])?;
-        let protocol = root.require("protocol")?;
-        let protocol = protocol.table("[protocol]", &["repeats", "seeds", "clock"])?;
-        let repeats = protocol.require("repeats")?.integer(1, 9)?;
-        let seeds = protocol.require("seeds")?.list()?;
-        let seeds: Result<Vec<u64>, _> = seeds.iter().map(|seed| seed.whole(0, 99)).collect();
-        let clock = match protocol.get("clock") {
-            Some(clock) => clock.choice(&[("host", "h"), ("call", "c")])?,
-            None => "",
-        };
-        let name = root.text("name")?.unwrap_or_default();
-        Ok(vec![
-            repeats.to_string(),
-            format!("{:?}", seeds?),
-            clock.into(),
-            name.into(),
-        ])
+        let read: Root = read("a.toml", TEXT, &settings?, |root| root.read())?;
+        let Root { name, protocol } = read;
+        let seeds: Vec<u64> = protocol.seeds.iter().map(|seed| seed.0).collect();
+        let (repeats, clock) = (protocol.repeats, protocol.clock);
+        Ok(format!("{repeats} {seeds:?} {clock:?} {name}"))
     }
 
     #[test]
     fn settings_take_the_place_of_values() {
-        let told = |settings: &[&str]| set(settings).map(|told| told.join(" "));
-        assert_eq!(told(&[]).as_deref(), Ok("1 [1]  "));
-        assert_eq!(
-            told(&["protocol.repeats=3", "protocol.seeds=[4, 5]"]).as_deref(),
-            Ok("3 [4, 5]  ")
-        );
+        let told = |settings: &[&str]| set(settings).unwrap();
+        assert_eq!(told(&[]), "1 [1] None ");
+        let both = ["protocol.repeats=3", "protocol.seeds=[4, 5]"];
+        assert_eq!(told(&both), "3 [4, 5] None ");
         // The last one counts, and a word needs no quotes.
-        let both = ["protocol.clock=host", "protocol.clock = call", "name=x y"];
-        assert_eq!(told(&both).as_deref(), Ok("1 [1] c x y"));
+        let both = [
+            "protocol.clock=host",
+            "protocol.clock = less-empty",
+            "name=x y",
+        ];
+        assert_eq!(told(&both), "1 [1] Some(LessEmpty) x y");
     }
 
     #[test]
@@ -646,19 +527,100 @@ mod tests {
         }
         // The text is blamed for what it says itself.
         let settings = [Setting::new("--set", "protocol.clock=call").unwrap()];
-        let document = Document::with_settings("a.toml", "b = ", &settings);
-        let fault = document.parse().unwrap_err().to_string();
+        let fault = read("a.toml", "b = ", &settings, |_| Ok(())).unwrap_err();
+        let fault = fault.to_string();
         assert!(fault.starts_with("a.toml:1:5: this is not TOML"), "{fault}");
+    }
+
+    /// The error of a protocol and its hint.
+    fn fault(protocol: &str) -> String {
+        let text = format!("[protocol]\n{protocol}");
+        let read: Result<Root, InputError> = read("a.toml", &text, &[], |root| root.read());
+        let error = read.err().expect(protocol);
+        format!("{error} | {}", error.hint.clone().unwrap_or_default())
+    }
+
+    #[test]
+    fn types_that_do_not_fit_are_named_as_toml_has_them() {
+        let cases = [
+            (
+                "'1'",
+                "a.toml:2:11: `repeats` is a string, expected an integer | ",
+            ),
+            (
+                "1.0",
+                "a.toml:2:11: `repeats` is a number, expected an integer | ",
+            ),
+            (
+                "2001-01-01",
+                "a.toml:2:11: `repeats` is a date, expected an integer | ",
+            ),
+            (
+                "[1]",
+                "a.toml:2:11: `repeats` is a list, expected an integer | ",
+            ),
+            (
+                "0xffffffffffffffffffff",
+                "a.toml:2:11: `repeats` is not between 1 and 9 | ",
+            ),
+            ("nan", "a.toml:2:11: `repeats` is not a finite number | "),
+        ];
+        for (value, told) in cases {
+            assert_eq!(fault(&format!("repeats = {value}")), told);
+        }
+    }
+
+    #[test]
+    fn the_first_fault_of_a_file_is_told() {
+        let cases = [
+            (
+                "seeds = 1\nrepeats = 0",
+                "a.toml:2:9: `seeds` is an integer, expected a list | ",
+            ),
+            (
+                "repeats = 1\nseed = [1]\nseeds = 1",
+                "a.toml:3:1: unknown key `seed` in [protocol] | did you mean `seeds`?",
+            ),
+            (
+                "seeds = [1]",
+                "a.toml:1:1: the key `repeats` is missing in [protocol] | add `repeats = …`",
+            ),
+            (
+                "clock = 'monotonic'\n",
+                "a.toml:2:9: `clock` cannot be \"monotonic\" | it is one of host, less-empty",
+            ),
+        ];
+        for (protocol, told) in cases {
+            assert_eq!(fault(protocol), told);
+        }
+        // A list is not taken for the values of a table in order.
+        let read: Result<Root, InputError> =
+            read("a.toml", "protocol = [1, [1]]", &[], |root| root.read());
+        let told = read.err().map(|error| error.reason);
+        let expected = "`protocol` is a list, expected a table";
+        assert_eq!(told.as_deref(), Some(expected));
+    }
+
+    #[test]
+    fn a_table_over_another_one_has_its_own_values_first() {
+        let text = "a = { x = 1, y = 2 }\nb = { y = 3, z = 4, more = 5 }";
+        let told = read("a.toml", text, &[], |root| {
+            let (a, b) = (root.require("a")?, root.require("b")?);
+            let both = a.under(&b)?.apart(&["more"]);
+            let values: serde_json::Value = both.read()?;
+            Ok((values.to_string(), both.require("y")?.error("here")))
+        });
+        let (values, here) = told.unwrap();
+        assert_eq!(values, r#"{"x":1,"y":3,"z":4}"#);
+        assert_eq!(here.to_string(), "a.toml:2:11: here");
     }
 
     #[test]
     fn tables_become_objects() {
         let text = "x = { a = { b = [1, { c = 2.5 }] }, d = \"e\" }";
-        let document = Document::new("a.toml", text);
-        let root = document.parse().unwrap();
-        let root = Table::open(document, "", 0, root.get_ref());
-        let object = root.require("x").unwrap().object().unwrap();
+        let read: Result<serde_json::Value, InputError> =
+            read("a.toml", text, &[], |root| root.require("x")?.read());
         let expected = serde_json::json!({ "a": { "b": [1, { "c": 2.5 }] }, "d": "e" });
-        assert_eq!(serde_json::Value::Object(object), expected);
+        assert_eq!(read, Ok(expected));
     }
 }

@@ -16,7 +16,7 @@ use crate::{Digest, InputError, shown};
 
 /// Stands between reason and hint in an error that passes through serde, which has room
 /// for one text only; see [`with_hint`].
-const HINT: &str = "\nhint: ";
+pub(crate) const HINT: &str = "\nhint: ";
 
 /// Parses a file that is one JSON object. `source` is named in errors, and `hint` says
 /// what such a file is.

@@ -1,6 +1,8 @@
 //! A map while it is being drawn.
 
+use fleetyard_core::document::between;
 use fleetyard_core::{Grid, InputError};
+use serde::Deserializer;
 
 /// Terrain letters on a rectangle of checked size.
 pub(crate) struct Canvas {
@@ -65,4 +67,14 @@ pub(crate) fn at_least(what: &str, value: u32, least: u32) -> Result<(), InputEr
     }
     Err(InputError::new(what, format!("{what} is {value}"))
         .hint(format!("{what} is a whole number of {least} or more")))
+}
+
+/// Reads a number of cells, at least one.
+pub(crate) fn cells<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    between::<1, { u32::MAX as u64 }, u32, _, _>(deserializer)
+}
+
+/// One of what comes in several.
+pub(crate) fn one() -> u32 {
+    1
 }

@@ -16,16 +16,17 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use fleetyard_core::{Connectivity, Grid, GridInstance, InputError, words};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::canvas::{Canvas, at_least, check_size};
+use crate::canvas::{Canvas, at_least, cells, check_size, one};
 use crate::{PythonRandom, SeededRandom};
 
 /// The algorithm that carves a maze.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum MazeAlgorithm {
     /// Depth-first: long winding corridors. The next cell is uniform among the
     /// neighbours that were not visited yet.
+    #[default]
     Backtracker,
     /// Randomised Prim: many short dead ends. The next edge is uniform among those
     /// that led out of the maze when their first cell joined it; edges whose other
@@ -391,19 +392,26 @@ impl Frontier {
 /// the usual lattice, (2H + 1) × (2W + 1) for H × W maze cells
 /// ([`MazeSpec::lattice`]); with 32, 32 and 4 it is shaped like MovingAI's
 /// `maze-32-32-4`, which has no walls at its south and east edges.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct MazeSpec {
     /// Rows of the map.
+    #[serde(deserialize_with = "cells")]
     pub rows: u32,
     /// Columns of the map.
+    #[serde(deserialize_with = "cells")]
     pub cols: u32,
     /// Width of corridors in cells.
+    #[serde(default = "one", deserialize_with = "cells")]
     pub corridor: u32,
     /// The algorithm that carves it.
+    #[serde(default)]
     pub algorithm: MazeAlgorithm,
     /// The source of its random numbers.
+    #[serde(default)]
     pub random: MazeRandom,
     /// Chooses the maze.
+    #[serde(skip_deserializing)]
     pub seed: u64,
 }
 

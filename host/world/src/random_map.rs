@@ -1,22 +1,26 @@
 //! Obstacles strewn at random, with the free cells in one piece.
 
 use fleetyard_core::{Grid, InputError};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::SeededRandom;
-use crate::canvas::Canvas;
+use crate::canvas::{Canvas, cells};
 
 /// A map with single-cell obstacles at random places, like MovingAI's
 /// `random-*` but with all free cells connected.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RandomSpec {
     /// Rows of the map.
+    #[serde(deserialize_with = "cells")]
     pub rows: u32,
     /// Columns of the map.
+    #[serde(deserialize_with = "cells")]
     pub cols: u32,
     /// Share of blocked cells, from 0 to below 1.
     pub obstacle_density: f64,
     /// Chooses the map.
+    #[serde(skip_deserializing)]
     pub seed: u64,
 }
 

@@ -1,26 +1,32 @@
 //! Rooms in rows and columns with doors between them.
 
 use fleetyard_core::{Grid, InputError};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::SeededRandom;
-use crate::canvas::{Canvas, at_least};
+use crate::canvas::{Canvas, at_least, cells, one};
 
 /// Square rooms behind one-cell walls, like MovingAI's `room-*`: walls are the
 /// rows and columns whose number is a multiple of the room size. Every wall
 /// between two rooms has doors of one cell, so all rooms are connected; the
 /// outer walls have none.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RoomSpec {
     /// Rows of the map.
+    #[serde(deserialize_with = "cells")]
     pub rows: u32,
     /// Columns of the map.
+    #[serde(deserialize_with = "cells")]
     pub cols: u32,
     /// Distance from wall to wall: a room has one row and column less.
+    #[serde(deserialize_with = "cells")]
     pub room_size: u32,
     /// Doors per wall between two rooms; a short wall may have fewer.
+    #[serde(default = "one", deserialize_with = "cells")]
     pub doors: u32,
     /// Chooses the doors.
+    #[serde(skip_deserializing)]
     pub seed: u64,
 }
 

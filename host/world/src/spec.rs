@@ -1,17 +1,20 @@
 //! One type for every generator, for callers that let users choose.
 
 use fleetyard_core::{Grid, InputError};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::canvas::Canvas;
+use crate::canvas::{Canvas, cells};
 use crate::{MazeSpec, RandomSpec, RoomSpec, WarehouseSpec};
 
 /// A map without obstacles.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct EmptySpec {
     /// Rows of the map.
+    #[serde(deserialize_with = "cells")]
     pub rows: u32,
     /// Columns of the map.
+    #[serde(deserialize_with = "cells")]
     pub cols: u32,
 }
 

@@ -11,22 +11,28 @@
 //! shelves are endpoints, and workstations stand at the left and right borders.
 
 use fleetyard_core::{Grid, InputError, Role};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::canvas::{Canvas, at_least};
+use crate::canvas::{Canvas, at_least, cells};
 
 /// The parameters of a warehouse. There is nothing random in it.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct WarehouseSpec {
     /// Blocks of shelves beside each other (A).
+    #[serde(deserialize_with = "cells")]
     pub blocks_across: u32,
     /// Blocks of shelves above each other (B).
+    #[serde(deserialize_with = "cells")]
     pub blocks_down: u32,
     /// Width of a block in cells (C).
+    #[serde(deserialize_with = "cells")]
     pub block_cols: u32,
     /// Height of a block in cells (D).
+    #[serde(deserialize_with = "cells")]
     pub block_rows: u32,
     /// Width of aisles in cells (E).
+    #[serde(deserialize_with = "cells")]
     pub aisle: u32,
     /// Free columns at the left and right; A·C/4 if not given.
     pub margin: Option<u32>,
@@ -35,8 +41,10 @@ pub struct WarehouseSpec {
     /// Free rows at the top and bottom; as between blocks if not given.
     pub edge_rows: Option<u32>,
     /// Without the wall all around.
+    #[serde(default)]
     pub open: bool,
     /// True if the free cells above and below shelves are endpoints.
+    #[serde(default)]
     pub endpoints: bool,
     /// Rows from a workstation to the next, in the middle of the outermost free columns;
     /// without workstations if not given.

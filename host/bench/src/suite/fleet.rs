@@ -2,38 +2,16 @@
 
 use fleetyard_abi::Motion;
 use fleetyard_core::InputError;
-use fleetyard_core::document::{Place, Table, Value};
+use fleetyard_core::document::{Place, Value, between, one_of};
 use fleetyard_fleet::{Allowance, Assign, Clock, CutBy, FleetConfig, FleetError, step_s};
 use fleetyard_sim::SimConfig;
+use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
+use serde::{Deserialize, Deserializer};
 use serde_json::Map;
 
-use super::read::{Paths, small};
-use super::settings;
+use super::read::Paths;
+use super::settings::{as_argument, hinted, seconds};
 use crate::options::{BudgetOptions, Robots};
-
-pub(super) const FLEET: &[&str] = &[
-    "duration",
-    "generator",
-    "invocation",
-    "fail_policy",
-    "period",
-    "window",
-    "limit",
-    "nodes",
-    "motion",
-    "clock",
-    "cut",
-    "assign",
-    "dwell",
-    "queue",
-    "model",
-    "delay",
-    "velocity_noise",
-    "messages",
-    "watchdog",
-    "call_budget",
-];
-const PLUGIN: &[&str] = &["plugin", "options"];
 
 /// How often the series of a run has a point; rows keep none of it.
 const SERIES_S: f64 = 10.0;
@@ -64,193 +42,205 @@ pub struct FleetPlugin {
     pub place: Place,
 }
 
-/// What the suite says for every setup, and where a setup says otherwise.
-struct Layers<'t, 'a> {
-    own: Option<Table<'t, 'a>>,
-    common: Table<'t, 'a>,
+/// The keys of `[fleet]` of which each stands for itself.
+#[derive(Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct FleetTable {
+    #[serde(deserialize_with = "seconds")]
+    duration: f64,
+    #[serde(deserialize_with = "seconds")]
+    period: Option<f64>,
+    #[serde(deserialize_with = "seconds")]
+    window: f64,
+    #[serde(deserialize_with = "seconds")]
+    limit: f64,
+    #[serde(deserialize_with = "between::<1, { u64::MAX }, u64, _, _>")]
+    nodes: Option<u64>,
+    #[serde(deserialize_with = "motion")]
+    motion: Motion,
+    clock: Clock,
+    cut: CutBy,
+    #[serde(deserialize_with = "assign")]
+    assign: Assign,
+    #[serde(deserialize_with = "seconds")]
+    dwell: f64,
+    #[serde(deserialize_with = "between::<1, 10_000, u32, _, _>")]
+    queue: u32,
+    #[serde(deserialize_with = "robots")]
+    model: Robots,
+    #[serde(deserialize_with = "as_argument::<_, Delay, _>")]
+    delay: Option<Delay>,
+    #[serde(deserialize_with = "as_argument::<_, VelocityNoise, _>")]
+    velocity_noise: Option<VelocityNoise>,
+    #[serde(deserialize_with = "as_argument::<_, Messages, _>")]
+    messages: Option<Messages>,
+    #[serde(deserialize_with = "seconds")]
+    watchdog: f64,
+    #[serde(deserialize_with = "seconds")]
+    call_budget: f64,
 }
 
-impl<'t, 'a> Layers<'t, 'a> {
-    fn get(&self, key: &'t str) -> Option<Value<'t, 'a>> {
-        let own = self.own.as_ref().and_then(|own| own.get(key));
-        own.or_else(|| self.common.get(key))
-    }
-
-    /// An error at the key that it is about.
-    fn blamed(&self, error: &FleetError) -> InputError {
-        let key = match error {
-            FleetError::Config { field, .. } => {
-                let name = field.strip_suffix("_s").unwrap_or(field);
-                FLEET.iter().copied().find(|key| *key == name)
-            }
-            _ => None,
-        };
-        let reason = error.to_string();
-        let fault = match key.and_then(|key| self.get(key)) {
-            Some(value) => value.error(reason),
-            None => self.common.error(reason),
-        };
-        hinted(fault, error.hint())
-    }
-}
-
-fn hinted(error: InputError, hint: Option<&str>) -> InputError {
-    match hint {
-        Some(hint) => error.hint(hint),
-        None => error,
+impl Default for FleetTable {
+    fn default() -> Self {
+        let config = FleetConfig::default();
+        Self {
+            duration: config.duration_s,
+            period: None,
+            window: config.window_s,
+            limit: config.limit_s,
+            nodes: None,
+            motion: config.motion,
+            clock: config.clock,
+            cut: config.cut,
+            assign: config.assign,
+            dwell: config.dwell_s,
+            queue: config.queue,
+            model: Robots::Model("agv".to_owned()),
+            delay: None,
+            velocity_noise: None,
+            messages: None,
+            watchdog: config.watchdog_s,
+            call_budget: config.allowance.call_s,
+        }
     }
 }
 
-/// What the suite says beside `[fleet]` that is true of fleets as well.
+fn motion<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Motion, D::Error> {
+    one_of(deserializer, &[Motion::Pebble, Motion::Rotation])
+}
+
+fn assign<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Assign, D::Error> {
+    one_of(deserializer, &[Assign::Auto, Assign::Random, Assign::Roles])
+}
+
+fn robots<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Robots, D::Error> {
+    Ok(match String::deserialize(deserializer)? {
+        name if name == "pebble" => Robots::Pebbles,
+        name => Robots::Model(name),
+    })
+}
+
+/// What the suite says beside `fleet` of a planner that is true of its fleet as well.
 pub(super) struct Around<'s> {
+    /// `[fleet]`
+    pub(super) fleet: Option<Value<'s>>,
     pub(super) budget: &'s BudgetOptions,
     pub(super) config: &'s SimConfig,
-    /// Whether `[execution]` says how long a step is.
+    /// True if `[execution]` says how long a step is.
     pub(super) step_given: bool,
+    pub(super) paths: &'s Paths<'s>,
 }
 
-/// The setup of a planner: `common` is `[fleet]`, `own` is `fleet` of its `[[planner]]`.
+/// The setup of a planner whose `fleet` is `own`, in a suite of fleets.
 pub(super) fn setup(
-    common: &Value<'_, '_>,
-    own: Option<&Value<'_, '_>>,
+    own: Option<&Value<'_>>,
     around: &Around<'_>,
-    paths: &Paths<'_>,
-) -> Result<FleetSetup, InputError> {
-    let layers = Layers {
-        common: common.table("[fleet]", FLEET)?,
-        own: own.map(|own| own.table("`fleet`", FLEET)).transpose()?,
+) -> Result<Option<FleetSetup>, InputError> {
+    let table = match (&around.fleet, own) {
+        (None, None) => return Ok(None),
+        (None, Some(own)) => {
+            return Err(own
+                .error("`fleet` says what is otherwise for a planner than in [fleet]")
+                .hint("write a table [fleet], which makes the suite one of fleets"));
+        }
+        (Some(common), None) => common.clone(),
+        (Some(common), Some(own)) => common.under(own)?,
     };
-    let default = FleetConfig::default();
-    let seconds = |key, default: f64| match layers.get(key) {
-        Some(value) => settings::seconds(&value),
-        None => Ok(default),
-    };
+    let plugins = ["generator", "invocation", "fail_policy"];
+    let said: FleetTable = table.clone().apart(&plugins).read()?;
     let mut sim = around.config.clone();
-    if let Some(value) = layers.get("delay") {
-        sim.disturbance.delay = settings::parsed_value(&value)?;
-    }
-    if let Some(value) = layers.get("velocity_noise") {
-        sim.disturbance.velocity = settings::parsed_value(&value)?;
-    }
-    if let Some(value) = layers.get("messages") {
-        sim.disturbance.messages = settings::parsed_value(&value)?;
-    }
-    let robots = match layers.get("model") {
-        Some(model) if model.text()? == "pebble" => Robots::Pebbles,
-        Some(model) => Robots::Model(model.text()?.to_owned()),
-        None => Robots::Model("agv".to_owned()),
-    };
-    let bodies = robots.fleet(1, &sim).map_err(|error| {
-        let reason = error.to_string();
-        let fault = match layers.get("model") {
-            Some(model) => model.error(reason),
-            None => layers.common.error(reason),
-        };
-        hinted(fault, error.hint())
-    })?;
+    let disturbance = &mut sim.disturbance;
+    disturbance.delay = said.delay.unwrap_or(disturbance.delay);
+    disturbance.velocity = said.velocity_noise.unwrap_or(disturbance.velocity);
+    disturbance.messages = said.messages.unwrap_or(disturbance.messages);
+    let bodies = said.model.fleet(1, &sim);
+    let bodies =
+        bodies.map_err(|error| hinted(table.error_at("model", error.to_string()), error.hint()))?;
     if !around.step_given {
         sim.step_s = step_s(bodies.as_ref(), sim.cell_size_m);
     }
-    let mut config = FleetConfig {
-        duration_s: seconds("duration", default.duration_s)?,
-        window_s: seconds("window", default.window_s)?,
-        limit_s: seconds("limit", default.limit_s)?,
-        dwell_s: seconds("dwell", default.dwell_s)?,
-        watchdog_s: seconds("watchdog", default.watchdog_s)?,
+    let default = FleetConfig::default();
+    let prepare = around.budget.prepare;
+    let config = FleetConfig {
+        duration_s: said.duration,
+        window_s: said.window,
+        limit_s: said.limit,
+        clock: said.clock,
+        cut: said.cut,
+        motion: said.motion,
+        queue: said.queue,
+        dwell_s: said.dwell,
+        assign: said.assign,
+        watchdog_s: said.watchdog,
         series_s: SERIES_S,
         allowance: Allowance {
-            prepare_s: match around.budget.prepare {
-                Some(prepare) => prepare.as_secs_f64(),
-                None => default.allowance.prepare_s,
-            },
-            call_s: seconds("call_budget", default.allowance.call_s)?,
+            prepare_s: prepare.map_or(default.allowance.prepare_s, |prepare| prepare.as_secs_f64()),
+            call_s: said.call_budget,
             threads: around.budget.threads,
             memory_bytes: around.budget.plan_memory(),
-            nodes: match layers.get("nodes") {
-                Some(nodes) => nodes.whole(1, u64::MAX)?,
-                None => around.budget.nodes,
-            },
+            nodes: said.nodes.unwrap_or(around.budget.nodes),
         },
         sim,
         ..default
     };
-    if let Some(value) = layers.get("motion") {
-        config.motion =
-            value.choice(&[("pebble", Motion::Pebble), ("rotation", Motion::Rotation)])?;
-    }
-    if let Some(value) = layers.get("clock") {
-        let clocks = [("lockstep", Clock::Lockstep), ("realtime", Clock::Realtime)];
-        config.clock = value.choice(&clocks)?;
-    }
-    if let Some(value) = layers.get("cut") {
-        config.cut = value.choice(&[("time", CutBy::Time), ("actions", CutBy::Actions)])?;
-    }
-    if let Some(value) = layers.get("assign") {
-        config.assign = value.choice(&[
-            ("auto", Assign::Auto),
-            ("random", Assign::Random),
-            ("roles", Assign::Roles),
-        ])?;
-    }
-    if let Some(value) = layers.get("queue") {
-        config.queue = small(&value, 1, 10_000)?;
-    }
-    config.validate().map_err(|error| layers.blamed(&error))?;
-    let plugin = |key, default: &str| plugin(&layers, key, default, paths);
+    config.validate().map_err(|error| {
+        let key = match error {
+            FleetError::Config { field, .. } => field.strip_suffix("_s").unwrap_or(field),
+            _ => "",
+        };
+        hinted(table.error_at(key, error.to_string()), error.hint())
+    })?;
+    let plugin = |key, usual: &str| plugin(&table, key, usual, around.paths);
     let mut invocation = plugin("invocation", "periodic")?;
     // A setup with an invocation policy of its own does not want the period of another one.
-    let own = layers.own.as_ref();
-    let replaced =
-        own.is_some_and(|own| own.get("invocation").is_some() && own.get("period").is_none());
-    if let Some(period) = layers.get("period").filter(|_| !replaced) {
-        let said = settings::seconds(&period)?;
+    let has = |key| own.is_some_and(|own| own.get(key).is_some());
+    let replaced = has("invocation") && !has("period");
+    if let Some(period) = said.period.filter(|_| !replaced) {
         if invocation.options.contains_key("period_s") {
             let reason = "`period` is the option `period_s` of the invocation policy, which is \
                           there as well";
-            return Err(period.error(reason).hint("leave one of them out"));
+            let fault = table.error_at("period", reason);
+            return Err(fault.hint("leave one of them out"));
         }
-        if said <= 0.0 {
-            return Err(period
-                .error("`period` is zero")
-                .hint("give more than nothing"));
+        if period <= 0.0 {
+            let fault = table.error_at("period", "`period` is zero");
+            return Err(fault.hint("give more than nothing"));
         }
-        let said = serde_json::Number::from_f64(said).unwrap_or_else(|| 1.into());
-        invocation.options.insert("period_s".into(), said.into());
+        invocation.options.insert("period_s".into(), period.into());
     }
-    Ok(FleetSetup {
+    Ok(Some(FleetSetup {
         generator: plugin("generator", "windowed-multi-goals")?,
         fail_policy: plugin("fail_policy", "pibt")?,
         invocation,
-        robots,
+        robots: said.model,
         config,
-    })
+    }))
 }
 
 /// An identifier or a path, or a table with that and options.
-fn plugin<'t>(
-    layers: &Layers<'t, '_>,
-    key: &'t str,
-    default: &str,
+fn plugin(
+    table: &Value<'_>,
+    key: &'static str,
+    usual: &str,
     paths: &Paths<'_>,
 ) -> Result<FleetPlugin, InputError> {
-    let Some(value) = layers.get(key) else {
+    let Some(value) = table.get(key) else {
         return Ok(FleetPlugin {
-            plugin: default.to_owned(),
+            plugin: usual.to_owned(),
             options: Map::new(),
-            place: layers.common.place(),
+            place: table.place(),
         });
     };
     let (named, options) = if value.is_table() {
-        let table = value.table(format!("`{key}`"), PLUGIN)?;
-        let options = table.get("options").map(|options| options.object());
-        (table.require("plugin")?, options.transpose()?)
+        value.only(&["plugin", "options"])?;
+        let options = value.optional("options", Value::read)?;
+        (value.require("plugin")?, options.unwrap_or_default())
     } else {
-        (value.clone(), None)
+        (value.clone(), Map::new())
     };
-    let expanded = paths.expanded(&named)?;
     Ok(FleetPlugin {
-        plugin: paths.plugin(expanded),
-        options: options.unwrap_or_default(),
+        plugin: paths.plugin(paths.expanded(&named)?),
+        options,
         place: value.place(),
     })
 }

@@ -8,23 +8,23 @@ mod fleet;
 mod instance;
 mod read;
 pub(crate) mod sets;
-mod settings;
+pub(crate) mod settings;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use fleetyard_check::PathRule;
-use fleetyard_core::document::{Place, Setting};
-use fleetyard_core::{Digest, Hasher, InputError, read_file};
+use fleetyard_core::document::{Place, Setting, between};
+use fleetyard_core::{Digest, Hasher, InputError, read_file, words};
 use fleetyard_runtime::Attach;
 use fleetyard_sim::SimConfig;
+use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 pub use fleet::{FleetPlugin, FleetSetup};
 pub use instance::{MazeOrigin, Origin, SuiteInstance};
-pub use read::KEYS;
 use sets::InstanceSet;
 pub(crate) use sets::{Source, Sources};
 
@@ -66,17 +66,22 @@ pub struct Suite {
 }
 
 /// How trials follow each other and are compared.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Protocol {
     /// Timed repeats of every trial.
+    #[serde(deserialize_with = "between::<1, 1_000_000, u32, _, _>")]
     pub repeats: u32,
     /// Untimed trials of every planner on every instance, before the timed ones.
+    #[serde(deserialize_with = "between::<0, 1000, u32, _, _>")]
     pub warm_ups: u32,
     /// How often a trial is made again that others disturbed.
+    #[serde(deserialize_with = "between::<0, 1000, u32, _, _>")]
     pub retry_contended: u32,
     /// True if the plans that count are kept in the store.
     pub keep_plans: bool,
     /// Seeds given to planners, all different.
+    #[serde(skip_deserializing)]
     pub seeds: Vec<u64>,
     /// How long a planner's process is kept.
     pub reuse: Reuse,
@@ -116,6 +121,11 @@ pub enum Reuse {
     Planner,
 }
 
+words!(Reuse {
+    Never = "never", "";
+    Planner = "planner", "";
+});
+
 /// Which time is compared; none is the plugin's word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clock {
@@ -127,23 +137,11 @@ pub enum Clock {
     Cpu,
 }
 
-macro_rules! names {
-    ($type:ident: $($variant:ident = $name:literal),*) => {
-        impl $type {
-            const CHOICES: &[(&str, Self)] = &[$(($name, Self::$variant)),*];
-
-            /// Its name in suite files.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Self::$variant => $name,)*
-                }
-            }
-        }
-    };
-}
-
-names!(Reuse: Never = "never", Planner = "planner");
-names!(Clock: Host = "host", LessEmpty = "call", Cpu = "cpu");
+words!(Clock {
+    Host = "host", "";
+    LessEmpty = "call", "";
+    Cpu = "cpu", "";
+});
 
 /// A planner of a suite.
 #[derive(Debug, Clone)]

@@ -1,111 +1,23 @@
 //! From TOML to a suite. No file but the suite's own is read here.
 
+use std::collections::HashSet;
+use std::hash::Hash;
 use std::path::Path;
 
-use fleetyard_check::PathRule;
-use fleetyard_core::document::{Document, Setting, Table, Value};
-use fleetyard_core::{Connectivity, InputError, Words as _, is_unseen, shown};
+use fleetyard_core::document::{self, Fault, Setting, Value, not_empty, text};
+use fleetyard_core::{Connectivity, InputError, is_unseen, shown};
 use fleetyard_runtime::Attach;
 use fleetyard_sim::SimConfig;
-use fleetyard_world::{
-    EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec, RandomSpec, RoomSpec,
-    WarehouseSpec,
-};
-use serde_json::Map;
+use fleetyard_world::{MapSpec, MazeAlgorithm, MazeSeeds};
+use serde::{Deserialize, Deserializer};
+use serde_json::{Map, Value as Json};
 
-use crate::evaluate::{Order, Unit};
-use crate::options::{BudgetOptions, SandboxOptions};
+use crate::options::BudgetOptions;
 
-use super::fleet::{self, Around, FLEET};
+use super::fleet::{self, Around};
 use super::sets::{Generated, InstanceSet, Kind, Mazes, Numbers, SeriesSeeds, Teams};
-use super::settings::{self, BUDGET, EXECUTION, SANDBOX};
-use super::{Clock, Named, PlannerSetup, Protocol, Reuse, Suite};
-
-/// Every table of a suite file with its keys; the root has no name.
-pub const KEYS: &[(&str, &[&str])] = &[
-    ("", ROOT),
-    ("protocol", PROTOCOL),
-    ("budget", BUDGET),
-    ("sandbox", SANDBOX),
-    ("execution", EXECUTION),
-    ("fleet", FLEET),
-    ("planner", PLANNER),
-    ("instances", INSTANCES),
-    ("maze", MAZE),
-    ("generate", GENERATE),
-    ("series", SERIES),
-];
-
-const ROOT: &[&str] = &[
-    "name",
-    "description",
-    "protocol",
-    "budget",
-    "sandbox",
-    "execution",
-    "fleet",
-    "planner",
-    "instances",
-];
-const PROTOCOL: &[&str] = &[
-    "repeats",
-    "warm_ups",
-    "retry_contended",
-    "keep_plans",
-    "seeds",
-    "reuse",
-    "clock",
-    "path_rule",
-    "ranking",
-    "generalise_over",
-];
-const PLANNER: &[&str] = &["label", "plugin", "attach", "options", "fleet"];
-const INSTANCES: &[&str] = &[
-    "scen",
-    "map",
-    "maze",
-    "generate",
-    "agents",
-    "too_many_agents",
-    "connectivity",
-];
-const MAZE: &[&str] = &[
-    "algorithm",
-    "size",
-    "width",
-    "height",
-    "random",
-    "seeds",
-    "base_seed",
-    "count",
-];
-/// Of all kinds; each has some of them.
-const GENERATE: &[&str] = &[
-    "kind",
-    "rows",
-    "cols",
-    "obstacle_density",
-    "room_size",
-    "doors",
-    "corridor",
-    "algorithm",
-    "random",
-    "blocks_across",
-    "blocks_down",
-    "block_cols",
-    "block_rows",
-    "aisle",
-    "margin",
-    "aisle_rows",
-    "edge_rows",
-    "open",
-    "endpoints",
-    "workstations",
-    "seeds",
-    "scenario_seeds",
-];
-/// Of numbers that are not written one by one.
-const SERIES: &[&str] = &["from", "to", "count", "step"];
+use super::settings;
+use super::{MOST_INSTANCES, Named, PlannerSetup, Protocol, Suite};
 
 const MOST_AGENTS: u64 = 1 << 24;
 
@@ -117,36 +29,31 @@ pub(super) struct Paths<'p> {
 
 impl Paths<'_> {
     /// The text of a value with its variables replaced.
-    pub(super) fn expanded(&self, value: &Value<'_, '_>) -> Result<String, InputError> {
-        let text = value.nonempty()?;
-        if text.contains(char::is_control) {
-            let key = shown(&value.key);
-            return Err(value.error(format!("`{key}` has a control character")));
-        }
-        let mut expanded = String::new();
-        let mut rest = text;
-        while let Some((before, after)) = rest.split_once("${") {
-            let Some((name, after)) = after.split_once('}') else {
-                return Err(value
-                    .error(format!(
-                        "`{}` has a variable without an end",
-                        shown(&value.key)
-                    ))
-                    .hint("write ${NAME}"));
-            };
-            let known = (self.variable)(name).filter(|set| !set.is_empty());
-            let Some(set) = known else {
-                let name = shown(name);
-                return Err(value
-                    .error(format!("the environment variable `{name}` is not set"))
-                    .hint(format!("set it, as in {name}=/path/to/it fleetyard …")));
-            };
-            expanded.push_str(before);
-            expanded.push_str(&set);
-            rest = after;
-        }
-        expanded.push_str(rest);
-        Ok(expanded)
+    pub(super) fn expanded(&self, value: &Value<'_>) -> Result<String, InputError> {
+        value.text(|text| {
+            if not_empty(text)?.contains(char::is_control) {
+                return Err(Fault::new("it has a control character"));
+            }
+            let mut expanded = String::new();
+            let mut rest = text;
+            while let Some((before, after)) = rest.split_once("${") {
+                let Some((name, after)) = after.split_once('}') else {
+                    let fault = Fault::new("it has a variable without an end");
+                    return Err(fault.hint("write ${NAME}"));
+                };
+                let Some(set) = (self.variable)(name).filter(|set| !set.is_empty()) else {
+                    let name = shown(name);
+                    let reason = format!("the environment variable `{name}` is not set");
+                    let hint = format!("set it, as in {name}=/path/to/it fleetyard …");
+                    return Err(Fault::new(reason).hint(hint));
+                };
+                expanded.push_str(before);
+                expanded.push_str(&set);
+                rest = after;
+            }
+            expanded.push_str(rest);
+            Ok(expanded)
+        })
     }
 
     /// The name of a plugin: an identifier has no slash.
@@ -158,30 +65,60 @@ impl Paths<'_> {
         }
     }
 
-    pub(super) fn path(&self, value: &Value<'_, '_>) -> Result<Named, InputError> {
+    pub(super) fn path(&self, value: &Value<'_>) -> Result<Named, InputError> {
         Ok(Named {
             path: self.folder.join(self.expanded(value)?),
             place: value.place(),
         })
     }
 
-    fn paths(&self, value: &Value<'_, '_>) -> Result<Vec<Named>, InputError> {
+    fn paths(&self, value: &Value<'_>) -> Result<Vec<Named>, InputError> {
         let items = some(value)?;
         items.iter().map(|item| self.path(item)).collect()
     }
 }
 
 /// One value or several; a list without any makes a suite without trials.
-pub(super) fn some<'t, 'a>(value: &Value<'t, 'a>) -> Result<Vec<Value<'t, 'a>>, InputError> {
-    let items = value.one_or_more()?;
+pub(super) fn some<'t>(value: &Value<'t>) -> Result<Vec<Value<'t>>, InputError> {
+    let items = value.one_or_more();
     if items.is_empty() {
         let reason = format!(
             "`{}` is empty, so there is nothing to run",
-            shown(&value.key)
+            shown(value.key())
         );
         return Err(value.error(reason));
     }
     Ok(items)
+}
+
+/// One value or several, all different.
+fn distinct<'t, T: Copy + Eq + Hash>(
+    value: &Value<'t>,
+    read: impl Fn(&Value<'t>) -> Result<T, InputError>,
+) -> Result<Vec<T>, InputError> {
+    let mut seen = HashSet::new();
+    let items = some(value)?;
+    let all = items.iter().map(|item| match read(item)? {
+        one if seen.insert(one) => Ok(one),
+        _ => {
+            let one: Json = item.read()?;
+            let reason = format!("`{}` has {one} twice", shown(value.key()));
+            Err(item.error(reason).hint("remove one of them"))
+        }
+    });
+    all.collect()
+}
+
+/// The keys of a suite of which each stands for itself.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    #[serde(deserialize_with = "name")]
+    name: String,
+    #[serde(default)]
+    description: String,
+    #[serde(default)]
+    budget: BudgetOptions,
 }
 
 pub(super) fn suite(
@@ -194,117 +131,96 @@ pub(super) fn suite(
         let reason = format!("a suite has at most {} bytes", super::SUITE_LIMIT);
         return Err(InputError::new(source, reason));
     }
-    let document = Document::with_settings(source, text, settings);
-    let root = document.parse()?;
-    let root = Table::new(document, "", 0, root.get_ref(), ROOT)?;
-    let lifelong = root.get("fleet").is_some();
-    let protocol = match root.get("protocol") {
-        Some(value) => protocol(&value, lifelong)?,
-        None => Protocol::default(),
-    };
-    let budget = match root.get("budget") {
-        Some(value) => settings::budget(&value)?,
-        None => BudgetOptions::default(),
-    };
-    let sandbox = match root.get("sandbox") {
-        Some(value) => settings::sandbox(&value, paths)?,
-        None => SandboxOptions::default(),
-    };
-    let (config, robots) = match root.get("execution") {
-        Some(value) => settings::execution(&value, paths)?,
-        None => (SimConfig::default(), None),
-    };
-    let execution = root.get("execution");
-    let step = execution.map(|value| value.table("[execution]", EXECUTION));
-    let around = Around {
-        budget: &budget,
-        config: &config,
-        step_given: step
-            .transpose()?
-            .is_some_and(|table| table.get("step_s").is_some()),
-    };
-    let planners = planners(&root, &around, paths)?;
-    let sets = some(&root.require("instances")?)?;
-    let sets: Result<Vec<InstanceSet>, InputError> = (sets.iter())
-        .map(|set| instance_set(set, lifelong, paths))
-        .collect();
-    Ok(Suite {
-        name: name(&root.require("name")?)?,
-        description: root.text("description")?.unwrap_or_default().to_owned(),
-        text: text.to_owned(),
-        protocol,
-        budget,
-        sandbox,
-        config,
-        robots,
-        planners,
-        sets: sets?,
-        place: root.place(),
-        normal: root.object()?,
+    document::read(source, text, settings, |root| {
+        let tables = [
+            "protocol",
+            "sandbox",
+            "execution",
+            "fleet",
+            "planner",
+            "instances",
+        ];
+        let head: Head = root.clone().apart(&tables).read()?;
+        let lifelong = root.get("fleet").is_some();
+        let protocol = root.optional("protocol", |table| protocol(table, lifelong))?;
+        let sandbox = root.optional("sandbox", |table| settings::sandbox(table, paths))?;
+        let execution = root.get("execution");
+        let (config, robots) = match &execution {
+            Some(table) => settings::execution(table, paths)?,
+            None => (SimConfig::default(), None),
+        };
+        let around = Around {
+            fleet: root.get("fleet"),
+            budget: &head.budget,
+            config: &config,
+            step_given: execution.is_some_and(|table| table.get("step_s").is_some()),
+            paths,
+        };
+        let planners = planners(&root.require("planner")?, &around)?;
+        let sets = some(&root.require("instances")?)?;
+        let sets = sets.iter().map(|set| instance_set(set, lifelong, paths));
+        Ok(Suite {
+            name: head.name,
+            description: head.description,
+            text: text.to_owned(),
+            protocol: protocol.unwrap_or_default(),
+            budget: head.budget,
+            sandbox: sandbox.unwrap_or_default(),
+            robots,
+            planners,
+            sets: sets.collect::<Result<_, _>>()?,
+            place: root.place(),
+            normal: root.read()?,
+            config,
+        })
     })
 }
 
-fn name(value: &Value<'_, '_>) -> Result<String, InputError> {
-    let name = value.nonempty()?;
-    let fits = |letter: char| letter.is_ascii_alphanumeric() || "._-".contains(letter);
-    if !name.chars().all(fits) || name.starts_with(['.', '-']) || name.len() > 100 {
+fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    text(deserializer, "", |name| {
+        let fits = |letter: char| letter.is_ascii_alphanumeric() || "._-".contains(letter);
+        let begins = !not_empty(name)?.starts_with(['.', '-']);
+        if begins && name.chars().all(fits) && name.len() <= 100 {
+            return Ok(name.to_owned());
+        }
         let reason = format!("\"{}\" cannot be the name of a suite", shown(name));
-        return Err(value.error(reason).hint(
+        Err(Fault::new(reason).hint(
             "files are named after it: it has letters, digits, '.', '_' and '-', begins with a \
              letter or digit, and is no longer than 100",
-        ));
-    }
-    Ok(name.to_owned())
+        ))
+    })
 }
 
 /// Numbers between two, all different: one, a list, or a series.
-fn numbers(value: &Value<'_, '_>, low: u64, high: u64) -> Result<Numbers, InputError> {
+fn numbers(value: &Value<'_>, low: u64, high: u64) -> Result<Numbers, InputError> {
     if value.is_table() {
         return series(value, low, high);
     }
-    let items = some(value)?;
-    let mut numbers = Vec::with_capacity(items.len());
-    let mut seen = std::collections::HashSet::new();
-    for item in &items {
-        let number = item.whole(low, high)?;
-        if !seen.insert(number) {
-            let reason = format!("`{}` has {number} twice", shown(&value.key));
-            return Err(item.error(reason).hint("remove one of them"));
-        }
-        numbers.push(number);
-    }
-    Ok(Numbers::List(numbers))
+    distinct(value, |item| item.whole(low, high)).map(Numbers::List)
 }
 
-fn series(value: &Value<'_, '_>, low: u64, high: u64) -> Result<Numbers, InputError> {
-    let key = value.key.clone();
-    let table = value.table(format!("`{}`", shown(&key)), SERIES)?;
+fn series(table: &Value<'_>, low: u64, high: u64) -> Result<Numbers, InputError> {
+    table.only(&["from", "to", "count", "step"])?;
+    let key = shown(table.key());
     let first = table.require("from")?.whole(low, high)?;
-    let step = match table.get("step") {
-        Some(step) => step.whole(1, high.max(1))?,
-        None => 1,
-    };
+    let step = table.optional("step", |step| step.whole(1, high.max(1)))?;
+    let step = step.unwrap_or(1);
     let count = match (table.get("to"), table.get("count")) {
         (Some(to), None) => {
             let count = (to.whole(first, high)? - first) / step;
-            if count >= super::MOST_INSTANCES {
-                let reason = format!(
-                    "`{}` has more than {} numbers",
-                    shown(&key),
-                    super::MOST_INSTANCES
-                );
+            if count >= MOST_INSTANCES {
+                let reason = format!("`{key}` has more than {MOST_INSTANCES} numbers");
                 return Err(to.error(reason));
             }
             count + 1
         }
         (None, Some(given)) => {
-            let count = given.whole(1, super::MOST_INSTANCES)?;
+            let count = given.whole(1, MOST_INSTANCES)?;
             let last = step
                 .checked_mul(count - 1)
                 .and_then(|far| first.checked_add(far));
             if last.is_none_or(|last| last > high) {
-                let reason = format!("`{}` goes on beyond {high}", shown(&key));
-                return Err(given.error(reason));
+                return Err(given.error(format!("`{key}` goes on beyond {high}")));
             }
             count
         }
@@ -312,132 +228,76 @@ fn series(value: &Value<'_, '_>, low: u64, high: u64) -> Result<Numbers, InputEr
             return Err(count.error("`to` and `count` both say where the series ends"));
         }
         (None, None) => {
-            let reason = format!("`{}` has no end", shown(&key));
+            let reason = format!("`{key}` has no end");
             return Err(table.error(reason).hint("add `to = …` or `count = …`"));
         }
     };
     Ok(Numbers::Series { first, step, count })
 }
 
-pub(super) fn small(value: &Value<'_, '_>, low: u32, high: u32) -> Result<u32, InputError> {
-    let number = value.whole(u64::from(low), u64::from(high))?;
-    // It is between two that fit.
-    Ok(number as u32)
-}
-
-fn protocol(value: &Value<'_, '_>, lifelong: bool) -> Result<Protocol, InputError> {
-    let table = value.table("[protocol]", PROTOCOL)?;
-    let mut protocol = Protocol::default();
-    if let Some(repeats) = table.get("repeats") {
-        protocol.repeats = small(&repeats, 1, 1_000_000)?;
-    }
-    if let Some(warm_ups) = table.get("warm_ups") {
-        protocol.warm_ups = small(&warm_ups, 0, 1000)?;
-    }
-    if let Some(retries) = table.get("retry_contended") {
-        protocol.retry_contended = small(&retries, 0, 1000)?;
-    }
-    if let Some(keep) = table.get("keep_plans") {
-        protocol.keep_plans = keep.flag()?;
-        if protocol.keep_plans && lifelong {
-            return Err(keep
-                .error("a fleet has no plan that could be kept")
-                .hint("leave it out; `fleetyard fleet --record FILE` keeps all of a run"));
-        }
-    }
+fn protocol(table: &Value<'_>, lifelong: bool) -> Result<Protocol, InputError> {
+    let mut protocol: Protocol = table.clone().apart(&["seeds"]).read()?;
     if let Some(seeds) = table.get("seeds") {
         protocol.seeds = numbers(&seeds, 0, u64::MAX)?.iter().collect();
     }
-    if let Some(reuse) = table.get("reuse") {
-        protocol.reuse = reuse.choice(Reuse::CHOICES)?;
-    }
-    if let Some(clock) = table.get("clock") {
-        protocol.clock = clock.choice(Clock::CHOICES)?;
-    }
-    if let Some(rule) = table.get("path_rule") {
-        let rules = PathRule::ALL.iter().map(|rule| (rule.name(), *rule));
-        protocol.path_rule = rule.choice(&rules.collect::<Vec<_>>())?;
-    }
-    if let Some(ranking) = table.get("ranking") {
-        protocol.ranking = ranking.choice(RANKINGS)?;
-    }
-    if let Some(unit) = table.get("generalise_over") {
-        protocol.generalise_over = unit.choice(Unit::CHOICES)?;
+    if protocol.keep_plans && lifelong {
+        return Err(table
+            .error_at("keep_plans", "a fleet has no plan that could be kept")
+            .hint("leave it out; `fleetyard fleet --record FILE` keeps all of a run"));
     }
     Ok(protocol)
 }
 
-const RANKINGS: &[(&str, Order)] = &[("text", Order::Text), ("appendix", Order::Appendix)];
+/// The keys of a planner of which each stands for itself.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlannerTable {
+    #[serde(default, deserialize_with = "label")]
+    label: Option<String>,
+    attach: Option<Attach>,
+    #[serde(default)]
+    options: Map<String, Json>,
+}
 
-fn planners(
-    root: &Table<'_, '_>,
-    around: &Around<'_>,
-    paths: &Paths<'_>,
-) -> Result<Vec<PlannerSetup>, InputError> {
-    let fleet = root.get("fleet");
-    let mut planners: Vec<PlannerSetup> = Vec::new();
-    for value in some(&root.require("planner")?)? {
-        let table = value.table("[[planner]]", PLANNER)?;
-        let plugin = table.require("plugin")?;
-        let options = table.get("options");
-        let given = match &options {
-            Some(options) => options.object()?,
-            None => Map::new(),
-        };
-        let named = paths.expanded(&plugin)?;
-        let label = match table.get("label") {
-            Some(label) => {
-                let text = label.nonempty()?;
-                if text.contains(is_unseen) || text.chars().count() > 100 {
-                    let reason = format!("\"{}\" cannot be a label", shown(text));
-                    return Err(label
-                        .error(reason)
-                        .hint("it is one line of at most 100 characters"));
-                }
-                text.trim().to_owned()
-            }
-            None => default_label(&named, &given),
-        };
-        if planners.iter().any(|planner| planner.label == label) {
-            let at = table.get("label").unwrap_or(value);
-            let reason = format!("two planners are called \"{}\"", shown(&label));
-            return Err(at.error(reason).hint("give each a `label` of its own"));
+fn label<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    text(deserializer, "", |label| {
+        if not_empty(label)?.contains(is_unseen) || label.chars().count() > 100 {
+            let fault = Fault::new(format!("\"{}\" cannot be a label", shown(label)));
+            return Err(fault.hint("it is one line of at most 100 characters"));
         }
-        let own = table.get("fleet");
-        let fleet = match (&fleet, &own) {
-            (Some(common), own) => Some(fleet::setup(common, own.as_ref(), around, paths)?),
-            (None, Some(own)) => {
-                return Err(own
-                    .error("`fleet` says what is otherwise for a planner than in [fleet]")
-                    .hint("write a table [fleet], which makes the suite one of fleets"));
-            }
-            (None, None) => None,
-        };
+        Ok(Some(label.trim().to_owned()))
+    })
+}
+
+fn planners(value: &Value<'_>, around: &Around<'_>) -> Result<Vec<PlannerSetup>, InputError> {
+    let mut planners: Vec<PlannerSetup> = Vec::new();
+    for value in some(value)? {
+        let table: PlannerTable = value.clone().apart(&["plugin", "fleet"]).read()?;
+        let plugin = value.require("plugin")?;
+        let named = around.paths.expanded(&plugin)?;
+        let label = table.label;
+        let label = label.unwrap_or_else(|| default_label(&named, &table.options));
+        if planners.iter().any(|planner| planner.label == label) {
+            let reason = format!("two planners are called \"{}\"", shown(&label));
+            return Err(value
+                .error_at("label", reason)
+                .hint("give each a `label` of its own"));
+        }
         planners.push(PlannerSetup {
             label,
-            fleet,
-            plugin: paths.plugin(named),
-            attach: table
-                .get("attach")
-                .map(|at| at.choice(ATTACH))
-                .transpose()?,
-            options: given,
+            fleet: fleet::setup(value.get("fleet").as_ref(), around)?,
+            plugin: around.paths.plugin(named),
+            attach: table.attach,
+            options: table.options,
             plugin_place: plugin.place(),
-            options_place: options.unwrap_or(value.clone()).place(),
+            options_place: value.get("options").unwrap_or(value).place(),
         });
     }
     Ok(planners)
 }
 
-const ATTACH: &[(&str, Attach)] = &[
-    ("in-process", Attach::InProcess),
-    ("worker", Attach::Worker),
-    ("stdio", Attach::Stdio),
-    ("command", Attach::Command),
-];
-
 /// The plugin's identifier or the stem of its file, and its options.
-fn default_label(plugin: &str, options: &Map<String, serde_json::Value>) -> String {
+fn default_label(plugin: &str, options: &Map<String, Json>) -> String {
     let (path, id) = match plugin.rsplit_once(':') {
         Some((path, id)) if !id.contains('/') => (path, Some(id)),
         _ => (plugin, None),
@@ -447,7 +307,7 @@ fn default_label(plugin: &str, options: &Map<String, serde_json::Value>) -> Stri
     let mut label = name.to_owned();
     for (key, value) in options {
         let value = match value {
-            serde_json::Value::String(text) => text.clone(),
+            Json::String(text) => text.clone(),
             other => other.to_string(),
         };
         label.extend([" ", key, "=", &value]);
@@ -455,20 +315,28 @@ fn default_label(plugin: &str, options: &Map<String, serde_json::Value>) -> Stri
     label
 }
 
-fn connectivity(value: &Value<'_, '_>) -> Result<Connectivity, InputError> {
-    match value.integer(i64::MIN, i64::MAX)? {
-        4 => Ok(Connectivity::Four),
-        8 => Ok(Connectivity::Eight),
-        _ => Err(value.error("grids have 4 or 8 neighbours")),
-    }
+/// What to do about team sizes that a scenario has too few agents for.
+#[derive(PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum TooManyAgents {
+    Refuse,
+    Skip,
 }
 
 fn instance_set(
-    value: &Value<'_, '_>,
+    table: &Value<'_>,
     lifelong: bool,
     paths: &Paths<'_>,
 ) -> Result<InstanceSet, InputError> {
-    let table = value.table("[[instances]]", INSTANCES)?;
+    table.only(&[
+        "scen",
+        "map",
+        "maze",
+        "generate",
+        "agents",
+        "too_many_agents",
+        "connectivity",
+    ])?;
     let kinds: &[&str] = if lifelong {
         for key in ["scen", "maze", "connectivity", "too_many_agents"] {
             if let Some(value) = table.get(key) {
@@ -481,107 +349,105 @@ fn instance_set(
     } else {
         &["scen", "maze", "generate"]
     };
-    let given: Vec<Value<'_, '_>> = kinds.iter().filter_map(|kind| table.get(kind)).collect();
-    let kind = match given.as_slice() {
+    let given: Vec<Value<'_>> = kinds.iter().filter_map(|kind| table.get(kind)).collect();
+    let source = match given.as_slice() {
         [one] => one,
         [] => {
-            return Err(table
-                .error("the instances have no source")
-                .hint(if lifelong {
-                    "write `map = […]` or `generate = { … }`"
-                } else {
-                    "write `scen = […]`, `maze = { … }` or `generate = { … }`"
-                }));
+            let hint = if lifelong {
+                "write `map = […]` or `generate = { … }`"
+            } else {
+                "write `scen = […]`, `maze = { … }` or `generate = { … }`"
+            };
+            return Err(table.error("the instances have no source").hint(hint));
         }
-        [_, other, ..] => {
-            let reason = format!("`{}` and `{}` are two sources", given[0].key, other.key);
+        [one, other, ..] => {
+            let reason = format!("`{}` and `{}` are two sources", one.key(), other.key());
             return Err(other
                 .error(reason)
                 .hint("write another [[instances]] for it"));
         }
     };
-    let is_files = kind.key == "scen";
-    let connectivity = match table.get("connectivity") {
-        Some(value) => {
-            let mut all = Vec::new();
-            for item in some(&value)? {
-                let one = connectivity(&item)?;
-                if all.contains(&one) {
-                    let reason = format!("`connectivity` has {} twice", one.degree());
-                    return Err(item.error(reason).hint("remove one of them"));
-                }
-                all.push(one);
-            }
-            all
+    let is_files = source.key() == "scen";
+    let connectivity = table.optional("connectivity", |value| {
+        distinct(value, |item| match item.read::<i64>()? {
+            4 => Ok(Connectivity::Four),
+            8 => Ok(Connectivity::Eight),
+            _ => Err(item.error("grids have 4 or 8 neighbours")),
+        })
+    })?;
+    for (key, reason) in [
+        ("too_many_agents", "`too_many_agents` belongs to `scen`"),
+        ("map", "`map` says where the maps of `scen` are"),
+    ] {
+        if let Some(value) = table.get(key).filter(|_| !is_files && source.key() != key) {
+            return Err(value.error(reason));
         }
-        None => vec![Connectivity::Four],
-    };
-    let skip = match table.get("too_many_agents") {
-        Some(value) if !is_files => {
-            return Err(value.error("`too_many_agents` belongs to `scen`"));
-        }
-        Some(value) => value.choice(&[("refuse", false), ("skip", true)])?,
-        None => false,
-    };
-    let teams = match table.get("agents") {
-        Some(value) => Some(Teams {
-            sizes: numbers(&value, 1, MOST_AGENTS)?,
+    }
+    let too_many: Option<TooManyAgents> = table.optional("too_many_agents", Value::read)?;
+    let teams = table.optional("agents", |value| {
+        Ok(Teams {
+            sizes: numbers(value, 1, MOST_AGENTS)?,
             place: value.place(),
-            skip,
-        }),
-        None => None,
-    };
-    let maps = match table.get("map").filter(|_| !lifelong) {
-        Some(value) if !is_files => {
-            return Err(value.error("`map` says where the maps of `scen` are"));
+            skip: too_many == Some(TooManyAgents::Skip),
+        })
+    })?;
+    let kind = match source.key() {
+        "scen" => Kind::Files {
+            files: paths.paths(source)?,
+            maps: match table.optional("map", |maps| paths.paths(maps))? {
+                Some(maps) => maps.into_iter().map(|map| map.path).collect(),
+                None => Vec::new(),
+            },
+        },
+        "maze" => match &teams {
+            Some(teams) => {
+                let fault = teams.place.error("a maze of a series has one agent");
+                return Err(fault.hint(
+                    "leave out `agents`; `generate = { kind = \"maze\", … }` has random teams",
+                ));
+            }
+            None => Kind::Mazes(mazes(source)?),
+        },
+        // How many agents there are is for the suite to say.
+        other => {
+            table.require("agents")?;
+            match other {
+                "map" => Kind::Maps(paths.paths(source)?),
+                _ => Kind::Generated(generated(source)?),
+            }
         }
-        Some(value) => paths
-            .paths(&value)?
-            .into_iter()
-            .map(|map| map.path)
-            .collect(),
-        None => Vec::new(),
-    };
-    let kind = if is_files {
-        Kind::Files {
-            files: paths.paths(kind)?,
-            maps,
-        }
-    } else if kind.key == "map" {
-        table.require("agents")?;
-        Kind::Maps(paths.paths(kind)?)
-    } else if kind.key == "maze" {
-        if let Some(teams) = &teams {
-            return Err(teams
-                .place
-                .error("a maze of a series has one agent")
-                .hint("leave out `agents`; `generate = { kind = \"maze\", … }` has random teams"));
-        }
-        Kind::Mazes(mazes(kind)?)
-    } else {
-        // How many there are is for the suite to say.
-        table.require("agents")?;
-        Kind::Generated(generated(kind)?)
     };
     Ok(InstanceSet {
         kind,
         teams,
-        connectivity,
+        connectivity: connectivity.unwrap_or_else(|| vec![Connectivity::Four]),
         lifelong,
         place: table.place(),
     })
 }
 
-fn mazes(value: &Value<'_, '_>) -> Result<Mazes, InputError> {
-    let table = value.table("`maze`", MAZE)?;
-    let side = |value: &Value<'_, '_>| small(value, 1, MOST_MAZE_CELLS);
+/// Width and height are at most so many; the map's size decides before.
+const MOST_MAZE_CELLS: u64 = 1 << 15;
+
+/// The maze paper's first seed.
+const DEFAULT_BASE_SEED: u64 = 7;
+
+fn mazes(table: &Value<'_>) -> Result<Mazes, InputError> {
+    table.only(&[
+        "algorithm",
+        "size",
+        "width",
+        "height",
+        "random",
+        "seeds",
+        "base_seed",
+        "count",
+    ])?;
     let sizes = match (table.get("size"), table.get("width"), table.get("height")) {
         (Some(size), None, None) => {
-            let sizes = numbers(&size, 1, u64::from(MOST_MAZE_CELLS))?;
-            sizes
-                .iter()
-                .map(|size| (size as u32, size as u32))
-                .collect()
+            let sizes = numbers(&size, 1, MOST_MAZE_CELLS)?;
+            let square = |size| (size as u32, size as u32);
+            sizes.iter().map(square).collect()
         }
         (Some(size), _, _) => {
             return Err(size.error("`size` is width and height, which are there as well"));
@@ -591,38 +457,23 @@ fn mazes(value: &Value<'_, '_>) -> Result<Mazes, InputError> {
             return Err(fault.hint("add `size = …`, or `width = …` and `height = …`"));
         }
         (None, _, _) => {
-            let (width, height) = (table.require("width")?, table.require("height")?);
-            vec![(side(&width)?, side(&height)?)]
+            let side = |key| table.require(key)?.whole(1, MOST_MAZE_CELLS);
+            vec![(side("width")? as u32, side("height")? as u32)]
         }
     };
-    let mut algorithms = Vec::new();
-    if let Some(value) = table.get("algorithm") {
-        for item in some(&value)? {
-            let algorithm = item.choice(ALGORITHMS)?;
-            if algorithms.contains(&algorithm) {
-                let reason = format!("`algorithm` has \"{}\" twice", algorithm.name());
-                return Err(item.error(reason).hint("remove one of them"));
-            }
-            algorithms.push(algorithm);
-        }
-    } else {
-        algorithms.push(MazeAlgorithm::Backtracker);
-    }
+    let algorithms = table.optional("algorithm", |value| distinct(value, Value::read))?;
     Ok(Mazes {
         sizes,
-        algorithms,
-        random: match table.get("random") {
-            Some(value) => value.choice(RANDOM)?,
-            None => MazeRandom::default(),
-        },
-        seeds: series_seeds(&table)?,
-        place: value.place(),
+        algorithms: algorithms.unwrap_or_else(|| vec![MazeAlgorithm::default()]),
+        random: table.optional("random", Value::read)?.unwrap_or_default(),
+        seeds: series_seeds(table)?,
+        place: table.place(),
     })
 }
 
-fn series_seeds(table: &Table<'_, '_>) -> Result<SeriesSeeds, InputError> {
+fn series_seeds(table: &Value<'_>) -> Result<SeriesSeeds, InputError> {
     let seeds = table.get("seeds");
-    if let Some(seeds) = seeds.as_ref().filter(|seeds| seeds.text().is_err()) {
+    if let Some(seeds) = seeds.as_ref().filter(|seeds| seeds.read::<&str>().is_err()) {
         for key in ["base_seed", "count"] {
             if let Some(other) = table.get(key) {
                 let reason = format!("`{key}` belongs to a schedule, and `seeds` are numbers");
@@ -631,16 +482,12 @@ fn series_seeds(table: &Table<'_, '_>) -> Result<SeriesSeeds, InputError> {
         }
         return Ok(SeriesSeeds::Numbers(numbers(seeds, 0, u64::MAX)?));
     }
-    let schedule = match &seeds {
-        Some(seeds) => seeds.choice(SCHEDULES)?,
-        None => MazeSeeds::default(),
-    };
-    let base = match table.get("base_seed") {
-        Some(base) => base.whole(0, u64::MAX)?,
-        None => DEFAULT_BASE_SEED,
-    };
+    let schedule: Option<MazeSeeds> = seeds.as_ref().map(Value::read).transpose()?;
+    let schedule = schedule.unwrap_or_default();
+    let base = table.optional("base_seed", |base| base.whole(0, u64::MAX))?;
+    let base = base.unwrap_or(DEFAULT_BASE_SEED);
     let given = table.require("count")?;
-    let count = given.whole(1, super::MOST_INSTANCES)?;
+    let count = given.whole(1, MOST_INSTANCES)?;
     if schedule.seed(base, count - 1).is_none() {
         return Err(given.error("the last seeds are more than a seed can be"));
     }
@@ -651,134 +498,44 @@ fn series_seeds(table: &Table<'_, '_>) -> Result<SeriesSeeds, InputError> {
     })
 }
 
-/// The maze paper's first seed.
-const DEFAULT_BASE_SEED: u64 = 7;
+/// The kinds of maps that are made.
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum MapKind {
+    Empty,
+    Random,
+    Room,
+    Maze,
+    Warehouse,
+}
 
-/// Width and height are at most so many; the map's size decides before.
-const MOST_MAZE_CELLS: u32 = 1 << 15;
-
-const RANDOM: &[(&str, MazeRandom)] = &[
-    ("chacha", MazeRandom::ChaCha),
-    ("python", MazeRandom::Python),
-];
-
-const SCHEDULES: &[(&str, MazeSeeds)] = &[
-    ("benchmark", MazeSeeds::Benchmark),
-    ("episodes", MazeSeeds::Episodes),
-];
-
-/// What is made, and the keys beside `kind` and `scenario_seeds` that say how.
-const KINDS: &[(&str, &[&str])] = &[
-    ("empty", &["rows", "cols"]),
-    ("random", &["rows", "cols", "obstacle_density", "seeds"]),
-    ("room", &["rows", "cols", "room_size", "doors", "seeds"]),
-    (
-        "maze",
-        &["rows", "cols", "corridor", "algorithm", "random", "seeds"],
-    ),
-    (
-        "warehouse",
-        &[
-            "blocks_across",
-            "blocks_down",
-            "block_cols",
-            "block_rows",
-            "aisle",
-            "margin",
-            "aisle_rows",
-            "edge_rows",
-            "open",
-            "endpoints",
-            "workstations",
-        ],
-    ),
-];
-
-fn generated(value: &Value<'_, '_>) -> Result<Generated, InputError> {
-    let any = value.table("`generate`", GENERATE)?;
-    let kinds: Vec<(&str, usize)> = KINDS
-        .iter()
-        .enumerate()
-        .map(|(index, (name, _))| (*name, index))
-        .collect();
-    let (name, keys) = KINDS[any.require("kind")?.choice(&kinds)?];
-    let mut known = vec!["kind", "scenario_seeds"];
-    known.extend(keys);
-    let table = value.table(format!("`generate` of kind \"{name}\""), &known)?;
-    let size = |key: &'static str| small(&table.require(key)?, 1, u32::MAX);
-    let optional = |key: &'static str, default: u32| match table.get(key) {
-        Some(value) => small(&value, 1, u32::MAX),
-        None => Ok(default),
+fn generated(value: &Value<'_>) -> Result<Generated, InputError> {
+    let kind = value.require("kind")?;
+    let name: &str = kind.read()?;
+    let kind: MapKind = kind.read()?;
+    let random = !matches!(kind, MapKind::Empty | MapKind::Warehouse);
+    let apart: &[&str] = if random {
+        &["kind", "seeds", "scenario_seeds"]
+    } else {
+        &["kind", "scenario_seeds"]
     };
-    let given = |key: &'static str| {
-        let value = table.get(key);
-        value.map(|value| small(&value, 0, u32::MAX)).transpose()
+    let name = format!("`generate` of kind \"{name}\"");
+    let table = value.clone().named(&name).apart(apart);
+    let map = match kind {
+        MapKind::Empty => MapSpec::Empty(table.read()?),
+        MapKind::Random => MapSpec::Random(table.read()?),
+        MapKind::Room => MapSpec::Room(table.read()?),
+        MapKind::Maze => MapSpec::Maze(table.read()?),
+        MapKind::Warehouse => MapSpec::Warehouse(table.read()?),
     };
-    let flag = |key: &'static str| table.get(key).map_or(Ok(false), |value| value.flag());
-    let seed = 0;
-    let map = match name {
-        "empty" => MapSpec::Empty(EmptySpec {
-            rows: size("rows")?,
-            cols: size("cols")?,
-        }),
-        "random" => MapSpec::Random(RandomSpec {
-            rows: size("rows")?,
-            cols: size("cols")?,
-            obstacle_density: table.require("obstacle_density")?.number()?,
-            seed,
-        }),
-        "room" => MapSpec::Room(RoomSpec {
-            rows: size("rows")?,
-            cols: size("cols")?,
-            room_size: size("room_size")?,
-            doors: optional("doors", 1)?,
-            seed,
-        }),
-        "maze" => MapSpec::Maze(MazeSpec {
-            rows: size("rows")?,
-            cols: size("cols")?,
-            corridor: optional("corridor", 1)?,
-            algorithm: match table.get("algorithm") {
-                Some(value) => value.choice(ALGORITHMS)?,
-                None => MazeAlgorithm::Backtracker,
-            },
-            random: match table.get("random") {
-                Some(value) => value.choice(RANDOM)?,
-                None => MazeRandom::default(),
-            },
-            seed,
-        }),
-        _ => MapSpec::Warehouse(WarehouseSpec {
-            blocks_across: size("blocks_across")?,
-            blocks_down: size("blocks_down")?,
-            block_cols: size("block_cols")?,
-            block_rows: size("block_rows")?,
-            aisle: size("aisle")?,
-            margin: given("margin")?,
-            aisle_rows: given("aisle_rows")?,
-            edge_rows: given("edge_rows")?,
-            open: flag("open")?,
-            endpoints: flag("endpoints")?,
-            workstations: given("workstations")?,
-        }),
-    };
-    let seeds = |key: &'static str| match table.get(key) {
-        Some(value) => numbers(&value, 0, u64::MAX),
-        None => Ok(Numbers::List(vec![1])),
+    let seeds = |key| {
+        let given = value.optional(key, |value| numbers(value, 0, u64::MAX))?;
+        Ok(given.unwrap_or_else(|| Numbers::List(vec![1])))
     };
     Ok(Generated {
         map,
-        map_seeds: if keys.contains(&"seeds") {
-            Some(seeds("seeds")?)
-        } else {
-            None
-        },
+        map_seeds: random.then(|| seeds("seeds")).transpose()?,
         scenario_seeds: seeds("scenario_seeds")?,
         place: value.place(),
     })
 }
-
-const ALGORITHMS: &[(&str, MazeAlgorithm)] = &[
-    ("backtracker", MazeAlgorithm::Backtracker),
-    ("prim", MazeAlgorithm::Prim),
-];

@@ -1,43 +1,154 @@
 //! `[budget]`, `[sandbox]` and `[execution]`: what trials may use, and who executes plans.
 
+use std::str::FromStr;
 use std::time::Duration;
 
 use bytesize::ByteSize;
-use fleetyard_core::document::{Table, Value};
+use fleetyard_core::document::{Fault, Value, between, text};
 use fleetyard_core::{InputError, shown};
 use fleetyard_runtime::Level;
 use fleetyard_sim::motion::load_fleet;
-use fleetyard_sim::{Policy, SimConfig, SimError, Tier};
+use fleetyard_sim::noise::{Delay, Disturbance, Messages, VelocityNoise};
+use fleetyard_sim::{SimConfig, SimError};
+use serde::{Deserialize, Deserializer};
 
-use super::read::{Paths, small};
-use crate::options::{BudgetOptions, Robots, SandboxOptions};
+use super::read::Paths;
+use crate::options::{Robots, SandboxOptions};
 
-pub(super) const BUDGET: &[&str] = &[
-    "wall",
-    "prepare",
-    "startup",
-    "grace",
-    "cpu",
-    "prepare_cpu",
-    "memory",
-    "prepare_memory",
-    "nodes",
-    "threads",
-];
-pub(super) const SANDBOX: &[&str] = &[
-    "level",
-    "processes",
-    "disk",
-    "output",
-    "read",
-    "network",
-    "env",
-    "pin",
-];
-pub(super) const EXECUTION: &[&str] = &[
-    "execute",
-    "model",
-    "fleet",
+/// Reads a duration with its unit, such as `10s`.
+pub(crate) fn duration<'de, D, T>(deserializer: D) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: From<Duration>,
+{
+    let hint = "write it with its unit, such as \"500ms\", \"10s\" or \"2m\"";
+    text(deserializer, hint, |text| {
+        let duration = time(text, hint)?;
+        if duration.is_zero() {
+            return Err(Fault::new("it is zero, so nobody could do anything"));
+        }
+        // Deadlines are 64-bit nanoseconds; a year is plenty.
+        if duration > Duration::from_hours(366 * 24) {
+            return Err(Fault::new("it is longer than a year"));
+        }
+        Ok(duration.into())
+    })
+}
+
+/// Reads simulated seconds, which may be none.
+pub(super) fn seconds<'de, D, T>(deserializer: D) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: From<f64>,
+{
+    let hint = "write it with its unit, such as \"500ms\", \"10s\" or \"10m\"";
+    text(deserializer, hint, |text| {
+        Ok(time(text, hint)?.as_secs_f64().into())
+    })
+}
+
+fn time(text: &str, hint: &str) -> Result<Duration, Fault> {
+    let is_none = |_| Fault::new(format!("it is \"{}\", which is no duration", shown(text)));
+    humantime::parse_duration(text).map_err(|error| is_none(error).hint(hint))
+}
+
+/// Reads bytes with their unit, such as `4GiB`.
+pub(crate) fn size<'de, D, T>(deserializer: D) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: From<u64>,
+{
+    let hint = "write it with its unit, such as \"512MiB\" or \"4GiB\"";
+    text(deserializer, hint, |text| {
+        let is_none = |_| Fault::new(format!("it is \"{}\", which is no size", shown(text)));
+        let size: ByteSize = text.parse().map_err(|error| is_none(error).hint(hint))?;
+        if size.as_u64() < 1 << 12 {
+            return Err(Fault::new("it is less than 4KiB"));
+        }
+        Ok(size.as_u64().into())
+    })
+}
+
+/// Reads what is written as on the command line.
+pub(super) fn as_argument<'de, D, N, T>(deserializer: D) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    N: FromStr<Err = SimError>,
+    T: From<N>,
+{
+    text(deserializer, "", |text| {
+        let parsed: Result<N, SimError> = text.parse();
+        parsed.map(T::from).map_err(|error| {
+            let fault = Fault::new(error.to_string());
+            match error.hint() {
+                Some(hint) => fault.hint(hint),
+                None => fault,
+            }
+        })
+    })
+}
+
+/// The keys of `[sandbox]` of which each stands for itself.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SandboxTable {
+    level: Option<Level>,
+    #[serde(default, deserialize_with = "between::<2, 100_000, u32, _, _>")]
+    processes: Option<u32>,
+    #[serde(default, deserialize_with = "size")]
+    disk: Option<u64>,
+    #[serde(default, deserialize_with = "size")]
+    output: Option<u64>,
+    network: Option<bool>,
+    pin: Option<bool>,
+}
+
+pub(super) fn sandbox(table: &Value<'_>, paths: &Paths<'_>) -> Result<SandboxOptions, InputError> {
+    let said: SandboxTable = table.clone().apart(&["read", "env"]).read()?;
+    let mut sandbox = SandboxOptions::default();
+    sandbox.output_bytes = said.output.unwrap_or(sandbox.output_bytes);
+    sandbox.pin = said.pin.unwrap_or(sandbox.pin);
+    let policy = &mut sandbox.policy;
+    policy.level = said.level.unwrap_or(policy.level);
+    policy.processes = said.processes.unwrap_or(policy.processes);
+    policy.disk_bytes = said.disk.unwrap_or(policy.disk_bytes);
+    policy.network = said.network.unwrap_or(policy.network);
+    for item in table.get("read").iter().flat_map(Value::one_or_more) {
+        policy.read.push(paths.path(&item)?.path);
+    }
+    let variables = table.optional("env", Value::entries)?.unwrap_or_default();
+    for (name, value) in variables {
+        let name = name.text(|name| {
+            if name.is_empty() || name.contains(['=', '\0']) {
+                return Err(Fault::new("it cannot be the name of a variable"));
+            }
+            Ok(name.to_owned())
+        })?;
+        policy.env.push((name, paths.expanded(&value)?));
+    }
+    policy.env.sort();
+    Ok(sandbox)
+}
+
+/// The keys of `[execution]` that are no fields of [`SimConfig`].
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct ExecutionTable {
+    execute: Option<bool>,
+    model: Option<String>,
+    #[serde(deserialize_with = "as_argument::<_, Delay, _>")]
+    delay: Delay,
+    #[serde(deserialize_with = "as_argument::<_, VelocityNoise, _>")]
+    velocity_noise: VelocityNoise,
+    #[serde(deserialize_with = "as_argument::<_, Messages, _>")]
+    messages: Messages,
+    seed: u64,
+    start_heading_deg: Option<f64>,
+    allow_overlaps: bool,
+}
+
+/// The keys of `[execution]` that are.
+const OF_CONFIG: [&str; 11] = [
     "cell_size_m",
     "step_s",
     "radius_m",
@@ -45,258 +156,68 @@ pub(super) const EXECUTION: &[&str] = &[
     "substeps",
     "tier",
     "policy",
-    "delay",
-    "velocity_noise",
-    "messages",
     "message_period_s",
     "margin_m",
-    "seed",
     "until_done",
     "time_limit_s",
-    "start_heading_deg",
-    "allow_overlaps",
 ];
-
-fn duration(value: &Value<'_, '_>) -> Result<Duration, InputError> {
-    let key = shown(&value.key);
-    let hint = "write it with its unit, such as \"500ms\", \"10s\" or \"2m\"";
-    let text = value.text().map_err(|error| error.hint(hint))?;
-    let duration = humantime::parse_duration(text).map_err(|_| {
-        let reason = format!("`{key}` is \"{}\", which is no duration", shown(text));
-        value.error(reason).hint(hint)
-    })?;
-    if duration.is_zero() {
-        let reason = format!("`{key}` is zero, so nobody could do anything");
-        return Err(value.error(reason));
-    }
-    // Deadlines are 64-bit nanoseconds; a year is plenty.
-    if duration > Duration::from_hours(366 * 24) {
-        return Err(value.error(format!("`{key}` is longer than a year")));
-    }
-    Ok(duration)
-}
-
-/// Simulated seconds, which may be none.
-pub(super) fn seconds(value: &Value<'_, '_>) -> Result<f64, InputError> {
-    let key = shown(&value.key);
-    let hint = "write it with its unit, such as \"500ms\", \"10s\" or \"10m\"";
-    let text = value.text().map_err(|error| error.hint(hint))?;
-    let duration = humantime::parse_duration(text).map_err(|_| {
-        let reason = format!("`{key}` is \"{}\", which is no duration", shown(text));
-        value.error(reason).hint(hint)
-    })?;
-    Ok(duration.as_secs_f64())
-}
-
-fn size(value: &Value<'_, '_>) -> Result<u64, InputError> {
-    let key = shown(&value.key);
-    let hint = "write it with its unit, such as \"512MiB\" or \"4GiB\"";
-    let text = value.text().map_err(|error| error.hint(hint))?;
-    let size: ByteSize = text.parse().map_err(|_| {
-        let reason = format!("`{key}` is \"{}\", which is no size", shown(text));
-        value.error(reason).hint(hint)
-    })?;
-    if size.as_u64() < 1 << 12 {
-        return Err(value.error(format!("`{key}` is less than 4KiB")));
-    }
-    Ok(size.as_u64())
-}
-
-pub(super) fn budget(value: &Value<'_, '_>) -> Result<BudgetOptions, InputError> {
-    let table = value.table("[budget]", BUDGET)?;
-    let default = BudgetOptions::default();
-    let time = |key| table.get(key).as_ref().map(duration).transpose();
-    let bytes = |key| table.get(key).as_ref().map(size).transpose();
-    Ok(BudgetOptions {
-        wall: time("wall")?.unwrap_or(default.wall),
-        prepare: time("prepare")?,
-        startup: time("startup")?.unwrap_or(default.startup),
-        grace: time("grace")?,
-        cpu: time("cpu")?,
-        prepare_cpu: time("prepare_cpu")?,
-        memory_bytes: bytes("memory")?,
-        prepare_memory_bytes: bytes("prepare_memory")?,
-        nodes: match table.get("nodes") {
-            Some(nodes) => nodes.whole(1, u64::MAX)?,
-            None => default.nodes,
-        },
-        threads: match table.get("threads") {
-            Some(threads) => small(&threads, 1, 4096)?,
-            None => default.threads,
-        },
-    })
-}
-
-const LEVELS: &[(&str, Level)] = &[
-    ("strict", Level::Strict),
-    ("auto", Level::Auto),
-    ("none", Level::None),
-];
-
-pub(super) fn sandbox(
-    value: &Value<'_, '_>,
-    paths: &Paths<'_>,
-) -> Result<SandboxOptions, InputError> {
-    let table = value.table("[sandbox]", SANDBOX)?;
-    let mut sandbox = SandboxOptions::default();
-    let policy = &mut sandbox.policy;
-    if let Some(level) = table.get("level") {
-        policy.level = level.choice(LEVELS)?;
-    }
-    if let Some(processes) = table.get("processes") {
-        policy.processes = small(&processes, 2, 100_000)?;
-    }
-    if let Some(disk) = table.get("disk") {
-        policy.disk_bytes = size(&disk)?;
-    }
-    if let Some(output) = table.get("output") {
-        sandbox.output_bytes = size(&output)?;
-    }
-    if let Some(read) = table.get("read") {
-        for item in read.one_or_more()? {
-            policy.read.push(paths.path(&item)?.path);
-        }
-    }
-    if let Some(network) = table.get("network") {
-        policy.network = network.flag()?;
-    }
-    if let Some(env) = table.get("env") {
-        for (name, value) in env.names("`env`")?.values() {
-            if name.is_empty() || name.contains(['=', '\0']) {
-                let reason = format!("`{}` cannot be the name of a variable", shown(name));
-                return Err(value.error(reason));
-            }
-            policy.env.push((name.to_owned(), paths.expanded(&value)?));
-        }
-    }
-    if let Some(pin) = table.get("pin") {
-        sandbox.pin = pin.flag()?;
-    }
-    Ok(sandbox)
-}
-
-const TIERS: &[(&str, Tier)] = &[("kinematic", Tier::Kinematic), ("contact", Tier::Contact)];
-const POLICIES: &[(&str, Policy)] = &[("time", Policy::Time), ("adg", Policy::Adg)];
 
 /// The simulator's parameters, and the robots unless nobody executes anything.
 pub(super) fn execution(
-    value: &Value<'_, '_>,
+    table: &Value<'_>,
     paths: &Paths<'_>,
 ) -> Result<(SimConfig, Option<Robots>), InputError> {
-    let table = value.table("[execution]", EXECUTION)?;
-    let mut config = SimConfig::default();
-    let set = |key, to: &mut f64| -> Result<(), InputError> {
-        if let Some(value) = table.get(key) {
-            *to = value.number()?;
-        }
-        Ok(())
+    let apart: Vec<&str> = OF_CONFIG.into_iter().chain(["fleet"]).collect();
+    let said: ExecutionTable = table.clone().apart(&apart).read()?;
+    let mut config: SimConfig = table.part(&OF_CONFIG).read()?;
+    config.start_heading_rad = match said.start_heading_deg {
+        Some(degrees) => degrees.to_radians(),
+        None => config.start_heading_rad,
     };
-    set("cell_size_m", &mut config.cell_size_m)?;
-    set("step_s", &mut config.step_s)?;
-    set("message_period_s", &mut config.message_period_s)?;
-    set("margin_m", &mut config.margin_m)?;
-    let number = |key| table.get(key).map(|value| value.number()).transpose();
-    config.radius_m = number("radius_m")?;
-    config.time_limit_s = number("time_limit_s")?;
-    if let Some(degrees) = number("start_heading_deg")? {
-        config.start_heading_rad = degrees.to_radians();
-    }
-    for (key, to) in [
-        ("ticks_hz", &mut config.ticks_hz),
-        ("substeps", &mut config.substeps),
-    ] {
-        if let Some(value) = table.get(key) {
-            *to = small(&value, 1, u32::MAX)?;
-        }
-    }
-    for (key, to) in [
-        ("until_done", &mut config.until_done),
-        ("allow_overlaps", &mut config.overlapping_starts),
-    ] {
-        if let Some(value) = table.get(key) {
-            *to = value.flag()?;
-        }
-    }
-    if let Some(tier) = table.get("tier") {
-        config.tier = tier.choice(TIERS)?;
-    }
-    if let Some(policy) = table.get("policy") {
-        config.policy = policy.choice(POLICIES)?;
-    }
-    if let Some(seed) = table.get("seed") {
-        config.disturbance.seed = seed.whole(0, u64::MAX)?;
-    }
-    config.disturbance.delay = parsed(&table, "delay")?.unwrap_or_default();
-    config.disturbance.velocity = parsed(&table, "velocity_noise")?.unwrap_or_default();
-    config.disturbance.messages = parsed(&table, "messages")?.unwrap_or_default();
-    config.validate().map_err(|error| blamed(&table, &error))?;
-    let robots = robots(&table, &config, paths)?;
-    let execute = match table.get("execute") {
-        Some(execute) => execute.flag()?,
-        None => true,
+    config.overlapping_starts = said.allow_overlaps;
+    config.disturbance = Disturbance {
+        seed: said.seed,
+        delay: said.delay,
+        velocity: said.velocity_noise,
+        messages: said.messages,
     };
-    Ok((config, execute.then_some(robots)))
-}
-
-/// What is written as on the command line.
-fn parsed<T: std::str::FromStr<Err = SimError>>(
-    table: &Table<'_, '_>,
-    key: &'static str,
-) -> Result<Option<T>, InputError> {
-    table.get(key).as_ref().map(parsed_value).transpose()
-}
-
-/// A value that is written as on the command line.
-pub(super) fn parsed_value<T: std::str::FromStr<Err = SimError>>(
-    value: &Value<'_, '_>,
-) -> Result<T, InputError> {
-    let parsed = value.text()?.parse();
-    parsed.map_err(|error: SimError| hinted(value.error(error.to_string()), error.hint()))
-}
-
-fn hinted(error: InputError, hint: Option<&str>) -> InputError {
-    InputError {
-        hint: hint.map(str::to_owned),
-        ..error
-    }
-}
-
-/// An error of the simulator at the key that it is about.
-fn blamed(table: &Table<'_, '_>, error: &SimError) -> InputError {
-    let key = match error {
-        SimError::Config { field, .. } => EXECUTION.iter().find(|key| *key == field),
-        _ => None,
-    };
-    let value = key.and_then(|key| table.get(key));
-    let reason = error.to_string();
-    let fault = value.map_or_else(|| table.error(&reason), |value| value.error(&reason));
-    hinted(fault, error.hint())
-}
-
-fn robots(
-    table: &Table<'_, '_>,
-    config: &SimConfig,
-    paths: &Paths<'_>,
-) -> Result<Robots, InputError> {
-    match (table.get("model"), table.get("fleet")) {
-        (Some(_), Some(fleet)) => Err(fleet
-            .error("`model` and `fleet` are two ways to say who executes plans")
-            .hint("remove one of them")),
+    config.validate().map_err(|error| {
+        let key = match error {
+            SimError::Config { field, .. } => field,
+            _ => "",
+        };
+        hinted(table.error_at(key, error.to_string()), error.hint())
+    })?;
+    let robots = match (said.model, table.get("fleet")) {
+        (Some(_), Some(fleet)) => {
+            return Err(fleet
+                .error("`model` and `fleet` are two ways to say who executes plans")
+                .hint("remove one of them"));
+        }
         (None, Some(fleet)) => {
             if let Some(radius) = table.get("radius_m") {
                 return Err(radius.error("the robots of a `fleet` have footprints of their own"));
             }
             let path = paths.path(&fleet)?.path;
             let file = load_fleet(&path).map_err(|error| fleet.place().error_in_file(error))?;
-            Ok(Robots::File(path.display().to_string(), Box::new(file)))
+            Robots::File(path.display().to_string(), Box::new(file))
         }
         (Some(model), None) => {
-            let robots = Robots::Model(model.text()?.to_owned());
-            match robots.fleet(1, config) {
-                Ok(_) => Ok(robots),
-                Err(error) => Err(hinted(model.error(error.to_string()), error.hint())),
-            }
+            let robots = Robots::Model(model);
+            robots.fleet(1, &config).map_err(|error| {
+                hinted(table.error_at("model", error.to_string()), error.hint())
+            })?;
+            robots
         }
-        (None, None) => Ok(Robots::Pebbles),
+        (None, None) => Robots::Pebbles,
+    };
+    Ok((config, said.execute.unwrap_or(true).then_some(robots)))
+}
+
+/// The error with a hint, if there is one.
+pub(super) fn hinted(error: InputError, hint: Option<&str>) -> InputError {
+    InputError {
+        hint: hint.map(str::to_owned),
+        ..error
     }
 }

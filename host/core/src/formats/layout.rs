@@ -19,6 +19,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use regex::bytes::Regex;
+use serde::Deserialize;
 
 use super::{Piece, pieces};
 use crate::files::{cut, shown};
@@ -32,13 +33,16 @@ pub const PATHS_LIMIT: u64 = 1 << 28;
 const MOST_CELLS: usize = 1 << 27;
 
 /// The content of a line of paths.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub enum Major {
     /// An agent's path.
+    #[serde(rename = "agent-major")]
     Agent,
     /// The positions of all agents at one time.
+    #[serde(rename = "time-major")]
     Time,
     /// The position of one agent at one time.
+    #[serde(rename = "rows")]
     Row,
 }
 

@@ -54,7 +54,7 @@ pub enum Contract {
     /// JSON over standard input and output.
     Protocol(u32),
     /// The manifest of a command adapter.
-    Manifest(i64),
+    Manifest(u64),
 }
 
 impl std::fmt::Display for Contract {

@@ -1,15 +1,17 @@
 //! The manifest, `planner.toml`: read strictly, so that a mistake is found where
 //! it was made and not in a run. `docs/adapters.md` is its reference.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use fleetyard_abi::{Capabilities, Capability, Status};
-use fleetyard_core::document::{Document, Table, Value};
+use fleetyard_core::document::{self, Fault, Place, Value, between, nonempty, not_empty, text};
 use fleetyard_core::formats::{Begin, Format, Layout, Major, MapSize};
+use fleetyard_core::json::with_hint;
 use fleetyard_core::{GridPlan, InputError, shown};
 use regex::bytes::{Regex, RegexBuilder};
-use serde_json::{Map, Value as Json};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Number, Value as Json};
 
 use super::template::{Slot, Template};
 use crate::options::check_options;
@@ -18,7 +20,7 @@ use crate::options::check_options;
 pub const MANIFEST_LIMIT: u64 = 1 << 20;
 
 /// The version of the manifest's format.
-pub(crate) const FORMAT: i64 = 1;
+pub(crate) const FORMAT: u64 = 1;
 
 /// Names of map and scenario in the scratch folder.
 pub(super) const MAP_NAME: &str = "map.map";
@@ -27,12 +29,8 @@ pub(super) const SCEN_NAME: &str = "agents.scen";
 /// What a `planner.toml` says.
 #[derive(Debug, Clone)]
 pub struct Manifest {
-    pub(super) id: String,
-    pub(super) name: String,
+    pub(super) head: Head,
     pub(super) version: Version,
-    pub(super) description: String,
-    pub(super) license: String,
-    pub(super) homepage: String,
     pub(super) program: Program,
     /// JSON Schema of the options; null when there are none.
     pub(super) options: Json,
@@ -41,28 +39,67 @@ pub struct Manifest {
     pub(super) exit: Exit,
     pub(super) metrics: Vec<Metric>,
     pub(super) capabilities: Capabilities,
-    /// What the solver may read besides itself and the manifest's folder.
+}
+
+/// The keys of a manifest of which each stands for itself.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Head {
+    /// The version of the format.
+    #[serde(rename = "manifest", deserialize_with = "format")]
+    _format: (),
+    #[serde(deserialize_with = "id")]
+    pub(super) id: String,
+    #[serde(default)]
+    pub(super) name: String,
+    #[serde(default)]
+    pub(super) description: String,
+    #[serde(default)]
+    pub(super) license: String,
+    #[serde(default)]
+    pub(super) homepage: String,
+    #[serde(default)]
+    pub(super) files: Files,
+}
+
+/// Files besides the solver itself and the manifest's folder.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Files {
+    #[serde(deserialize_with = "paths")]
     pub(super) read: Vec<PathBuf>,
 }
 
 /// How a solver is started.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Program {
+    #[serde(deserialize_with = "path")]
     pub(super) command: String,
     /// Where `command` stands, for messages.
-    pub(super) line: u64,
-    pub(super) column: u64,
+    #[serde(skip)]
+    pub(super) place: Place,
     /// An environment variable that may name the program.
+    #[serde(default, deserialize_with = "variable")]
     pub(super) variable: Option<String>,
+    #[serde(skip)]
     pub(super) arguments: Vec<Argument>,
+    #[serde(skip)]
     pub(super) environment: Vec<(String, Template)>,
+    #[serde(default, deserialize_with = "working_folder")]
     pub(super) cwd: Option<Template>,
     /// How to get it.
     pub(super) install: Option<String>,
     /// Kept back from the budget to read the answer.
+    #[serde(default, deserialize_with = "milliseconds", rename = "reserve_ms")]
     pub(super) reserve: Option<Duration>,
     /// The same in nanoseconds per agent and free cell, for what the solver does before
     /// its own clock starts.
+    #[serde(
+        default,
+        deserialize_with = "between::<0, 1_000_000, u64, _, _>",
+        rename = "reserve_ns_per_agent_cell"
+    )]
     pub(super) reserve_per_agent_cell: u64,
 }
 
@@ -89,7 +126,7 @@ pub(super) enum Condition {
 }
 
 /// The solver's version.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Version {
     /// As the manifest has it: what is shown unless the solver says better.
     pub(super) text: String,
@@ -97,39 +134,78 @@ pub(super) struct Version {
 }
 
 /// How the solver says its version.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct VersionQuery {
-    pub(super) arguments: Vec<Template>,
+    pub(super) args: Vec<VersionArgument>,
+    #[serde(deserialize_with = "pattern::<1, _, _>")]
     pub(super) pattern: Regex,
-    pub(super) limit: Duration,
+    #[serde(default = "five", deserialize_with = "between::<1, 30, u64, _, _>")]
+    pub(super) seconds: u64,
+    /// What is shown if it does not say.
+    otherwise: Option<String>,
     /// What the whole version must match, as the manifest has it.
+    #[serde(default, deserialize_with = "supported")]
     pub(super) supported: Option<(String, Regex)>,
 }
 
+/// An argument that needs nothing but the manifest's folder.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct VersionArgument(
+    #[serde(deserialize_with = "version_argument")] pub(super) Template,
+);
+
+fn five() -> u64 {
+    5
+}
+
 /// What the solver reads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct Input {
-    /// Whether terrain letters are those of the map, or `.` and `@` alone.
-    pub(super) all_letters: bool,
-    pub(super) agents: AgentsFormat,
+    #[serde(rename = "map")]
+    _map: MapWritten,
+    pub(super) scen: Agents,
+    pub(super) letters: Letters,
+    pub(super) order: Order,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum MapWritten {
+    #[default]
+    MovingAi,
 }
 
 /// How starts and goals are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum AgentsFormat {
-    /// A MovingAI scenario; with rows before columns, against the format, or not.
-    Scenario { row_first: bool },
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Agents {
+    /// A MovingAI scenario.
+    #[default]
+    MovingAi,
     /// An instance file of pibt2, which names the map and has the seed.
     Pibt2,
 }
 
-impl Default for Input {
-    fn default() -> Self {
-        Self {
-            all_letters: false,
-            agents: AgentsFormat::Scenario { row_first: false },
-        }
-    }
+/// Which letters of terrain a map has.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Letters {
+    /// `.` and `@` alone.
+    #[default]
+    Plain,
+    All,
+}
+
+/// The order of a position's numbers in a scenario.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Order {
+    #[default]
+    XY,
+    /// Against the format.
+    RowCol,
 }
 
 /// Where the answer is and how it is written.
@@ -160,9 +236,11 @@ impl Output {
 }
 
 /// A text that patterns look at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(super) enum Searched {
     /// Standard output and standard error.
+    #[default]
     Log,
     Stdout,
     Stderr,
@@ -170,48 +248,41 @@ pub(super) enum Searched {
     Output,
 }
 
-const FROM: [(&str, Searched); 4] = [
-    ("log", Searched::Log),
-    ("stdout", Searched::Stdout),
-    ("stderr", Searched::Stderr),
-    ("output", Searched::Output),
-];
-
 /// What the end of the solver means.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct Exit {
+    #[serde(skip)]
     pub(super) codes: Vec<(i32, Status)>,
     pub(super) patterns: Vec<Rule>,
 }
 
 /// A text that means something.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Rule {
+    #[serde(deserialize_with = "pattern::<0, _, _>")]
     pub(super) pattern: Regex,
+    #[serde(default)]
     pub(super) from: Searched,
     pub(super) status: Status,
     pub(super) message: Option<String>,
 }
 
 /// A figure in a text.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Metric {
     /// With its unit.
+    #[serde(skip)]
     pub(super) name: String,
+    #[serde(deserialize_with = "pattern::<1, _, _>")]
     pub(super) pattern: Regex,
+    #[serde(default)]
     pub(super) from: Searched,
+    #[serde(default, deserialize_with = "unit")]
+    unit: Option<String>,
 }
-
-const STATUSES: [(&str, Status); 8] = [
-    ("solved", Status::Solved),
-    ("infeasible", Status::Infeasible),
-    ("timed-out", Status::TimedOut),
-    ("gave-up", Status::GaveUp),
-    ("cancelled", Status::Cancelled),
-    ("unsupported", Status::Unsupported),
-    ("invalid-input", Status::InvalidInput),
-    ("internal-error", Status::InternalError),
-];
 
 impl Manifest {
     /// Reads a manifest; `source` is its name in errors.
@@ -220,97 +291,42 @@ impl Manifest {
             let reason = format!("a manifest has at most {MANIFEST_LIMIT} bytes");
             return Err(InputError::new(source, reason));
         }
-        let document = Document::new(source, text);
-        let root = document.parse()?;
-        let root = Table::new(
-            document,
-            "",
-            0,
-            root.get_ref(),
-            &[
-                "manifest",
-                "id",
-                "name",
-                "version",
-                "description",
-                "license",
-                "homepage",
-                "program",
-                "options",
-                "input",
-                "output",
-                "exit",
-                "metrics",
-                "capabilities",
-                "files",
-            ],
-        )?;
-        let format = root.require("manifest")?;
-        if format.integer(1, i64::MAX)? != FORMAT {
-            return Err(format
-                .error("this manifest is written for a newer host")
-                .hint(format!(
-                    "this host reads manifests with `manifest = {FORMAT}`"
-                )));
-        }
-        let id = root.require("id")?;
-        let text = |key| Ok(root.text(key)?.unwrap_or_default().to_owned());
-        let options = match root.get("options") {
-            Some(value) => options(&value.names("[options]")?)?,
-            None => Json::Null,
-        };
-        let properties = options.get("properties").and_then(Json::as_object);
-        let empty = Map::new();
-        let properties = properties.unwrap_or(&empty);
-        let program = Program::read(&root.require("program")?, properties)?;
-        let output = Output::read(&root.require("output")?)?;
-        let input = match root.get("input") {
-            Some(value) => Input::read(&value)?,
-            None => Input::default(),
-        };
-        program.check_use(input, &output, &root.require("program")?)?;
-        Ok(Self {
-            id: identifier(id.text()?).map_err(|reason| {
-                id.error(reason)
-                    .hint("it begins with a-z or 0-9 and goes on with a-z, 0-9, '.', '_' and '-'")
-            })?,
-            name: text("name")?,
-            version: match root.get("version") {
-                Some(value) => Version::read(&value)?,
-                None => Version {
-                    text: String::new(),
-                    query: None,
-                },
-            },
-            description: text("description")?,
-            license: text("license")?,
-            homepage: text("homepage")?,
-            program,
-            options,
-            input,
-            output,
-            exit: match root.get("exit") {
-                Some(value) => Exit::read(&value)?,
-                None => Exit::default(),
-            },
-            metrics: match root.get("metrics") {
-                Some(value) => metrics(&value.names("[metrics]")?)?,
-                None => Vec::new(),
-            },
-            capabilities: match root.get("capabilities") {
-                Some(value) => capabilities(&value)?,
-                None => Capabilities::of(&[Capability::Grid, Capability::Pebble]),
-            },
-            read: match root.get("files") {
-                Some(value) => files(&value)?,
-                None => Vec::new(),
-            },
+        document::read(source, text, &[], |root| {
+            let head = root.clone().apart(&Self::APART).read()?;
+            let options = root.optional("options", options)?.unwrap_or_default();
+            let program = root.require("program")?;
+            let input = root.optional("input", Input::read)?.unwrap_or_default();
+            let output = Output::read(&root.require("output")?)?;
+            let capabilities = root.optional("capabilities", capabilities)?;
+            Ok(Self {
+                head,
+                version: root.optional("version", Version::read)?.unwrap_or_default(),
+                program: Program::read(&program, &options, input, &output)?,
+                options,
+                input,
+                output,
+                exit: root.optional("exit", Exit::read)?.unwrap_or_default(),
+                metrics: root.optional("metrics", metrics)?.unwrap_or_default(),
+                capabilities: capabilities.unwrap_or_else(|| Capabilities::of(&GRIDS)),
+            })
         })
     }
 
+    /// The keys beside those of [`Head`]: a table may say more than its type does.
+    const APART: [&str; 8] = [
+        "version",
+        "program",
+        "options",
+        "input",
+        "output",
+        "exit",
+        "metrics",
+        "capabilities",
+    ];
+
     /// Identifier of the planner.
     pub fn id(&self) -> &str {
-        &self.id
+        &self.head.id
     }
 
     /// The format of answers, unless the manifest describes one.
@@ -359,35 +375,101 @@ impl Manifest {
     }
 }
 
-fn identifier(text: &str) -> Result<String, String> {
+/// Reads the version of the format.
+fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
+    let version: u64 = between::<1, { i64::MAX as u64 }, u64, _, _>(deserializer)?;
+    if version == FORMAT {
+        return Ok(());
+    }
+    let hint = format!("this host reads manifests with `manifest = {FORMAT}`");
+    let reason = "this manifest is written for a newer host";
+    Err(with_hint(&reason, Some(&hint)))
+}
+
+fn is_identifier(text: &str) -> bool {
     let first = |letter: u8| letter.is_ascii_lowercase() || letter.is_ascii_digit();
     let fits = text
         .bytes()
         .enumerate()
         .all(|(at, letter)| first(letter) || at > 0 && matches!(letter, b'.' | b'_' | b'-'));
-    if text.is_empty() || !fits || text.len() > 100 {
-        return Err(format!("\"{}\" is no identifier", shown(text)));
+    fits && !text.is_empty() && text.len() <= 100
+}
+
+fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    text(deserializer, "", |text| {
+        if is_identifier(text) {
+            return Ok(text.to_owned());
+        }
+        let fault = Fault::new(format!("\"{}\" is no identifier", shown(text)));
+        Err(fault.hint("it begins with a-z or 0-9 and goes on with a-z, 0-9, '.', '_' and '-'"))
+    })
+}
+
+/// A name as part of a placeholder or a figure.
+fn name(text: &str, what: &str) -> Result<String, Fault> {
+    if is_identifier(text) {
+        return Ok(text.to_owned());
+    }
+    let fault = Fault::new(format!("it cannot be the name of {what}"));
+    Err(fault.hint("a name begins with a-z or 0-9 and goes on with a-z, 0-9, '.', '_' and '-'"))
+}
+
+/// The name of an environment variable.
+fn variable_name(text: &str) -> Result<String, Fault> {
+    let fits = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
+    if text.is_empty()
+        || !text.chars().all(fits)
+        || text.starts_with(|letter: char| letter.is_ascii_digit())
+    {
+        let text = shown(text);
+        let reason = format!("`{text}` cannot be the name of an environment variable");
+        return Err(Fault::new(reason));
     }
     Ok(text.to_owned())
 }
 
-/// A name as part of a placeholder or a figure.
-fn name(text: &str, what: &str, table: &Table<'_, '_>, at: usize) -> Result<(), InputError> {
-    identifier(text).map(drop).map_err(|_| {
-        let reason = format!("`{}` cannot be the name of {what}", shown(text));
-        table
-            .document
-            .error(at, reason)
-            .hint("a name begins with a-z or 0-9 and goes on with a-z, 0-9, '.', '_' and '-'")
+fn variable<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    text(deserializer, "", |text| variable_name(not_empty(text)?)).map(Some)
+}
+
+fn path<'de, D: Deserializer<'de>, T: From<String>>(deserializer: D) -> Result<T, D::Error> {
+    text(deserializer, "", |text| match not_empty(text)? {
+        text if text.contains('\0') => Err(Fault::new("a NUL character cannot be part of a path")),
+        text => Ok(text.to_owned().into()),
+    })
+}
+
+fn paths<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<PathBuf>, D::Error> {
+    #[derive(Deserialize)]
+    struct Item(#[serde(deserialize_with = "path")] PathBuf);
+    let items: Vec<Item> = Vec::deserialize(deserializer)?;
+    Ok(items.into_iter().map(|item| item.0).collect())
+}
+
+fn milliseconds<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Duration>, D::Error> {
+    let number: u64 = between::<0, 60_000, u64, _, _>(deserializer)?;
+    Ok(Some(Duration::from_millis(number)))
+}
+
+fn working_folder<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Template>, D::Error> {
+    text(deserializer, "", |text| {
+        let template = template(text, &[])?;
+        let fits = |slot: &Slot| matches!(slot, Slot::Scratch | Slot::ManifestDir);
+        if template.slots().all(fits) {
+            return Ok(Some(template));
+        }
+        let reason = "the working folder is made from `{scratch}` and `{manifest_dir}`";
+        Err(Fault::new(reason))
     })
 }
 
 /// A pattern with so many groups, none of them optional to say.
-fn pattern(value: &Value<'_, '_>, groups: usize) -> Result<Regex, InputError> {
+fn regex(text: &str, groups: usize) -> Result<Regex, Fault> {
     const LONGEST: usize = 1000;
-    let text = value.nonempty()?;
-    if text.len() > LONGEST {
-        return Err(value.error(format!("a pattern has at most {LONGEST} bytes")));
+    if not_empty(text)?.len() > LONGEST {
+        return Err(Fault::new(format!("a pattern has at most {LONGEST} bytes")));
     }
     let regex = RegexBuilder::new(text)
         .multi_line(true)
@@ -399,127 +481,152 @@ fn pattern(value: &Value<'_, '_>, groups: usize) -> Result<Regex, InputError> {
             let told = error.to_string();
             let last = told.lines().last().unwrap_or_default();
             let reason = last.trim_start_matches("error: ");
-            value
-                .error(format!("the pattern cannot be used: {reason}"))
+            Fault::new(format!("the pattern cannot be used: {reason}"))
                 .hint("patterns are regular expressions as the Rust crate `regex` reads them")
         })?;
     let found = regex.captures_len() - 1;
     if found != groups {
         let reason = format!("the pattern has {found} groups in parentheses, expected {groups}");
-        let error = value.error(reason);
-        return Err(match groups {
-            0 => error.hint("write (?:…) for a group that is not taken out"),
-            _ => error.hint("one group takes out the value; write (?:…) for others"),
-        });
+        return Err(Fault::new(reason).hint(match groups {
+            0 => "write (?:…) for a group that is not taken out",
+            _ => "one group takes out the value; write (?:…) for others",
+        }));
     }
     Ok(regex)
 }
 
-fn template(value: &Value<'_, '_>, options: &[&str]) -> Result<Template, InputError> {
-    let text = value.text()?;
-    if text.contains('\0') {
-        return Err(value.error("a NUL character cannot be part of an argument"));
-    }
-    Template::parse(text, options).map_err(|error| value.error(error.reason).hint(error.hint))
+fn pattern<'de, const GROUPS: usize, T: From<Regex>, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<T, D::Error> {
+    text(deserializer, "", |text| Ok(regex(text, GROUPS)?.into()))
 }
 
-impl Program {
-    fn read(value: &Value<'_, '_>, options: &Map<String, Json>) -> Result<Self, InputError> {
-        let table = value.table(
-            "[program]",
-            &[
-                "command",
-                "variable",
-                "args",
-                "env",
-                "cwd",
-                "install",
-                "reserve_ms",
-                "reserve_ns_per_agent_cell",
-            ],
-        )?;
-        let command = table.require("command")?;
-        let place = command.error("");
-        let names: Vec<&str> = options.keys().map(String::as_str).collect();
-        let arguments = table.require("args")?;
-        let arguments = arguments
-            .list()?
-            .iter()
-            .map(|argument| Argument::read(argument, options, &names))
-            .collect::<Result<_, _>>()?;
-        let environment = match table.get("env") {
-            Some(value) => environment(&value.names("[program.env]")?, options, &names)?,
-            None => Vec::new(),
-        };
-        let cwd = table.get("cwd").map(|value| {
-            let template = template(&value, &[])?;
-            let mut slots = template.slots();
-            if slots.any(|slot| !matches!(slot, Slot::Scratch | Slot::ManifestDir)) {
-                return Err(
-                    value.error("the working folder is made from `{scratch}` and `{manifest_dir}`")
-                );
+fn template(text: &str, options: &[&str]) -> Result<Template, Fault> {
+    if text.contains('\0') {
+        return Err(Fault::new("a NUL character cannot be part of an argument"));
+    }
+    Template::parse(text, options).map_err(|error| Fault::new(error.reason).hint(error.hint))
+}
+
+/// The options of a planner, which placeholders and conditions name.
+struct Options<'o>(Option<&'o Map<String, Json>>);
+
+impl Options<'_> {
+    fn get(&self, name: &str) -> Option<&Json> {
+        self.0?.get(name)
+    }
+
+    /// A template. An option without a default may have no value, so that only a condition
+    /// can guard its use.
+    fn template(
+        &self,
+        value: &Value<'_>,
+        when: Option<&Condition>,
+    ) -> Result<Template, InputError> {
+        let names = self.0.into_iter().flat_map(Map::keys);
+        let names: Vec<&str> = names.map(String::as_str).collect();
+        let template = value.text(|text| template(text, &names))?;
+        for slot in template.slots() {
+            let Slot::Option(name) = slot else {
+                continue;
+            };
+            let default = self.get(name).and_then(|option| option.get("default"));
+            let guarded = matches!(when, Some(Condition::Option(guard)) if guard == name);
+            if default.is_none() && !guarded {
+                let reason = format!("the option `{name}` has no default");
+                return Err(value.error(reason).hint(format!(
+                    "give it one, or write {{ when = \"option.{name}\", args = [\"…\"] }}"
+                )));
             }
-            drop(slots);
-            Ok(template)
-        });
-        let variable = table.get("variable").map(|value| {
-            let name = value.nonempty()?;
-            variable_name(name).map_err(|reason| value.error(reason))?;
-            Ok(name.to_owned())
-        });
-        let reserve = table.get("reserve_ms").map(|value| {
-            let ms = value.integer(0, 60_000)?;
-            Ok(Duration::from_millis(ms as u64))
-        });
-        let reserve_per_agent_cell = match table.get("reserve_ns_per_agent_cell") {
-            Some(value) => value.integer(0, 1_000_000)? as u64,
-            None => 0,
-        };
-        let text = command.nonempty()?;
-        if text.contains('\0') {
-            return Err(command.error("a NUL character cannot be part of a path"));
         }
-        Ok(Self {
-            command: text.to_owned(),
-            line: place.line.unwrap_or_default(),
-            column: place.column.unwrap_or_default(),
-            variable: variable.transpose()?,
-            arguments,
-            environment,
-            cwd: cwd.transpose()?,
-            install: table.text("install")?.map(str::to_owned),
-            reserve: reserve.transpose()?,
-            reserve_per_agent_cell,
+        Ok(template)
+    }
+
+    fn argument(&self, value: &Value<'_>) -> Result<Argument, InputError> {
+        if !value.is_table() {
+            return Ok(Argument {
+                when: None,
+                templates: vec![self.template(value, None)?],
+            });
+        }
+        value.only(&["when", "args"])?;
+        let when = value.require("when")?.text(|text| self.condition(text))?;
+        let templates = value.require("args")?.list()?;
+        let templates = templates
+            .iter()
+            .map(|item| self.template(item, Some(&when)));
+        Ok(Argument {
+            templates: templates.collect::<Result<_, _>>()?,
+            when: Some(when),
         })
     }
 
-    /// Whether the solver is told what to solve and where to write.
+    fn condition(&self, text: &str) -> Result<Condition, Fault> {
+        match (text, text.strip_prefix("option.")) {
+            ("memory_mb", _) => Ok(Condition::Memory),
+            ("nodes", _) => Ok(Condition::Nodes),
+            ("one_thread", _) => Ok(Condition::OneThread),
+            ("threads", _) => Ok(Condition::Threads),
+            (_, Some(name)) if self.get(name).is_some() => Ok(Condition::Option(name.into())),
+            _ => Err(
+                Fault::new(format!("\"{}\" is no condition", shown(text))).hint(
+                    "a condition is \"option.NAME\", \"memory_mb\", \"nodes\", \"one_thread\" or \
+                     \"threads\"; the option stands in [options]",
+                ),
+            ),
+        }
+    }
+}
+
+impl Program {
+    fn read(
+        table: &Value<'_>,
+        options: &Json,
+        input: Input,
+        output: &Output,
+    ) -> Result<Self, InputError> {
+        let options = Options(options.get("properties").and_then(Json::as_object));
+        let mut program: Self = table.clone().apart(&["args", "env"]).read()?;
+        program.place = table.require("command")?.place();
+        let arguments = table.require("args")?.list()?;
+        let arguments = arguments.iter().map(|argument| options.argument(argument));
+        program.arguments = arguments.collect::<Result<_, _>>()?;
+        if let Some(environment) = table.get("env") {
+            for (name, value) in environment.entries()? {
+                let name = name.text(variable_name)?;
+                let template = options.template(&value, None)?;
+                program.environment.push((name, template));
+            }
+        }
+        program.check_use(input, output, table)?;
+        Ok(program)
+    }
+
+    /// Refuses a program that is not told what to solve, or not where to write.
     fn check_use(
         &self,
         input: Input,
         output: &Output,
-        value: &Value<'_, '_>,
+        table: &Value<'_>,
     ) -> Result<(), InputError> {
-        let used = |wanted: &Slot| {
-            let arguments = self
-                .arguments
-                .iter()
-                .flat_map(|argument| &argument.templates);
-            let environment = self.environment.iter().map(|(_, template)| template);
-            arguments
-                .chain(environment)
-                .any(|template| template.slots().any(|slot| slot == wanted))
-        };
-        let names_map = input.agents == AgentsFormat::Pibt2;
+        let arguments = self
+            .arguments
+            .iter()
+            .flat_map(|argument| &argument.templates);
+        let environment = self.environment.iter().map(|(_, template)| template);
+        let used: Vec<&Slot> = (arguments.chain(environment))
+            .flat_map(Template::slots)
+            .collect();
+        let names_map = input.scen == Agents::Pibt2;
         for (slot, name) in [(Slot::Map, "map"), (Slot::Scen, "scen")] {
-            if !used(&slot) && (slot != Slot::Map || !names_map) {
-                return Err(value
+            if !used.contains(&&slot) && (slot != Slot::Map || !names_map) {
+                return Err(table
                     .error(format!("no argument uses `{{{name}}}`"))
                     .hint("the solver needs the files of map and scenario to know what to solve"));
             }
         }
-        if used(&Slot::Output) && output.file.is_none() {
-            return Err(value
+        if used.contains(&&Slot::Output) && output.file.is_none() {
+            return Err(table
                 .error("an argument uses `{output}`, but the answer is on standard output")
                 .hint("name other files as in `{scratch}/stats.csv`"));
         }
@@ -527,106 +634,26 @@ impl Program {
     }
 }
 
-fn variable_name(text: &str) -> Result<(), String> {
-    let fits = text
-        .bytes()
-        .all(|letter| letter.is_ascii_alphanumeric() || letter == b'_');
-    if fits && !text.is_empty() && !text.starts_with(|letter: char| letter.is_ascii_digit()) {
-        Ok(())
-    } else {
-        let text = shown(text);
-        Err(format!(
-            "`{text}` cannot be the name of an environment variable"
-        ))
-    }
+fn version_argument<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Template, D::Error> {
+    text(deserializer, "", |text| {
+        let template = template(text, &[])?;
+        if template.slots().any(|slot| *slot != Slot::ManifestDir) {
+            return Err(Fault::new("here the only placeholder is `{manifest_dir}`"));
+        }
+        Ok(template)
+    })
 }
 
-fn environment(
-    table: &Table<'_, '_>,
-    options: &Map<String, Json>,
-    names: &[&str],
-) -> Result<Vec<(String, Template)>, InputError> {
-    let mut found = Vec::new();
-    for (key, value) in table.values() {
-        variable_name(key).map_err(|reason| value.error(reason))?;
-        let template = template(&value, names)?;
-        check_options_used(&template, None, options, &value)?;
-        found.push((key.to_owned(), template));
-    }
-    Ok(found)
-}
-
-/// An option without a default may have no value, so that only a condition can
-/// guard its use.
-fn check_options_used(
-    template: &Template,
-    when: Option<&Condition>,
-    options: &Map<String, Json>,
-    value: &Value<'_, '_>,
-) -> Result<(), InputError> {
-    for slot in template.slots() {
-        let Slot::Option(name) = slot else {
-            continue;
-        };
-        let has_default = options
-            .get(name)
-            .is_some_and(|option| option.get("default").is_some());
-        let guarded = when.is_some_and(|when| *when == Condition::Option(name.clone()));
-        if !has_default && !guarded {
-            return Err(value
-                .error(format!("the option `{name}` has no default"))
-                .hint(format!(
-                    "give it one, or write {{ when = \"option.{name}\", args = [\"…\"] }}"
-                )));
-        }
-    }
-    Ok(())
-}
-
-impl Argument {
-    fn read(
-        value: &Value<'_, '_>,
-        options: &Map<String, Json>,
-        names: &[&str],
-    ) -> Result<Self, InputError> {
-        if !value.is_table() {
-            let template = template(value, names)?;
-            check_options_used(&template, None, options, value)?;
-            return Ok(Self {
-                when: None,
-                templates: vec![template],
-            });
-        }
-        let table = value.table("a conditional argument", &["when", "args"])?;
-        let when = table.require("when")?;
-        let condition = match when.text()? {
-            "memory_mb" => Condition::Memory,
-            "nodes" => Condition::Nodes,
-            "one_thread" => Condition::OneThread,
-            "threads" => Condition::Threads,
-            text => match text.strip_prefix("option.") {
-                Some(option) if options.contains_key(option) => Condition::Option(option.into()),
-                _ => {
-                    let reason = format!("\"{}\" is no condition", shown(text));
-                    return Err(when.error(reason).hint(
-                        "a condition is \"option.NAME\", \"memory_mb\", \"nodes\", \"one_thread\" or \
-                         \"threads\"; the option stands in [options]",
-                    ));
-                }
-            },
-        };
-        let arguments = table.require("args")?;
-        let mut templates = Vec::new();
-        for argument in arguments.list()? {
-            let template = template(&argument, names)?;
-            check_options_used(&template, Some(&condition), options, &argument)?;
-            templates.push(template);
-        }
-        Ok(Self {
-            when: Some(condition),
-            templates,
-        })
-    }
+/// A pattern and the same for a whole text.
+fn supported<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<(String, Regex)>, D::Error> {
+    text(deserializer, "", |text| {
+        regex(text, 0)?;
+        let whole = Regex::new(&format!(r"\A(?:{text})\z"));
+        let whole = whole.map_err(|_| Fault::new("the pattern cannot be used"))?;
+        Ok(Some((text.to_owned(), whole)))
+    })
 }
 
 impl Version {
@@ -635,115 +662,93 @@ impl Version {
         self.query.as_ref()?.supported.as_ref()
     }
 
-    fn read(value: &Value<'_, '_>) -> Result<Self, InputError> {
+    fn read(value: &Value<'_>) -> Result<Self, InputError> {
         if !value.is_table() {
-            let text = value.text()?.to_owned();
+            let text = value.read()?;
             return Ok(Self { text, query: None });
         }
-        let keys = ["args", "pattern", "seconds", "otherwise", "supported"];
-        let table = value.table("[version]", &keys)?;
-        let mut arguments = Vec::new();
-        for argument in table.require("args")?.list()? {
-            let template = template(&argument, &[])?;
-            if template.slots().any(|slot| *slot != Slot::ManifestDir) {
-                return Err(argument.error("here the only placeholder is `{manifest_dir}`"));
-            }
-            arguments.push(template);
-        }
-        let seconds = match table.get("seconds") {
-            Some(value) => value.integer(1, 30)?,
-            None => 5,
-        };
-        let supported = match table.get("supported") {
-            Some(value) => {
-                pattern(&value, 0)?;
-                let text = value.nonempty()?;
-                let whole = Regex::new(&format!(r"\A(?:{text})\z"));
-                let whole = whole.map_err(|_| value.error("the pattern cannot be used"))?;
-                Some((text.to_owned(), whole))
-            }
-            None => None,
-        };
-        let otherwise = table.get("otherwise");
-        if let (Some(_), Some(otherwise)) = (&supported, &otherwise) {
-            return Err(otherwise
-                .error("`otherwise` lets any program pass, `supported` does not")
+        let query: VersionQuery = value.read()?;
+        if query.supported.is_some() && query.otherwise.is_some() {
+            let reason = "`otherwise` lets any program pass, `supported` does not";
+            return Err(value
+                .error_at("otherwise", reason)
                 .hint("remove one of them"));
         }
         Ok(Self {
-            text: table.text("otherwise")?.unwrap_or_default().to_owned(),
-            query: Some(VersionQuery {
-                arguments,
-                pattern: pattern(&table.require("pattern")?, 1)?,
-                limit: Duration::from_secs(seconds as u64),
-                supported,
-            }),
+            text: query.otherwise.clone().unwrap_or_default(),
+            query: Some(query),
         })
     }
 }
 
+/// A table of `[options]`, and its JSON Schema.
+#[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct OptionTable {
+    r#type: OptionType,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    description: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    default: Option<Scalar>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    minimum: Option<Number>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    maximum: Option<Number>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    r#enum: Option<Vec<Scalar>>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum OptionType {
+    Integer,
+    Number,
+    Boolean,
+    String,
+}
+
+#[derive(Clone, Deserialize, Serialize)]
+#[serde(untagged, expecting = "it is neither a string, a number nor a boolean")]
+enum Scalar {
+    Boolean(bool),
+    Number(Number),
+    Text(String),
+}
+
 /// The JSON Schema that the options' tables stand for.
-fn options(table: &Table<'_, '_>) -> Result<Json, InputError> {
-    const KEYS: [&str; 6] = [
-        "type",
-        "description",
-        "default",
-        "minimum",
-        "maximum",
-        "enum",
-    ];
+fn options(table: &Value<'_>) -> Result<Json, InputError> {
     let mut properties = Map::new();
-    for ((key, at), (_, value)) in table.keys().zip(table.values()) {
-        name(key, "an option", table, at)?;
-        let option = value.table(format!("[options.{key}]"), &KEYS)?;
-        let kind = option.require("type")?;
-        let types = ["integer", "number", "boolean", "string"];
-        let kind = kind.choice(&types.map(|name| (name, name)))?;
-        let mut property = Map::new();
-        property.insert("type".into(), kind.into());
-        if let Some(text) = option.text("description")? {
-            property.insert("description".into(), text.into());
-        }
-        for key in ["minimum", "maximum"] {
-            let Some(value) = option.get(key) else {
-                continue;
-            };
-            let limit = value.json()?;
-            if !limit.is_number() || !matches!(kind, "integer" | "number") {
-                return Err(value.error(format!("`{key}` is a number, for options that are")));
+    for (key, value) in table.entries()? {
+        let name = key.text(|text| name(text, "an option"))?;
+        let option: OptionTable = value.read()?;
+        let numeric = matches!(option.r#type, OptionType::Integer | OptionType::Number);
+        for limit in ["minimum", "maximum"] {
+            if let Some(given) = value.get(limit).filter(|_| !numeric) {
+                let reason = format!("`{limit}` is a number, for options that are");
+                return Err(given.error(reason));
             }
-            property.insert(key.into(), limit);
         }
-        if let Some(value) = option.get("enum") {
-            let values = value.list()?;
-            if values.is_empty() {
-                return Err(value.error("`enum` is empty"));
-            }
-            let values: Result<Vec<Json>, _> = values.iter().map(Value::json).collect();
-            property.insert("enum".into(), values?.into());
+        if option.r#enum.as_ref().is_some_and(Vec::is_empty) {
+            return Err(value.error_at("enum", "`enum` is empty"));
         }
-        let default = option.get("default");
-        if let Some(value) = &default {
-            property.insert("default".into(), value.json()?);
-        }
-        let mut one = Map::new();
-        one.insert(key.to_owned(), Json::Object(property.clone()));
-        if let Some(value) = default {
-            let given = Map::from_iter([(key.to_owned(), value.json()?)]);
-            check_options(&given, &schema(&one)).map_err(|error| {
-                let fault = value.error(format!("the default of {}", error.reason));
+        let property = serde_json::json!({ name.as_str(): &option });
+        if let Some(default) = &option.default {
+            let given = Map::from_iter([(name.clone(), serde_json::json!(default))]);
+            check_options(&given, &schema(&property)).map_err(|error| {
+                let reason = format!("the default of {}", error.reason);
+                let fault = value.error_at("default", reason);
                 match error.hint {
                     Some(hint) => fault.hint(hint),
                     None => fault,
                 }
             })?;
         }
-        properties.insert(key.to_owned(), Json::Object(property));
+        properties.insert(name, serde_json::json!(option));
     }
-    Ok(schema(&properties))
+    Ok(schema(&properties.into()))
 }
 
-fn schema(properties: &Map<String, Json>) -> Json {
+fn schema(properties: &Json) -> Json {
     serde_json::json!({
         "type": "object",
         "properties": properties,
@@ -752,67 +757,84 @@ fn schema(properties: &Map<String, Json>) -> Json {
 }
 
 impl Input {
-    fn read(value: &Value<'_, '_>) -> Result<Self, InputError> {
-        let table = value.table("[input]", &["map", "scen", "letters", "order"])?;
-        if let Some(value) = table.get("map") {
-            value.choice(&[("movingai", ())])?;
-        }
-        let choice = |key, choices: &[(&str, bool)]| match table.get(key) {
-            Some(value) => value.choice(choices),
-            None => Ok(false),
-        };
-        let row_first = choice("order", &[("x-y", false), ("row-col", true)])?;
-        let pibt2 = choice("scen", &[("movingai", false), ("pibt2", true)])?;
-        if let (true, Some(order)) = (pibt2, table.get("order")) {
-            return Err(order
+    fn read(table: &Value<'_>) -> Result<Self, InputError> {
+        let input: Self = table.read()?;
+        match table.get("order") {
+            Some(order) if input.scen == Agents::Pibt2 => Err(order
                 .error("the order in instances of pibt2 is fixed")
-                .hint("remove `order`; it is for scenarios"));
+                .hint("remove `order`; it is for scenarios")),
+            _ => Ok(input),
         }
-        Ok(Self {
-            all_letters: choice("letters", &[("plain", false), ("all", true)])?,
-            agents: if pibt2 {
-                AgentsFormat::Pibt2
-            } else {
-                AgentsFormat::Scenario { row_first }
-            },
-        })
     }
 }
 
+/// `[output]`
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OutputTable {
+    #[serde(default)]
+    from: AnswerIn,
+    #[serde(default, deserialize_with = "scratch_file")]
+    file: Option<PathBuf>,
+    #[serde(deserialize_with = "answer_format")]
+    format: Option<Format>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum AnswerIn {
+    #[default]
+    File,
+    Stdout,
+}
+
+/// The word for a format that the manifest describes.
+const CUSTOM: &str = "custom";
+
+/// The formats in which an answer may be, by their names.
+fn answer_formats() -> Vec<&'static str> {
+    let formats = Format::ALL.iter().filter(|format| format.carries_plan());
+    formats.map(|format| format.name()).collect()
+}
+
+fn answer_format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Format>, D::Error> {
+    text(deserializer, "", |text| {
+        let mut formats = Format::ALL.iter().filter(|format| format.carries_plan());
+        match formats.find(|format| format.name() == text) {
+            Some(format) => Ok(Some(*format)),
+            None if text == CUSTOM => Ok(None),
+            None => Err(Fault::word(
+                text,
+                &[answer_formats(), vec![CUSTOM]].concat(),
+            )),
+        }
+    })
+}
+
 impl Output {
-    fn read(value: &Value<'_, '_>) -> Result<Self, InputError> {
-        let table = value.table("[output]", &["from", "file", "format", "custom"])?;
-        let stdout = match table.get("from") {
-            Some(value) => value.choice(&[("file", false), ("stdout", true)])?,
-            None => false,
-        };
-        let file = match (table.get("file"), stdout) {
-            (Some(value), true) => {
-                return Err(value.error("there is no file: the answer is on standard output"));
+    fn read(table: &Value<'_>) -> Result<Self, InputError> {
+        let said: OutputTable = table.clone().apart(&[CUSTOM]).read()?;
+        let file = match (said.from, said.file) {
+            (AnswerIn::Stdout, Some(_)) => {
+                let reason = "there is no file: the answer is on standard output";
+                return Err(table.error_at("file", reason));
             }
-            (Some(value), false) => Some(scratch_file(&value)?),
-            (None, true) => None,
-            (None, false) => Some("output.txt".into()),
+            (AnswerIn::Stdout, None) => None,
+            (AnswerIn::File, file) => Some(file.unwrap_or_else(|| "output.txt".into())),
         };
-        let format = table.require("format")?;
-        let formats = Format::ALL.iter().copied();
-        let formats = formats.filter(|format| format.carries_plan());
-        let mut choices: Vec<_> = formats.map(|named| (named.name(), Some(named))).collect();
-        choices.push(("custom", None));
-        let written = match (format.choice(&choices)?, table.get("custom")) {
+        let written = match (said.format, table.get(CUSTOM)) {
             (Some(named), None) => Written::As(named),
-            (None, Some(value)) => Written::So(custom(&value)?.into()),
-            (Some(_), Some(value)) => {
-                return Err(value
+            (None, Some(described)) => Written::So(custom(&described)?.into()),
+            (Some(_), Some(described)) => {
+                return Err(described
                     .error("the format is a named one, so it is not described")
                     .hint("write `format = \"custom\"`, or remove the table"));
             }
             (None, None) => {
-                let named: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
-                let named = &named[..named.len() - 1];
-                return Err(format
-                    .error("a custom format is described in [output.custom]")
-                    .hint(format!("add the table, or use one of {}", named.join(", "))));
+                let named = answer_formats().join(", ");
+                return Err(table
+                    .error_at("format", "a custom format is described in [output.custom]")
+                    .hint(format!("add the table, or use one of {named}")));
             }
         };
         Ok(Self { file, written })
@@ -820,55 +842,64 @@ impl Output {
 }
 
 /// A name in the scratch folder that leads nowhere else.
-fn scratch_file(value: &Value<'_, '_>) -> Result<PathBuf, InputError> {
-    let text = value.nonempty()?;
-    let plain = !text.contains(['/', '\0']) && !matches!(text, "." | ".." | MAP_NAME | SCEN_NAME);
-    if plain {
-        Ok(text.into())
-    } else {
+fn scratch_file<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<PathBuf>, D::Error> {
+    text(deserializer, "", |text| {
+        let text = not_empty(text)?;
+        if !text.contains(['/', '\0']) && !matches!(text, "." | ".." | MAP_NAME | SCEN_NAME) {
+            return Ok(Some(text.into()));
+        }
         let reason = format!("\"{}\" is no name for a file of the answer", shown(text));
-        Err(value
-            .error(reason)
-            .hint("it is a name without folders; the file is in `{scratch}`"))
-    }
+        Err(Fault::new(reason).hint("it is a name without folders; the file is in `{scratch}`"))
+    })
 }
 
-fn custom(value: &Value<'_, '_>) -> Result<Layout, InputError> {
-    let table = value.table(
-        "[output.custom]",
-        &[
-            "layout",
-            "line",
-            "order",
-            "position",
-            "separator",
-            "coordinates_from",
-            "index_from",
-            "skip_lines",
-            "begin",
-            "end",
-            "ignore",
-        ],
-    )?;
-    let major = table.require("layout")?.choice(&[
-        ("agent-major", Major::Agent),
-        ("time-major", Major::Time),
-        ("rows", Major::Row),
-    ])?;
-    let rows = major == Major::Row;
-    let position = match (table.get("order"), table.get("position")) {
-        (Some(order), None) => order.choice(&[
-            (
-                "row-col",
-                if rows { "{row},{col}" } else { "({row},{col})" },
-            ),
-            ("x-y", if rows { "{x},{y}" } else { "({x},{y})" }),
-            ("cell", "{cell}"),
-        ])?,
-        (None, Some(position)) => position.nonempty()?,
-        (Some(_), Some(position)) => {
-            return Err(position
-                .error("`order` and `position` say the same thing")
+/// `[output.custom]`
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CustomTable {
+    layout: Major,
+    line: Option<String>,
+    order: Option<PositionOrder>,
+    #[serde(default, deserialize_with = "nonempty")]
+    position: Option<String>,
+    separator: Option<String>,
+    #[serde(default, deserialize_with = "between::<0, 1, u32, _, _>")]
+    coordinates_from: i64,
+    #[serde(default, deserialize_with = "between::<0, 1, u32, _, _>")]
+    index_from: i64,
+    #[serde(default, deserialize_with = "between::<0, 1_000_000, u64, _, _>")]
+    skip_lines: u64,
+    #[serde(default, deserialize_with = "pattern::<0, _, _>")]
+    begin: Option<Regex>,
+    #[serde(default, deserialize_with = "pattern::<0, _, _>")]
+    end: Option<Regex>,
+    #[serde(default, deserialize_with = "pattern::<0, _, _>")]
+    ignore: Option<Regex>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum PositionOrder {
+    RowCol,
+    XY,
+    Cell,
+}
+
+fn custom(table: &Value<'_>) -> Result<Layout, InputError> {
+    let said: CustomTable = table.read()?;
+    let rows = said.layout == Major::Row;
+    let position = match (&said.order, &said.position) {
+        (Some(order), None) => match (order, rows) {
+            (PositionOrder::RowCol, true) => "{row},{col}",
+            (PositionOrder::RowCol, false) => "({row},{col})",
+            (PositionOrder::XY, true) => "{x},{y}",
+            (PositionOrder::XY, false) => "({x},{y})",
+            (PositionOrder::Cell, _) => "{cell}",
+        },
+        (None, Some(position)) => position,
+        (Some(_), Some(_)) => {
+            return Err(table
+                .error_at("position", "`order` and `position` say the same thing")
                 .hint("remove one of them"));
         }
         (None, None) => {
@@ -877,149 +908,109 @@ fn custom(value: &Value<'_, '_>) -> Result<Layout, InputError> {
                 .hint("as in `order = \"x-y\"` or `position = \"[{row} {col}]\"`"));
         }
     };
-    if let (true, Some(separator)) = (rows, table.get("separator")) {
-        return Err(separator
-            .error("a row has one position, so nothing stands between positions")
+    if rows && said.separator.is_some() {
+        let reason = "a row has one position, so nothing stands between positions";
+        return Err(table
+            .error_at("separator", reason)
             .hint("remove `separator`; what is between the fields of a row stands in `line`"));
     }
-    let line = table.text("line")?.unwrap_or(if rows {
+    let usual = if rows {
         "{agent},{time},{position}"
     } else {
         "{path}"
-    });
-    let separator = table.text("separator")?.unwrap_or(",");
-    let mut layout = Layout::new(major, line, position, separator).map_err(|error| {
-        let fault = match table.get(error.part) {
-            Some(value) => value.error(error.reason),
-            None => table.error(error.reason),
-        };
-        fault.hint(error.hint)
-    })?;
-    let integer = |key, most| match table.get(key) {
-        Some(value) => value.integer(0, most),
-        None => Ok(0),
     };
-    let regex = |key| table.get(key).map(|value| pattern(&value, 0)).transpose();
-    layout.coordinates_from = integer("coordinates_from", 1)?;
-    layout.index_from = integer("index_from", 1)?;
-    layout.skip_lines = integer("skip_lines", 1_000_000)? as u64;
-    layout.begin = regex("begin")?.map(Begin::Pattern);
-    layout.end = regex("end")?;
-    layout.ignore = regex("ignore")?;
+    let line = said.line.as_deref().unwrap_or(usual);
+    let separator = said.separator.as_deref().unwrap_or(",");
+    let mut layout = Layout::new(said.layout, line, position, separator)
+        .map_err(|error| table.error_at(error.part, error.reason).hint(error.hint))?;
+    layout.coordinates_from = said.coordinates_from;
+    layout.index_from = said.index_from;
+    layout.skip_lines = said.skip_lines;
+    layout.begin = said.begin.map(Begin::Pattern);
+    layout.end = said.end;
+    layout.ignore = said.ignore;
     Ok(layout)
 }
 
 impl Exit {
-    fn read(value: &Value<'_, '_>) -> Result<Self, InputError> {
-        let table = value.table("[exit]", &["codes", "patterns"])?;
-        let mut exit = Self::default();
+    fn read(table: &Value<'_>) -> Result<Self, InputError> {
+        let mut exit: Self = table.clone().apart(&["codes"]).read()?;
         if let Some(codes) = table.get("codes") {
-            for (key, value) in codes.names("[exit.codes]")?.values() {
-                let code = key
-                    .parse::<u8>()
-                    .ok()
-                    .filter(|code| code.to_string() == key);
-                let Some(code) = code else {
-                    let reason = format!("`{}` is no exit code", shown(key));
-                    return Err(value.error(reason).hint("exit codes are 0 to 255"));
-                };
-                exit.codes.push((code.into(), value.choice(&STATUSES)?));
-            }
-        }
-        if let Some(patterns) = table.get("patterns") {
-            for value in patterns.list()? {
-                let keys = ["pattern", "from", "status", "message"];
-                let table = value.table("[[exit.patterns]]", &keys)?;
-                exit.patterns.push(Rule {
-                    pattern: pattern(&table.require("pattern")?, 0)?,
-                    from: from(&table)?,
-                    status: table.require("status")?.choice(&STATUSES)?,
-                    message: table.text("message")?.map(str::to_owned),
-                });
+            for (code, status) in codes.entries()? {
+                let code = code.text(exit_code)?;
+                exit.codes.push((code, status.read()?));
             }
         }
         Ok(exit)
     }
 }
 
-fn from(table: &Table<'_, '_>) -> Result<Searched, InputError> {
-    match table.get("from") {
-        Some(value) => value.choice(&FROM),
-        None => Ok(Searched::Log),
+fn exit_code(text: &str) -> Result<i32, Fault> {
+    let code = text.parse::<u8>().ok();
+    match code.filter(|code| code.to_string() == text) {
+        Some(code) => Ok(code.into()),
+        None => Err(Fault::new("it is no exit code").hint("exit codes are 0 to 255")),
     }
 }
 
-fn metrics(table: &Table<'_, '_>) -> Result<Vec<Metric>, InputError> {
-    let mut found = Vec::new();
-    for ((key, at), (_, value)) in table.keys().zip(table.values()) {
-        name(key, "a figure", table, at)?;
-        let metric = value.table(format!("[metrics.{key}]"), &["pattern", "from", "unit"])?;
-        let mut full_name = key.to_owned();
-        if let Some(value) = metric.get("unit") {
-            let unit = value.nonempty()?;
-            name(unit, "a unit", &metric, 0).map_err(|_| {
-                value
-                    .error(format!("\"{}\" is no unit", shown(unit)))
-                    .hint("as in \"ms\", \"s\", \"mb\" or \"steps\"")
-            })?;
-            full_name = format!("{key}_{unit}");
+fn unit<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    text(deserializer, "", |text| {
+        if is_identifier(not_empty(text)?) {
+            return Ok(Some(text.to_owned()));
         }
-        found.push(Metric {
-            name: full_name,
-            pattern: pattern(&metric.require("pattern")?, 1)?,
-            from: from(&metric)?,
-        });
+        let fault = Fault::new(format!("\"{}\" is no unit", shown(text)));
+        Err(fault.hint("as in \"ms\", \"s\", \"mb\" or \"steps\""))
+    })
+}
+
+fn metrics(table: &Value<'_>) -> Result<Vec<Metric>, InputError> {
+    let mut found = Vec::new();
+    for (key, value) in table.entries()? {
+        let name = key.text(|text| name(text, "a figure"))?;
+        let mut metric: Metric = value.read()?;
+        metric.name = match &metric.unit {
+            Some(unit) => format!("{name}_{unit}"),
+            None => name,
+        };
+        found.push(metric);
     }
     Ok(found)
 }
 
-fn capabilities(value: &Value<'_, '_>) -> Result<Capabilities, InputError> {
-    /// What a solver behind an adapter can show.
-    const ALLOWED: [Capability; 6] = [
-        Capability::EightConnected,
-        Capability::DuplicateGoals,
-        Capability::CollidingPlans,
-        Capability::KRobust,
-        Capability::Deterministic,
-        Capability::Threads,
-    ];
-    let table = value.names("[capabilities]")?;
-    let mut claimed = vec![Capability::Grid, Capability::Pebble];
-    let mut first_fault: Option<(usize, InputError)> = None;
-    for ((key, at), (_, value)) in table.keys().zip(table.values()) {
-        if let Some(capability) = ALLOWED.iter().find(|known| known.as_str() == key) {
-            if value.flag()? {
-                claimed.push(*capability);
-            }
-        } else if first_fault.as_ref().is_none_or(|(first, _)| at < *first) {
-            let names = ALLOWED.map(Capability::as_str).join(", ");
-            let known = Capability::ALL.iter().any(|known| known.as_str() == key);
-            let reason = if known {
-                format!("an adapter cannot claim `{key}`")
-            } else {
-                format!("unknown capability `{}`", shown(key))
-            };
-            let fault = table.document.error(at, reason);
-            first_fault = Some((at, fault.hint(format!("it may claim {names}"))));
+/// What every solver behind an adapter can do.
+const GRIDS: [Capability; 2] = [Capability::Grid, Capability::Pebble];
+
+/// What it can show besides.
+const CLAIMS: [Capability; 6] = [
+    Capability::EightConnected,
+    Capability::DuplicateGoals,
+    Capability::CollidingPlans,
+    Capability::KRobust,
+    Capability::Deterministic,
+    Capability::Threads,
+];
+
+fn capabilities(table: &Value<'_>) -> Result<Capabilities, InputError> {
+    let mut claimed = GRIDS.to_vec();
+    for (key, value) in table.entries()? {
+        let capability = key.text(claim)?;
+        if value.read()? {
+            claimed.push(capability);
         }
     }
-    match first_fault {
-        Some((_, fault)) => Err(fault),
-        None => Ok(Capabilities::of(&claimed)),
-    }
+    Ok(Capabilities::of(&claimed))
 }
 
-fn files(value: &Value<'_, '_>) -> Result<Vec<PathBuf>, InputError> {
-    let table = value.table("[files]", &["read"])?;
-    let mut found = Vec::new();
-    if let Some(list) = table.get("read") {
-        for value in list.list()? {
-            let text = value.nonempty()?;
-            if text.contains('\0') {
-                return Err(value.error("a NUL character cannot be part of a path"));
-            }
-            found.push(Path::new(text).to_owned());
-        }
+fn claim(text: &str) -> Result<Capability, Fault> {
+    let named = |known: &&Capability| known.as_str() == text;
+    if let Some(claim) = CLAIMS.iter().find(named) {
+        return Ok(*claim);
     }
-    Ok(found)
+    let names = CLAIMS.map(Capability::as_str).join(", ");
+    let reason = if Capability::ALL.iter().any(|known| named(&known)) {
+        format!("an adapter cannot claim `{text}`")
+    } else {
+        format!("unknown capability `{}`", shown(text))
+    };
+    Err(Fault::new(reason).hint(format!("it may claim {names}")))
 }

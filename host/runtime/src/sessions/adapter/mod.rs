@@ -34,7 +34,7 @@ pub(crate) use manifest::FORMAT;
 pub use manifest::{MANIFEST_LIMIT, Manifest};
 
 use crate::{Fault, check_options};
-use manifest::VersionQuery;
+use manifest::{VersionArgument, VersionQuery};
 use process::{Captured, End, Outputs};
 use solver::Solver;
 use template::Slot;
@@ -75,8 +75,7 @@ impl Adapter {
             .map_err(refused)?;
         let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let folder = absolute.parent().unwrap_or(Path::new("/")).to_owned();
-        let (program, chosen_by_host) =
-            find_program(&manifest, &folder, &source).map_err(refused)?;
+        let (program, chosen_by_host) = find_program(&manifest, &folder).map_err(refused)?;
         Ok(Self {
             installed: Arc::new(Installed {
                 manifest,
@@ -105,7 +104,13 @@ impl Adapter {
         let Installed {
             manifest, folder, ..
         } = &*self.installed;
-        manifest.read.iter().map(|path| folder.join(path)).collect()
+        manifest
+            .head
+            .files
+            .read
+            .iter()
+            .map(|path| folder.join(path))
+            .collect()
     }
 
     /// Environment variables that [`open`](Self::open) looks at: a process that
@@ -145,7 +150,7 @@ impl Adapter {
             folder, program, ..
         } = &*self.installed;
         let mut command = Command::new(program);
-        for template in &query.arguments {
+        for VersionArgument(template) in &query.args {
             command.arg(template.render(|slot| match slot {
                 Slot::ManifestDir => folder.clone().into(),
                 // The manifest's reader lets no other pass.
@@ -160,11 +165,11 @@ impl Adapter {
             stderr_line: &mut |_| {},
         };
         let ended = process::run(command.current_dir(env::temp_dir()), outputs, &|| {
-            begun.elapsed() >= query.limit
+            begun.elapsed().as_secs() >= query.seconds
         })
         .map_err(|error| format!("{} cannot be started: {error}", program.display()))?;
         if ended.end == End::Stopped {
-            return Err(format!("it took longer than {} s", query.limit.as_secs()));
+            return Err(format!("it took longer than {} s", query.seconds));
         }
         let texts = [ended.stdout.into_bytes(), ended.stderr.into_bytes()];
         let found = texts.iter().find_map(|text| query.pattern.captures(text));
@@ -185,15 +190,11 @@ fn is_executable(path: &Path) -> bool {
 
 /// The program of a manifest: where its variable says, else where its command says. And
 /// whether it was the host's user who said so.
-fn find_program(
-    manifest: &Manifest,
-    folder: &Path,
-    source: &str,
-) -> Result<(PathBuf, bool), InputError> {
+fn find_program(manifest: &Manifest, folder: &Path) -> Result<(PathBuf, bool), InputError> {
     let program = &manifest.program;
     let command = program.command.as_str();
     let refused = |reason: String| {
-        let error = InputError::new(source, reason).at(program.line, program.column);
+        let error = program.place.error(reason);
         error.hint(install_hint(manifest))
     };
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
@@ -238,7 +239,7 @@ fn find_program(
 /// The way to get a program that is missing.
 fn install_hint(manifest: &Manifest) -> String {
     let program = &manifest.program;
-    let get = match (&program.install, manifest.homepage.as_str()) {
+    let get = match (&program.install, manifest.head.homepage.as_str()) {
         (Some(text), _) => text.clone(),
         (None, "") => "install it".to_owned(),
         (None, homepage) => format!("get it from {homepage}"),
@@ -253,22 +254,22 @@ impl Catalog for Adapter {
     fn descriptors(&self) -> Vec<Descriptor> {
         let manifest = &self.installed.manifest;
         let version = self.version().as_ref();
-        let mut description = manifest.description.trim().to_owned();
-        if !manifest.homepage.is_empty() {
+        let mut description = manifest.head.description.trim().to_owned();
+        if !manifest.head.homepage.is_empty() {
             let gap = if description.is_empty() { "" } else { " " };
-            description = format!("{description}{gap}<{}>", manifest.homepage);
+            description = format!("{description}{gap}<{}>", manifest.head.homepage);
         }
         vec![Descriptor {
             version: version.unwrap_or(&manifest.version.text).clone(),
-            license: manifest.license.clone(),
+            license: manifest.head.license.clone(),
             capabilities: manifest.capabilities,
             options_schema: manifest.options.clone(),
-            name: if manifest.name.is_empty() {
-                manifest.id.clone()
+            name: if manifest.head.name.is_empty() {
+                manifest.head.id.clone()
             } else {
-                manifest.name.clone()
+                manifest.head.name.clone()
             },
-            ..Descriptor::new(Kind::Planner, manifest.id.as_str(), description)
+            ..Descriptor::new(Kind::Planner, manifest.head.id.as_str(), description)
         }]
     }
 
@@ -280,7 +281,7 @@ impl Catalog for Adapter {
         sink: &dyn Sink,
     ) -> Result<Object, Failure> {
         let manifest = &self.installed.manifest;
-        if kind != Kind::Planner || id != manifest.id {
+        if kind != Kind::Planner || id != manifest.head.id {
             let reason = format!("there is no {kind} `{id}`");
             return Err(Failure::new(Status::Unsupported, reason));
         }

@@ -24,7 +24,7 @@ use serde_json::{Map, Value as Json};
 use tempfile::TempDir;
 
 use super::Installed;
-use super::manifest::{AgentsFormat, Condition, MAP_NAME, SCEN_NAME, Searched};
+use super::manifest::{Agents, Condition, Letters, MAP_NAME, Order, SCEN_NAME, Searched};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
 
@@ -163,7 +163,7 @@ impl Solver {
     }
 
     fn unsupported(&self, what: &str) -> Failure {
-        let id = &self.installed.manifest.id;
+        let id = &self.installed.manifest.head.id;
         Failure::new(Status::Unsupported, format!("{id} {what}"))
     }
 
@@ -198,11 +198,10 @@ impl Solver {
     /// The file of starts and goals.
     fn agents_file(&self, instance: &Instance, grid: &GridEnvironment, seed: u64) -> Vec<u8> {
         let goals = instance.goals.items();
-        match self.installed.manifest.input.agents {
-            AgentsFormat::Scenario { row_first } => {
-                scenario(&instance.starts, goals, grid, row_first)
-            }
-            AgentsFormat::Pibt2 => write_pibt2(
+        let input = self.installed.manifest.input;
+        match input.scen {
+            Agents::MovingAi => scenario(&instance.starts, goals, grid, input.order),
+            Agents::Pibt2 => write_pibt2(
                 &self.scratch.path().join(MAP_NAME).to_string_lossy(),
                 size(grid),
                 &instance.starts,
@@ -472,7 +471,7 @@ impl Prepare for Solver {
         if grid.connectivity != 4 && !manifest.capabilities.has(Capability::EightConnected) {
             return Err(self.unsupported("plans on four-connected grids"));
         }
-        let terrain = if manifest.input.all_letters {
+        let terrain = if manifest.input.letters == Letters::All {
             grid.terrain.clone()
         } else {
             let letter = |free: &u8| if *free == 0 { b'@' } else { b'.' };
@@ -567,12 +566,15 @@ fn seed31(seed: u64) -> u32 {
 }
 
 /// A scenario's text; with rows before columns for solvers that read it so.
-fn scenario(starts: &[u32], goals: &[u32], grid: &GridEnvironment, row_first: bool) -> Vec<u8> {
+fn scenario(starts: &[u32], goals: &[u32], grid: &GridEnvironment, order: Order) -> Vec<u8> {
     let cols = grid.cols.max(1);
     let place = |cell: &u32| {
         let (row, col) = (cell / cols, cell % cols);
         // A scenario's entry is (row, column) and is written column first.
-        if row_first { (col, row) } else { (row, col) }
+        match order {
+            Order::XY => (row, col),
+            Order::RowCol => (col, row),
+        }
     };
     let entries = starts.iter().zip(goals).map(|(start, goal)| ScenarioEntry {
         line: 0,

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::manifest::{AgentsFormat, Condition, Manifest, Searched};
+use super::manifest::{Agents, Condition, Manifest, Searched};
 
 const MINIMAL: &str = r#"manifest = 1
 id = "solver"
@@ -24,7 +24,8 @@ fn the_smallest_manifest() {
     assert_eq!(manifest.id(), "solver");
     assert_eq!(manifest.options, serde_json::Value::Null);
     assert_eq!(manifest.output.source(), "output.txt");
-    assert_eq!((manifest.program.line, manifest.program.column), (4, 11));
+    let here = manifest.program.place.error("here").to_string();
+    assert_eq!(here, "p.toml:4:11: here");
 }
 
 /// An instance of pibt2 names its map.
@@ -32,7 +33,7 @@ fn the_smallest_manifest() {
 fn a_solver_of_pibt2_instances_needs_no_argument_for_the_map() {
     let text = MINIMAL.replace("\"{map}\", ", "");
     let text = text.replace("[output]", "[input]\nscen = \"pibt2\"\n[output]");
-    assert_eq!(read(&text).input.agents, AgentsFormat::Pibt2);
+    assert_eq!(read(&text).input.scen, Agents::Pibt2);
 }
 
 #[test]
@@ -155,7 +156,7 @@ read = ["/opt/solver", "weights"]
         claimed,
         ["grid", "eight-connected", "pebble", "deterministic"]
     );
-    assert_eq!(manifest.read.len(), 2);
+    assert_eq!(manifest.head.files.read.len(), 2);
 }
 
 /// In `MINIMAL`, `old` becomes `new`; the error and its hint begin and contain.
@@ -309,7 +310,7 @@ fn faults_say_where_and_what_to_do() {
         (
             "\"{output}\"",
             "{ wen = \"nodes\" }",
-            "p.toml:5:30: unknown key `wen` in a conditional argument",
+            "p.toml:5:30: unknown key `wen` in [[program.args]]",
             "`when`",
         ),
         (
@@ -387,7 +388,7 @@ fn faults_say_where_and_what_to_do() {
         (
             "[output]",
             "[options.x]\ntype = \"number\"\ndefault = nan\n[output]",
-            "p.toml:8:11: `default` is out of range",
+            "p.toml:8:11: `default` is not a finite number",
             "",
         ),
         (
@@ -483,7 +484,7 @@ fn faults_say_where_and_what_to_do() {
         (
             "format = \"lacam\"",
             "format = \"lacam\"\n[exit]\ncodes = { 256 = \"solved\" }",
-            "p.toml:9:17: `256` is no exit code",
+            "p.toml:9:11: `256` is no exit code",
             "0 to 255",
         ),
         (
