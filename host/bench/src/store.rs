@@ -1194,10 +1194,7 @@ impl SharedStore {
     }
 
     /// Works with the store; an error once it was closed.
-    pub fn with<T>(
-        &self,
-        work: impl FnOnce(&mut Store) -> Result<T, InputError>,
-    ) -> Result<T, InputError> {
+    pub fn with<T>(&self, work: impl FnOnce(&mut Store) -> Result<T>) -> Result<T> {
         match self.lock().as_mut() {
             Some(store) => work(store),
             None => Err(InputError::new("store", "the store was closed")),
