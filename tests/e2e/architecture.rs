@@ -277,6 +277,19 @@ fn the_contract_needs_no_heavy_crate_by_default() {
 }
 
 #[test]
+fn what_commands_share_knows_no_command() {
+    let command = root().join("host/cli/src");
+    let mut shared = sources(&command);
+    shared.retain(|file| file.parent() == Some(&*command) && !file.ends_with("main.rs"));
+    assert!(shared.len() > 3, "{shared:?}");
+    let upwards = lines_with(&shared, &["commands::"]);
+    assert!(upwards.is_empty(), "{upwards:#?}");
+    let lowest = ["exit.rs", "output.rs"].map(|name| command.join(name));
+    let upwards = lines_with(&lowest, &["args::", "files::", "setup::"]);
+    assert!(upwards.is_empty(), "{upwards:#?}");
+}
+
+#[test]
 fn every_crate_takes_the_lints_of_the_workspace() {
     for package in &ours() {
         let manifest = fs::read_to_string(&package.manifest_path).unwrap();

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use fleetyard_abi::Status;
 use fleetyard_check::{PathRule, Verdict, Violation};
-use fleetyard_core::Digest;
+use fleetyard_core::{Digest, Words as _};
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{
     Attach, BrokenPromise, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source,
@@ -338,15 +338,12 @@ fn sandbox_line(sandbox: &SandboxReport) -> String {
         return "none".into();
     }
     let active = sandbox.layers.iter().filter(|state| state.active).count();
-    let refused: Vec<&str> = sandbox
-        .refused()
-        .map(|state| state.layer.as_str())
-        .collect();
+    let refused: Vec<&str> = sandbox.refused().map(|state| state.layer.name()).collect();
     let mut text = format!("{active} of {} layers", Layer::ALL.len());
     if let Some(filter) = &sandbox.seccomp
         && sandbox.level == Level::Strict
     {
-        let _ = write!(text, ", system calls by the {}", filter.profile.as_str());
+        let _ = write!(text, ", system calls by the {}", filter.profile.name());
     }
     if !refused.is_empty() {
         let _ = write!(text, "; refused: {}", refused.join(", "));

@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::Status;
+use fleetyard_core::words;
 use serde::Serialize;
 
 use crate::error::BenchError;
@@ -59,8 +60,7 @@ pub struct Difference {
 }
 
 /// The parts in which two trials may differ.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
     /// The end of the call.
     Termination,
@@ -70,16 +70,11 @@ pub enum What {
     Trace,
 }
 
-impl What {
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Termination => "termination",
-            Self::Plan => "plan",
-            Self::Trace => "trace",
-        }
-    }
-}
+words!(What {
+    Termination = "termination";
+    Plan = "plan";
+    Trace = "trace";
+});
 
 /// Makes trials of a store again: all whose keys the schedule has, or `sample` of them, which
 /// are spread evenly over planners and instances. None takes longer than `longest`; `watch` hears

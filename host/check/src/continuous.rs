@@ -9,7 +9,7 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
-use fleetyard_core::TrajectoryPlan;
+use fleetyard_core::{TrajectoryPlan, words};
 use fleetyard_world::exact::{ContactSearch, Obstacles, Touched, contacts};
 use fleetyard_world::{Demand, Dynamics, Excess, Pose, Shape};
 use serde::{Deserialize, Serialize};
@@ -72,8 +72,7 @@ impl Default for Tolerance {
 ///
 /// The order is the order in which violations of equal time and agents are
 /// listed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ContinuousRule {
     /// The plan has paths for more or fewer agents than there are footprints,
     /// starts, goals or limits.
@@ -102,47 +101,20 @@ pub enum ContinuousRule {
     OutOfBounds,
 }
 
-impl ContinuousRule {
-    /// Every rule, in order.
-    pub const ALL: [Self; 12] = [
-        Self::AgentCount,
-        Self::WrongStart,
-        Self::WrongGoal,
-        Self::TooFast,
-        Self::WrongCourse,
-        Self::TurnsTooFast,
-        Self::TooSudden,
-        Self::TurnsTooSuddenly,
-        Self::AgentContact,
-        Self::ObstacleContact,
-        Self::MoverContact,
-        Self::OutOfBounds,
-    ];
-
-    /// The name in JSON output.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::AgentCount => "agent-count",
-            Self::WrongStart => "wrong-start",
-            Self::WrongGoal => "wrong-goal",
-            Self::TooFast => "too-fast",
-            Self::WrongCourse => "wrong-course",
-            Self::TurnsTooFast => "turns-too-fast",
-            Self::TooSudden => "too-sudden",
-            Self::TurnsTooSuddenly => "turns-too-suddenly",
-            Self::AgentContact => "agent-contact",
-            Self::ObstacleContact => "obstacle-contact",
-            Self::MoverContact => "mover-contact",
-            Self::OutOfBounds => "out-of-bounds",
-        }
-    }
-}
-
-impl fmt::Display for ContinuousRule {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+words!(ContinuousRule {
+    AgentCount = "agent-count";
+    WrongStart = "wrong-start";
+    WrongGoal = "wrong-goal";
+    TooFast = "too-fast";
+    WrongCourse = "wrong-course";
+    TurnsTooFast = "turns-too-fast";
+    TooSudden = "too-sudden";
+    TurnsTooSuddenly = "turns-too-suddenly";
+    AgentContact = "agent-contact";
+    ObstacleContact = "obstacle-contact";
+    MoverContact = "mover-contact";
+    OutOfBounds = "out-of-bounds";
+});
 
 /// One broken rule.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

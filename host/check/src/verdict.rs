@@ -2,14 +2,14 @@
 
 use std::fmt;
 
+use fleetyard_core::words;
 use serde::{Deserialize, Serialize};
 
 /// A rule that a plan can break.
 ///
 /// The order is the order in which violations of equal time and agents are
 /// listed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Rule {
     /// The plan has paths for more or fewer agents than the instance has.
     AgentCount,
@@ -42,51 +42,22 @@ pub enum Rule {
     CornerMeet,
 }
 
-impl Rule {
-    /// Every rule, in order.
-    pub const ALL: [Self; 14] = [
-        Self::AgentCount,
-        Self::EmptyPath,
-        Self::WrongStart,
-        Self::WrongGoal,
-        Self::OutOfBounds,
-        Self::Obstacle,
-        Self::NotAdjacent,
-        Self::CornerCut,
-        Self::Turn,
-        Self::VertexConflict,
-        Self::ParkedConflict,
-        Self::SwapConflict,
-        Self::DiagonalCrossing,
-        Self::CornerMeet,
-    ];
-
-    /// The name in JSON output.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::AgentCount => "agent-count",
-            Self::EmptyPath => "empty-path",
-            Self::WrongStart => "wrong-start",
-            Self::WrongGoal => "wrong-goal",
-            Self::OutOfBounds => "out-of-bounds",
-            Self::Obstacle => "obstacle",
-            Self::NotAdjacent => "not-adjacent",
-            Self::CornerCut => "corner-cut",
-            Self::Turn => "turn",
-            Self::VertexConflict => "vertex-conflict",
-            Self::ParkedConflict => "parked-conflict",
-            Self::SwapConflict => "swap-conflict",
-            Self::DiagonalCrossing => "diagonal-crossing",
-            Self::CornerMeet => "corner-meet",
-        }
-    }
-}
-
-impl fmt::Display for Rule {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+words!(Rule {
+    AgentCount = "agent-count";
+    EmptyPath = "empty-path";
+    WrongStart = "wrong-start";
+    WrongGoal = "wrong-goal";
+    OutOfBounds = "out-of-bounds";
+    Obstacle = "obstacle";
+    NotAdjacent = "not-adjacent";
+    CornerCut = "corner-cut";
+    Turn = "turn";
+    VertexConflict = "vertex-conflict";
+    ParkedConflict = "parked-conflict";
+    SwapConflict = "swap-conflict";
+    DiagonalCrossing = "diagonal-crossing";
+    CornerMeet = "corner-meet";
+});
 
 /// Row and column of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

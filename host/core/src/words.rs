@@ -35,7 +35,7 @@ pub trait Words: Copy + Eq + 'static {
     }
 }
 
-/// Declares the words of an enum's values, each with a line of help, and implements
+/// Declares the words of an enum's values, each with a line of help if users give it, and implements
 /// [`Words`], `Display`, `Serialize` and `Deserialize` by them.
 ///
 /// ```
@@ -55,7 +55,7 @@ pub trait Words: Copy + Eq + 'static {
 /// ```
 #[macro_export]
 macro_rules! words {
-    ($type:ident { $($variant:ident = $name:literal, $help:literal;)+ }) => {
+    ($type:ident { $($variant:ident = $name:literal $(, $help:literal)?;)+ }) => {
         impl $type {
             /// Its word in files, in records and on the command line.
             #[allow(unreachable_pub, reason = "it is as visible as its type")]
@@ -72,7 +72,7 @@ macro_rules! words {
             }
 
             fn help(self) -> &'static str {
-                match self { $(Self::$variant => $help),+ }
+                match self { $(Self::$variant => concat!($($help)?)),+ }
             }
         }
 

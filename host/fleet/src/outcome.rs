@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetyard_core::Digest;
+use fleetyard_core::{Digest, words};
 use fleetyard_sim::Figures;
 use serde::{Deserialize, Serialize};
 
@@ -19,8 +19,7 @@ pub enum Ended {
 }
 
 /// A point of the series: figures of a moment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum EventKind {
     /// The planner overran, crashed, broke the protocol or reported an error.
     PlannerFault,
@@ -53,27 +52,22 @@ pub enum EventKind {
     ResumedOtherwise,
 }
 
-impl EventKind {
-    /// Its name.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::PlannerFault => "planner-fault",
-            Self::PlannerGaveUp => "planner-gave-up",
-            Self::InvalidBatch => "invalid-batch",
-            Self::GeneratorFault => "generator-fault",
-            Self::InvalidInstance => "invalid-instance",
-            Self::FailPolicyFault => "fail-policy-fault",
-            Self::InvalidRecovery => "invalid-recovery",
-            Self::AllWait => "all-wait",
-            Self::InvocationFault => "invocation-fault",
-            Self::Watchdog => "watchdog",
-            Self::Restarted => "restarted",
-            Self::NotRestarted => "not-restarted",
-            Self::RingsCut => "rings-cut",
-            Self::ResumedOtherwise => "resumed-otherwise",
-        }
-    }
-}
+words!(EventKind {
+    PlannerFault = "planner-fault";
+    PlannerGaveUp = "planner-gave-up";
+    InvalidBatch = "invalid-batch";
+    GeneratorFault = "generator-fault";
+    InvalidInstance = "invalid-instance";
+    FailPolicyFault = "fail-policy-fault";
+    InvalidRecovery = "invalid-recovery";
+    AllWait = "all-wait";
+    InvocationFault = "invocation-fault";
+    Watchdog = "watchdog";
+    Restarted = "restarted";
+    NotRestarted = "not-restarted";
+    RingsCut = "rings-cut";
+    ResumedOtherwise = "resumed-otherwise";
+});
 
 /// Something that went otherwise than it should.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -214,7 +214,7 @@ impl Log {
             what: Happening::Notice {
                 number,
                 call,
-                name: notice.kind.as_str().to_owned(),
+                name: notice.kind.name().to_owned(),
                 module: beginning(&notice.module, Happening::MOST_NAME),
             },
         });

@@ -1,11 +1,10 @@
 //! State of a run's shards: the files that their tasks left in the run's folder, and for shards
 //! without any the state that Slurm reports.
 
-use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
-use fleetyard_core::open_regular;
+use fleetyard_core::{open_regular, words};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::job::{Job, Submission};
@@ -14,8 +13,7 @@ use super::script::{CHANGED, NOT_VISIBLE, SHARDS};
 use super::{Error, Slurm};
 
 /// State of a shard.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ShardState {
     /// Not submitted, because a submission was refused or interrupted.
     Unsubmitted,
@@ -43,34 +41,25 @@ pub enum ShardState {
     Vanished,
 }
 
+words!(ShardState {
+    Unsubmitted = "unsubmitted";
+    Pending = "pending";
+    Running = "running";
+    Completed = "completed";
+    Failed = "failed";
+    Timeout = "timeout";
+    OutOfMemory = "out-of-memory";
+    NodeFail = "node-fail";
+    Cancelled = "cancelled";
+    Preempted = "preempted";
+    Unseen = "unseen";
+    Vanished = "vanished";
+});
+
 impl ShardState {
     /// True if nothing more happens without a requeue.
     pub fn has_ended(self) -> bool {
         !matches!(self, Self::Pending | Self::Running)
-    }
-
-    /// Its name, as in JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Unsubmitted => "unsubmitted",
-            Self::Pending => "pending",
-            Self::Running => "running",
-            Self::Completed => "completed",
-            Self::Failed => "failed",
-            Self::Timeout => "timeout",
-            Self::OutOfMemory => "out-of-memory",
-            Self::NodeFail => "node-fail",
-            Self::Cancelled => "cancelled",
-            Self::Preempted => "preempted",
-            Self::Unseen => "unseen",
-            Self::Vanished => "vanished",
-        }
-    }
-}
-
-impl fmt::Display for ShardState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetyard_check::{Rule, Terms, Verdict, metrics, validate, validate_terms};
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP, Words as _};
 
 /// A map, starts and goals drawn with letters: `a` starts where it stands and
 /// has its goal at `A`.

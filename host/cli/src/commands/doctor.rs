@@ -343,10 +343,10 @@ fn text(findings: &Findings) -> String {
             reason: Some(reason),
         }) => format!(
             "would run, system calls by the {}: {reason}",
-            profile.as_str()
+            profile.name()
         ),
         Some(Filter { profile, .. }) => {
-            format!("would run, system calls by the {}", profile.as_str())
+            format!("would run, system calls by the {}", profile.name())
         }
         None if sandbox.strict => "would run".to_owned(),
         None => "would refuse to run".to_owned(),

@@ -10,6 +10,7 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use fleetyard_abi::monotonic_ns;
+use fleetyard_core::words;
 use serde::{Deserialize, Serialize};
 
 use crate::confinement::cgroup::Cgroup;
@@ -26,8 +27,7 @@ pub(crate) const SHARE_NEAR: u64 = 20;
 const FOLDER_EVERY_NS: u64 = 50_000_000;
 
 /// A resource with a limit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Limit {
     /// Wall time of a call.
     Wall,
@@ -43,18 +43,14 @@ pub enum Limit {
     Disk,
 }
 
-impl std::fmt::Display for Limit {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.pad(match self {
-            Self::Wall => "wall",
-            Self::Cpu => "cpu",
-            Self::Memory => "memory",
-            Self::Processes => "processes",
-            Self::Output => "output",
-            Self::Disk => "disk",
-        })
-    }
-}
+words!(Limit {
+    Wall = "wall";
+    Cpu = "cpu";
+    Memory = "memory";
+    Processes = "processes";
+    Output = "output";
+    Disk = "disk";
+});
 
 /// Origin of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -15,7 +15,7 @@ use std::fs;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
-use fleetyard_core::Digest;
+use fleetyard_core::{Digest, Words as _};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
@@ -175,7 +175,7 @@ impl Attempt<'_> {
     }
 
     fn report(&self) -> SandboxReport {
-        let layers = Layer::ALL.map(|layer| {
+        let layers = Layer::ALL.iter().copied().map(|layer| {
             let refusal = self.refused.iter().find(|refusal| refusal.layer == layer);
             let left_out = self.left_out.iter().find(|(known, _)| *known == layer);
             let remark = self.remarks.iter().find(|remark| remark.layer == layer);
@@ -195,7 +195,7 @@ impl Attempt<'_> {
             seccomp: self
                 .wants(Layer::Seccomp)
                 .then(|| self.launch.filter.clone()),
-            layers: layers.into(),
+            layers: layers.collect(),
             limits: self.limits(),
         }
     }

@@ -56,8 +56,7 @@ words!(Level {
 });
 
 /// One thing that is taken away from a plugin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Layer {
     /// Rights over the other namespaces without rights over the machine.
     UserNamespace,
@@ -91,43 +90,23 @@ pub enum Layer {
     Seccomp,
 }
 
+words!(Layer {
+    UserNamespace = "user-namespace";
+    PidNamespace = "pid-namespace";
+    MountNamespace = "mount-namespace";
+    NetworkNamespace = "network-namespace";
+    IpcNamespace = "ipc-namespace";
+    OwnProc = "own-proc";
+    OwnUser = "own-user";
+    Cgroup = "cgroup";
+    ResourceLimits = "resource-limits";
+    Capabilities = "capabilities";
+    NoNewPrivileges = "no-new-privileges";
+    Landlock = "landlock";
+    Seccomp = "seccomp";
+});
+
 impl Layer {
-    /// All of them, in the order in which they are set up.
-    pub const ALL: [Self; 13] = [
-        Self::UserNamespace,
-        Self::PidNamespace,
-        Self::MountNamespace,
-        Self::NetworkNamespace,
-        Self::IpcNamespace,
-        Self::OwnProc,
-        Self::OwnUser,
-        Self::Cgroup,
-        Self::ResourceLimits,
-        Self::Capabilities,
-        Self::NoNewPrivileges,
-        Self::Landlock,
-        Self::Seccomp,
-    ];
-
-    /// The name, as in records.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::UserNamespace => "user-namespace",
-            Self::PidNamespace => "pid-namespace",
-            Self::MountNamespace => "mount-namespace",
-            Self::NetworkNamespace => "network-namespace",
-            Self::IpcNamespace => "ipc-namespace",
-            Self::OwnProc => "own-proc",
-            Self::OwnUser => "own-user",
-            Self::Cgroup => "cgroup",
-            Self::ResourceLimits => "resource-limits",
-            Self::Capabilities => "capabilities",
-            Self::NoNewPrivileges => "no-new-privileges",
-            Self::Landlock => "landlock",
-            Self::Seccomp => "seccomp",
-        }
-    }
-
     /// True if `strict` insists on it. A control group and a user of its own are
     /// not for everybody to have.
     pub fn is_required(self) -> bool {
@@ -224,12 +203,6 @@ impl Layer {
     }
 }
 
-impl std::fmt::Display for Layer {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.pad(self.as_str())
-    }
-}
-
 /// True if a layer was active, and if not, why.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LayerState {
@@ -247,8 +220,7 @@ pub struct LayerState {
 }
 
 /// The reading of the table of system calls.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Profile {
     /// Refuses the calls that are listed as refused.
     DenyList,
@@ -256,15 +228,10 @@ pub enum Profile {
     AllowList,
 }
 
-impl Profile {
-    /// The name, as in records.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::DenyList => "deny-list",
-            Self::AllowList => "allow-list",
-        }
-    }
-}
+words!(Profile {
+    DenyList = "deny-list";
+    AllowList = "allow-list";
+});
 
 /// The filter of system calls.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
