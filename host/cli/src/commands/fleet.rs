@@ -674,7 +674,7 @@ fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
             if let Some(event) = first {
                 output::warning(&format!(
                     "{} ({count} times, first at {} s): {}: {}",
-                    kind.as_str(),
+                    kind.name(),
                     number(event.time_s),
                     event.module,
                     event.message
