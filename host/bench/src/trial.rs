@@ -130,7 +130,7 @@ pub struct Trial<'a> {
     pub instance: &'a GridInstance,
     /// The instance's origin, for people.
     pub scenario: &'a str,
-    /// By which rule paths are judged.
+    /// The rule by which paths are judged.
     pub path_rule: PathRule,
     /// Seed of every random choice of the planner.
     pub seed: u64,

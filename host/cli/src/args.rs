@@ -217,7 +217,7 @@ pub(crate) struct BudgetArgs {
     pub(crate) sandbox: SandboxArgs,
 }
 
-/// What a plugin may use and see.
+/// The grants and limits of a plugin.
 #[derive(Debug, Args)]
 pub(crate) struct SandboxArgs {
     #[command(flatten)]
@@ -248,7 +248,7 @@ pub(crate) enum PinArg {
     Off,
 }
 
-/// Whose code may run.
+/// The code that may run.
 #[derive(Debug, Args)]
 pub(crate) struct TrustArgs {
     /// The lock file with the digests of pinned plugins [default: fleetyard.lock in the
@@ -265,7 +265,7 @@ pub(crate) struct TrustArgs {
 pub(crate) struct GrantArgs {
     #[command(flatten)]
     pub(crate) trust: TrustArgs,
-    /// How much of the sandbox is required
+    /// Strictness of the sandbox: the layers that are required
     #[arg(long, help_heading = LIMITS, value_name = "LEVEL", value_parser = word::<Level>(), default_value_t)]
     pub(crate) sandbox: Level,
     /// Most processes and threads

@@ -49,7 +49,7 @@ pub struct GridView {
 }
 
 impl GridView {
-    /// How the view came about, and its starts and goals as cells.
+    /// Origin of the view, and its starts and goals as cells.
     pub fn about(&self) -> Value {
         json!({
             "format": VIEW_FORMAT,

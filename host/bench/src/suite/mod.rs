@@ -87,11 +87,11 @@ pub struct Protocol {
     pub reuse: Reuse,
     /// The time that is compared.
     pub clock: Clock,
-    /// By which rule paths are judged.
+    /// The rule by which paths are judged.
     pub path_rule: PathRule,
     /// The order of planners after their success rate.
     pub ranking: Order,
-    /// For what else than itself the suite is to speak.
+    /// The sampling unit to which results are generalised.
     pub generalise_over: Unit,
 }
 

@@ -22,7 +22,7 @@ pub(crate) struct StoreExport {
     store: PathBuf,
     #[command(flatten)]
     files: ExportFiles,
-    /// By what planners are ranked in Markdown [default: as the suite says]
+    /// Order of the ranking in Markdown [default: as the suite says]
     #[arg(long, value_parser = word::<Order>())]
     rank: Option<Order>,
 }

@@ -213,7 +213,7 @@ fn title(lang: Lang) -> &'static str {
     }
 }
 
-/// What is written, and how it is used; `{}` in commands stands for the folder.
+/// The files to write, and the commands for their use; `{}` in commands stands for the folder.
 fn scaffold(lang: Lang, kind: Kind, name: &Name) -> Result<Scaffold> {
     let mut files = Vec::new();
     let mut add = |path: &str, text: &str, about| {
@@ -347,7 +347,7 @@ fn write(files: &[File], out: &Path, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What was written, and the commands that come next.
+/// The files that were written, and the commands that come next.
 fn text(scaffold: &Scaffold, kind: Kind, lang: Lang, folder: &Path) -> String {
     const MAP: &str = "random-16-16-10";
     let what = match lang {

@@ -45,7 +45,7 @@ pub(crate) struct Pin {
     format: Format,
 }
 
-/// What became of an entry of the lock.
+/// The change of an entry of the lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum State {

@@ -34,7 +34,7 @@ pub(crate) struct ReportArgs {
     /// Only trials of this map; may be given several times
     #[arg(long, value_name = "NAME", requires = "stores")]
     map: Vec<String>,
-    /// By what planners are ranked [default: as the suite says]
+    /// Order of the ranking [default: as the suite says]
     #[arg(long, value_parser = word::<Order>())]
     rank: Option<Order>,
     /// Write a page with filters, tables and figures, which needs no other file

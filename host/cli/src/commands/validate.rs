@@ -65,7 +65,7 @@ pub(crate) struct Validate {
 }
 
 impl Validate {
-    /// How many violations are listed: as many as people read, or programs may be after.
+    /// Number of violations that are listed: as many as people read, or programs may be after.
     fn listed(&self) -> usize {
         match (self.all, self.format) {
             (true, _) => 1_000_000,

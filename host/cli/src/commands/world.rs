@@ -48,7 +48,7 @@ pub(crate) enum Worlds {
     },
 }
 
-/// Where a derived view goes.
+/// Folder and name of a derived view.
 #[derive(Debug, Args)]
 pub(crate) struct ViewOut {
     /// Folder to write to
@@ -72,7 +72,7 @@ pub(crate) struct GridArgs {
     /// Neighbours of a cell: 4 or 8
     #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
     neighbors: Connectivity,
-    /// How far apart robots stay that keep the rules of the grid
+    /// Distance of robots that keep the rules of the grid
     #[arg(long, value_parser = word::<Separation>(), default_value_t)]
     separation: Separation,
     #[command(flatten)]
@@ -99,10 +99,10 @@ pub(crate) struct RoadmapArgs {
     out: ViewOut,
 }
 
-/// How a roadmap is built.
+/// The construction of a roadmap.
 #[derive(Debug, Args)]
 pub(crate) struct BuilderArgs {
-    /// How vertices and edges come about
+    /// Construction of vertices and edges
     #[arg(long, value_parser = word::<BuilderKind>(), default_value_t)]
     builder: BuilderKind,
     /// A density: S, D or SD are 160, 900 or 4000 vertices with 5, 9 or 14 neighbours
@@ -115,7 +115,7 @@ pub(crate) struct BuilderArgs {
     /// Neighbours with which a vertex is joined, if it sees them
     #[arg(long, value_name = "N", default_value_t = 9)]
     neighbors: usize,
-    /// Where drawn vertices come from
+    /// Origin of drawn vertices
     #[arg(long, value_parser = word::<Sampling>(), default_value_t)]
     sampling: Sampling,
     /// Distance of a lattice's neighbours in metres

@@ -189,7 +189,7 @@ pub struct RoadmapView {
 }
 
 impl RoadmapView {
-    /// How the view came about, and its starts and goals as vertices.
+    /// Origin of the view, and its starts and goals as vertices.
     pub fn about(&self) -> Value {
         json!({
             "format": VIEW_FORMAT,
