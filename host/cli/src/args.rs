@@ -198,8 +198,8 @@ pub(crate) struct BudgetArgs {
     #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration,
           default_value = duration_text(BudgetOptions::default().startup))]
     pub(crate) startup: Duration,
-    /// How long a planner may go on after the deadline once it was told to stop;
-    /// plans that come meanwhile do not count
+    /// Time for which a planner may go on after the deadline once it was told to stop; plans that
+    /// come meanwhile do not count
     #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration)]
     pub(crate) grace: Option<Duration>,
     /// Most search nodes, for planners that count them [default: no limit]
@@ -310,7 +310,7 @@ pub(crate) struct WorldArgs {
     /// Substeps per tick
     #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = SimConfig::default().substeps)]
     pub(crate) substeps: u32,
-    /// How bodies move and contacts are found
+    /// Motion of bodies, and detection of contacts
     #[arg(long, help_heading = EXECUTION, value_parser = word::<Tier>(), default_value_t)]
     pub(crate) tier: Tier,
 }
@@ -322,7 +322,7 @@ pub(crate) struct DisturbanceArgs {
     /// gaussian:MEAN,STD or bursts:RATE,SECONDS
     #[arg(long, help_heading = EXECUTION, value_name = "DELAY", value_parser = disturbance::<Delay>, default_value_t)]
     pub(crate) delay: Delay,
-    /// How uneven speeds are: STD,FLOOR as parts of the speed [default: even]
+    /// Unevenness of speeds: STD,FLOOR as parts of the speed [default: even]
     #[arg(long, help_heading = EXECUTION, value_name = "STD,FLOOR",
           value_parser = disturbance::<VelocityNoise>)]
     pub(crate) velocity_noise: Option<VelocityNoise>,

@@ -83,7 +83,7 @@ pub struct Protocol {
     /// Seeds given to planners, all different.
     #[serde(skip_deserializing)]
     pub seeds: Vec<u64>,
-    /// How long a planner's process is kept.
+    /// Lifetime of a planner's process.
     pub reuse: Reuse,
     /// The time that is compared.
     pub clock: Clock,
@@ -112,7 +112,7 @@ impl Default for Protocol {
     }
 }
 
-/// How long a planner's process is kept.
+/// Lifetime of a planner's process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reuse {
     /// For one trial.

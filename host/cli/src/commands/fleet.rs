@@ -203,7 +203,7 @@ struct FleetAsked {
     /// Substeps per tick
     #[arg(long, help_heading = ROBOTS, value_name = "N", default_value_t = SimConfig::default().substeps)]
     substeps: u32,
-    /// How bodies move and contacts are found
+    /// Motion of bodies, and detection of contacts
     #[arg(long, help_heading = ROBOTS, value_parser = word::<Tier>(), default_value_t)]
     tier: Tier,
     /// Wall-clock time of a plugin for learning the map
