@@ -378,12 +378,44 @@ fn is_glue(folder: &Path) -> bool {
     !lines_with(&sources(&folder.join("src")), &texts).is_empty()
 }
 
+/// All Rust files of the project.
+fn all_sources() -> Vec<PathBuf> {
+    let folders = ["abi", "host", "plugins", "tests"];
+    let files = folders.map(|folder| sources(&root().join(folder)));
+    files.concat()
+}
+
+#[test]
+fn doc_comments_open_with_their_subject() {
+    const RIDDLES: [&str; 9] = [
+        "How", "What", "Where", "Whether", "Which", "Who", "Whom", "Whose", "Why",
+    ];
+    let mut found = Vec::new();
+    for file in all_sources() {
+        let content = fs::read_to_string(&file).unwrap();
+        let mut is_inside = false;
+        for (number, line) in content.lines().enumerate() {
+            let line = line.trim_start();
+            let comment = ["///", "//!"]
+                .iter()
+                .find_map(|mark| line.strip_prefix(mark));
+            let opening = comment.filter(|_| !is_inside).unwrap_or_default();
+            let mut words = opening.split(|letter: char| !letter.is_alphabetic());
+            if words
+                .find(|word| !word.is_empty())
+                .is_some_and(|word| RIDDLES.contains(&word))
+            {
+                found.push(format!("{}:{}: {line}", file.display(), number + 1));
+            }
+            is_inside = comment.is_some();
+        }
+    }
+    assert_eq!(found, [""; 0], "say what the item is");
+}
+
 #[test]
 fn nothing_is_unfinished() {
-    let mut files = Vec::new();
-    for folder in ["abi", "host", "plugins", "tests"] {
-        files.extend(sources(&root().join(folder)));
-    }
+    let files = all_sources();
     // Put together here, so that this file does not contain them.
     let unfinished = ["todo", "unimplemented", "dbg"].map(|name| format!("{name}!("));
     let texts: Vec<&str> = unfinished.iter().map(String::as_str).collect();

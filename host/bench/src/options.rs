@@ -24,10 +24,10 @@ pub struct BudgetOptions {
     /// Wall clock of learning the map; `None` is the plan's.
     #[serde(deserialize_with = "duration")]
     pub prepare: Option<Duration>,
-    /// How long a planner may take to start and be made.
+    /// Time in which a planner has to start and be made.
     #[serde(deserialize_with = "duration")]
     pub startup: Duration,
-    /// How long a planner may go on after the deadline once it was told to stop.
+    /// Time for which a planner may go on after the deadline once it was told to stop.
     #[serde(deserialize_with = "duration")]
     pub grace: Option<Duration>,
     /// Processor time of a plan; `None` for no limit.

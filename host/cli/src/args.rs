@@ -62,7 +62,7 @@ impl Args for Format {
     }
 }
 
-/// What a reader of a value says of text that is none.
+/// A value that was read, or the reason why the text is none.
 type Read<T> = std::result::Result<T, String>;
 
 /// A value by its word. Help, completions and suggestions are those of the declaration.
@@ -194,7 +194,7 @@ pub(crate) struct BudgetArgs {
     /// Wall-clock budget for learning the map [default: the plan's]
     #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration)]
     pub(crate) prepare_budget: Option<Duration>,
-    /// How long a planner may take to start and be made
+    /// Time in which a planner has to start and be made
     #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration,
           default_value = duration_text(BudgetOptions::default().startup))]
     pub(crate) startup: Duration,
@@ -318,8 +318,8 @@ pub(crate) struct WorldArgs {
 /// Disturbances of the execution.
 #[derive(Debug, Args)]
 pub(crate) struct DisturbanceArgs {
-    /// How robots are late: none, bernoulli:P,SECONDS, uniform:MIN,MAX,
-    /// gaussian:MEAN,STD or bursts:RATE,SECONDS
+    /// Delays of robots: none, bernoulli:P,SECONDS, uniform:MIN,MAX, gaussian:MEAN,STD or
+    /// bursts:RATE,SECONDS
     #[arg(long, help_heading = EXECUTION, value_name = "DELAY", value_parser = disturbance::<Delay>, default_value_t)]
     pub(crate) delay: Delay,
     /// Unevenness of speeds: STD,FLOOR as parts of the speed [default: even]

@@ -449,7 +449,7 @@ impl Assigner {
     }
 
     /// Gives an open task to an agent: its cells come after the goals that the agent has.
-    /// Why not, if that cannot be.
+    /// The error is the reason why it cannot have it.
     pub fn give(&mut self, agent: u32, task: u64) -> Result<(), String> {
         let agents = self.streams.len();
         let Some(stream) = self.streams.get_mut(agent as usize) else {

@@ -13,7 +13,7 @@ use super::read::Paths;
 use super::settings::{as_argument, hinted, seconds};
 use crate::options::{BudgetOptions, Robots};
 
-/// How often the series of a run has a point; rows keep none of it.
+/// Seconds between points of the series of a run; rows keep none of it.
 const SERIES_S: f64 = 10.0;
 
 /// A run of a fleet, but for map, agents, seed and planner.
@@ -120,7 +120,7 @@ fn robots<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Robots, D::Error
     })
 }
 
-/// What the suite says beside `fleet` of a planner that is true of its fleet as well.
+/// Settings of a suite beside `fleet` that hold for its fleet as well as for a planner.
 pub(super) struct Around<'s> {
     /// `[fleet]`
     pub(super) fleet: Option<Value<'s>>,

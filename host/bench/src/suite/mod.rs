@@ -46,7 +46,7 @@ pub struct Suite {
     pub description: String,
     /// The file as it was.
     pub text: String,
-    /// How trials follow each other and are compared.
+    /// The order of trials, and the rules of their comparison.
     pub protocol: Protocol,
     /// Budget of every call.
     pub budget: BudgetOptions,
@@ -65,7 +65,7 @@ pub struct Suite {
     normal: Map<String, Value>,
 }
 
-/// How trials follow each other and are compared.
+/// The order of trials, and the rules of their comparison.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Protocol {
@@ -75,7 +75,7 @@ pub struct Protocol {
     /// Untimed trials of every planner on every instance, before the timed ones.
     #[serde(deserialize_with = "between::<0, 1000, u32, _, _>")]
     pub warm_ups: u32,
-    /// How often a trial is made again that others disturbed.
+    /// Most times that a trial is made again because others disturbed it.
     #[serde(deserialize_with = "between::<0, 1000, u32, _, _>")]
     pub retry_contended: u32,
     /// True if the plans that count are kept in the store.
@@ -126,7 +126,7 @@ words!(Reuse {
     Planner = "planner", "";
 });
 
-/// Which time is compared; none is the plugin's word.
+/// The time that is compared; none is the plugin's word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clock {
     /// Around the call, transport included.

@@ -315,7 +315,7 @@ fn default_label(plugin: &str, options: &Map<String, Json>) -> String {
     label
 }
 
-/// What to do about team sizes that a scenario has too few agents for.
+/// The treatment of team sizes for which a scenario has too few agents.
 #[derive(PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum TooManyAgents {

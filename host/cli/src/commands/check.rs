@@ -58,11 +58,11 @@ pub(crate) struct Check {
     #[arg(long, value_name = "DURATION", value_parser = duration,
           default_value = duration_text(Config::default().budget))]
     budget: Duration,
-    /// How long a plugin may go on after the deadline once it was told to stop
+    /// Time for which a plugin may go on after the deadline once it was told to stop
     #[arg(long, value_name = "DURATION", value_parser = duration,
           default_value = duration_text(Config::default().grace))]
     grace: Duration,
-    /// How long a plugin may take to start and be made
+    /// Time in which a plugin has to start and be made
     #[arg(long, value_name = "DURATION", value_parser = duration,
           default_value = duration_text(Config::default().startup))]
     startup: Duration,

@@ -262,7 +262,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     })
 }
 
-/// What is wrong with a planner is the command line's fault, and no suite's.
+/// A fault of a planner as one of the command line, which named it, and of no suite.
 fn named_by_the_user(error: BenchError) -> Failure {
     match error {
         BenchError::Plugin { error, .. } => (*error).into(),

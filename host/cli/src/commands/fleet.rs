@@ -80,7 +80,7 @@ pub(crate) struct Fleet {
     /// those of the planner]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// How long a plugin may take to start and be made
+    /// Time in which a plugin has to start and be made
     #[arg(long, help_heading = LIMITS, value_name = "DURATION", value_parser = duration,
           default_value = duration_text(BudgetOptions::default().startup))]
     startup: Duration,
@@ -95,7 +95,7 @@ struct FleetAsked {
     #[arg(long, short = 'n', value_name = "N", required_unless_present_any = ["replay", "resume"],
           value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     agents: Option<u32>,
-    /// How long to go on, in simulated time
+    /// Simulated time to go on
     #[arg(long, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().duration_s), value_parser = positive_seconds)]
     duration: f64,
     /// Seed of every random choice: starts, goals, plugins, disturbances
@@ -122,11 +122,11 @@ struct FleetAsked {
     /// [default: the policy's]
     #[arg(long, help_heading = PLANNING, value_name = "DURATION", value_parser = positive_seconds)]
     period: Option<f64>,
-    /// How far ahead plans are free of collisions; 0s for plans to the end
+    /// Time ahead for which plans are free of collisions; 0s for plans to the end
     #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().window_s),
           value_parser = seconds)]
     window: f64,
-    /// How long the planner may take
+    /// Time limit of the planner
     #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().limit_s),
           value_parser = positive_seconds)]
     limit: f64,
@@ -167,10 +167,10 @@ struct FleetAsked {
     /// Tasks, in the format of the League of Robot Runners
     #[arg(long, help_heading = GOALS, value_name = "FILE")]
     tasks: Option<PathBuf>,
-    /// How many tasks are known at a time, per robot
+    /// Number of tasks that are known at a time, per robot
     #[arg(long, help_heading = GOALS, value_name = "RATIO", default_value_t = FleetConfig::default().reveal)]
     reveal: f64,
-    /// How long a robot stays where it reached a goal
+    /// Time for which a robot stays where it reached a goal
     #[arg(long, help_heading = GOALS, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().dwell_s),
           value_parser = seconds)]
     dwell: f64,

@@ -1,7 +1,7 @@
 //! `fleetyard doctor --security`: which promises about plugins hold on this machine, for
 //! this user, and what would restore those that do not.
 //!
-//! What can be tried is tried, in a sandbox and by the host itself; the rest follows from
+//! Promises that can be tried are tried, in a sandbox and by the host itself; the rest follows from
 //! the layers that were active and from who enforces the limits.
 
 use fleetyard_runtime::sandbox::Attempt;

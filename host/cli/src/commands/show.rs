@@ -96,7 +96,7 @@ impl<'a> Shown<'a> {
         })
     }
 
-    /// What the trace is told to.
+    /// The writers that receive the trace.
     pub(super) fn sinks(&mut self) -> impl Iterator<Item = &mut dyn TraceSink> {
         let still = self.still.as_mut().map(|still| still as &mut dyn TraceSink);
         let page = self.page.as_mut().map(|page| page as &mut dyn TraceSink);

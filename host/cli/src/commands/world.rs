@@ -28,7 +28,7 @@ pub(crate) enum Worlds {
     Info {
         /// Task file
         task: PathBuf,
-        /// How to print the result
+        /// Format of the result
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
@@ -60,7 +60,7 @@ pub(crate) struct ViewOut {
     /// Draw the view over the world, as FILE.svg or FILE.png
     #[arg(long, value_name = "FILE", value_parser = picture)]
     picture: Option<PathBuf>,
-    /// How to print the result
+    /// Format of the result
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
 }

@@ -699,7 +699,7 @@ impl Jail {
     }
 
     /// Ends everybody: softly first, so that what they used is known, then hard.
-    /// What the init reported, if it came to.
+    /// Returns the report of the init, if there is one.
     pub(crate) fn end(&self) -> Option<Ended> {
         const SOFT: Timespec = Timespec {
             tv_sec: 0,

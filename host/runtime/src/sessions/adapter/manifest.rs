@@ -26,7 +26,7 @@ pub(crate) const FORMAT: u64 = 1;
 pub(super) const MAP_NAME: &str = "map.map";
 pub(super) const SCEN_NAME: &str = "agents.scen";
 
-/// What a `planner.toml` says.
+/// The content of a `planner.toml`.
 #[derive(Debug, Clone)]
 pub struct Manifest {
     pub(super) head: Head,
@@ -70,13 +70,13 @@ pub(super) struct Files {
     pub(super) read: Vec<PathBuf>,
 }
 
-/// How a solver is started.
+/// The program of a solver, and its start.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Program {
     #[serde(deserialize_with = "path")]
     pub(super) command: String,
-    /// Where `command` stands, for messages.
+    /// Place of `command`, for messages.
     #[serde(skip)]
     pub(super) place: Place,
     /// An environment variable that may name the program.
@@ -88,7 +88,7 @@ pub(super) struct Program {
     pub(super) environment: Vec<(String, Template)>,
     #[serde(default, deserialize_with = "working_folder")]
     pub(super) cwd: Option<Template>,
-    /// How to get it.
+    /// Advice on installing it.
     pub(super) install: Option<String>,
     /// Kept back from the budget to read the answer.
     #[serde(default, deserialize_with = "milliseconds", rename = "reserve_ms")]
@@ -133,7 +133,7 @@ pub(super) struct Version {
     pub(super) query: Option<VersionQuery>,
 }
 
-/// How the solver says its version.
+/// The query of the solver's version.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct VersionQuery {
@@ -142,9 +142,9 @@ pub(super) struct VersionQuery {
     pub(super) pattern: Regex,
     #[serde(default = "five", deserialize_with = "between::<1, 30, u64, _, _>")]
     pub(super) seconds: u64,
-    /// What is shown if it does not say.
+    /// The version that is shown where the solver prints none.
     otherwise: Option<String>,
-    /// What the whole version must match, as the manifest has it.
+    /// Pattern of the whole version, as the manifest has it.
     #[serde(default, deserialize_with = "supported")]
     pub(super) supported: Option<(String, Regex)>,
 }
@@ -159,7 +159,7 @@ fn five() -> u64 {
     5
 }
 
-/// What the solver reads.
+/// The input of the solver.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Input {
@@ -177,7 +177,7 @@ enum MapWritten {
     MovingAi,
 }
 
-/// How starts and goals are written.
+/// Format of starts and goals.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Agents {
@@ -188,7 +188,7 @@ pub(super) enum Agents {
     Pibt2,
 }
 
-/// Which letters of terrain a map has.
+/// The letters of terrain in a map that the solver reads.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Letters {
@@ -208,7 +208,7 @@ pub(super) enum Order {
     RowCol,
 }
 
-/// Where the answer is and how it is written.
+/// Place and format of the answer.
 #[derive(Debug, Clone)]
 pub(super) struct Output {
     /// In the scratch folder; absent for standard output.
@@ -216,7 +216,7 @@ pub(super) struct Output {
     pub(super) written: Written,
 }
 
-/// How an answer is written.
+/// Format of an answer.
 #[derive(Debug, Clone)]
 pub(super) enum Written {
     /// As one of the formats that commands read, too.
@@ -248,7 +248,7 @@ pub(super) enum Searched {
     Output,
 }
 
-/// What the end of the solver means.
+/// Meaning of the end of the solver.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Exit {
@@ -657,7 +657,7 @@ fn supported<'de, D: Deserializer<'de>>(
 }
 
 impl Version {
-    /// What the version must match, if that is said.
+    /// Pattern of the version, if there is one.
     pub(super) fn supported(&self) -> Option<&(String, Regex)> {
         self.query.as_ref()?.supported.as_ref()
     }
@@ -977,10 +977,10 @@ fn metrics(table: &Value<'_>) -> Result<Vec<Metric>, InputError> {
     Ok(found)
 }
 
-/// What every solver behind an adapter can do.
+/// Capabilities of every solver behind an adapter.
 const GRIDS: [Capability; 2] = [Capability::Grid, Capability::Pebble];
 
-/// What it can show besides.
+/// Further capabilities that a manifest may claim.
 const CLAIMS: [Capability; 6] = [
     Capability::EightConnected,
     Capability::DuplicateGoals,
