@@ -297,7 +297,7 @@ pub struct SandboxReport {
     /// The filter of system calls, where that layer is active.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seccomp: Option<Filter>,
-    /// Every layer, in the order of [`Layer::ALL`].
+    /// Every layer, in the order of their declaration.
     pub layers: Vec<LayerState>,
     /// Every limit, whether one was set or not.
     #[serde(default)]
