@@ -181,12 +181,12 @@ fn what_is_missing_or_wrong_is_said_with_a_way_out() {
         (
             "convert a.scen x.foo",
             USAGE,
-            &["one of map, lsmart, scen, pibt2, lorr, libmrp"],
+            &["one of map, grid, lsmart, scen, pibt2, lorr, libmrp"],
         ),
         (
             "convert plan.json x --to svg",
             USAGE,
-            &["formats are plan, map, lsmart, scen"],
+            &["formats are plan, map, grid, lsmart, scen"],
         ),
         ("convert plan.json", USAGE, &["TO"]),
         ("convert", USAGE, &["FROM"]),
@@ -338,7 +338,7 @@ fn every_format_is_listed_and_described() {
     let guide = fs::read_to_string(root().join("docs/formats.md")).unwrap();
     let names = list.stdout.lines().skip(1);
     let names: Vec<&str> = names.filter_map(|line| line.split(' ').next()).collect();
-    assert_eq!(names.len(), 18);
+    assert_eq!(names.len(), 19);
     for name in names {
         assert!(guide.contains(&format!("| `{name}`")), "{name}");
     }

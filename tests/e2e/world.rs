@@ -1,6 +1,6 @@
 //! `fleetyard world`: views of a task's world, and how they came about.
 
-use fleetyard_testkit::{INPUT, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
 use serde_json::Value;
 
 fn task(name: &str) -> String {
@@ -90,6 +90,49 @@ fn a_map_becomes_a_world() {
     yard.line(&format!("world convert {map} w.world.json --cell-size 0.5"))
         .expect(SUCCESS);
     assert_eq!(json(&yard, "w.world.json")["bounds_m"][2], 4.0);
+}
+
+/// A ring that is driven one way: a plan against it is no plan, and no other format has its moves.
+#[test]
+fn maps_have_allowed_moves() {
+    let yard = Yard::new();
+    let ring = r#"{"format": "fleetyard.grid/1", "terrain": ["...", ".@.", "..."], "moves": ["224", "104", "188"]}"#;
+    yard.write("ring.map", ring);
+    yard.write("ring.scen", "version 1\n0\tring.map\t3\t3\t0\t0\t0\t1\t7\n");
+    let paths = |cells: &str| format!("Agent 0: {cells}\n");
+    yard.write(
+        "with.txt",
+        paths("(0,0)->(0,1)->(0,2)->(1,2)->(2,2)->(2,1)->(2,0)->(1,0)->"),
+    );
+    yard.write("against.txt", paths("(0,0)->(1,0)->"));
+    let validate = |plan: &str| {
+        yard.line(&format!(
+            "validate --map ring.map --scen ring.scen --agents 1 {plan}"
+        ))
+    };
+    validate("with.txt").expect(SUCCESS);
+    let against = validate("against.txt").expect(INVALID_PLAN).stdout;
+    let told = "move-not-allowed: agent 0 moves from (0, 0) to (1, 0)";
+    assert!(against.contains(told), "{against}");
+    let about = yard
+        .line("maps info ring.map --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(about["components"], 1);
+    yard.line("convert ring.map copy.json").expect(SUCCESS);
+    let copy = yard
+        .line("maps info copy.json --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(copy["digest"], about["digest"]);
+    let lost = yard
+        .line("convert ring.map other.json --to lsmart")
+        .expect(INPUT);
+    assert!(
+        lost.stderr.contains("write --to grid instead"),
+        "{}",
+        lost.stderr
+    );
 }
 
 #[test]

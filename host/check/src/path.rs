@@ -26,6 +26,12 @@
 //! is valid under Bresenham's, in both directions, since every cell of a Bresenham line
 //! is touched.
 //!
+//! # Allowed moves
+//!
+//! On a map with masks of moves the mask of each cell that a segment leaves has to allow the move
+//! to the next cell of its line, under Supercover through a corner the diagonal one. What
+//! the terrain forbids anyway is left to the rules above.
+//!
 //! # Length
 //!
 //! The benchmark measures the number of cells of all lines, without the first of each:
@@ -38,7 +44,7 @@
 //! Such paths have no times, so nothing can be said of who meets whom: both rules are for
 //! instances of one agent. Judging takes time in proportion to the path's length in cells.
 
-use fleetyard_core::{Grid, GridInstance, GridPlan, words};
+use fleetyard_core::{Grid, GridInstance, GridPlan, move_bit, words};
 
 use crate::{CellPosition, Rule, Verdict, Violation, validate};
 
@@ -197,18 +203,15 @@ fn judge(instance: &GridInstance, path: &[u32], rule: PathRule, findings: &mut F
             continue;
         };
         let segment = Segment::new(from, place);
-        let is_free = |at: CellPosition| grid.is_passable(at.row * grid.cols() + at.col);
-        let fault = match rule {
-            PathRule::Steps | PathRule::Bresenham => segment.first_blocked_of_line(is_free),
-            PathRule::Supercover => segment.first_blocked_touched(is_free),
-        };
+        let fault = segment.first_fault(rule, grid);
         if let Some((rule, blocked)) = fault {
             findings.add(rule, at, &[from, place, blocked], || {
                 let does = match rule {
-                    Rule::CornerCut => "touches the corner of an obstacle",
-                    _ => "crosses an obstacle",
+                    Rule::CornerCut => "touches the corner of an obstacle at",
+                    Rule::MoveNotAllowed => "makes a move that the map does not allow to",
+                    _ => "crosses an obstacle at",
                 };
-                format!("agent 0 {does} at {blocked} on its way from {from} to {place}")
+                format!("agent 0 {does} {blocked} on its way from {from} to {place}")
             });
         }
     }
@@ -254,48 +257,62 @@ impl Segment {
         }
     }
 
-    /// The first blocked cell of the Bresenham line between the ends.
-    fn first_blocked_of_line(
-        &self,
-        is_free: impl Fn(CellPosition) -> bool,
-    ) -> Option<(Rule, CellPosition)> {
-        let length = u64::from(self.rows.max(self.cols));
-        // k·d/n, rounded to the nearest, halves down.
-        let part = |k: u64, d: u32| (2 * k * u64::from(d) + length - 1) / (2 * length);
-        (1..length)
-            .map(|k| self.cell(part(k, self.rows) as u32, part(k, self.cols) as u32))
-            .find(|cell| !is_free(*cell))
-            .map(|cell| (Rule::Obstacle, cell))
+    /// The first rule that the segment breaks on its way, and the cell at fault.
+    fn first_fault(&self, rule: PathRule, grid: &Grid) -> Option<(Rule, CellPosition)> {
+        let cell = |at: CellPosition| at.row * grid.cols() + at.col;
+        let is_free = |at: CellPosition| grid.is_passable(cell(at));
+        let mut from = self.from;
+        let mut fault_on = |to: CellPosition, touches_corners: bool| {
+            let from = std::mem::replace(&mut from, to);
+            let is_diagonal = from.row != to.row && from.col != to.col;
+            if touches_corners && is_diagonal {
+                // The cells at both sides of the corner, that in the next row first.
+                let sides = [(to.row, from.col), (from.row, to.col)];
+                let mut sides = sides
+                    .into_iter()
+                    .map(|(row, col)| CellPosition { row, col });
+                if let Some(side) = sides.find(|side| !is_free(*side)) {
+                    return Some((Rule::CornerCut, side));
+                }
+            }
+            if to != self.to && !is_free(to) {
+                return Some((Rule::Obstacle, to));
+            }
+            let bit = move_bit((from.row, from.col), (to.row, to.col))?;
+            grid.forbids_move(cell(from), bit)
+                .then_some((Rule::MoveNotAllowed, to))
+        };
+        match rule {
+            PathRule::Steps | PathRule::Bresenham => self.line().find_map(|to| fault_on(to, false)),
+            PathRule::Supercover => self.touched().find_map(|to| fault_on(to, true)),
+        }
     }
 
-    /// The first blocked cell between the ends that the segment touches; if it only
-    /// touches its corner, with [`Rule::CornerCut`].
-    fn first_blocked_touched(
-        &self,
-        is_free: impl Fn(CellPosition) -> bool,
-    ) -> Option<(Rule, CellPosition)> {
+    /// The cells of the Bresenham line after the first.
+    fn line(&self) -> impl Iterator<Item = CellPosition> {
+        let length = u64::from(self.rows.max(self.cols));
+        // k·d/n, rounded to the nearest, halves down.
+        let part = move |k: u64, d: u32| (2 * k * u64::from(d) + length - 1) / (2 * length);
+        (1..=length).map(move |k| self.cell(part(k, self.rows) as u32, part(k, self.cols) as u32))
+    }
+
+    /// The cells that the segment enters in turn after the first; through a corner it goes
+    /// diagonally.
+    fn touched(&self) -> impl Iterator<Item = CellPosition> {
         let (rows, cols) = (u64::from(self.rows), u64::from(self.cols));
         let (mut row, mut col) = (0, 0);
-        while (row, col) != (self.rows, self.cols) {
+        std::iter::from_fn(move || {
+            if (row, col) == (self.rows, self.cols) {
+                return None;
+            }
             // The segment leaves the cell at the share (2·row + 1) / (2·rows) of its way
             // if over the edge to the next row, at (2·col + 1) / (2·cols) if over that to
             // the next column.
             let over_row = (2 * u64::from(row) + 1) * cols;
             let over_col = (2 * u64::from(col) + 1) * rows;
-            if over_row == over_col {
-                for side in [self.cell(row + 1, col), self.cell(row, col + 1)] {
-                    if !is_free(side) {
-                        return Some((Rule::CornerCut, side));
-                    }
-                }
-            }
             row += u32::from(over_row <= over_col);
             col += u32::from(over_col <= over_row);
-            let cell = self.cell(row, col);
-            if cell != self.to && !is_free(cell) {
-                return Some((Rule::Obstacle, cell));
-            }
-        }
-        None
+            Some(self.cell(row, col))
+        })
     }
 }

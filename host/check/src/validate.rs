@@ -43,7 +43,8 @@
 //! A test compares every pair of moves with the distance.
 //!
 //! A diagonal move also needs both cells at its side free, as in the MovingAI
-//! benchmarks.
+//! benchmarks. A map with masks of moves allows those alone; whether two moves conflict does
+//! not depend on masks.
 //!
 //! # Windows and turning
 //!
@@ -63,7 +64,7 @@
 //! conflicts has every violating pair reported. Moves that are not unit moves
 //! take no part in swaps, crossings and corner-meets.
 
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, move_bit};
 
 use crate::{CellPosition, Rule, Verdict, Violation};
 
@@ -363,6 +364,10 @@ impl<'a> Sweep<'a> {
                 self.report(Rule::CornerCut, mover.agent, NONE);
             }
         }
+        let is_forbidden = |bit| self.grid.forbids_move(mover.from, bit);
+        if self.grid.has_move_masks() && move_bit(before, after).is_some_and(is_forbidden) {
+            self.report(Rule::MoveNotAllowed, mover.agent, NONE);
+        }
         if let Some(heading) = &mut mover.heading {
             let before = std::mem::replace(heading, self.towards(mover.from, mover.to));
             let stayed = self.time - 1 - std::mem::replace(&mut mover.moved, self.time);
@@ -580,6 +585,14 @@ impl<'a> Sweep<'a> {
                 let sentence = format!(
                     "agent {first} cuts an obstacle's corner from {from} to {to} \
                      between times {before} and {time}"
+                );
+                (moves(first), sentence)
+            }
+            Rule::MoveNotAllowed => {
+                let (from, to) = (at(first, before), at(first, time));
+                let sentence = format!(
+                    "agent {first} moves from {from} to {to} between times {before} and {time}, \
+                     which the map does not allow"
                 );
                 (moves(first), sentence)
             }

@@ -27,6 +27,8 @@ pub enum Rule {
     NotAdjacent,
     /// A diagonal move passes a blocked cell at its side.
     CornerCut,
+    /// An agent makes a move that the terrain allows and the map's mask does not.
+    MoveNotAllowed,
     /// An agent moves another way before it has stayed for the steps that turning takes.
     Turn,
     /// Two agents are in one cell, both on their way.
@@ -51,6 +53,7 @@ words!(Rule {
     Obstacle = "obstacle";
     NotAdjacent = "not-adjacent";
     CornerCut = "corner-cut";
+    MoveNotAllowed = "move-not-allowed";
     Turn = "turn";
     VertexConflict = "vertex-conflict";
     ParkedConflict = "parked-conflict";

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use fleetyard_abi::{Assignment, FleetState, Instance, Motion};
 use fleetyard_check::{PathRule, Rule, Terms, validate_paths, validate_terms};
-use fleetyard_core::GridPlan;
+use fleetyard_core::{Connectivity, GridPlan};
 
 use crate::scene::Scene;
 
@@ -54,6 +54,7 @@ pub(crate) fn paths(scene: &Scene, plan: &GridPlan) -> Result<(), String> {
                 | Rule::Obstacle
                 | Rule::NotAdjacent
                 | Rule::CornerCut
+                | Rule::MoveNotAllowed
         )
     })
 }
@@ -165,7 +166,7 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
         return wrong("window_steps", &answer.window_steps, &asked.window_steps);
     }
     assignments(&asked, answer)?;
-    let component = scene.grid.components();
+    let component = scene.grid.components(Connectivity::Four);
     for (agent, goals) in answer.goals.iter().enumerate() {
         let home = component[scene.starts[agent] as usize];
         for goal in goals {

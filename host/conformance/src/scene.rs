@@ -295,7 +295,7 @@ impl Scene {
         };
         let goals: Vec<Vec<u32>> = self.goals.iter().enumerate().map(open).collect();
         // Within reach of the first agent, and so of all but in a jam.
-        let component = self.grid.components();
+        let component = self.grid.components(Connectivity::Four);
         let home = self
             .starts
             .first()

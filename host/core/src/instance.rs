@@ -81,11 +81,8 @@ impl GridInstance {
         for (what, cells) in [("start", &starts), ("goal", &goals)] {
             check_cells(&grid, what, cells)?;
         }
-        let component = grid.components();
-        for (agent, (start, goal)) in starts.iter().zip(&goals).enumerate() {
-            if component[*start as usize] != component[*goal as usize] {
-                return Err(InstanceError::Unreachable { agent });
-            }
+        if let Some(agent) = grid.first_cut_off(&starts, &goals, connectivity) {
+            return Err(InstanceError::Unreachable { agent });
         }
         Ok(Self {
             grid,

@@ -6,20 +6,20 @@
 //! are accepted; anything else that differs is an error that says where.
 //!
 //! Beside the letters of the benchmarks there are those of [`Role`](crate::Role)s,
-//! `e` and `w`. A map of LSMART, which is JSON, is read in place of a `.map` file
-//! wherever one is.
+//! `e` and `w`. Maps in JSON, those of LSMART and those of this project with allowed moves, are
+//! read in place of a `.map` file wherever one is.
 
 use std::path::Path;
 
 use crate::files::{Lines, column, load_file, quote, stem, write_atomically};
-use crate::formats::{is_json, read_lsmart};
+use crate::formats::{is_json, own_format, read_grid, read_lsmart, write_grid};
 use crate::{Grid, InputError};
 
-/// Largest `.map` file that is read, in bytes.
-pub const MAP_FILE_LIMIT: u64 = 2 * Grid::MAX_CELLS + 4096;
+/// Largest map file that is read, in bytes.
+pub const MAP_FILE_LIMIT: u64 = 4 * Grid::MAX_CELLS + 4096;
 
-/// Reads and parses a map file, by its content a `.map` file or one of LSMART; the map's
-/// name is the file's stem.
+/// Reads and parses a map file, by its content a `.map` file, one of this project or one of
+/// LSMART; the map's name is the file's stem.
 pub fn load_map(path: impl AsRef<Path>) -> Result<Grid, InputError> {
     load_file(path, MAP_FILE_LIMIT, read_map)
 }
@@ -28,7 +28,10 @@ pub fn load_map(path: impl AsRef<Path>) -> Result<Grid, InputError> {
 /// stem becomes the map's name.
 pub fn read_map(source: &str, bytes: &[u8]) -> Result<Grid, InputError> {
     if is_json(bytes) {
-        return read_lsmart(source, bytes);
+        return match own_format(bytes) {
+            Some(b"grid") => read_grid(source, bytes),
+            _ => read_lsmart(source, bytes),
+        };
     }
     let mut lines = Lines::new(bytes);
     let header = read_header(source, &mut lines)?;
@@ -263,7 +266,8 @@ fn words(line: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     })
 }
 
-/// The content of a `.map` file for this grid. Reading it gives the same grid.
+/// The content of a `.map` file for this grid. Reading it gives the same grid, without masks of
+/// moves.
 pub fn write_map(grid: &Grid) -> Vec<u8> {
     let header = format!(
         "type octile\nheight {}\nwidth {}\nmap\n",
@@ -279,7 +283,17 @@ pub fn write_map(grid: &Grid) -> Vec<u8> {
     bytes
 }
 
-/// Writes a `.map` file, replacing an old one as a whole.
+/// The content of a file that [`read_map`] reads as the same grid: a `.map` file, or
+/// `fleetyard.grid/1` for a grid with masks of moves.
+pub fn map_bytes(grid: &Grid) -> Vec<u8> {
+    if grid.has_move_masks() {
+        write_grid(grid)
+    } else {
+        write_map(grid)
+    }
+}
+
+/// Writes [`map_bytes`], replacing an old file as a whole.
 pub fn save_map(grid: &Grid, path: impl AsRef<Path>) -> Result<(), InputError> {
-    write_atomically(path.as_ref(), &write_map(grid))
+    write_atomically(path.as_ref(), &map_bytes(grid))
 }

@@ -29,11 +29,12 @@ impl OctileLength {
 /// Finds shortest path lengths on one grid, keeping its memory between queries.
 #[derive(Debug, Clone)]
 pub struct GridSearch {
-    /// Columns with a blocked border all around, so that neighbours need no
-    /// bounds checks.
+    /// Columns with a border all around, so that the neighbours of cells are cells.
     stride: usize,
     cols: u32,
     passable: Vec<bool>,
+    /// Allowed moves per cell.
+    moves: Vec<u8>,
     /// Best length so far per cell, valid if `stamp` is the current query.
     best: Vec<OctileLength>,
     stamp: Vec<u32>,
@@ -81,17 +82,18 @@ impl GridSearch {
     pub fn new(grid: &Grid) -> Self {
         let stride = grid.cols() as usize + 2;
         let cells = stride * (grid.rows() as usize + 2);
-        let mut passable = vec![false; cells];
-        let rows = grid.terrain().chunks(grid.cols() as usize);
-        for (letters, padded) in rows.zip(passable.chunks_mut(stride).skip(1)) {
-            for (letter, free) in letters.iter().zip(&mut padded[1..]) {
-                *free = Grid::letter_is_passable(*letter);
-            }
+        let (mut passable, mut moves) = (vec![false; cells], vec![0; cells]);
+        for cell in 0..grid.cell_count() {
+            let (row, col) = grid.row_col(cell);
+            let padded = (row as usize + 1) * stride + col as usize + 1;
+            passable[padded] = grid.is_passable(cell);
+            moves[padded] = grid.move_mask(cell, Connectivity::Eight);
         }
         Self {
             stride,
             cols: grid.cols(),
             passable,
+            moves,
             best: vec![OctileLength::default(); cells],
             stamp: vec![0; cells],
             closed: vec![false; cells],
@@ -137,7 +139,7 @@ impl GridSearch {
             if std::mem::replace(&mut self.closed[cell], true) {
                 continue;
             }
-            for (next, _) in self.neighbors(cell, connectivity).into_iter().flatten() {
+            for (next, _) in neighbors(stride, cell, self.moves[cell] & connectivity.mask()) {
                 let length = OctileLength {
                     straight: steps + 1,
                     diagonal: 0,
@@ -184,11 +186,7 @@ impl GridSearch {
             if std::mem::replace(&mut self.closed[cell], true) {
                 continue;
             }
-            for (next, is_diagonal) in self
-                .neighbors(cell, Connectivity::Eight)
-                .into_iter()
-                .flatten()
-            {
+            for (next, is_diagonal) in neighbors(stride, cell, self.moves[cell]) {
                 let next_length = OctileLength {
                     straight: length.straight + u32::from(!is_diagonal),
                     diagonal: length.diagonal + u32::from(is_diagonal),
@@ -235,25 +233,24 @@ impl GridSearch {
         }
         better
     }
+}
 
-    fn neighbors(&self, cell: usize, connectivity: Connectivity) -> [Option<(usize, bool)>; 8] {
-        let stride = self.stride;
-        let free = |to: usize| self.passable[to];
-        let (north, south, west, east) = (cell - stride, cell + stride, cell - 1, cell + 1);
-        let straight = |to: usize| free(to).then_some((to, false));
-        let diagonal = |to: usize, a: usize, b: usize| {
-            let open = connectivity == Connectivity::Eight && free(to) && free(a) && free(b);
-            open.then_some((to, true))
-        };
-        [
-            straight(north),
-            straight(east),
-            straight(south),
-            straight(west),
-            diagonal(north + 1, north, east),
-            diagonal(south + 1, south, east),
-            diagonal(south - 1, south, west),
-            diagonal(north - 1, north, west),
-        ]
-    }
+/// The cells to which a mask of moves leads, and whether by a diagonal one.
+fn neighbors(stride: usize, cell: usize, mut mask: u8) -> impl Iterator<Item = (usize, bool)> {
+    // In the order of the bits of masks.
+    let to = [
+        cell - stride,
+        cell + 1,
+        cell + stride,
+        cell - 1,
+        cell - stride + 1,
+        cell + stride + 1,
+        cell + stride - 1,
+        cell - stride - 1,
+    ];
+    core::iter::from_fn(move || {
+        let bit = mask.trailing_zeros() as usize;
+        mask &= mask.wrapping_sub(1);
+        to.get(bit).map(|to| (*to, bit >= 4))
+    })
 }

@@ -9,7 +9,7 @@ use std::collections::{BinaryHeap, VecDeque};
 
 use fleetyard_abi::{Goals, Task};
 use fleetyard_core::formats::TaskList;
-use fleetyard_core::{Grid, InputError, OFF_MAP, Role};
+use fleetyard_core::{Connectivity, Grid, InputError, OFF_MAP, Role};
 use fleetyard_sim::trace::Errand;
 use fleetyard_world::SeededRandom;
 
@@ -226,7 +226,7 @@ impl Assigner {
     /// Agents at starts that are drawn uniformly from the cells where there are goals to
     /// go to: no two the same, and the first of more agents are those of fewer.
     pub fn new(grid: &Grid, source: Source, agents: usize, seed: u64) -> Result<Self, InputError> {
-        let part = grid.components();
+        let part = grid.components(Connectivity::Four);
         let draw = Draw::new(grid, &part, source, agents)?;
         let mut starts: Vec<u32> = (0..grid.cell_count())
             .filter(|cell| draw.can_start(part[*cell as usize]))
@@ -254,7 +254,7 @@ impl Assigner {
         starts: &[u32],
         seed: u64,
     ) -> Result<Self, InputError> {
-        let part = grid.components();
+        let part = grid.components(Connectivity::Four);
         let draw = Draw::new(grid, &part, source, starts.len())?;
         let fault = |reason: String| Err(InputError::new("starts", reason));
         let mut first = vec![OFF_MAP; part.len()];

@@ -807,7 +807,7 @@ fn start(
     let environment = environment(ground.grid, config);
     let mut pipeline = Pipeline {
         grid: Arc::clone(ground.grid),
-        components: ground.grid.components(),
+        components: ground.grid.components(Connectivity::Four),
         environment: SharedEnvironment::clone(&environment),
         config: config.clone(),
         planner,

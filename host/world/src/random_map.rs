@@ -1,6 +1,6 @@
 //! Obstacles strewn at random, with the free cells in one piece.
 
-use fleetyard_core::{Grid, InputError};
+use fleetyard_core::{Connectivity, Grid, InputError};
 use serde::{Deserialize, Serialize};
 
 use crate::SeededRandom;
@@ -61,7 +61,7 @@ impl RandomSpec {
 }
 
 fn connect(grid: &Grid, random: &mut SeededRandom) -> Result<Grid, InputError> {
-    let component = grid.components();
+    let component = grid.components(Connectivity::Four);
     let pieces = component.iter().copied().max().unwrap_or(0) as usize;
     let mut sizes = vec![0u32; pieces + 1];
     for label in component.iter().filter(|label| **label > 0) {

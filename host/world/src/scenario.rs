@@ -1,6 +1,6 @@
 //! Random scenarios: distinct starts and distinct goals within reach.
 
-use fleetyard_core::{Grid, InputError, Scenario};
+use fleetyard_core::{Connectivity, Grid, InputError, Scenario};
 
 use crate::SeededRandom;
 
@@ -20,7 +20,7 @@ impl ScenarioSpec {
     /// neighbour, goals uniformly from the same piece of the map. No start occurs
     /// twice, no goal occurs twice, and nobody's goal is its own start.
     pub fn generate(&self, grid: &Grid) -> Result<Scenario, InputError> {
-        let component = grid.components();
+        let component = grid.components(Connectivity::Four);
         let pieces = component.iter().copied().max().unwrap_or(0) as usize;
         let mut pools: Vec<Vec<u32>> = vec![Vec::new(); pieces + 1];
         for (cell, label) in component

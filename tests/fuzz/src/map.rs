@@ -1,12 +1,12 @@
-//! Map files.
+//! Map files, with and without masks of moves.
 
-use fleetyard_core::{Grid, read_map, write_map};
+use fleetyard_core::{Connectivity, Grid, map_bytes, read_map};
 
 use super::check_error;
 
 const SOURCE: &str = "folder/a.map";
 
-/// Reads a `.map` file.
+/// Reads a map file.
 pub fn run(data: &[u8]) {
     let grid = match read_map(SOURCE, data) {
         Ok(grid) => grid,
@@ -27,12 +27,15 @@ pub fn run(data: &[u8]) {
     // Every cell is a letter of the file.
     assert!(grid.terrain().len() <= data.len());
     let again = Grid::new("a", grid.rows(), grid.cols(), grid.terrain().to_vec());
+    let again = again
+        .expect("the same terrain")
+        .with_moves(grid.move_masks(Connectivity::Eight));
     assert_eq!(again.as_ref(), Ok(&grid));
-    let written = write_map(&grid);
+    let written = map_bytes(&grid);
     assert_eq!(read_map(SOURCE, &written).as_ref(), Ok(&grid));
     let passable = (0..grid.cell_count()).filter(|cell| grid.is_passable(*cell));
     assert_eq!(passable.count(), grid.passable_count() as usize);
-    let components = grid.components();
+    let components = grid.components(Connectivity::Four);
     let labelled = components.iter().filter(|label| **label != 0).count();
     assert_eq!(labelled, grid.passable_count() as usize);
     // Line ends are no part of a map.

@@ -64,6 +64,14 @@ fn slow(instance: &GridInstance, plan: &GridPlan) -> BTreeSet<(u32, Vec<u32>, Ru
                 && from.1 != to.1
             {
                 add(Rule::CornerCut);
+            } else if let (Some(&last), Some(&next)) = (path.get(time - 1), path.get(time))
+                && grid.is_passable(last)
+                && grid.is_passable(next)
+                && grid
+                    .neighbors(last, Connectivity::Eight)
+                    .all(|to| to != next)
+            {
+                add(Rule::MoveNotAllowed);
             }
         }
     }
@@ -164,8 +172,13 @@ fn case() -> impl Strategy<Value = Case> {
             let terrain = (0..cells).map(|_| if next(8) == 0 { b'@' } else { b'.' });
             let mut terrain: Vec<u8> = terrain.collect();
             terrain[0] = b'.';
-            let grid = Grid::new("random", rows, cols, terrain).unwrap();
-            let component = grid.components();
+            let mut grid = Grid::new("random", rows, cols, terrain).unwrap();
+            if next(3) == 0 {
+                let masks = grid.move_masks(Connectivity::Eight).into_iter();
+                let masks = masks.map(|mask| mask & !(1u8 << next(12).min(7)));
+                grid = grid.clone().with_moves(masks.collect()).unwrap();
+            }
+            let component = grid.components(Connectivity::Four);
             let open: Vec<u32> = (0..cells)
                 .filter(|cell| component[*cell as usize] == component[0])
                 .collect();

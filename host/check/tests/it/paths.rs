@@ -38,6 +38,31 @@ fn sentences(verdict: &Verdict) -> Vec<&str> {
 }
 
 #[test]
+fn a_line_keeps_to_allowed_moves() {
+    let path = [(0, 0), (0, 2), (2, 2)];
+    let (instance, plan) = question(&["...", "...", "..."], &path);
+    let plain: &Grid = instance.grid();
+    // No way to the south from the middle of the last column.
+    let mut masks = plain.move_masks(Connectivity::Eight);
+    masks[5] &= !4;
+    let grid = plain.clone().with_moves(masks).unwrap();
+    let (starts, goals) = (instance.starts().to_vec(), instance.goals().to_vec());
+    let masked = GridInstance::new(Arc::new(grid), Connectivity::Eight, starts, goals).unwrap();
+    for rule in [PathRule::Bresenham, PathRule::Supercover] {
+        assert!(validate_paths(&instance, &plan, rule, 10).valid);
+        let verdict = validate_paths(&masked, &plan, rule, 10);
+        assert_eq!(verdict.violations[0].rule, Rule::MoveNotAllowed);
+        let sentence = "agent 0 makes a move that the map does not allow to (2, 2) on its way from (0, 2) to (2, 2)";
+        assert_eq!(sentences(&verdict), [sentence]);
+    }
+    let steps = GridPlan::from_paths([[0, 1, 2, 5, 8]]);
+    let verdict = validate(&masked, &steps, 10);
+    let sentence =
+        "agent 0 moves from (1, 2) to (2, 2) between times 3 and 4, which the map does not allow";
+    assert_eq!(sentences(&verdict), [sentence]);
+}
+
+#[test]
 fn what_a_line_may_cut() {
     use PathRule::{Bresenham, Steps, Supercover};
     let open = [".....", ".....", "....."];

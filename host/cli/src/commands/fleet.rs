@@ -47,7 +47,7 @@ const GOALS: &str = "Goals";
 /// when.
 #[derive(Debug, Args)]
 pub(crate) struct Fleet {
-    /// MovingAI or LSMART map [with --replay and --resume: the one that was recorded]
+    /// Map file: MovingAI, fleetyard.grid/1 or LSMART [with --replay and --resume: the one that was recorded]
     #[arg(long, short, value_name = "FILE", required_unless_present_any = ["replay", "resume"])]
     map: Option<PathBuf>,
     #[command(flatten)]

@@ -25,7 +25,7 @@ pub(crate) enum Maps {
     Generate(Generate),
     /// Make a scenario for a map: random starts and goals
     Scenario {
-        /// MovingAI map file
+        /// Map file: MovingAI, fleetyard.grid/1 or LSMART
         map: PathBuf,
         /// Number of agents
         #[arg(long, value_name = "N")]
@@ -39,7 +39,7 @@ pub(crate) enum Maps {
     },
     /// Describe a map
     Info {
-        /// MovingAI map file
+        /// Map file: MovingAI, fleetyard.grid/1 or LSMART
         map: PathBuf,
         #[command(flatten)]
         format: Format,
@@ -430,7 +430,7 @@ fn info(map: &Path, format: Format) -> Result<Exit> {
     for letter in grid.terrain() {
         *terrain.entry(char::from(*letter)).or_default() += 1;
     }
-    let labels = grid.components();
+    let labels = grid.components(Connectivity::Four);
     let count = labels.iter().copied().max().unwrap_or(0) as usize;
     let mut sizes = vec![0; count + 1];
     for label in &labels {

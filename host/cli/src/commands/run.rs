@@ -72,7 +72,7 @@ pub(crate) struct Run {
 /// The instance that is asked.
 #[derive(Debug, Args)]
 struct InstanceArgs {
-    /// MovingAI map file
+    /// Map file: MovingAI, fleetyard.grid/1 or LSMART
     #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
     map: PathBuf,
     /// Neighbours of a cell: 4 or 8

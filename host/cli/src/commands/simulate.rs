@@ -29,7 +29,7 @@ use crate::setup::{bodies, check_rule, robots, sim_config};
 /// Execute a plan in the simulator.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
-    /// MovingAI map file; plans on grids need one
+    /// Map file: MovingAI, fleetyard.grid/1 or LSMART; plans on grids need one
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     /// Workspace with obstacles in continuous space, a fleetyard.world/1 file

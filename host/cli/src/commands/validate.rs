@@ -25,7 +25,7 @@ use crate::setup::check_rule;
 /// is judged in the plane, where footprints must not overlap at any time.
 #[derive(Debug, Args)]
 pub(crate) struct Validate {
-    /// MovingAI map file
+    /// Map file: MovingAI, fleetyard.grid/1 or LSMART
     #[arg(long, value_name = "FILE", required_unless_present = "world")]
     map: Option<PathBuf>,
     /// Neighbours of a cell: 4 or 8

@@ -38,7 +38,7 @@ pub(crate) enum Worlds {
     Roadmap(RoadmapArgs),
     /// Make a world file of a map: blocked cells become polygons
     Convert {
-        /// MovingAI map file
+        /// Map file: MovingAI, fleetyard.grid/1 or LSMART
         map: PathBuf,
         /// World file to write
         out: PathBuf,

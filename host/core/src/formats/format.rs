@@ -10,7 +10,7 @@ use regex::bytes::Regex;
 
 use super::{
     AgentList, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, libmrp, lorr, lsmart,
-    pibt2, planviz, write_lacam, write_mapf_visualizer, write_paths_txt,
+    pibt2, planviz, read_grid, write_grid, write_lacam, write_mapf_visualizer, write_paths_txt,
 };
 use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
 use crate::{
@@ -60,6 +60,7 @@ macro_rules! formats {
 formats! {
     Plan, "plan", "p", "plan file of this project, fleetyard.plan/1";
     Map, "map", "m", "MovingAI map, whose cells may have roles";
+    Grid, "grid", "m", "map of this project with allowed moves, fleetyard.grid/1";
     Lsmart, "lsmart", "m", "map of LSMART with endpoints and workstations (JSON)";
     Scen, "scen", "a", "MovingAI scenario";
     Lacam, "lacam", "p", "result of lacam, lacam2, lacam3 and pibt2, (x,y) by time step";
@@ -169,24 +170,18 @@ impl Format {
             Regex::new(r#""(actionModel|actualPaths|agentFile|taskFile|layout|n_row|n_col)"\s*:"#)
                 .ok()
         });
-        static OWN: LazyLock<Option<Regex>> =
-            LazyLock::new(|| Regex::new(r#""format"\s*:\s*"fleetyard\.([a-z-]+)/"#).ok());
         static LINE: LazyLock<Option<Regex>> = LazyLock::new(|| {
             let lines = "solved=|solution=|map_file=|schedule:|statistics:|map:|agents:|result:";
             Regex::new(&format!(r"(?m)^[{{ ]*({lines})")).ok()
         });
         static STEP: LazyLock<Option<Regex>> = LazyLock::new(|| Regex::new(r"^[0-9]+ *: *\(").ok());
-        fn found<'a>(pattern: &LazyLock<Option<Regex>>, text: &'a [u8]) -> Option<&'a [u8]> {
-            let captures = pattern.as_ref()?.captures(text)?;
-            let group = captures.get(1).or_else(|| captures.get(0))?;
-            Some(group.as_bytes())
-        }
         let text = bytes.trim_ascii_start();
         let text = &text[..text.len().min(HEAD)];
         let json = text.strip_prefix(b"{").map(<[u8]>::trim_ascii_start);
         if json.is_some_and(|inside| matches!(inside.first(), Some(b'"' | b'}') | None)) {
-            return Some(match (found(&OWN, text), found(&JSON_KEY, text)) {
+            return Some(match (own_format(text), found(&JSON_KEY, text)) {
                 (Some(b"trajectories"), _) => Self::Trajectories,
+                (Some(b"grid"), _) => Self::Grid,
                 (Some(b"roadmap"), _) => Self::Roadmap,
                 (Some(b"roadmap-plan"), _) => Self::RoadmapPlan,
                 (None, Some(b"agentFile" | b"taskFile")) => Self::Lorr,
@@ -230,6 +225,20 @@ impl Format {
             _ => text.starts_with(b"version ").then_some(Self::Scen),
         })
     }
+}
+
+/// What a pattern takes from a text.
+fn found<'a>(pattern: &LazyLock<Option<Regex>>, text: &'a [u8]) -> Option<&'a [u8]> {
+    let captures = pattern.as_ref()?.captures(text)?;
+    let group = captures.get(1).or_else(|| captures.get(0))?;
+    Some(group.as_bytes())
+}
+
+/// The word that a JSON file of this project has in its key `format`, if that is near its begin.
+pub(crate) fn own_format(bytes: &[u8]) -> Option<&[u8]> {
+    static OWN: LazyLock<Option<Regex>> =
+        LazyLock::new(|| Regex::new(r#""format"\s*:\s*"fleetyard\.([a-z-]+)/"#).ok());
+    found(&OWN, &bytes[..bytes.len().min(HEAD)])
 }
 
 fn contains(text: &[u8], wanted: &[u8]) -> bool {
@@ -332,6 +341,7 @@ impl Contents {
         }
         match format {
             Format::Map => contents.grid = Some(Arc::new(read_map(source, bytes)?)),
+            Format::Grid => contents.grid = Some(Arc::new(read_grid(source, bytes)?)),
             Format::Lsmart => {
                 let map = lsmart::read(source, bytes)?;
                 if map.weights {
@@ -413,13 +423,16 @@ impl Contents {
         let grid = self.plan.is_some();
         let plane = self.trajectories.is_some();
         let map_alone = self.grid.is_some() && self.agents.is_none() && !agents;
+        let has_masks = self.grid.as_ref().is_some_and(|grid| grid.has_move_masks());
         match path.extension()?.to_str()? {
+            "map" if has_masks => Some(Format::Grid),
             "map" => Some(Format::Map),
             "scen" => Some(Format::Scen),
             "json" if grid => Some(Format::Plan),
             "json" if self.roadmap_plan.is_some() => Some(Format::RoadmapPlan),
             "json" if plane => Some(Format::Trajectories),
             "json" if self.roadmap.is_some() => Some(Format::Roadmap),
+            "json" if map_alone && has_masks => Some(Format::Grid),
             "json" if map_alone => Some(Format::Lsmart),
             "json" => Some(Format::Lorr),
             "yaml" | "yml" if grid => Some(Format::LibmrpSchedule),
@@ -635,9 +648,16 @@ impl Parts {
             (None, Some(grid)) => Some(format!("{}.map", grid.name())),
             (None, None) => None,
         };
+        let has_masks = self.grid.as_ref().is_some_and(|grid| grid.has_move_masks());
+        if has_masks && format.carries_map() && format != Format::Grid {
+            let reason =
+                "the map allows fewer moves than its terrain, which this format cannot say";
+            return Err(InputError::new(format.name(), reason).hint("write --to grid instead"));
+        }
         let mut others = Vec::new();
         let bytes = match format {
             Format::Map => write_map(grid()?),
+            Format::Grid => write_grid(grid()?),
             Format::Lsmart => lsmart::write_lsmart(grid()?),
             Format::Scen => {
                 let instance = instance()?;

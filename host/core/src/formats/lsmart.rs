@@ -15,18 +15,16 @@
 //! there. `weights_matrix`, costs of moves with five or seven numbers per cell, is checked and
 //! not kept. What else there is belongs to generators of layouts and is passed over.
 
-use std::borrow::Cow;
-use std::fmt;
-
 use serde::Deserialize;
-use serde::de::{self, Deserializer, Visitor};
 
-use crate::files::{column, quote, stem};
+use super::rows::{Rows, Text};
 use crate::json::read_object;
 use crate::{Grid, InputError, Role};
 
 const HINT: &str =
     "a map of LSMART is a JSON object with `layout`, a list of rows such as \"..@e\"";
+
+const LETTERS: &str = "letters are . (free), @ and T (not free), e (endpoint) and w (workstation)";
 
 /// Limit of the simulation, which LSMART's programs want to be told in the map.
 const MAX_TIME: u32 = 2000;
@@ -34,34 +32,10 @@ const MAX_TIME: u32 = 2000;
 #[derive(Deserialize)]
 struct MapFile<'a> {
     #[serde(borrow)]
-    layout: Vec<Row<'a>>,
+    layout: Vec<Text<'a>>,
     n_row: Option<u32>,
     n_col: Option<u32>,
     weights_matrix: Option<Vec<f64>>,
-}
-
-/// A row of the layout, borrowed from the file where it has no escapes, so that its place is
-/// known.
-struct Row<'a>(Cow<'a, str>);
-
-impl<'de: 'a, 'a> Deserialize<'de> for Row<'a> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Text;
-        impl<'de> Visitor<'de> for Text {
-            type Value = Row<'de>;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a row of the map as a text")
-            }
-            fn visit_borrowed_str<E: de::Error>(self, text: &'de str) -> Result<Row<'de>, E> {
-                Ok(Row(Cow::Borrowed(text)))
-            }
-            fn visit_str<E: de::Error>(self, text: &str) -> Result<Row<'de>, E> {
-                Ok(Row(Cow::Owned(text.to_owned())))
-            }
-        }
-        deserializer.deserialize_str(Text)
-    }
 }
 
 /// A map, and whether its file has costs of moves, which are not kept.
@@ -82,57 +56,22 @@ pub fn read_lsmart(source: &str, bytes: &[u8]) -> Result<Grid, InputError> {
 
 pub(super) fn read(source: &str, bytes: &[u8]) -> Result<LsmartMap, InputError> {
     let file: MapFile<'_> = read_object(source, bytes, HINT)?;
-    let rows = u32::try_from(file.layout.len()).unwrap_or(u32::MAX);
-    let width = |row: &Row<'_>| u32::try_from(row.0.chars().count()).unwrap_or(u32::MAX);
-    let at_key = |key: &str, reason: String| {
-        let wanted = format!("\"{key}\"");
-        let found = bytes
-            .windows(wanted.len())
-            .position(|at| at == wanted.as_bytes());
-        let (line, column) = line_column(bytes, found.unwrap_or(0));
-        InputError::new(source, reason).at(line, column)
-    };
-    let Some(cols) = file.layout.first().map(width) else {
-        return Err(at_key("layout", "the layout has no rows".to_owned()).hint(HINT));
-    };
+    let layout =
+        Rows::new(source, bytes, "layout", &file.layout).map_err(|error| error.or_hint(HINT))?;
+    let (rows, cols) = (layout.count, layout.cols);
     for (key, said, found, what) in [
         ("n_row", file.n_row, rows, "rows"),
         ("n_col", file.n_col, cols, "columns"),
     ] {
         if let Some(said) = said.filter(|said| *said != found) {
             let reason = format!("{key} is {said}, but the layout has {found} {what}");
-            return Err(at_key(key, reason).hint(format!(
+            return Err(layout.fault_at(key, reason).hint(format!(
                 "write the {key} that the layout has, or leave it out"
             )));
         }
     }
-    let cells = u64::from(rows) * u64::from(cols);
-    let mut terrain = Vec::with_capacity(cells.min(bytes.len() as u64) as usize);
-    for (number, row) in file.layout.iter().enumerate() {
-        let text = &*row.0;
-        let fault = |at: usize, reason: String| match place(bytes, row, at) {
-            Some((line, column)) => InputError::new(source, reason).at(line, column),
-            None => at_key("layout", reason),
-        };
-        let wrong = |(_, letter): &(usize, char)| {
-            !u8::try_from(*letter).is_ok_and(|letter| Grid::LETTERS.contains(&letter))
-        };
-        if let Some((at, letter)) = text.char_indices().find(wrong) {
-            let letter = quote(letter.encode_utf8(&mut [0; 4]).as_bytes());
-            let reason = format!("unknown terrain letter {letter} in row {number} of the layout");
-            return Err(fault(at, reason).hint(
-                "letters are . (free), @ and T (not free), e (endpoint) and w (workstation)",
-            ));
-        }
-        if width(row) != cols {
-            let reason = format!(
-                "row {number} of the layout has {} letters, but the first one has {cols}",
-                width(row)
-            );
-            return Err(fault(text.len().min(cols as usize), reason));
-        }
-        terrain.extend_from_slice(text.as_bytes());
-    }
+    let grid = layout.grid(LETTERS)?;
+    let cells = u64::from(grid.cell_count());
     if let Some(weights) = &file.weights_matrix {
         let per_cell = [5, 7].map(|each| each * cells);
         if !per_cell.contains(&(weights.len() as u64)) {
@@ -141,33 +80,15 @@ pub(super) fn read(source: &str, bytes: &[u8]) -> Result<LsmartMap, InputError> 
                  {cells} cells",
                 weights.len()
             );
-            return Err(at_key("weights_matrix", reason)
+            return Err(layout
+                .fault_at("weights_matrix", reason)
                 .hint("leave it out: costs of moves are not kept in any case"));
         }
     }
-    let grid = Grid::new(stem(source), rows, cols, terrain).map_err(|error| InputError {
-        hint: error.hint,
-        ..at_key("layout", error.reason)
-    })?;
     Ok(LsmartMap {
         grid,
         weights: file.weights_matrix.is_some(),
     })
-}
-
-/// Line and column of the letter at byte `at` of a row, if the row is a part of the file.
-fn place(bytes: &[u8], row: &Row<'_>, at: usize) -> Option<(u64, u64)> {
-    let Cow::Borrowed(text) = row.0 else {
-        return None;
-    };
-    let at = (text.as_ptr() as usize + at).checked_sub(bytes.as_ptr() as usize)?;
-    (at < bytes.len()).then(|| line_column(bytes, at))
-}
-
-fn line_column(bytes: &[u8], at: usize) -> (u64, u64) {
-    let lines = bytes[..at].split(|byte| *byte == b'\n');
-    let begin = lines.clone().next_back().map_or(at, |last| at - last.len());
-    (lines.count() as u64, column(&bytes[begin..], at - begin))
 }
 
 /// The content of a file with this map, in the letters that LSMART knows: what is free and has

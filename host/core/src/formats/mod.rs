@@ -9,6 +9,7 @@ mod agents;
 mod ccbs;
 mod dynobench;
 mod format;
+mod grid;
 mod layout;
 mod libmrp;
 mod lorr;
@@ -16,16 +17,19 @@ mod lsmart;
 mod pibt2;
 mod pieces;
 mod planviz;
+mod rows;
 mod transposed;
 mod yaml;
 
 pub use agents::{AgentEntry, AgentList};
 pub use ccbs::{read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap};
 pub use dynobench::{DYNOBENCH_STATES_PER_S, read_dynobench};
+pub(crate) use format::own_format;
 pub use format::{
     AnyPlan, Contents, Format, Parts, Scale, Written, grid_size, load_any_plan,
     load_plan_and_roadmap,
 };
+pub use grid::{GRID_FORMAT, read_grid, write_grid};
 pub use layout::{
     Begin, LacamHeader, Layout, LayoutError, Major, MapSize, PATHS_LIMIT, write_lacam,
     write_mapf_visualizer, write_paths_txt,

@@ -4,11 +4,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fleetyard_core::formats::{load_lorr, write_lsmart};
+use fleetyard_core::formats::{load_lorr, write_grid, write_lsmart};
 use fleetyard_core::{
     Connectivity, Digest, Grid, GridInstance, GridPlan, GridSearch, OFF_MAP, PathEncoding,
-    PlanFile, Role, Scenario, ScenarioEntry, load_map, load_scen, moves, read_map, read_plan,
-    read_scen, save_plan, write_map, write_plan, write_scen,
+    PlanFile, Role, Scenario, ScenarioEntry, load_map, load_scen, map_bytes, move_bit, moves,
+    read_map, read_plan, read_scen, save_plan, write_map, write_plan, write_scen,
 };
 use proptest::prelude::*;
 
@@ -20,6 +20,20 @@ fn grids() -> impl Strategy<Value = Grid> {
             (Just(rows), Just(cols), terrain)
         })
         .prop_map(|(rows, cols, terrain)| Grid::new("a", rows, cols, terrain).unwrap())
+}
+
+/// The same, some with masks of moves.
+fn masked_grids() -> impl Strategy<Value = Grid> {
+    (grids(), proptest::collection::vec(any::<u8>(), 64), 0..4u8).prop_map(|(grid, noise, thin)| {
+        let masks = grid.move_masks(Connectivity::Eight);
+        let masks = masks.iter().zip(noise).map(|(mask, noise)| match thin {
+            0 => *mask,
+            1 => mask & noise & 0x0f,
+            _ => mask & noise,
+        });
+        let masks = masks.collect();
+        grid.with_moves(masks).unwrap()
+    })
 }
 
 /// Any paths, legal or not, on and off the map.
@@ -57,8 +71,58 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn maps(grid in grids()) {
-        prop_assert_eq!(read_map("x/a.map", &write_map(&grid)), Ok(grid));
+    fn maps(grid in masked_grids()) {
+        prop_assert_eq!(read_map("x/a.map", &map_bytes(&grid)), Ok(grid.clone()));
+        prop_assert_eq!(read_map("x/a.json", &write_grid(&grid)), Ok(grid.clone()));
+        let plain = read_map("a.map", &write_map(&grid)).unwrap();
+        prop_assert_eq!(plain == grid, !grid.has_move_masks());
+        prop_assert_eq!(plain.digest() == grid.digest(), !grid.has_move_masks());
+    }
+
+    /// Masks are what neighbours say, and a mask with a bit more than the terrain leaves is refused.
+    #[test]
+    fn masks_of_moves(grid in masked_grids(), cell in any::<u32>(), bit in 0..8u32) {
+        for connectivity in [Connectivity::Four, Connectivity::Eight] {
+            let masks = grid.move_masks(connectivity);
+            for (cell, mask) in (0..).zip(&masks) {
+                let near: Vec<u32> = grid.neighbors(cell, connectivity).collect();
+                prop_assert_eq!(near.len() as u32, mask.count_ones());
+                let at = grid.row_col(cell);
+                let bits = near.iter().map(|to| 1 << move_bit(at, grid.row_col(*to)).unwrap());
+                prop_assert_eq!(bits.sum::<u8>(), *mask);
+            }
+        }
+        let cell = cell % grid.cell_count();
+        let plain = read_map("a.map", &write_map(&grid)).unwrap();
+        let is_open = plain.move_mask(cell, Connectivity::Eight) & (1 << bit) != 0;
+        let has_bit = grid.move_mask(cell, Connectivity::Eight) & (1 << bit) != 0;
+        prop_assert_eq!(grid.forbids_move(cell, bit), is_open && !has_bit);
+        let mut masks = grid.move_masks(Connectivity::Eight);
+        masks[cell as usize] |= 1 << bit;
+        prop_assert_eq!(plain.with_moves(masks).is_ok(), is_open);
+    }
+
+    /// Two cells are in one part exactly if each can be reached from the other.
+    #[test]
+    fn parts_are_strongly_connected(grid in masked_grids(), eight: bool) {
+        let connectivity = if eight { Connectivity::Eight } else { Connectivity::Four };
+        let part = grid.components(connectivity);
+        let mut search = GridSearch::new(&grid);
+        let mut last = 0;
+        for from in 0..grid.cell_count() {
+            prop_assert_eq!(part[from as usize] == 0, !grid.is_passable(from));
+            // Numbered in the order of their first cells.
+            prop_assert!(part[from as usize] <= last + 1);
+            last = last.max(part[from as usize]);
+            for to in (0..from).filter(|to| grid.is_passable(from) && grid.is_passable(*to)) {
+                let there = search.steps(from, to, connectivity).is_some();
+                let both = there && search.steps(to, from, connectivity).is_some();
+                prop_assert_eq!(part[from as usize] == part[to as usize], both);
+                let instance =
+                    GridInstance::new(Arc::new(grid.clone()), connectivity, vec![from], vec![to]);
+                prop_assert_eq!(instance.is_ok(), there);
+            }
+        }
     }
 
     #[test]
@@ -124,7 +188,7 @@ proptest! {
 
     /// A* against breadth-first and Bellman–Ford searches.
     #[test]
-    fn shortest_lengths(grid in grids(), seeds in any::<[u32; 2]>()) {
+    fn shortest_lengths(grid in masked_grids(), seeds in any::<[u32; 2]>()) {
         let [from, to] = seeds.map(|seed| seed % grid.cell_count());
         let mut search = GridSearch::new(&grid);
         for connectivity in [Connectivity::Four, Connectivity::Eight] {

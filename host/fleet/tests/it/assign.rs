@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use fleetyard_abi::Task;
 use fleetyard_core::formats::{TaskList, read_lorr_tasks};
-use fleetyard_core::{Grid, OFF_MAP, Role};
+use fleetyard_core::{Connectivity, Grid, OFF_MAP, Role};
 use fleetyard_fleet::Assign;
 use fleetyard_fleet::assign::{Assigner, Source};
 
@@ -71,7 +71,7 @@ fn starts_are_uniform() {
 #[test]
 fn random_goals_are_uniform_and_never_the_cell_before() {
     let grid = grid(ROOMS);
-    let parts = grid.components();
+    let parts = grid.components(Connectivity::Four);
     let mut assigner = Assigner::new(&grid, Source::Random, 11, 1).unwrap();
     let starts = assigner.starts();
     let mut counts = vec![0; grid.cell_count() as usize];

@@ -14,7 +14,10 @@ use fleetyard_world::{
 use proptest::prelude::*;
 
 fn pieces(grid: &Grid) -> u32 {
-    grid.components().into_iter().max().unwrap_or(0)
+    grid.components(Connectivity::Four)
+        .into_iter()
+        .max()
+        .unwrap_or(0)
 }
 
 #[track_caller]
