@@ -326,8 +326,7 @@ fn a_store_from_before_a_column_was_added_is_read_and_written() {
 fn the_guide_has_every_column() {
     let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/benchmarking.md");
     let guide = fs::read_to_string(guide).unwrap();
-    let mut table =
-        String::from("| column | type | may be absent | meaning |\n| --- | --- | --- | --- |\n");
+    let mut table = String::from("| column | type | meaning |\n| --- | --- | --- |\n");
     for column in COLUMNS {
         let kind = match column.kind {
             ColumnType::Text => "text",
@@ -335,12 +334,12 @@ fn the_guide_has_every_column() {
             ColumnType::Real => "real",
             ColumnType::Boolean => "boolean",
         };
-        let optional = if column.optional { "yes" } else { "" };
+        let optional = if column.optional { "?" } else { "" };
         let meaning = column.doc.trim();
         // Writing to a string cannot fail.
         let _ = writeln!(
             table,
-            "| `{}` | {kind} | {optional} | {meaning} |",
+            "| `{}` | {kind}{optional} | {meaning} |",
             column.name
         );
     }
