@@ -204,15 +204,16 @@ class Said:
             size += f", {claim.seeds.n} seed{'s' if claim.seeds.n != 1 else ''}"
             if verdict == "undecided":
                 needed = claim.seeds_needed()
-                size += f"; about {needed} seeds would decide" if needed else "; seeds would not decide"
+                size += f"; {needed} would decide" if needed else "; none would decide"
             told.append(f"{name} **{verdict}** ({size})")
         line = "; ".join(told)
         print(f"- *{self.text}* {line[0].upper()}{line[1:]}.")
 
     def size(self, claim):
-        show = (lambda value: f"odds × {math.exp(value):.2f}") if self.odds else percent
+        show = (lambda value: f"{math.exp(value):.2f}") if self.odds else percent
         low, high = claim.seeds.interval()
-        return show(claim.seeds.mean) + (f" [{show(low)}, {show(high)}]" if math.isfinite(low) else "")
+        size = show(claim.seeds.mean) + (f" [{show(low)}, {show(high)}]" if math.isfinite(low) else "")
+        return f"odds × {size}" if self.odds else size
 
 
 class Page:
@@ -588,10 +589,10 @@ def main():
     both = [paper, shipped]
     page = Page()
     page.text("# LSMART's experiments\n")
-    page.text("This page repeats the experiments of LSMART (Yan, Zhang, Liu, Zhang, Jiang, Chen, Smith and Li, \"Lifelong Scalable "
-          "Multi-Agent Realistic Testbed and A Comprehensive Study on Design Choices in Lifelong AGV Fleet Management Systems\", "
-          "2026) with the modules, planners and simulator of [fleets](../fleet.md).\n")
-    page.text("```sh\nscripts/lsmart             # the reduced form: ten seeds, 300 s, a few team sizes\n"
+    page.text("This page repeats the experiments of LSMART (Yan et al., \"Lifelong Scalable Multi-Agent Realistic Testbed and A "
+          "Comprehensive Study on Design Choices in Lifelong AGV Fleet Management Systems\", 2026) with the modules, planners and "
+          "simulator of [fleets](../fleet.md).\n")
+    page.text("```sh\nscripts/lsmart             # the reduced form: ten seeds, 300 s\n"
           "scripts/lsmart --full --slurm '--partition short --time-limit 12h'    # ten seeds, 600 s, all maps and teams\n"
           "scripts/lsmart page        # this page\n```\n")
     all_rows = [row for part in rows.values() for row in part.rows.values()]
@@ -610,23 +611,21 @@ def main():
           + (f", made by {builds} builds" if (builds := len({row["planner_digest"] for row in all_rows})) > 1 else "") + ". "
           + "The rows are in `docs/results/lsmart/`. A cell is the mean throughput in goals per simulated second, the half of its "
           "95 % t interval over seeds, and in brackets the share of calls that went to the fail policy; – is not measured. Calls are "
-          "limited by search nodes, so that a run is the same on any machine; cells in which calls failed for want of time on a busy "
-          "machine are left out.\n")
+          "limited by search nodes, so that runs repeat on any machine; cells in which calls failed on a busy machine are left out.\n")
     page.text("**Verdicts.** For each seed, d is the mean of ln(goals of A / goals of B) over the cells (a map with a number of robots) "
               "of the claim; shares of failed calls are compared by log odds. \"Better\" means d > 0, \"equal or better\" d > −δ, "
-              "\"similar\" −δ < d < δ, with δ = ln 1.05. A claim is *confirmed* or *contradicted* by Student's t test over at least six "
-              "seeds with p ≤ 5 % after Holm's correction for all claims of this page; otherwise a claim of \"better\" is *equivalent* "
-              "where two one-sided tests put d between −δ and δ. All else is *undecided*, with the number of seeds that would decide "
-              "([the rule](../../scripts/verdicts.py)). In brackets are 95 % intervals before correction.\n")
-    page.text("**Differences from the paper.** Setups *as in the paper* plan without charges for turns and lanes and without a "
-          "distance from crowded goals, and commit robots to ⌈T/ε⌉ actions; *as shipped* they have the defaults of our planners, and "
-          "the cut by time. The simulator has exact contacts instead of ARGoS, robots at the paper's nominal limits (2 m/s, 2 m/s², "
-          "45°/s), and actions sent without delays. The reduced form has shorter runs (300 of 600 s) and fewer team sizes, and "
-          "leaves out maze-32-32-4 and empty-32-32. Calls of CBS, PP and PBS end by search nodes before the paper's limit of wall-clock "
-          "time, so that more of them fail.\n")
-    page.text("**Maps.** warehouse-33-36 and empty-32-32 are cell by cell the paper's. warehouse-10-20-10-2-1 is MovingAI's without "
-          "its wall, with [roles](../maps.md#warehouses) in the way of warehouse-33-36. The others are MovingAI's where "
-          "`FLEETYARD_DATA` has them, else ours of the same kind and size.\n")
+              "\"similar\" −δ < d < δ, with δ = ln 1.05. Student's t test over at least six seeds makes a claim *confirmed* or "
+              "*contradicted* (p ≤ 5 % after Holm's correction for all claims here), else two one-sided tests make one of \"better\" "
+              "*equivalent* (d between −δ and δ). All else is *undecided*, with about the number of seeds that would decide "
+              "([the rule](../../scripts/verdicts.py)). Brackets have 95 % intervals before correction.\n")
+    page.text("**Differences from the paper.** Setups *as in the paper* plan without charges for turns and lanes and without spacing, and "
+          "commit robots to ⌈T/ε⌉ actions; *as shipped* they have the defaults of our planners, and the cut by time. Instead of ARGoS "
+          "there are exact contacts, robots at the paper's nominal limits (2 m/s, 2 m/s², 45°/s), and actions sent without delays. The "
+          "reduced form has 300 of 600 s and fewer team sizes, and leaves out maze-32-32-4 and empty-32-32. Calls of CBS, PP and PBS "
+          "end by search nodes before the paper's wall-clock limit, so that more of them fail.\n")
+    page.text("**Maps.** warehouse-33-36 and empty-32-32 are the paper's. warehouse-10-20-10-2-1 is MovingAI's without its wall, with "
+          "[roles](../maps.md#warehouses) in the way of warehouse-33-36. The others are MovingAI's where `FLEETYARD_DATA` has them, "
+          "else ours of the same kind and size.\n")
     experiments_1_to_3(page, both)
     experiment_4(page, Measured([rows["lns2"]]))
     experiment_5(page, [Measured([rows["policies"]])], kept)
