@@ -149,8 +149,7 @@ pub struct Incumbent {
 }
 
 columns! {
-    /// Stands for instance, planner's code, options, budget, seed and repeat; no two
-    /// rows of a store have the same.
+    /// Digest of all that decides the result; no two rows of a store have the same.
     key: String,
     /// Place in the suite's order, from 0.
     trial: u64,
@@ -166,8 +165,8 @@ columns! {
     options: String,
     /// The way in which the plugin was attached.
     attach: String,
-    /// True if the result may be compared: not in the host's process, in a sandbox, supervised to
-    /// the end, and with all its processor time known where that is limited.
+    /// True if the result may be compared: sandboxed, supervised to the end, and with all its
+    /// processor time known where that is limited.
     ranked: bool,
     /// The reason why it may not be compared.
     unranked: Option<String>,
@@ -215,7 +214,7 @@ columns! {
     claim: Option<String>,
     /// The planner's explanation.
     message: Option<String>,
-    /// Claims of the planner that the host found to be otherwise.
+    /// Claims that the host found to be otherwise.
     false_claims: Option<String>,
     /// True if the last plan is valid.
     valid: bool,
@@ -223,12 +222,11 @@ columns! {
     violations: u64,
     /// The first violation, in words.
     first_violation: Option<String>,
-    /// True if the trial succeeded: the planner ended as it should and its plan is valid.
+    /// True if the planner ended as it should and its plan is valid.
     success: bool,
-    /// The time that is compared: that of the call by the host's clock, the round trip less the
-    /// correction, or processor time, as `clock` says; of a fleet, the mean over its planner's calls.
+    /// The time that is compared, as `clock` says; of a fleet, the mean over its planner's calls.
     solve_time_ms: f64,
-    /// Time that is compared, in the suite's words: `host`, `call` or `cpu`.
+    /// The suite's clock: `host`, `call` or `cpu`.
     clock: Option<String>,
     /// Wall time of the call by the host's clock, transport included; of a fleet, of all calls of
     /// its planner together.
@@ -241,13 +239,12 @@ columns! {
     correction_ms: Option<f64>,
     /// Distance of empty calls from that.
     correction_uncertainty_ms: Option<f64>,
-    /// From the start of the plugin until it had introduced itself; absent when a
-    /// process that ran already was used again.
+    /// From the start of the plugin until it had introduced itself; absent when its process
+    /// was used again.
     startup_time_ms: Option<f64>,
     /// Wall time of learning the map; absent when it was known.
     prepare_time_ms: Option<f64>,
-    /// Start, learning the map and the call together, so far as they were made for this trial: what
-    /// plugins of different attachments do at different times is all in it.
+    /// Start, learning the map and the call together, so far as they were made for this trial.
     total_time_ms: Option<f64>,
     /// From the start of the call to the first plan, by the host's clock.
     first_solution_ms: Option<f64>,
@@ -281,39 +278,37 @@ columns! {
     execution_makespan_s: Option<f64>,
     /// Goals reached per simulated second.
     throughput_per_s: Option<f64>,
-    /// Of a fleet: what was asked for, all numbers and plugins with their options, as a JSON
-    /// object.
+    /// Numbers and plugins of the fleet with their options, as a JSON object.
     fleet: Option<String>,
-    /// Of a fleet: identifier of the instance generator.
+    /// Identifier of the instance generator.
     generator: Option<String>,
-    /// Of a fleet: identifier of the invocation policy.
+    /// Identifier of the invocation policy.
     invocation: Option<String>,
-    /// Of a fleet: identifier of the fail policy.
+    /// Identifier of the fail policy.
     fail_policy: Option<String>,
-    /// Of a fleet: goals that robots reached.
+    /// Goals that robots reached.
     goals_reached: Option<u64>,
-    /// Of a fleet: goals on the ways to which robots are committed, reached or not.
+    /// Goals on the ways to which robots are committed, reached or not.
     goals_committed: Option<u64>,
-    /// Of a fleet: calls in which the fail policy was asked, as a share of all calls.
+    /// Share of calls in which the fail policy was asked.
     fail_policy_ratio: Option<f64>,
-    /// Of a fleet: calls that were answered.
+    /// Calls that were answered.
     planner_calls: Option<u64>,
-    /// Of a fleet: calls after which everybody waited.
+    /// Calls after which everybody waited.
     all_waits: Option<u64>,
-    /// Of a fleet: plans that were claimed to be right and refused.
+    /// Plans that were claimed to be right and refused.
     invalid_batches: Option<u64>,
-    /// Of a fleet: rings that were cut out of plans.
+    /// Rings that were cut out of plans.
     rings_cut: Option<u64>,
-    /// Of a fleet: the longest of the planner's calls, by the host's clock.
+    /// The longest of the planner's calls, by the host's clock.
     planner_call_max_ms: Option<f64>,
-    /// Of a fleet: how long a call of the planner may take.
+    /// Limit of a call of the planner.
     planner_limit_ms: Option<f64>,
-    /// Of a fleet: share of robots and time spent standing still.
+    /// Share of robots and time spent standing still.
     waiting_share: Option<f64>,
-    /// Of a fleet: most actions in the graph at a time.
+    /// Most actions in the graph at a time.
     adg_nodes_max: Option<u64>,
-    /// Processor time of the call, over all processes and threads; a lower bound where
-    /// `limits_watched` has `cpu`.
+    /// Processor time of the call; a lower bound where `limits_watched` has `cpu`.
     cpu_time_ms: Option<f64>,
     /// Largest resident memory of the plugin's processes together.
     peak_memory_kb: Option<u64>,
@@ -321,14 +316,13 @@ columns! {
     run_delay_ms: Option<f64>,
     /// Threads that the planner was allowed.
     threads: Option<u32>,
-    /// Kept of the trial before: nothing (`never`), or the planner's process (`planner`).
+    /// The suite's `reuse`: `never` or `planner`.
     reuse: Option<String>,
     /// The processors that the plugin had to itself; absent where it had none.
     cpus: Option<String>,
     /// Reasons why the times cannot be compared with others; empty when they can.
     contended: String,
-    /// Attempts at the trial until nobody disturbed it, or the suite's attempts were spent; absent
-    /// where each trial has one attempt.
+    /// Attempts at the trial until nobody disturbed it; absent where each trial has one.
     attempts: Option<u32>,
     /// Digest of the machine's description.
     machine: String,
