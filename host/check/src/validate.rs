@@ -10,6 +10,12 @@
 //! of half a cell would then come as near as √2 radii, which the classical rules
 //! do not forbid.
 //!
+//! [`Separation::Strict`] forbids it: in one step one agent enters a cell that another one leaves
+//! at a right angle. With the offset d₀ and the difference w of their moves as below, the offset of
+//! two agents is nearest at |d₀ × w| / |w|, and with w of the length 1, √2 or 2 this is between 0
+//! and 1 for |d₀ × w| = 1 and |w| = √2 alone, which is that case. So centres stay a whole cell
+//! apart, 2r in cells of side 2r.
+//!
 //! # Eight-connected grids
 //!
 //! The rules are those that GRACE (section III-D) names: co-occupancy, opposing
@@ -40,7 +46,8 @@
 //! So exactly four kinds of pairs are forbidden, as the paper has it. Everything
 //! else keeps 2r, with equality for a diagonal move past an agent that waits at
 //! its side, for following round a corner, and for opposite parallel diagonals.
-//! A test compares every pair of moves with the distance.
+//! [`Separation::Strict`] has nothing to add. A test compares every pair of moves with the
+//! distance.
 //!
 //! A diagonal move also needs both cells at its side free, as in the MovingAI
 //! benchmarks. A map with masks of moves allows those alone; whether two moves conflict does
@@ -64,7 +71,9 @@
 //! conflicts has every violating pair reported. Moves that are not unit moves
 //! take no part in swaps, crossings and corner-meets.
 
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, move_bit};
+use fleetyard_core::{
+    Connectivity, Grid, GridInstance, GridPlan, Heading, Separation, move_bit,
+};
 
 use crate::{CellPosition, Rule, Verdict, Violation};
 
@@ -85,6 +94,8 @@ pub struct Terms<'a> {
     pub headings: Option<&'a [Heading]>,
     /// Number of steps that have to be free of collisions; 0 for all.
     pub window_steps: u32,
+    /// The distance that agents keep.
+    pub separation: Separation,
 }
 
 impl<'a> From<&'a GridInstance> for Terms<'a> {
@@ -96,6 +107,7 @@ impl<'a> From<&'a GridInstance> for Terms<'a> {
             goals: Some(instance.goals()),
             headings: None,
             window_steps: 0,
+            separation: Separation::Rules,
         }
     }
 }
@@ -413,6 +425,8 @@ impl<'a> Sweep<'a> {
 
     /// Checks moves of this step against each other.
     fn check_pairs(&mut self) {
+        let corners = self.terms.separation == Separation::Strict
+            && self.terms.connectivity == Connectivity::Four;
         for at in 0..self.active.len() {
             let mover = self.active[at];
             let (agent, direction) = (mover.agent, mover.direction);
@@ -427,10 +441,26 @@ impl<'a> Sweep<'a> {
             if is_diagonal(direction) {
                 self.check_diagonal(&mover);
             }
+            if corners {
+                self.check_corner(&mover);
+            }
         }
         for mover in &self.active {
             if mover.direction != STAY {
                 self.cells[mover.from as usize].leaving = NONE;
+            }
+        }
+    }
+
+    /// Agents that leave the cell that this one enters, to a side of its way.
+    fn check_corner(&mut self, mover: &Active) {
+        let (row_step, col_step) = step_of(mover.direction);
+        // The steps of a straight move are units, and so are those at a right angle to it.
+        let left = direction(-col_step, row_step).unwrap_or(STAY);
+        for side in [left, 8 - left] {
+            let leader = self.mover_from(mover.to, side);
+            if leader != NONE {
+                self.report(Rule::CornerFollow, leader, mover.agent);
             }
         }
     }
@@ -635,6 +665,21 @@ impl<'a> Sweep<'a> {
                      between times {before} and {time}"
                 );
                 (moves(first), sentence)
+            }
+            Rule::CornerFollow => {
+                let leads = self.plan.at(first as usize, before as usize)
+                    == self.plan.at(second as usize, time as usize);
+                let (leader, follower) = if leads {
+                    (first, second)
+                } else {
+                    (second, first)
+                };
+                let corner = at(leader, before);
+                let sentence = format!(
+                    "agent {follower} follows agent {leader} round a corner at {corner} \
+                     between times {before} and {time}: {first_move}, {second_move}"
+                );
+                ([moves(first), moves(second)].concat(), sentence)
             }
             Rule::DiagonalCrossing | Rule::CornerMeet => {
                 let what = match rule {

@@ -42,6 +42,9 @@ pub enum Rule {
     /// A diagonal move passes a corner while a straight move crosses an edge
     /// that ends there.
     CornerMeet,
+    /// An agent enters a cell that another one leaves at a right angle in the same step; where
+    /// agents keep strictly apart.
+    CornerFollow,
 }
 
 words!(Rule {
@@ -60,6 +63,7 @@ words!(Rule {
     SwapConflict = "swap-conflict";
     DiagonalCrossing = "diagonal-crossing";
     CornerMeet = "corner-meet";
+    CornerFollow = "corner-follow";
 });
 
 /// Row and column of a cell.

@@ -4,7 +4,7 @@
 //! `row * cols + col`, as in MovingAI files.
 
 use crate::moves::MOVES;
-use crate::{Digest, GridSearch, Hasher, InputError};
+use crate::{Digest, GridSearch, Hasher, InputError, words};
 
 /// The moves that a grid allows besides waiting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -65,6 +65,22 @@ pub enum MovesError {
     )]
     Impossible { row: u32, col: u32, bit: u32 },
 }
+
+/// The distance that robots keep on a grid. Cells have the side 2r or more, for discs of radius r.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Separation {
+    /// That of the rules of MAPF in cells of side 2r, as published: on four neighbours a robot
+    /// that follows another one round a corner comes as near as √2·r.
+    #[default]
+    Rules,
+    /// 2r between the centres of any two robots at all times.
+    Strict,
+}
+
+words!(Separation {
+    Rules = "rules", "The rules of MAPF in cells of side 2r: round corners robots come as near as √2·r to each other";
+    Strict = "strict", "Always 2r: nobody follows another one round a corner, or cells have the side 2√2·r";
+});
 
 /// The purpose of a cell of a warehouse. Robots pass either like any other free cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

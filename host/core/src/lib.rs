@@ -37,7 +37,9 @@ pub use files::{
     write_all_atomically, write_atomically,
 };
 pub use frame::{cell_center_m, cell_of_point};
-pub use grid::{Connectivity, Grid, MovesError, Role, move_bit, move_step, opposite_move};
+pub use grid::{
+    Connectivity, Grid, MovesError, Role, Separation, move_bit, move_step, opposite_move,
+};
 pub use instance::{GridInstance, InstanceError};
 pub use map_file::{MAP_FILE_LIMIT, load_map, map_bytes, read_map, save_map, write_map};
 pub use plan_file::{PlanFile, load_plan, read_plan, save_plan, write_plan};

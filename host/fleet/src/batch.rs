@@ -2,7 +2,7 @@
 
 use fleetyard_abi::{Instance, Motion};
 use fleetyard_check::{Terms, Verdict, validate_terms};
-use fleetyard_core::{Connectivity, Grid, GridPlan};
+use fleetyard_core::{Connectivity, Grid, GridPlan, Separation};
 
 /// Most violations of a batch that are described.
 const DESCRIBED: usize = 10;
@@ -89,6 +89,7 @@ pub fn judge(grid: &Grid, instance: &Instance, plan: GridPlan) -> Result<Batch, 
         goals: None,
         headings: instance.headings.as_deref().filter(|_| turning),
         window_steps: window,
+        separation: Separation::Rules,
     };
     let verdict = validate_terms(&terms, &plan, DESCRIBED);
     if !verdict.valid {

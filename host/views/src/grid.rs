@@ -2,27 +2,11 @@
 
 use std::sync::Arc;
 
-use fleetyard_core::{Connectivity, Grid, GridInstance, InputError, words};
+use fleetyard_core::{Connectivity, Grid, GridInstance, InputError, Separation};
 use fleetyard_world::{Boundary, Bounds, Polygon, Pose, Shape, Workspace};
 use serde_json::{Value, json};
 
 use crate::{FREE_SLACK_M, Origin, Problem, State, VIEW_FORMAT};
-
-/// Distance that robots keep if they keep the rules of a grid.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Separation {
-    /// Cells of side 2r, as published: on four neighbours a robot that follows another one round
-    /// a corner comes as near as √2·r.
-    #[default]
-    Rules,
-    /// Cells of side 2√2·r: 2r between any two robots at all times.
-    Strict,
-}
-
-words!(Separation {
-    Rules = "rules", "Cells of side 2r, as published: round corners robots come as near as √2·r to each other";
-    Strict = "strict", "Cells of side 2√2·r: always 2r from each other";
-});
 
 /// Parameters of a grid view.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,7 +15,7 @@ mod task;
 mod world;
 
 pub use free::{FREE_SLACK_M, Free};
-pub use grid::{GridSpec, GridView, Separation, cell_side_m, world_to_grid};
+pub use grid::{GridSpec, GridView, cell_side_m, world_to_grid};
 pub use origin::{Origin, VIEW_FORMAT};
 pub use roadmap::{
     Builder, ROADMAP_MOST_VERTICES, RoadmapReport, RoadmapSpec, RoadmapView, Sampling,

@@ -5,11 +5,15 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use fleetyard_check::{Rule, Terms, metrics, validate, validate_terms};
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP, Separation};
 use proptest::prelude::*;
 
 /// Time, agents and rule of every violation, written from the rules' words.
-fn slow(instance: &GridInstance, plan: &GridPlan) -> BTreeSet<(u32, Vec<u32>, Rule)> {
+fn slow(
+    instance: &GridInstance,
+    plan: &GridPlan,
+    separation: Separation,
+) -> BTreeSet<(u32, Vec<u32>, Rule)> {
     let grid = instance.grid();
     let eight = instance.connectivity() == Connectivity::Eight;
     let plan = plan.trimmed();
@@ -105,7 +109,16 @@ fn slow(instance: &GridInstance, plan: &GridPlan) -> BTreeSet<(u32, Vec<u32>, Ru
                     |(from, to): ((i64, i64), (i64, i64))| from.0 != to.0 && from.1 != to.1;
                 let gap = (middle(one).0 - middle(other).0).pow(2)
                     + (middle(one).1 - middle(other).1).pow(2);
+                let way = |(from, to): ((i64, i64), (i64, i64))| (to.0 - from.0, to.1 - from.1);
+                let across = way(one).0 * way(other).0 + way(one).1 * way(other).1 == 0;
                 let rule = match (gap, diagonal(one), diagonal(other)) {
+                    _ if separation == Separation::Strict
+                        && !eight
+                        && across
+                        && (one.1 == other.0 || other.1 == one.0) =>
+                    {
+                        Rule::CornerFollow
+                    }
                     (0, ..) if one.0 == other.1 => Rule::SwapConflict,
                     (0, true, true) => Rule::DiagonalCrossing,
                     // Half a cell between a corner and the middle of its edge.
@@ -235,7 +248,7 @@ proptest! {
 
     #[test]
     fn agrees_with_the_slow_validator(Case { instance, plan } in case()) {
-        let expected = slow(&instance, &plan);
+        let expected = slow(&instance, &plan, Separation::Rules);
         let verdict = validate(&instance, &plan, usize::MAX);
         prop_assert_eq!(verdict.valid, expected.is_empty());
         prop_assert_eq!(verdict.violations.len() as u64, verdict.violation_count);
@@ -273,20 +286,26 @@ proptest! {
     }
 
     #[test]
-    fn terms_are_those_of_the_slow_validator(Case { instance, plan } in case(), window in 0..8u32) {
+    fn terms_are_those_of_the_slow_validator(
+        Case { instance, plan } in case(),
+        window in 0..8u32,
+        strict in any::<bool>(),
+    ) {
+        let separation = if strict { Separation::Strict } else { Separation::Rules };
         let turns = instance.connectivity() == Connectivity::Four;
         let headings = vec![Heading::North; instance.agents()];
         let terms = Terms {
             goals: None,
             headings: turns.then_some(&headings[..]),
             window_steps: window,
+            separation,
             ..(&instance).into()
         };
         let verdict = validate_terms(&terms, &plan, usize::MAX);
         let found: BTreeSet<_> = verdict.violations.iter()
             .map(|found| (found.time, found.agents.clone(), found.rule))
             .collect();
-        let mut expected = slow(&instance, &plan);
+        let mut expected = slow(&instance, &plan, separation);
         expected.retain(|(time, agents, rule)| {
             *rule != Rule::WrongGoal && (agents.len() < 2 || window == 0 || *time <= window)
         });

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetyard_check::{Rule, Terms, Verdict, metrics, validate, validate_terms};
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP, Words as _};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP, Separation, Words as _};
 
 /// A map, starts and goals drawn with letters: `a` starts where it stands and
 /// has its goal at `A`.
@@ -302,11 +302,14 @@ fn least_distance(offset: (i64, i64), w: (i64, i64)) -> (i64, i64) {
     }
 }
 
-/// The derivation in the validator's documentation, for every pair of moves:
-/// a pair is forbidden exactly if the discs come nearer than two radii.
-#[test]
-fn eight_connected_rules_are_two_radii() {
-    let steps = || (-1..=1).flat_map(|dr| (-1..=1).map(move |dc| (dr, dc)));
+/// The derivations in the validator's documentation, for every pair of moves: a pair is
+/// forbidden exactly if centres come nearer than the square root of `limit.0 / limit.1` cells.
+/// Counts the forbidden pairs.
+fn forbidden_pairs(connectivity: Connectivity, separation: Separation, limit: (i64, i64)) -> u32 {
+    let steps = || {
+        let all = (-1..=1).flat_map(|dr: i64| (-1..=1).map(move |dc: i64| (dr, dc)));
+        all.filter(move |step| connectivity == Eight || step.0 == 0 || step.1 == 0)
+    };
     let near = || (-3..=3).flat_map(|dr| (-3..=3).map(move |dc| (dr, dc)));
     let side = 15u32;
     let grid = Grid::new("open", side, side, vec![b'.'; (side * side) as usize]).unwrap();
@@ -324,7 +327,7 @@ fn eight_connected_rules_are_two_radii() {
             }
             let instance = GridInstance::new(
                 Arc::clone(&grid),
-                Eight,
+                connectivity,
                 starts.map(cell).to_vec(),
                 ends.map(cell).to_vec(),
             )
@@ -333,11 +336,14 @@ fn eight_connected_rules_are_two_radii() {
                 [starts[0], ends[0]].map(cell),
                 [starts[1], ends[1]].map(cell),
             ];
-            let verdict = validate(&instance, &GridPlan::from_paths(paths), 10);
+            let terms = Terms {
+                separation,
+                ..(&instance).into()
+            };
+            let verdict = validate_terms(&terms, &GridPlan::from_paths(paths), 10);
             let w = (other.0 - one.0, other.1 - one.1);
             let (numerator, denominator) = least_distance(offset, w);
-            // Nearer than 1/√2 cells, which is 2r.
-            let near = 2 * numerator < denominator;
+            let near = limit.1 * numerator < limit.0 * denominator;
             assert_eq!(
                 verdict.valid, !near,
                 "{offset:?} {one:?} {other:?} {verdict:?}"
@@ -349,6 +355,7 @@ fn eight_connected_rules_are_two_radii() {
                     (0, _) if ends == [starts[1], starts[0]] => Rule::SwapConflict,
                     (0, _) => Rule::DiagonalCrossing,
                     (1, 5) => Rule::CornerMeet,
+                    (1, 2) => Rule::CornerFollow,
                     _ => panic!("the derivation has no such case: {numerator}/{denominator}"),
                 };
                 assert_eq!(verdict.violations[0].rule, expected);
@@ -357,9 +364,53 @@ fn eight_connected_rules_are_two_radii() {
             }
         }
     }
-    // 8 swaps, 8 crossings, 4 diagonals × 4 straight moves × 2 roles corner-meets.
-    assert_eq!(forbidden, 8 + 8 + 32);
-    assert!(allowed > 3000);
+    assert!(allowed > 1000);
+    forbidden
+}
+
+#[test]
+fn eight_connected_rules_are_two_radii() {
+    // 2r are 1/√2 cells; 8 swaps, 8 crossings, 4 diagonals × 4 straight moves × 2 roles
+    // corner-meets. There is nothing to add where robots keep strictly apart.
+    for separation in [Separation::Rules, Separation::Strict] {
+        assert_eq!(forbidden_pairs(Eight, separation, (1, 2)), 8 + 8 + 32);
+    }
+}
+
+#[test]
+fn four_connected_rules_are_two_radii_where_nobody_follows_round_corners() {
+    // 2r are one cell: 4 swaps, 4 moves × 2 corners × 2 roles.
+    assert_eq!(forbidden_pairs(Four, Separation::Strict, (1, 1)), 4 + 16);
+    // Without it, only wider cells keep two radii.
+    assert_eq!(forbidden_pairs(Four, Separation::Rules, (1, 2)), 4);
+}
+
+#[test]
+fn following_round_a_corner_is_named_where_robots_keep_strictly_apart() {
+    let instance = instance(Four, &["ab.", "..B", ".A."]);
+    let paths: [&[(i32, i32)]; 2] = [
+        &[(0, 0), (0, 1), (1, 1), (2, 1)],
+        &[(0, 1), (1, 1), (1, 2)],
+    ];
+    let plan = plan(&instance, &paths);
+    let judge = |separation| {
+        let terms = Terms {
+            separation,
+            ..(&instance).into()
+        };
+        let found = validate_terms(&terms, &plan, 10).violations;
+        found.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(judge(Separation::Rules), [""; 0]);
+    assert_eq!(
+        judge(Separation::Strict),
+        [
+            "agent 0 follows agent 1 round a corner at (0, 1) between times 0 and 1: \
+             agent 0 from (0, 0) to (0, 1), agent 1 from (0, 1) to (1, 1)",
+            "agent 0 follows agent 1 round a corner at (1, 1) between times 1 and 2: \
+             agent 0 from (0, 1) to (1, 1), agent 1 from (1, 1) to (1, 2)",
+        ]
+    );
 }
 
 #[test]
@@ -395,6 +446,7 @@ fn turning(path: &[u32]) -> Vec<String> {
         goals: None,
         headings: Some(&[Heading::East]),
         window_steps: 1,
+        separation: Separation::Rules,
     };
     let verdict = validate_terms(&terms, &GridPlan::from_paths([path]), 10);
     verdict.violations.iter().map(ToString::to_string).collect()
@@ -440,6 +492,7 @@ fn behind_the_window_agents_collide_but_keep_to_the_map() {
             goals: None,
             headings: None,
             window_steps,
+            separation: Separation::Rules,
         };
         let verdict = validate_terms(&terms, &GridPlan::from_paths(paths), 10);
         verdict.violations.iter().map(|found| found.rule).collect()

@@ -1,7 +1,7 @@
 //! Grids of worlds: what is free holds a disc, and what does not fit is refused with distances.
 
-use fleetyard_core::{Connectivity, InputError};
-use fleetyard_views::{Free, GridSpec, GridView, Separation, load_problem, world_to_grid};
+use fleetyard_core::{Connectivity, InputError, Separation};
+use fleetyard_views::{Free, GridSpec, GridView, load_problem, world_to_grid};
 use proptest::prelude::*;
 
 use crate::tasks::{maps, problem_in};
