@@ -5,13 +5,15 @@
 //! simulator and no clock: what a planner says of its own plan has no way in.
 //! [`validate`] judges plans on grids, [`validate_terms`] those of
 //! which more or less is asked than an instance does, [`validate_paths`] those whose cells need not
-//! be neighbours, [`validate_trajectories`] plans in continuous space and time.
+//! be neighbours, [`validate_roadmap`] plans on roadmaps, [`validate_trajectories`] plans in
+//! continuous space and time.
 
 #![forbid(unsafe_code)]
 
 mod continuous;
 mod metrics;
 mod path;
+mod roadmap;
 mod validate;
 mod verdict;
 
@@ -21,5 +23,8 @@ pub use continuous::{
 };
 pub use metrics::{PlanMetrics, metrics};
 pub use path::{PathRule, validate_paths};
+pub use roadmap::{
+    Pace, RoadmapRule, RoadmapTask, RoadmapVerdict, RoadmapViolation, validate_roadmap,
+};
 pub use validate::{Terms, validate, validate_terms};
 pub use verdict::{CellPosition, Rule, Verdict, Violation};

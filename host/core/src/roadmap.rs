@@ -414,31 +414,17 @@ impl RoadmapPlan {
         last.fold(0.0, f64::max)
     }
 
+    /// Every vertex and every edge of the plan that the roadmap lacks, by agent and visit.
+    pub fn faults(&self, roadmap: &Roadmap) -> impl Iterator<Item = RoadmapPlanError> {
+        let paths = self.paths().enumerate();
+        paths.flat_map(move |(agent, path)| {
+            (0..path.len()).filter_map(move |visit| fault(roadmap, agent, path, visit))
+        })
+    }
+
     /// Checks that every vertex and every edge of the plan is on the roadmap.
     pub fn check(&self, roadmap: &Roadmap) -> Result<(), RoadmapPlanError> {
-        let vertices = roadmap.vertices();
-        for (agent, path) in self.paths().enumerate() {
-            for (visit, at) in path.iter().enumerate() {
-                let vertex = at.vertex;
-                if vertex as usize >= vertices {
-                    return Err(RoadmapPlanError::NoSuchVertex {
-                        agent,
-                        visit,
-                        vertex,
-                        vertices,
-                    });
-                }
-                if visit > 0 && !roadmap.has_edge(path[visit - 1].vertex, vertex) {
-                    return Err(RoadmapPlanError::NoSuchEdge {
-                        agent,
-                        visit,
-                        from: path[visit - 1].vertex,
-                        to: vertex,
-                    });
-                }
-            }
-        }
-        Ok(())
+        self.faults(roadmap).next().map_or(Ok(()), Err)
     }
 
     /// The same plan in the plane, without headings. The plan must fit the roadmap, which
@@ -480,4 +466,32 @@ impl RoadmapPlan {
         }
         hasher.finish()
     }
+}
+
+/// The fault of a visit, if the roadmap lacks its vertex or the edge that leads there. An edge
+/// from a vertex that is not there is none of its own.
+fn fault(
+    roadmap: &Roadmap,
+    agent: usize,
+    path: &[Visit],
+    visit: usize,
+) -> Option<RoadmapPlanError> {
+    let vertices = roadmap.vertices();
+    let vertex = path[visit].vertex;
+    if vertex as usize >= vertices {
+        return Some(RoadmapPlanError::NoSuchVertex {
+            agent,
+            visit,
+            vertex,
+            vertices,
+        });
+    }
+    let from = path[visit.checked_sub(1)?].vertex;
+    let lacks = (from as usize) < vertices && !roadmap.has_edge(from, vertex);
+    lacks.then_some(RoadmapPlanError::NoSuchEdge {
+        agent,
+        visit,
+        from,
+        to: vertex,
+    })
 }

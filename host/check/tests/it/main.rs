@@ -3,4 +3,5 @@
 mod continuous;
 mod oracle;
 mod paths;
+mod roadmaps;
 mod rules;

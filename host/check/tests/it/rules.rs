@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use fleetyard_check::{Rule, Terms, Verdict, metrics, validate, validate_terms};
-use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP, Separation, Words as _};
+use fleetyard_core::{
+    Connectivity, Grid, GridInstance, GridPlan, Heading, OFF_MAP, Separation, Words as _,
+};
 
 /// A map, starts and goals drawn with letters: `a` starts where it stands and
 /// has its goal at `A`.
@@ -388,10 +390,7 @@ fn four_connected_rules_are_two_radii_where_nobody_follows_round_corners() {
 #[test]
 fn following_round_a_corner_is_named_where_robots_keep_strictly_apart() {
     let instance = instance(Four, &["ab.", "..B", ".A."]);
-    let paths: [&[(i32, i32)]; 2] = [
-        &[(0, 0), (0, 1), (1, 1), (2, 1)],
-        &[(0, 1), (1, 1), (1, 2)],
-    ];
+    let paths: [&[(i32, i32)]; 2] = [&[(0, 0), (0, 1), (1, 1), (2, 1)], &[(0, 1), (1, 1), (1, 2)]];
     let plan = plan(&instance, &paths);
     let judge = |separation| {
         let terms = Terms {
