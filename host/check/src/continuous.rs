@@ -51,19 +51,32 @@ impl<'a> ContinuousTask<'a> {
 pub struct Tolerance {
     /// Footprints may overlap by this, in metres; touching is no contact.
     pub overlap_m: f64,
-    /// Starts and goals may be missed by this, in metres.
+    /// Starts may be missed by this.
+    pub start: Near,
+    /// Goals may be missed by this.
+    pub goal: Near,
+}
+
+/// A distance from a pose. Headings only count for footprints that are no discs, in plans that
+/// have headings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Near {
+    /// Of the place, in metres.
     pub place_m: f64,
-    /// Their headings may be missed by this, in radians. They only count for
-    /// footprints that are no discs, in plans that have headings.
+    /// Of the heading, in radians.
     pub heading_rad: f64,
 }
 
 impl Default for Tolerance {
     fn default() -> Self {
-        Self {
-            overlap_m: 1e-6,
+        let near = Near {
             place_m: 1e-6,
             heading_rad: 1e-6,
+        };
+        Self {
+            overlap_m: 1e-6,
+            start: near,
+            goal: near,
         }
     }
 }
@@ -276,16 +289,17 @@ fn check_places(
     task: &ContinuousTask<'_>,
     violations: &mut Vec<ContinuousViolation>,
 ) {
+    let Tolerance { start, goal, .. } = task.tolerance;
     let places = [
-        (task.starts, ContinuousRule::WrongStart, "begins", "start"),
-        (task.goals, ContinuousRule::WrongGoal, "ends", "goal"),
+        (task.starts, start, ContinuousRule::WrongStart),
+        (task.goals, goal, ContinuousRule::WrongGoal),
     ];
-    for (poses, rule, does, place) in places {
+    for (poses, near, rule) in places {
         for (agent, wanted) in poses.unwrap_or_default().iter().enumerate() {
             let knots = plan.knots(agent);
-            let at = match rule {
-                ContinuousRule::WrongStart => 0,
-                _ => knots.time_s.len() - 1,
+            let (at, does, place) = match rule {
+                ContinuousRule::WrongStart => (0, "begins", "start"),
+                _ => (knots.time_s.len() - 1, "ends", "goal"),
             };
             let (x, y) = (knots.x_m[at] - wanted.x, knots.y_m[at] - wanted.y);
             let missed_m = (x * x + y * y).sqrt();
@@ -294,9 +308,9 @@ fn check_places(
                 .filter(|_| !task.shapes[agent].is_disc())
                 .map_or(0.0, |all| all[at] - wanted.heading);
             let missed_rad = (turn - TAU * (turn / TAU).round()).abs();
-            let sentence = if missed_m > task.tolerance.place_m {
+            let sentence = if missed_m > near.place_m {
                 format!("agent {agent} {does} {missed_m} m from its {place}")
-            } else if missed_rad > task.tolerance.heading_rad {
+            } else if missed_rad > near.heading_rad {
                 format!("agent {agent} {does} at its {place}, but turned by {missed_rad} rad")
             } else {
                 continue;

@@ -18,10 +18,10 @@ mod validate;
 mod verdict;
 
 pub use continuous::{
-    BeyondLimit, ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, Tolerance,
-    validate_trajectories,
+    BeyondLimit, ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, Near,
+    Tolerance, validate_trajectories,
 };
-pub use metrics::{PlanMetrics, metrics};
+pub use metrics::{PlanMetrics, TravelCosts, metrics};
 pub use path::{PathRule, validate_paths};
 pub use roadmap::{
     Pace, RoadmapRule, RoadmapTask, RoadmapVerdict, RoadmapViolation, validate_roadmap,

@@ -4,12 +4,38 @@
 //! time of its last arrival, after which it stays. Numbers are those of the
 //! paths as they are; whether the plan is valid is for [`crate::validate`].
 
-use fleetyard_core::{Connectivity, GridInstance, GridPlan, GridSearch, OctileLength};
+use fleetyard_core::{
+    Connectivity, GridInstance, GridPlan, GridSearch, OctileLength, TrajectoryPlan,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::path::line_length;
 
-/// Cost, length and lower bounds of a plan.
+/// Costs of a plan in the plane, the currency in which plans on grids, on roadmaps and in the
+/// plane are compared (GRACE, section V).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TravelCosts {
+    /// Sum over agents of the time at which they come to rest for good, in seconds.
+    pub sum_of_costs_s: f64,
+    /// The latest of these times, in seconds.
+    pub makespan_s: f64,
+    /// Length of all paths, in metres.
+    pub length_m: f64,
+}
+
+impl TravelCosts {
+    /// Costs of a plan as it is, valid or not.
+    pub fn of(plan: &TrajectoryPlan) -> Self {
+        let arrivals = || plan.paths().map(|knots| knots.time_s[knots.arrival()]);
+        Self {
+            sum_of_costs_s: arrivals().sum(),
+            makespan_s: arrivals().fold(0.0, f64::max),
+            length_m: plan.paths().map(|knots| knots.length_m()).sum(),
+        }
+    }
+}
+
+/// Cost, length and lower bounds of a plan on a grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlanMetrics {
     /// Sum over agents of the time of their last arrival, in steps (SoC).

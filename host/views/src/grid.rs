@@ -6,7 +6,7 @@ use fleetyard_core::{Connectivity, Grid, GridInstance, InputError, Separation};
 use fleetyard_world::{Boundary, Bounds, Polygon, Pose, Shape, Workspace};
 use serde_json::{Value, json};
 
-use crate::{FREE_SLACK_M, Origin, Problem, State, VIEW_FORMAT};
+use crate::{FREE_SLACK_M, Origin, Problem, Representation, State, VIEW_FORMAT};
 
 /// Parameters of a grid view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +22,10 @@ pub struct GridSpec {
 pub struct GridView {
     /// Cells, starts and goals.
     pub instance: GridInstance,
+    /// Moves and separation.
+    pub spec: GridSpec,
+    /// r_com: discs of this radius are planned for, in metres.
+    pub radius_m: f64,
     /// The side of a cell in metres.
     pub cell_m: f64,
     /// The lower left corner of the grid in the world, in metres.
@@ -37,7 +41,7 @@ impl GridView {
     pub fn about(&self) -> Value {
         json!({
             "format": VIEW_FORMAT,
-            "representation": "grid",
+            "representation": Representation::Grid,
             "origin": self.origin,
             "instance_digest": self.instance.digest(),
             "cell_m": self.cell_m,
@@ -145,6 +149,8 @@ pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, Inpu
     let origin = Origin::of(problem, "world-to-grid", parameters, None);
     Ok(GridView {
         instance,
+        spec,
+        radius_m,
         cell_m,
         corner_m: bounds.min,
         snapped_m,

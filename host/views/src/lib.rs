@@ -1,5 +1,6 @@
 //! One world, three views: tasks, and the operators that derive from them what planners on grids,
-//! on roadmaps and in the plane are given.
+//! on roadmaps and in the plane are given. Their plans come back into the same world, where they are
+//! judged a second time ([`Judged`]).
 //!
 //! A [`Task`] is the file that a user edits; a [`Problem`] is a task with the files that it names.
 //! Lengths are metres, times seconds, angles radians counter-clockwise; x right, y up. The same
@@ -9,13 +10,16 @@
 
 mod free;
 mod grid;
+mod judge;
 mod origin;
 mod roadmap;
 mod task;
+mod view;
 mod world;
 
 pub use free::{FREE_SLACK_M, Free};
 pub use grid::{GridSpec, GridView, cell_side_m, world_to_grid};
+pub use judge::{GridTerms, Judged, StepCosts, ViewVerdict};
 pub use origin::{Origin, VIEW_FORMAT};
 pub use roadmap::{
     Builder, ROADMAP_MOST_VERTICES, RoadmapReport, RoadmapSpec, RoadmapView, Sampling,
@@ -25,4 +29,5 @@ pub use task::{
     Agent, Fleets, Place, Problem, State, TASK_FILE_LIMIT, TASK_FORMAT, Task, load_problem,
     load_task, read_task, save_task, write_task,
 };
+pub use view::{Representation, VIEW_FILE_LIMIT, View, ViewFile, ViewSpec, load_view, read_view};
 pub use world::grid_to_world;

@@ -14,13 +14,13 @@ use core::fmt;
 
 use fleetyard_core::{Digest, InputError, Roadmap, words};
 use fleetyard_world::Travel;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
 
 pub use report::RoadmapReport;
 
-use crate::{Free, Origin, Problem, VIEW_FORMAT};
+use crate::{Free, Origin, Problem, Representation, VIEW_FORMAT};
 use connect::nearest_visible;
 
 /// Most vertices of a roadmap that an operator makes.
@@ -43,8 +43,8 @@ words!(Sampling {
 });
 
 /// The construction of a roadmap.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Builder {
     /// A probabilistic roadmap (Kavraki et al. 1996): drawn vertices, each with its nearest that it sees.
     Prm {
@@ -193,7 +193,7 @@ impl RoadmapView {
     pub fn about(&self) -> Value {
         json!({
             "format": VIEW_FORMAT,
-            "representation": "roadmap",
+            "representation": Representation::Roadmap,
             "origin": self.origin,
             "view_digest": self.digest(),
             "roadmap_digest": self.roadmap.digest(),

@@ -1,0 +1,271 @@
+//! Views of a task, and the files by which they are derived again.
+
+use std::path::Path;
+
+use fleetyard_core::json::{self, read_object, with_hint};
+use fleetyard_core::{Connectivity, Digest, InputError, Separation, load_file, words};
+use serde::Deserialize;
+use serde::de::{DeserializeOwned, Deserializer};
+
+use crate::{
+    Builder, GridSpec, GridView, Problem, RoadmapSpec, RoadmapView, VIEW_FORMAT, world_to_grid,
+    world_to_roadmap,
+};
+
+/// Largest view file that is read, in bytes.
+pub const VIEW_FILE_LIMIT: u64 = 1 << 28;
+
+/// The kind of a view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Representation {
+    /// Cells, and moves in whole steps.
+    Grid,
+    /// Vertices in the plane, and straight edges between them.
+    Roadmap,
+    /// The world as it is.
+    Continuous,
+}
+
+words!(Representation {
+    Grid = "grid", "Cells, and moves in whole steps";
+    Roadmap = "roadmap", "Vertices in the plane, and straight edges between them";
+    Continuous = "continuous", "The plane as it is";
+});
+
+/// The operator that makes a view, with its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ViewSpec {
+    /// A grid.
+    Grid(GridSpec),
+    /// A roadmap.
+    Roadmap(RoadmapSpec),
+    /// The world itself.
+    Continuous,
+}
+
+/// A task as planners of one representation are given it.
+#[derive(Debug, Clone)]
+pub enum View {
+    /// A grid.
+    Grid(Box<GridView>),
+    /// A roadmap.
+    Roadmap(Box<RoadmapView>),
+    /// The world itself.
+    Continuous,
+}
+
+impl ViewSpec {
+    /// Derives the view from a task.
+    pub fn derive(self, problem: &Problem) -> Result<View, InputError> {
+        Ok(match self {
+            Self::Grid(spec) => View::Grid(Box::new(world_to_grid(problem, spec)?)),
+            Self::Roadmap(spec) => View::Roadmap(Box::new(world_to_roadmap(problem, spec)?)),
+            Self::Continuous => View::Continuous,
+        })
+    }
+}
+
+impl View {
+    /// The kind of the view.
+    pub fn representation(&self) -> Representation {
+        match self {
+            Self::Grid(_) => Representation::Grid,
+            Self::Roadmap(_) => Representation::Roadmap,
+            Self::Continuous => Representation::Continuous,
+        }
+    }
+
+    /// Digest of the view of a problem: of its instance, if it is a grid.
+    pub fn digest(&self, problem: &Problem) -> Digest {
+        match self {
+            Self::Grid(view) => view.instance.digest(),
+            Self::Roadmap(view) => view.digest(),
+            Self::Continuous => problem.digest(),
+        }
+    }
+}
+
+/// The content of a view file, `fleetyard.view/1`: operator, parameters and digests. What was derived
+/// is not read but derived again, and has to come out the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewFile {
+    /// The file, for error messages.
+    pub source: String,
+    /// Operator and parameters.
+    pub spec: ViewSpec,
+    /// Digest of the problem from which the view was derived.
+    pub problem_digest: Digest,
+    /// Digest of the view.
+    pub digest: Digest,
+}
+
+impl ViewFile {
+    /// Derives the view from a task, which has to be the one that it was made of.
+    pub fn derive(&self, problem: &Problem) -> Result<View, InputError> {
+        let other = |what: &str, named: Digest, found: Digest, hint: String| {
+            let reason = format!("the view is of {what} {named}, but this {what} is {found}");
+            Err(InputError::new(self.source.as_str(), reason).hint(hint))
+        };
+        let task = &problem.task.source;
+        let again = |name: &str| {
+            let source = &self.source;
+            format!(
+                "name the task that {source} was made of, or make it again with `fleetyard world {name} {task}`"
+            )
+        };
+        let name = match self.spec {
+            ViewSpec::Roadmap(_) => "roadmap",
+            _ => "grid",
+        };
+        if problem.digest() != self.problem_digest {
+            return other(
+                "problem",
+                self.problem_digest,
+                problem.digest(),
+                again(name),
+            );
+        }
+        let view = self.spec.derive(problem)?;
+        let found = view.digest(problem);
+        if found != self.digest {
+            return other(name, self.digest, found, again(name));
+        }
+        Ok(view)
+    }
+}
+
+/// Reads a view file.
+pub fn load_view(path: impl AsRef<Path>) -> Result<ViewFile, InputError> {
+    load_file(path, VIEW_FILE_LIMIT, read_view)
+}
+
+/// Parses the content of a view file. Errors name `source`. Keys that tell what came of the
+/// parameters are passed over.
+pub fn read_view(source: &str, bytes: &[u8]) -> Result<ViewFile, InputError> {
+    let Head {
+        format: (),
+        representation,
+    } = object(source, bytes)?;
+    match representation {
+        Representation::Grid => {
+            let Document {
+                origin,
+                digest: GridDigest { instance_digest },
+            } = object(source, bytes)?;
+            let GridParameters {
+                neighbors: Neighbors(connectivity),
+                separation,
+            } = origin.parameters;
+            Ok(ViewFile {
+                source: source.to_owned(),
+                spec: ViewSpec::Grid(GridSpec {
+                    connectivity,
+                    separation,
+                }),
+                problem_digest: origin.problem_digest,
+                digest: instance_digest,
+            })
+        }
+        Representation::Roadmap => {
+            let Document {
+                origin,
+                digest: RoadmapDigest { view_digest },
+            } = object(source, bytes)?;
+            let RoadmapParameters {
+                builder,
+                spacing_m,
+                speed_m_per_s,
+            } = origin.parameters;
+            Ok(ViewFile {
+                source: source.to_owned(),
+                spec: ViewSpec::Roadmap(RoadmapSpec {
+                    builder,
+                    spacing_m: Some(spacing_m),
+                    seed: origin.seed,
+                    speed_m_per_s: Some(speed_m_per_s),
+                }),
+                problem_digest: origin.problem_digest,
+                digest: view_digest,
+            })
+        }
+        Representation::Continuous => Err(InputError::new(
+            source,
+            "the continuous view of a task is the task itself",
+        )
+        .hint("name the task alone, with --representation continuous")),
+    }
+}
+
+fn object<T: DeserializeOwned>(source: &str, bytes: &[u8]) -> Result<T, InputError> {
+    let hint = "a view file is written by `fleetyard world grid` or `fleetyard world roadmap`, beside \
+                the map or roadmap";
+    read_object(source, bytes, hint).map_err(|error| error.or_hint(hint))
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "a view: a JSON object")]
+struct Head {
+    #[serde(deserialize_with = "format")]
+    format: (),
+    representation: Representation,
+}
+
+fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
+    json::format(deserializer, VIEW_FORMAT)
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "a view: a JSON object")]
+struct Document<P, T> {
+    origin: OriginDocument<P>,
+    #[serde(flatten)]
+    digest: T,
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "the origin of a view: an object")]
+struct OriginDocument<P> {
+    parameters: P,
+    seed: Option<u64>,
+    problem_digest: Digest,
+}
+
+#[derive(Deserialize)]
+struct GridDigest {
+    instance_digest: Digest,
+}
+
+#[derive(Deserialize)]
+struct RoadmapDigest {
+    view_digest: Digest,
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "the parameters of a grid: an object")]
+struct GridParameters {
+    neighbors: Neighbors,
+    separation: Separation,
+}
+
+/// Moves of a grid by their number.
+struct Neighbors(Connectivity);
+
+impl<'de> Deserialize<'de> for Neighbors {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let degree = u32::deserialize(deserializer)?;
+        let all = [Connectivity::Four, Connectivity::Eight];
+        let found = all.into_iter().find(|moves| moves.degree() == degree);
+        found.map(Self).ok_or_else(|| {
+            let reason = format!("a cell with {degree} neighbours");
+            with_hint(&reason, Some("grids have 4 or 8 neighbours"))
+        })
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "the parameters of a roadmap: an object")]
+struct RoadmapParameters {
+    builder: Builder,
+    spacing_m: f64,
+    speed_m_per_s: f64,
+}
