@@ -23,7 +23,12 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
     (
         "fleetyard-views",
-        &["fleetyard-core", "fleetyard-sim", "fleetyard-world"],
+        &[
+            "fleetyard-check",
+            "fleetyard-core",
+            "fleetyard-sim",
+            "fleetyard-world",
+        ],
     ),
     ("fleetyard-runtime", &["fleetyard-abi", "fleetyard-core"]),
     (

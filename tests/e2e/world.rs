@@ -53,7 +53,7 @@ fn the_grid_of_a_task_can_be_planned_on() {
     assert!(yard.read("g.svg").starts_with(b"<svg"));
     // Robots that always stay 2r apart need wider cells.
     yard.line(&format!(
-        "world grid {rooms} --name s --separation strict --neighbors 8"
+        "world grid {rooms} --name s --separation strict --connectivity 8"
     ))
     .expect(SUCCESS);
     let strict = json(&yard, "s.grid.json");

@@ -71,9 +71,7 @@
 //! conflicts has every violating pair reported. Moves that are not unit moves
 //! take no part in swaps, crossings and corner-meets.
 
-use fleetyard_core::{
-    Connectivity, Grid, GridInstance, GridPlan, Heading, Separation, move_bit,
-};
+use fleetyard_core::{Connectivity, Grid, GridInstance, GridPlan, Heading, Separation, move_bit};
 
 use crate::{CellPosition, Rule, Verdict, Violation};
 

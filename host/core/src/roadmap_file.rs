@@ -243,20 +243,27 @@ impl RoadmapPlanFile {
         })
     }
 
+    /// Refuses a plan that names another roadmap.
+    pub fn check_for(&self, roadmap: &Roadmap) -> Result<(), InputError> {
+        match self.roadmap_digest {
+            Some(named) if named != roadmap.digest() => {
+                let reason = format!(
+                    "the plan is for roadmap {named}, but this roadmap is {}",
+                    roadmap.digest()
+                );
+                Err(InputError::new(self.source.as_str(), reason).hint(
+                    "is it the right roadmap? to use it all the same, remove roadmap_digest from \
+                     the file",
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The plan in the plane. It is an error if the plan is for another roadmap, or uses a
     /// vertex or an edge that this one does not have.
     pub fn to_trajectories(&self, roadmap: &Roadmap) -> Result<TrajectoryFile, InputError> {
-        if let Some(named) = self.roadmap_digest
-            && named != roadmap.digest()
-        {
-            let reason = format!(
-                "the plan is for roadmap {named}, but this roadmap is {}",
-                roadmap.digest()
-            );
-            return Err(InputError::new(self.source.as_str(), reason).hint(
-                "is it the right roadmap? to use it all the same, remove roadmap_digest from the file",
-            ));
-        }
+        self.check_for(roadmap)?;
         let plan = self.plan.to_trajectories(roadmap).map_err(|error| {
             InputError::new(self.source.as_str(), error.to_string()).maybe_hint(error.hint())
         })?;

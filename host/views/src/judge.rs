@@ -158,7 +158,7 @@ impl GridView {
         Judged {
             steps: Some(StepCosts {
                 sum_of_costs: plan.sum_of_costs(),
-                makespan: plan.horizon() as u64,
+                makespan: plan.trimmed().horizon() as u64,
             }),
             ..Judged::new(Some(verdict), lifted, judge)
         }

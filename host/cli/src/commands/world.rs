@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use fleetyard_core::{
-    Connectivity, Digest, Scenario, cell_center_m, load_map, save_map, save_roadmap, save_scen,
-    words, write_atomically,
+    Connectivity, Digest, Scenario, Separation, cell_center_m, load_map, save_map, save_roadmap,
+    save_scen, words, write_atomically,
 };
 use fleetyard_view::{Picture, World};
 use fleetyard_views::{
-    Builder, GridSpec, Problem, RoadmapSpec, Sampling, Separation, grid_to_world, load_problem,
-    world_to_grid, world_to_roadmap,
+    Builder, GridSpec, Problem, RoadmapSpec, Sampling, grid_to_world, load_problem, world_to_grid,
+    world_to_roadmap,
 };
 use fleetyard_world::save_workspace;
 use serde::Serialize;
@@ -68,15 +68,33 @@ pub(crate) struct ViewOut {
 #[derive(Debug, Args)]
 pub(crate) struct GridArgs {
     /// Task file
+    #[arg(group = "cells")]
     task: PathBuf,
-    /// Neighbours of a cell: 4 or 8
-    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
-    neighbors: Connectivity,
-    /// Distance of robots that keep the rules of the grid
-    #[arg(long, value_parser = word::<Separation>(), default_value_t)]
-    separation: Separation,
+    #[command(flatten)]
+    spec: GridSpecArgs,
     #[command(flatten)]
     out: ViewOut,
+}
+
+/// Moves and distances on a grid. The argument that says whose cells these are is in the group `cells`.
+#[derive(Debug, Args)]
+#[group(requires = "cells")]
+pub(super) struct GridSpecArgs {
+    /// Neighbours of a cell: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    pub(super) connectivity: Connectivity,
+    /// Distance of robots that keep the rules of the grid
+    #[arg(long, value_parser = word::<Separation>(), default_value_t)]
+    pub(super) separation: Separation,
+}
+
+impl GridSpecArgs {
+    pub(super) fn spec(&self) -> GridSpec {
+        GridSpec {
+            connectivity: self.connectivity,
+            separation: self.separation,
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -84,24 +102,44 @@ pub(crate) struct RoadmapArgs {
     /// Task file
     task: PathBuf,
     #[command(flatten)]
+    spec: RoadmapSpecArgs,
+    /// Seed of the drawing; the task's if it is not given
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    #[command(flatten)]
+    out: ViewOut,
+}
+
+/// The parameters of a roadmap but for its seed, whose name other seeds may need.
+#[derive(Debug, Args)]
+#[group(requires = "task")]
+pub(super) struct RoadmapSpecArgs {
+    #[command(flatten)]
     builder: BuilderArgs,
     /// Least distance of drawn vertices in metres; twice the largest robot's radius if it is not given,
     /// and less where so many vertices find no room
     #[arg(long, value_name = "METRES")]
     spacing: Option<f64>,
-    /// Seed of the drawing; the task's if it is not given
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
     /// Common speed in m/s; if it is not given, the largest that every robot has in every direction
     #[arg(long, value_name = "M_PER_S")]
     speed: Option<f64>,
-    #[command(flatten)]
-    out: ViewOut,
+}
+
+impl RoadmapSpecArgs {
+    pub(super) fn spec(&self, seed: Option<u64>) -> RoadmapSpec {
+        RoadmapSpec {
+            builder: self.builder.builder(),
+            spacing_m: self.spacing,
+            seed,
+            speed_m_per_s: self.speed,
+        }
+    }
 }
 
 /// The construction of a roadmap.
 #[derive(Debug, Args)]
-pub(crate) struct BuilderArgs {
+#[group(requires = "task")]
+struct BuilderArgs {
     /// Construction of vertices and edges
     #[arg(long, value_parser = word::<BuilderKind>(), default_value_t)]
     builder: BuilderKind,
@@ -312,11 +350,7 @@ impl ViewOut {
 fn grid(arguments: &GridArgs) -> Result<Exit> {
     let (task, out) = (&arguments.task, &arguments.out);
     let problem = load_problem(task)?;
-    let spec = GridSpec {
-        connectivity: arguments.neighbors,
-        separation: arguments.separation,
-    };
-    let view = world_to_grid(&problem, spec)?;
+    let view = world_to_grid(&problem, arguments.spec.spec())?;
     let (instance, grid) = (&view.instance, view.instance.grid());
     let (map, scen) = (out.file(task, "map")?, out.file(task, "scen")?);
     let ends = instance
@@ -361,13 +395,7 @@ fn grid(arguments: &GridArgs) -> Result<Exit> {
 fn roadmap(arguments: &RoadmapArgs) -> Result<Exit> {
     let (task, out) = (&arguments.task, &arguments.out);
     let problem = load_problem(task)?;
-    let spec = RoadmapSpec {
-        builder: arguments.builder.builder(),
-        spacing_m: arguments.spacing,
-        seed: arguments.seed,
-        speed_m_per_s: arguments.speed,
-    };
-    let view = world_to_roadmap(&problem, spec)?;
+    let view = world_to_roadmap(&problem, arguments.spec.spec(arguments.seed))?;
     let file = out.file(task, "roadmap.json")?;
     save_roadmap(&view.roadmap, &file)?;
     if let Some(path) = &out.picture {

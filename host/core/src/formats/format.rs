@@ -164,6 +164,19 @@ impl Format {
         Ok(plan_file(source, plan, known_size()?))
     }
 
+    /// The format of a file: the one that is given, or else what it looks like.
+    fn of(path: &Path, bytes: &[u8], given: Option<Self>) -> Result<Self, InputError> {
+        let source = path.display().to_string();
+        if bytes.trim_ascii().is_empty() {
+            return Err(InputError::new(source, "the file is empty"));
+        }
+        given.or_else(|| Self::guess(path, bytes)).ok_or_else(|| {
+            let known: Vec<&str> = Self::ALL.iter().map(|format| format.name()).collect();
+            InputError::new(source, "this is in no format that is known")
+                .hint(format!("formats are {}", known.join(", ")))
+        })
+    }
+
     /// The format of a file, from its content and then its name.
     pub fn guess(path: &Path, bytes: &[u8]) -> Option<Self> {
         static JSON_KEY: LazyLock<Option<Regex>> = LazyLock::new(|| {
@@ -227,7 +240,7 @@ impl Format {
     }
 }
 
-/// What a pattern takes from a text.
+/// The part of a text that a pattern picks.
 fn found<'a>(pattern: &LazyLock<Option<Regex>>, text: &'a [u8]) -> Option<&'a [u8]> {
     let captures = pattern.as_ref()?.captures(text)?;
     let group = captures.get(1).or_else(|| captures.get(0))?;
@@ -239,6 +252,26 @@ pub(crate) fn own_format(bytes: &[u8]) -> Option<&[u8]> {
     static OWN: LazyLock<Option<Regex>> =
         LazyLock::new(|| Regex::new(r#""format"\s*:\s*"fleetyard\.([a-z-]+)/"#).ok());
     found(&OWN, &bytes[..bytes.len().min(HEAD)])
+}
+
+/// The content of a file with a plan or an instance, and the path by which errors name it. The path
+/// `-` is standard input.
+fn read_input(path: &Path) -> Result<(PathBuf, Vec<u8>), InputError> {
+    if path != Path::new("-") {
+        return Ok((path.to_owned(), read_file(path, PLAN_FILE_LIMIT)?));
+    }
+    let source = "standard input";
+    let mut bytes = Vec::new();
+    let limit = PLAN_FILE_LIMIT;
+    let read = io::stdin().lock().take(limit + 1).read_to_end(&mut bytes);
+    match read {
+        Err(error) => Err(InputError::new(source, format!("cannot read: {error}"))),
+        Ok(length) if length as u64 > limit => {
+            let reason = format!("there are more than {limit} bytes");
+            Err(InputError::new(source, reason))
+        }
+        Ok(_) => Ok((source.into(), bytes)),
+    }
 }
 
 fn contains(text: &[u8], wanted: &[u8]) -> bool {
@@ -280,25 +313,8 @@ impl Contents {
         format: Option<Format>,
         size: Option<MapSize>,
     ) -> Result<Self, InputError> {
-        if path != Path::new("-") {
-            let bytes = read_file(path, PLAN_FILE_LIMIT)?;
-            return Self::read(path, &bytes, format, size);
-        }
-        let source = Path::new("standard input");
-        let mut bytes = Vec::new();
-        let limit = PLAN_FILE_LIMIT;
-        let read = io::stdin().lock().take(limit + 1).read_to_end(&mut bytes);
-        match read {
-            Err(error) => Err(InputError::new(
-                "standard input",
-                format!("cannot read: {error}"),
-            )),
-            Ok(length) if length as u64 > limit => {
-                let reason = format!("there are more than {limit} bytes");
-                Err(InputError::new("standard input", reason))
-            }
-            Ok(_) => Self::read(source, &bytes, format, size),
-        }
+        let (path, bytes) = read_input(path)?;
+        Self::read(&path, &bytes, format, size)
     }
 
     /// Parses the content of a file; its path is named in errors, and other files that
@@ -311,16 +327,7 @@ impl Contents {
     ) -> Result<Self, InputError> {
         let source = path.display().to_string();
         let source = source.as_str();
-        if bytes.trim_ascii().is_empty() {
-            return Err(InputError::new(source, "the file is empty"));
-        }
-        let Some(format) = format.or_else(|| Format::guess(path, bytes)) else {
-            let known: Vec<&str> = Format::ALL.iter().map(|format| format.name()).collect();
-            return Err(
-                InputError::new(source, "this is in no format that is known")
-                    .hint(format!("formats are {}", known.join(", "))),
-            );
-        };
+        let format = Format::of(path, bytes, format)?;
         let mut contents = Self {
             format,
             grid: None,
@@ -525,16 +532,66 @@ pub fn load_plan_and_roadmap(
     let contents = Contents::load(path, format, size)?;
     let plan = contents.plan.map(AnyPlan::Grid);
     let plan = plan.or(contents.trajectories.map(AnyPlan::Trajectories));
-    let plan = plan.ok_or_else(|| {
-        let reason = format!(
-            "this is no plan but {}: {}",
-            contents.format,
-            contents.format.about()
-        );
-        InputError::new(path.display().to_string(), reason)
-            .hint("name a file with paths; `fleetyard convert --list` lists the formats")
-    })?;
+    let plan = plan.ok_or_else(|| no_plan(path, contents.format))?;
     Ok((plan, contents.roadmap))
+}
+
+fn no_plan(path: &Path, format: Format) -> InputError {
+    let reason = format!("this is no plan but {format}: {}", format.about());
+    InputError::new(path.display().to_string(), reason)
+        .hint("name a file with paths; `fleetyard convert --list` lists the formats")
+}
+
+/// A file with a plan, of which it is known of what kind it is.
+#[derive(Debug, Clone)]
+pub struct UnreadPlan {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    format: Format,
+}
+
+impl UnreadPlan {
+    /// Reads the file, in the format that it is in if none is given. The path `-` is standard input.
+    pub fn load(path: &Path, format: Option<Format>) -> Result<Self, InputError> {
+        let (path, bytes) = read_input(path)?;
+        let format = Format::of(&path, &bytes, format)?;
+        if !(format.carries_plan() || format.carries_trajectories()) {
+            return Err(no_plan(&path, format));
+        }
+        Ok(Self {
+            path,
+            bytes,
+            format,
+        })
+    }
+
+    /// The format of the file.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// The file, for error messages.
+    pub fn source(&self) -> String {
+        self.path.display().to_string()
+    }
+
+    /// The plan on a grid of this size; an error if it is of another kind.
+    pub fn grid(&self, size: MapSize) -> Result<PlanFile, InputError> {
+        let format = self.format;
+        format.read_plan(&self.source(), &self.bytes, Some(size), None)
+    }
+
+    /// The plan on a roadmap, without its roadmap; an error if it is of another kind.
+    pub fn roadmap(&self) -> Result<RoadmapPlanFile, InputError> {
+        read_roadmap_plan(&self.source(), &self.bytes)
+    }
+
+    /// The plan in the plane; an error if it is on a grid.
+    pub fn trajectories(&self) -> Result<TrajectoryFile, InputError> {
+        let contents = Contents::read(&self.path, &self.bytes, Some(self.format), None)?;
+        let trajectories = contents.trajectories;
+        trajectories.ok_or_else(|| no_plan(&self.path, self.format))
+    }
 }
 
 /// Size and duration of cells and steps in the plane.

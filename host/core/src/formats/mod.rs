@@ -26,7 +26,7 @@ pub use ccbs::{read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap};
 pub use dynobench::{DYNOBENCH_STATES_PER_S, read_dynobench};
 pub(crate) use format::own_format;
 pub use format::{
-    AnyPlan, Contents, Format, Parts, Scale, Written, grid_size, load_any_plan,
+    AnyPlan, Contents, Format, Parts, Scale, UnreadPlan, Written, grid_size, load_any_plan,
     load_plan_and_roadmap,
 };
 pub use grid::{GRID_FORMAT, read_grid, write_grid};
