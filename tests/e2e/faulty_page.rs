@@ -23,8 +23,8 @@ fn faults(plugin: &Path) -> Vec<(String, Vec<String>)> {
     plugins.collect()
 }
 
-/// The lists of `plugins/faulty/README.md`: faults by the groups of `mischief.h`, each with the
-/// letters of the plugins that have it.
+/// The lists of `plugins/faulty/README.md`: faults by the groups of `mischief.h`, after the
+/// letters of the plugins that have them.
 fn listed_faults(cpp: &Path) -> String {
     let plugins = [
         ('c', faulty_library()),
@@ -55,8 +55,19 @@ fn listed_faults(cpp: &Path) -> String {
         let here = by.iter().filter(|(fault, _)| {
             faults.contains(&fault.as_str()) || (faults.is_empty() && !listed(fault))
         });
-        let shown: Vec<String> = here.map(|(fault, by)| format!("`{fault}` {by}")).collect();
-        let _ = writeln!(out, "- **{name}**: {}", shown.join(", "));
+        let mut by_letters: Vec<(&str, Vec<String>)> = Vec::new();
+        for (fault, by) in here {
+            let fault = format!("`{fault}`");
+            match by_letters.iter_mut().find(|(letters, _)| letters == by) {
+                Some((_, faults)) => faults.push(fault),
+                None => by_letters.push((by, vec![fault])),
+            }
+        }
+        let shown = by_letters
+            .iter()
+            .map(|(letters, faults)| format!("{letters} {}", faults.join(", ")));
+        let shown: Vec<String> = shown.collect();
+        let _ = writeln!(out, "- **{name}**: {}", shown.join("; "));
     }
     let mut modules = faults(&root().join("plugins/faulty/fleet.py"));
     modules.dedup();
