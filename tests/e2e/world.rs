@@ -84,12 +84,92 @@ fn roadmaps_of_a_task_name_what_made_them() {
 }
 
 #[test]
-fn a_map_becomes_a_world() {
+fn a_map_becomes_a_world_or_a_roadmap() {
     let yard = Yard::new();
     let map = task("empty-8-8.map");
-    yard.line(&format!("world convert {map} w.world.json --cell-size 0.5"))
+    let made = yard
+        .line(&format!("world convert {map} w.world.json --cell-size 0.5"))
         .expect(SUCCESS);
+    assert_eq!(made.stdout, "w.world.json\nw.world.view.json\n");
     assert_eq!(json(&yard, "w.world.json")["bounds_m"][2], 4.0);
+    let about = json(&yard, "w.world.view.json");
+    assert_eq!(about["origin"]["operator"], "grid-to-world");
+    assert_eq!(about["origin"]["parameters"]["cell_m"], 0.5);
+    yard.line(&format!(
+        "world convert {map} r.json --to roadmap --connectivity 8 --cell-size 0.5"
+    ))
+    .expect(SUCCESS);
+    let about = json(&yard, "r.view.json");
+    assert_eq!(about["format"], "fleetyard.view/1");
+    assert_eq!(about["origin"]["operator"], "grid-to-roadmap");
+    assert_eq!(
+        (&about["vertices"], &about["edges"]),
+        (&64.into(), &420.into())
+    );
+    let roadmap = json(&yard, "r.json");
+    assert_eq!(roadmap["roadmap_digest"], about["roadmap_digest"]);
+    assert_eq!(roadmap["vertices"][0], serde_json::json!([0.25, 3.75]));
+}
+
+/// A task's roadmap becomes a grid whose moves are its edges, and is checked in the world.
+#[test]
+fn a_roadmap_becomes_a_grid_and_fits_its_world() {
+    let yard = Yard::new();
+    let rooms = task("two-rooms.task.json");
+    yard.line(&format!(
+        "world roadmap {rooms} --builder delaunay --vertices 60"
+    ))
+    .expect(SUCCESS);
+    let roadmap = json(&yard, "two-rooms.roadmap.json");
+    let line = "--roadmap two-rooms.roadmap.json --connectivity 8 --cell-size 0.1 --picture g.svg";
+    let text = yard
+        .line(&format!("world grid {rooms} {line}"))
+        .expect(SUCCESS)
+        .stdout;
+    assert!(text.contains("\nstretch           1."), "{text}");
+    let about = json(&yard, "two-rooms.grid.json");
+    assert_eq!(about["origin"]["operator"], "roadmap-to-grid");
+    assert_eq!(about["origin"]["roadmap_digest"], roadmap["roadmap_digest"]);
+    assert_eq!(json(&yard, "two-rooms.map")["format"], "fleetyard.grid/1");
+    let info = yard
+        .line("maps info two-rooms.map --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!((&info["rows"], &info["cols"]), (&60.into(), &100.into()));
+    let checked = yard
+        .line(&format!(
+            "world roadmap {rooms} --check two-rooms.roadmap.json --name c"
+        ))
+        .expect(SUCCESS);
+    let told = "goals             every agent reaches its goal\n";
+    assert!(checked.stdout.contains(told), "{checked}");
+    let about = json(&yard, "c.view.json");
+    assert_eq!(about["origin"]["operator"], "roadmap-to-world");
+    assert_eq!(about["edges"][0]["blocked"], serde_json::json!([]));
+    // Through the wall, and cells that are too large.
+    let through = r#"{"format": "fleetyard.roadmap/1", "directed": false, "vertices": VERTICES, "edges": EDGES}"#;
+    let ends: Vec<String> = (0..6)
+        .map(|number| roadmap["vertices"][number].to_string())
+        .collect();
+    let through = through
+        .replace("VERTICES", &format!("[{}]", ends.join(",")))
+        .replace("EDGES", "[[0, 1], [2, 3], [4, 5]]");
+    yard.write("through.json", through);
+    for (line, told) in [
+        (
+            format!("world roadmap {rooms} --check through.json"),
+            "cannot reach its goal along edges that are free for it (radius 0.25 m: ",
+        ),
+        (
+            format!("world grid {rooms} --roadmap two-rooms.roadmap.json --cell-size 6 --name x"),
+            "hint: use smaller cells",
+        ),
+    ] {
+        let before = yard.files();
+        let ended = yard.line(&line).expect(INPUT);
+        assert!(ended.stderr.contains(told), "{line}: {}", ended.stderr);
+        assert_eq!(yard.files(), before, "{line}");
+    }
 }
 
 /// A ring that is driven one way: a plan against it is no plan, and no other format has its moves.
@@ -159,6 +239,16 @@ fn what_cannot_be_derived_ends_with_a_reason_and_a_way_out() {
             format!("world roadmap {rooms} --name ../x"),
             USAGE,
             "hint: files are named after it",
+        ),
+        (
+            format!("world grid {rooms} --cell-size 0.1"),
+            USAGE,
+            "--roadmap",
+        ),
+        (
+            format!("world roadmap {rooms} --check r.json --seed 1"),
+            USAGE,
+            "cannot be used with",
         ),
         (
             format!("world convert {rooms} w.json"),

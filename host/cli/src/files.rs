@@ -5,19 +5,30 @@ use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use fleetyard_core::{InputError, create_output, write_atomically};
+use fleetyard_core::{InputError, create_output, shown, write_atomically};
 use fleetyard_sim::TraceWriter;
 use fleetyard_sim::trace::TraceOptions;
 use fleetyard_view::{Picture, ViewError, png};
 use tempfile::NamedTempFile;
 
-use crate::exit::Result;
+use crate::exit::{Exit, Failure, Result};
 
 pub(crate) fn file_name(path: &Path) -> String {
     path.file_name()
         .unwrap_or(path.as_os_str())
         .to_string_lossy()
         .into_owned()
+}
+
+/// Refuses the name of a flag `--name` after which no files can be named: one with folders, or of
+/// a hidden file.
+pub(crate) fn check_name(name: &str) -> Result<()> {
+    if !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', '\0']) {
+        return Ok(());
+    }
+    let message = format!("--name: {:?} cannot be the name of a file", shown(name));
+    Err(Failure::new(Exit::Usage, message)
+        .hint("files are named after it: write one without folders"))
 }
 
 /// Writes a picture to a file, as PNG if the name ends so and as SVG otherwise.
@@ -27,21 +38,26 @@ pub(crate) fn draw(path: &Path, picture: &Picture<'_>) -> Result<()> {
 
 /// The same for a picture that is an SVG document already.
 pub(crate) fn draw_document(path: &Path, svg: &str) -> Result<()> {
+    Ok(write_atomically(path, &drawn(path, svg)?)?)
+}
+
+/// The content of a picture's file, as PNG if the name ends so and as SVG otherwise.
+pub(crate) fn drawn(path: &Path, svg: &str) -> Result<Vec<u8>> {
     let end = path.extension();
     if end.is_some_and(|end| end.eq_ignore_ascii_case("png")) {
-        write_png(path, svg, None)
+        png_bytes(path, svg, None)
     } else {
-        Ok(write_atomically(path, svg.as_bytes())?)
+        Ok(svg.as_bytes().to_vec())
     }
 }
 
 pub(crate) fn draw_png(path: &Path, picture: &Picture<'_>, width: Option<u32>) -> Result<()> {
-    write_png(path, &picture.svg(), width)
+    let image = png_bytes(path, &picture.svg(), width)?;
+    Ok(write_atomically(path, &image)?)
 }
 
-fn write_png(path: &Path, svg: &str, width: Option<u32>) -> Result<()> {
-    let image = png(svg, width).map_err(|error| not_drawn(path, &error))?;
-    Ok(write_atomically(path, &image)?)
+fn png_bytes(path: &Path, svg: &str, width: Option<u32>) -> Result<Vec<u8>> {
+    Ok(png(svg, width).map_err(|error| not_drawn(path, &error))?)
 }
 
 pub(crate) fn draw_svg(path: &Path, picture: &Picture<'_>) -> Result<()> {

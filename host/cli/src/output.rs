@@ -1,6 +1,6 @@
 //! Printing: data on standard output, the rest on standard error.
 
-use std::fmt::Write as _;
+use std::fmt::{Display, Write as _};
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
@@ -89,6 +89,12 @@ pub(crate) fn error(text: &str) {
 /// A warning for people.
 pub(crate) fn warning(text: &str) {
     eprintln!("warning: {}", plain(text));
+}
+
+/// Appends a line of a label and a value, below those of other lines.
+pub(crate) fn labelled(text: &mut String, label: &str, value: impl Display) {
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{label:<17} {value}");
 }
 
 /// A plain table: readable without colour and easy to cut apart. Columns whose

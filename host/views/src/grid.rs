@@ -6,6 +6,8 @@ use fleetyard_core::{Connectivity, Grid, GridInstance, InputError, Separation};
 use fleetyard_world::{Boundary, Bounds, Polygon, Pose, Shape, Workspace};
 use serde_json::{Value, json};
 
+use crate::frame::Frame;
+use crate::origin::WORLD_TO_GRID;
 use crate::{FREE_SLACK_M, Origin, Problem, Representation, State, VIEW_FORMAT};
 
 /// Parameters of a grid view.
@@ -74,19 +76,10 @@ pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, Inpu
     let Workspace {
         bounds, boundary, ..
     } = &problem.world;
-    // A length that is a whole number of cells but for rounding has no cell more.
-    let count = |axis: usize| ((bounds.max[axis] - bounds.min[axis]) / cell_m - 1e-9).ceil();
-    let [cols, rows] = [count(0).max(1.0), count(1).max(1.0)];
-    if cols * rows > Grid::MAX_CELLS as f64 {
-        let reason = format!("the grid has {cols} by {rows} cells of {cell_m} m, too many");
-        return Err(InputError::new(source, reason).hint("use larger robots or a smaller world"));
-    }
+    let frame = Frame::over(bounds, cell_m, source)?;
     let mut raster = Raster {
-        corner_m: bounds.min,
-        cell_m,
-        cols: cols as u32,
-        rows: rows as u32,
-        letters: vec![b'.'; (cols * rows) as usize],
+        frame,
+        letters: vec![b'.'; frame.cells()],
     };
     raster.overhang(bounds, radius_m);
     let solid = problem.world.obstacles.iter().flat_map(Polygon::parts);
@@ -98,7 +91,7 @@ pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, Inpu
         raster.block(*pose, shape, Some(*bounds));
     }
     let name = problem.world.name.as_str();
-    let grid = Grid::new(name, raster.rows, raster.cols, raster.letters.clone())?;
+    let grid = Grid::new(name, frame.rows, frame.cols, raster.letters.clone())?;
     let agents = &problem.task.agents;
     let mut snapped_m = vec![[0.0; 2]; agents.len()];
     let mut cells = [Vec::new(), Vec::new()];
@@ -106,7 +99,7 @@ pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, Inpu
         let mut owner = std::collections::BTreeMap::new();
         for (number, agent) in agents.iter().enumerate() {
             let state = [agent.start, agent.goal][side];
-            let (cell, distance) = raster.snap(state);
+            let (cell, distance) = frame.snap(state.at_m());
             snapped_m[number][side] = distance;
             let fault = |reason: String| Err(InputError::new(source, reason));
             let (row, col) = grid.row_col(cell);
@@ -146,7 +139,7 @@ pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, Inpu
         "cell_m": cell_m,
         "r_com_m": radius_m,
     });
-    let origin = Origin::of(problem, "world-to-grid", parameters, None);
+    let origin = Origin::of(problem, WORLD_TO_GRID, parameters, None);
     Ok(GridView {
         instance,
         spec,
@@ -159,29 +152,32 @@ pub fn world_to_grid(problem: &Problem, spec: GridSpec) -> Result<GridView, Inpu
 }
 
 struct Raster {
-    corner_m: [f64; 2],
-    cell_m: f64,
-    cols: u32,
-    rows: u32,
+    frame: Frame,
     /// Row by row from the uppermost.
     letters: Vec<u8>,
 }
 
 impl Raster {
     fn letter(&mut self, up: u32, col: u32) -> &mut u8 {
-        &mut self.letters[((self.rows - 1 - up) * self.cols + col) as usize]
+        &mut self.letters[self.frame.cell(up, col) as usize]
     }
 
     /// Blocks the cells beyond the bounds whose disc is not within them.
     fn overhang(&mut self, bounds: &Bounds, radius_m: f64) {
+        let Frame {
+            corner_m,
+            cell_m,
+            cols,
+            rows,
+        } = self.frame;
         let beyond = |axis: usize, number: u32| {
-            let middle = self.corner_m[axis] + (f64::from(number) + 0.5) * self.cell_m;
+            let middle = corner_m[axis] + (f64::from(number) + 0.5) * cell_m;
             middle + radius_m > bounds.max[axis] + FREE_SLACK_M
         };
-        let (last_col, last_up) = (self.cols - 1, self.rows - 1);
+        let (last_col, last_up) = (cols - 1, rows - 1);
         let (right, top) = (beyond(0, last_col), beyond(1, last_up));
-        for up in 0..self.rows {
-            for col in 0..self.cols {
+        for up in 0..rows {
+            for col in 0..cols {
                 if (right && col == last_col) || (top && up == last_up) {
                     *self.letter(up, col) = b'@';
                 }
@@ -202,9 +198,15 @@ impl Raster {
         let Some((low, high)) = extent(&outline, 1) else {
             return;
         };
-        let (corner, side, slack) = (self.corner_m, self.cell_m, FREE_SLACK_M);
+        let Frame {
+            corner_m: corner,
+            cell_m: side,
+            cols,
+            rows,
+        } = self.frame;
+        let slack = FREE_SLACK_M;
         let at = |axis: usize, value: f64| (value - corner[axis]) / side;
-        let most = [self.cols, self.rows];
+        let most = [cols, rows];
         let range = |axis: usize, low: f64, high: f64| {
             let first = at(axis, low + slack).floor().max(0.0) as u32;
             let last = at(axis, high - slack).floor();
@@ -227,31 +229,15 @@ impl Raster {
         }
     }
 
-    /// The cell that contains a place, and how far its centre is.
-    fn snap(&self, state: State) -> (u32, f64) {
-        let point = state.at_m();
-        let most = [self.cols, self.rows];
-        let [col, up] = [0, 1].map(|axis| {
-            let at = (point[axis] - self.corner_m[axis]) / self.cell_m;
-            (at as u32).min(most[axis] - 1)
-        });
-        let middle = [col, up].map(|number| (f64::from(number) + 0.5) * self.cell_m);
-        let (x, y) = (
-            point[0] - self.corner_m[0] - middle[0],
-            point[1] - self.corner_m[1] - middle[1],
-        );
-        (
-            (self.rows - 1 - up) * self.cols + col,
-            (x * x + y * y).sqrt(),
-        )
-    }
-
     /// A hint that names the nearest free cell.
     fn way_out(&self, grid: &Grid, state: State) -> String {
         let free = (0..grid.cell_count()).filter(|cell| grid.is_passable(*cell));
         let place = |cell: u32| {
-            let (x, y) = fleetyard_core::cell_center_m(grid, self.cell_m, cell);
-            [self.corner_m[0] + x, self.corner_m[1] + y]
+            let Frame {
+                corner_m, cell_m, ..
+            } = self.frame;
+            let (x, y) = fleetyard_core::cell_center_m(grid, cell_m, cell);
+            [corner_m[0] + x, corner_m[1] + y]
         };
         let far = |cell: &u32| {
             let [x, y] = place(*cell);

@@ -433,7 +433,7 @@ pub fn load_problem(path: impl AsRef<Path>) -> Result<Problem, InputError> {
         Place::Map { file, cell_size_m } => {
             let map = load_map(folder.join(file))?;
             (
-                crate::grid_to_world(&map, *cell_size_m, [0.0, 0.0])?,
+                crate::grid_to_world(&map, *cell_size_m, [0.0, 0.0])?.world,
                 Some(map),
             )
         }

@@ -7,6 +7,7 @@ use fleetyard_core::{Connectivity, Digest, InputError, Separation, load_file, wo
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer};
 
+use crate::origin::{WORLD_TO_GRID, WORLD_TO_ROADMAP};
 use crate::{
     Builder, GridSpec, GridView, Problem, RoadmapSpec, RoadmapView, VIEW_FORMAT, world_to_grid,
     world_to_roadmap,
@@ -145,7 +146,20 @@ pub fn read_view(source: &str, bytes: &[u8]) -> Result<ViewFile, InputError> {
     let Head {
         format: (),
         representation,
+        origin: Operator { operator },
     } = object(source, bytes)?;
+    let of_task = match representation {
+        Representation::Grid => WORLD_TO_GRID,
+        Representation::Roadmap => WORLD_TO_ROADMAP,
+        Representation::Continuous => operator.as_str(),
+    };
+    if operator != of_task {
+        let reason =
+            format!("the operator {operator:?} does not derive its view from a task alone");
+        return Err(InputError::new(source, reason).hint(format!(
+            "name a view of the operator {of_task:?}, or map or roadmap in place of the view"
+        )));
+    }
     match representation {
         Representation::Grid => {
             let Document {
@@ -208,6 +222,13 @@ struct Head {
     #[serde(deserialize_with = "format")]
     format: (),
     representation: Representation,
+    origin: Operator,
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "the origin of a view: an object")]
+struct Operator {
+    operator: String,
 }
 
 fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {

@@ -1,10 +1,36 @@
-//! Worlds of grids and of roadmaps.
+//! Grid to world: blocked cells become obstacles.
 
 use fleetyard_core::{Grid, InputError};
 use fleetyard_world::{Bounds, Polygon, Workspace};
+use serde_json::{Value, json};
+
+use crate::{Origin, Representation, VIEW_FORMAT};
+
+/// The world of a map.
+#[derive(Debug, Clone)]
+pub struct WorldView {
+    /// The world.
+    pub world: Workspace,
+    /// Operator, parameters and source.
+    pub origin: Origin,
+}
+
+impl WorldView {
+    /// Origin of the world.
+    pub fn about(&self) -> Value {
+        json!({
+            "format": VIEW_FORMAT,
+            "representation": Representation::Continuous,
+            "origin": self.origin,
+            "world_digest": self.world.digest(),
+            "obstacles": self.world.obstacles.len(),
+        })
+    }
+}
 
 /// The world of a grid: blocked cells, merged into disjoint rectangles, are the obstacles.
-/// `origin_m` is the lower left corner.
+/// `origin_m` is the lower left corner. Masks of moves are no obstacles and are lost: where a map
+/// forbids moves, a robot in the plane is free to make them.
 ///
 /// Rectangles grow down from the runs of blocked cells in a row as long as the rows below have
 /// the same runs. Takes time linear in the number of cells.
@@ -12,7 +38,7 @@ pub fn grid_to_world(
     grid: &Grid,
     cell_m: f64,
     origin_m: [f64; 2],
-) -> Result<Workspace, InputError> {
+) -> Result<WorldView, InputError> {
     let (rows, cols) = (grid.rows(), grid.cols());
     let column = |col: u32| origin_m[0] + f64::from(col) * cell_m;
     // The first row is the uppermost.
@@ -57,12 +83,16 @@ pub fn grid_to_world(
         }
         open = next;
     }
-    Ok(Workspace {
-        name: grid.name().to_owned(),
-        bounds,
-        boundary: None,
-        obstacles,
-        movers: Vec::new(),
+    let parameters = json!({"cell_m": cell_m, "corner_m": origin_m});
+    Ok(WorldView {
+        world: Workspace {
+            name: grid.name().to_owned(),
+            bounds,
+            boundary: None,
+            obstacles,
+            movers: Vec::new(),
+        },
+        origin: Origin::of_map(grid, "grid-to-world", parameters),
     })
 }
 

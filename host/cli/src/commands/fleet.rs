@@ -1,6 +1,5 @@
 //! `fleetyard fleet`: robots that drive on and on, and a planner that plans meanwhile.
 
-use std::fmt::Write as _;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -694,10 +693,7 @@ fn text(outcome: &FleetOutcome) -> String {
     } = outcome;
     let figures = &execution.figures;
     let mut out = String::new();
-    let mut line = |label: &str, value: String| {
-        // Writing to a string cannot fail.
-        let _ = writeln!(out, "{label:<17} {value}");
-    };
+    let mut line = |label: &str, value: String| output::labelled(&mut out, label, value);
     line(
         "fleet",
         format!("{} robots on {}", config.agents, outcome.map),

@@ -5,9 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use fleetyard_core::{
-    Connectivity, Grid, InputError, Scenario, load_map, save_map, save_scen, shown,
-};
+use fleetyard_core::{Connectivity, Grid, InputError, Scenario, load_map, save_map, save_scen};
 use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec,
     WarehouseSpec,
@@ -16,6 +14,7 @@ use serde::Serialize;
 
 use crate::args::{Format, word};
 use crate::exit::{Exit, Failure, Result};
+use crate::files::check_name;
 use crate::output;
 
 #[derive(Debug, Subcommand)]
@@ -245,15 +244,7 @@ fn named(grid: Grid, out: &OutArgs) -> Result<Grid> {
     let Some(name) = &out.name else {
         return Ok(grid);
     };
-    if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0']) {
-        return Err(wrong_flag(
-            InputError::new(
-                "name",
-                format!("{:?} cannot be the name of a map", shown(name)),
-            )
-            .hint("files are named after it: write one without folders"),
-        ));
-    }
+    check_name(name)?;
     let (rows, cols) = (grid.rows(), grid.cols());
     Ok(Grid::new(
         name.as_str(),

@@ -1,6 +1,5 @@
 //! `fleetyard trace`: what a trace file says, where two differ, and other files of one.
 
-use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -191,10 +190,7 @@ fn count(cells: Option<&Cells>) -> u64 {
 fn info_text(path: &Path, bytes: u64, contents: &TraceContents, counts: &Counts) -> String {
     let header = &contents.header;
     let mut out = String::new();
-    // Writing to a string cannot fail.
-    let mut line = |name: &str, value: String| {
-        let _ = writeln!(out, "{name:<18}{value}");
-    };
+    let mut line = |label: &str, value: String| output::labelled(&mut out, label, value);
     line("trace", format!("{}, {bytes} bytes", file_name(path)));
     line(
         "state of the file",

@@ -1,25 +1,26 @@
-//! `fleetyard world`: derives grids and roadmaps of a task's world, and worlds of maps.
+//! `fleetyard world`: derives grids and roadmaps of a task's world, and one kind of view from another.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use fleetyard_core::{
-    Connectivity, Digest, Scenario, Separation, cell_center_m, load_map, save_map, save_roadmap,
-    save_scen, words, write_atomically,
+    Connectivity, Digest, InputError, Roadmap, Scenario, Separation, cell_center_m, load_map,
+    load_roadmap, map_bytes, words, write_all_atomically, write_roadmap, write_scen,
 };
 use fleetyard_view::{Picture, World};
 use fleetyard_views::{
-    Builder, GridSpec, Problem, RoadmapSpec, Sampling, grid_to_world, load_problem, world_to_grid,
+    Builder, GridSpec, GridView, OverlayReport, OverlaySpec, Problem, RoadmapSpec, Sampling,
+    grid_to_roadmap, grid_to_world, load_problem, roadmap_to_grid, roadmap_to_world, world_to_grid,
     world_to_roadmap,
 };
-use fleetyard_world::save_workspace;
+use fleetyard_world::write_workspace;
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::args::{Format, connectivity, picture, word};
-use crate::exit::{Exit, Failure, Result, internal};
-
-use crate::files::{draw, file_name};
+use crate::exit::{Exit, Result, internal};
+use crate::files::{check_name, drawn, file_name};
 use crate::output;
 
 #[derive(Debug, Subcommand)]
@@ -32,21 +33,43 @@ pub(crate) enum Worlds {
         #[arg(long, value_enum, default_value = "text")]
         format: Format,
     },
-    /// Make a grid of a task's world: a map, a scenario, and how they came about
+    /// Make a grid of a task's world or of a roadmap: a map, a scenario, and how they came about
     Grid(GridArgs),
-    /// Make a roadmap of a task's world, and how it came about
+    /// Make a roadmap of a task's world, or check one in it, and how it came about
     Roadmap(RoadmapArgs),
-    /// Make a world file of a map: blocked cells become polygons
-    Convert {
-        /// Map file: MovingAI, fleetyard.grid/1 or LSMART
-        map: PathBuf,
-        /// World file to write
-        out: PathBuf,
-        /// Side of a cell in metres
-        #[arg(long, value_name = "METRES", default_value_t = 1.0)]
-        cell_size: f64,
-    },
+    /// Make a world or a roadmap of a map, and how it came about
+    Convert(ConvertArgs),
 }
+
+#[derive(Debug, Args)]
+pub(crate) struct ConvertArgs {
+    /// Map file: MovingAI, fleetyard.grid/1 or LSMART
+    map: PathBuf,
+    /// File to write; beside it, under its name with the end `.view.json`, how it came about
+    out: PathBuf,
+    /// World, in which blocked cells are polygons, or roadmap, in which free cells are vertices
+    #[arg(long, value_parser = word::<Made>(), default_value_t)]
+    to: Made,
+    /// Side of a cell in metres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    cell_size: f64,
+    /// Neighbours of a cell in a roadmap: 4 or 8
+    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    connectivity: Connectivity,
+}
+
+/// The views of a map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Made {
+    #[default]
+    World,
+    Roadmap,
+}
+
+words!(Made {
+    World = "world", "Blocked cells, merged into rectangles, are the obstacles";
+    Roadmap = "roadmap", "Free cells are vertices, allowed moves are edges";
+});
 
 /// Folder and name of a derived view.
 #[derive(Debug, Args)]
@@ -72,6 +95,12 @@ pub(crate) struct GridArgs {
     task: PathBuf,
     #[command(flatten)]
     spec: GridSpecArgs,
+    /// Roadmap file: the edges become moves, and nothing else is one
+    #[arg(long, value_name = "FILE")]
+    roadmap: Option<PathBuf>,
+    /// Side of a cell in metres, for the grid of a roadmap; that of the separation if it is not given
+    #[arg(long, value_name = "METRES", requires = "roadmap")]
+    cell_size: Option<f64>,
     #[command(flatten)]
     out: ViewOut,
 }
@@ -101,6 +130,10 @@ impl GridSpecArgs {
 pub(crate) struct RoadmapArgs {
     /// Task file
     task: PathBuf,
+    /// Roadmap file: sweep every robot along its edges in place of making one
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["builder", "density", "vertices", "neighbors",
+          "sampling", "side", "directions", "sides", "spacing", "seed", "speed"])]
+    check: Option<PathBuf>,
     #[command(flatten)]
     spec: RoadmapSpecArgs,
     /// Seed of the drawing; the task's if it is not given
@@ -215,16 +248,7 @@ pub(crate) fn worlds(what: &Worlds) -> Result<Exit> {
         Worlds::Info { task, format } => info(task, *format),
         Worlds::Grid(arguments) => grid(arguments),
         Worlds::Roadmap(arguments) => roadmap(arguments),
-        Worlds::Convert {
-            map,
-            out,
-            cell_size,
-        } => {
-            let grid = load_map(map)?;
-            save_workspace(&grid_to_world(&grid, *cell_size, [0.0, 0.0])?, out)?;
-            output::print(&out.display().to_string())?;
-            Ok(Exit::Success)
-        }
+        Worlds::Convert(arguments) => convert(arguments),
     }
 }
 
@@ -268,9 +292,7 @@ fn info(task: &Path, format: Format) -> Result<Exit> {
         return Ok(Exit::Success);
     }
     let mut text = String::new();
-    let mut line = |what: &str, value: String| {
-        let _ = writeln!(text, "{what:<17} {value}");
-    };
+    let mut line = |label: &str, value: String| output::labelled(&mut text, label, value);
     line("name", info.name);
     line(
         "size",
@@ -295,52 +317,83 @@ fn info(task: &Path, format: Format) -> Result<Exit> {
     Ok(Exit::Success)
 }
 
+/// The name of files that are derived from one, without the ends that it may have.
+fn stem(file: &Path, ends: &[&str]) -> String {
+    let name = file_name(file);
+    let short = ends
+        .iter()
+        .fold(name.as_str(), |name, end| name.trim_end_matches(end));
+    short.to_owned()
+}
+
+/// A task's own name, or else that of its file.
 fn name_of(problem: &Problem, task: &Path) -> String {
-    if !problem.task.name.is_empty() {
-        return problem.task.name.clone();
+    if problem.task.name.is_empty() {
+        of_task(task)
+    } else {
+        problem.task.name.clone()
     }
-    let name = file_name(task);
-    name.trim_end_matches(".task.json").to_owned()
+}
+
+fn of_task(task: &Path) -> String {
+    stem(task, &[".json", ".task"])
+}
+
+/// Files that are written when the content of all is there.
+#[derive(Default)]
+struct Files(Vec<(PathBuf, Vec<u8>)>);
+
+impl Files {
+    fn add(&mut self, path: PathBuf, bytes: Vec<u8>) {
+        self.0.push((path, bytes));
+    }
+
+    /// Adds how a view came about.
+    fn add_about(&mut self, path: PathBuf, about: &Value) -> Result<()> {
+        let mut json = serde_json::to_vec_pretty(about).map_err(internal)?;
+        json.push(b'\n');
+        self.add(path, json);
+        Ok(())
+    }
+
+    fn write(&self) -> Result<()> {
+        let files = self.0.iter();
+        let files: Vec<(&Path, &[u8])> = files
+            .map(|(path, bytes)| (path.as_path(), bytes.as_slice()))
+            .collect();
+        Ok(write_all_atomically(&files)?)
+    }
 }
 
 impl ViewOut {
     /// The path of a file of the view, by its end.
     fn file(&self, task: &Path, end: &str) -> Result<PathBuf> {
-        let of_task = file_name(task);
-        let name = match &self.name {
-            Some(name) => name.as_str(),
-            None => of_task.trim_end_matches(".json").trim_end_matches(".task"),
-        };
-        if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0']) {
-            let message = format!("--name: {name:?} cannot be the name of a file");
-            return Err(Failure::new(Exit::Usage, message)
-                .hint("files are named after it: write one without folders"));
-        }
+        let name = self.name.clone().unwrap_or_else(|| of_task(task));
+        check_name(&name)?;
         Ok(self.out.join(format!("{name}.{end}")))
     }
 
-    /// Writes how a view came about, and says which files there are.
-    fn finish<T: Serialize>(
-        &self,
-        task: &Path,
-        end: &str,
-        view: &T,
-        mut files: Vec<PathBuf>,
-        text: &str,
-    ) -> Result<Exit> {
-        let about = self.file(task, end)?;
-        let mut json = serde_json::to_vec_pretty(view).map_err(internal)?;
-        json.push(b'\n');
-        write_atomically(&about, &json)?;
-        files.push(about);
+    /// Adds the picture, if one is asked for.
+    fn add_picture(&self, files: &mut Files, picture: &Picture<'_>) -> Result<()> {
+        if let Some(path) = &self.picture {
+            files.add(path.clone(), drawn(path, &picture.svg())?);
+        }
+        Ok(())
+    }
+
+    /// Writes all files, the last of which says how the view came about, and says which there are.
+    fn finish(&self, mut files: Files, about: (PathBuf, Value), mut text: String) -> Result<Exit> {
+        let (path, about) = about;
+        files.add_about(path, &about)?;
+        files.write()?;
         match self.format {
-            Format::Json => output::print_json(view)?,
+            Format::Json => output::print_json(&about)?,
             Format::Text => {
-                let mut lines = text.to_owned();
-                for file in files {
-                    let _ = writeln!(lines, "{:<17} {}", "written", file.display());
+                let written = files.0.iter().map(|(path, _)| path);
+                for path in written.filter(|path| Some(*path) != self.picture.as_ref()) {
+                    output::labelled(&mut text, "written", path.display());
                 }
-                output::print(lines.trim_end())?;
+                output::print(text.trim_end())?;
             }
         }
         Ok(Exit::Success)
@@ -350,22 +403,42 @@ impl ViewOut {
 fn grid(arguments: &GridArgs) -> Result<Exit> {
     let (task, out) = (&arguments.task, &arguments.out);
     let problem = load_problem(task)?;
-    let view = world_to_grid(&problem, arguments.spec.spec())?;
+    let spec = arguments.spec.spec();
+    let (view, about, report) = match &arguments.roadmap {
+        None => {
+            let view = world_to_grid(&problem, spec)?;
+            let about = view.about();
+            (view, about, None)
+        }
+        Some(file) => {
+            let spec = OverlaySpec {
+                grid: spec,
+                cell_m: arguments.cell_size,
+            };
+            let overlay = roadmap_to_grid(&problem, &load_roadmap(file)?, spec)?;
+            let about = overlay.about();
+            (overlay.view, about, Some(overlay.report))
+        }
+    };
     let (instance, grid) = (&view.instance, view.instance.grid());
     let (map, scen) = (out.file(task, "map")?, out.file(task, "scen")?);
-    let ends = instance
-        .starts()
-        .iter()
-        .copied()
-        .zip(instance.goals().iter().copied());
-    save_map(grid, &map)?;
-    save_scen(&Scenario::of(grid, &file_name(&map), ends), &scen)?;
-    if let Some(path) = &out.picture {
-        let world = World::of_grid(grid, view.cell_m);
-        let at = |cell: &u32| cell_center_m(grid, view.cell_m, *cell).into();
-        let starts = instance.starts().iter().map(at);
-        let goals = instance.goals().iter().map(at);
-        draw(path, &Picture::new(&world).ends(starts.zip(goals)))?;
+    let ends = instance.starts().iter().zip(instance.goals());
+    let ends = ends.map(|(start, goal)| (*start, *goal));
+    let scenario = Scenario::of(grid, &file_name(&map), ends);
+    let mut files = Files::default();
+    files.add(map, map_bytes(grid));
+    files.add(scen, write_scen(&scenario));
+    if out.picture.is_some() {
+        let (world, corner_m) = grid_picture(&problem, &view, report.is_some())?;
+        let at = |cell: &u32| {
+            let (x, y) = cell_center_m(grid, view.cell_m, *cell);
+            [corner_m[0] + x, corner_m[1] + y]
+        };
+        let (starts, goals) = (
+            instance.starts().iter().map(at),
+            instance.goals().iter().map(at),
+        );
+        out.add_picture(&mut files, &Picture::new(&world).ends(starts.zip(goals)))?;
     }
     let snapped = view
         .snapped_m
@@ -373,9 +446,7 @@ fn grid(arguments: &GridArgs) -> Result<Exit> {
         .flatten()
         .fold(0.0_f64, |most, far| most.max(*far));
     let mut text = String::new();
-    let mut line = |what: &str, value: String| {
-        let _ = writeln!(text, "{what:<17} {value}");
-    };
+    let mut line = |label: &str, value: String| output::labelled(&mut text, label, value);
     line(
         "cells",
         format!("{} × {} of {} m", grid.rows(), grid.cols(), view.cell_m),
@@ -388,29 +459,73 @@ fn grid(arguments: &GridArgs) -> Result<Exit> {
         "snapped",
         format!("starts and goals by {snapped:.3} m at most"),
     );
-    line("instance digest", instance.digest().to_string());
-    out.finish(task, "grid.json", &view.about(), vec![map, scen], &text)
+    if let Some(report) = &report {
+        overlay_lines(report, line);
+    }
+    output::labelled(&mut text, "instance digest", instance.digest());
+    out.finish(files, (out.file(task, "grid.json")?, about), text)
+}
+
+/// A grid as it is drawn, and where its lower left corner is: its cells, or the moves that a roadmap
+/// leaves over the world.
+fn grid_picture(problem: &Problem, view: &GridView, has_moves: bool) -> Result<(World, [f64; 2])> {
+    let grid = view.instance.grid();
+    if !has_moves {
+        return Ok((World::of_grid(grid, view.cell_m), [0.0, 0.0]));
+    }
+    let connectivity = view.instance.connectivity();
+    let moves = grid_to_roadmap(grid, connectivity, view.cell_m, view.corner_m)?;
+    let world = World::of_workspace(&problem.world).roadmap(&moves.roadmap);
+    Ok((world, view.corner_m))
+}
+
+fn overlay_lines(report: &OverlayReport, mut line: impl FnMut(&str, String)) {
+    let lost =
+        |all: usize, merged: usize, lost: usize| format!("{all}, {merged} merged, {lost} lost");
+    line(
+        "vertices",
+        lost(
+            report.vertices,
+            report.vertices_merged,
+            report.vertices_lost,
+        ),
+    );
+    line(
+        "edges",
+        lost(report.edges, report.edges_merged, report.edges_lost),
+    );
+    if let (Some(mean), Some(max)) = (report.stretch_mean, report.stretch_max) {
+        let value = format!("{mean:.3} times the way on the roadmap on average, {max:.3} at most");
+        line("stretch", value);
+    }
 }
 
 fn roadmap(arguments: &RoadmapArgs) -> Result<Exit> {
     let (task, out) = (&arguments.task, &arguments.out);
     let problem = load_problem(task)?;
-    let view = world_to_roadmap(&problem, arguments.spec.spec(arguments.seed))?;
-    let file = out.file(task, "roadmap.json")?;
-    save_roadmap(&view.roadmap, &file)?;
-    if let Some(path) = &out.picture {
-        let world = World::of_workspace(&problem.world).roadmap(&view.roadmap);
-        let agents = &problem.task.agents;
-        let ends = agents
-            .iter()
-            .map(|agent| (agent.start.at_m(), agent.goal.at_m()));
-        draw(path, &Picture::new(&world).ends(ends))?;
+    let mut files = Files::default();
+    let about = out.file(task, "view.json")?;
+    let add_picture = |roadmap: &Roadmap, files: &mut Files| {
+        let world = World::of_workspace(&problem.world).roadmap(roadmap);
+        let ends = problem.task.agents.iter();
+        let ends = ends.map(|agent| (agent.start.at_m(), agent.goal.at_m()));
+        out.add_picture(files, &Picture::new(&world).ends(ends))
+    };
+    if let Some(file) = &arguments.check {
+        let roadmap = load_roadmap(file)?;
+        let (view, text) = check(&problem, &roadmap)?;
+        add_picture(&roadmap, &mut files)?;
+        return out.finish(files, (about, view), text);
     }
+    let view = world_to_roadmap(&problem, arguments.spec.spec(arguments.seed))?;
+    files.add(
+        out.file(task, "roadmap.json")?,
+        write_roadmap(&view.roadmap),
+    );
+    add_picture(&view.roadmap, &mut files)?;
     let report = &view.report;
     let mut text = String::new();
-    let mut line = |what: &str, value: String| {
-        let _ = writeln!(text, "{what:<17} {value}");
-    };
+    let mut line = |label: &str, value: String| output::labelled(&mut text, label, value);
     line("vertices", report.vertices.to_string());
     line(
         "edges",
@@ -451,5 +566,77 @@ fn roadmap(arguments: &RoadmapArgs) -> Result<Exit> {
     }
     line("speed", format!("{} m/s", view.speed_m_per_s));
     line("view digest", view.digest().to_string());
-    out.finish(task, "view.json", &view.about(), vec![file], &text)
+    out.finish(files, (about, view.about()), text)
+}
+
+/// A roadmap in a task's world, and what is free for whom in words. Agents that cannot reach their
+/// goals are an error.
+fn check(problem: &Problem, roadmap: &Roadmap) -> Result<(Value, String)> {
+    let view = roadmap_to_world(problem, roadmap)?;
+    let found = view.edges.iter().map(|edges| {
+        let all = edges.free + edges.blocked.len();
+        let agents = match edges.agents {
+            1 => "1 agent".to_owned(),
+            agents => format!("{agents} agents"),
+        };
+        let mut value = format!("{} of {all} edges are free for {agents}", edges.free);
+        if let Some([from, to]) = edges.blocked.first() {
+            let _ = write!(value, ", the first that is not is {from} to {to}");
+        }
+        (format!("radius {} m", edges.radius_m), value)
+    });
+    let found: Vec<(String, String)> = found.collect();
+    if let Some(agent) = view.cut_off.first() {
+        let found = found
+            .iter()
+            .map(|(label, value)| format!("{label}: {value}"));
+        let found: Vec<String> = found.collect();
+        let reason = format!(
+            "agent {agent} cannot reach its goal along edges that are free for it ({})",
+            found.join("; ")
+        );
+        let hint =
+            "make a roadmap for this task with `fleetyard world roadmap`, or use smaller robots";
+        return Err(InputError::new(problem.task.source.as_str(), reason)
+            .hint(hint)
+            .into());
+    }
+    let mut text = String::new();
+    for (label, value) in found {
+        output::labelled(&mut text, &label, value);
+    }
+    output::labelled(&mut text, "goals", "every agent reaches its goal");
+    Ok((view.about(), text))
+}
+
+fn convert(arguments: &ConvertArgs) -> Result<Exit> {
+    let ConvertArgs {
+        map,
+        out,
+        to,
+        cell_size,
+        connectivity,
+    } = arguments;
+    let grid = load_map(map)?;
+    let (bytes, about) = match to {
+        Made::World => {
+            let view = grid_to_world(&grid, *cell_size, [0.0, 0.0])?;
+            (write_workspace(&view.world), view.about())
+        }
+        Made::Roadmap => {
+            let view = grid_to_roadmap(&grid, *connectivity, *cell_size, [0.0, 0.0])?;
+            (write_roadmap(&view.roadmap), view.about())
+        }
+    };
+    let mut files = Files::default();
+    files.add(out.clone(), bytes);
+    files.add_about(
+        out.with_file_name(format!("{}.view.json", stem(out, &[".json"]))),
+        &about,
+    )?;
+    files.write()?;
+    for (path, _) in &files.0 {
+        output::print(&path.display().to_string())?;
+    }
+    Ok(Exit::Success)
 }

@@ -19,7 +19,9 @@ use serde_json::{Value, json};
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
 
 pub use report::RoadmapReport;
+pub(crate) use report::root;
 
+use crate::origin::WORLD_TO_ROADMAP;
 use crate::{Free, Origin, Problem, Representation, VIEW_FORMAT};
 use connect::nearest_visible;
 
@@ -357,7 +359,7 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
         radius_m,
         speed_m_per_s,
         report,
-        origin: Origin::of(problem, "world-to-roadmap", parameters, Some(seed)),
+        origin: Origin::of(problem, WORLD_TO_ROADMAP, parameters, Some(seed)),
     })
 }
 

@@ -125,7 +125,7 @@ fn parts(vertices: usize, edges: &[(u32, u32)]) -> (Vec<u32>, Vec<usize>) {
 }
 
 /// The first vertex of a part, by which it is known while parts grow together.
-fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
+pub(crate) fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
     while parent[vertex as usize] != vertex {
         let above = parent[parent[vertex as usize] as usize];
         parent[vertex as usize] = above;

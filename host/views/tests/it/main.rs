@@ -2,7 +2,9 @@
 
 mod grids;
 mod judged;
+mod overlays;
 mod roadmaps;
+mod swept;
 mod tasks;
 mod view_files;
 mod worlds;

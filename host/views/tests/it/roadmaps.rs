@@ -16,7 +16,7 @@ fn prm(sampling: Sampling, vertices: usize) -> Builder {
     }
 }
 
-fn builders(vertices: usize) -> [Builder; 7] {
+pub(crate) fn builders(vertices: usize) -> [Builder; 7] {
     let sampling = Sampling::Halton;
     [
         prm(Sampling::Uniform, vertices),

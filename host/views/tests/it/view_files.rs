@@ -107,6 +107,11 @@ fn what_is_wrong_with_a_view_file_has_its_place() {
             "is the task itself",
         ),
         (
+            "world-to-grid",
+            "roadmap-to-grid",
+            "the operator \"roadmap-to-grid\" does not derive its view from a task alone",
+        ),
+        (
             "\"neighbors\": 4",
             "\"neighbors\": 6",
             "a cell with 6 neighbours",

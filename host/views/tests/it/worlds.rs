@@ -19,7 +19,7 @@ proptest! {
         let letters = blocked[..cells].iter().map(|blocked| if *blocked { b'@' } else { b'.' });
         let grid = Grid::new("random", rows, cols, letters.collect()).unwrap();
         let origin = [origin.0, origin.1];
-        let world = grid_to_world(&grid, cell_m, origin).unwrap();
+        let world = grid_to_world(&grid, cell_m, origin).unwrap().world;
         let covered: f64 = world.obstacles.iter().map(fleetyard_world::Polygon::area_m2).sum();
         let solid = grid.cell_count() - grid.passable_count();
         // Together with the places below: disjoint, and nothing else.
