@@ -4,13 +4,15 @@
  *
  *     const FleetyardPluginEntry fleetyard_plugin_entry_v1 = { ... };
  *
- * Nothing changes owner. Inputs are borrowed for the duration of the call; what a
- * plugin has to say goes to the host's sink, which copies before it returns. Each
- * structure begins with its own size. Function pointers are never null unless
+ * Nothing changes owner. An environment stays as it is from a successful `prepare` until the next
+ * `prepare` or `destroy`; other inputs are borrowed for the duration of the call. What a plugin has
+ * to say goes to the host's sink, which copies before it returns. Each structure begins with its
+ * own size, and may be longer than yours. No value that means something is 0. Answer UNSUPPORTED
+ * to a code, flag or critical part that you do not know. Function pointers are never null unless
  * their comment says that they may be.
  *
- * [main-thread]  calls into one object come from one thread at a time
- * [thread-safe]  from any thread while the call that received it has not returned
+ * [one-at-a-time]  calls into one object never overlap, but may come from different threads
+ * [any-thread]     from any thread while the call that received it has not returned
  *
  * This file is generated from abi/src/c.rs.
  */
@@ -20,6 +22,9 @@
 
 #include <stddef.h>
 #include <stdint.h>
+
+/* Makes the one symbol of a library visible, whatever the compiler's flags are. */
+#define FLEETYARD_EXPORT __attribute__((visibility("default")))
 
 /* Identifiers for get_factory. */
 #define FLEETYARD_PLANNER_FACTORY_ID "fleetyard.planner/1"
@@ -44,9 +49,19 @@
 #define FLEETYARD_OK 0
 
 /*
- The host refused what was submitted (malformed, too late, or cancelled).
+ What was submitted is malformed: the call is lost.
  */
 #define FLEETYARD_REJECTED -1
+
+/*
+ What was submitted came after the deadline, or after the host gave up on the call.
+ */
+#define FLEETYARD_TOO_LATE -2
+
+/*
+ There is no room for what was submitted at the moment; nothing is wrong.
+ */
+#define FLEETYARD_BUSY -3
 
 /*
  The plan that was submitted solves the instance.
@@ -91,46 +106,83 @@
 /*
  Cells of a grid, unit time steps.
  */
-#define FLEETYARD_REPRESENTATION_GRID 0
+#define FLEETYARD_REPRESENTATION_GRID 1
 
 /*
  A graph embedded in the plane, continuous time.
  */
-#define FLEETYARD_REPRESENTATION_ROADMAP 1
+#define FLEETYARD_REPRESENTATION_ROADMAP 2
 
 /*
  Free space itself, continuous time.
  */
-#define FLEETYARD_REPRESENTATION_CONTINUOUS 2
+#define FLEETYARD_REPRESENTATION_CONTINUOUS 3
 
 /*
  A robot moves to an adjacent cell or waits, each in one step.
  */
-#define FLEETYARD_MOTION_PEBBLE 0
+#define FLEETYARD_MOTION_PEBBLE 1
 
 /*
  As a pebble, but turning by 90 degrees takes a step.
  */
-#define FLEETYARD_MOTION_ROTATION 1
+#define FLEETYARD_MOTION_ROTATION 2
 
 /*
  A robot moves in straight lines between the cells of its path, which need not be
  adjacent; a path is a place after the other, without times.
  */
-#define FLEETYARD_MOTION_ANY_ANGLE 2
+#define FLEETYARD_MOTION_ANY_ANGLE 3
+
+/*
+ A robot on a roadmap drives an edge at the roadmap's speed, or stands on a vertex.
+ */
+#define FLEETYARD_MOTION_STOP_GO 4
+
+/*
+ A robot on a roadmap drives an edge at any uniform speed up to the roadmap's, or stands on a
+ vertex.
+ */
+#define FLEETYARD_MOTION_SLOWER 5
+
+/*
+ A robot in the plane moves as its `FleetyardRobot` says.
+ */
+#define FLEETYARD_MOTION_DYNAMICS 6
 
 /*
  Minimise the sum over agents of the last time of arrival at the goal.
  */
-#define FLEETYARD_OBJECTIVE_SUM_OF_COSTS 0
+#define FLEETYARD_OBJECTIVE_SUM_OF_COSTS 1
 
 /*
  Minimise the time at which the last agent arrives.
  */
-#define FLEETYARD_OBJECTIVE_MAKESPAN 1
+#define FLEETYARD_OBJECTIVE_MAKESPAN 2
 
 /*
- Heading of a robot on a grid: towards larger columns.
+ Form of a plan: `FleetyardCells`, a cell per step.
+ */
+#define FLEETYARD_FORM_CELLS 1
+
+/*
+ Form of a plan: `FleetyardVisits`, vertices with times.
+ */
+#define FLEETYARD_FORM_VISITS 2
+
+/*
+ Form of a plan: `FleetyardTrajectories`, knots in the plane.
+ */
+#define FLEETYARD_FORM_TRAJECTORIES 3
+
+/*
+ No cell, vertex or agent.
+ */
+#define FLEETYARD_NONE UINT32_MAX
+
+/*
+ Heading of a robot on a grid: towards larger columns. In the plane, heading_rad is -pi/2 times
+ the code: rows grow down, y grows up.
  */
 #define FLEETYARD_HEADING_EAST 0
 
@@ -170,6 +222,12 @@
 #define FLEETYARD_CAPABILITY_EIGHT_CONNECTED (1 << 3)
 
 /*
+ Capability: grids with one-way moves, whose `moves` say less than `passable` does. A plugin
+ without it is given grids on which both agree.
+ */
+#define FLEETYARD_CAPABILITY_MOVE_MASK (1 << 4)
+
+/*
  Capability: the pebble motion model.
  */
 #define FLEETYARD_CAPABILITY_PEBBLE (1 << 8)
@@ -183,6 +241,22 @@
  Capability: the any-angle motion model.
  */
 #define FLEETYARD_CAPABILITY_ANY_ANGLE (1 << 10)
+
+/*
+ Capability: the stop-go motion model of roadmaps.
+ */
+#define FLEETYARD_CAPABILITY_STOP_GO (1 << 11)
+
+/*
+ Capability: the slower motion model of roadmaps.
+ */
+#define FLEETYARD_CAPABILITY_SLOWER (1 << 12)
+
+/*
+ Capability: robots of the plane whose speeds have limits; the models are in
+ `FleetyardDescriptor::features`.
+ */
+#define FLEETYARD_CAPABILITY_DYNAMICS (1 << 13)
 
 /*
  Capability: keeps submitting better plans until the budget ends.
@@ -220,34 +294,138 @@
 #define FLEETYARD_CAPABILITY_THREADS (1 << 22)
 
 /*
+ Capability: agents without a goal, which may end anywhere.
+ */
+#define FLEETYARD_CAPABILITY_IDLE (1 << 23)
+
+/*
+ Capability: robots of different footprints or dynamics in one team.
+ */
+#define FLEETYARD_CAPABILITY_HETEROGENEOUS (1 << 24)
+
+/*
+ Bit of `FleetyardGrid::moves`: towards smaller rows. The bits are in the order of the letters
+ of moves, `NESWnesw`.
+ */
+#define FLEETYARD_MOVE_NORTH (1 << 0)
+
+/*
+ Bit of `FleetyardGrid::moves`: towards larger columns.
+ */
+#define FLEETYARD_MOVE_EAST (1 << 1)
+
+/*
+ Bit of `FleetyardGrid::moves`: towards larger rows.
+ */
+#define FLEETYARD_MOVE_SOUTH (1 << 2)
+
+/*
+ Bit of `FleetyardGrid::moves`: towards smaller columns.
+ */
+#define FLEETYARD_MOVE_WEST (1 << 3)
+
+/*
+ Bit of `FleetyardGrid::moves`: north and east in one move.
+ */
+#define FLEETYARD_MOVE_NORTH_EAST (1 << 4)
+
+/*
+ Bit of `FleetyardGrid::moves`: south and east in one move.
+ */
+#define FLEETYARD_MOVE_SOUTH_EAST (1 << 5)
+
+/*
+ Bit of `FleetyardGrid::moves`: south and west in one move.
+ */
+#define FLEETYARD_MOVE_SOUTH_WEST (1 << 6)
+
+/*
+ Bit of `FleetyardGrid::moves`: north and west in one move.
+ */
+#define FLEETYARD_MOVE_NORTH_WEST (1 << 7)
+
+/*
+ Flag of `FleetyardRoadmap`: each edge can be driven both ways.
+ */
+#define FLEETYARD_ROADMAP_SYMMETRIC (1 << 0)
+
+/*
+ Flag of `FleetyardRobot`: a state has a heading after x and y.
+ */
+#define FLEETYARD_ROBOT_HEADING (1 << 0)
+
+/*
+ Flag of `FleetyardRobot`: the largest of the first two rates of a state bounds their length.
+ */
+#define FLEETYARD_ROBOT_POLAR_STATE (1 << 1)
+
+/*
+ Flag of `FleetyardRobot`: the largest of the first two numbers of a control bounds their length.
+ */
+#define FLEETYARD_ROBOT_POLAR_CONTROL (1 << 2)
+
+/*
+ Flag of `FleetyardInstance`: three or more agents may move round in a ring in one step, each
+ into the cell that the next one leaves. In plans for a fleet nobody enters a cell before it is
+ empty.
+ */
+#define FLEETYARD_INSTANCE_CYCLES (1 << 0)
+
+/*
+ Flag of `FleetyardInstance`: no agent follows another one round a corner, because robots of
+ `radius_m` would touch there.
+ */
+#define FLEETYARD_INSTANCE_STRICT (1 << 1)
+
+/*
+ Flag of `FleetyardPart`: a reader that does not know the part answers `UNSUPPORTED`.
+ */
+#define FLEETYARD_PART_CRITICAL (1 << 0)
+
+/*
+ Flag of `FleetyardPart`: `data` is a `FleetyardJson`, whatever the identifier.
+ */
+#define FLEETYARD_PART_JSON (1 << 1)
+
+/*
+ Type of an option: `number` has it.
+ */
+#define FLEETYARD_OPTION_NUMBER 1
+
+/*
+ Type of an option: `text` has it.
+ */
+#define FLEETYARD_OPTION_TEXT 2
+
+/*
+ Type of an option: `number` is 0 or 1.
+ */
+#define FLEETYARD_OPTION_FLAG 3
+
+/*
+ Type of an option: `text` is a JSON object, a list or null.
+ */
+#define FLEETYARD_OPTION_JSON 4
+
+/*
  Log level: something failed.
  */
-#define FLEETYARD_LOG_ERROR 0
+#define FLEETYARD_LOG_ERROR 1
 
 /*
  Log level: something is odd.
  */
-#define FLEETYARD_LOG_WARNING 1
+#define FLEETYARD_LOG_WARNING 2
 
 /*
  Log level: worth knowing once per run.
  */
-#define FLEETYARD_LOG_INFO 2
+#define FLEETYARD_LOG_INFO 3
 
 /*
  Log level: for the plugin's author.
  */
-#define FLEETYARD_LOG_DEBUG 3
-
-/*
- `FleetyardInvocationPolicy::should_invoke` answers: not yet.
- */
-#define FLEETYARD_INVOKE_NOT_YET 0
-
-/*
- `FleetyardInvocationPolicy::should_invoke` answers: call the planner now.
- */
-#define FLEETYARD_INVOKE_NOW 1
+#define FLEETYARD_LOG_DEBUG 4
 
 /*
  UTF-8 text, not terminated by a zero byte.
@@ -256,12 +434,69 @@ typedef struct FleetyardStr {
   /*
    First byte; may be null when `len` is 0.
    */
-  const uint8_t *ptr;
+  const char *ptr;
   /*
    Length in bytes.
    */
   size_t len;
 } FleetyardStr;
+
+/*
+ A structure with a name: the one way in which data grows. It is frozen under its identifier, and
+ another revision is another identifier.
+ */
+typedef struct FleetyardPart {
+  /*
+   `fleetyard.NAME/REVISION`; third parties begin with a reversed domain name.
+   */
+  struct FleetyardStr id;
+  /*
+   The structure, which begins with its `uint32_t struct_size`; with `FLEETYARD_PART_JSON` a
+   `FleetyardJson`, which is how the host hands on what it does not know itself.
+   */
+  const void *data;
+  /*
+   Or of `FLEETYARD_PART_*`.
+   */
+  uint32_t flags;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+} FleetyardPart;
+
+/*
+ Parts of an input or an output. A reader passes over those that it does not know, unless they
+ are critical.
+ */
+typedef struct FleetyardParts {
+  /*
+   `count` parts; may be null when there are none.
+   */
+  const struct FleetyardPart *list;
+  /*
+   Number of parts.
+   */
+  uint64_t count;
+} FleetyardParts;
+
+/*
+ A part as JSON.
+ */
+typedef struct FleetyardJson {
+  /*
+   `sizeof(FleetyardJson)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   A JSON value.
+   */
+  struct FleetyardStr text;
+} FleetyardJson;
 
 /*
  Limits of one call. The host enforces them; a planner that keeps them is not
@@ -277,9 +512,14 @@ typedef struct FleetyardBudget {
    */
   uint32_t threads;
   /*
-   When the call must have returned: nanoseconds of `CLOCK_MONOTONIC`.
+   When the call must have returned, on the clock of `FleetyardSink::now_ns`.
    */
   uint64_t deadline_monotonic_ns;
+  /*
+   When to come to an end, so that the answer arrives before the deadline, on the same clock:
+   from here on `FleetyardSink::cancelled` says so.
+   */
+  uint64_t answer_by_ns;
   /*
    Length of the budget when the call began.
    */
@@ -296,11 +536,15 @@ typedef struct FleetyardBudget {
    Seed of every random choice.
    */
   uint64_t seed;
+  /*
+   None yet.
+   */
+  struct FleetyardParts parts;
 } FleetyardBudget;
 
 /*
- A grid: row 0 is the top, column 0 the left, and the cell at `(row, col)` has
- the index `row * cols + col`.
+ The grid representation: row 0 is the top, column 0 the left, and the cell at `(row, col)`
+ has the index `row * cols + col`.
  */
 typedef struct FleetyardGrid {
   /*
@@ -329,6 +573,14 @@ typedef struct FleetyardGrid {
    */
   double step_s;
   /*
+   The lower left corner of the lower left cell: x, to the right.
+   */
+  double origin_x_m;
+  /*
+   The lower left corner of the lower left cell: y, upwards.
+   */
+  double origin_y_m;
+  /*
    `rows * cols` bytes: 1 where a robot may stand, else 0.
    */
   const uint8_t *passable;
@@ -337,7 +589,189 @@ typedef struct FleetyardGrid {
    workstation, …).
    */
   const uint8_t *terrain;
+  /*
+   `rows * cols` masks of `FLEETYARD_MOVE_*`, complete: a bit is set only where the move is
+   allowed, borders and corners seen to. Waiting is allowed wherever a robot may stand.
+   */
+  const uint8_t *moves;
 } FleetyardGrid;
+
+/*
+ The body of a robot or a mover, about its origin.
+ */
+typedef struct FleetyardFootprint {
+  /*
+   `sizeof(FleetyardFootprint)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of corners of a convex polygon; 0 for a disc.
+   */
+  uint32_t corners;
+  /*
+   Radius of the disc; of a polygon, that of the smallest circle about the origin that
+   encloses it.
+   */
+  double radius_m;
+  /*
+   x of the corners, counter-clockwise; may be null for a disc.
+   */
+  const double *x_m;
+  /*
+   y of the corners; may be null for a disc.
+   */
+  const double *y_m;
+} FleetyardFootprint;
+
+/*
+ An obstacle that moves in a known way.
+ */
+typedef struct FleetyardMover {
+  /*
+   `sizeof(FleetyardMover)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of knots, at least 1: it moves linearly between them and rests before the first and
+   after the last.
+   */
+  uint32_t knots;
+  /*
+   Its body.
+   */
+  const struct FleetyardFootprint *footprint;
+  /*
+   `knots` times, ascending.
+   */
+  const double *time_s;
+  /*
+   `knots` positions.
+   */
+  const double *x_m;
+  /*
+   `knots` positions.
+   */
+  const double *y_m;
+  /*
+   `knots` headings, counter-clockwise and unwrapped.
+   */
+  const double *heading_rad;
+} FleetyardMover;
+
+/*
+ The continuous representation: free space is the bounds without the obstacles. x goes right, y
+ up.
+ */
+typedef struct FleetyardWorkspace {
+  /*
+   `sizeof(FleetyardWorkspace)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of obstacles that stand.
+   */
+  uint32_t obstacles;
+  /*
+   Bounds. A world with another outline has obstacles that fill the rest.
+   */
+  double min_x_m;
+  /*
+   Bounds.
+   */
+  double min_y_m;
+  /*
+   Bounds.
+   */
+  double max_x_m;
+  /*
+   Bounds.
+   */
+  double max_y_m;
+  /*
+   `obstacles + 1` offsets into the corners.
+   */
+  const uint64_t *corner_offsets;
+  /*
+   x of the corners of simple polygons, counter-clockwise.
+   */
+  const double *x_m;
+  /*
+   y of the corners.
+   */
+  const double *y_m;
+  /*
+   `mover_count` movers; may be null when there are none.
+   */
+  const struct FleetyardMover *const *movers;
+  /*
+   Number of movers.
+   */
+  uint64_t mover_count;
+} FleetyardWorkspace;
+
+/*
+ The roadmap representation: a graph whose vertices lie in the plane, and whose edges are
+ driven straight.
+ */
+typedef struct FleetyardRoadmap {
+  /*
+   `sizeof(FleetyardRoadmap)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of vertices.
+   */
+  uint32_t vertices;
+  /*
+   Number of directed edges.
+   */
+  uint64_t edges;
+  /*
+   `vertices` positions.
+   */
+  const double *x_m;
+  /*
+   `vertices` positions.
+   */
+  const double *y_m;
+  /*
+   `vertices + 1` offsets into the edges: those from a vertex.
+   */
+  const uint64_t *edge_offsets;
+  /*
+   The vertex at the end of each edge, ascending for each vertex.
+   */
+  const uint32_t *targets;
+  /*
+   The length of each edge.
+   */
+  const double *length_m;
+  /*
+   The time that each edge takes at full speed.
+   */
+  const double *duration_s;
+  /*
+   Full speed.
+   */
+  double speed_m_per_s;
+  /*
+   The least distance of two robots' centres at any time: the diameter of the largest
+   robot's enclosing circle.
+   */
+  double separation_m;
+  /*
+   The world in which the roadmap lies, for those who want to look; may be null.
+   */
+  const struct FleetyardWorkspace *workspace;
+  /*
+   Or of `FLEETYARD_ROADMAP_*`.
+   */
+  uint32_t flags;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+} FleetyardRoadmap;
 
 /*
  The part of the input that stays the same between calls: the map.
@@ -352,14 +786,305 @@ typedef struct FleetyardEnvironment {
    */
   int32_t representation;
   /*
-   The map's name, for messages.
-   */
-  struct FleetyardStr map_name;
-  /*
-   `FleetyardGrid` when the representation is a grid.
+   `FleetyardGrid`, `FleetyardRoadmap` or `FleetyardWorkspace`.
    */
   const void *view;
+  /*
+   The map's name, for messages.
+   */
+  struct FleetyardStr name;
+  /*
+   A key for caches: equal digests, equal views. Empty when the host has none.
+   */
+  struct FleetyardStr digest;
+  /*
+   None yet.
+   */
+  struct FleetyardParts parts;
 } FleetyardEnvironment;
+
+/*
+ A model of robots.
+ */
+typedef struct FleetyardRobot {
+  /*
+   `sizeof(FleetyardRobot)`.
+   */
+  uint32_t struct_size;
+  /*
+   Or of `FLEETYARD_ROBOT_*`.
+   */
+  uint32_t flags;
+  /*
+   Its name, for messages.
+   */
+  struct FleetyardStr name;
+  /*
+   Name of its dynamics, such as `fleetyard.double-integrator/1`: it fixes what follows `x, y`
+   and, with `FLEETYARD_ROBOT_HEADING`, the heading in a state, what a control is, and the
+   parameters (`docs/contract.md`).
+   */
+  struct FleetyardStr dynamics;
+  /*
+   Its body.
+   */
+  const struct FleetyardFootprint *footprint;
+  /*
+   Numbers of a state.
+   */
+  uint32_t state_size;
+  /*
+   Numbers of a control.
+   */
+  uint32_t control_size;
+  /*
+   Number of parameters.
+   */
+  uint32_t parameter_count;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   `state_size` numbers, infinite where there is no limit.
+   */
+  const double *state_min;
+  /*
+   `state_size` numbers, infinite where there is no limit.
+   */
+  const double *state_max;
+  /*
+   `control_size` numbers, infinite where there is no limit.
+   */
+  const double *control_min;
+  /*
+   `control_size` numbers, infinite where there is no limit.
+   */
+  const double *control_max;
+  /*
+   `parameter_count` numbers.
+   */
+  const double *parameters;
+} FleetyardRobot;
+
+/*
+ An instance: the input of a planner. A *place* is a cell of a grid or a vertex of a roadmap.
+ Agent `i` is the same robot in all calls of a run.
+ */
+typedef struct FleetyardInstance {
+  /*
+   `sizeof(FleetyardInstance)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of agents; at least 1.
+   */
+  uint32_t agents;
+  /*
+   The environment of the last successful `prepare`.
+   */
+  const struct FleetyardEnvironment *environment;
+  /*
+   `robot_count` models.
+   */
+  const struct FleetyardRobot *const *robots;
+  /*
+   `agents` numbers of models; null when there is one model at most.
+   */
+  const uint32_t *robot_of;
+  /*
+   Number of models; may be 0 on grids and roadmaps.
+   */
+  uint32_t robot_count;
+  /*
+   One of `FLEETYARD_MOTION_*`.
+   */
+  int32_t motion;
+  /*
+   One of `FLEETYARD_OBJECTIVE_*`.
+   */
+  int32_t objective;
+  /*
+   Or of `FLEETYARD_INSTANCE_*`.
+   */
+  uint32_t flags;
+  /*
+   `agents` places; null in the plane.
+   */
+  const uint32_t *starts;
+  /*
+   `agents` headings, one of `FLEETYARD_HEADING_*`; null when headings do
+   not matter.
+   */
+  const int8_t *start_headings;
+  /*
+   `agents + 1` offsets into `start_states`; null but in the plane.
+   */
+  const uint64_t *start_state_offsets;
+  /*
+   The state of each agent at its start, as its robot says; null but in the plane.
+   */
+  const double *start_states;
+  /*
+   `agents + 1` offsets into the goals; the goals of agent `i` are those from
+   `goal_offsets[i]` up to but not including `goal_offsets[i + 1]`, to be
+   visited in order. An agent without one may end anywhere.
+   */
+  const uint64_t *goal_offsets;
+  /*
+   Places; null in the plane.
+   */
+  const uint32_t *goals;
+  /*
+   An offset into `goal_states` for each goal, and one more; null but in the plane.
+   */
+  const uint64_t *goal_state_offsets;
+  /*
+   The state to come to at each goal, as the robot says, NaN where any will do; null but in the
+   plane.
+   */
+  const double *goal_states;
+  /*
+   On grids: collisions after this many steps do not matter, and paths may end before
+   their goals; 0 for a complete plan.
+   */
+  uint32_t window_steps;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   The same in the other representations; 0 for a complete plan.
+   */
+  double window_s;
+  /*
+   Radius of the largest robot's enclosing circle.
+   */
+  double radius_m;
+  /*
+   In the plane: distance from its goal at which a robot may end.
+   */
+  double goal_tolerance_m;
+  /*
+   In the plane: the same of its heading.
+   */
+  double goal_tolerance_rad;
+  /*
+   None yet.
+   */
+  struct FleetyardParts parts;
+} FleetyardInstance;
+
+/*
+ A plan. What is in it says `form`; the entries of agent `i` are those from `offsets[i]` up to
+ but not including `offsets[i + 1]`. After its last entry an agent stays where it is.
+ */
+typedef struct FleetyardPlan {
+  /*
+   `sizeof(FleetyardPlan)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of agents; must equal that of the instance.
+   */
+  uint32_t agents;
+  /*
+   One of `FLEETYARD_FORM_*`: cells on a grid, visits on a roadmap, trajectories in the plane.
+   */
+  int32_t form;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   `agents + 1` offsets into the entries of `body`, beginning with 0, never decreasing.
+   */
+  const uint64_t *offsets;
+  /*
+   `FleetyardCells`, `FleetyardVisits` or `FleetyardTrajectories`.
+   */
+  const void *body;
+  /*
+   None yet.
+   */
+  struct FleetyardParts parts;
+} FleetyardPlan;
+
+/*
+ The body of a plan on a grid: the cell of an agent at times 0, 1, 2, … steps.
+ */
+typedef struct FleetyardCells {
+  /*
+   `sizeof(FleetyardCells)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   Cells.
+   */
+  const uint32_t *cells;
+} FleetyardCells;
+
+/*
+ The body of a plan on a roadmap: the vertices that an agent visits. It drives straight and
+ evenly from one to the next, and is at the first one from time 0.
+ */
+typedef struct FleetyardVisits {
+  /*
+   `sizeof(FleetyardVisits)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   Vertices.
+   */
+  const uint32_t *vertices;
+  /*
+   When the agent arrives.
+   */
+  const double *arrival_s;
+  /*
+   When it leaves; of the last visit, no earlier than the arrival.
+   */
+  const double *departure_s;
+} FleetyardVisits;
+
+/*
+ The body of a plan in the plane: knots between which position and heading are linear in time.
+ The first is at time 0.
+ */
+typedef struct FleetyardTrajectories {
+  /*
+   `sizeof(FleetyardTrajectories)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   Times, ascending for each agent.
+   */
+  const double *time_s;
+  /*
+   Positions.
+   */
+  const double *x_m;
+  /*
+   Positions.
+   */
+  const double *y_m;
+  /*
+   Headings, counter-clockwise and unwrapped; null when no robot has one.
+   */
+  const double *heading_rad;
+} FleetyardTrajectories;
 
 /*
  A task that an instance generator gives to an agent.
@@ -380,104 +1105,6 @@ typedef struct FleetyardAssignment {
 } FleetyardAssignment;
 
 /*
- An instance: the input of a planner.
- */
-typedef struct FleetyardInstance {
-  /*
-   `sizeof(FleetyardInstance)`.
-   */
-  uint32_t struct_size;
-  /*
-   Number of agents; at least 1.
-   */
-  uint32_t agents;
-  /*
-   The environment of the last successful `prepare`, borrowed for the call.
-   */
-  const struct FleetyardEnvironment *environment;
-  /*
-   `agents` cells.
-   */
-  const uint32_t *starts;
-  /*
-   `agents` headings, one of `FLEETYARD_HEADING_*`; null when headings do
-   not matter.
-   */
-  const int32_t *headings;
-  /*
-   `agents + 1` offsets into `goals`; the goals of agent `i` are those from
-   `goal_offsets[i]` up to but not including `goal_offsets[i + 1]`, to be
-   visited in order. Every agent has at least one.
-   */
-  const uint64_t *goal_offsets;
-  /*
-   Cells.
-   */
-  const uint32_t *goals;
-  /*
-   One of `FLEETYARD_MOTION_*`.
-   */
-  int32_t motion;
-  /*
-   One of `FLEETYARD_OBJECTIVE_*`.
-   */
-  int32_t objective;
-  /*
-   Collisions after this many steps do not matter, and paths may end before
-   their goals; 0 for a complete plan.
-   */
-  uint32_t window_steps;
-  /*
-   Non-zero where three or more agents may move round in a ring in one step,
-   each into the cell that the next one leaves. Plans for a fleet must not:
-   there nobody enters a cell before it is empty.
-   */
-  int32_t allows_cycles;
-  /*
-   Radius of the largest robot's enclosing circle.
-   */
-  double radius_m;
-  /*
-   Number of assignments; 0 in calls of planners and fail policies.
-   */
-  uint32_t assignments_count;
-  /*
-   Zero.
-   */
-  uint32_t reserved;
-  /*
-   `assignments_count` tasks that the generator gives to agents: the host
-   appends the cells of a task to the goals of its agent. May be null when
-   there are none.
-   */
-  const struct FleetyardAssignment *assignments;
-} FleetyardInstance;
-
-/*
- Paths on a grid: the cells of agent `i` at times 0, 1, 2, … are those from
- `offsets[i]` up to but not including `offsets[i + 1]`. After its last cell an
- agent stays there.
- */
-typedef struct FleetyardPlan {
-  /*
-   `sizeof(FleetyardPlan)`.
-   */
-  uint32_t struct_size;
-  /*
-   Number of agents; must equal that of the instance.
-   */
-  uint32_t agents;
-  /*
-   `agents + 1` offsets into `cells`, beginning with 0, never decreasing.
-   */
-  const uint64_t *offsets;
-  /*
-   Cells.
-   */
-  const uint32_t *cells;
-} FleetyardPlan;
-
-/*
  The state of the fleet when everything committed has been executed, and the work that is left:
  the input of an instance generator.
  */
@@ -487,77 +1114,85 @@ typedef struct FleetyardFleetState {
    */
   uint32_t struct_size;
   /*
-   Number of agents.
+   Number of open tasks: released and given to nobody.
    */
-  uint32_t agents;
-  /*
-   The environment of the last successful `prepare`, borrowed for the call.
-   */
-  const struct FleetyardEnvironment *environment;
+  uint32_t tasks;
   /*
    Simulated time since the run began.
    */
   double time_s;
   /*
-   `agents` cells at the end of what is committed.
+   The next instance as it is if nobody is given more. Its goals are those that agents have been
+   given and have not reached, in order: the first is current. Where goals never end, they are
+   as many as it takes to keep the agent busy for longer than the window, and at least two. Its
+   window is the one asked for.
    */
-  const uint32_t *cells;
-  /*
-   `agents` headings there; null when headings do not matter.
-   */
-  const int32_t *headings;
-  /*
-   `agents + 1` offsets into `goals`.
-   */
-  const uint64_t *goal_offsets;
-  /*
-   Goals that agents have been given and have not reached, in order: the first
-   is current. Where goals never end, as many as it takes to keep the agent
-   busy for longer than the window, and at least two.
-   */
-  const uint32_t *goals;
-  /*
-   Number of open tasks: released and given to nobody.
-   */
-  uint32_t tasks;
-  /*
-   Planning window asked for in steps; 0 for none. The next instance may have a
-   shorter one.
-   */
-  uint32_t window_steps;
+  const struct FleetyardInstance *next;
   /*
    `tasks` identifiers.
    */
   const uint64_t *task_ids;
   /*
-   `tasks + 1` offsets into `task_cells`.
+   `tasks + 1` offsets into `task_places`.
    */
   const uint64_t *task_offsets;
   /*
-   The cells that a task visits, in order.
+   The places that a task visits, in order.
    */
-  const uint32_t *task_cells;
+  const uint32_t *task_places;
   /*
-   One of `FLEETYARD_MOTION_*`, which the next instance must repeat.
+   None yet.
    */
-  int32_t motion;
+  struct FleetyardParts parts;
+} FleetyardFleetState;
+
+/*
+ What an instance generator decides, and nothing else: the rest of the next instance is as
+ `FleetyardFleetState::next` has it.
+ */
+typedef struct FleetyardRequest {
   /*
-   One of `FLEETYARD_OBJECTIVE_*`, which the next instance must repeat.
+   `sizeof(FleetyardRequest)`.
    */
-  int32_t objective;
+  uint32_t struct_size;
   /*
-   Radius of the largest robot's enclosing circle, which the next instance must repeat.
+   Number of agents; must equal that of the state.
    */
-  double radius_m;
+  uint32_t agents;
   /*
-   As `FleetyardInstance::allows_cycles`; the next instance must repeat it.
+   `agents + 1` offsets into `goals`.
    */
-  int32_t allows_cycles;
+  const uint64_t *goal_offsets;
+  /*
+   The places that the planner is asked to visit.
+   */
+  const uint32_t *goals;
+  /*
+   `assignment_count` tasks that are given to agents: the host appends the places of a task to
+   the goals of its agent. May be null when there are none.
+   */
+  const struct FleetyardAssignment *assignments;
+  /*
+   Number of assignments.
+   */
+  uint64_t assignment_count;
+  /*
+   The window of the next instance on a grid, no longer than the one asked for.
+   */
+  uint32_t window_steps;
   /*
    Zero.
    */
   uint32_t reserved;
-} FleetyardFleetState;
+  /*
+   The same in the other representations.
+   */
+  double window_s;
+  /*
+   None yet.
+   */
+  struct FleetyardParts parts;
+} FleetyardRequest;
 
 /*
  The status of the fleet: the input of an invocation policy.
@@ -591,6 +1226,10 @@ typedef struct FleetyardFleetStatus {
    `agents` counts of committed actions that are not yet executed.
    */
   const uint32_t *actions_left;
+  /*
+   None yet.
+   */
+  struct FleetyardParts parts;
 } FleetyardFleetStatus;
 
 /*
@@ -610,38 +1249,54 @@ typedef struct FleetyardSink {
    */
   void *context;
   /*
-   `[thread-safe]` Hands over a plan, in calls that ask for one. May be
+   `[any-thread]` Hands over a plan, in calls that ask for one. May be
    called any number of times, each plan better than the last. Copies.
-   Returns `FLEETYARD_OK` or `FLEETYARD_REJECTED`.
+   Returns `FLEETYARD_OK`, `FLEETYARD_REJECTED`, `FLEETYARD_TOO_LATE` or `FLEETYARD_BUSY`.
    */
   int32_t (*submit_plan)(void *context, const struct FleetyardPlan *plan);
   /*
-   `[thread-safe]` Hands over the next instance, in `generate`. Its
-   environment may be null. Copies. Returns as `submit_plan`.
+   `[any-thread]` Hands over what a generator decided, in `generate`. Copies. Returns as
+   `submit_plan`.
    */
-  int32_t (*submit_instance)(void *context, const struct FleetyardInstance *instance);
+  int32_t (*submit_request)(void *context, const struct FleetyardRequest *request);
   /*
-   `[thread-safe]` Reports a figure such as `expansions`, kept as a claim. Some names have
-   a meaning and a domain (`docs/protocol.md`): another value breaks the contract.
-   */
-  void (*metric)(void *context, struct FleetyardStr name, double value);
-  /*
-   `[thread-safe]` Writes to the run's log; `level` is `FLEETYARD_LOG_*`.
-   */
-  void (*log)(void *context, int32_t level, struct FleetyardStr text);
-  /*
-   `[thread-safe]` Says how much of the work is done; `total` 0 if unknown.
-   */
-  void (*progress)(void *context, uint64_t done, uint64_t total);
-  /*
-   `[thread-safe]` Non-zero when the call should end: the deadline has
+   `[any-thread]` Non-zero when the call should end: `FleetyardBudget::answer_by_ns` has
    passed or the host gave up on it. Cheap; ask often.
    */
   int32_t (*cancelled)(void *context);
   /*
-   `[thread-safe]` Explains the status that the call is about to return.
+   `[any-thread]` The host's monotonic clock.
+   */
+  uint64_t (*now_ns)(void *context);
+  /*
+   `[any-thread]` Explains the status that the call is about to return; the last explanation
+   counts.
    */
   void (*fail)(void *context, struct FleetyardStr message);
+  /*
+   `[any-thread]` Writes to the run's log; `level` is `FLEETYARD_LOG_*`.
+   */
+  void (*log)(void *context, int32_t level, struct FleetyardStr text);
+  /*
+   `[any-thread]` Reports a figure such as `expansions`, kept as a claim. Some names have
+   a meaning and a domain (`docs/protocol.md`): another value breaks the contract.
+   */
+  void (*metric)(void *context, struct FleetyardStr name, double value);
+  /*
+   `[any-thread]` Notes a fact about the plugin's inputs, such as the digest of its weights;
+   kept as a claim.
+   */
+  void (*note)(void *context, struct FleetyardStr name, struct FleetyardStr text);
+  /*
+   `[any-thread]` Says how much of the work is done; `total` 0 if unknown.
+   */
+  void (*progress)(void *context, uint64_t done, uint64_t total);
+  /*
+   `[any-thread]` An extension structure of this call by its identifier
+   (`fleetyard.NAME/REVISION`), or null when the host has no use for it. Its functions take
+   the sink's context.
+   */
+  const void *(*get_extension)(void *context, struct FleetyardStr id);
 } FleetyardSink;
 
 /*
@@ -661,6 +1316,10 @@ typedef struct FleetyardHost {
    */
   uint16_t abi_minor;
   /*
+   The host's; pass it back as it is.
+   */
+  void *context;
+  /*
    The host's name.
    */
   struct FleetyardStr name;
@@ -669,12 +1328,61 @@ typedef struct FleetyardHost {
    */
   struct FleetyardStr version;
   /*
-   `[thread-safe]` An extension structure by its identifier
+   `[any-thread]` An extension structure by its identifier
    (`fleetyard.NAME/REVISION`; third parties begin with a reversed domain
    name), or null.
    */
-  const void *(*get_extension)(struct FleetyardStr id);
+  const void *(*get_extension)(void *context, struct FleetyardStr id);
 } FleetyardHost;
+
+/*
+ An option of a plugin.
+ */
+typedef struct FleetyardPluginOption {
+  /*
+   Its name.
+   */
+  struct FleetyardStr name;
+  /*
+   Its value, where `kind` says so.
+   */
+  struct FleetyardStr text;
+  /*
+   Its value, where `kind` says so.
+   */
+  double number;
+  /*
+   One of `FLEETYARD_OPTION_*`.
+   */
+  int32_t kind;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+} FleetyardPluginOption;
+
+/*
+ The options of a plugin. The host has checked them against the plugin's schema, and filled in
+ the defaults of the schema.
+ */
+typedef struct FleetyardOptions {
+  /*
+   `sizeof(FleetyardOptions)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of options.
+   */
+  uint32_t count;
+  /*
+   `count` options; may be null when there are none.
+   */
+  const struct FleetyardPluginOption *list;
+  /*
+   The same as the text of a JSON object.
+   */
+  struct FleetyardStr json;
+} FleetyardOptions;
 
 /*
  Identity and capabilities of a plugin. Static: valid until `deinit`.
@@ -685,9 +1393,9 @@ typedef struct FleetyardDescriptor {
    */
   uint32_t struct_size;
   /*
-   Zero.
+   Number of features.
    */
-  uint32_t reserved;
+  uint32_t feature_count;
   /*
    Short identifier, `[a-z0-9][a-z0-9._-]*`, unique in the library per kind.
    */
@@ -716,17 +1424,24 @@ typedef struct FleetyardDescriptor {
    Or of `FLEETYARD_CAPABILITY_*`.
    */
   uint64_t capabilities;
+  /*
+   `feature_count` names of what has no bit: `dynamics:NAME` for each model of robots that
+   it plans for, `part:ID` for each critical part that it understands. May be null when there
+   are none.
+   */
+  const struct FleetyardStr *features;
 } FleetyardDescriptor;
 
 /*
  A planner.
 
- Life: `create`, then `prepare` once per map, then `plan` any number of times,
- then `destroy`. All calls into one object come from one thread at a time.
+ Life: `create`, then `prepare` once per map, then `plan` any number of times, then `destroy`.
+ A `prepare` that fails leaves the object without a map.
  */
 typedef struct FleetyardPlanner {
   /*
-   `sizeof(FleetyardPlanner)`.
+   `sizeof(FleetyardPlanner)`: before `create` the room that the host has, afterwards what the
+   plugin filled in.
    */
   uint32_t struct_size;
   /*
@@ -738,7 +1453,7 @@ typedef struct FleetyardPlanner {
    */
   void *context;
   /*
-   `[main-thread]` Learns a map, within a budget of its own. Returns a
+   `[one-at-a-time]` Learns a map, within a budget of its own. Returns a
    `FLEETYARD_STATUS_*`, `SOLVED` for success.
    */
   int32_t (*prepare)(void *context,
@@ -746,7 +1461,7 @@ typedef struct FleetyardPlanner {
                      const struct FleetyardBudget *budget,
                      const struct FleetyardSink *sink);
   /*
-   `[main-thread]`, after `prepare`. Solves an instance and submits plans to
+   `[one-at-a-time]`, after `prepare`. Solves an instance and submits plans to
    the sink. Returns a `FLEETYARD_STATUS_*`.
    */
   int32_t (*plan)(void *context,
@@ -754,11 +1469,11 @@ typedef struct FleetyardPlanner {
                   const struct FleetyardBudget *budget,
                   const struct FleetyardSink *sink);
   /*
-   `[main-thread]` Ends the object.
+   `[one-at-a-time]` Ends the object.
    */
   void (*destroy)(void *context);
   /*
-   `[main-thread]` An extension structure by its identifier, or null. May be
+   `[one-at-a-time]` An extension structure by its identifier, or null. May be
    null itself.
    */
   const void *(*get_extension)(void *context, struct FleetyardStr id);
@@ -771,7 +1486,8 @@ typedef struct FleetyardPlanner {
  */
 typedef struct FleetyardFailPolicy {
   /*
-   `sizeof(FleetyardFailPolicy)`.
+   `sizeof(FleetyardFailPolicy)`: before `create` the room that the host has, afterwards what the
+   plugin filled in.
    */
   uint32_t struct_size;
   /*
@@ -783,14 +1499,14 @@ typedef struct FleetyardFailPolicy {
    */
   void *context;
   /*
-   `[main-thread]` As `FleetyardPlanner::prepare`.
+   `[one-at-a-time]` As `FleetyardPlanner::prepare`.
    */
   int32_t (*prepare)(void *context,
                      const struct FleetyardEnvironment *environment,
                      const struct FleetyardBudget *budget,
                      const struct FleetyardSink *sink);
   /*
-   `[main-thread]`, after `prepare`. Submits a collision-free plan.
+   `[one-at-a-time]`, after `prepare`. Submits a collision-free plan.
    `failed_plan` is what the planner left, collisions and all; may be null.
    */
   int32_t (*recover)(void *context,
@@ -799,11 +1515,11 @@ typedef struct FleetyardFailPolicy {
                      const struct FleetyardBudget *budget,
                      const struct FleetyardSink *sink);
   /*
-   `[main-thread]` Ends the object.
+   `[one-at-a-time]` Ends the object.
    */
   void (*destroy)(void *context);
   /*
-   `[main-thread]` As `FleetyardPlanner::get_extension`.
+   `[one-at-a-time]` As `FleetyardPlanner::get_extension`.
    */
   const void *(*get_extension)(void *context, struct FleetyardStr id);
 } FleetyardFailPolicy;
@@ -815,7 +1531,8 @@ typedef struct FleetyardFailPolicy {
  */
 typedef struct FleetyardInstanceGenerator {
   /*
-   `sizeof(FleetyardInstanceGenerator)`.
+   `sizeof(FleetyardInstanceGenerator)`: before `create` the room that the host has, afterwards what the
+   plugin filled in.
    */
   uint32_t struct_size;
   /*
@@ -827,25 +1544,25 @@ typedef struct FleetyardInstanceGenerator {
    */
   void *context;
   /*
-   `[main-thread]` As `FleetyardPlanner::prepare`.
+   `[one-at-a-time]` As `FleetyardPlanner::prepare`.
    */
   int32_t (*prepare)(void *context,
                      const struct FleetyardEnvironment *environment,
                      const struct FleetyardBudget *budget,
                      const struct FleetyardSink *sink);
   /*
-   `[main-thread]`, after `prepare`. Submits one instance.
+   `[one-at-a-time]`, after `prepare`. Submits one instance.
    */
   int32_t (*generate)(void *context,
                       const struct FleetyardFleetState *state,
                       const struct FleetyardBudget *budget,
                       const struct FleetyardSink *sink);
   /*
-   `[main-thread]` Ends the object.
+   `[one-at-a-time]` Ends the object.
    */
   void (*destroy)(void *context);
   /*
-   `[main-thread]` As `FleetyardPlanner::get_extension`.
+   `[one-at-a-time]` As `FleetyardPlanner::get_extension`.
    */
   const void *(*get_extension)(void *context, struct FleetyardStr id);
 } FleetyardInstanceGenerator;
@@ -857,7 +1574,8 @@ typedef struct FleetyardInstanceGenerator {
  */
 typedef struct FleetyardInvocationPolicy {
   /*
-   `sizeof(FleetyardInvocationPolicy)`.
+   `sizeof(FleetyardInvocationPolicy)`: before `create` the room that the host has, afterwards what the
+   plugin filled in.
    */
   uint32_t struct_size;
   /*
@@ -869,18 +1587,19 @@ typedef struct FleetyardInvocationPolicy {
    */
   void *context;
   /*
-   `[main-thread]` `FLEETYARD_INVOKE_NOW`, `FLEETYARD_INVOKE_NOT_YET`, or
-   a negative number after a call of `FleetyardSink::fail`.
+   `[one-at-a-time]` Writes 1 to `out` if the planner has to be called now, else 0. Returns a
+   `FLEETYARD_STATUS_*`, `SOLVED` for success.
    */
   int32_t (*should_invoke)(void *context,
                            const struct FleetyardFleetStatus *status,
-                           const struct FleetyardSink *sink);
+                           const struct FleetyardSink *sink,
+                           int32_t *out);
   /*
-   `[main-thread]` Ends the object.
+   `[one-at-a-time]` Ends the object.
    */
   void (*destroy)(void *context);
   /*
-   `[main-thread]` As `FleetyardPlanner::get_extension`.
+   `[one-at-a-time]` As `FleetyardPlanner::get_extension`.
    */
   const void *(*get_extension)(void *context, struct FleetyardStr id);
 } FleetyardInvocationPolicy;
@@ -898,19 +1617,25 @@ typedef struct FleetyardPlannerFactory {
    */
   uint32_t reserved;
   /*
-   `[thread-safe]` How many planners the library has.
+   The plugin's; passed back as it is. May be null.
    */
-  uint32_t (*count)(void);
+  void *context;
   /*
-   `[thread-safe]` Describes planner `index`; null when out of range.
+   `[any-thread]` How many planners the library has.
    */
-  const struct FleetyardDescriptor *(*descriptor)(uint32_t index);
+  uint32_t (*count)(void *context);
   /*
-   `[main-thread]` Makes planner `index` from its options (a JSON object)
-   and fills in `out`. Returns a `FLEETYARD_STATUS_*`, `SOLVED` for success.
+   `[any-thread]` Describes planner `index`; null when out of range.
    */
-  int32_t (*create)(uint32_t index,
-                    struct FleetyardStr options,
+  const struct FleetyardDescriptor *(*descriptor)(void *context, uint32_t index);
+  /*
+   `[one-at-a-time]` Makes planner `index` from its options and fills in `out`, whose
+   `struct_size` says how much room there is: with too little it writes nothing and returns
+   `UNSUPPORTED`. Returns a `FLEETYARD_STATUS_*`, `SOLVED` for success.
+   */
+  int32_t (*create)(void *context,
+                    uint32_t index,
+                    const struct FleetyardOptions *options,
                     const struct FleetyardSink *sink,
                     struct FleetyardPlanner *out);
 } FleetyardPlannerFactory;
@@ -928,18 +1653,23 @@ typedef struct FleetyardFailPolicyFactory {
    */
   uint32_t reserved;
   /*
-   `[thread-safe]` As `FleetyardPlannerFactory::count`.
+   The plugin's; passed back as it is. May be null.
    */
-  uint32_t (*count)(void);
+  void *context;
   /*
-   `[thread-safe]` As `FleetyardPlannerFactory::descriptor`.
+   `[any-thread]` As `FleetyardPlannerFactory::count`.
    */
-  const struct FleetyardDescriptor *(*descriptor)(uint32_t index);
+  uint32_t (*count)(void *context);
   /*
-   `[main-thread]` As `FleetyardPlannerFactory::create`.
+   `[any-thread]` As `FleetyardPlannerFactory::descriptor`.
    */
-  int32_t (*create)(uint32_t index,
-                    struct FleetyardStr options,
+  const struct FleetyardDescriptor *(*descriptor)(void *context, uint32_t index);
+  /*
+   `[one-at-a-time]` As `FleetyardPlannerFactory::create`.
+   */
+  int32_t (*create)(void *context,
+                    uint32_t index,
+                    const struct FleetyardOptions *options,
                     const struct FleetyardSink *sink,
                     struct FleetyardFailPolicy *out);
 } FleetyardFailPolicyFactory;
@@ -957,18 +1687,23 @@ typedef struct FleetyardInstanceGeneratorFactory {
    */
   uint32_t reserved;
   /*
-   `[thread-safe]` As `FleetyardPlannerFactory::count`.
+   The plugin's; passed back as it is. May be null.
    */
-  uint32_t (*count)(void);
+  void *context;
   /*
-   `[thread-safe]` As `FleetyardPlannerFactory::descriptor`.
+   `[any-thread]` As `FleetyardPlannerFactory::count`.
    */
-  const struct FleetyardDescriptor *(*descriptor)(uint32_t index);
+  uint32_t (*count)(void *context);
   /*
-   `[main-thread]` As `FleetyardPlannerFactory::create`.
+   `[any-thread]` As `FleetyardPlannerFactory::descriptor`.
    */
-  int32_t (*create)(uint32_t index,
-                    struct FleetyardStr options,
+  const struct FleetyardDescriptor *(*descriptor)(void *context, uint32_t index);
+  /*
+   `[one-at-a-time]` As `FleetyardPlannerFactory::create`.
+   */
+  int32_t (*create)(void *context,
+                    uint32_t index,
+                    const struct FleetyardOptions *options,
                     const struct FleetyardSink *sink,
                     struct FleetyardInstanceGenerator *out);
 } FleetyardInstanceGeneratorFactory;
@@ -986,18 +1721,23 @@ typedef struct FleetyardInvocationPolicyFactory {
    */
   uint32_t reserved;
   /*
-   `[thread-safe]` As `FleetyardPlannerFactory::count`.
+   The plugin's; passed back as it is. May be null.
    */
-  uint32_t (*count)(void);
+  void *context;
   /*
-   `[thread-safe]` As `FleetyardPlannerFactory::descriptor`.
+   `[any-thread]` As `FleetyardPlannerFactory::count`.
    */
-  const struct FleetyardDescriptor *(*descriptor)(uint32_t index);
+  uint32_t (*count)(void *context);
   /*
-   `[main-thread]` As `FleetyardPlannerFactory::create`.
+   `[any-thread]` As `FleetyardPlannerFactory::descriptor`.
    */
-  int32_t (*create)(uint32_t index,
-                    struct FleetyardStr options,
+  const struct FleetyardDescriptor *(*descriptor)(void *context, uint32_t index);
+  /*
+   `[one-at-a-time]` As `FleetyardPlannerFactory::create`.
+   */
+  int32_t (*create)(void *context,
+                    uint32_t index,
+                    const struct FleetyardOptions *options,
                     const struct FleetyardSink *sink,
                     struct FleetyardInvocationPolicy *out);
 } FleetyardInvocationPolicyFactory;
@@ -1019,28 +1759,21 @@ typedef struct FleetyardPluginEntry {
    */
   uint16_t abi_minor;
   /*
-   `[main-thread]` Called once before anything else; `path` is the library's
+   `[one-at-a-time]` Called once before anything else; `path` is the library's
    own. Returns `FLEETYARD_OK` or a negative number. May be null.
    */
   int32_t (*init)(const struct FleetyardHost *host, struct FleetyardStr path);
   /*
-   `[main-thread]` Called once, after everything was destroyed. May be null.
+   `[one-at-a-time]` Called once, after everything was destroyed. May be null.
    */
   void (*deinit)(void);
   /*
-   `[thread-safe]` The factory with this identifier, or null.
+   `[any-thread]` The factory with this identifier, or null.
    */
   const void *(*get_factory)(struct FleetyardStr id);
 } FleetyardPluginEntry;
 
 #endif  /* FLEETYARD_H */
-
-#ifndef FLEETYARD_EXPORT
-#ifdef _WIN32
-#define FLEETYARD_EXPORT __declspec(dllexport)
-#else
-#define FLEETYARD_EXPORT __attribute__((visibility("default")))
-#endif
 
 #ifdef __cplusplus
 extern "C" {
@@ -1050,4 +1783,3 @@ extern FLEETYARD_EXPORT const FleetyardPluginEntry fleetyard_plugin_entry_v1;
 #ifdef __cplusplus
 }
 #endif
-#endif /* FLEETYARD_EXPORT */

@@ -9,14 +9,13 @@ use std::ptr;
 use std::sync::{Arc, OnceLock};
 
 use crate::c;
-use crate::convert::{CSink, size_of, string};
+use crate::convert::{CSink, invalid, options_json, size_of, string};
+use crate::environment::Environment;
 #[cfg(feature = "layout")]
 use crate::layout;
-use crate::model::{
-    Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, Status,
-};
+use crate::model::{Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, Status};
 use crate::object::{FailPolicy, InstanceGenerator, InvocationPolicy, Object, Planner, Prepare};
-use crate::plan::GridPlan;
+use crate::plan::Plan;
 use crate::sdk::{Entry, Failure, Options, StaticCatalog};
 
 /// A crate's catalogue, found by type. Implemented by [`export!`](crate::export!).
@@ -66,9 +65,11 @@ fn descriptor_to_c(descriptor: Descriptor) -> c::Descriptor {
         serde_json::Value::Null => String::new(),
         schema => schema.to_string(),
     };
+    let features: Vec<c::Str> = descriptor.features.into_iter().map(text).collect();
     c::Descriptor {
         struct_size: size_of::<c::Descriptor>(),
-        reserved: 0,
+        feature_count: features.len() as u32,
+        features: Vec::leak(features).as_ptr(),
         id: text(descriptor.id),
         name: text(descriptor.name),
         version: text(descriptor.version),
@@ -98,6 +99,7 @@ macro_rules! factory {
         c::$factory {
             struct_size: size_of::<c::$factory>(),
             reserved: 0,
+            context: ptr::null_mut(),
             count: Some($count::<E, { Kind::$kind as u8 }>),
             descriptor: Some($descriptor::<E, { Kind::$kind as u8 }>),
             create: Some($create::<E>),
@@ -150,11 +152,14 @@ fn kind_of(index: u8) -> Kind {
     Kind::ALL[index as usize]
 }
 
-unsafe extern "C" fn count<E: Export, const KIND: u8>() -> u32 {
+unsafe extern "C" fn count<E: Export, const KIND: u8>(_: *mut c_void) -> u32 {
     catch_unwind(|| table::<E>(kind_of(KIND)).len() as u32).unwrap_or(0)
 }
 
-unsafe extern "C" fn descriptor<E: Export, const KIND: u8>(index: u32) -> *const c::Descriptor {
+unsafe extern "C" fn descriptor<E: Export, const KIND: u8>(
+    _: *mut c_void,
+    index: u32,
+) -> *const c::Descriptor {
     let find = || {
         table::<E>(kind_of(KIND))
             .get(index as usize)
@@ -201,10 +206,6 @@ unsafe fn guarded(
     }
 }
 
-fn invalid(reason: String) -> Failure {
-    Failure::new(Status::InvalidInput, reason)
-}
-
 /// A plugin as the context of a C object.
 fn into_context<T: ?Sized>(plugin: Box<T>) -> *mut c_void {
     Box::into_raw(Box::new(plugin)).cast()
@@ -233,7 +234,7 @@ unsafe extern "C" fn destroy<T: ?Sized>(context: *mut c_void) {
 unsafe fn create<E: Export>(
     kind: Kind,
     index: u32,
-    options: c::Str,
+    options: *const c::Options,
     sink: *const c::Sink,
     store: impl FnOnce(Object) -> bool,
 ) -> i32 {
@@ -241,30 +242,42 @@ unsafe fn create<E: Export>(
         let (entry, _) = table::<E>(kind)
             .get(index as usize)
             .ok_or_else(|| invalid(format!("there is no {kind} number {index}")))?;
-        // SAFETY: the host's text lives through the call.
-        let options = unsafe { string(options) };
+        // SAFETY: the host's options live through the call.
+        let options = unsafe { options_json(options)? };
         let object = (entry.create)(Options::new(&options))?;
         if store(object) {
             return Ok(());
         }
-        Err(invalid(
-            "`out` is null, or the object is of another kind".into(),
+        Err(Failure::new(
+            Status::Unsupported,
+            "the host has no room for an object of this kind: it is older than this plugin",
         ))
     };
     // SAFETY: by the caller's promise.
     unsafe { guarded(sink, make) }
 }
 
+/// Says if there is room for a structure.
+///
+/// # Safety
+/// `out` is null or points to a `u32` that says how many bytes there are.
+unsafe fn has_room<T>(out: *const T) -> bool {
+    // SAFETY: by the caller's promise.
+    !out.is_null() && unsafe { out.cast::<u32>().read() } >= size_of::<T>()
+}
+
 macro_rules! create_fn {
     ($name:ident, $kind:ident, $object:ident, $table:expr) => {
         unsafe extern "C" fn $name<E: Export>(
+            _: *mut c_void,
             index: u32,
-            options: c::Str,
+            options: *const c::Options,
             sink: *const c::Sink,
             out: *mut c::$kind,
         ) -> i32 {
             let store = |object| match object {
-                Object::$kind(plugin) if !out.is_null() => {
+                // SAFETY: room begins with its size.
+                Object::$kind(plugin) if unsafe { has_room(out) } => {
                     let context = into_context::<dyn $kind>(plugin);
                     let table: fn(*mut c_void) -> c::$kind = $table;
                     // SAFETY: the host gives room for one structure.
@@ -341,9 +354,9 @@ unsafe extern "C" fn prepare<T: Prepare + ?Sized>(
         // SAFETY: the host passes back the context, and borrows the rest to us.
         let plugin = unsafe { of::<T>(context) };
         // SAFETY: as above.
-        let environment = unsafe { Environment::from_c(environment) }.map_err(invalid)?;
+        let environment = unsafe { Environment::from_c(environment) }?;
         // SAFETY: as above.
-        let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
+        let budget = unsafe { Budget::from_c(budget) }?;
         plugin.prepare(&Arc::new(environment), &budget, sink)
     };
     // SAFETY: the sink is that of the call.
@@ -360,9 +373,9 @@ unsafe extern "C" fn plan(
         // SAFETY: as in `prepare`.
         let plugin = unsafe { of::<dyn Planner>(context) };
         // SAFETY: as in `prepare`.
-        let instance = unsafe { Instance::from_c(instance, usize::MAX) }.map_err(invalid)?;
+        let instance = unsafe { Instance::from_c(instance) }?;
         // SAFETY: as in `prepare`.
-        let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
+        let budget = unsafe { Budget::from_c(budget) }?;
         plugin.plan(&instance, &budget, sink)
     };
     // SAFETY: the sink is that of the call.
@@ -380,15 +393,15 @@ unsafe extern "C" fn recover(
         // SAFETY: as in `prepare`.
         let plugin = unsafe { of::<dyn FailPolicy>(context) };
         // SAFETY: as in `prepare`.
-        let instance = unsafe { Instance::from_c(instance, usize::MAX) }.map_err(invalid)?;
+        let instance = unsafe { Instance::from_c(instance) }?;
         // SAFETY: as in `prepare`.
-        let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
+        let budget = unsafe { Budget::from_c(budget) }?;
         let failed = if failed_plan.is_null() {
             None
         } else {
             let agents = Some(instance.agents());
             // SAFETY: as in `prepare`.
-            Some(unsafe { GridPlan::from_c(failed_plan, agents, usize::MAX) }.map_err(invalid)?)
+            Some(unsafe { Plan::from_c(failed_plan, agents, usize::MAX) }?)
         };
         plugin.recover(&instance, failed.as_ref(), &budget, sink)
     };
@@ -406,9 +419,9 @@ unsafe extern "C" fn generate(
         // SAFETY: as in `prepare`.
         let plugin = unsafe { of::<dyn InstanceGenerator>(context) };
         // SAFETY: as in `prepare`.
-        let state = unsafe { FleetState::from_c(state) }.map_err(invalid)?;
+        let state = unsafe { FleetState::from_c(state) }?;
         // SAFETY: as in `prepare`.
-        let budget = unsafe { Budget::from_c(budget) }.map_err(invalid)?;
+        let budget = unsafe { Budget::from_c(budget) }?;
         plugin.generate(&state, &budget, sink)
     };
     // SAFETY: the sink is that of the call.
@@ -419,21 +432,18 @@ unsafe extern "C" fn should_invoke(
     context: *mut c_void,
     status: *const c::FleetStatus,
     sink: *const c::Sink,
+    out: *mut i32,
 ) -> i32 {
-    let mut answer = c::INVOKE_NOT_YET;
     let call = |sink: &CSink<'_>| {
         // SAFETY: as in `prepare`.
         let plugin = unsafe { of::<dyn InvocationPolicy>(context) };
         // SAFETY: as in `prepare`.
-        let status = unsafe { FleetStatus::from_c(status) }.map_err(invalid)?;
-        if plugin.should_invoke(&status, sink)? {
-            answer = c::INVOKE_NOW;
-        }
+        let status = unsafe { FleetStatus::from_c(status) }?;
+        let invoke = plugin.should_invoke(&status, sink)?;
+        // SAFETY: the host gives room for the answer.
+        unsafe { out.write(invoke.into()) };
         Ok(())
     };
     // SAFETY: the sink is that of the call.
-    match unsafe { guarded(sink, call) } {
-        c::STATUS_SOLVED => answer,
-        status => -status,
-    }
+    unsafe { guarded(sink, call) }
 }

@@ -16,7 +16,7 @@ use abi_stable::abi_stability::abi_checking::{
 use abi_stable::type_layout::{TLFieldOrFunction, TypeLayout};
 
 use crate::c;
-use crate::convert::size_of;
+use crate::convert::{size_of, string};
 
 /// Factory identifier of [`RustLayout`].
 pub const RUST_LAYOUT_ID: &str = "fleetyard.rust-layout/1";
@@ -32,36 +32,62 @@ pub struct RustLayout {
     pub struct_size: u32,
     /// Release of abi_stable.
     pub abi_stable: [u16; 3],
-    /// Layout of [`Contract`].
+    /// Number of layouts.
+    pub count: usize,
+    /// The layouts.
+    pub layouts: *const NamedLayout,
+}
+
+// SAFETY: a read-only table of static data.
+unsafe impl Sync for RustLayout {}
+
+/// The layout of a structure, found by its name, so that a version of the contract with more
+/// structures goes together with one that has fewer.
+#[repr(C)]
+pub struct NamedLayout {
+    /// The name of the structure.
+    pub name: c::Str,
+    /// Its layout, with those of all that it reaches by typed pointers.
     pub layout: &'static TypeLayout,
 }
 
-/// Every structure of the contract, so that one layout covers them all.
-#[repr(C)]
-#[derive(StableAbi)]
-pub struct Contract {
-    /// The entry and all that `init` can reach.
-    pub entry: c::PluginEntry,
-    /// Planners.
-    pub planners: c::PlannerFactory,
-    /// Fail policies.
-    pub fail_policies: c::FailPolicyFactory,
-    /// Instance generators.
-    pub instance_generators: c::InstanceGeneratorFactory,
-    /// Invocation policies.
-    pub invocation_policies: c::InvocationPolicyFactory,
-    /// Behind `Environment::view`.
-    pub grid: c::Grid,
+// SAFETY: as above.
+unsafe impl Sync for NamedLayout {}
+
+macro_rules! layouts {
+    ($($name:ident),* $(,)?) => {
+        &[$(NamedLayout {
+            name: c::Str::new(stringify!($name)),
+            layout: <c::$name as StableAbi>::LAYOUT,
+        }),*]
+    };
 }
+
+/// Every structure of the contract that no other one reaches.
+const LAYOUTS: &[NamedLayout] = layouts![
+    PluginEntry,
+    PlannerFactory,
+    FailPolicyFactory,
+    InstanceGeneratorFactory,
+    InvocationPolicyFactory,
+    Grid,
+    Roadmap,
+    Workspace,
+    Cells,
+    Visits,
+    Trajectories,
+    Json,
+];
 
 /// The layouts as this build of the crate has them.
 pub fn rust_layout() -> &'static RustLayout {
-    const LAYOUT: &RustLayout = &RustLayout {
+    static LAYOUT: RustLayout = RustLayout {
         struct_size: size_of::<RustLayout>(),
         abi_stable: ABI_STABLE_RELEASE,
-        layout: Contract::LAYOUT,
+        count: LAYOUTS.len(),
+        layouts: LAYOUTS.as_ptr(),
     };
-    LAYOUT
+    &LAYOUT
 }
 
 /// Result of the layout check.
@@ -75,7 +101,10 @@ pub enum LayoutCheck {
     Differs(String),
 }
 
-/// Compares a plugin's layouts with the host's.
+/// Most structures that a plugin may describe.
+const MOST_LAYOUTS: usize = 1 << 10;
+
+/// Compares a plugin's layouts with the host's, where both have one of a name.
 ///
 /// # Safety
 /// `pointer` is what the plugin answered to [`RUST_LAYOUT_ID`]: it points to a
@@ -97,25 +126,40 @@ pub unsafe fn check(pointer: *const c_void) -> LayoutCheck {
             "its layouts are described by abi_stable {major}.{minor}.{patch}"
         ));
     }
-    match check_layout_compatibility(Contract::LAYOUT, theirs.layout) {
-        Ok(()) => LayoutCheck::Same,
-        Err(report) => {
-            let lines: Vec<String> = report.errors.iter().flat_map(differences).collect();
-            if lines.is_empty() {
-                LayoutCheck::Same
-            } else {
-                LayoutCheck::Differs(shortened(lines))
+    if theirs.count > MOST_LAYOUTS || theirs.layouts.is_null() || !theirs.layouts.is_aligned() {
+        return LayoutCheck::NotComparable("its layout table is none".into());
+    }
+    // SAFETY: the table has as many entries as it says.
+    let theirs = unsafe { std::slice::from_raw_parts(theirs.layouts, theirs.count) };
+    let mut lines = Vec::new();
+    for ours in LAYOUTS {
+        // SAFETY: names are static, on both sides.
+        let name = |layout: &NamedLayout| unsafe { string(layout.name) };
+        let own = name(ours);
+        for theirs in theirs.iter().filter(|theirs| name(theirs) == own) {
+            if let Err(report) = check_layout_compatibility(ours.layout, theirs.layout) {
+                lines.extend(
+                    report
+                        .errors
+                        .iter()
+                        .flat_map(|error| differences(&own, error)),
+                );
             }
         }
+    }
+    if lines.is_empty() {
+        LayoutCheck::Same
+    } else {
+        LayoutCheck::Differs(shortened(lines))
     }
 }
 
 /// The differences of two layouts, a line each: the type, the path to it, and the layouts that the
 /// host expected and found. abi_stable's own report repeats every level of nesting and is pages
 /// long.
-fn differences(error: &AbiInstabilityError) -> Vec<String> {
+fn differences(of: &str, error: &AbiInstabilityError) -> Vec<String> {
     let mut path: Vec<&str> = Vec::new();
-    let mut in_type = "Contract";
+    let mut in_type = of;
     for level in &error.stack_trace {
         match &level.expected {
             TLFieldOrFunction::Field(field) => {

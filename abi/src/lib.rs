@@ -1,7 +1,7 @@
 //! The plugin contract of Fleetyard, and nothing else.
 //!
 //! - [`c`]: the C ABI, from which `include/fleetyard.h` is generated.
-//! - The owned model ([`Instance`], [`GridPlan`], [`Budget`], …): the same things as
+//! - The owned model ([`Environment`], [`Instance`], [`Plan`], [`Budget`], …): the same things as
 //!   Rust values, whose serde form is the JSON wire ([`wire`], [`paths`]).
 //! - [`sdk`]: what a plugin in Rust implements, and [`export!`], which makes a
 //!   shared library of it; [`serve`] makes an executable that speaks JSON.
@@ -25,6 +25,7 @@
 pub mod c;
 mod clock;
 pub mod convert;
+mod environment;
 pub mod export;
 pub mod figures;
 #[cfg(feature = "layout")]
@@ -40,6 +41,7 @@ pub mod serve;
 pub mod wire;
 
 pub use clock::monotonic_ns;
+pub use environment::*;
 pub use lists::{Goals, Lists};
 pub use model::*;
-pub use plan::GridPlan;
+pub use plan::{GridPlan, Knot, KnotPlan, Plan, PlanRef, Visit, VisitPlan};

@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::c;
-use crate::lists::Goals;
+use crate::environment::{Environment, Footprint};
+use crate::lists::{Goals, Lists};
 
 /// The four kinds of plugin.
 #[derive(
@@ -96,12 +97,20 @@ capabilities! {
     Continuous = CAPABILITY_CONTINUOUS, "continuous";
     /// Grids with eight neighbours as well as four.
     EightConnected = CAPABILITY_EIGHT_CONNECTED, "eight-connected";
+    /// Grids with one-way moves.
+    MoveMask = CAPABILITY_MOVE_MASK, "move-mask";
     /// The pebble motion model.
     Pebble = CAPABILITY_PEBBLE, "pebble";
     /// The rotation motion model.
     Rotation = CAPABILITY_ROTATION, "rotation";
     /// The any-angle motion model.
     AnyAngle = CAPABILITY_ANY_ANGLE, "any-angle";
+    /// The stop-go motion model of roadmaps.
+    StopGo = CAPABILITY_STOP_GO, "stop-go";
+    /// The slower motion model of roadmaps.
+    Slower = CAPABILITY_SLOWER, "slower";
+    /// Robots of the plane whose speeds have limits.
+    Dynamics = CAPABILITY_DYNAMICS, "dynamics";
     /// Keeps submitting better plans until the budget ends.
     Anytime = CAPABILITY_ANYTIME, "anytime";
     /// Several goals per agent, planned up to a window.
@@ -116,6 +125,10 @@ capabilities! {
     Deterministic = CAPABILITY_DETERMINISTIC, "deterministic";
     /// Uses more than one thread when the budget allows it.
     Threads = CAPABILITY_THREADS, "threads";
+    /// Agents without a goal, which may end anywhere.
+    Idle = CAPABILITY_IDLE, "idle";
+    /// Robots of different footprints or dynamics in one team.
+    Heterogeneous = CAPABILITY_HETEROGENEOUS, "heterogeneous";
 }
 
 /// A set of [`Capability`]; on the wire a list of names, in which unknown names
@@ -141,6 +154,12 @@ impl Capabilities {
                 .iter()
                 .fold(0, |bits, capability| bits | capability.bit()),
         )
+    }
+
+    /// The capabilities that are in both sets.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
     }
 
     /// True if the set has a capability.
@@ -224,6 +243,10 @@ pub struct Descriptor {
     /// JSON Schema of the options object; `null` when there are none.
     #[serde(default)]
     pub options_schema: serde_json::Value,
+    /// Names of what has no capability: `dynamics:NAME` for each model of robots that it plans
+    /// for, `part:ID` for each critical part that it understands.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub features: Vec<String>,
     /// Encoding of the paths that the host sends.
     #[serde(default)]
     pub path_encoding: PathEncoding,
@@ -267,6 +290,9 @@ impl std::fmt::Display for PathEncoding {
 pub struct Budget {
     /// When the call must have returned: nanoseconds of `CLOCK_MONOTONIC`.
     pub deadline_monotonic_ns: u64,
+    /// When to come to an end, so that the answer arrives before the deadline, on the same clock:
+    /// from here on a call is cancelled. Plans that were submitted before the deadline count.
+    pub answer_by_ns: u64,
     /// Length of the budget when the call began.
     pub wall_ns: u64,
     /// Most search nodes to expand; 0 for no limit.
@@ -288,181 +314,50 @@ fn one() -> u32 {
 }
 
 impl Budget {
-    /// When to come to an end, so that the answer arrives before the deadline: a
-    /// fiftieth of the budget earlier, but at least 1 ms and at most 100 ms. A late
-    /// answer does not count, though plans that were submitted in time do.
-    pub fn answer_by_ns(&self) -> u64 {
+    /// So long from `now_ns` on, on one thread, with seed 0 and no other limit.
+    pub fn lasting(now_ns: u64, wall_ns: u64) -> Self {
+        Self {
+            deadline_monotonic_ns: 0,
+            answer_by_ns: 0,
+            wall_ns,
+            nodes: 0,
+            memory_bytes: 0,
+            threads: 1,
+            seed: 0,
+        }
+        .starting(now_ns)
+    }
+
+    /// The same budget for a call that begins at `now_ns`. The answer is due a fiftieth of the
+    /// budget before the deadline, but at least 1 ms and at most 100 ms.
+    #[must_use]
+    pub fn starting(self, now_ns: u64) -> Self {
+        let deadline_monotonic_ns = now_ns.saturating_add(self.wall_ns);
         let reserve = (self.wall_ns / 50).clamp(1_000_000, 100_000_000);
-        self.deadline_monotonic_ns.saturating_sub(reserve)
-    }
-}
-
-/// The part of the input that stays the same between calls: the map.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "representation", rename_all = "kebab-case")]
-pub enum Environment {
-    /// A grid.
-    Grid(GridEnvironment),
-}
-
-impl Environment {
-    /// The grid, if the environment is one.
-    pub fn grid(&self) -> Option<&GridEnvironment> {
-        match self {
-            Self::Grid(grid) => Some(grid),
-        }
-    }
-
-    /// The capabilities that a plugin must have to learn it.
-    pub fn needs(&self) -> Capabilities {
-        match self {
-            Self::Grid(grid) if grid.connectivity == 4 => Capabilities::of(&[Capability::Grid]),
-            Self::Grid(_) => Capabilities::of(&[Capability::Grid, Capability::EightConnected]),
-        }
-    }
-}
-
-/// A grid. On the wire `passable` and `terrain` are lists of row strings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(try_from = "GridWire", into = "GridWire")]
-#[schemars(with = "GridWire")]
-pub struct GridEnvironment {
-    /// The map's name, for messages.
-    pub map_name: String,
-    /// Number of rows.
-    pub rows: u32,
-    /// Number of columns.
-    pub cols: u32,
-    /// 4 or 8 neighbours.
-    pub connectivity: u32,
-    /// Side of a cell.
-    pub cell_size_m: f64,
-    /// Duration of one move or wait.
-    pub step_s: f64,
-    /// Row-major: 1 where a robot may stand, else 0.
-    pub passable: Vec<u8>,
-    /// Row-major terrain letters as in the map file.
-    pub terrain: Vec<u8>,
-}
-
-impl GridEnvironment {
-    /// A four-connected grid without a name, of cells of 1 m and steps of 1 s; `passable` has
-    /// an entry for each cell, row by row.
-    pub fn four_connected(rows: u32, cols: u32, passable: Vec<u8>) -> Self {
         Self {
-            map_name: String::new(),
-            rows,
-            cols,
-            connectivity: 4,
-            cell_size_m: 1.0,
-            step_s: 1.0,
-            terrain: passable
-                .iter()
-                .map(|free| if *free == 0 { b'@' } else { b'.' })
-                .collect(),
-            passable,
+            deadline_monotonic_ns,
+            answer_by_ns: deadline_monotonic_ns.saturating_sub(reserve),
+            ..self
         }
     }
 }
 
-#[derive(Serialize, Deserialize, JsonSchema)]
-#[schemars(rename = "Grid")]
-struct GridWire {
-    /// The map's name, for messages.
-    map_name: String,
-    /// Number of rows.
-    rows: u32,
-    /// Number of columns.
-    cols: u32,
-    /// 4 or 8 neighbours.
-    connectivity: u32,
-    /// Side of a cell.
-    cell_size_m: f64,
-    /// Duration of one move or wait.
-    step_s: f64,
-    /// One string a row, `.` where a robot may stand and `@` elsewhere.
-    passable: Vec<String>,
-    /// One string a row of terrain letters as in the map file; left out when it
-    /// says no more than `passable`.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    terrain: Vec<String>,
+/// Data with a name, frozen under its identifier: the one way in which inputs grow.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Part {
+    /// `fleetyard.NAME/REVISION`; third parties begin with a reversed domain name.
+    pub id: String,
+    /// True if who does not know the part has to answer `unsupported`.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub critical: bool,
+    /// The data.
+    #[serde(default)]
+    pub data: serde_json::Value,
 }
 
-impl From<GridEnvironment> for GridWire {
-    fn from(grid: GridEnvironment) -> Self {
-        let cols = (grid.cols as usize).max(1);
-        let free = |byte: &u8| if *byte == 0 { '@' } else { '.' };
-        let passable: Vec<String> = grid
-            .passable
-            .chunks(cols)
-            .map(|row| row.iter().map(free).collect())
-            .collect();
-        let terrain: Vec<String> = grid
-            .terrain
-            .chunks(cols)
-            .map(|row| row.iter().copied().map(char::from).collect())
-            .collect();
-        Self {
-            map_name: grid.map_name,
-            rows: grid.rows,
-            cols: grid.cols,
-            connectivity: grid.connectivity,
-            cell_size_m: grid.cell_size_m,
-            step_s: grid.step_s,
-            terrain: if terrain == passable {
-                Vec::new()
-            } else {
-                terrain
-            },
-            passable,
-        }
-    }
-}
-
-impl TryFrom<GridWire> for GridEnvironment {
-    type Error = String;
-
-    fn try_from(wire: GridWire) -> Result<Self, String> {
-        if wire.rows == 0 || wire.cols == 0 {
-            return Err(format!(
-                "a grid of {} rows and {} columns has no cell",
-                wire.rows, wire.cols
-            ));
-        }
-        let flatten = |what: &str, rows: &[String]| {
-            let whole = rows.len() == wire.rows as usize
-                && rows
-                    .iter()
-                    .all(|row| row.is_ascii() && row.len() == wire.cols as usize);
-            if whole {
-                Ok(rows.concat().into_bytes())
-            } else {
-                Err(format!(
-                    "`{what}` is not {} rows of {} letters",
-                    wire.rows, wire.cols
-                ))
-            }
-        };
-        let letters = flatten("passable", &wire.passable)?;
-        let terrain = if wire.terrain.is_empty() {
-            letters.clone()
-        } else {
-            flatten("terrain", &wire.terrain)?
-        };
-        Ok(Self {
-            map_name: wire.map_name,
-            rows: wire.rows,
-            cols: wire.cols,
-            connectivity: wire.connectivity,
-            cell_size_m: wire.cell_size_m,
-            step_s: wire.step_s,
-            passable: letters
-                .iter()
-                .map(|letter| u8::from(*letter == b'.'))
-                .collect(),
-            terrain,
-        })
-    }
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "for serde")]
+fn is_false(value: &bool) -> bool {
+    !*value
 }
 
 macro_rules! code_enum {
@@ -534,6 +429,13 @@ code_enum! {
         /// In straight lines between the cells of its path, which need not be
         /// adjacent; a path is a place after the other, without times.
         AnyAngle = MOTION_ANY_ANGLE, "any-angle";
+        /// On a roadmap, along an edge at the roadmap's speed, or waits on a vertex.
+        StopGo = MOTION_STOP_GO, "stop-go";
+        /// On a roadmap, along an edge at any uniform speed up to the roadmap's, or waits on a
+        /// vertex.
+        Slower = MOTION_SLOWER, "slower";
+        /// In the plane, as its robot's model says.
+        Dynamics = MOTION_DYNAMICS, "dynamics";
     }
 }
 
@@ -597,39 +499,121 @@ code_enum! {
     }
 }
 
-/// An instance: the input of a planner, on the environment it was prepared for.
+/// A model of robots.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Robot {
+    /// Its name, for messages.
+    #[serde(default)]
+    pub name: String,
+    /// Its body.
+    pub footprint: Footprint,
+    /// Name of its dynamics, such as `fleetyard.double-integrator/1`; empty where any motion will
+    /// do.
+    #[serde(default)]
+    pub dynamics: String,
+    /// True if a state has a heading after x and y.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub has_heading: bool,
+    /// True if the largest of the first two rates of a state bounds their length.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub polar_state: bool,
+    /// True if the largest of the first two numbers of a control bounds their length.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub polar_control: bool,
+    /// The limits of each number of a state, `[least, most]`; `null` where there is none.
+    #[serde(default)]
+    pub state_limits: Vec<[Limit; 2]>,
+    /// The limits of each number of a control, `[least, most]`; `null` where there is none.
+    #[serde(default)]
+    pub control_limits: Vec<[Limit; 2]>,
+    /// Further numbers, as the dynamics say.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<f64>,
+}
+
+/// A limit, if there is one.
+pub type Limit = Option<f64>;
+
+/// A state of a robot in the plane: x, y, the heading if its model has one, and what its dynamics
+/// add. NaN, `null` on the wire, where any value will do.
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
+#[schemars(with = "Vec<Option<f64>>")]
+pub struct State(pub Vec<f64>);
+
+impl Serialize for State {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let known = |number: &f64| (!number.is_nan()).then_some(*number);
+        serializer.collect_seq(self.0.iter().map(known))
+    }
+}
+
+impl<'de> Deserialize<'de> for State {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let numbers = Vec::<Option<f64>>::deserialize(deserializer)?;
+        let known = |number: Option<f64>| number.unwrap_or(f64::NAN);
+        Ok(Self(numbers.into_iter().map(known).collect()))
+    }
+}
+
+/// An instance: the input of a planner, on the environment it was prepared for. A *place* is a cell
+/// of a grid or a vertex of a roadmap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Instance {
-    /// Start cell of every agent.
+    /// Start of every agent, a place; empty in the plane.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub starts: Vec<u32>,
     /// Start heading of every agent, when headings matter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub headings: Option<Vec<Heading>>,
-    /// Goal cells of every agent, to be visited in order; at least one each.
+    /// Goals of every agent, places to be visited in order. An agent without one may end anywhere.
+    #[serde(default, skip_serializing_if = "Lists::is_empty")]
     pub goals: Goals,
+    /// Start of every agent in the plane; empty elsewhere.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub start_states: Vec<State>,
+    /// Goals of every agent in the plane; empty elsewhere.
+    #[serde(default, skip_serializing_if = "Lists::is_empty")]
+    #[schemars(with = "Vec<Vec<State>>")]
+    pub goal_states: Lists<State>,
+    /// Models of robots. May be empty on grids and roadmaps.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub robots: Vec<Robot>,
+    /// The model of every agent; empty when there is one model at most.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub robot_of: Vec<u32>,
     /// The motion of robots.
     #[serde(default = "pebble")]
     pub motion: Motion,
     /// The quantity to minimise.
     #[serde(default = "sum_of_costs")]
     pub objective: Objective,
-    /// Collisions after this many steps do not matter, and paths may end before
+    /// On grids: collisions after this many steps do not matter, and paths may end before
     /// their goals; 0 for a complete plan.
     #[serde(default)]
     pub window_steps: u32,
+    /// The same in the other representations.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub window_s: f64,
     /// Radius of the largest robot's enclosing circle.
     #[serde(default)]
     pub radius_m: f64,
     /// True if three or more agents may move round in a ring in one step, each into the cell that
-    /// the next one leaves. Plans for a fleet must not: there nobody enters a cell before it is
-    /// empty.
-    #[serde(default = "yes")]
+    /// the next one leaves. In plans for a fleet nobody enters a cell before it is empty.
+    #[serde(default, skip_serializing_if = "is_false")]
     pub allows_cycles: bool,
-    /// Tasks that an instance generator gives to agents: the host appends the cells
-    /// of a task to the goals of its agent. Empty in calls of planners and fail
-    /// policies.
+    /// True if no agent may follow another one round a corner, because robots of `radius_m` would
+    /// touch there.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub strict: bool,
+    /// In the plane: distance from its goal at which a robot may end.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub goal_tolerance_m: f64,
+    /// In the plane: the same of its heading.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub goal_tolerance_rad: f64,
+    /// Further data by name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub assignments: Vec<Assignment>,
+    pub parts: Vec<Part>,
 }
 
 /// A task that an instance generator gives to an agent.
@@ -641,8 +625,9 @@ pub struct Assignment {
     pub task: u64,
 }
 
-fn yes() -> bool {
-    true
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "for serde")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 fn pebble() -> Motion {
@@ -653,40 +638,84 @@ fn sum_of_costs() -> Objective {
     Objective::SumOfCosts
 }
 
-impl Instance {
-    /// One goal per agent, pebbles, sum of costs, no window.
-    pub fn one_shot(starts: Vec<u32>, goals: Vec<u32>) -> Self {
+/// Nobody, pebbles, sum of costs, no window; for struct update syntax.
+impl Default for Instance {
+    fn default() -> Self {
         Self {
-            starts,
+            starts: Vec::new(),
             headings: None,
-            goals: Goals::single(goals),
+            goals: Goals::default(),
+            start_states: Vec::new(),
+            goal_states: Lists::default(),
+            robots: Vec::new(),
+            robot_of: Vec::new(),
             motion: Motion::Pebble,
             objective: Objective::SumOfCosts,
             window_steps: 0,
+            window_s: 0.0,
             radius_m: 0.0,
+            allows_cycles: false,
+            strict: false,
+            goal_tolerance_m: 0.0,
+            goal_tolerance_rad: 0.0,
+            parts: Vec::new(),
+        }
+    }
+}
+
+impl Instance {
+    /// One goal per agent, pebbles that may move round in rings, sum of costs, no window.
+    pub fn one_shot(starts: Vec<u32>, goals: Vec<u32>) -> Self {
+        Self {
+            starts,
+            goals: Goals::single(goals),
             allows_cycles: true,
-            assignments: Vec::new(),
+            ..Self::default()
         }
     }
 
     /// Number of agents.
     pub fn agents(&self) -> usize {
-        self.starts.len()
+        self.starts.len().max(self.start_states.len())
+    }
+
+    /// Number of goals of an agent, which must exist.
+    fn goals_of(&self, agent: usize) -> usize {
+        let places = self.goals.get(agent).map_or(0, <[u32]>::len);
+        places.max(self.goal_states.get(agent).map_or(0, <[State]>::len))
+    }
+
+    /// The model of an agent's robot, if the instance has models.
+    pub fn robot(&self, agent: usize) -> Option<&Robot> {
+        let model = self.robot_of.get(agent).copied().unwrap_or(0);
+        self.robots.get(model as usize)
     }
 
     /// The capabilities that a planner must have to solve it: its motion, `windowed` for a
-    /// window or for other than one goal per agent, and `duplicate-goals` where several agents
-    /// end at one goal and no window ends before.
+    /// window or for several goals of one agent, `idle` for an agent without one, `heterogeneous`
+    /// for several models of robots, and `duplicate-goals` where several agents end at one goal and
+    /// no window ends before.
     pub fn needs(&self) -> Capabilities {
         let mut needed = vec![match self.motion {
             Motion::Pebble => Capability::Pebble,
             Motion::Rotation => Capability::Rotation,
             Motion::AnyAngle => Capability::AnyAngle,
+            Motion::StopGo => Capability::StopGo,
+            Motion::Slower => Capability::Slower,
+            Motion::Dynamics => Capability::Dynamics,
         }];
-        if self.window_steps > 0 || self.goals.iter().any(|goals| goals.len() != 1) {
+        let counts = || (0..self.agents()).map(|agent| self.goals_of(agent));
+        let windowed = self.window_steps > 0 || self.window_s > 0.0;
+        if windowed || counts().any(|goals| goals > 1) {
             needed.push(Capability::Windowed);
         }
-        if self.window_steps == 0 {
+        if counts().any(|goals| goals == 0) {
+            needed.push(Capability::Idle);
+        }
+        if self.robots.len() > 1 {
+            needed.push(Capability::Heterogeneous);
+        }
+        if !windowed {
             let mut last: Vec<_> = self.goals.iter().filter_map(<[u32]>::last).collect();
             last.sort_unstable();
             if last.windows(2).any(|pair| pair[0] == pair[1]) {
@@ -696,29 +725,168 @@ impl Instance {
         Capabilities::of(&needed)
     }
 
-    /// Checks that lengths agree, every agent has a goal, and all cells are on a map of `cells`
-    /// cells. Gives the reason why not otherwise.
-    pub fn check(&self, cells: usize) -> Result<(), String> {
+    /// Names of what has no capability and a planner must list in its descriptor's features: the
+    /// dynamics of robots where they matter, and critical parts.
+    pub fn needs_features(&self) -> Vec<String> {
+        let moved = self.motion == Motion::Dynamics;
+        let dynamics = self.robots.iter().filter(|_| moved);
+        let mut needed: Vec<String> = dynamics
+            .filter(|robot| !robot.dynamics.is_empty())
+            .map(|robot| format!("dynamics:{}", robot.dynamics))
+            .chain(critical(&self.parts))
+            .collect();
+        needed.sort_unstable();
+        needed.dedup();
+        needed
+    }
+
+    /// Checks that lengths agree, and that all places are among `places`, the cells of a grid or
+    /// the vertices of a roadmap; `None` in the plane. Gives the reason why not otherwise.
+    pub fn check(&self, places: Option<usize>) -> Result<(), String> {
         let agents = self.agents();
-        if agents == 0 || self.goals.len() != agents {
+        let (starts, goals) = match places {
+            Some(_) => (self.starts.len(), self.goals.len()),
+            None => (self.start_states.len(), self.goal_states.len()),
+        };
+        if starts == 0 || agents != starts || goals != agents {
+            return Err(format!("{starts} starts but {goals} goal lists"));
+        }
+        let length = |what: &str, len: usize| {
+            let same = len == agents;
+            let reason = || format!("`{what}` has {len} entries, but there are {agents} agents");
+            if same { Ok(()) } else { Err(reason()) }
+        };
+        if let Some(headings) = &self.headings {
+            length("headings", headings.len())?;
+        }
+        if !self.robot_of.is_empty() {
+            length("robot_of", self.robot_of.len())?;
+        } else if self.robots.len() > 1 {
+            return Err("several models of robots, but no `robot_of`".into());
+        }
+        let mut models = self.robot_of.iter();
+        if let Some(model) = models.find(|model| **model as usize >= self.robots.len()) {
             return Err(format!(
-                "{agents} starts but {} goal lists",
+                "robot {model} is none of the {} models",
+                self.robots.len()
+            ));
+        }
+        for robot in &self.robots {
+            robot.footprint.check()?;
+        }
+        match places {
+            Some(places) => self.check_places(places),
+            None => self.check_states(),
+        }
+    }
+
+    fn check_places(&self, places: usize) -> Result<(), String> {
+        let mut all = self.starts.iter().chain(self.goals.items());
+        match all.find(|place| **place as usize >= places) {
+            Some(place) => Err(format!("cell {place} is not on a map of {places} cells")),
+            None => Ok(()),
+        }
+    }
+
+    fn check_states(&self) -> Result<(), String> {
+        for agent in 0..self.agents() {
+            let Some(robot) = self.robot(agent) else {
+                return Err("an instance in the plane without a model of robots".into());
+            };
+            let size = robot.state_limits.len();
+            let start = &self.start_states[agent];
+            let mut states = self.goal_states[agent].iter().chain([start]);
+            if let Some(state) = states.find(|state| state.0.len() != size) {
+                return Err(format!(
+                    "agent {agent} has a state of {} numbers, but its robot has {size}",
+                    state.0.len()
+                ));
+            }
+            if start.0.iter().any(|number| !number.is_finite()) {
+                return Err(format!("agent {agent} has no start"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The features that critical parts need.
+pub(crate) fn critical(parts: &[Part]) -> impl Iterator<Item = String> {
+    let critical = parts.iter().filter(|part| part.critical);
+    critical.map(|part| format!("part:{}", part.id))
+}
+
+/// The state of the fleet when everything committed has been executed, and the work that is left.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FleetState {
+    /// Simulated time since the run began.
+    pub time_s: f64,
+    /// The next instance as it is if nobody is given more. Its goals are those that agents have been
+    /// given and have not reached, in order: the first is current. Where goals never end, they are
+    /// as many as it takes to keep the agent busy for longer than the window, and at least two. Its
+    /// window is the one asked for.
+    pub next: Instance,
+    /// Tasks that were released and given to nobody.
+    #[serde(default)]
+    pub tasks: Vec<Task>,
+    /// Further data by name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<Part>,
+}
+
+impl FleetState {
+    /// A request for these goals, with the window as asked and no task given to anybody.
+    pub fn request(&self, goals: Goals) -> Request {
+        Request {
+            goals,
+            window_steps: self.next.window_steps,
+            window_s: self.next.window_s,
+            assignments: Vec::new(),
+        }
+    }
+
+    /// The instance that a generator asks for.
+    pub fn instance(&self, request: &Request) -> Instance {
+        Instance {
+            goals: request.goals.clone(),
+            window_steps: request.window_steps,
+            window_s: request.window_s,
+            ..self.next.clone()
+        }
+    }
+}
+
+/// The decision of an instance generator: the rest of the next instance is as
+/// [`FleetState::next`] has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Request {
+    /// The goals that the planner is asked to visit, for every agent, in order.
+    pub goals: Goals,
+    /// The window of the next instance on a grid, no longer than the one asked for.
+    #[serde(default)]
+    pub window_steps: u32,
+    /// The same in the other representations.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub window_s: f64,
+    /// Tasks that are given to agents: the host appends the places of a task to the goals of its
+    /// agent.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub assignments: Vec<Assignment>,
+}
+
+impl Request {
+    /// Checks that it is about so many agents and that all places are among `places`. Gives the
+    /// reason why not otherwise.
+    pub fn check(&self, agents: usize, places: usize) -> Result<(), String> {
+        if self.goals.len() != agents {
+            return Err(format!(
+                "the request has {} goal lists, but there are {agents} agents",
                 self.goals.len()
             ));
         }
-        if self
-            .headings
-            .as_ref()
-            .is_some_and(|headings| headings.len() != agents)
-        {
-            return Err("`headings` has another length than `starts`".into());
-        }
-        if let Some(agent) = self.goals.iter().position(<[u32]>::is_empty) {
-            return Err(format!("agent {agent} has no goal"));
-        }
-        let mut all = self.starts.iter().chain(self.goals.items());
-        if let Some(cell) = all.find(|cell| **cell as usize >= cells) {
-            return Err(format!("cell {cell} is not on a map of {cells} cells"));
+        let mut all = self.goals.items().iter();
+        if let Some(place) = all.find(|place| **place as usize >= places) {
+            return Err(format!("cell {place} is not on a map of {places} cells"));
         }
         let mut given = self.assignments.iter();
         match given.find(|assignment| assignment.agent as usize >= agents) {
@@ -730,65 +898,13 @@ impl Instance {
     }
 }
 
-/// The state of the fleet when everything committed has been executed, and the work that is left.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct FleetState {
-    /// Simulated time since the run began.
-    pub time_s: f64,
-    /// Every agent's cell at the end of what is committed.
-    pub cells: Vec<u32>,
-    /// Every agent's heading there, when headings matter.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub headings: Option<Vec<Heading>>,
-    /// Goals that agents have been given and have not reached, in order: the first is
-    /// current. Where goals never end, as many as it takes to keep the agent busy for
-    /// longer than the window, and at least two.
-    pub goals: Goals,
-    /// Tasks that were released and given to nobody.
-    pub tasks: Vec<Task>,
-    /// Planning window asked for in steps; 0 for none. The next instance may have a
-    /// shorter one.
-    #[serde(default)]
-    pub window_steps: u32,
-    /// The motion of robots, which the next instance must repeat.
-    #[serde(default = "pebble")]
-    pub motion: Motion,
-    /// The quantity to minimise, which the next instance must repeat.
-    #[serde(default = "sum_of_costs")]
-    pub objective: Objective,
-    /// Radius of the largest robot's enclosing circle, which the next instance must repeat.
-    #[serde(default)]
-    pub radius_m: f64,
-    /// True if agents may move round in a ring in one step; the next instance must repeat it.
-    #[serde(default = "yes")]
-    pub allows_cycles: bool,
-}
-
-impl FleetState {
-    /// The next instance with these goals: it repeats what it has to, takes the window
-    /// as asked, and gives no task to anybody.
-    pub fn instance(&self, goals: Goals) -> Instance {
-        Instance {
-            starts: self.cells.clone(),
-            headings: self.headings.clone(),
-            goals,
-            motion: self.motion,
-            objective: self.objective,
-            window_steps: self.window_steps,
-            radius_m: self.radius_m,
-            allows_cycles: self.allows_cycles,
-            assignments: Vec::new(),
-        }
-    }
-}
-
 /// An open task.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Task {
     /// Identifier.
     pub id: u64,
-    /// The cells that it visits, in order.
-    pub cells: Vec<u32>,
+    /// The places that it visits, in order.
+    pub places: Vec<u32>,
 }
 
 /// The status of the fleet.

@@ -9,9 +9,10 @@
 use std::fmt;
 
 use crate::model::{
-    Budget, Capabilities, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status,
+    Budget, Capabilities, Capability, Descriptor, FleetState, FleetStatus, Instance, Kind,
+    SharedEnvironment, Status, critical,
 };
-use crate::plan::GridPlan;
+use crate::plan::Plan;
 use crate::sdk::{self, Failure, Sink};
 
 /// Learns maps.
@@ -43,7 +44,7 @@ pub trait FailPolicy: Prepare {
     fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure>;
@@ -51,7 +52,7 @@ pub trait FailPolicy: Prepare {
 
 /// An instance generator that has been made.
 pub trait InstanceGenerator: Prepare {
-    /// Submits one instance.
+    /// Submits one request.
     fn generate(
         &mut self,
         state: &FleetState,
@@ -134,7 +135,7 @@ impl Object {
 /// A plugin of an author, and what it has learnt.
 struct Held<P, M> {
     plugin: P,
-    claims: Capabilities,
+    descriptor: Descriptor,
     map: Option<Learnt<M>>,
 }
 
@@ -148,7 +149,7 @@ impl<P: sdk::Plugin, M> Held<P, M> {
     fn new(plugin: P) -> Self {
         Self {
             plugin,
-            claims: P::descriptor().capabilities,
+            descriptor: P::descriptor(),
             map: None,
         }
     }
@@ -160,7 +161,8 @@ impl<P: sdk::Plugin, M> Held<P, M> {
         learn: impl FnOnce(&mut P) -> Result<M, Failure>,
     ) -> Result<(), Failure> {
         self.map = None;
-        claimed(self.claims, "map", environment.needs())?;
+        self.claims("map", environment.needs())?;
+        self.lists("map", critical(&environment.parts))?;
         let map = learn(&mut self.plugin)?;
         let environment = environment.clone();
         self.map = Some(Learnt { map, environment });
@@ -178,29 +180,48 @@ impl<P: sdk::Plugin, M> Held<P, M> {
         }
     }
 
-    /// The plugin with its map, for an instance that is whole.
-    fn ready_for(&mut self, instance: &Instance) -> Result<(&mut P, &mut M), Failure> {
+    /// The plugin with its map, for an instance that is whole and needs no more than it claims.
+    fn ready_for(
+        &mut self,
+        instance: &Instance,
+        needed: Capabilities,
+    ) -> Result<(&mut P, &mut M), Failure> {
+        let (_, learnt) = self.ready()?;
+        instance
+            .check(learnt.environment.places())
+            .map_err(|reason| Failure::new(Status::InvalidInput, reason))?;
+        self.claims("instance", needed)?;
+        self.lists("instance", instance.needs_features())?;
         let (plugin, learnt) = self.ready()?;
-        if let Some(grid) = learnt.environment.grid() {
-            instance
-                .check(grid.passable.len())
-                .map_err(|reason| Failure::new(Status::InvalidInput, reason))?;
-        }
         Ok((plugin, &mut learnt.map))
+    }
+
+    /// That the plugin claims what a map or an instance needs.
+    fn claims(&self, what: &str, needed: Capabilities) -> Result<(), Failure> {
+        let claims = self.descriptor.capabilities;
+        match needed.iter().find(|needed| !claims.has(*needed)) {
+            Some(lacking) => Err(lacks(what, "capability", lacking.as_str())),
+            None => Ok(()),
+        }
+    }
+
+    /// That the plugin lists the features that a map or an instance needs.
+    fn lists(&self, what: &str, needed: impl IntoIterator<Item = String>) -> Result<(), Failure> {
+        let features = &self.descriptor.features;
+        let mut needed = needed.into_iter();
+        match needed.find(|needed| !features.contains(needed)) {
+            Some(lacking) => Err(lacks(what, "feature", &lacking)),
+            None => Ok(()),
+        }
     }
 }
 
-/// That a plugin claims what a map or an instance needs.
-fn claimed(claims: Capabilities, what: &str, needed: Capabilities) -> Result<(), Failure> {
-    let Some(lacking) = needed.iter().find(|needed| !claims.has(*needed)) else {
-        return Ok(());
-    };
+fn lacks(what: &str, kind: &str, name: &str) -> Failure {
     let reason = format!(
-        "the {what} needs the capability `{}`, which this plugin does not claim; hint: take one \
-         that does",
-        lacking.as_str()
+        "the {what} needs the {kind} `{name}`, which this plugin does not claim; hint: take one \
+         that does"
     );
-    Err(Failure::new(Status::Unsupported, reason))
+    Failure::new(Status::Unsupported, reason)
 }
 
 struct PlannerOf<P: sdk::Planner>(Held<P, P::Map>);
@@ -237,9 +258,7 @@ impl<P: sdk::Planner> Planner for PlannerOf<P> {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let claims = self.0.claims;
-        let (planner, map) = self.0.ready_for(instance)?;
-        claimed(claims, "instance", instance.needs())?;
+        let (planner, map) = self.0.ready_for(instance, instance.needs())?;
         planner.plan(map, instance, budget, sink)
     }
 }
@@ -248,11 +267,14 @@ impl<P: sdk::FailPolicy> FailPolicy for FailPolicyOf<P> {
     fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let (policy, map) = self.0.ready_for(instance)?;
+        // It gets the fleet moving whatever the planner was asked to do, but authors count on goals.
+        let idle = Capabilities::of(&[Capability::Idle]);
+        let needed = instance.needs().and(idle);
+        let (policy, map) = self.0.ready_for(instance, needed)?;
         policy.recover(map, instance, failed, budget, sink)
     }
 }

@@ -1,6 +1,6 @@
-//! Encodings of paths in JSON, here and in plan files.
+//! Plans in JSON, and the encodings of paths on grids, here and in plan files.
 //!
-//! Per agent one of
+//! A path is for each agent one of
 //!
 //! - pairs, `[[row, col], …]`;
 //! - cells, `[row * cols + col, …]`;
@@ -14,13 +14,17 @@
 
 mod reader;
 
-use serde::de::{self, DeserializeSeed, SeqAccess, Visitor};
-use serde::ser::SerializeSeq;
+use serde::de::{self, DeserializeOwned, DeserializeSeed, SeqAccess, Visitor};
+use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Deserializer, Serialize, Serializer};
+use serde_json::value::RawValue;
 
-use crate::model::PathEncoding;
+use crate::environment::{Environment, View};
+use crate::lists::Lists;
+use crate::model::{Instance, PathEncoding};
 use crate::moves::{self, OFF_MAP};
-use crate::plan::GridPlan;
+use crate::plan::{GridPlan, Plan, PlanRef};
+use crate::wire::PlanText;
 
 pub use reader::{PathsError, PathsReader};
 
@@ -43,6 +47,130 @@ impl PathContext<'_> {
     pub fn too_long(&self, agent: usize) -> String {
         let limit = self.max_cells;
         format!("the plan is longer than {limit} cells in the path of agent {agent}")
+    }
+}
+
+/// The context of reading and writing plans: their form, and what it takes to read one.
+#[derive(Debug, Clone, Copy)]
+pub enum PlanContext<'a> {
+    /// On a grid.
+    Paths(PathContext<'a>),
+    /// On a roadmap; the most visits that a plan may have.
+    Visits(usize),
+    /// In the plane; the most knots that a plan may have.
+    Trajectories(usize),
+}
+
+impl<'a> PlanContext<'a> {
+    /// Of the plans for an instance in an environment, of at most so many entries.
+    pub fn new(environment: &Environment, instance: &'a Instance, most: usize) -> Self {
+        match &environment.view {
+            View::Grid(grid) => Self::Paths(PathContext {
+                rows: grid.rows,
+                cols: grid.cols,
+                starts: &instance.starts,
+                max_cells: most,
+            }),
+            View::Roadmap(_) => Self::Visits(most),
+            View::Workspace(_) => Self::Trajectories(most),
+        }
+    }
+
+    /// The field of a message that has a plan of this form.
+    pub fn field(&self) -> &'static str {
+        match self {
+            Self::Paths(_) => "paths",
+            Self::Visits(_) => "visits",
+            Self::Trajectories(_) => "trajectories",
+        }
+    }
+
+    /// Refuses a plan of another form.
+    pub fn check(&self, plan: PlanRef<'_>) -> Result<(), String> {
+        if plan.field() == self.field() {
+            return Ok(());
+        }
+        Err(self.other_form())
+    }
+
+    fn other_form(&self) -> String {
+        format!(
+            "a plan of another form than `{}`, which this map takes",
+            self.field()
+        )
+    }
+
+    /// The context of paths, if they are on a grid.
+    pub fn paths(self) -> Option<PathContext<'a>> {
+        match self {
+            Self::Paths(context) => Some(context),
+            Self::Visits(_) | Self::Trajectories(_) => None,
+        }
+    }
+
+    /// The plan of a message; `None` when it has none.
+    pub fn read(&self, text: &PlanText<'_>) -> Result<Option<Plan>, String> {
+        let (own, others) = match self {
+            Self::Paths(_) => (text.paths, [text.visits, text.trajectories]),
+            Self::Visits(_) => (text.visits, [text.paths, text.trajectories]),
+            Self::Trajectories(_) => (text.trajectories, [text.paths, text.visits]),
+        };
+        if others.iter().any(Option::is_some) {
+            return Err(self.other_form());
+        }
+        own.map(|own| self.read_field(own)).transpose()
+    }
+
+    fn read_field(&self, text: &RawValue) -> Result<Plan, String> {
+        let text = text.get();
+        match *self {
+            Self::Paths(context) => context
+                .deserialize(&mut serde_json::Deserializer::from_str(text))
+                .map(Plan::Cells)
+                .map_err(|error| error.to_string()),
+            Self::Visits(most) => lists(text, most).map(Plan::Visits),
+            Self::Trajectories(most) => lists(text, most).map(Plan::Trajectories),
+        }
+    }
+}
+
+fn lists<T: DeserializeOwned>(text: &str, most: usize) -> Result<Lists<T>, String> {
+    let lists: Lists<T> = serde_json::from_str(text).map_err(|error| error.to_string())?;
+    if lists.items().len() > most {
+        return Err(format!("the plan is longer than {most} entries"));
+    }
+    Ok(lists)
+}
+
+/// Serialises a plan as an object with the field of its form.
+#[derive(Debug, Clone, Copy)]
+pub struct WritePlan<'a> {
+    /// The plan.
+    pub plan: PlanRef<'a>,
+    /// The map's size and the starts, when it is one on a grid.
+    pub context: PlanContext<'a>,
+    /// The encoding of paths.
+    pub encoding: PathEncoding,
+}
+
+impl Serialize for WritePlan<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut object = serializer.serialize_map(Some(1))?;
+        match (self.plan, self.context) {
+            (PlanRef::Cells(plan), PlanContext::Paths(context)) => {
+                let paths = WritePaths {
+                    plan,
+                    context,
+                    encoding: self.encoding,
+                };
+                object.serialize_entry("paths", &paths)?;
+            }
+            // The reader finds that cells are no plan here.
+            (PlanRef::Cells(plan), _) => object.serialize_entry("paths", plan.lists())?,
+            (PlanRef::Visits(plan), _) => object.serialize_entry("visits", plan)?,
+            (PlanRef::Trajectories(plan), _) => object.serialize_entry("trajectories", plan)?,
+        }
+        object.end()
     }
 }
 

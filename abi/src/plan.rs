@@ -1,7 +1,240 @@
-//! Plans on grids: per agent, the cells in which it is at times 0, 1, 2, …
+//! Plans: cells per step on a grid, visits on a roadmap, knots in the plane.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::lists::Lists;
 use crate::moves::OFF_MAP;
+
+/// A plan in one of its forms, one for each representation.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Plan {
+    /// On a grid.
+    Cells(GridPlan),
+    /// On a roadmap.
+    Visits(VisitPlan),
+    /// In the plane.
+    Trajectories(KnotPlan),
+}
+
+impl Plan {
+    /// The plan, borrowed.
+    pub fn as_ref(&self) -> PlanRef<'_> {
+        match self {
+            Self::Cells(plan) => PlanRef::Cells(plan),
+            Self::Visits(plan) => PlanRef::Visits(plan),
+            Self::Trajectories(plan) => PlanRef::Trajectories(plan),
+        }
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.as_ref().agents()
+    }
+
+    /// The plan on a grid, if it is one.
+    pub fn cells(&self) -> Option<&GridPlan> {
+        match self {
+            Self::Cells(plan) => Some(plan),
+            Self::Visits(_) | Self::Trajectories(_) => None,
+        }
+    }
+
+    /// The plan on a grid, if it is one.
+    pub fn into_cells(self) -> Option<GridPlan> {
+        match self {
+            Self::Cells(plan) => Some(plan),
+            Self::Visits(_) | Self::Trajectories(_) => None,
+        }
+    }
+}
+
+impl From<GridPlan> for Plan {
+    fn from(plan: GridPlan) -> Self {
+        Self::Cells(plan)
+    }
+}
+
+impl From<VisitPlan> for Plan {
+    fn from(plan: VisitPlan) -> Self {
+        Self::Visits(plan)
+    }
+}
+
+impl From<KnotPlan> for Plan {
+    fn from(plan: KnotPlan) -> Self {
+        Self::Trajectories(plan)
+    }
+}
+
+/// A plan that is lent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PlanRef<'a> {
+    /// On a grid.
+    Cells(&'a GridPlan),
+    /// On a roadmap.
+    Visits(&'a VisitPlan),
+    /// In the plane.
+    Trajectories(&'a KnotPlan),
+}
+
+impl PlanRef<'_> {
+    /// Number of agents.
+    pub fn agents(self) -> usize {
+        match self {
+            Self::Cells(plan) => plan.agents(),
+            Self::Visits(plan) => plan.len(),
+            Self::Trajectories(plan) => plan.len(),
+        }
+    }
+
+    /// The field of a message that has it.
+    pub fn field(self) -> &'static str {
+        match self {
+            Self::Cells(_) => "paths",
+            Self::Visits(_) => "visits",
+            Self::Trajectories(_) => "trajectories",
+        }
+    }
+
+    /// Bytes of memory that it takes.
+    pub fn bytes(self) -> usize {
+        let entry = match self {
+            Self::Cells(_) => size_of::<u32>(),
+            Self::Visits(_) => size_of::<Visit>(),
+            Self::Trajectories(_) => size_of::<Knot>(),
+        };
+        let offsets = self.agents().saturating_add(1) * size_of::<u64>();
+        self.entries().saturating_mul(entry).saturating_add(offsets)
+    }
+
+    /// Number of cells, visits or knots.
+    pub fn entries(self) -> usize {
+        match self {
+            Self::Cells(plan) => plan.cells().len(),
+            Self::Visits(plan) => plan.items().len(),
+            Self::Trajectories(plan) => plan.items().len(),
+        }
+    }
+
+    /// A copy.
+    pub fn to_plan(self) -> Plan {
+        match self {
+            Self::Cells(plan) => Plan::Cells(plan.clone()),
+            Self::Visits(plan) => Plan::Visits(plan.clone()),
+            Self::Trajectories(plan) => Plan::Trajectories(plan.clone()),
+        }
+    }
+}
+
+impl<'a> From<&'a Plan> for PlanRef<'a> {
+    fn from(plan: &'a Plan) -> Self {
+        plan.as_ref()
+    }
+}
+
+impl<'a> From<&'a GridPlan> for PlanRef<'a> {
+    fn from(plan: &'a GridPlan) -> Self {
+        Self::Cells(plan)
+    }
+}
+
+impl<'a> From<&'a VisitPlan> for PlanRef<'a> {
+    fn from(plan: &'a VisitPlan) -> Self {
+        Self::Visits(plan)
+    }
+}
+
+impl<'a> From<&'a KnotPlan> for PlanRef<'a> {
+    fn from(plan: &'a KnotPlan) -> Self {
+        Self::Trajectories(plan)
+    }
+}
+
+/// The time that an agent spends at a vertex of a roadmap. It drives straight and evenly to the
+/// next one. On the wire `[vertex, arrival_s, departure_s]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(from = "(i64, f64, f64)", into = "(u32, f64, f64)")]
+#[schemars(with = "(u32, f64, f64)")]
+pub struct Visit {
+    /// The vertex.
+    pub vertex: u32,
+    /// When the agent arrives; 0 at its start.
+    pub arrival_s: f64,
+    /// When it leaves; of the last visit, no earlier than the arrival.
+    pub departure_s: f64,
+}
+
+impl From<(i64, f64, f64)> for Visit {
+    fn from((vertex, arrival_s, departure_s): (i64, f64, f64)) -> Self {
+        Self {
+            // One that is on no roadmap is a fault of the plan, not of its text.
+            vertex: u32::try_from(vertex).unwrap_or(OFF_MAP),
+            arrival_s,
+            departure_s,
+        }
+    }
+}
+
+impl From<Visit> for (u32, f64, f64) {
+    fn from(visit: Visit) -> Self {
+        (visit.vertex, visit.arrival_s, visit.departure_s)
+    }
+}
+
+impl TryFrom<Vec<f64>> for Knot {
+    type Error = String;
+
+    fn try_from(numbers: Vec<f64>) -> Result<Self, String> {
+        let (time_s, x_m, y_m, heading_rad) = match numbers[..] {
+            [time_s, x_m, y_m] => (time_s, x_m, y_m, f64::NAN),
+            [time_s, x_m, y_m, heading_rad] => (time_s, x_m, y_m, heading_rad),
+            _ => return Err(format!("a knot of {} numbers", numbers.len())),
+        };
+        Ok(Self {
+            time_s,
+            x_m,
+            y_m,
+            heading_rad,
+        })
+    }
+}
+
+impl From<Knot> for Vec<f64> {
+    fn from(knot: Knot) -> Self {
+        let mut numbers = vec![knot.time_s, knot.x_m, knot.y_m];
+        if !knot.heading_rad.is_nan() {
+            numbers.push(knot.heading_rad);
+        }
+        numbers
+    }
+}
+
+/// A plan on a roadmap: per agent its visits, in order. It stays at the last.
+///
+/// Nothing else is promised: the host's validator says whether a plan is valid.
+pub type VisitPlan = Lists<Visit>;
+
+/// A moment of a path in the plane, between which position and heading are linear in time. On the
+/// wire `[time_s, x_m, y_m]` or `[time_s, x_m, y_m, heading_rad]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "Vec<f64>", into = "Vec<f64>")]
+#[schemars(with = "Vec<f64>")]
+pub struct Knot {
+    /// Time; 0 of the first knot.
+    pub time_s: f64,
+    /// Position to the right.
+    pub x_m: f64,
+    /// Position upwards.
+    pub y_m: f64,
+    /// Heading, counter-clockwise and unwrapped; NaN where the robot has none.
+    pub heading_rad: f64,
+}
+
+/// A plan in the plane: per agent its knots, in order. It rests at the last.
+///
+/// Nothing else is promised: the host's validator says whether a plan is valid.
+pub type KnotPlan = Lists<Knot>;
 
 /// A plan on a grid: a path per agent, from time 0 to its last arrival. After its last cell
 /// an agent stays there.

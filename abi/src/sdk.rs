@@ -53,7 +53,7 @@
 //!         _: &Budget,
 //!         sink: &dyn Sink,
 //!     ) -> Result<(), Failure> {
-//!         sink.submit_plan(&GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell])))?;
+//!         sink.submit(&GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell])))?;
 //!         Ok(())
 //!     }
 //! }
@@ -69,19 +69,18 @@
 //! ```
 //!
 //! Its plan is judged invalid, because nobody reaches a goal: that is the place to begin. A
-//! real planner makes of the map what it needs in [`Planner::prepare`], asks [`Sink::cancelled`] and
-//! [`Budget::answer_by_ns`](crate::Budget::answer_by_ns) often, and draws all that is random
-//! from the budget's seed. With [`serve_stdio`](crate::serve::serve_stdio) the same crate
+//! real planner makes of the map what it needs in [`Planner::prepare`], asks [`Sink::cancelled`]
+//! often, and draws all that is random from the budget's seed. With [`serve_stdio`](crate::serve::serve_stdio) the same crate
 //! makes a program as well. `plugins/examples/rust` has a plugin of each kind, with options.
 
 use serde::de::DeserializeOwned;
 
 use crate::model::{
     Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel,
-    PathEncoding, SharedEnvironment, Status,
+    PathEncoding, Request, SharedEnvironment, Status,
 };
 use crate::object::Object;
-use crate::plan::GridPlan;
+use crate::plan::{Plan, PlanRef};
 
 /// The reason why a call did not succeed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -115,34 +114,56 @@ impl Failure {
     }
 }
 
-/// The host did not take what was submitted: it was malformed or came too late.
+/// The host did not take what was submitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the host rejected what was submitted")]
-pub struct Rejected;
+pub enum Rejected {
+    /// It is malformed, or the call asks for something else: the call is lost.
+    #[error("the host rejected what was submitted: it is malformed")]
+    Malformed,
+    /// It came after the deadline, or after the host gave up on the call.
+    #[error("what was submitted came too late")]
+    TooLate,
+    /// There is no room at the moment; nothing is wrong.
+    #[error("the host has no room for what was submitted")]
+    Busy,
+}
 
 impl From<Rejected> for Failure {
     fn from(rejected: Rejected) -> Self {
-        Self::new(Status::InternalError, rejected.to_string())
+        let status = match rejected {
+            Rejected::Malformed | Rejected::Busy => Status::InternalError,
+            Rejected::TooLate => Status::TimedOut,
+        };
+        Self::new(status, rejected.to_string())
     }
 }
 
 /// Receives what a plugin has to say during a call, from any thread.
 pub trait Sink: Sync {
-    /// Hands over a plan. May be called any number of times, each plan better
-    /// than the last.
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected>;
-    /// Hands over the next instance, in `generate`.
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected>;
+    /// Hands over a plan; [`submit`](#method.submit) takes one of any form.
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected>;
+    /// Hands over what a generator decided, in `generate`.
+    fn submit_request(&self, request: &Request) -> Result<(), Rejected>;
     /// Reports a figure such as `expansions`, kept as a claim; those of
     /// [`FIGURES`](crate::figures::FIGURES) have a domain.
     fn metric(&self, name: &str, value: f64);
+    /// Notes a fact about the plugin's inputs, such as the digest of its weights; kept as a claim.
+    fn note(&self, name: &str, text: &str);
     /// Writes to the run's log.
     fn log(&self, level: LogLevel, text: &str);
     /// Says how much of the work is done; `total` 0 if unknown.
     fn progress(&self, done: u64, total: u64);
-    /// True if the call should end: its deadline has passed, or the host gave up on it. Cheap; ask
-    /// often.
+    /// True if the call should end: its [`answer_by_ns`](Budget::answer_by_ns) has passed, or the
+    /// host gave up on it. Cheap; ask often.
     fn cancelled(&self) -> bool;
+}
+
+impl dyn Sink + '_ {
+    /// Hands over a plan on a grid, on a roadmap or in the plane. May be called any number of
+    /// times, each plan better than the last.
+    pub fn submit<'p>(&self, plan: impl Into<PlanRef<'p>>) -> Result<(), Rejected> {
+        self.submit_plan(plan.into())
+    }
 }
 
 /// The options that the user gave: a JSON object.
@@ -218,7 +239,7 @@ pub trait FailPolicy: Plugin + Send {
         &mut self,
         map: &mut Self::Map,
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure>;
@@ -235,7 +256,7 @@ pub trait InstanceGenerator: Plugin + Send {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<Self::Map, Failure>;
-    /// Submits one instance.
+    /// Submits one request.
     fn generate(
         &mut self,
         map: &mut Self::Map,
@@ -321,6 +342,7 @@ impl Descriptor {
             description: description.into(),
             license: String::new(),
             capabilities: Capabilities::default(),
+            features: Vec::new(),
             options_schema: serde_json::Value::Null,
             path_encoding: PathEncoding::Moves,
         }

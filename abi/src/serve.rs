@@ -12,21 +12,21 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{self, ThreadId};
 use std::time::Duration;
 
-use serde::Serialize;
-use serde::de::{DeserializeOwned, DeserializeSeed};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use crate::clock::monotonic_ns;
 use crate::export::panic_message;
-use crate::model::{Instance, LogLevel, PathEncoding, SharedEnvironment, Status};
+use crate::model::{self, Budget, Instance, LogLevel, PathEncoding, SharedEnvironment, Status};
 use crate::object::Object;
-use crate::paths::{PathContext, WritePaths};
-use crate::plan::GridPlan;
+use crate::paths::{PlanContext, WritePlan};
+use crate::plan::PlanRef;
 use crate::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use crate::wire::{
-    self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
-    InitializeParams, InitializeResult, LogParams, MetricParams, Outcome, PlanParams, PlanResult,
-    PrepareParams, ProgressParams, RecoverParams, Request, Response, ShouldInvokeParams,
+    self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, InitializeParams,
+    InitializeResult, LogParams, MetricParams, NoteParams, Outcome, PlanParams, PlanResult,
+    PlanText, PrepareParams, ProgressParams, RecoverParams, Request, Response, ShouldInvokeParams,
     ShouldInvokeResult,
 };
 
@@ -239,7 +239,7 @@ impl<W: Write + Send> Server<'_, W> {
                     options => options.to_string(),
                 };
                 self.object = None;
-                let sink = channel.sink(id, u64::MAX, Answer::None);
+                let sink = channel.sink(id, None, Answer::None);
                 let made = self
                     .catalog
                     .create(kind, &plugin, Options::new(&options), &sink);
@@ -251,7 +251,7 @@ impl<W: Write + Send> Server<'_, W> {
                     budget,
                 } = params(text)?;
                 let environment = SharedEnvironment::new(environment);
-                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::None);
+                let sink = channel.sink(id, Some(&budget), Answer::None);
                 let object = self.object.as_mut();
                 let prepared =
                     object.and_then(|object| object.prepare(&environment, &budget, &sink));
@@ -266,8 +266,8 @@ impl<W: Write + Send> Server<'_, W> {
                 let Some(Object::Planner(planner)) = &mut self.object else {
                     return Err(wrong_object(method, self.object.as_ref()));
                 };
-                let context = path_context(self.environment.as_ref(), &instance)?;
-                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
+                let context = plan_context(self.environment.as_ref(), &instance)?;
+                let sink = channel.sink(id, Some(&budget), Answer::Plan(context));
                 let began_ns = monotonic_ns();
                 let result = planner.plan(&instance, &budget, &sink);
                 let call_ns = sink.worked_ns(began_ns);
@@ -277,17 +277,21 @@ impl<W: Write + Send> Server<'_, W> {
                 let RecoverParams {
                     instance,
                     budget,
-                    failed_paths,
+                    failed_plan,
                 } = serde_json::from_str(text).map_err(invalid_params)?;
                 let Some(Object::FailPolicy(policy)) = &mut self.object else {
                     return Err(wrong_object(method, self.object.as_ref()));
                 };
-                let context = path_context(self.environment.as_ref(), &instance)?;
-                let read = |paths: &RawValue| {
-                    context.deserialize(&mut serde_json::Deserializer::from_str(paths.get()))
+                let context = plan_context(self.environment.as_ref(), &instance)?;
+                let failed = match failed_plan {
+                    Some(text) => {
+                        let text: PlanText<'_> = params_of(text.get())?;
+                        let wrong = |reason| Refusal::new(wire::INVALID_PARAMS, reason);
+                        context.read(&text).map_err(wrong)?
+                    }
+                    None => None,
                 };
-                let failed = failed_paths.map(read).transpose().map_err(invalid_params)?;
-                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Plan(context));
+                let sink = channel.sink(id, Some(&budget), Answer::Plan(context));
                 let failed = failed.as_ref();
                 let began_ns = monotonic_ns();
                 let result = policy.recover(&instance, failed, &budget, &sink);
@@ -300,16 +304,16 @@ impl<W: Write + Send> Server<'_, W> {
                     return Err(wrong_object(method, self.object.as_ref()));
                 };
                 let next = Mutex::new(None);
-                let sink = channel.sink(id, budget.deadline_monotonic_ns, Answer::Instance(&next));
+                let sink = channel.sink(id, Some(&budget), Answer::Request(&next));
                 let result = generator.generate(&state, &budget, &sink);
                 let Outcome { status, message } = outcome(result)?;
-                let instance = lock(&next).take();
+                let request = lock(&next).take();
                 channel.reply(
                     id,
                     GenerateResult {
                         status,
                         message,
-                        instance,
+                        request,
                     },
                 );
             }
@@ -318,7 +322,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let Some(Object::InvocationPolicy(policy)) = &mut self.object else {
                     return Err(wrong_object(method, self.object.as_ref()));
                 };
-                let sink = channel.sink(id, u64::MAX, Answer::None);
+                let sink = channel.sink(id, None, Answer::None);
                 let invoke = policy
                     .should_invoke(&status, &sink)
                     .map_err(|failure| Refusal::new(wire::INTERNAL_ERROR, failure.to_string()))?;
@@ -339,6 +343,10 @@ impl<W: Write + Send> Server<'_, W> {
 }
 
 fn params<T: DeserializeOwned>(text: &str) -> Result<T, Refusal> {
+    params_of(text)
+}
+
+fn params_of<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, Refusal> {
     serde_json::from_str(text).map_err(invalid_params)
 }
 
@@ -362,6 +370,8 @@ fn plan_result(result: Result<(), Failure>, call_ns: u64) -> Result<PlanResult<'
         status,
         message,
         paths: None,
+        visits: None,
+        trajectories: None,
         call_ns: Some(call_ns),
     })
 }
@@ -386,29 +396,21 @@ fn outcome(result: Result<(), Failure>) -> Result<Outcome, Refusal> {
     }
 }
 
-/// The context for the paths of an instance, if the instance fits the map that was prepared.
-fn path_context<'a>(
+/// The context for the plans of an instance, if the instance fits the map that was prepared.
+fn plan_context<'a>(
     environment: Option<&SharedEnvironment>,
     instance: &'a Instance,
-) -> Result<PathContext<'a>, Refusal> {
-    let grid = environment
-        .and_then(|environment| environment.grid())
-        .ok_or_else(|| {
-            Refusal::new(
-                wire::INVALID_REQUEST,
-                "the call came before a successful `prepare`",
-            )
-        })?;
-    let (rows, cols) = (grid.rows, grid.cols);
+) -> Result<PlanContext<'a>, Refusal> {
+    let environment = environment.ok_or_else(|| {
+        Refusal::new(
+            wire::INVALID_REQUEST,
+            "the call came before a successful `prepare`",
+        )
+    })?;
     instance
-        .check(rows as usize * cols as usize)
+        .check(environment.places())
         .map_err(|reason| Refusal::new(wire::INVALID_PARAMS, reason))?;
-    Ok(PathContext {
-        rows,
-        cols,
-        starts: &instance.starts,
-        max_cells: usize::MAX,
-    })
+    Ok(PlanContext::new(environment, instance, usize::MAX))
 }
 
 /// State that all calls share: the output for messages, and the request that was cancelled.
@@ -426,11 +428,12 @@ impl<W> Clone for Channel<'_, W> {
 impl<W> Copy for Channel<'_, W> {}
 
 impl<'a, W: Write + Send> Channel<'a, W> {
-    fn sink(self, id: u64, deadline: u64, answer: Answer<'a>) -> WireSink<'a, W> {
+    fn sink(self, id: u64, budget: Option<&Budget>, answer: Answer<'a>) -> WireSink<'a, W> {
         WireSink {
             channel: self,
             id,
-            deadline,
+            answer_by_ns: budget.map_or(u64::MAX, |budget| budget.answer_by_ns),
+            deadline_ns: budget.map_or(u64::MAX, |budget| budget.deadline_monotonic_ns),
             answer,
             thread: thread::current().id(),
             writing_ns: AtomicU64::new(0),
@@ -452,14 +455,15 @@ impl<'a, W: Write + Send> Channel<'a, W> {
 /// The kind of answer that a call may submit.
 enum Answer<'a> {
     None,
-    Plan(PathContext<'a>),
-    Instance(&'a Mutex<Option<Instance>>),
+    Plan(PlanContext<'a>),
+    Request(&'a Mutex<Option<model::Request>>),
 }
 
 struct WireSink<'a, W> {
     channel: Channel<'a, W>,
     id: u64,
-    deadline: u64,
+    answer_by_ns: u64,
+    deadline_ns: u64,
     answer: Answer<'a>,
     /// The call's own thread, and how long it has written messages.
     thread: ThreadId,
@@ -470,6 +474,11 @@ impl<W: Write + Send> WireSink<'_, W> {
     /// Nanoseconds that the call which began at `began_ns` has worked until now.
     fn worked_ns(&self, began_ns: u64) -> u64 {
         (monotonic_ns() - began_ns).saturating_sub(self.writing_ns.load(Ordering::Relaxed))
+    }
+
+    /// The host has said that it waits no longer.
+    fn given_up(&self) -> bool {
+        self.channel.cancelled.load(Ordering::Relaxed) == self.id
     }
 
     /// Sends a message. What other threads of the plugin send does not keep the call
@@ -485,31 +494,36 @@ impl<W: Write + Send> WireSink<'_, W> {
 }
 
 impl<W: Write + Send> Sink for WireSink<'_, W> {
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
         let Answer::Plan(context) = self.answer else {
-            return Err(Rejected);
+            return Err(Rejected::Malformed);
         };
-        if self.cancelled() {
-            return Err(Rejected);
+        if self.given_up() || monotonic_ns() >= self.deadline_ns {
+            return Err(Rejected::TooLate);
         }
-        let paths = WritePaths {
+        let params = WritePlan {
             plan,
             context,
             encoding: PathEncoding::Moves,
         };
-        self.send(&Request::notification(
-            "incumbent",
-            IncumbentParams { paths },
-        ));
+        self.send(&Request::notification("incumbent", params));
         Ok(())
     }
 
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
-        let Answer::Instance(next) = self.answer else {
-            return Err(Rejected);
+    fn submit_request(&self, request: &model::Request) -> Result<(), Rejected> {
+        let Answer::Request(next) = self.answer else {
+            return Err(Rejected::Malformed);
         };
-        *lock(next) = Some(instance.clone());
+        *lock(next) = Some(request.clone());
         Ok(())
+    }
+
+    fn note(&self, name: &str, text: &str) {
+        let params = NoteParams {
+            name: name.into(),
+            text: text.into(),
+        };
+        self.send(&Request::notification("note", params));
     }
 
     fn metric(&self, name: &str, value: f64) {
@@ -539,7 +553,7 @@ impl<W: Write + Send> Sink for WireSink<'_, W> {
     }
 
     fn cancelled(&self) -> bool {
-        self.channel.cancelled.load(Ordering::Relaxed) == self.id || monotonic_ns() >= self.deadline
+        self.given_up() || monotonic_ns() >= self.answer_by_ns
     }
 }
 

@@ -1,7 +1,7 @@
 //! The JSON wire: newline-delimited JSON-RPC 2.0.
 //!
 //! The host sends requests and `$/cancel`; the plugin sends responses and the
-//! notifications `incumbent`, `metric`, `progress` and `log`. One message a
+//! notifications `incumbent`, `metric`, `note`, `progress` and `log`. One message a
 //! line, UTF-8, no batches. The protocol has a version of its own.
 //!
 //! | method | parameters | result |
@@ -23,9 +23,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use crate::environment::Environment;
 use crate::model::{
-    Budget, Descriptor, Environment, FleetState, FleetStatus, Instance, Kind, LogLevel, Status,
+    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel, Request as NextRequest,
+    Status,
 };
+use crate::plan::{Knot, Visit};
 
 /// The version of the protocol that this crate speaks.
 pub const PROTOCOL_VERSION: u32 = 1;
@@ -248,8 +251,35 @@ pub struct PlanParams<I = Instance> {
     pub budget: Budget,
 }
 
-/// Parameters of `recover`. On the way in `failed_paths` is read by
-/// [`crate::paths::PathContext`], so that it may have any encoding.
+/// A plan in one of its forms, still as text: [`crate::paths::PlanContext`] reads it.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Plan")]
+pub struct PlanText<'a> {
+    /// On a grid: one path per agent.
+    #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<WirePath>>")]
+    pub paths: Option<&'a RawValue>,
+    /// On a roadmap: per agent its visits, in order.
+    #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<Vec<Visit>>>")]
+    pub visits: Option<&'a RawValue>,
+    /// In the plane: per agent its knots, in order.
+    #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<Vec<Knot>>>")]
+    pub trajectories: Option<&'a RawValue>,
+}
+
+impl PlanText<'_> {
+    /// True if there is a plan, whatever its form.
+    pub fn is_there(&self) -> bool {
+        self.paths.is_some() || self.visits.is_some() || self.trajectories.is_some()
+    }
+}
+
+/// Parameters of the notification `incumbent`: a plan, better than the last.
+pub type IncumbentParams<'a> = PlanText<'a>;
+
+/// Parameters of `recover`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "RecoverParams")]
 pub struct RecoverParams<'a, I = Instance> {
@@ -257,13 +287,14 @@ pub struct RecoverParams<'a, I = Instance> {
     pub instance: I,
     /// Limits of this call.
     pub budget: Budget,
-    /// The plan that the planner left, collisions and all: one path per agent.
+    /// The plan that the planner left, collisions and all.
     #[serde(borrow, default)]
-    #[schemars(with = "Option<Vec<WirePath>>")]
-    pub failed_paths: Option<&'a RawValue>,
+    #[schemars(with = "Option<PlanText<'_>>")]
+    pub failed_plan: Option<&'a RawValue>,
 }
 
-/// Result of `plan` and `recover`, the paths still as text.
+/// Result of `plan` and `recover`, the plan still as text. It may be left out when the last
+/// `incumbent` was the answer.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PlanResult<'a> {
     /// The plugin's claim.
@@ -271,11 +302,18 @@ pub struct PlanResult<'a> {
     /// The reason, when it did not succeed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
-    /// One path per agent. May be left out when the last `incumbent` was the
-    /// answer.
+    /// As in `incumbent`.
     #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Vec<WirePath>>")]
     pub paths: Option<&'a RawValue>,
+    /// As in `incumbent`.
+    #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<Vec<Visit>>>")]
+    pub visits: Option<&'a RawValue>,
+    /// As in `incumbent`.
+    #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<Vec<Knot>>>")]
+    pub trajectories: Option<&'a RawValue>,
     /// Time for which the plugin worked on the call, without reading and writing messages:
     /// nanoseconds of a monotonic clock, no more than the call took. A claim: nobody is ranked by
     /// it.
@@ -283,11 +321,15 @@ pub struct PlanResult<'a> {
     pub call_ns: Option<u64>,
 }
 
-/// Parameters of the notification `incumbent`: a plan, better than the last.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub struct IncumbentParams<P> {
-    /// One path per agent.
-    pub paths: P,
+impl<'a> PlanResult<'a> {
+    /// Its plan, if it has one.
+    pub fn plan(&self) -> PlanText<'a> {
+        PlanText {
+            paths: self.paths,
+            visits: self.visits,
+            trajectories: self.trajectories,
+        }
+    }
 }
 
 /// A path in any of its encodings; for the schemas only.
@@ -320,9 +362,9 @@ pub struct GenerateResult {
     /// The reason, when it is no success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
-    /// The next instance.
+    /// The decision about the next instance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub instance: Option<Instance>,
+    pub request: Option<NextRequest>,
 }
 
 /// Parameters of `should_invoke`.
@@ -347,6 +389,15 @@ pub struct MetricParams {
     pub name: String,
     /// Value.
     pub value: f64,
+}
+
+/// Parameters of the notification `note`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct NoteParams {
+    /// Name, such as `weights-sha256`.
+    pub name: String,
+    /// The fact.
+    pub text: String,
 }
 
 /// Parameters of the notification `progress`.

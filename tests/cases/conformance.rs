@@ -395,7 +395,7 @@ const PROMISES: &[Promise] = &[
     ("promising-policy", "none", ""),
     ("promising-policy", "returns-failed-plan", "failed-plan"),
     ("promising-generator", "none", ""),
-    ("promising-generator", "forgets-headings", "rotation"),
+    ("promising-generator", "longer-window", "windowed"),
     ("promising-generator", "forgets-window", ""),
     ("promising-generator", "idle-fleet-fails", "fleet-states"),
     ("promising-invocation", "none", ""),
@@ -441,7 +441,7 @@ const EVERYWHERE: &[Promise] = &[
     ),
     (
         "promising-generator",
-        "moves-fleet",
+        "loses-agents",
         "crossing random-instances",
     ),
     ("promising-generator", "blocked-goals", "random-instances"),

@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use fleetyard_abi::{
-    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, GridPlan, Heading,
-    Instance, Kind, Motion, Objective, SharedEnvironment, Task, c, serve,
+    Budget, FleetState, FleetStatus, Goals, GridEnvironment, GridPlan, Heading, Instance, Kind,
+    Motion, Plan, SharedEnvironment, Task, c, serve,
 };
 use fleetyard_runtime::{Attach, Limits, PluginFile, Runtime, Session, supervisor};
 
@@ -17,6 +17,7 @@ const SIDE: u32 = 12;
 
 const BUDGET: Budget = Budget {
     deadline_monotonic_ns: 0,
+    answer_by_ns: 0,
     wall_ns: 20_000_000_000,
     nodes: 0,
     memory_bytes: 0,
@@ -30,16 +31,7 @@ fn free(cell: u32) -> bool {
 
 fn environment() -> SharedEnvironment {
     let passable: Vec<u8> = (0..SIDE * SIDE).map(|cell| free(cell).into()).collect();
-    SharedEnvironment::new(Environment::Grid(GridEnvironment {
-        map_name: "shelves".into(),
-        rows: SIDE,
-        cols: SIDE,
-        connectivity: 4,
-        cell_size_m: 1.0,
-        step_s: 0.5,
-        terrain: passable.iter().map(|free| b"@."[*free as usize]).collect(),
-        passable,
-    }))
+    SharedEnvironment::new(GridEnvironment::four_connected(SIDE, SIDE, passable).into())
 }
 
 /// A fleet on every third free cell that shares six goals, and some tasks.
@@ -53,29 +45,30 @@ fn state() -> FleetState {
     }
     FleetState {
         time_s: 12.5,
-        headings: Some(vec![Heading::North; cells.len()]),
-        goals,
+        next: Instance {
+            headings: Some(vec![Heading::North; cells.len()]),
+            goals,
+            window_steps: 10,
+            radius_m: 0.4,
+            starts: cells,
+            ..Instance::default()
+        },
         tasks: (0..4)
             .map(|task| Task {
                 id: 1 << (10 * task),
-                cells: vec![free[task * 20 + 3], free[task * 5]],
+                places: vec![free[task * 20 + 3], free[task * 5]],
             })
             .collect(),
-        window_steps: 10,
-        motion: Motion::Pebble,
-        objective: Objective::SumOfCosts,
-        radius_m: 0.4,
-        allows_cycles: false,
-        cells,
+        parts: Vec::new(),
     }
 }
 
 /// The instance for the fail policies, and paths that collide: everybody goes east and back.
-fn failed(motion: Motion) -> (Instance, GridPlan) {
-    let mut state = state();
-    state.motion = motion;
-    let goals: Vec<u32> = state.cells.iter().rev().copied().collect();
-    let east_and_back = state.cells.iter().map(|start| {
+fn failed(motion: Motion) -> (Instance, Plan) {
+    let mut next = state().next;
+    next.motion = motion;
+    let goals: Vec<u32> = next.starts.iter().rev().copied().collect();
+    let east_and_back = next.starts.iter().map(|start| {
         let mut path = vec![*start];
         for _ in 0..4 {
             let next = path[path.len() - 1] + 1;
@@ -86,8 +79,9 @@ fn failed(motion: Motion) -> (Instance, GridPlan) {
         let back: Vec<u32> = path.iter().rev().copied().collect();
         [path, back].concat()
     });
-    let failed = GridPlan::from_paths(east_and_back);
-    (state.instance(Goals::single(goals)), failed)
+    let failed = GridPlan::from_paths(east_and_back).into();
+    next.goals = Goals::single(goals);
+    (next, failed)
 }
 
 fn open(attach: Attach, kind: Kind, id: &str) -> Session {
@@ -127,7 +121,7 @@ fn answers(attach: Attach, kind: Kind, id: &str) -> String {
                 }
             }
             Kind::InstanceGenerator => {
-                let next = session.generate(&state(), &BUDGET).expect("an instance");
+                let next = session.generate(&state(), &BUDGET).expect("a request");
                 assert!(!next.assignments.is_empty(), "{id}");
                 answers.push(format!("{next:?}"));
             }

@@ -65,8 +65,8 @@ fn a_coordinate_is_outside_the_map_however_large_it_is() {
 fn a_grid_without_cells_is_refused() {
     for (rows, cols, passable) in [(2, 0, r#"["",""]"#), (0, 2, "[]"), (0, 0, "[]")] {
         let text = format!(
-            r#"{{"representation":"grid","map_name":"m","rows":{rows},"cols":{cols},
-            "connectivity":4,"cell_size_m":1.0,"step_s":1.0,"passable":{passable}}}"#
+            r#"{{"representation":"grid","grid":{{"rows":{rows},"cols":{cols},
+            "connectivity":4,"cell_size_m":1.0,"step_s":1.0,"passable":{passable}}}}}"#
         );
         let error = serde_json::from_str::<Environment>(&text).unwrap_err();
         let expected = format!("a grid of {rows} rows and {cols} columns has no cell");

@@ -51,7 +51,7 @@ impl Planner for Stay {
         assert!(!self.0.panic, "asked to panic");
         sink.metric("agents", instance.agents() as f64);
         let plan = GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell]));
-        sink.submit_plan(&plan)?;
+        sink.submit(&plan)?;
         Ok(())
     }
 }
@@ -101,8 +101,8 @@ fn converse(requests: &[&str]) -> Vec<String> {
         .collect()
 }
 
-const PREPARE: &str = r#"{"jsonrpc":"2.0","id":2,"method":"prepare","params":{"environment":{"representation":"grid","map_name":"m","rows":1,"cols":3,"connectivity":4,"cell_size_m":1.0,"step_s":1.0,"passable":["..@"]},"budget":{"deadline_monotonic_ns":18446744073709551615,"wall_ns":1}}}"#;
-const PLAN: &str = r#"{"jsonrpc":"2.0","id":3,"method":"plan","params":{"instance":{"starts":[0,1],"goals":[[0],[1]]},"budget":{"deadline_monotonic_ns":18446744073709551615,"wall_ns":1}}}"#;
+const PREPARE: &str = r#"{"jsonrpc":"2.0","id":2,"method":"prepare","params":{"environment":{"representation":"grid","name":"m","grid":{"rows":1,"cols":3,"connectivity":4,"cell_size_m":1.0,"step_s":1.0,"passable":["..@"]}},"budget":{"deadline_monotonic_ns":18446744073709551615,"answer_by_ns":18446744073709551615,"wall_ns":1}}}"#;
+const PLAN: &str = r#"{"jsonrpc":"2.0","id":3,"method":"plan","params":{"instance":{"starts":[0,1],"goals":[[0],[1]]},"budget":{"deadline_monotonic_ns":18446744073709551615,"answer_by_ns":18446744073709551615,"wall_ns":1}}}"#;
 
 fn create(options: &str) -> String {
     format!(
@@ -159,7 +159,11 @@ fn instances_that_do_not_fit_the_map_are_refused() {
     for (from, to, expected) in [
         ("[0,1]", "[0,3]", "cell 3 is not on a map of 3 cells"),
         ("[0,1]", "[0]", "1 starts but 2 goal lists"),
-        ("[[0],[1]]", "[[0],[]]", "agent 1 has no goal"),
+        (
+            "[[0],[1]]",
+            "[[0],[]]",
+            "the instance needs the capability `idle`",
+        ),
     ] {
         let answers = converse(&[&create("{}"), PREPARE, &PLAN.replace(from, to)]);
         assert!(answers[2].contains(expected), "{expected}: {answers:?}");
@@ -204,7 +208,9 @@ fn the_c_abi_lists_what_the_crate_exports() {
         // SAFETY: the functions of a factory may be called at any time.
         let (count, first, second) = unsafe {
             let descriptor = factory.descriptor.unwrap();
-            (factory.count.unwrap()(), descriptor(0), descriptor(1))
+            let context = factory.context;
+            let (first, second) = (descriptor(context, 0), descriptor(context, 1));
+            (factory.count.unwrap()(context), first, second)
         };
         assert_eq!(count, 1);
         assert!(second.is_null());

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::c::PluginEntry;
-use fleetyard_abi::{Budget, SharedEnvironment};
+use fleetyard_abi::{Budget, Plan, SharedEnvironment};
 use fleetyard_check::{PathRule, metrics, validate_paths};
 use fleetyard_core::{Digest, GridInstance, GridPlan, InputError, TrajectoryPlan};
 use fleetyard_runtime::measure::{
@@ -14,7 +14,7 @@ use fleetyard_runtime::{
     Attach, CallReport, CallUsage, Fault, Limit, Limits, LogLine, PlanRun, Runtime, Source,
     Termination,
 };
-use fleetyard_sim::{Plan, SimConfig, SimError, Simulator, TraceSink};
+use fleetyard_sim::{Plan as Planned, SimConfig, SimError, Simulator, TraceSink};
 use serde_json::Value;
 
 use crate::calibration::Calibration;
@@ -255,7 +255,7 @@ impl Trial<'_> {
                 ));
             }
         }
-        let plan = run.plan().cloned();
+        let plan = run.cells().cloned();
         let execution = match (&plan, self.robots) {
             (Some(plan), Some(robots)) => match self.execute(robots, plan, trace) {
                 Ok(execution) => Some(execution),
@@ -461,12 +461,11 @@ impl Trial<'_> {
     ) -> (PlanRun, Option<CallReport>) {
         let allowed = &self.host.budget;
         let budget = |wall: Duration, memory_bytes: u64| Budget {
-            deadline_monotonic_ns: 0,
-            wall_ns: wall.as_nanos() as u64,
             nodes: allowed.nodes,
             memory_bytes,
             threads: allowed.threads,
             seed: self.seed,
+            ..Budget::lasting(0, wall.as_nanos() as u64)
         };
         match running.ready(
             environment,
@@ -510,14 +509,11 @@ impl Trial<'_> {
                     validate_paths(self.instance, plan, self.path_rule, 0).valid
                 }
             };
+            let plan = incumbent.plan.as_ref().and_then(Plan::cells);
             IncumbentInfo {
                 time_ms: milliseconds(incumbent.arrived),
-                soc_steps: incumbent
-                    .plan
-                    .as_ref()
-                    .filter(|_| timed)
-                    .map(GridPlan::sum_of_costs),
-                valid: incumbent.plan.as_ref().map(valid),
+                soc_steps: plan.filter(|_| timed).map(GridPlan::sum_of_costs),
+                valid: plan.map(valid),
             }
         });
         let bound = of_plan.lower_bound_steps;
@@ -560,7 +556,7 @@ pub fn milliseconds(duration: Duration) -> f64 {
 /// Executes a plan and takes the time.
 pub fn execute<'p>(
     simulator: &Simulator<'_>,
-    plan: impl Into<Plan<'p>>,
+    plan: impl Into<Planned<'p>>,
     trace: &mut dyn TraceSink,
 ) -> Result<ExecutionInfo, SimError> {
     let started = Instant::now();

@@ -47,6 +47,7 @@ fn world() -> (SharedEnvironment, Instance) {
 fn budget() -> Budget {
     Budget {
         deadline_monotonic_ns: 0,
+        answer_by_ns: 0,
         wall_ns: 10_000_000_000,
         nodes: 0,
         memory_bytes: 0,

@@ -1,9 +1,9 @@
 //! The judge of answers. Collisions and moves are for `fleetyard-check`; here is the part that a
-//! one-shot instance does not have: lists of goals, tolerance of delays, and instances as answers.
+//! one-shot instance does not have: lists of goals, tolerance of delays, and requests as answers.
 
 use std::collections::BTreeSet;
 
-use fleetyard_abi::{Assignment, FleetState, Instance, Motion};
+use fleetyard_abi::{Assignment, FleetState, Motion, Request};
 use fleetyard_check::{PathRule, Rule, Terms, validate_paths, validate_terms};
 use fleetyard_core::{Connectivity, GridPlan};
 
@@ -64,7 +64,7 @@ fn rules(scene: &Scene, plan: &GridPlan, counts: impl Fn(Rule) -> bool) -> Resul
     let verdict = match scene.motion {
         // The most that a planner of any-angle paths may allow itself is asked of it here.
         Motion::AnyAngle => validate_paths(&instance, plan, PathRule::Bresenham, VIOLATIONS),
-        Motion::Pebble | Motion::Rotation => {
+        Motion::Pebble | Motion::Rotation | Motion::StopGo | Motion::Slower | Motion::Dynamics => {
             let turning = scene.motion == Motion::Rotation;
             let terms = Terms {
                 goals: None,
@@ -135,35 +135,16 @@ fn tolerates(plan: &GridPlan, delay: u32, window_steps: u32) -> Result<(), Strin
 }
 
 /// Judges the answer of an instance generator.
-pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
+pub(crate) fn request(scene: &Scene, answer: &Request) -> Result<(), String> {
     let asked = scene.state();
     let cells = scene.grid.cell_count();
-    answer.check(cells as usize)?;
-    let wrong = |what: &str, got: &dyn std::fmt::Debug, wanted: &dyn std::fmt::Debug| {
-        Err(format!(
-            "the instance says {what} {got:?}, the fleet {wanted:?}"
-        ))
-    };
-    if answer.starts != asked.cells {
-        return wrong("starts", &answer.starts, &asked.cells);
-    }
-    if answer.motion != asked.motion {
-        return wrong("motion", &answer.motion, &asked.motion);
-    }
-    if answer.objective != asked.objective {
-        return wrong("objective", &answer.objective, &asked.objective);
-    }
-    if asked.headings.is_some() && answer.headings != asked.headings {
-        return wrong("headings", &answer.headings, &asked.headings);
-    }
-    if answer.radius_m.to_bits() != asked.radius_m.to_bits() {
-        return wrong("radius_m", &answer.radius_m, &asked.radius_m);
-    }
-    if answer.allows_cycles != asked.allows_cycles {
-        return wrong("allows_cycles", &answer.allows_cycles, &asked.allows_cycles);
-    }
-    if asked.window_steps > 0 && answer.window_steps > asked.window_steps {
-        return wrong("window_steps", &answer.window_steps, &asked.window_steps);
+    answer.check(scene.agents(), cells as usize)?;
+    let window = asked.next.window_steps;
+    if window > 0 && answer.window_steps > window {
+        return Err(format!(
+            "the request has a window of {} steps, longer than the {window} that are asked for",
+            answer.window_steps
+        ));
     }
     assignments(&asked, answer)?;
     let component = scene.grid.components(Connectivity::Four);
@@ -187,8 +168,8 @@ pub(crate) fn instance(scene: &Scene, answer: &Instance) -> Result<(), String> {
 }
 
 /// Checks that the tasks that a generator gives away were offered, and that each goes to one agent.
-/// [`Instance::check`] checks that agents exist.
-fn assignments(asked: &FleetState, answer: &Instance) -> Result<(), String> {
+/// [`Request::check`] checks that agents exist.
+fn assignments(asked: &FleetState, answer: &Request) -> Result<(), String> {
     let mut given = BTreeSet::new();
     for Assignment { agent, task } in &answer.assignments {
         if !asked.tasks.iter().any(|offered| offered.id == *task) {
@@ -237,14 +218,13 @@ mod tests {
     }
 
     #[test]
-    fn instances_repeat_the_fleet() {
+    fn requests_keep_to_what_is_offered() {
         let mut scene = corridor();
-        scene.allows_cycles = false;
         scene.window_steps = 5;
         let asked = scene.state();
-        let good = asked.instance(Goals::single(vec![0, 3]));
-        assert_eq!(instance(&scene, &good), Ok(()));
-        let given = |tasks: &[u64]| Instance {
+        let good = asked.request(Goals::single(vec![0, 3]));
+        assert_eq!(request(&scene, &good), Ok(()));
+        let given = |tasks: &[u64]| Request {
             assignments: tasks
                 .iter()
                 .map(|task| Assignment {
@@ -254,46 +234,22 @@ mod tests {
                 .collect(),
             ..good.clone()
         };
+        let window = |window_steps| Request {
+            window_steps,
+            ..good.clone()
+        };
         let offered = asked.tasks[0].id;
         for (answer, reason) in [
-            (
-                Instance {
-                    allows_cycles: true,
-                    ..good.clone()
-                },
-                "allows_cycles",
-            ),
-            (
-                Instance {
-                    radius_m: 0.1,
-                    ..good.clone()
-                },
-                "radius_m",
-            ),
-            (
-                Instance {
-                    window_steps: 6,
-                    ..good.clone()
-                },
-                "window_steps",
-            ),
+            (window(6), "longer than the 5"),
             (given(&[7]), "not among the open ones"),
             (given(&[offered, offered]), "given away twice"),
+            (asked.request(Goals::single(vec![0])), "1 goal lists"),
         ] {
-            let found = instance(&scene, &answer).unwrap_err();
+            let found = request(&scene, &answer).unwrap_err();
             assert!(found.contains(reason), "{found}");
         }
-        assert_eq!(instance(&scene, &given(&[offered])), Ok(()));
-        assert_eq!(
-            instance(
-                &scene,
-                &Instance {
-                    window_steps: 0,
-                    ..good.clone()
-                }
-            ),
-            Ok(())
-        );
+        assert_eq!(request(&scene, &given(&[offered])), Ok(()));
+        assert_eq!(request(&scene, &window(0)), Ok(()));
     }
 
     #[test]

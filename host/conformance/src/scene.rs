@@ -282,7 +282,7 @@ impl Scene {
             window_steps: self.window_steps,
             radius_m: RADIUS_M,
             allows_cycles: self.allows_cycles,
-            assignments: Vec::new(),
+            ..Instance::default()
         }
     }
 
@@ -310,22 +310,19 @@ impl Scene {
         };
         let task = |index: usize| Task {
             id: 100 + index as u64,
-            cells: [index * 7, index * 11 + 3]
+            places: [index * 7, index * 11 + 3]
                 .into_iter()
                 .filter_map(|at| cells.get(at % cells.len().max(1)).copied())
                 .collect(),
         };
         FleetState {
             time_s: 12.5,
-            cells: self.starts.clone(),
-            headings: self.headings.clone(),
-            goals: goals.into_iter().collect(),
+            next: Instance {
+                goals: goals.into_iter().collect(),
+                ..self.instance()
+            },
             tasks: (0..tasks).map(task).collect(),
-            window_steps: self.window_steps,
-            motion: self.motion,
-            objective: self.objective,
-            radius_m: RADIUS_M,
-            allows_cycles: self.allows_cycles,
+            parts: Vec::new(),
         }
     }
 

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, FleetStatus, GridPlan, Instance, Kind, Motion, Objective,
+    Budget, Capability, Descriptor, FleetStatus, GridPlan, Kind, Motion, Objective, Plan, Request,
     Status,
 };
 use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Session};
@@ -69,7 +69,7 @@ pub(crate) struct Call<'a> {
     pub(crate) nodes: u64,
     pub(crate) threads: u32,
     /// The plan that a planner left, for fail policies.
-    pub(crate) failed: Option<&'a GridPlan>,
+    pub(crate) failed: Option<&'a Plan>,
 }
 
 impl Call<'_> {
@@ -104,7 +104,7 @@ pub(crate) struct Answer {
 pub(crate) enum Said {
     /// Plans that came in time, in order.
     Plans(Vec<GridPlan>),
-    Instance(Box<Instance>),
+    Request(Request),
     Invoke(bool),
     Nothing,
 }
@@ -311,12 +311,10 @@ impl<'a> Trial<'a> {
 
     pub(crate) fn budget(&self, call: &Call<'_>) -> Budget {
         Budget {
-            deadline_monotonic_ns: 0,
-            wall_ns: call.wall.as_nanos() as u64,
             nodes: call.nodes,
-            memory_bytes: 0,
             threads: call.threads,
             seed: self.seed,
+            ..Budget::lasting(0, call.wall.as_nanos() as u64)
         }
     }
 
@@ -370,8 +368,7 @@ impl<'a> Trial<'a> {
             }
             Kind::InstanceGenerator => {
                 let answered = session.generate(&scene.state(), &budget);
-                let said = answered.map(|instance| Said::Instance(Box::new(instance)));
-                answered_by(said, started.elapsed(), call)
+                answered_by(answered.map(Said::Request), started.elapsed(), call)
             }
             Kind::InvocationPolicy => invoke(session, &scene.status(), call.wall),
         }?;
@@ -405,7 +402,7 @@ impl<'a> Trial<'a> {
         };
         let plans: Vec<GridPlan> = incumbents
             .into_iter()
-            .filter_map(|incumbent| incumbent.plan)
+            .filter_map(|incumbent| incumbent.plan?.into_cells())
             .collect();
         let too_late = status == Status::Solved && plans.is_empty();
         Ok(Answer {
@@ -462,11 +459,11 @@ impl<'a> Trial<'a> {
                     return failed(reason);
                 }
             }
-            Said::Instance(instance) => {
-                if let Err(reason) = judge::instance(scene, instance) {
+            Said::Request(request) => {
+                if let Err(reason) = judge::request(scene, request) {
                     return failed(reason);
                 }
-                self.note_instance(scene, instance);
+                self.note_request(scene, request);
             }
             Said::Invoke(_) | Said::Nothing => {}
         }
@@ -572,8 +569,8 @@ impl<'a> Trial<'a> {
         Ok(())
     }
 
-    fn note_instance(&mut self, scene: &Scene, instance: &Instance) {
-        let mut last: Vec<u32> = instance
+    fn note_request(&mut self, scene: &Scene, request: &Request) {
+        let mut last: Vec<u32> = request
             .goals
             .iter()
             .filter_map(|goals| goals.last().copied())
@@ -586,10 +583,10 @@ impl<'a> Trial<'a> {
                 "agents share goals, which planners need not support; claim `duplicate-goals`",
             );
         }
-        if instance.window_steps != scene.window_steps {
+        if request.window_steps != scene.window_steps {
             self.warn(format!(
-                "the instance has a window of {} steps, asked was {}",
-                instance.window_steps, scene.window_steps
+                "the request has a window of {} steps, asked was {}",
+                request.window_steps, scene.window_steps
             ));
         }
     }

@@ -138,6 +138,9 @@ impl Words for Motion {
             Self::Pebble => "A step takes a robot to an adjacent cell, whatever its heading",
             Self::Rotation => "Turning by 90° takes a step too",
             Self::AnyAngle => "In straight lines between any two cells",
+            Self::StopGo => "On a roadmap, at full speed along an edge or standing on a vertex",
+            Self::Slower => "On a roadmap, at any even speed along an edge or standing on a vertex",
+            Self::Dynamics => "In the plane, as the robot's model says",
         }
     }
 }

@@ -435,7 +435,7 @@ impl Assigner {
         };
         let task = |open: &Open| Task {
             id: open.id,
-            cells: tasks.cells(open.id).to_vec(),
+            places: tasks.cells(open.id).to_vec(),
         };
         tasks.open.iter().map(task).collect()
     }

@@ -7,7 +7,8 @@
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    Assignment, Capability, FleetState, Goals, Instance, Kind, Motion, SharedEnvironment, Status,
+    Assignment, Capability, FleetState, Goals, Instance, Kind, Motion, Plan, Request,
+    SharedEnvironment, Status,
 };
 use fleetyard_core::{Connectivity, Grid, GridPlan};
 use fleetyard_runtime::{Fault, PlanRun, Termination};
@@ -62,6 +63,8 @@ pub(crate) struct Pipeline {
     pub(crate) fail_policy: Module,
 }
 
+const ALONG_THE_GRID: &str = "fleets move along the grid: use the motion `pebble` or `rotation`";
+
 impl Pipeline {
     /// Refuses a planner that cannot do what the run needs.
     pub(crate) fn check_capabilities(&self) -> Result<(), FleetError> {
@@ -74,10 +77,10 @@ impl Pipeline {
                 Capability::Rotation,
                 "choose another planner, or let it plan as for pebbles: robots turn all the same",
             ),
-            Motion::AnyAngle => (
-                Capability::AnyAngle,
-                "fleets move along the grid: use the motion `pebble` or `rotation`",
-            ),
+            Motion::AnyAngle => (Capability::AnyAngle, ALONG_THE_GRID),
+            Motion::StopGo => (Capability::StopGo, ALONG_THE_GRID),
+            Motion::Slower => (Capability::Slower, ALONG_THE_GRID),
+            Motion::Dynamics => (Capability::Dynamics, ALONG_THE_GRID),
         };
         let needs = [
             (true, Capability::Grid, "choose another planner"),
@@ -133,27 +136,29 @@ impl Pipeline {
     pub(crate) fn answer(&mut self, call: &Call) -> Answer {
         let state = &call.state;
         let mut answer = Answer {
-            window_steps: state.window_steps,
+            window_steps: state.next.window_steps,
             assignments: Vec::new(),
             batch: None,
             by: By::Nobody,
-            motion: state.motion,
+            motion: state.next.motion,
             planner_ms: None,
             recovery_ms: None,
             notices: Vec::new(),
         };
         let mut failed = None;
         let instance = match self.generate(call, &mut answer) {
-            Some(mut instance) => {
-                answer.window_steps = instance.window_steps;
-                answer.assignments = std::mem::take(&mut instance.assignments);
+            Some(request) => {
+                let instance = state.instance(&request);
+                answer.window_steps = request.window_steps;
+                answer.assignments = request.assignments;
                 failed = self.plan(call, &instance, &mut answer);
                 instance
             }
             // The fail policy gets everybody to where they are to go next.
-            None => state.instance(Goals::single(
-                state.goals.iter().map(|own| own[0]).collect(),
-            )),
+            None => Instance {
+                goals: Goals::single(state.next.goals.iter().map(|own| own[0]).collect()),
+                ..state.next.clone()
+            },
         };
         if answer.batch.is_none() {
             self.recover(call, instance, failed.as_ref(), &mut answer);
@@ -168,8 +173,8 @@ impl Pipeline {
         answer
     }
 
-    /// The next instance, if there is one that may be asked.
-    fn generate(&mut self, call: &Call, answer: &mut Answer) -> Option<Instance> {
+    /// The request for the next instance, if there is one that may be asked.
+    fn generate(&mut self, call: &Call, answer: &mut Answer) -> Option<Request> {
         let wall_s = self.config.allowance.call_s;
         let made = ask(
             &mut self.generator,
@@ -192,33 +197,24 @@ impl Pipeline {
         }
     }
 
-    /// Refuses an instance that the planner may not be asked.
-    fn check(&self, state: &FleetState, instance: &Instance) -> Result<(), String> {
-        instance.check(self.grid.cell_count() as usize)?;
-        let repeats = state.instance(instance.goals.clone());
-        let changed = [
-            ("starts", instance.starts == repeats.starts),
-            ("headings", instance.headings == repeats.headings),
-            ("motion", instance.motion == repeats.motion),
-            ("objective", instance.objective == repeats.objective),
-            (
-                "radius_m",
-                instance.radius_m.to_bits() == repeats.radius_m.to_bits(),
-            ),
-            (
-                "allows_cycles",
-                instance.allows_cycles == repeats.allows_cycles,
-            ),
-        ];
-        if let Some((field, _)) = changed.iter().find(|(_, same)| !same) {
+    /// Refuses a request for an instance that the planner may not be asked.
+    fn check(&self, state: &FleetState, request: &Request) -> Result<(), String> {
+        let (next, agents) = (&state.next, state.next.agents());
+        request.check(agents, self.grid.cell_count() as usize)?;
+        if request.window_steps > next.window_steps {
             return Err(format!(
-                "the instance has other `{field}` than the fleet's state"
+                "the request has a window of {} steps, longer than the {} that are asked for",
+                request.window_steps, next.window_steps
             ));
         }
-        if instance.window_steps > state.window_steps {
+        let planner = self.planner.capabilities();
+        let mut lists = request.goals.iter();
+        if let Some(agent) = lists.position(<[u32]>::is_empty)
+            && !planner.has(Capability::Idle)
+        {
             return Err(format!(
-                "the instance has a window of {} steps, longer than the {} that are asked for",
-                instance.window_steps, state.window_steps
+                "agent {agent} has no goal, which planner `{}` does not support",
+                self.planner.info().id
             ));
         }
         let place = |cell: u32| {
@@ -233,7 +229,7 @@ impl Pipeline {
                 ));
             }
             let component = |cell: u32| self.components[cell as usize];
-            if component(cell) != component(state.cells[agent]) {
+            if component(cell) != component(next.starts[agent]) {
                 return Err(format!(
                     "agent {agent} is to go to {}, to which there is no way",
                     place(cell)
@@ -241,17 +237,13 @@ impl Pipeline {
             }
             Ok(())
         };
-        for (agent, goals) in instance.goals.iter().enumerate() {
+        for (agent, goals) in request.goals.iter().enumerate() {
             goals.iter().try_for_each(|cell| may_go(agent, *cell))?;
         }
-        if instance.window_steps == 0
-            && !self.planner.capabilities().has(Capability::DuplicateGoals)
-        {
-            let mut last: Vec<(u32, usize)> = instance
-                .goals
-                .iter()
-                .enumerate()
-                .map(|(agent, goals)| (goals[goals.len() - 1], agent))
+        if request.window_steps == 0 && !planner.has(Capability::DuplicateGoals) {
+            let lists = request.goals.iter().enumerate();
+            let mut last: Vec<(u32, usize)> = lists
+                .filter_map(|(agent, goals)| Some((*goals.last()?, agent)))
                 .collect();
             last.sort_unstable();
             if let Some(pair) = last.windows(2).find(|pair| pair[0].0 == pair[1].0) {
@@ -265,16 +257,16 @@ impl Pipeline {
             }
         }
         let mut given: Vec<u64> = Vec::new();
-        for Assignment { agent, task } in &instance.assignments {
+        for Assignment { agent, task } in &request.assignments {
             let agent = *agent as usize;
             let open = state.tasks.iter().find(|open| open.id == *task);
-            let Some(open) = open.filter(|_| agent < state.cells.len()) else {
+            let Some(open) = open.filter(|_| agent < agents) else {
                 return Err(format!(
                     "task {task} is given to agent {agent}, but one of them does not exist or is \
                      not open"
                 ));
             };
-            open.cells
+            open.places
                 .iter()
                 .try_for_each(|cell| may_go(agent, *cell))?;
             given.push(*task);
@@ -288,7 +280,7 @@ impl Pipeline {
 
     /// Asks the planner. Returns what is left to the fail policy where no plan may be executed:
     /// paths that collide, where they are paths.
-    fn plan(&mut self, call: &Call, instance: &Instance, answer: &mut Answer) -> Option<GridPlan> {
+    fn plan(&mut self, call: &Call, instance: &Instance, answer: &mut Answer) -> Option<Plan> {
         let wall_s = self.config.limit_s;
         let run = ask_for_plan(
             &mut self.planner,
@@ -311,7 +303,7 @@ impl Pipeline {
             let message = format!("answered after its limit of {wall_s} s");
             notice(EventKind::PlannerFault, message);
         }
-        let Some(plan) = run.plan().cloned() else {
+        let Some(plan) = run.cells().cloned() else {
             if !fault_told && run.termination != Termination::TimedOut {
                 notice(EventKind::PlannerGaveUp, claim(&run));
             }
@@ -332,7 +324,8 @@ impl Pipeline {
                         format!("{}; its paths collide: {refused}", claim(&run)),
                     );
                 }
-                Some(refused.plan).filter(|plan| self.are_paths(instance, plan))
+                self.are_paths(instance, &refused.plan)
+                    .then(|| refused.plan.into())
             }
         }
     }
@@ -361,7 +354,7 @@ impl Pipeline {
         &mut self,
         call: &Call,
         mut instance: Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         answer: &mut Answer,
     ) {
         if !self.fail_policy.capabilities().has(Capability::Rotation) {
@@ -386,7 +379,7 @@ impl Pipeline {
                 message,
             });
         };
-        let Some(plan) = run.plan().cloned() else {
+        let Some(plan) = run.cells().cloned() else {
             if run.fault.is_none() {
                 notice(EventKind::FailPolicyFault, claim(&run));
             }

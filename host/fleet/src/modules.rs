@@ -179,11 +179,10 @@ impl Modules {
 /// The budget of a call that may take so long.
 pub(crate) fn budget(wall_s: f64, allowance: &crate::Allowance, nodes: u64, seed: u64) -> Budget {
     Budget {
-        deadline_monotonic_ns: 0,
-        wall_ns: Duration::from_secs_f64(wall_s).as_nanos() as u64,
         nodes,
         memory_bytes: allowance.memory_bytes,
         threads: allowance.threads,
         seed,
+        ..Budget::lasting(0, Duration::from_secs_f64(wall_s).as_nanos() as u64)
     }
 }

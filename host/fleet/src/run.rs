@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Objective, SharedEnvironment};
+use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, SharedEnvironment};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError, OFF_MAP};
 use fleetyard_runtime::{Closing, Fault};
@@ -670,15 +670,17 @@ impl<'a> Run<'a> {
                 number,
                 state: FleetState {
                     time_s: self.live.now_s(),
-                    cells: cut.cells.clone(),
-                    headings: Some(cut.headings.clone()),
-                    goals,
+                    next: Instance {
+                        starts: cut.cells.clone(),
+                        headings: Some(cut.headings.clone()),
+                        goals,
+                        window_steps,
+                        motion: config.motion,
+                        radius_m: radius_m(self.ground.fleet, config),
+                        ..Instance::default()
+                    },
                     tasks: self.assigner.open_tasks(),
-                    window_steps,
-                    motion: config.motion,
-                    objective: Objective::SumOfCosts,
-                    radius_m: radius_m(self.ground.fleet, config),
-                    allows_cycles: false,
+                    parts: Vec::new(),
                 },
             })?;
         }

@@ -12,7 +12,7 @@ use fleetyard_abi::sdk::{
 use fleetyard_abi::{
     Assignment, Budget, Capabilities, Capability, Descriptor, Environment, FleetState, FleetStatus,
     Goals, GridEnvironment, GridPlan, Heading, Instance, Kind, LogLevel, Motion, Objective,
-    PathEncoding, SharedEnvironment, Status, Task, c, serve,
+    PathEncoding, Plan, Request, SharedEnvironment, Status, Task, c, serve,
 };
 use fleetyard_core::OFF_MAP;
 use fleetyard_runtime::{
@@ -81,14 +81,14 @@ impl Planner for Echo {
         sink.metric("not a number", f64::NAN);
         sink.log(LogLevel::Warning, "ümläut");
         // Two plans: the first worse than the second.
-        sink.submit_plan(&GridPlan::from_paths(instance.starts.iter().map(|s| [*s])))?;
-        sink.submit_plan(&Self::plan_of(instance))?;
+        sink.submit(&GridPlan::from_paths(instance.starts.iter().map(|s| [*s])))?;
+        sink.submit(&Self::plan_of(instance))?;
         match budget.nodes {
             0 => Ok(()),
             1 => Err(Failure::new(Status::GaveUp, "as asked")),
             2 => panic!("as asked"),
             _ => {
-                sink.submit_plan(&GridPlan::from_paths([[0u32]]))?;
+                sink.submit(&GridPlan::from_paths([[0u32]]))?;
                 Ok(())
             }
         }
@@ -121,12 +121,13 @@ impl FailPolicy for EchoPolicy {
         &mut self,
         (): &mut (),
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         _: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let plan = failed.map_or_else(|| Echo::plan_of(instance), GridPlan::clone);
-        sink.submit_plan(&plan)?;
+        let own = || Plan::from(Echo::plan_of(instance));
+        let plan = failed.map_or_else(own, Plan::clone);
+        sink.submit(&plan)?;
         Ok(())
     }
 }
@@ -161,23 +162,17 @@ impl InstanceGenerator for EchoGenerator {
             return Err(Failure::new(Status::GaveUp, "there are no tasks"));
         }
         let mut lists = Goals::default();
-        for (goals, task) in state.goals.iter().zip(&state.tasks) {
-            lists.push([goals, &[task.id as u32], &task.cells].concat());
+        for (goals, task) in state.next.goals.iter().zip(&state.tasks) {
+            lists.push([goals, &[task.id as u32], &task.places].concat());
         }
         let given = state.tasks.iter().map(|task| Assignment {
-            agent: task.cells.len() as u32,
+            agent: task.places.len() as u32,
             task: u64::MAX - task.id,
         });
-        sink.submit_instance(&Instance {
-            starts: state.cells.clone(),
-            headings: state.headings.clone(),
-            goals: lists,
-            motion: state.motion,
-            objective: state.objective,
-            window_steps: state.window_steps + state.time_s as u32,
-            radius_m: state.radius_m,
-            allows_cycles: state.allows_cycles,
+        sink.submit_request(&Request {
+            window_steps: state.next.window_steps + state.time_s as u32,
             assignments: given.collect(),
+            ..state.request(lists)
         })?;
         Ok(())
     }
@@ -217,21 +212,19 @@ static BUILT_IN: &[&c::PluginEntry] = &[&fleetyard_plugin_entry_v1];
 const SERVE: &str = "__serve";
 
 fn environment() -> SharedEnvironment {
-    SharedEnvironment::new(Environment::Grid(GridEnvironment {
-        map_name: "tiny \"map\"".into(),
-        rows: 2,
-        cols: 3,
-        connectivity: 4,
+    let grid = GridEnvironment {
         cell_size_m: 0.1,
         step_s: 0.3,
-        passable: vec![1, 1, 0, 1, 1, 1],
         terrain: b"ew@.S.".to_vec(),
-    }))
+        ..GridEnvironment::four_connected(2, 3, vec![1, 1, 0, 1, 1, 1])
+    };
+    SharedEnvironment::new(Environment::from(grid).named("tiny \"map\""))
 }
 
 fn budget(nodes: u64) -> Budget {
     Budget {
         deadline_monotonic_ns: 0,
+        answer_by_ns: 0,
         wall_ns: 20_000_000_000,
         nodes,
         memory_bytes: 1 << 40,
@@ -249,8 +242,7 @@ fn instance() -> Instance {
         objective: Objective::Makespan,
         window_steps: 7,
         radius_m: 0.25,
-        allows_cycles: false,
-        assignments: Vec::new(),
+        ..Instance::default()
     }
 }
 
@@ -283,7 +275,7 @@ fn planner(attach: Attach) {
     assert_eq!(run.termination, Termination::Completed);
     assert_eq!(run.claim, Some(Status::Solved));
     assert_eq!(run.incumbents.len(), 2);
-    assert_eq!(run.plan(), Some(&expected));
+    assert_eq!(run.cells(), Some(&expected));
     assert_eq!(
         run.metrics,
         [("seed".to_owned(), 9_007_199_254_740_991.0)].into()
@@ -297,7 +289,7 @@ fn planner(attach: Attach) {
         (Termination::Completed, Some(Status::GaveUp))
     );
     assert_eq!(run.message.as_deref(), Some("as asked"));
-    assert_eq!(run.plan(), Some(&expected));
+    assert_eq!(run.cells(), Some(&expected));
 
     // A panic is a reported failure, and the session goes on.
     let run = session.plan(&instance(), &budget(2));
@@ -332,7 +324,7 @@ fn fail_policy(attach: Attach) {
     let mut session = open(attach, Kind::FailPolicy);
     let run = session.recover(&instance(), None, &budget(0));
     assert_eq!(
-        run.plan(),
+        run.cells(),
         Some(&GridPlan::from_paths([vec![0, 1, 4], vec![5, 4]]))
     );
     // Colliding, jumping, empty and off the map: everything arrives as it was.
@@ -341,10 +333,10 @@ fn fail_policy(attach: Attach) {
         vec![vec![0, 5], vec![]],
         vec![vec![3], vec![5, OFF_MAP]],
     ] {
-        let failed = GridPlan::from_paths(&paths);
+        let failed = GridPlan::from_paths(&paths).into();
         let run = session.recover(&instance(), Some(&failed), &budget(0));
         assert_eq!(run.fault, None);
-        assert_eq!(run.plan(), Some(&GridPlan::from_paths(&paths)));
+        assert_eq!(run.cells(), Some(&GridPlan::from_paths(&paths)));
     }
     session.close();
 }
@@ -353,35 +345,33 @@ fn instance_generator(attach: Attach) {
     let mut session = open(attach, Kind::InstanceGenerator);
     let mut state = FleetState {
         time_s: 2.5,
-        cells: vec![0, 5],
-        headings: Some(vec![Heading::West, Heading::South]),
-        goals: [vec![], vec![3]].into_iter().collect(),
+        next: Instance {
+            starts: vec![0, 5],
+            headings: Some(vec![Heading::West, Heading::South]),
+            goals: [vec![], vec![3]].into_iter().collect(),
+            window_steps: 5,
+            motion: Motion::Rotation,
+            objective: Objective::Makespan,
+            radius_m: 0.125,
+            ..Instance::default()
+        },
         tasks: vec![
             Task {
                 id: 1,
-                cells: vec![4],
+                places: vec![4],
             },
             Task {
                 id: 4,
-                cells: vec![],
+                places: vec![],
             },
         ],
-        window_steps: 5,
-        motion: Motion::Rotation,
-        objective: Objective::Makespan,
-        radius_m: 0.125,
-        allows_cycles: false,
+        parts: Vec::new(),
     };
-    let next = session.generate(&state, &budget(0)).expect("an instance");
-    let expected = Instance {
-        starts: vec![0, 5],
-        headings: state.headings.clone(),
+    let next = session.generate(&state, &budget(0)).expect("a request");
+    let expected = Request {
         goals: [[1, 4], [3, 4]].into_iter().collect(),
-        motion: Motion::Rotation,
-        objective: Objective::Makespan,
         window_steps: 7,
-        radius_m: 0.125,
-        allows_cycles: false,
+        window_s: 0.0,
         assignments: vec![
             Assignment {
                 agent: 1,

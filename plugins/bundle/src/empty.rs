@@ -6,7 +6,8 @@
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Instance, Kind, Lists, SharedEnvironment, Status,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, Lists,
+    SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -66,7 +67,7 @@ impl Planner for Empty {
         let length = 1 + self.steps as usize;
         let starts = instance.starts.iter();
         let stay: Lists<u32> = starts.map(|at| std::iter::repeat_n(*at, length)).collect();
-        sink.submit_plan(&stay.into())?;
+        sink.submit(&GridPlan::from(stay))?;
         let mut agents = instance.starts.iter().zip(instance.goals.iter());
         if agents.all(|(start, goals)| goals.iter().all(|goal| goal == start)) {
             Ok(())

@@ -5,7 +5,9 @@ use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_mapf::plugin::{Lacam, Pibt};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
+use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
+use fleetyard_plugin_roadmap::plugin::RoadmapPrioritised;
 use fleetyard_plugin_search::plugin as search;
 
 mod empty;
@@ -20,6 +22,8 @@ fleetyard_abi::export! {
         MapfLns,
         ConflictBasedSearch,
         BoundedSearch,
+        RoadmapPrioritised,
+        PlanePrioritised,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

@@ -18,8 +18,8 @@ const CHANGES: [(&str, &str, &str); 4] = [
     ),
     (
         "renamed",
-        "    pub window_steps: u32,\n    /// Non-zero",
-        "    pub horizon: u32,\n    /// Non-zero",
+        "    pub window_steps: u32,\n    /// Zero",
+        "    pub horizon: u32,\n    /// Zero",
     ),
     ("same", "", ""),
 ];

@@ -12,8 +12,8 @@ use fleetyard_abi::sdk::{
     FailPolicy, InstanceGenerator, InvocationPolicy, Options, Plugin, Rejected, Sink,
 };
 use fleetyard_abi::{
-    Budget, Environment, FleetState, FleetStatus, Goals, GridEnvironment, GridPlan, Instance,
-    LogLevel, Motion, Objective, SharedEnvironment,
+    Budget, FleetState, FleetStatus, Goals, GridEnvironment, GridPlan, Instance, LogLevel, Plan,
+    PlanRef, Request, SharedEnvironment,
 };
 use fleetyard_plugin_fleet::generate::{DistinctOneGoal, OneGoal, WindowedMultiGoals};
 use fleetyard_plugin_fleet::invocation::{EventBased, Periodic};
@@ -21,6 +21,7 @@ use fleetyard_plugin_fleet::recover::{AllWait, GuidedPibt, Lrgw, Pibt, RuleBased
 
 const BUDGET: Budget = Budget {
     deadline_monotonic_ns: u64::MAX,
+    answer_by_ns: u64::MAX,
     wall_ns: 1_000_000_000,
     nodes: 0,
     memory_bytes: 0,
@@ -31,14 +32,15 @@ const BUDGET: Budget = Budget {
 struct Taken;
 
 impl Sink for Taken {
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
-        black_box(plan.cells().len());
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        black_box(plan.entries());
         Ok(())
     }
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
-        black_box(instance.goals.len());
+    fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
+        black_box(request.goals.len());
         Ok(())
     }
+    fn note(&self, _: &str, _: &str) {}
     fn metric(&self, _: &str, _: f64) {}
     fn log(&self, _: LogLevel, _: &str) {}
     fn progress(&self, _: u64, _: u64) {}
@@ -54,23 +56,14 @@ fn below(state: &mut u64, bound: usize) -> usize {
     (*state >> 33) as usize % bound
 }
 
-type Yard = (usize, SharedEnvironment, FleetState, GridPlan);
+type Yard = (usize, SharedEnvironment, FleetState, Plan);
 
 /// A warehouse, a fleet in a fifth of its free cells, and walks of twenty steps that collide.
 fn yard(agents: usize) -> Yard {
     let side = ((agents * 8) as f64).sqrt() as u32;
     let free = |cell: u32| !((cell / side) % 4 < 2 && (cell % side) % 12 < 10);
     let passable: Vec<u8> = (0..side * side).map(|cell| free(cell).into()).collect();
-    let environment = Arc::new(Environment::Grid(GridEnvironment {
-        map_name: "warehouse".into(),
-        rows: side,
-        cols: side,
-        connectivity: 4,
-        cell_size_m: 1.0,
-        step_s: 0.5,
-        terrain: passable.clone(),
-        passable,
-    }));
+    let environment = Arc::new(GridEnvironment::four_connected(side, side, passable).into());
     let mut state = 1;
     let mut cells: Vec<u32> = (0..side * side).filter(|cell| free(*cell)).collect();
     let all = cells.clone();
@@ -99,18 +92,18 @@ fn yard(agents: usize) -> Yard {
         }
         path
     });
-    let walks = GridPlan::from_paths(walks.collect::<Vec<_>>());
+    let walks = GridPlan::from_paths(walks.collect::<Vec<_>>()).into();
     let fleet = FleetState {
         time_s: 10.0,
-        cells,
-        headings: None,
-        goals,
+        next: Instance {
+            starts: cells,
+            goals,
+            window_steps: 20,
+            radius_m: 0.4,
+            ..Instance::default()
+        },
         tasks: Vec::new(),
-        window_steps: 20,
-        motion: Motion::Pebble,
-        objective: Objective::SumOfCosts,
-        radius_m: 0.4,
-        allows_cycles: false,
+        parts: Vec::new(),
     };
     (agents, environment, fleet, walks)
 }
@@ -154,7 +147,7 @@ fn policy<P: FailPolicy>(c: &mut Criterion, fleets: &[Yard]) {
         let mut map = policy
             .prepare(environment, &BUDGET, &Taken)
             .expect("it learns the map");
-        let instance = fleet.instance(fleet.goals.clone());
+        let instance = fleet.next.clone();
         c.bench_function(&format!("{}/{agents}", P::descriptor().id), |b| {
             b.iter_custom(|times| {
                 timed(times, || {
@@ -181,7 +174,7 @@ fn benches(c: &mut Criterion) {
             since_last_call_s: 0.5,
             planning_limit_s: 1.0,
             action_s: 0.5,
-            actions_left: vec![7; fleet.cells.len()],
+            actions_left: vec![7; fleet.next.agents()],
         };
         let (mut periodic, mut event) = (made::<Periodic>(), made::<EventBased>());
         c.bench_with_input(

@@ -16,7 +16,7 @@
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Assignment, Budget, Capability, Descriptor, FleetState, Goals, Instance, Kind,
+    Assignment, Budget, Capability, Descriptor, FleetState, Goals, Instance, Kind, Request,
     SharedEnvironment, Status, Task,
 };
 use fleetyard_plugin_spacetime::graph::Vertex;
@@ -93,32 +93,33 @@ impl<R: Rule> InstanceGenerator for Generator<R> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let ground = &*ground;
-        if state.goals.len() != state.cells.len() {
+        let Instance { starts, goals, .. } = &state.next;
+        if goals.len() != starts.len() {
             return Err(invalid(format!(
                 "the fleet has {} agents, but {} lists of goals",
-                state.cells.len(),
-                state.goals.len()
+                starts.len(),
+                goals.len()
             )));
         }
-        let at = ground.places(&state.cells)?;
+        let at = ground.places(starts)?;
         let given = give(ground, state, &at, sink)?;
-        let mut upcoming: Vec<&[u32]> = state.goals.iter().collect();
+        let mut upcoming: Vec<&[u32]> = goals.iter().collect();
         for (agent, task) in &given {
-            upcoming[*agent] = &task.cells;
+            upcoming[*agent] = &task.places;
         }
         let fleet = Fleet {
             ground,
             at: &at,
             upcoming: &upcoming,
-            window_steps: state.window_steps,
+            window_steps: state.next.window_steps,
         };
         let assignments = given.iter().map(|(agent, task)| Assignment {
             agent: *agent as u32,
             task: task.id,
         });
-        sink.submit_instance(&Instance {
+        sink.submit_request(&Request {
             assignments: assignments.collect(),
-            ..state.instance(self.0.goals(&fleet, sink)?)
+            ..state.request(self.0.goals(&fleet, sink)?)
         })?;
         Ok(())
     }
@@ -148,7 +149,7 @@ fn give<'s>(
     // How many are idle in a region, by the vertex that numbers it.
     let mut left = vec![0_u32; ground.graph.len()];
     let mut total = 0;
-    for (agent, goals) in state.goals.iter().enumerate() {
+    for (agent, goals) in state.next.goals.iter().enumerate() {
         if goals.is_empty() {
             idle[at[agent] as usize] = agent as u32;
             left[ground.region(at[agent]) as usize] += 1;
@@ -162,7 +163,7 @@ fn give<'s>(
         }
         check(sink)?;
         let visits: Option<Vec<Vertex>> = task
-            .cells
+            .places
             .iter()
             .map(|cell| ground.graph.vertex(*cell))
             .collect();

@@ -178,7 +178,7 @@ mod tests {
 
     fn ground(rows: u32, cols: u32, blocked: &[bool]) -> Ground {
         let passable: Vec<u8> = blocked.iter().map(|blocked| u8::from(!blocked)).collect();
-        let environment = Environment::Grid(GridEnvironment::four_connected(rows, cols, passable));
+        let environment = GridEnvironment::four_connected(rows, cols, passable).into();
         Ground::learn(&environment).unwrap()
     }
 

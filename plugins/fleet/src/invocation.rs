@@ -116,19 +116,20 @@ impl InvocationPolicy for EventBased {
 #[cfg(test)]
 mod tests {
     use fleetyard_abi::sdk::Rejected;
-    use fleetyard_abi::{GridPlan, Instance, LogLevel, Status};
+    use fleetyard_abi::{LogLevel, PlanRef, Request, Status};
 
     use super::*;
 
     struct Deaf;
 
     impl Sink for Deaf {
-        fn submit_plan(&self, _: &GridPlan) -> Result<(), Rejected> {
-            Err(Rejected)
+        fn submit_plan(&self, _: PlanRef<'_>) -> Result<(), Rejected> {
+            Err(Rejected::Malformed)
         }
-        fn submit_instance(&self, _: &Instance) -> Result<(), Rejected> {
-            Err(Rejected)
+        fn submit_request(&self, _: &Request) -> Result<(), Rejected> {
+            Err(Rejected::Malformed)
         }
+        fn note(&self, _: &str, _: &str) {}
         fn metric(&self, _: &str, _: f64) {}
         fn log(&self, _: LogLevel, _: &str) {}
         fn progress(&self, _: u64, _: u64) {}

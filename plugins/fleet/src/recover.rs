@@ -21,7 +21,8 @@ mod wait;
 
 use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, GridPlan, Instance, Kind, Motion, SharedEnvironment, Status,
+    Budget, Capability, Descriptor, GridPlan, Instance, Kind, Motion, Plan, SharedEnvironment,
+    Status,
 };
 use fleetyard_plugin_spacetime::graph::{Vertex, direction};
 use fleetyard_plugin_spacetime::plan::plan_of;
@@ -102,12 +103,16 @@ impl<R: Recovery> FailPolicy for Policy<R> {
         &mut self,
         map: &mut R::Map,
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        self.0
-            .recover(map, instance, failed, &Call::new(budget, sink))
+        self.0.recover(
+            map,
+            instance,
+            failed.and_then(Plan::cells),
+            &Call::new(budget, sink),
+        )
     }
 }
 
@@ -135,8 +140,8 @@ impl<'a> Problem<'a> {
                 })?;
                 Some(headings.iter().copied().map(direction).collect())
             }
-            Motion::AnyAngle => {
-                let reason = "any-angle motion is not supported";
+            Motion::AnyAngle | Motion::StopGo | Motion::Slower | Motion::Dynamics => {
+                let reason = "motion other than pebbles' and with turns is not supported";
                 return Err(Failure::new(Status::Unsupported, reason));
             }
         };

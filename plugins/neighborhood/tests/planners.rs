@@ -53,14 +53,11 @@ proptest! {
 }
 
 fn budget(nodes: u64, threads: u32) -> Budget {
-    let wall_ns = 60_000_000_000;
     Budget {
-        deadline_monotonic_ns: monotonic_ns() + wall_ns,
-        wall_ns,
         nodes,
-        memory_bytes: 0,
         threads,
         seed: 7,
+        ..Budget::lasting(monotonic_ns(), 60_000_000_000)
     }
 }
 

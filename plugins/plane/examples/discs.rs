@@ -7,7 +7,7 @@ use std::error::Error;
 use std::time::Instant;
 
 use fleetyard_plugin_plane::orders::End;
-use fleetyard_plugin_plane::prioritised::{Outcome, plan};
+use fleetyard_plugin_plane::prioritised::{Outcome, World, plan};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -18,14 +18,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (limit, seed) = (number(0, 1000)?, number(1, 1)?);
     let case = support::Case::read(tasks.as_ref(), discs.parse()?)?;
     let begin = Instant::now();
-    let outcome = plan(
-        &case.polygons,
-        case.bounds,
-        &case.discs,
-        limit,
-        seed,
-        &mut || false,
-    );
+    let world = World {
+        polygons: case.polygons,
+        bounds: case.bounds,
+        movers: Vec::new(),
+    };
+    let outcome = plan(&world, &case.discs, limit, seed, &mut || false);
     let seconds = begin.elapsed().as_secs_f64();
     match outcome {
         Outcome::Ordered {

@@ -10,13 +10,15 @@
 //! - [`tangent`]: the shortest path of one disc among them;
 //! - [`timing`]: the times of a disc on a given way among others;
 //! - [`orders`]: orders of priority;
-//! - [`prioritised`]: teams of discs in the plane.
+//! - [`prioritised`]: teams of discs in the plane;
+//! - [`plugin`]: the planner behind the contract.
 #![forbid(unsafe_code)]
 
 pub mod bins;
 pub mod motion;
 pub mod obstacles;
 pub mod orders;
+pub mod plugin;
 pub mod prioritised;
 pub mod spans;
 pub mod tangent;

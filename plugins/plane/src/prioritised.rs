@@ -26,6 +26,26 @@ pub struct Disc {
     pub goal: Vector,
 }
 
+/// A disc that moves in a known way, and rests at its last stop.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mover {
+    /// In metres.
+    pub radius: f64,
+    /// Its stops from time 0 on.
+    pub stops: Vec<Stop>,
+}
+
+/// The world in which discs move.
+#[derive(Debug, Clone, PartialEq)]
+pub struct World {
+    /// The corners of obstacles.
+    pub polygons: Vec<Vec<Vector>>,
+    /// The box that no disc leaves.
+    pub bounds: Rectangle,
+    /// Discs that give way to nobody.
+    pub movers: Vec<Mover>,
+}
+
 /// Result of planning.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
@@ -45,10 +65,9 @@ pub enum Outcome {
 /// Discs keep so much more distance from each other, as a share of their radii: times are rounded.
 const MARGIN: f64 = 1e-9;
 
-/// Plans for discs among polygons, in a box. At most `limit` orders are tried.
+/// Plans for discs in a world. At most `limit` orders are tried.
 pub fn plan(
-    polygons: &[Vec<Vector>],
-    bounds: Rectangle,
+    world: &World,
     discs: &[Disc],
     limit: u64,
     seed: u64,
@@ -60,7 +79,11 @@ pub fn plan(
     for (number, disc) in discs.iter().enumerate() {
         let same = |obstacles: &Obstacles| obstacles.radius().total_cmp(&disc.radius).is_eq();
         places.push(known.iter().position(same).unwrap_or_else(|| {
-            known.push(Obstacles::new(polygons.to_vec(), bounds, disc.radius));
+            known.push(Obstacles::new(
+                world.polygons.clone(),
+                world.bounds,
+                disc.radius,
+            ));
             known.len() - 1
         }));
         match Tangents::new(&known[places[number]]).shortest(disc.start, disc.goal, stop) {
@@ -69,6 +92,17 @@ pub fn plan(
             None => return Outcome::NoWay(number),
         }
     }
+    let parked: Vec<_> = world
+        .movers
+        .iter()
+        .filter_map(|mover| {
+            let at = mover.stops.last()?.at;
+            Some(obstacles::Disc {
+                at,
+                radius: mover.radius,
+            })
+        })
+        .collect();
     let (end, orders) = try_orders(longest_first(&lengths), limit, seed, |order| {
         let mut plans: Vec<Vec<Stop>> = vec![Vec::new(); discs.len()];
         for (place, agent) in order.iter().map(|agent| *agent as usize).enumerate() {
@@ -78,13 +112,17 @@ pub fn plan(
             let after = order[place + 1..]
                 .iter()
                 .map(|other| &discs[*other as usize]);
-            let goals: Vec<_> = before.map(|other| rest(other.goal, other.radius)).collect();
+            let goals = before.map(|other| rest(other.goal, other.radius));
+            let goals: Vec<_> = goals.chain(parked.iter().copied()).collect();
             let starts = after.map(|other| rest(other.start, other.radius));
             let moving = order[..place].iter().flat_map(|other| {
                 let distance = (disc.radius + discs[*other as usize].radius) * (1.0 + MARGIN);
                 obstructions(&plans[*other as usize], distance)
             });
-            let moving: Vec<Obstruction> = moving.collect();
+            let moved = world.movers.iter().flat_map(|mover| {
+                obstructions(&mover.stops, (disc.radius + mover.radius) * (1.0 + MARGIN))
+            });
+            let moving: Vec<Obstruction> = moving.chain(moved).collect();
             let all = goals.iter().copied().chain(starts).collect();
             let stops = [all, goals.clone(), Vec::new()]
                 .into_iter()

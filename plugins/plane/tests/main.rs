@@ -370,7 +370,8 @@ mod teams {
     use fleetyard_plugin_plane::bins::Rectangle;
     use fleetyard_plugin_plane::obstacles::Obstacles;
     use fleetyard_plugin_plane::orders::End;
-    use fleetyard_plugin_plane::prioritised::{Disc, Outcome, plan};
+    use fleetyard_plugin_plane::prioritised::{Disc, Mover, Outcome, World, plan};
+    use fleetyard_plugin_plane::timing::Stop;
     use proptest::prelude::*;
 
     use super::support::least_clearance;
@@ -394,6 +395,14 @@ mod teams {
             block(3.9, 3.6, 4.1, 6.0),
             block(1.5, 1.0, 2.5, 2.0),
         ]
+    }
+
+    fn world(polygons: Vec<Vec<Vector>>) -> World {
+        World {
+            polygons,
+            bounds: bounds(),
+            movers: Vec::new(),
+        }
     }
 
     fn discs() -> impl Strategy<Value = Vec<Disc>> {
@@ -435,14 +444,41 @@ mod teams {
         #![proptest_config(ProptestConfig::with_cases(120))]
 
         #[test]
-        fn discs_keep_clear_of_each_other_and_of_walls(discs in discs(), seed in 0..3_u64) {
-            let found = plan(&polygons(), bounds(), &discs, 10, seed, &mut || false);
-            prop_assert_eq!(&found, &plan(&polygons(), bounds(), &discs, 10, seed, &mut || false));
+        fn discs_keep_clear_of_each_other_and_of_walls(
+            discs in discs(),
+            seed in 0..3_u64,
+            moved in prop::bool::ANY,
+        ) {
+            // It comes along a free aisle and leaves the way that it came.
+            let stop = |x: f64, arrival: f64, departure: f64| Stop {
+                at: Vector::new(x, -1.0),
+                arrival,
+                departure,
+            };
+            let mover = Mover {
+                radius: 1.3,
+                stops: vec![
+                    stop(-3.0, 0.0, 1.0),
+                    stop(9.0, 7.0, 8.0),
+                    stop(-3.0, 14.0, f64::INFINITY),
+                ],
+            };
+            let world = World {
+                movers: moved.then(|| mover.clone()).into_iter().collect(),
+                ..world(polygons())
+            };
+            let found = plan(&world, &discs, 10, seed, &mut || false);
+            prop_assert_eq!(&found, &plan(&world, &discs, 10, seed, &mut || false));
             let Outcome::Ordered { end: End::Solved(plans), .. } = found else {
-                prop_assert!(discs.len() > 1, "one disc alone has a way");
+                prop_assert!(discs.len() > 1 || moved, "one disc alone has a way");
                 return Ok(());
             };
-            let clearance = least_clearance(&discs, &plans);
+            let (mut bodies, mut stops) = (discs.clone(), plans.clone());
+            if moved {
+                bodies.push(Disc { radius: mover.radius, ..discs[0] });
+                stops.push(mover.stops);
+            }
+            let clearance = least_clearance(&bodies, &stops);
             prop_assert!(clearance > -1e-7, "{clearance} m");
             for (disc, stops) in discs.iter().zip(&plans) {
                 let (first, last) = (stops[0], stops[stops.len() - 1]);
@@ -470,14 +506,8 @@ mod teams {
             start: Vector::new(x, 3.0),
             goal: Vector::new(to, 3.0),
         };
-        let found = plan(
-            &[wall],
-            bounds(),
-            &[disc(1.0, 2.0), disc(3.0, 5.0)],
-            10,
-            1,
-            &mut || false,
-        );
+        let discs = [disc(1.0, 2.0), disc(3.0, 5.0)];
+        let found = plan(&world(vec![wall]), &discs, 10, 1, &mut || false);
         assert_eq!(found, Outcome::NoWay(1));
     }
 }

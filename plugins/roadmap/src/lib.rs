@@ -8,11 +8,13 @@
 //! - [`plan`]: paths as visits;
 //! - [`reservation::Reservations`]: the times that paths of others leave;
 //! - [`sipp::Search`]: the earliest path of one disc among the paths of others;
-//! - [`priority`]: prioritised planning with restarts.
+//! - [`priority`]: prioritised planning with restarts;
+//! - [`plugin`]: the planner behind the contract.
 #![forbid(unsafe_code)]
 
 pub mod closeness;
 pub mod plan;
+pub mod plugin;
 pub mod priority;
 pub mod reservation;
 pub mod roadmap;

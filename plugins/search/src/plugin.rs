@@ -119,7 +119,7 @@ impl<V: Variety> Planner for GridPlanner<V> {
                 return Err(Failure::new(Status::InvalidInput, reason));
             }
         }
-        let answer_by = budget.answer_by_ns();
+        let answer_by = budget.answer_by_ns;
         let mut told = || monotonic_ns() >= answer_by || sink.cancelled();
         let nodes = (budget.nodes > 0).then_some(budget.nodes);
         let mut limit = Limit::new(nodes, &mut told);
@@ -129,7 +129,7 @@ impl<V: Variety> Planner for GridPlanner<V> {
         sink.metric("expansions", answer.expansions as f64);
         let failed = |status, reason| Err(Failure::new(status, reason));
         match answer.outcome {
-            Outcome::Found => Ok(sink.submit_plan(&GridPlan::from_paths([&self.path]))?),
+            Outcome::Found => Ok(sink.submit(&GridPlan::from_paths([&self.path]))?),
             Outcome::NoPath => failed(Status::Infeasible, "the goal cannot be reached"),
             Outcome::GaveUp => failed(
                 Status::GaveUp,

@@ -133,7 +133,7 @@ impl<'a> Call<'a> {
         Self {
             budget,
             sink,
-            answer_by_ns: budget.answer_by_ns(),
+            answer_by_ns: budget.answer_by_ns,
         }
     }
 
@@ -150,7 +150,7 @@ impl<'a> Call<'a> {
 
     /// Submits a plan. One that comes too late is no fault.
     pub fn submit(&self, plan: &GridPlan) {
-        let _ = self.sink.submit_plan(plan);
+        let _ = self.sink.submit(plan);
     }
 
     /// Reports a figure.

@@ -222,8 +222,8 @@ impl Ground {
         let turning = match instance.motion {
             Motion::Pebble => false,
             Motion::Rotation => true,
-            Motion::AnyAngle => {
-                let what = "any-angle motion is";
+            Motion::AnyAngle | Motion::StopGo | Motion::Slower | Motion::Dynamics => {
+                let what = "motion other than pebbles' and with turns is";
                 return Err(ProblemError::Unsupported { what });
             }
         };

@@ -634,6 +634,7 @@ fn environment_of() -> Environment {
 fn budget_of() -> Budget {
     Budget {
         deadline_monotonic_ns: u64::MAX,
+        answer_by_ns: u64::MAX,
         wall_ns: 1_000_000,
         nodes: 0,
         memory_bytes: 0,
@@ -666,7 +667,7 @@ impl Taken {
 }
 
 impl Sink for Taken {
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
         self.now().plans.push(plan.clone());
         Ok(())
     }

@@ -335,7 +335,7 @@ mod server {
                 path.extend_from_slice(&instance.goals[agent]);
                 path
             });
-            sink.submit_plan(&GridPlan::from_paths(paths))?;
+            sink.submit(&GridPlan::from_paths(paths))?;
             Ok(())
         }
     }
@@ -349,7 +349,7 @@ mod server {
             sink: &dyn Sink,
         ) -> Result<(), Failure> {
             let stay = GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell]));
-            sink.submit_plan(failed.unwrap_or(&stay))?;
+            sink.submit(failed.unwrap_or(&stay))?;
             Ok(())
         }
     }

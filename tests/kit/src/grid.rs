@@ -197,7 +197,7 @@ impl Case {
 
     /// The map as a host hands it to a plugin.
     pub fn environment(&self) -> SharedEnvironment {
-        Environment::Grid(self.map.clone()).into()
+        Environment::from(self.map.clone()).into()
     }
 
     /// The reason why paths are no plan for the instance: [`motions`](Self::motions),

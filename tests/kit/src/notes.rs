@@ -4,28 +4,34 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fleetyard_abi::sdk::{Rejected, Sink};
-use fleetyard_abi::{GridPlan, Instance, LogLevel};
+use fleetyard_abi::{GridPlan, LogLevel, Plan, PlanRef, Request};
 
 /// Accepts and keeps everything that is submitted.
 #[derive(Debug, Default)]
 pub struct Notes {
-    /// All plans, in the order in which they came.
+    /// All plans on grids, in the order in which they came.
     pub plans: Mutex<Vec<GridPlan>>,
-    /// The last instance.
-    pub instance: Mutex<Option<Instance>>,
+    /// All plans on roadmaps and in the plane, in the order in which they came.
+    pub others: Mutex<Vec<Plan>>,
+    /// The last request.
+    pub request: Mutex<Option<Request>>,
     /// The answer to a plugin that asks for it.
     pub cancelled: AtomicBool,
 }
 
 impl Sink for Notes {
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
-        self.plans.lock().unwrap().push(plan.clone());
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        match plan {
+            PlanRef::Cells(plan) => self.plans.lock().unwrap().push(plan.clone()),
+            other => self.others.lock().unwrap().push(other.to_plan()),
+        }
         Ok(())
     }
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
-        *self.instance.lock().unwrap() = Some(instance.clone());
+    fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
+        *self.request.lock().unwrap() = Some(request.clone());
         Ok(())
     }
+    fn note(&self, _: &str, _: &str) {}
     fn metric(&self, _: &str, _: f64) {}
     fn log(&self, _: LogLevel, _: &str) {}
     fn progress(&self, _: u64, _: u64) {}

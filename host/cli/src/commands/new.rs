@@ -84,8 +84,9 @@ const CPP_SDK: &[(&str, &str)] =
     copies!("abi/include": "fleetyard.hpp" "fleetyard.h" "fleetyard.map");
 
 const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
-    "c.rs" "clock.rs" "convert.rs" "export.rs" "figures.rs" "layout.rs" "lib.rs" "lists.rs" "model.rs" "moves.rs"
-    "object.rs" "paths.rs" "paths/reader.rs" "plan.rs" "sdk.rs" "serve.rs" "wire.rs");
+    "c.rs" "clock.rs" "convert/environment.rs" "convert/instance.rs" "convert/mod.rs"
+    "convert/options.rs" "convert/plan.rs" "convert/sink.rs" "environment.rs" "export.rs"
+    "figures.rs" "layout.rs" "lib.rs" "lists.rs" "model.rs" "moves.rs" "object.rs" "paths.rs" "paths/reader.rs" "plan.rs" "sdk.rs" "serve.rs" "wire.rs");
 
 const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
     "__init__.py" "_model.py" "_paths.py" "_plugins.py" "_server.py" "py.typed");

@@ -5,7 +5,7 @@
 
 use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridEnvironment, GridPlan, Instance, Kind,
+    Budget, Capabilities, Capability, Descriptor, GridEnvironment, GridPlan, Instance, Kind, Plan,
     SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
@@ -82,13 +82,13 @@ impl FailPolicy for SafePrefix {
         &mut self,
         map: &mut Map,
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         _budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let mut paths: Vec<Vec<u32>> = instance.starts.iter().map(|start| vec![*start]).collect();
         // The planner may have left nothing.
-        if let Some(failed) = failed {
+        if let Some(failed) = failed.and_then(Plan::cells) {
             for time in 1..=self.options.steps {
                 let now: Vec<u32> = paths.iter().map(|path| path[time - 1]).collect();
                 let at = |path: &[u32]| path.get(time).or(path.last()).copied();
@@ -103,7 +103,7 @@ impl FailPolicy for SafePrefix {
                 }
             }
         }
-        sink.submit_plan(&GridPlan::from_paths(paths))?;
+        sink.submit(&GridPlan::from_paths(paths))?;
         Ok(())
     }
 }

@@ -7,8 +7,8 @@ use std::collections::{BTreeSet, VecDeque};
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Assignment, Budget, Capabilities, Capability, Descriptor, FleetState, GridEnvironment,
-    Instance, Kind, SharedEnvironment, Status,
+    Assignment, Budget, Capabilities, Capability, Descriptor, FleetState, GridEnvironment, Kind,
+    Request, SharedEnvironment, Status,
 };
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -89,7 +89,7 @@ impl InstanceGenerator for NearestIdle {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         // What agents have to do they keep.
-        let mut goals: Vec<Vec<u32>> = state.goals.iter().map(<[u32]>::to_vec).collect();
+        let mut goals: Vec<Vec<u32>> = state.next.goals.iter().map(<[u32]>::to_vec).collect();
         // Two agents cannot end in the same cell.
         let mut ends: BTreeSet<u32> = goals
             .iter()
@@ -101,21 +101,21 @@ impl InstanceGenerator for NearestIdle {
             if sink.cancelled() {
                 return Err(Failure::new(Status::TimedOut, "the time is up"));
             }
-            let (Some(first), Some(last)) = (task.cells.first(), task.cells.last()) else {
+            let (Some(first), Some(last)) = (task.places.first(), task.places.last()) else {
                 continue;
             };
             let distances = map.distances(*first);
             let steps = |cell: u32| distances[cell as usize];
-            let reachable = task.cells.iter().all(|cell| steps(*cell).is_some());
+            let reachable = task.places.iter().all(|cell| steps(*cell).is_some());
             if ends.contains(last) || !reachable {
                 continue;
             }
             let nearest = (0..goals.len())
                 .filter(|agent| goals[*agent].is_empty())
-                .filter_map(|agent| Some((steps(state.cells[agent])?, agent)))
+                .filter_map(|agent| Some((steps(state.next.starts[agent])?, agent)))
                 .min();
             if let Some((_, agent)) = nearest {
-                goals[agent].clone_from(&task.cells);
+                goals[agent].clone_from(&task.places);
                 ends.insert(*last);
                 assignments.push(Assignment {
                     agent: agent as u32,
@@ -125,13 +125,13 @@ impl InstanceGenerator for NearestIdle {
         }
         for (agent, list) in goals.iter_mut().enumerate() {
             if list.is_empty() {
-                list.push(map.place_to_wait(state.cells[agent], &ends)?);
+                list.push(map.place_to_wait(state.next.starts[agent], &ends)?);
                 ends.extend(list.last());
             }
         }
-        sink.submit_instance(&Instance {
+        sink.submit_request(&Request {
             assignments,
-            ..state.instance(goals.into_iter().collect())
+            ..state.request(goals.into_iter().collect())
         })?;
         Ok(())
     }

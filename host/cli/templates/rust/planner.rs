@@ -94,7 +94,7 @@ impl Planner for Prioritized {
             let failed = loop {
                 let Some(agent) = order.get(paths.len()).copied() else {
                     // By agent, as a map is in the order of its keys.
-                    sink.submit_plan(&GridPlan::from_paths(paths.into_values()))?;
+                    sink.submit(&GridPlan::from_paths(paths.into_values()))?;
                     return Ok(());
                 };
                 match map.find_path(instance, agent, &paths, sink)? {

@@ -169,7 +169,7 @@ pub(crate) fn failed_plan(trial: &mut Trial<'_>) -> Step<()> {
         [&[0], &[4]],
     ];
     for paths in left {
-        let failed = GridPlan::from_paths(paths);
+        let failed = GridPlan::from_paths(paths).into();
         let call = Call {
             failed: Some(&failed),
             ..Call::of(trial.wall())

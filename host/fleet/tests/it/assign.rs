@@ -226,7 +226,7 @@ fn tasks_are_revealed_given_and_done() {
         assigner.open_tasks(),
         [Task {
             id: 4,
-            cells: vec![9, 8]
+            places: vec![9, 8]
         }]
     );
     // A generator may give tasks itself.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use fleetyard_abi::{Budget, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status};
+use fleetyard_abi::{Budget, FleetState, FleetStatus, Kind, Request, SharedEnvironment, Status};
 use serde_json::Value;
 
 use crate::Fault;
@@ -31,8 +31,8 @@ pub(super) trait Attachment {
     /// Asks a planner or a fail policy for a plan.
     fn solve(&mut self, call: &PlanCall<'_>, budget: &Budget) -> PlanRun;
 
-    /// Asks an instance generator for the next instance.
-    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault>;
+    /// Asks an instance generator what the next instance is.
+    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault>;
 
     /// Asks an invocation policy whether to call the planner now.
     fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault>;
@@ -64,7 +64,7 @@ pub(super) fn reported(method: &str, status: Status, message: Option<String>) ->
     }
 }
 
-/// The fault for which a call gave no instance although it succeeded.
-pub(super) fn no_instance(method: &str) -> Fault {
-    protocol(method, "it claims success but submitted no instance")
+/// The fault for which a call gave no request although it succeeded.
+pub(super) fn no_request(method: &str) -> Fault {
+    protocol(method, "it claims success but submitted no request")
 }

@@ -13,7 +13,10 @@ pub const INTRODUCTION_BYTES: usize = 4 << 20;
 /// Longest message afterwards; the paths of a plan are not counted.
 pub const MESSAGE_BYTES: usize = 4 << 20;
 
-/// Bytes by which a generator's instance may be longer, for every agent.
+/// Longest message with a plan on a roadmap or in the plane, which is text until it has ended.
+pub const PLAN_TEXT_BYTES: usize = 64 << 20;
+
+/// Bytes by which a generator's request may be longer, for every agent.
 pub const AGENT_BYTES: usize = 4 << 10;
 
 /// Most cells of any plan.
@@ -39,6 +42,9 @@ pub const STDERR_BYTES: usize = 64 << 10;
 
 /// Most figures of a call that are kept, and the longest name of one.
 pub const METRICS: usize = 1000;
+/// Most bytes of the text of a note; there are as many as figures.
+pub const NOTE_BYTES: usize = 1 << 10;
+
 /// See [`METRICS`].
 pub const METRIC_NAME_BYTES: usize = 256;
 

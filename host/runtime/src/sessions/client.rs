@@ -7,7 +7,9 @@
 use std::io::ErrorKind;
 use std::time::Duration;
 
-use fleetyard_abi::wire::{self, CancelParams, LogParams, MetricParams, Request, RpcError};
+use fleetyard_abi::wire::{
+    self, CancelParams, LogParams, MetricParams, NoteParams, Request, RpcError,
+};
 use fleetyard_abi::{Budget, LogLevel};
 use serde::Serialize;
 
@@ -49,6 +51,8 @@ pub(crate) enum Notice {
     Incumbent { read: Read, arrived_ns: u64 },
     /// A figure.
     Metric(MetricParams),
+    /// A fact about the plugin's inputs.
+    Note(NoteParams),
 }
 
 /// An answer.
@@ -491,13 +495,16 @@ impl<T: Transport> Client<T> {
                 let reason = "it submitted a plan before it was asked for one";
                 return Err(Broken::Protocol(reason.into()));
             }
-            Message::Incumbent(paths) => {
-                let read = wait.expected.read(paths, found(Part::Params));
+            Message::Incumbent(plan) => {
+                let read = wait.expected.read(&plan, found(Part::Params));
                 let notice = Notice::Incumbent { read, arrived_ns };
                 notify(notice).map_err(Broken::Protocol)?;
             }
             Message::Metric(metric) => {
                 notify(Notice::Metric(metric)).map_err(Broken::Protocol)?;
+            }
+            Message::Note(note) => {
+                notify(Notice::Note(note)).map_err(Broken::Protocol)?;
             }
             Message::Log(LogParams { level, text }) => self.log.push(level, &text, LOG_BYTES),
             Message::Answer { id, result } => {

@@ -5,12 +5,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetyard_abi::convert::wrong_agents;
+use fleetyard_abi::paths::PlanContext;
 use fleetyard_abi::sdk::{Rejected, Sink};
-use fleetyard_abi::{Budget, GridPlan, Instance, LogLevel, monotonic_ns};
+use fleetyard_abi::{Budget, Instance, LogLevel, Plan, PlanRef, Request, monotonic_ns};
 
 use crate::interrupt::interrupted_by;
 use crate::sessions::bounds::{
-    INCUMBENTS, LOG_BYTES, METRIC_NAME_BYTES, METRICS, OLDER_BYTES, plan_bytes,
+    INCUMBENTS, LOG_BYTES, METRIC_NAME_BYTES, METRICS, NOTE_BYTES, OLDER_BYTES,
 };
 use crate::sessions::convert::plan_from_abi;
 use crate::sessions::log::Log;
@@ -18,9 +19,10 @@ use crate::sessions::plan_run::Incumbent;
 
 /// Takes what a plugin submits during a call, whichever way it comes.
 pub(crate) struct Collector {
-    /// Of the map.
-    cells: u32,
+    /// Cells of the map, or vertices.
+    places: u32,
     pub(crate) started_ns: u64,
+    answer_by_ns: u64,
     deadline_ns: u64,
     agents: Option<usize>,
     collected: Mutex<Collected>,
@@ -34,17 +36,19 @@ pub(crate) struct Collected {
     older_bytes: usize,
     pub(crate) late: u64,
     pub(crate) metrics: BTreeMap<String, f64>,
+    pub(crate) notes: BTreeMap<String, String>,
     pub(crate) log: Log,
-    pub(crate) instance: Option<Instance>,
+    pub(crate) request: Option<Request>,
     pub(crate) fault: Option<String>,
 }
 
 impl Collector {
     /// For a call that began then.
-    pub(crate) fn new(instance: &Instance, cells: u32, budget: &Budget, started_ns: u64) -> Self {
+    pub(crate) fn new(instance: &Instance, places: u32, budget: &Budget, started_ns: u64) -> Self {
         Self {
-            cells,
+            places,
             started_ns,
+            answer_by_ns: budget.answer_by_ns,
             deadline_ns: budget.deadline_monotonic_ns,
             agents: Some(instance.agents()),
             collected: Mutex::default(),
@@ -54,8 +58,9 @@ impl Collector {
     /// For calls that ask for no plan.
     pub(crate) fn idle() -> Self {
         Self {
-            cells: 0,
+            places: 0,
             started_ns: monotonic_ns(),
+            answer_by_ns: u64::MAX,
             deadline_ns: u64::MAX,
             agents: None,
             collected: Mutex::default(),
@@ -77,12 +82,7 @@ impl Collector {
 
     /// Keeps a plan that was read from so many paths on a map of this size, or says why it
     /// breaks the protocol.
-    pub(crate) fn accept(
-        &self,
-        plan: GridPlan,
-        paths: usize,
-        arrived_ns: u64,
-    ) -> Result<(), String> {
+    pub(crate) fn accept(&self, plan: Plan, paths: usize, arrived_ns: u64) -> Result<(), String> {
         if !self.is_wanted(paths, arrived_ns)? {
             return Ok(());
         }
@@ -90,11 +90,30 @@ impl Collector {
         Ok(())
     }
 
-    fn accept_ref(&self, plan: &GridPlan, arrived_ns: u64) -> Result<(), String> {
+    fn accept_ref(&self, plan: PlanRef<'_>, arrived_ns: u64) -> Result<(), String> {
         if self.is_wanted(plan.agents(), arrived_ns)? {
-            self.keep(plan_from_abi(plan, self.cells), arrived_ns);
+            let plan = match plan {
+                PlanRef::Cells(plan) => Plan::Cells(plan_from_abi(plan, self.places)),
+                other => other.to_plan(),
+            };
+            self.keep(plan, arrived_ns);
         }
         Ok(())
+    }
+
+    /// A plan of another form than the map takes breaks the contract.
+    pub(crate) fn check_forms(&self, context: &PlanContext<'_>) {
+        let mut collected = self.lock();
+        let plans = collected
+            .incumbents
+            .iter()
+            .filter_map(|one| one.plan.as_ref());
+        if let Some(reason) = plans
+            .filter_map(|plan| context.check(plan.as_ref()).err())
+            .next()
+        {
+            collected.fault.get_or_insert(reason);
+        }
     }
 
     /// A plan of so many paths counts, unless it is late or breaks the protocol.
@@ -112,7 +131,7 @@ impl Collector {
         Ok(!late)
     }
 
-    fn keep(&self, plan: GridPlan, arrived_ns: u64) {
+    fn keep(&self, plan: Plan, arrived_ns: u64) {
         let arrived = Duration::from_nanos(arrived_ns.saturating_sub(self.started_ns));
         self.lock().keep(arrived, plan);
     }
@@ -121,8 +140,8 @@ impl Collector {
 impl Collected {
     /// The last plan is kept whatever its size, and of the older ones as many as there is
     /// memory for.
-    fn keep(&mut self, arrived: Duration, plan: GridPlan) {
-        let bytes = |plan: &GridPlan| plan_bytes(plan.agents(), plan.cells().len());
+    fn keep(&mut self, arrived: Duration, plan: Plan) {
+        let bytes = |plan: &Plan| plan.as_ref().bytes();
         if self.incumbents.len() >= INCUMBENTS {
             self.incumbents.pop();
         } else if let Some(last) = self.incumbents.last() {
@@ -142,22 +161,32 @@ impl Collected {
 }
 
 impl Sink for Collector {
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
         let arrived = monotonic_ns();
         if let Err(reason) = self.accept_ref(plan, arrived) {
             self.lock().fault.get_or_insert(reason);
-            return Err(Rejected);
+            return Err(Rejected::Malformed);
         }
         if arrived > self.deadline_ns {
-            Err(Rejected)
+            Err(Rejected::TooLate)
         } else {
             Ok(())
         }
     }
 
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
-        self.lock().instance = Some(instance.clone());
+    fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
+        self.lock().request = Some(request.clone());
         Ok(())
+    }
+
+    fn note(&self, name: &str, text: &str) {
+        let mut collected = self.lock();
+        if name.len() <= METRIC_NAME_BYTES
+            && text.len() <= NOTE_BYTES
+            && (collected.notes.len() < METRICS || collected.notes.contains_key(name))
+        {
+            collected.notes.insert(name.to_owned(), text.to_owned());
+        }
     }
 
     fn metric(&self, name: &str, value: f64) {
@@ -177,6 +206,6 @@ impl Sink for Collector {
     fn progress(&self, _: u64, _: u64) {}
 
     fn cancelled(&self) -> bool {
-        monotonic_ns() >= self.deadline_ns || interrupted_by().is_some()
+        monotonic_ns() >= self.answer_by_ns || interrupted_by().is_some()
     }
 }

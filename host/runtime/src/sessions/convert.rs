@@ -22,20 +22,24 @@ pub fn environment_of(
     cell_size_m: f64,
     step_s: f64,
 ) -> SharedEnvironment {
-    let passable = grid
+    let passable: Vec<u8> = grid
         .terrain()
         .iter()
-        .map(|letter| Grid::letter_is_passable(*letter).into());
-    SharedEnvironment::new(Environment::Grid(GridEnvironment {
-        map_name: grid.name().to_owned(),
-        rows: grid.rows(),
-        cols: grid.cols(),
-        connectivity: connectivity.degree(),
+        .map(|letter| Grid::letter_is_passable(*letter).into())
+        .collect();
+    let (rows, cols, degree) = (grid.rows(), grid.cols(), connectivity.degree());
+    let view = GridEnvironment {
+        rows,
+        cols,
+        connectivity: degree,
         cell_size_m,
         step_s,
-        passable: passable.collect(),
+        origin_m: [0.0, 0.0],
+        moves: grid.move_masks(connectivity),
+        passable,
         terrain: grid.terrain().to_vec(),
-    }))
+    };
+    SharedEnvironment::new(Environment::from(view).named(grid.name()))
 }
 
 /// The instance, as a planner is asked to solve it.

@@ -6,7 +6,7 @@ use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options};
 use fleetyard_abi::wire::Outcome;
 use fleetyard_abi::{
-    Budget, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status, monotonic_ns,
+    Budget, FleetState, FleetStatus, Kind, Request, SharedEnvironment, Status, monotonic_ns,
 };
 use serde_json::Value;
 
@@ -14,11 +14,11 @@ use crate::confinement::monitor::CallUsage;
 use crate::confinement::promises::{BrokenPromise, Promises};
 use crate::confinement::sandbox::SandboxReport;
 use crate::interrupt::interrupted_by;
-use crate::sessions::attachment::{Attachment, no_instance, protocol, reported};
+use crate::sessions::attachment::{Attachment, no_request, protocol, reported};
 use crate::sessions::bounds::LOG_BYTES;
 use crate::sessions::collector::{Collected, Collector};
 use crate::sessions::log::Log;
-use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver, starting};
+use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver};
 use crate::sessions::session::Closing;
 use crate::{Fault, Library};
 
@@ -58,7 +58,7 @@ impl InProcess {
 
     /// Asks for a plan; what it comes to before it is judged.
     fn ask(&mut self, call: &PlanCall<'_>, running: &mut Running) -> Result<Outcome, Fault> {
-        call.context()?;
+        let context = call.context()?;
         let method = call.method();
         let (object, instance) = (&mut self.object, call.instance);
         let (budget, collector) = (&running.budget, &running.collector);
@@ -77,6 +77,7 @@ impl InProcess {
             (result, monotonic_ns() - began_ns)
         });
         running.timing.round_trip = Some(Duration::from_nanos(taken_ns));
+        running.collector.check_forms(&context);
         match result {
             Ok(()) => Ok(Outcome {
                 status: Status::Solved,
@@ -113,7 +114,7 @@ impl Attachment for InProcess {
         budget: &Budget,
     ) -> Result<CallReport, Fault> {
         let started = monotonic_ns();
-        let budget = starting(started, budget);
+        let budget = budget.starting(started);
         let prepared = self.call("prepare", |_, object, collector| {
             let object = object.as_mut();
             object
@@ -149,16 +150,16 @@ impl Attachment for InProcess {
         }
     }
 
-    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault> {
+    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault> {
         let method = "generate";
-        let budget = starting(monotonic_ns(), budget);
+        let budget = budget.starting(monotonic_ns());
         let ((), collected) = self.call(method, |_, object, collector| match object {
             Some(Object::InstanceGenerator(generator)) => {
                 generator.generate(state, &budget, collector)
             }
             _ => Err(wrong_object()),
         })?;
-        collected.instance.ok_or_else(|| no_instance(method))
+        collected.request.ok_or_else(|| no_request(method))
     }
 
     fn should_invoke(&mut self, status: &FleetStatus, _: Duration) -> Result<bool, Fault> {

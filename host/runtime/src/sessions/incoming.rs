@@ -7,10 +7,9 @@
 //! order. A reader that pulls (`serde_json::from_reader`) would have to wait inside of a
 //! message, and would hold a string of moves whole before it is one.
 
-use fleetyard_abi::GridPlan;
-use fleetyard_abi::paths::{PathContext, PathsError, PathsReader};
-use serde::de::DeserializeSeed;
-use serde_json::value::RawValue;
+use fleetyard_abi::Plan;
+use fleetyard_abi::paths::{PathContext, PathsError, PathsReader, PlanContext};
+use fleetyard_abi::wire::PlanText;
 
 use crate::sessions::bounds::MESSAGE_BYTES;
 use crate::sessions::message::{self, Cut, Message};
@@ -24,8 +23,8 @@ const NEAR: (usize, usize) = (10, 20);
 /// Messages that a running call accepts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Expected<'a> {
-    /// The context of paths; absent in calls that ask for none.
-    pub(crate) paths: Option<PathContext<'a>>,
+    /// The context of plans; absent in calls that ask for none.
+    pub(crate) plan: Option<PlanContext<'a>>,
     /// Longest message, without paths.
     pub(crate) bytes: usize,
 }
@@ -33,28 +32,32 @@ pub(crate) struct Expected<'a> {
 impl Expected<'_> {
     /// No plan, and messages of the usual length.
     pub(crate) const NO_PLAN: Self = Self {
-        paths: None,
+        plan: None,
         bytes: MESSAGE_BYTES,
     };
 
-    /// The plan of a message whose `paths` are `value`, unless they were taken out of it.
-    pub(crate) fn read(&self, value: &RawValue, found: Option<Read>) -> Read {
-        let Some(context) = self.paths else {
+    /// The plan of a message, whose paths may have been taken out of it.
+    pub(crate) fn read(&self, text: &PlanText<'_>, found: Option<Read>) -> Read {
+        let Some(context) = self.plan else {
             return Err("a plan was submitted in a call that asks for none".into());
         };
         let read = found.unwrap_or_else(|| {
-            let mut value = serde_json::Deserializer::from_str(value.get());
-            let plan: serde_json::Result<GridPlan> = context.deserialize(&mut value);
-            let plan = plan.map_err(|error| error.to_string())?;
+            let plan = context.read(text)?.ok_or("there is none")?;
             let paths = plan.agents();
             Ok((plan, paths))
         });
-        read.map_err(|reason| format!("the paths are malformed: {reason}"))
+        let what = context.field();
+        read.map_err(|reason| format!("the {what} are malformed: {reason}"))
+    }
+
+    /// The context of paths, where a plan is some.
+    fn paths(&self) -> Option<PathContext<'_>> {
+        self.plan.and_then(PlanContext::paths)
     }
 }
 
 /// A plan and how many paths its writer gave, or why it is none.
-pub(crate) type Read = Result<(GridPlan, usize), String>;
+pub(crate) type Read = Result<(Plan, usize), String>;
 
 /// The field of a message that has `paths`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -256,9 +259,10 @@ impl Line {
     /// Takes a part of a message.
     fn take(&mut self, part: &[u8], ends: bool, expected: &Expected<'_>) -> Result<(), String> {
         let mut at = 0;
+        let context = expected.paths();
         while at < part.len() {
-            let (Some(paths), Some(context)) = (&mut self.paths, &expected.paths) else {
-                at += self.keep(&part[at..], expected.paths.is_some());
+            let (Some(paths), Some(context)) = (&mut self.paths, &context) else {
+                at += self.keep(&part[at..], context.is_some());
                 if self.kept.len() > expected.bytes {
                     let limit = expected.bytes >> 20;
                     return Err(format!(
@@ -283,7 +287,8 @@ impl Line {
             }
             if let Some(paths) = self.paths.take_if(|paths| paths.is_done()) {
                 let part = self.scan.part.unwrap_or(Part::Result);
-                if self.found.replace((part, paths.finish())).is_some() {
+                let read = paths.finish().map(|(plan, paths)| (plan.into(), paths));
+                if self.found.replace((part, read)).is_some() {
                     return Err("a message has `paths` twice".into());
                 }
                 // The two brackets that stand for them are kept.
@@ -351,7 +356,7 @@ mod tests {
             max_cells: 50,
         };
         Expected {
-            paths: Some(paths),
+            plan: Some(PlanContext::Paths(paths)),
             bytes: 1 << 20,
         }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::ptr;
 
 use fleetyard_abi::convert::{
-    CEnvironment, CFleetState, CInstance, SinkContext, checked, size_of, string,
+    CEnvironment, CFleetState, CInstance, COptions, SinkContext, checked, size_of, string,
 };
 use fleetyard_abi::layout::{self, LayoutCheck};
 use fleetyard_abi::object::{
@@ -13,8 +13,8 @@ use fleetyard_abi::object::{
 };
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Descriptor, FleetState, FleetStatus, GridPlan, Instance, Kind,
-    PathEncoding, SharedEnvironment, Status, c,
+    Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
+    SharedEnvironment, Status, c,
 };
 
 use crate::Fault;
@@ -35,7 +35,7 @@ struct Located {
     descriptor: Descriptor,
 }
 
-unsafe extern "C" fn no_extension(_: c::Str) -> *const c_void {
+unsafe extern "C" fn no_extension(_: *mut c_void, _: c::Str) -> *const c_void {
     ptr::null()
 }
 
@@ -122,24 +122,12 @@ impl Library {
         let get_factory = entry
             .get_factory
             .ok_or_else(|| Fault::refused(format!("{name}: get_factory is null")))?;
-        // SAFETY: the function is the library's, and the text is static.
-        let layouts = unsafe { get_factory(c::Str::new(layout::RUST_LAYOUT_ID)) };
-        if !layouts.is_null() {
-            // SAFETY: the pointer is the answer to that identifier.
-            if let LayoutCheck::Differs(report) = unsafe { layout::check(layouts) } {
-                return Err(Fault::Refused {
-                    reason: format!("{name} was built against another layout of the contract"),
-                    hint: Some(format!(
-                        "rebuild it with this release of fleetyard-abi\n{report}"
-                    )),
-                });
-            }
-        }
         if let Some(init) = entry.init {
             let host = c::Host {
                 struct_size: size_of::<c::Host>(),
                 abi_major: c::ABI_MAJOR,
                 abi_minor: c::ABI_MINOR,
+                context: ptr::null_mut(),
                 name: c::Str::new("fleetyard"),
                 version: c::Str::new(env!("CARGO_PKG_VERSION")),
                 get_extension: Some(no_extension),
@@ -152,6 +140,19 @@ impl Library {
                 return Err(Fault::refused(format!(
                     "{name}: init failed with code {code}"
                 )));
+            }
+        }
+        // SAFETY: the function is the library's, and the text is static.
+        let layouts = unsafe { get_factory(c::Str::new(layout::RUST_LAYOUT_ID)) };
+        if !layouts.is_null() {
+            // SAFETY: the pointer is the answer to that identifier.
+            if let LayoutCheck::Differs(report) = unsafe { layout::check(layouts) } {
+                return Err(Fault::Refused {
+                    reason: format!("{name} was built against another layout of the contract"),
+                    hint: Some(format!(
+                        "rebuild it with this release of fleetyard-abi\n{report}"
+                    )),
+                });
             }
         }
         for kind in Kind::ALL {
@@ -185,13 +186,13 @@ impl Library {
             return Err("a function of the factory is null".into());
         };
         // SAFETY: a function of the factory.
-        let count = unsafe { count() };
+        let count = unsafe { count(factory.context) };
         if count > MOST_PLUGINS {
             return Err(format!("claims to have {count} plugins"));
         }
         for index in 0..count {
             // SAFETY: the index is in range.
-            let raw = unsafe { checked("descriptor", descriptor(index)) }?;
+            let raw = unsafe { checked("descriptor", descriptor(factory.context, index)) }?;
             // SAFETY: descriptors and their texts are static.
             let descriptor = unsafe { descriptor_from_c(kind, raw)? };
             self.descriptors.push(Located {
@@ -242,9 +243,29 @@ unsafe fn descriptor_from_c(kind: Kind, raw: &c::Descriptor) -> Result<Descripto
         license: text(raw.license),
         capabilities: Capabilities::from_bits(raw.capabilities),
         options_schema,
+        features: unsafe { features(raw)? },
         path_encoding: PathEncoding::Moves,
         id,
     })
+}
+
+/// Most features that a plugin may list.
+const MOST_FEATURES: u32 = 1 << 10;
+
+/// # Safety
+/// The texts are alive.
+unsafe fn features(raw: &c::Descriptor) -> Result<Vec<String>, String> {
+    let (list, count) = (raw.features, raw.feature_count);
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    if count > MOST_FEATURES || list.is_null() || !list.is_aligned() {
+        return Err(format!("lists {count} features, or they are nowhere"));
+    }
+    // SAFETY: by the caller's promise.
+    let list = unsafe { std::slice::from_raw_parts(list, count as usize) };
+    // SAFETY: by the caller's promise.
+    Ok(list.iter().map(|text| unsafe { string(*text) }).collect())
 }
 
 impl Catalog for Library {
@@ -274,7 +295,8 @@ impl Catalog for Library {
             .ok_or_else(|| {
                 Failure::new(Status::Unsupported, format!("there is no {kind} `{id}`"))
             })?;
-        let options = c::Str::new(options.json());
+        let options = COptions::new(options.json());
+        let options = options.raw();
         Ok(match kind {
             Kind::Planner => Object::Planner(Box::new(Foreign::<c::Planner>::create(
                 located, options, sink,
@@ -300,15 +322,17 @@ impl Catalog for Library {
 trait Raw: Copy {
     type Factory;
     const KIND: Kind;
-    fn create_of(factory: &Self::Factory) -> Option<Create<Self>>;
-    fn empty() -> Self;
+    fn create_of(factory: &Self::Factory) -> Option<(*mut c_void, Create<Self>)>;
+    /// Room for one, which says so.
+    fn room() -> Self;
     fn context(&self) -> *mut c_void;
     fn destroy(&self) -> Option<unsafe extern "C" fn(*mut c_void)>;
     /// True if the size is right and no function that must be there is missing.
     fn whole(&self) -> bool;
 }
 
-type Create<T> = unsafe extern "C" fn(u32, c::Str, *const c::Sink, *mut T) -> i32;
+type Create<T> =
+    unsafe extern "C" fn(*mut c_void, u32, *const c::Options, *const c::Sink, *mut T) -> i32;
 
 macro_rules! raw {
     ($kind:ident, $factory:ident, $($call:ident),*) => {
@@ -316,13 +340,13 @@ macro_rules! raw {
             type Factory = c::$factory;
             const KIND: Kind = Kind::$kind;
 
-            fn create_of(factory: &c::$factory) -> Option<Create<Self>> {
-                factory.create
+            fn create_of(factory: &c::$factory) -> Option<(*mut c_void, Create<Self>)> {
+                Some((factory.context, factory.create?))
             }
 
-            fn empty() -> Self {
+            fn room() -> Self {
                 Self {
-                    struct_size: 0,
+                    struct_size: size_of::<Self>(),
                     reserved: 0,
                     context: ptr::null_mut(),
                     $($call: None,)*
@@ -340,7 +364,7 @@ macro_rules! raw {
             }
 
             fn whole(&self) -> bool {
-                self.struct_size == size_of::<Self>() $(&& self.$call.is_some())*
+                self.struct_size >= size_of::<Self>() $(&& self.$call.is_some())*
             }
         }
     };
@@ -391,7 +415,11 @@ fn result(code: i32, context: &SinkContext<'_>) -> Result<(), Failure> {
 }
 
 impl<T: Raw> Foreign<T> {
-    fn create(located: &Located, options: c::Str, sink: &dyn Sink) -> Result<Self, Failure> {
+    fn create(
+        located: &Located,
+        options: *const c::Options,
+        sink: &dyn Sink,
+    ) -> Result<Self, Failure> {
         let internal = |reason: &str| failure(Status::InternalError, reason);
         let get_factory = located
             .entry
@@ -403,12 +431,12 @@ impl<T: Raw> Foreign<T> {
         // SAFETY: the pointer is the answer to that identifier.
         let factory = unsafe { checked("factory", factory.cast::<T::Factory>()) };
         let factory = factory.map_err(Failure::broke_contract)?;
-        let create = T::create_of(factory).ok_or_else(|| internal("no factory"))?;
+        let (owner, create) = T::create_of(factory).ok_or_else(|| internal("no factory"))?;
         let context = SinkContext::new(sink, None, PLAN_CELLS);
         let sink = context.to_c();
-        let mut raw = T::empty();
+        let mut raw = T::room();
         // SAFETY: all arguments live through the call.
-        let code = unsafe { create(located.index, options, &raw const sink, &raw mut raw) };
+        let code = unsafe { create(owner, located.index, options, &raw const sink, &raw mut raw) };
         result(code, &context)?;
         if !raw.whole() {
             return Err(Failure::broke_contract(
@@ -431,8 +459,10 @@ impl<T: Raw> Foreign<T> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let prepare = prepare.ok_or_else(|| failure(Status::InternalError, "no `prepare`"))?;
-        let cells = environment.grid().map_or(0, |grid| grid.passable.len());
+        let cells = environment.places().unwrap_or(0);
         let environment = CEnvironment::new(environment);
+        // The old map stays alive through the call, and is forgotten whatever comes of it.
+        let _old = self.environment.take();
         // SAFETY: all arguments live through the call.
         self.ask(None, budget, sink, |context, budget, sink| unsafe {
             prepare(context, environment.raw(), budget, sink)
@@ -537,19 +567,23 @@ impl FailPolicy for Foreign<c::FailPolicy> {
     fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let recover = self.raw.recover.ok_or_else(|| missing("recover"))?;
         let plans = Some(self.plans(instance));
         let instance = CInstance::new(instance, self.environment()?);
-        let failed = failed.map(GridPlan::to_c);
-        let failed = failed.as_ref().map_or(ptr::null(), ptr::from_ref);
-        // SAFETY: all arguments live through the call.
-        self.ask(plans, budget, sink, |context, budget, sink| unsafe {
-            recover(context, instance.raw(), failed, budget, sink)
-        })
+        let ask = |failed| {
+            // SAFETY: all arguments live through the call.
+            self.ask(plans, budget, sink, |context, budget, sink| unsafe {
+                recover(context, instance.raw(), failed, budget, sink)
+            })
+        };
+        match failed {
+            Some(failed) => failed.as_ref().with_c(ask),
+            None => ask(ptr::null()),
+        }
     }
 }
 
@@ -577,16 +611,23 @@ impl InvocationPolicy for Foreign<c::InvocationPolicy> {
             .ok_or_else(|| missing("should_invoke"))?;
         let context = SinkContext::new(sink, None, PLAN_CELLS);
         let (status, sink) = (status.to_c(), context.to_c());
+        let mut invoke = 0;
         // SAFETY: all arguments live through the call.
-        match unsafe { should_invoke(self.raw.context, &raw const status, &raw const sink) } {
-            c::INVOKE_NOW => Ok(true),
-            c::INVOKE_NOT_YET => Ok(false),
-            code => Err(failure(
-                Status::InternalError,
-                context
-                    .take_message()
-                    .unwrap_or_else(|| format!("it returned {code}")),
-            )),
+        let code = unsafe {
+            should_invoke(
+                self.raw.context,
+                &raw const status,
+                &raw const sink,
+                &raw mut invoke,
+            )
+        };
+        result(code, &context)?;
+        match invoke {
+            0 => Ok(false),
+            1 => Ok(true),
+            other => Err(Failure::broke_contract(format!(
+                "it answered {other}, which is neither 0 nor 1"
+            ))),
         }
     }
 }

@@ -5,7 +5,7 @@
 //! waited for, and what a notification means for the run.
 
 use fleetyard_abi::figures::check_figure;
-use fleetyard_abi::wire::{IncumbentParams, LogParams, MetricParams, RpcError};
+use fleetyard_abi::wire::{LogParams, MetricParams, NoteParams, PlanText, RpcError};
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
@@ -22,10 +22,12 @@ pub enum Message<'a> {
     Blank,
     /// No message: what a library prints that knows nothing of the protocol.
     Stray,
-    /// A plan, its paths still as text.
-    Incumbent(&'a RawValue),
+    /// A plan, still as text.
+    Incumbent(PlanText<'a>),
     /// A figure.
     Metric(MetricParams),
+    /// A fact about its inputs.
+    Note(NoteParams),
     /// A line of the log.
     Log(LogParams),
     /// Another notification. Progress is for people who watch, and what this host does
@@ -108,14 +110,20 @@ pub(crate) fn read_without(line: &[u8], cut: Cut) -> Result<Message<'_>, String>
     let params = fields.params.map_or("null", RawValue::get);
     Ok(match method.as_str() {
         "incumbent" => {
-            let params: IncumbentParams<&RawValue> = payload("`incumbent`", params)?;
-            Message::Incumbent(params.paths)
+            let plan: PlanText<'_> = payload("`incumbent`", params)?;
+            if !plan.is_there() {
+                return Err(
+                    "`incumbent` has no plan: no `paths`, `visits` or `trajectories`".into(),
+                );
+            }
+            Message::Incumbent(plan)
         }
         "metric" => {
             let metric: MetricParams = payload("`metric`", params)?;
             check_figure(&metric.name, metric.value)?;
             Message::Metric(metric)
         }
+        "note" => Message::Note(payload("`note`", params)?),
         "log" => Message::Log(payload("`log`", params)?),
         _ => Message::Ignored,
     })

@@ -3,14 +3,14 @@
 use std::time::Duration;
 
 use fleetyard_abi::figures::longest_call_ns;
-use fleetyard_abi::paths::WritePaths;
+use fleetyard_abi::paths::WritePlan;
 use fleetyard_abi::sdk::Sink;
 use fleetyard_abi::wire::{
     CreateParams, GenerateParams, GenerateResult, InitializeParams, InitializeResult, Outcome,
     PROTOCOL_VERSION, Peer, PlanParams, PlanResult, PrepareParams, RecoverParams,
     ShouldInvokeParams, ShouldInvokeResult,
 };
-use fleetyard_abi::{Budget, FleetState, FleetStatus, Instance, Kind, SharedEnvironment, Status};
+use fleetyard_abi::{Budget, FleetState, FleetStatus, Kind, Request, SharedEnvironment, Status};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -21,12 +21,12 @@ use crate::confinement::monitor::{CallLimits, CallUsage};
 use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
 use crate::confinement::transport::Transport;
-use crate::sessions::attachment::{Attachment, no_instance, protocol, reported};
-use crate::sessions::bounds::{INTRODUCTION_BYTES, message_bytes};
+use crate::sessions::attachment::{Attachment, no_request, protocol, reported};
+use crate::sessions::bounds::{INTRODUCTION_BYTES, MESSAGE_BYTES, PLAN_TEXT_BYTES, message_bytes};
 use crate::sessions::client::{Client, Deadline, Notice, Reply};
 use crate::sessions::incoming::Expected;
 use crate::sessions::message;
-use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver, starting};
+use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver};
 use crate::sessions::session::Closing;
 
 /// A part of a request as text: something large is written before the clock of a call begins.
@@ -49,8 +49,8 @@ impl Written {
             Solver::Planner => None,
             Solver::FailPolicy(failed) => failed,
         };
-        let failed = failed.map(|plan| WritePaths {
-            plan,
+        let failed = failed.map(|plan| WritePlan {
+            plan: plan.as_ref(),
             context,
             encoding: call.encoding,
         });
@@ -117,12 +117,18 @@ impl<T: Transport> Client<T> {
                 collector.metric(&metric.name, metric.value);
                 Ok(())
             }
+            Notice::Note(note) => {
+                collector.note(&note.name, &note.text);
+                Ok(())
+            }
         };
         let budget = running.budget;
         let deadline = Deadline::from(&budget);
+        let context = call.context()?;
         let expected = Expected {
-            paths: Some(call.context()?),
-            ..Expected::NO_PLAN
+            plan: Some(context),
+            // Cells are read as they come; other plans are text until they have ended.
+            bytes: context.paths().map_or(PLAN_TEXT_BYTES, |_| MESSAGE_BYTES),
         };
         let answer = match call.solver {
             Solver::Planner => {
@@ -133,7 +139,7 @@ impl<T: Transport> Client<T> {
                 let params = RecoverParams {
                     instance,
                     budget,
-                    failed_paths: failed.as_deref(),
+                    failed_plan: failed.as_deref(),
                 };
                 self.call(method, params, deadline, expected, &mut notify)?
             }
@@ -148,12 +154,14 @@ impl<T: Transport> Client<T> {
         timing.round_trip = Some(round_trip);
         timing.handled = handled;
         let read = || -> Result<Outcome, String> {
+            let answer: PlanResult<'_> = result(method, &text)?;
+            let plan = answer.plan();
             let PlanResult {
                 status,
                 message,
-                paths,
                 call_ns,
-            } = result(method, &text)?;
+                ..
+            } = answer;
             let took_ns = round_trip.as_nanos() as u64;
             if let Some(call_ns) = call_ns.filter(|call_ns| *call_ns > longest_call_ns(took_ns)) {
                 return Err(format!(
@@ -162,8 +170,8 @@ impl<T: Transport> Client<T> {
                 ));
             }
             timing.claimed = call_ns.map(Duration::from_nanos);
-            if let Some(paths) = paths {
-                let (plan, paths) = expected.read(paths, found)?;
+            if plan.is_there() {
+                let (plan, paths) = expected.read(&plan, found)?;
                 collector.accept(plan, paths, arrived_ns)?;
             }
             Ok(Outcome { status, message })
@@ -192,7 +200,7 @@ impl<T: Transport> Attachment for Client<T> {
         let environment = write("prepare", environment.as_ref())?;
         self.begin_call(budget, self.limits.prepare_cpu);
         let started = self.now_ns();
-        let budget = starting(started, budget);
+        let budget = budget.starting(started);
         let params = PrepareParams {
             environment,
             budget,
@@ -218,17 +226,17 @@ impl<T: Transport> Attachment for Client<T> {
         ended.run(called, usage, self.over())
     }
 
-    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault> {
+    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault> {
         let method = "generate";
         let written = write(method, state)?;
         self.begin_call(budget, self.limits.cpu);
-        let budget = starting(self.now_ns(), budget);
+        let budget = budget.starting(self.now_ns());
         let params = GenerateParams {
             state: written,
             budget,
         };
         let expected = Expected {
-            bytes: message_bytes(state.cells.len()),
+            bytes: message_bytes(state.next.agents()),
             ..Expected::NO_PLAN
         };
         let figures = &mut nothing_but_figures;
@@ -236,10 +244,10 @@ impl<T: Transport> Attachment for Client<T> {
         let GenerateResult {
             status,
             message,
-            instance,
+            request,
         } = read(method, &answer)?;
         succeeded(method, Outcome { status, message })?;
-        instance.ok_or_else(|| no_instance(method))
+        request.ok_or_else(|| no_request(method))
     }
 
     fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault> {
@@ -304,7 +312,7 @@ fn result<'a, T: Deserialize<'a>>(method: &str, answer: &'a str) -> Result<T, St
 fn nothing_but_figures(notice: Notice) -> Result<(), String> {
     match notice {
         Notice::Incumbent { read, .. } => read.map(drop),
-        Notice::Metric(_) => Ok(()),
+        Notice::Metric(_) | Notice::Note(_) => Ok(()),
     }
 }
 

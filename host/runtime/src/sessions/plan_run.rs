@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use fleetyard_abi::paths::PathContext;
+use fleetyard_abi::paths::PlanContext;
 use fleetyard_abi::wire::Outcome;
-use fleetyard_abi::{Budget, GridEnvironment, GridPlan, Instance, PathEncoding, Status};
+use fleetyard_abi::{Budget, Environment, GridPlan, Instance, PathEncoding, Plan, Status};
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
@@ -23,7 +23,7 @@ pub struct Incumbent {
     /// From the start of the call to the arrival of the plan's last byte.
     pub arrived: Duration,
     /// The plan; absent when too many were submitted to keep them all.
-    pub plan: Option<GridPlan>,
+    pub plan: Option<Plan>,
 }
 
 /// The end of a run, whatever the planner claims and the validator finds.
@@ -151,6 +151,8 @@ pub struct PlanRun {
     pub late: u64,
     /// Figures that the plugin reported of itself.
     pub metrics: BTreeMap<String, f64>,
+    /// Facts that the plugin noted about its inputs.
+    pub notes: BTreeMap<String, String>,
     /// Wall time of the call by the host's clock.
     pub planning: Duration,
     /// Wall time of the call as the plugin's process claims it, without transport.
@@ -186,6 +188,7 @@ impl PlanRun {
             incumbents: Vec::new(),
             late: 0,
             metrics: BTreeMap::new(),
+            notes: BTreeMap::new(),
             planning: Duration::ZERO,
             call: None,
             round_trip: None,
@@ -195,10 +198,15 @@ impl PlanRun {
     }
 
     /// The plan that counts.
-    pub fn plan(&self) -> Option<&GridPlan> {
+    pub fn plan(&self) -> Option<&Plan> {
         self.incumbents
             .last()
             .and_then(|incumbent| incumbent.plan.as_ref())
+    }
+
+    /// The plan that counts, if it is one on a grid.
+    pub fn cells(&self) -> Option<&GridPlan> {
+        self.plan().and_then(Plan::cells)
     }
 }
 
@@ -208,7 +216,7 @@ pub(super) enum Solver<'a> {
     /// A planner.
     Planner,
     /// A fail policy, with what the planner left, if it left something.
-    FailPolicy(Option<&'a GridPlan>),
+    FailPolicy(Option<&'a Plan>),
 }
 
 /// A call that asks for a plan.
@@ -216,8 +224,8 @@ pub(super) enum Solver<'a> {
 pub(super) struct PlanCall<'a> {
     pub(super) solver: Solver<'a>,
     pub(super) instance: &'a Instance,
-    /// The map, if the plugin was told a grid map.
-    pub(super) grid: Option<&'a GridEnvironment>,
+    /// The map, if the plugin was told one.
+    pub(super) environment: Option<&'a Environment>,
     /// The encoding in which the plugin wants to read paths.
     pub(super) encoding: PathEncoding,
 }
@@ -231,22 +239,18 @@ impl<'a> PlanCall<'a> {
         }
     }
 
-    fn cells(&self) -> u32 {
-        let cells = |grid: &GridEnvironment| grid.rows.saturating_mul(grid.cols);
-        self.grid.map_or(0, cells)
+    /// Cells of the map, or vertices; 0 in the plane.
+    fn places(&self) -> usize {
+        self.environment.and_then(Environment::places).unwrap_or(0)
     }
 
-    /// The context in which paths are read and written; a fault without a map.
-    pub(super) fn context(&self) -> Result<PathContext<'a>, Fault> {
-        let Some(grid) = self.grid else {
+    /// The context in which plans are read and written; a fault without a map.
+    pub(super) fn context(&self) -> Result<PlanContext<'a>, Fault> {
+        let Some(environment) = self.environment else {
             return Err(reported(self.method(), Status::InvalidInput, None));
         };
-        Ok(PathContext {
-            rows: grid.rows,
-            cols: grid.cols,
-            starts: &self.instance.starts,
-            max_cells: plan_cells(self.instance, self.cells() as usize),
-        })
+        let most = plan_cells(self.instance, self.places());
+        Ok(PlanContext::new(environment, self.instance, most))
     }
 }
 
@@ -277,11 +281,11 @@ impl Running {
         let interruptible = Interruptible::begin();
         let host = HostTime::now();
         let began_ns = now_ns();
-        let budget = starting(began_ns, budget);
+        let budget = budget.starting(began_ns);
         Self {
             method: call.method(),
             budget,
-            collector: Collector::new(call.instance, call.cells(), &budget, began_ns),
+            collector: Collector::new(call.instance, call.places() as u32, &budget, began_ns),
             timing: Timing::default(),
             host,
             interruptible,
@@ -335,6 +339,7 @@ impl Ended {
             incumbents,
             late,
             metrics,
+            notes,
             fault,
             ..
         } = self.collected;
@@ -357,6 +362,7 @@ impl Ended {
             incumbents,
             late,
             metrics,
+            notes,
             planning: self.planning,
             call: self.timing.claimed,
             round_trip: self.timing.round_trip,
@@ -393,13 +399,5 @@ impl Ended {
             run.fault = Some(fault);
         }
         run
-    }
-}
-
-/// The budget of a call that begins at a time.
-pub(super) fn starting(now_ns: u64, budget: &Budget) -> Budget {
-    Budget {
-        deadline_monotonic_ns: now_ns.saturating_add(budget.wall_ns),
-        ..*budget
     }
 }

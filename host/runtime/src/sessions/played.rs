@@ -858,33 +858,18 @@ impl Play {
 
     /// A call that asks for a plan.
     fn plan(&mut self) {
-        let grid = GridEnvironment {
-            map_name: "played".into(),
-            rows: ROWS,
-            cols: COLS,
-            connectivity: 4,
-            cell_size_m: 1.0,
-            step_s: 1.0,
-            passable: vec![1; (ROWS * COLS) as usize],
-            terrain: vec![b'.'; (ROWS * COLS) as usize],
-        };
+        let passable = vec![1; (ROWS * COLS) as usize];
+        let grid = GridEnvironment::four_connected(ROWS, COLS, passable).into();
         let instance = Instance::one_shot(STARTS.to_vec(), STARTS.to_vec());
         let wall_ns = (30 + self.world.0.borrow_mut().dice.below(60)) * MS;
-        let budget = Budget {
-            wall_ns,
-            deadline_monotonic_ns: 0,
-            nodes: 0,
-            memory_bytes: 0,
-            threads: 1,
-            seed: 0,
-        };
+        let budget = Budget::lasting(0, wall_ns);
         let broken = self.client.fault().cloned();
         let before = self.world.0.borrow().read_bytes;
         let earliest_ns = self.world.0.borrow().now_ns + wall_ns;
         let call = PlanCall {
             solver: Solver::Planner,
             instance: &instance,
-            grid: Some(&grid),
+            environment: Some(&grid),
             encoding: PathEncoding::default(),
         };
         let solve = self.client.solve(&call, &budget);

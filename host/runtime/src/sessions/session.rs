@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use fleetyard_abi::{
-    Budget, Descriptor, FleetState, FleetStatus, GridPlan, Instance, Kind, PathEncoding,
+    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan, Request,
     SharedEnvironment,
 };
 use fleetyard_core::Digest;
@@ -145,6 +145,7 @@ impl Session {
         environment: &SharedEnvironment,
         budget: &Budget,
     ) -> Result<CallReport, Fault> {
+        self.environment = None;
         let report = self.attachment.prepare(environment, budget)?;
         self.environment = Some(SharedEnvironment::clone(environment));
         Ok(report)
@@ -159,7 +160,7 @@ impl Session {
     pub fn recover(
         &mut self,
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         budget: &Budget,
     ) -> PlanRun {
         self.solve(Solver::FailPolicy(failed), instance, budget)
@@ -170,14 +171,14 @@ impl Session {
         let call = PlanCall {
             solver,
             instance,
-            grid: environment.and_then(|environment| environment.grid()),
+            environment,
             encoding: self.encoding,
         };
         self.attachment.solve(&call, budget)
     }
 
-    /// Asks an instance generator for the next instance.
-    pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Instance, Fault> {
+    /// Asks an instance generator what the next instance is.
+    pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault> {
         self.attachment.generate(state, budget)
     }
 

@@ -5,7 +5,7 @@
 
 use fleetyard_abi::sdk::{FailPolicy, Failure, Options, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, SharedEnvironment,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, Plan, SharedEnvironment,
 };
 
 use crate::NoOptions;
@@ -53,12 +53,12 @@ impl FailPolicy for AllWait {
         &mut self,
         (): &mut (),
         instance: &Instance,
-        _failed: Option<&GridPlan>,
+        _failed: Option<&Plan>,
         _: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let stay = GridPlan::from_paths(instance.starts.iter().map(|start| [*start]));
-        sink.submit_plan(&stay)?;
+        sink.submit(&stay)?;
         Ok(())
     }
 }

@@ -122,7 +122,7 @@ impl Planner for Layered {
             }
             sink.metric("attempts", f64::from(attempts));
             let Some(rank) = failed else {
-                sink.submit_plan(&GridPlan::from_paths(paths))?;
+                sink.submit(&GridPlan::from_paths(paths))?;
                 return Ok(());
             };
             if attempts == self.options.attempts {
@@ -186,7 +186,7 @@ impl Map {
                 path.reverse();
                 return Ok(Some(path));
             }
-            if sink.cancelled() || monotonic_ns() >= budget.answer_by_ns() {
+            if sink.cancelled() || monotonic_ns() >= budget.answer_by_ns {
                 return Err(Failure::new(
                     Status::TimedOut,
                     "no plan before the end of the budget",

@@ -88,8 +88,9 @@ impl InstanceGenerator for RandomGoals {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let cells = regions.0.len();
-        if state.goals.len() != state.cells.len()
-            || state.cells.iter().any(|cell| *cell as usize >= cells)
+        let fleet = &state.next;
+        if fleet.goals.len() != fleet.starts.len()
+            || fleet.starts.iter().any(|cell| *cell as usize >= cells)
         {
             let reason = "the fleet's state does not fit the map, or its goals the agents";
             return Err(Failure::new(Status::InvalidInput, reason));
@@ -99,26 +100,26 @@ impl InstanceGenerator for RandomGoals {
         random.set_stream(self.calls);
         self.calls += 1;
 
-        let mut taken: BTreeSet<u32> = state
+        let mut taken: BTreeSet<u32> = fleet
             .goals
             .iter()
             .filter_map(<[u32]>::last)
             .copied()
             .collect();
         let mut goals = Goals::default();
-        for (agent, open) in state.goals.iter().enumerate() {
+        for (agent, open) in fleet.goals.iter().enumerate() {
             if sink.cancelled() {
                 return Err(Failure::new(Status::Cancelled, "cancelled"));
             }
             if open.is_empty() {
-                let goal = regions.draw(&mut random, state.cells[agent], &taken)?;
+                let goal = regions.draw(&mut random, fleet.starts[agent], &taken)?;
                 taken.insert(goal);
                 goals.push([goal]);
             } else {
                 goals.push(open.iter().copied());
             }
         }
-        sink.submit_instance(&state.instance(goals))?;
+        sink.submit_request(&state.request(goals))?;
         Ok(())
     }
 }

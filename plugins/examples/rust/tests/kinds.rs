@@ -8,27 +8,28 @@ use std::sync::{Arc, Mutex};
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Environment, FleetState, FleetStatus, GridEnvironment, GridPlan, Instance, Kind,
-    LogLevel, Motion, Objective, SharedEnvironment, Status,
+    Budget, FleetState, FleetStatus, GridEnvironment, GridPlan, Instance, Kind, LogLevel, PlanRef,
+    Request, SharedEnvironment, Status,
 };
 use fleetyard_example_rust::catalog;
 
 #[derive(Default)]
 struct Collected {
     plan: Mutex<Option<GridPlan>>,
-    instance: Mutex<Option<Instance>>,
+    request: Mutex<Option<Request>>,
     cancelled: bool,
 }
 
 impl Sink for Collected {
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
-        *self.plan.lock().unwrap() = Some(plan.clone());
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        *self.plan.lock().unwrap() = plan.to_plan().into_cells();
         Ok(())
     }
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
-        *self.instance.lock().unwrap() = Some(instance.clone());
+    fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
+        *self.request.lock().unwrap() = Some(request.clone());
         Ok(())
     }
+    fn note(&self, _: &str, _: &str) {}
     fn metric(&self, _: &str, _: f64) {}
     fn log(&self, _: LogLevel, _: &str) {}
     fn progress(&self, _: u64, _: u64) {}
@@ -38,24 +39,15 @@ impl Sink for Collected {
 }
 
 fn grid(rows: &[&str], connectivity: u32) -> SharedEnvironment {
-    let terrain = rows.concat().into_bytes();
-    Arc::new(Environment::Grid(GridEnvironment {
-        map_name: "test".into(),
-        rows: rows.len() as u32,
-        cols: rows[0].len() as u32,
-        connectivity,
-        cell_size_m: 1.0,
-        step_s: 1.0,
-        passable: terrain
-            .iter()
-            .map(|letter| u8::from(*letter == b'.'))
-            .collect(),
-        terrain,
-    }))
+    let letters = rows.concat().into_bytes();
+    let free = letters.iter().map(|letter| u8::from(*letter == b'.'));
+    let (height, width) = (rows.len() as u32, rows[0].len() as u32);
+    Arc::new(GridEnvironment::new(height, width, connectivity, free.collect()).into())
 }
 
 const BUDGET: Budget = Budget {
     deadline_monotonic_ns: u64::MAX,
+    answer_by_ns: u64::MAX,
     wall_ns: u64::MAX,
     nodes: 0,
     memory_bytes: 0,
@@ -220,43 +212,41 @@ fn random_goals_are_free_reachable_and_distinct() {
     let map = grid(&["...@..", "...@.."], 4);
     let mut state = FleetState {
         time_s: 0.0,
-        cells: vec![0, 1, 4],
-        headings: None,
-        goals: [vec![], vec![6, 7], vec![]].into_iter().collect(),
+        next: Instance {
+            starts: vec![0, 1, 4],
+            goals: [vec![], vec![6, 7], vec![]].into_iter().collect(),
+            window_steps: 3,
+            radius_m: 0.35,
+            ..Instance::default()
+        },
         tasks: Vec::new(),
-        window_steps: 3,
-        motion: Motion::Pebble,
-        objective: Objective::SumOfCosts,
-        radius_m: 0.35,
-        allows_cycles: false,
+        parts: Vec::new(),
     };
     let sink = Collected::default();
     generator.prepare(&map, &BUDGET, &sink).unwrap();
     let mut drawn = BTreeSet::new();
     for _ in 0..40 {
         generator.generate(&state, &BUDGET, &sink).unwrap();
-        let instance = sink.instance.lock().unwrap().take().unwrap();
-        instance.check(12).unwrap();
-        assert_eq!(instance.starts, state.cells);
-        assert_eq!(instance.window_steps, 3);
-        assert!((instance.radius_m - 0.35).abs() < f64::EPSILON);
-        assert_eq!(instance.goals[1], [6, 7]);
-        assert!([1, 2, 6, 8].contains(&instance.goals[0][0]));
-        assert!([5, 10, 11].contains(&instance.goals[2][0]));
-        drawn.insert(instance.goals[0][0]);
+        let request = sink.request.lock().unwrap().take().unwrap();
+        request.check(3, 12).unwrap();
+        assert_eq!(request.window_steps, 3);
+        assert_eq!(request.goals[1], [6, 7]);
+        assert!([1, 2, 6, 8].contains(&request.goals[0][0]));
+        assert!([5, 10, 11].contains(&request.goals[2][0]));
+        drawn.insert(request.goals[0][0]);
     }
     assert_eq!(drawn.len(), 4, "all of them in forty draws");
 
     // Three agents in two cells' room: nothing is left for the last.
-    state.cells = vec![4, 5, 10];
-    state.goals = [vec![11], vec![4], vec![]].into_iter().collect();
+    state.next.starts = vec![4, 5, 10];
+    state.next.goals = [vec![11], vec![4], vec![]].into_iter().collect();
     generator.generate(&state, &BUDGET, &sink).unwrap();
-    state.goals = [vec![4, 11], vec![5], vec![]].into_iter().collect();
+    state.next.goals = [vec![4, 11], vec![5], vec![]].into_iter().collect();
     generator.generate(&state, &BUDGET, &sink).unwrap();
-    state.cells = vec![4, 5, 3];
+    state.next.starts = vec![4, 5, 3];
     let failure = generator.generate(&state, &BUDGET, &sink).unwrap_err();
     assert_eq!(failure.status, Status::GaveUp);
-    state.cells = vec![4, 5, 12];
+    state.next.starts = vec![4, 5, 12];
     let failure = generator.generate(&state, &BUDGET, &sink).unwrap_err();
     assert_eq!(failure.status, Status::InvalidInput);
 }

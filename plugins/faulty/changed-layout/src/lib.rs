@@ -16,31 +16,35 @@ macro_rules! changed {
         $(#[doc = $doc])*
         pub mod $name {
             use abi_stable::StableAbi;
+            use abi_stable::type_layout::TypeLayout;
             use fleetyard_abi::convert::size_of;
-            use fleetyard_abi::layout::{ABI_STABLE_RELEASE, RustLayout};
+            use fleetyard_abi::layout::{ABI_STABLE_RELEASE, NamedLayout, RustLayout};
 
             #[allow(missing_docs, dead_code, unreachable_pub, reason = "not our text")]
             mod c {
                 include!(concat!(env!("OUT_DIR"), "/", stringify!($name), ".rs"));
             }
 
-            /// As `fleetyard_abi::layout::Contract`.
-            #[repr(C)]
-            #[derive(StableAbi)]
-            struct Contract {
-                entry: c::PluginEntry,
-                planners: c::PlannerFactory,
-                fail_policies: c::FailPolicyFactory,
-                instance_generators: c::InstanceGeneratorFactory,
-                invocation_policies: c::InvocationPolicyFactory,
-                grid: c::Grid,
+            const fn named(name: &'static str, layout: &'static TypeLayout) -> NamedLayout {
+                NamedLayout {
+                    name: fleetyard_abi::c::Str::new(name),
+                    layout,
+                }
             }
 
-            /// The layout that a plugin built with the changed contract would show.
+            const LAYOUTS: &[NamedLayout] = &[
+                named("PluginEntry", c::PluginEntry::LAYOUT),
+                named("PlannerFactory", c::PlannerFactory::LAYOUT),
+                named("FailPolicyFactory", c::FailPolicyFactory::LAYOUT),
+                named("Grid", c::Grid::LAYOUT),
+            ];
+
+            /// The layouts that a plugin built with the changed contract would show.
             pub static LAYOUT: RustLayout = RustLayout {
                 struct_size: size_of::<RustLayout>(),
                 abi_stable: ABI_STABLE_RELEASE,
-                layout: Contract::LAYOUT,
+                count: LAYOUTS.len(),
+                layouts: LAYOUTS.as_ptr(),
             };
         }
     };
@@ -67,7 +71,8 @@ changed! {
 pub static OTHER_RELEASE: RustLayout = RustLayout {
     struct_size: size_of::<RustLayout>(),
     abi_stable: [ABI_STABLE_RELEASE[0], ABI_STABLE_RELEASE[1] + 1, 0],
-    layout: added::LAYOUT.layout,
+    count: added::LAYOUT.count,
+    layouts: added::LAYOUT.layouts,
 };
 
 unsafe extern "C" fn get_factory(id: Str) -> *const c_void {

@@ -7,7 +7,7 @@ use fleetyard_abi::sdk::{
 };
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, FleetState, FleetStatus, Goals, GridPlan,
-    Instance, Kind, SharedEnvironment, Status, monotonic_ns,
+    Instance, Kind, Plan, SharedEnvironment, Status, monotonic_ns,
 };
 use serde_json::json;
 
@@ -52,22 +52,22 @@ impl FailPolicy for Policy {
         &mut self,
         (): &mut (),
         instance: &Instance,
-        failed: Option<&GridPlan>,
+        failed: Option<&Plan>,
         _: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         match (self.0, failed) {
-            (Mistake::ReturnsFailedPlan, Some(failed)) => sink.submit_plan(failed)?,
+            (Mistake::ReturnsFailedPlan, Some(failed)) => sink.submit(failed)?,
             (Mistake::NeedsFailedPlan, None) => {
                 return Err(Failure::new(Status::InvalidInput, "no plan has failed"));
             }
             (Mistake::StandsElsewhere, _) => {
                 let last = instance.starts.iter().rev();
-                sink.submit_plan(&GridPlan::from_paths(last.map(|start| [*start])))?;
+                sink.submit(&GridPlan::from_paths(last.map(|start| [*start])))?;
             }
             _ => {
                 let stay = instance.starts.iter().map(|start| [*start]);
-                sink.submit_plan(&GridPlan::from_paths(stay))?;
+                sink.submit(&GridPlan::from_paths(stay))?;
             }
         }
         Ok(())
@@ -113,11 +113,11 @@ impl InstanceGenerator for Generator {
         _: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        if self.0 == Mistake::IdleFleetFails && state.goals.items().is_empty() {
+        if self.0 == Mistake::IdleFleetFails && state.next.goals.items().is_empty() {
             return Err(Failure::new(Status::InternalError, "nobody has a goal"));
         }
-        let mut goals: Vec<Vec<u32>> = state.goals.iter().map(<[u32]>::to_vec).collect();
-        for (cell, open) in state.cells.iter().zip(&mut goals) {
+        let mut goals: Vec<Vec<u32>> = state.next.goals.iter().map(<[u32]>::to_vec).collect();
+        for (cell, open) in state.next.starts.iter().zip(&mut goals) {
             if open.is_empty() {
                 open.push(*cell);
             }
@@ -125,15 +125,17 @@ impl InstanceGenerator for Generator {
         if let (Mistake::BlockedGoals, Some(cell)) = (self.0, blocked.first()) {
             goals[0][0] = *cell;
         }
+        if self.0 == Mistake::LosesAgents {
+            goals.pop();
+        }
         let goals: Goals = goals.into_iter().collect();
-        let mut instance = state.instance(goals);
+        let mut request = state.request(goals);
         match self.0 {
-            Mistake::MovesFleet => instance.starts.reverse(),
-            Mistake::ForgetsHeadings => instance.headings = None,
-            Mistake::ForgetsWindow => instance.window_steps = 0,
+            Mistake::LongerWindow => request.window_steps += 1,
+            Mistake::ForgetsWindow => request.window_steps = 0,
             _ => {}
         }
-        sink.submit_instance(&instance)?;
+        sink.submit_request(&request)?;
         Ok(())
     }
 }

@@ -89,10 +89,19 @@ static MADE: AtomicBool = AtomicBool::new(false);
 
 impl Plugin for Planner {
     fn descriptor() -> Descriptor {
-        let claims = Capability::ALL
-            .iter()
-            .copied()
-            .filter(|claim| !matches!(claim, Capability::Roadmap | Capability::Continuous));
+        let claims = Capability::ALL.iter().copied().filter(|claim| {
+            !matches!(
+                claim,
+                Capability::Roadmap
+                    | Capability::Continuous
+                    | Capability::MoveMask
+                    | Capability::StopGo
+                    | Capability::Slower
+                    | Capability::Dynamics
+                    | Capability::Idle
+                    | Capability::Heterogeneous
+            )
+        });
         Descriptor {
             capabilities: Capabilities::of(&claims.collect::<Vec<_>>()),
             ..Choice::descriptor(Kind::Planner, "promising")
@@ -164,18 +173,18 @@ impl sdk::Planner for Planner {
         self.check(instance, budget, sink)?;
         match mistake {
             Mistake::LimitedByNodesLies if budget.nodes == 1 => {
-                sink.submit_plan(&stay())?;
+                sink.submit(&stay())?;
                 return Ok(());
             }
             Mistake::SeesThroughWalls if instance.motion == Motion::AnyAngle => {
                 let lines = instance.starts.iter().zip(instance.goals.iter());
                 let lines = lines.map(|(start, goals)| [*start, goals[0]]);
-                sink.submit_plan(&GridPlan::from_paths(lines))?;
+                sink.submit(&GridPlan::from_paths(lines))?;
                 return Ok(());
             }
             Mistake::OldAnswer => {
                 if let Some(plan) = self.answers.get(&instance.agents()) {
-                    sink.submit_plan(plan)?;
+                    sink.submit(plan)?;
                     return Ok(());
                 }
             }
@@ -189,17 +198,17 @@ impl sdk::Planner for Planner {
                     steps.splice(0..0, (0..waits).map(|_| first.clone()));
                 }
                 let plan = plan_of(&steps);
-                sink.submit_plan(&plan)?;
+                sink.submit(&plan)?;
                 if mistake == Mistake::WorseLater && instance.agents() >= 25 {
                     steps.insert(0, steps[0].clone());
-                    sink.submit_plan(&plan_of(&steps))?;
+                    sink.submit(&plan_of(&steps))?;
                 }
                 self.answers.insert(instance.agents(), plan);
                 Ok(())
             }
             Err(failure) => {
                 let left = self.shortest(instance, mistake == Mistake::LeavesNonsense);
-                sink.submit_plan(&left)?;
+                sink.submit(&left)?;
                 if mistake == Mistake::SwapsPlaces {
                     return Ok(());
                 }

@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Rejected, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, LogLevel,
-    SharedEnvironment, Status, monotonic_ns,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, LogLevel, PlanRef,
+    Request, SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -131,12 +131,16 @@ impl FaultyOptions {
 struct StandardError;
 
 impl Sink for StandardError {
-    fn submit_plan(&self, _: &GridPlan) -> Result<(), Rejected> {
-        Err(Rejected)
+    fn submit_plan(&self, _: PlanRef<'_>) -> Result<(), Rejected> {
+        Err(Rejected::Malformed)
     }
 
-    fn submit_instance(&self, _: &Instance) -> Result<(), Rejected> {
-        Err(Rejected)
+    fn submit_request(&self, _: &Request) -> Result<(), Rejected> {
+        Err(Rejected::Malformed)
+    }
+
+    fn note(&self, name: &str, text: &str) {
+        eprintln!("faulty: {name}: {text}");
     }
 
     fn metric(&self, name: &str, value: f64) {
@@ -227,9 +231,9 @@ impl Planner for Faulty {
             paths.pop();
         }
         let plan = GridPlan::from_paths(paths);
-        sink.submit_plan(&plan)?;
+        sink.submit(&plan)?;
         match fault {
-            Fault::Twice => sink.submit_plan(&plan)?,
+            Fault::Twice => sink.submit(&plan)?,
             Fault::ExitAfterPlan => std::process::exit(0),
             Fault::CrashAfter => {
                 std::thread::spawn(|| {

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use crate::common::{BUDGET, drawn, map};
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options};
 use fleetyard_abi::{
-    Assignment, FleetState, Goals, Heading, Instance, Motion, Objective, SharedEnvironment, Status,
-    Task,
+    Assignment, FleetState, Goals, Heading, Instance, Motion, Objective, Request,
+    SharedEnvironment, Status, Task,
 };
 use fleetyard_plugin_fleet::generate::{DistinctOneGoal, OneGoal, WindowedMultiGoals};
 use fleetyard_testkit::{Notes, grid};
@@ -19,34 +19,33 @@ fn lists(lists: &[&[u32]]) -> Goals {
 fn state(cells: &[u32], goals: &[&[u32]]) -> FleetState {
     FleetState {
         time_s: 3.0,
-        cells: cells.to_vec(),
-        headings: Some(vec![Heading::North; cells.len()]),
-        goals: lists(goals),
+        next: Instance {
+            starts: cells.to_vec(),
+            headings: Some(vec![Heading::North; cells.len()]),
+            goals: lists(goals),
+            window_steps: 6,
+            motion: Motion::Rotation,
+            objective: Objective::Makespan,
+            radius_m: 0.4,
+            ..Instance::default()
+        },
         tasks: Vec::new(),
-        window_steps: 6,
-        motion: Motion::Rotation,
-        objective: Objective::Makespan,
-        radius_m: 0.4,
-        allows_cycles: false,
+        parts: Vec::new(),
     }
 }
 
 fn generate<P: InstanceGenerator>(
     environment: &SharedEnvironment,
     state: &FleetState,
-) -> Result<Instance, Failure> {
+) -> Result<Request, Failure> {
     let host = Notes::default();
     let mut generator = P::create(Options::new("{}"))?;
     let mut map = generator.prepare(environment, &BUDGET, &host)?;
     generator.generate(&mut map, state, &BUDGET, &host)?;
-    let instance = host.instance.into_inner().unwrap().unwrap();
-    let repeated = state.instance(instance.goals.clone());
-    let without_tasks = Instance {
-        assignments: Vec::new(),
-        ..instance.clone()
-    };
-    assert_eq!(without_tasks, repeated);
-    Ok(instance)
+    let request = host.request.into_inner().unwrap().unwrap();
+    assert_eq!(request.window_steps, state.next.window_steps);
+    assert_eq!(request.goals.len(), state.next.agents());
+    Ok(request)
 }
 
 /// The goals of a generator that gives one to each.
@@ -72,9 +71,9 @@ fn windows_are_filled() {
     // Seven steps through three goals; six through the first of the second agent, and two at
     // least.
     assert_eq!(filled(&state), lists(&[&[1, 3, 7], &[7, 0], &[4], &[5]]));
-    state.window_steps = 0;
+    state.next.window_steps = 0;
     assert_eq!(filled(&state), lists(&[&[1, 3], &[7, 0], &[4], &[5]]));
-    state.window_steps = 100;
+    state.next.window_steps = 100;
     assert_eq!(
         filled(&state),
         lists(&[&[1, 3, 7, 0, 5], &[7, 0, 7], &[4], &[5]])
@@ -119,7 +118,7 @@ fn of_several_the_nearest_keeps_its_goal() {
     assert_eq!(single::<DistinctOneGoal>(&wall, &near_by_beeline)[0], 1);
     // A cell that somebody else heads for is no substitute, and who has nothing to do is in
     // nobody's way.
-    fleet.goals = lists(&[&[7], &[7], &[2]]);
+    fleet.next.goals = lists(&[&[7], &[7], &[2]]);
     assert_eq!(single::<DistinctOneGoal>(&open, &fleet), [8, 7, 2]);
     let idle = state(&[0, 6, 7], &[&[7], &[7], &[]]);
     assert_eq!(single::<DistinctOneGoal>(&open, &idle), [2, 7, 8]);
@@ -131,7 +130,7 @@ fn tasks_go_to_the_nearest_idle_agents() {
     let mut fleet = state(&[0, 4, 7, 16], &[&[], &[3], &[], &[]]);
     let task = |id, cells: &[u32]| Task {
         id,
-        cells: cells.to_vec(),
+        places: cells.to_vec(),
     };
     fleet.tasks = vec![
         task(9, &[5, 1]),

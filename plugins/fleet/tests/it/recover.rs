@@ -33,7 +33,10 @@ fn recover(
 ) -> GridPlan {
     let host = Notes::default();
     policy.prepare(environment, &BUDGET, &host).unwrap();
-    policy.recover(instance, failed, &BUDGET, &host).unwrap();
+    let failed = failed.map(|plan| plan.clone().into());
+    policy
+        .recover(instance, failed.as_ref(), &BUDGET, &host)
+        .unwrap();
     host.plans.into_inner().unwrap().pop().unwrap()
 }
 

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use fleetyard_abi::sdk::{Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Environment, GridEnvironment, GridPlan, Instance, LogLevel, SharedEnvironment,
+    Budget, GridEnvironment, LogLevel, PlanRef, Request, SharedEnvironment,
 };
 
 #[derive(Default)]
@@ -16,14 +16,16 @@ pub struct Host {
 }
 
 impl Sink for Host {
-    fn submit_plan(&self, plan: &GridPlan) -> Result<(), Rejected> {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        let plan = plan.to_plan().into_cells().ok_or(Rejected::Malformed)?;
         *self.paths.lock().unwrap() = plan.paths().map(<[u32]>::to_vec).collect();
         Ok(())
     }
-    fn submit_instance(&self, instance: &Instance) -> Result<(), Rejected> {
-        *self.goals.lock().unwrap() = instance.goals.iter().map(<[u32]>::to_vec).collect();
+    fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
+        *self.goals.lock().unwrap() = request.goals.iter().map(<[u32]>::to_vec).collect();
         Ok(())
     }
+    fn note(&self, _: &str, _: &str) {}
     fn metric(&self, _: &str, _: f64) {}
     fn log(&self, _: LogLevel, _: &str) {}
     fn progress(&self, _: u64, _: u64) {}
@@ -34,6 +36,7 @@ impl Sink for Host {
 
 pub const BUDGET: Budget = Budget {
     deadline_monotonic_ns: u64::MAX,
+    answer_by_ns: u64::MAX,
     wall_ns: u64::MAX,
     nodes: 0,
     memory_bytes: 0,
@@ -46,9 +49,5 @@ pub fn map(rows: &[&str]) -> SharedEnvironment {
     let (height, width) = (rows.len() as u32, rows[0].len() as u32);
     let letters = rows.concat().into_bytes();
     let passable = letters.iter().map(|letter| u8::from(*letter == b'.'));
-    Arc::new(Environment::Grid(GridEnvironment::four_connected(
-        height,
-        width,
-        passable.collect(),
-    )))
+    Arc::new(GridEnvironment::four_connected(height, width, passable.collect()).into())
 }

@@ -3,7 +3,7 @@
 mod host;
 
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options, Plugin};
-use fleetyard_abi::{FleetState, Motion, Objective, Status, Task};
+use fleetyard_abi::{FleetState, Instance, Status, Task};
 use host::{BUDGET, Host, map};
 
 use example_plugin::NearestIdle;
@@ -16,18 +16,16 @@ fn generate(row: &str, cells: [u32; 2], goal: u32, task: &[u32]) -> Result<Vec<V
     let mut map = generator.prepare(&map(&[row]), &BUDGET, &host)?;
     let state = FleetState {
         time_s: 0.0,
-        cells: cells.to_vec(),
-        headings: None,
-        goals: [vec![], vec![goal]].into_iter().collect(),
+        next: Instance {
+            starts: cells.to_vec(),
+            goals: [vec![], vec![goal]].into_iter().collect(),
+            ..Instance::default()
+        },
         tasks: vec![Task {
             id: 7,
-            cells: task.to_vec(),
+            places: task.to_vec(),
         }],
-        window_steps: 0,
-        motion: Motion::Pebble,
-        objective: Objective::SumOfCosts,
-        radius_m: 0.35,
-        allows_cycles: false,
+        parts: Vec::new(),
     };
     generator.generate(&mut map, &state, &BUDGET, &host)?;
     Ok(host.goals.into_inner().unwrap())

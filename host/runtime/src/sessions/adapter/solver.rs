@@ -170,7 +170,7 @@ impl Solver {
     /// Refuses what solvers were not written for: they would not notice, or crash.
     fn check(&self, instance: &Instance, grid: &GridEnvironment) -> Result<(), Failure> {
         let invalid = |reason: String| Err(Failure::new(Status::InvalidInput, reason));
-        if let Err(reason) = instance.check(grid.passable.len()) {
+        if let Err(reason) = instance.check(Some(grid.passable.len())) {
             return invalid(reason);
         }
         if instance.motion != Motion::Pebble {
@@ -466,8 +466,10 @@ impl Prepare for Solver {
         _: &dyn Sink,
     ) -> Result<(), Failure> {
         self.environment = None;
-        let Environment::Grid(grid) = &**environment;
         let manifest = &self.installed.manifest;
+        let Some(grid) = environment.grid().filter(|grid| grid.is_plain()) else {
+            return Err(self.unsupported("plans on grids without one-way moves"));
+        };
         if grid.connectivity != 4 && !manifest.capabilities.has(Capability::EightConnected) {
             return Err(self.unsupported("plans on four-connected grids"));
         }
@@ -593,7 +595,7 @@ fn scenario(starts: &[u32], goals: &[u32], grid: &GridEnvironment, order: Order)
 }
 
 fn submit(plan: &GridPlan, sink: &dyn Sink) -> Result<(), Failure> {
-    sink.submit_plan(plan).map_err(|rejected| {
+    sink.submit(plan).map_err(|rejected| {
         if sink.cancelled() {
             Failure::new(Status::TimedOut, "the answer was read after the deadline")
         } else {

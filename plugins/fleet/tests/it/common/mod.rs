@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use fleetyard_abi::{Budget, Environment, GridEnvironment, SharedEnvironment};
+use fleetyard_abi::{Budget, GridEnvironment, SharedEnvironment};
 use fleetyard_testkit::grid;
 
 pub(crate) const BUDGET: Budget = Budget {
     deadline_monotonic_ns: u64::MAX,
+    answer_by_ns: u64::MAX,
     wall_ns: 1_000_000_000,
     nodes: 0,
     memory_bytes: 0,
@@ -16,11 +17,9 @@ pub(crate) const BUDGET: Budget = Budget {
 
 pub(crate) fn map(rows: u32, cols: u32, free: impl Fn(u32) -> bool) -> SharedEnvironment {
     let passable: Vec<u8> = (0..rows * cols).map(|cell| free(cell).into()).collect();
-    Arc::new(Environment::Grid(GridEnvironment::four_connected(
-        rows, cols, passable,
-    )))
+    Arc::new(GridEnvironment::four_connected(rows, cols, passable).into())
 }
 
 pub(crate) fn drawn(rows: &[&str]) -> SharedEnvironment {
-    Arc::new(Environment::Grid(grid::drawn(rows)))
+    Arc::new(grid::drawn(rows).into())
 }

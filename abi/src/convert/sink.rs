@@ -1,0 +1,246 @@
+//! Sinks in both directions.
+
+use std::ffi::c_void;
+use std::ptr;
+
+use super::{checked, size_of, string};
+use crate::c;
+use crate::clock::monotonic_ns;
+use crate::figures::check_figure;
+use crate::model::{LogLevel, Request};
+use crate::plan::{Plan, PlanRef};
+use crate::sdk::{Rejected, Sink};
+
+/// Data of a C sink besides the Rust one: the bounds of its checks, and the plugin's explanation of
+/// a failure.
+pub struct SinkContext<'a> {
+    sink: &'a dyn Sink,
+    agents: Option<usize>,
+    most: usize,
+    message: std::sync::Mutex<Option<String>>,
+    fault: std::sync::Mutex<Option<String>>,
+}
+
+impl<'a> SinkContext<'a> {
+    /// For a call about `agents` agents, if it is about any.
+    pub fn new(sink: &'a dyn Sink, agents: Option<usize>, most: usize) -> Self {
+        Self {
+            sink,
+            agents,
+            most,
+            message: None.into(),
+            fault: None.into(),
+        }
+    }
+
+    /// The C form; valid as long as `self`.
+    pub fn to_c(&self) -> c::Sink {
+        c::Sink {
+            struct_size: size_of::<c::Sink>(),
+            reserved: 0,
+            context: ptr::from_ref(self).cast_mut().cast(),
+            submit_plan: Some(submit_plan),
+            submit_request: Some(submit_request),
+            cancelled: Some(cancelled),
+            now_ns: Some(now_ns),
+            fail: Some(fail),
+            log: Some(log),
+            metric: Some(metric),
+            note: Some(note),
+            progress: Some(progress),
+            get_extension: Some(no_extension),
+        }
+    }
+
+    /// The plugin's explanation of its status, if it gave one.
+    pub fn take_message(&self) -> Option<String> {
+        lock(&self.message).take()
+    }
+
+    /// The first thing that was submitted and broke the contract.
+    pub fn take_fault(&self) -> Option<String> {
+        lock(&self.fault).take()
+    }
+
+    fn broken(&self, fault: String) -> i32 {
+        self.sink.log(LogLevel::Error, &fault);
+        lock(&self.fault).get_or_insert(fault);
+        c::REJECTED
+    }
+}
+
+fn lock<T>(mutex: &std::sync::Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    // A panic while the lock was held leaves a plain value behind.
+    mutex
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+/// # Safety
+/// `pointer` came from [`SinkContext::to_c`], and the context is alive.
+unsafe fn context<'a>(pointer: *mut c_void) -> &'a SinkContext<'a> {
+    // SAFETY: by the caller's promise.
+    unsafe { &*pointer.cast::<SinkContext<'a>>() }
+}
+
+unsafe extern "C" fn submit_plan(pointer: *mut c_void, plan: *const c::Plan) -> i32 {
+    // SAFETY: the plugin passes back the context of the sink it was given.
+    let context = unsafe { context(pointer) };
+    // SAFETY: the plugin's promise by the header.
+    match unsafe { Plan::from_c(plan, context.agents, context.most) } {
+        Ok(plan) => code(context.sink.submit_plan(plan.as_ref())),
+        Err(failure) => context.broken(failure.message),
+    }
+}
+
+unsafe extern "C" fn submit_request(pointer: *mut c_void, request: *const c::Request) -> i32 {
+    // SAFETY: as above.
+    let context = unsafe { context(pointer) };
+    // SAFETY: as above.
+    match unsafe { Request::from_c(request, context.most) } {
+        Ok(request) => code(context.sink.submit_request(&request)),
+        Err(failure) => context.broken(failure.message),
+    }
+}
+
+fn code(result: Result<(), Rejected>) -> i32 {
+    match result {
+        Ok(()) => c::OK,
+        Err(Rejected::Malformed) => c::REJECTED,
+        Err(Rejected::TooLate) => c::TOO_LATE,
+        Err(Rejected::Busy) => c::BUSY,
+    }
+}
+
+fn result(code: i32) -> Result<(), Rejected> {
+    match code {
+        c::OK => Ok(()),
+        c::TOO_LATE => Err(Rejected::TooLate),
+        c::BUSY => Err(Rejected::Busy),
+        _ => Err(Rejected::Malformed),
+    }
+}
+
+unsafe extern "C" fn metric(pointer: *mut c_void, name: c::Str, value: f64) {
+    // SAFETY: as above.
+    let (context, name) = unsafe { (context(pointer), string(name)) };
+    match check_figure(&name, value) {
+        Ok(()) => context.sink.metric(&name, value),
+        Err(reason) => {
+            context.broken(reason);
+        }
+    }
+}
+
+unsafe extern "C" fn log(pointer: *mut c_void, level: i32, text: c::Str) {
+    let level = LogLevel::from_code(level).unwrap_or(LogLevel::Info);
+    // SAFETY: as above.
+    unsafe { context(pointer).sink.log(level, &string(text)) };
+}
+
+unsafe extern "C" fn progress(pointer: *mut c_void, done: u64, total: u64) {
+    // SAFETY: as above.
+    unsafe { context(pointer).sink.progress(done, total) };
+}
+
+unsafe extern "C" fn cancelled(pointer: *mut c_void) -> i32 {
+    // SAFETY: as above.
+    i32::from(unsafe { context(pointer).sink.cancelled() })
+}
+
+unsafe extern "C" fn now_ns(_: *mut c_void) -> u64 {
+    monotonic_ns()
+}
+
+unsafe extern "C" fn note(pointer: *mut c_void, name: c::Str, text: c::Str) {
+    // SAFETY: as above.
+    let (context, name, text) = unsafe { (context(pointer), string(name), string(text)) };
+    context.sink.note(&name, &text);
+}
+
+unsafe extern "C" fn no_extension(_: *mut c_void, _: c::Str) -> *const c_void {
+    ptr::null()
+}
+
+unsafe extern "C" fn fail(pointer: *mut c_void, message: c::Str) {
+    // SAFETY: as above.
+    let context = unsafe { context(pointer) };
+    // SAFETY: as above.
+    *lock(&context.message) = Some(unsafe { string(message) });
+}
+
+/// A C sink as a Rust one, for plugins written in Rust.
+pub struct CSink<'a> {
+    raw: &'a c::Sink,
+}
+
+// SAFETY: the functions of a sink may be called from any thread.
+unsafe impl Sync for CSink<'_> {}
+
+impl<'a> CSink<'a> {
+    /// # Safety
+    /// As [`checked`].
+    pub unsafe fn new(pointer: *const c::Sink) -> Result<Self, String> {
+        // SAFETY: by the caller's promise.
+        Ok(Self {
+            raw: unsafe { checked("sink", pointer)? },
+        })
+    }
+
+    /// Explains the status that the call is about to return.
+    pub fn fail(&self, message: &str) {
+        if let Some(fail) = self.raw.fail {
+            // SAFETY: the sink is the host's, and the text lives through the call.
+            unsafe { fail(self.raw.context, c::Str::new(message)) };
+        }
+    }
+}
+
+impl Sink for CSink<'_> {
+    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
+        let submit = self.raw.submit_plan.ok_or(Rejected::Malformed)?;
+        // SAFETY: the plan lives through the call.
+        result(plan.with_c(|raw| unsafe { submit(self.raw.context, raw) }))
+    }
+
+    fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
+        let submit = self.raw.submit_request.ok_or(Rejected::Malformed)?;
+        // SAFETY: the request lives through the call.
+        result(request.with_c(|raw| unsafe { submit(self.raw.context, raw) }))
+    }
+
+    fn note(&self, name: &str, text: &str) {
+        if let Some(note) = self.raw.note {
+            // SAFETY: the texts live through the call.
+            unsafe { note(self.raw.context, c::Str::new(name), c::Str::new(text)) };
+        }
+    }
+
+    fn metric(&self, name: &str, value: f64) {
+        if let Some(metric) = self.raw.metric {
+            // SAFETY: the text lives through the call.
+            unsafe { metric(self.raw.context, c::Str::new(name), value) };
+        }
+    }
+
+    fn log(&self, level: LogLevel, text: &str) {
+        if let Some(log) = self.raw.log {
+            // SAFETY: the text lives through the call.
+            unsafe { log(self.raw.context, level.code(), c::Str::new(text)) };
+        }
+    }
+
+    fn progress(&self, done: u64, total: u64) {
+        if let Some(progress) = self.raw.progress {
+            // SAFETY: the sink is the host's.
+            unsafe { progress(self.raw.context, done, total) };
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        // SAFETY: the sink is the host's.
+        self.raw
+            .cancelled
+            .is_some_and(|cancelled| unsafe { cancelled(self.raw.context) } != 0)
+    }
+}

@@ -1,0 +1,264 @@
+//! The planner behind the plugin contract: id `plane-pp`.
+
+use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
+use fleetyard_abi::{
+    Budget, Capability, Descriptor, Environment, Instance, Kind, Knot, KnotPlan, Robot,
+    SharedEnvironment, State, Status, WorkspaceEnvironment,
+};
+use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::Vector;
+use crate::bins::Rectangle;
+use crate::orders::End;
+use crate::prioritised::{Disc, Mover, Outcome, World, plan};
+use crate::timing::Stop;
+
+/// The dynamics of robots that may set out, turn and stop in no time.
+pub const SINGLE_INTEGRATOR: &str = "fleetyard.single-integrator/1";
+
+/// Options of `plane-pp` and `roadmap-pp`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct OrderOptions {
+    /// Most orders of priority to try.
+    #[schemars(range(min = 1))]
+    pub orders: u64,
+}
+
+impl Default for OrderOptions {
+    fn default() -> Self {
+        Self { orders: 1000 }
+    }
+}
+
+impl OrderOptions {
+    /// Most orders to try within a budget, whose search nodes they are.
+    pub fn within(&self, budget: &Budget) -> u64 {
+        match budget.nodes {
+            0 => self.orders,
+            nodes => self.orders.min(nodes),
+        }
+    }
+}
+
+/// The failure of a search that was told to stop, or that tried all orders it may.
+pub fn unsolved(stopped: bool, orders: u64) -> Failure {
+    if stopped {
+        return Failure::new(Status::TimedOut, "the budget ended before a plan was found");
+    }
+    let reason = format!("none of {orders} orders of priority leads to a plan");
+    Failure::new(Status::GaveUp, reason)
+}
+
+/// Prioritised planning of discs in the plane.
+#[derive(Debug)]
+pub struct PlanePrioritised(OrderOptions);
+
+impl Plugin for PlanePrioritised {
+    fn descriptor() -> Descriptor {
+        let about = "Plans robots in the plane one after the other, as discs: each goes a shortest \
+            way among the obstacles, by a tangent graph that is made as it is needed, and waits \
+            where others pass (Cap, Novak, Kleiner, Selecky, IEEE T-ASE 2015). Neither complete \
+            nor optimal.";
+        let names = ("plane-pp", "Prioritised planning in the plane");
+        let capabilities = [
+            Capability::Continuous,
+            Capability::Dynamics,
+            Capability::Heterogeneous,
+            Capability::Deterministic,
+        ];
+        Descriptor {
+            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
+            ..described::<OrderOptions>(Kind::Planner, names, about, [&capabilities, &[]])
+        }
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        parse(options, |_| Ok(())).map(Self)
+    }
+}
+
+impl Planner for PlanePrioritised {
+    type Map = World;
+
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<World, Failure> {
+        let no_plane = || Failure::new(Status::Unsupported, "this planner knows the plane only");
+        Ok(world(
+            Environment::workspace(environment).ok_or_else(no_plane)?,
+        ))
+    }
+
+    fn plan(
+        &mut self,
+        world: &mut World,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let call = Call::new(budget, sink);
+        let agents: Vec<Agent> = (0..instance.agents())
+            .map(|agent| Agent::new(instance, agent))
+            .collect::<Result<_, _>>()?;
+        let discs: Vec<Disc> = agents.iter().map(|agent| agent.disc).collect();
+        let limit = self.0.within(budget);
+        match plan(world, &discs, limit, budget.seed, &mut || call.stop()) {
+            Outcome::Ordered { end, orders } => {
+                call.metric("nodes", orders as f64);
+                let End::Solved(stops) = end else {
+                    return Err(unsolved(end == End::Stopped, orders));
+                };
+                let knots = agents.iter().zip(&stops);
+                let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
+                Ok(sink.submit(&knots)?)
+            }
+            Outcome::NoWay(agent) => {
+                let reason = format!("no way leads agent {agent} to its goal, not even alone");
+                Err(Failure::new(Status::Infeasible, reason))
+            }
+            Outcome::Stopped => Err(unsolved(true, 0)),
+        }
+    }
+}
+
+/// Movers as the discs that enclose them.
+fn world(workspace: &WorkspaceEnvironment) -> World {
+    let vector = |[x, y]: [f64; 2]| Vector::new(x, y);
+    let movers = workspace.movers.iter().map(|mover| {
+        let last = mover.knots.len() - 1;
+        let stops = mover.knots.iter().enumerate();
+        let stops = stops.map(|(number, [time, x, y, _])| Stop {
+            at: Vector::new(*x, *y),
+            // It rests before its first knot and after its last.
+            arrival: if number == 0 { 0.0 } else { *time },
+            departure: if number == last { f64::INFINITY } else { *time },
+        });
+        Mover {
+            radius: mover.footprint.radius_m,
+            stops: stops.collect(),
+        }
+    });
+    World {
+        polygons: workspace
+            .obstacles
+            .iter()
+            .map(|corners| corners.iter().copied().map(vector).collect())
+            .collect(),
+        bounds: Rectangle {
+            min: vector(workspace.min_m),
+            max: vector(workspace.max_m),
+        },
+        movers: movers.collect(),
+    }
+}
+
+/// A robot as the disc that encloses it, and its headings.
+struct Agent {
+    disc: Disc,
+    /// The heading at the start, and the turn to that at the goal, if it has headings.
+    turn: Option<Turn>,
+}
+
+/// A turn at the goal.
+struct Turn {
+    from_rad: f64,
+    by_rad: f64,
+    seconds: f64,
+}
+
+/// Speed of robots without a limit, in metres per second.
+const UNLIMITED: f64 = 1.0;
+
+impl Agent {
+    fn new(instance: &Instance, number: usize) -> Result<Self, Failure> {
+        let invalid = |reason: String| Failure::new(Status::InvalidInput, reason);
+        let lacking = || invalid(format!("agent {number} has no robot, start or goal"));
+        let robot = instance.robot(number).ok_or_else(lacking)?;
+        let State(start) = instance.start_states.get(number).ok_or_else(lacking)?;
+        let goals = instance.goal_states.get(number).ok_or_else(lacking)?;
+        let State(goal) = goals.last().ok_or_else(lacking)?;
+        let place = |state: &[f64]| match state {
+            [x, y, ..] if x.is_finite() && y.is_finite() => Ok(Vector::new(*x, *y)),
+            _ => Err(invalid(format!(
+                "agent {number} has a state without a place"
+            ))),
+        };
+        let heading = |state: &[f64]| state.get(2).copied().filter(|_| robot.has_heading);
+        let turn = heading(start).map(|from_rad| {
+            let to_rad = heading(goal).filter(|heading| heading.is_finite());
+            let by_rad = to_rad.map_or(0.0, |to_rad| shortest_turn(to_rad - from_rad));
+            let rate = limit(robot, 2).unwrap_or(UNLIMITED);
+            Turn {
+                from_rad,
+                by_rad,
+                seconds: by_rad.abs() / rate,
+            }
+        });
+        Ok(Self {
+            disc: Disc {
+                radius: robot.footprint.radius_m,
+                speed: speed(robot),
+                start: place(start)?,
+                goal: place(goal)?,
+            },
+            turn,
+        })
+    }
+
+    fn knots(&self, stops: &[Stop]) -> Vec<Knot> {
+        let mut knots = Vec::with_capacity(2 * stops.len());
+        let from_rad = self.turn.as_ref().map_or(f64::NAN, |turn| turn.from_rad);
+        let mut push = |time_s: f64, at: Vector, heading_rad: f64| {
+            knots.push(Knot {
+                time_s,
+                x_m: at.x,
+                y_m: at.y,
+                heading_rad,
+            });
+        };
+        for stop in stops {
+            push(stop.arrival, stop.at, from_rad);
+            if stop.departure.is_finite() && stop.departure > stop.arrival {
+                push(stop.departure, stop.at, from_rad);
+            }
+        }
+        if let (Some(turn), Some(last)) = (&self.turn, stops.last())
+            && turn.by_rad != 0.0
+        {
+            push(
+                last.arrival + turn.seconds,
+                last.at,
+                turn.from_rad + turn.by_rad,
+            );
+        }
+        knots
+    }
+}
+
+/// The same turn within half a round.
+fn shortest_turn(by_rad: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    let turn = by_rad - TAU * libm::floor((by_rad + PI) / TAU);
+    if turn > PI { turn - TAU } else { turn }
+}
+
+/// The limit of a control in either direction, if it has one.
+fn limit(robot: &Robot, control: usize) -> Option<f64> {
+    let [least, most] = *robot.control_limits.get(control)?;
+    let either = [least.map(|least| -least), most];
+    let least = either.into_iter().flatten().min_by(f64::total_cmp)?;
+    (least > 0.0).then_some(least)
+}
+
+/// The speed that a robot may have in any direction.
+fn speed(robot: &Robot) -> f64 {
+    let axes = [limit(robot, 0), limit(robot, 1)];
+    let least = axes.into_iter().flatten().min_by(f64::total_cmp);
+    least.unwrap_or(UNLIMITED)
+}
