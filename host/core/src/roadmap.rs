@@ -1,6 +1,7 @@
 //! Roadmaps, graphs whose vertices lie in the plane, and plans on them.
 
 use fleetyard_abi::Lists;
+pub use fleetyard_abi::Visit;
 
 use crate::trajectory::{Knot, TrajectoryError, TrajectoryPlan};
 use crate::{Digest, Hasher};
@@ -184,17 +185,6 @@ impl Roadmap {
         }
         hasher.finish()
     }
-}
-
-/// A stay of an agent at a vertex.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Visit {
-    /// The vertex.
-    pub vertex: u32,
-    /// Time of arrival, in seconds.
-    pub arrival_s: f64,
-    /// Time of departure, in seconds; at its last vertex the agent stays, whatever this says.
-    pub departure_s: f64,
 }
 
 /// A plan on a roadmap: per agent, the vertices that it visits, and when. Between two

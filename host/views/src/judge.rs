@@ -125,7 +125,7 @@ impl GridView {
 
     /// The rule that keeps robots apart as they are asked to be: cells that are wide enough keep them
     /// 2r apart by themselves.
-    fn rule(&self, separation: Separation) -> Separation {
+    pub(crate) fn rule(&self, separation: Separation) -> Separation {
         let strict = GridSpec {
             separation: Separation::Strict,
             ..self.spec

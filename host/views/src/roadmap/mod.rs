@@ -247,7 +247,7 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
     }
     let speed_m_per_s = match spec.speed_m_per_s {
         Some(speed) => speed,
-        None => common_speed_m_per_s(problem),
+        None => problem.common_speed_m_per_s(),
     };
     if !(speed_m_per_s.is_finite() && speed_m_per_s > 0.0) {
         let reason = format!("robots on a roadmap need a speed, not {speed_m_per_s} m/s");
@@ -419,16 +419,18 @@ impl fmt::Display for End {
     }
 }
 
-/// The largest speed that every robot has in every direction.
-fn common_speed_m_per_s(problem: &Problem) -> f64 {
-    let speed = |agent: usize| match problem.fleet.model(agent).dynamics().travel {
-        Travel::Polar { speed, .. } | Travel::Axes { speed, .. } => speed,
-        // Robots on a roadmap turn to where they go.
-        Travel::Body { forward, .. } | Travel::Wheels { forward, .. } => forward,
-    };
-    (0..problem.task.agents.len())
-        .map(speed)
-        .fold(f64::INFINITY, f64::min)
+impl Problem {
+    /// The largest speed in m/s that every robot has in every direction.
+    pub fn common_speed_m_per_s(&self) -> f64 {
+        let speed = |agent: usize| match self.fleet.model(agent).dynamics().travel {
+            Travel::Polar { speed, .. } | Travel::Axes { speed, .. } => speed,
+            // Robots on a roadmap turn to where they go.
+            Travel::Body { forward, .. } | Travel::Wheels { forward, .. } => forward,
+        };
+        (0..self.task.agents.len())
+            .map(speed)
+            .fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// Neighbours of PRM\* in the plane: k(n) = ⌈e·(1 + 1/2)·ln n⌉.
