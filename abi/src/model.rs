@@ -162,6 +162,12 @@ impl Capabilities {
         Self(self.0 & other.0)
     }
 
+    /// The capabilities that are in either set.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
     /// True if the set has a capability.
     pub fn has(self, capability: Capability) -> bool {
         self.0 & capability.bit() != 0

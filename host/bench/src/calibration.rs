@@ -21,6 +21,7 @@ use crate::statistics::{quantile, sorted};
 use crate::suite::SuiteInstance;
 use crate::trial::{Host, Trial};
 use crate::trial_error::TrialError;
+use crate::trial_instance::TrialInstance;
 
 /// The planner that answers at once.
 const PLANNER: &str = "empty";
@@ -128,9 +129,11 @@ fn sample(
     let trial = Trial {
         host,
         planner: &planner,
-        instance,
+        instance: TrialInstance::Grid {
+            instance,
+            path_rule: PathRule::Steps,
+        },
         scenario: "calibration",
-        path_rule: PathRule::Steps,
         seed: 0,
         config,
         robots: None,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use fleetyard_abi::c::PluginEntry;
-use fleetyard_abi::{Descriptor, Kind};
+use fleetyard_abi::{Descriptor, Kind, Plan};
 use fleetyard_check::metrics;
 use fleetyard_core::{Digest, Grid, GridInstance, GridPlan, Hasher, InputError};
 use fleetyard_runtime::measure::{Cpus, Machine, Reason};
@@ -25,6 +25,7 @@ use crate::row::{Incumbent, Row};
 use crate::suite::{Clock, MazeOrigin, Origin, PlannerSetup, Reuse, Suite, SuiteInstance};
 use crate::trial::{Host, Outcome, Trial, milliseconds};
 use crate::trial_error::TrialError;
+use crate::trial_instance::TrialInstance;
 
 /// A suite with its planners and instances.
 pub struct Experiment<'s> {
@@ -302,10 +303,12 @@ impl<'s> Experiment<'s> {
         let trial = Trial {
             host: &self.host,
             planner: &planner.plugin,
-            instance,
+            instance: TrialInstance::Grid {
+                instance,
+                path_rule: suite.protocol.path_rule,
+            },
             scenario: &row.scenario,
             seed: planned.seed,
-            path_rule: suite.protocol.path_rule,
             config: &suite.config,
             robots: suite.robots.as_ref(),
         };
@@ -326,6 +329,7 @@ impl<'s> Experiment<'s> {
         });
         row.fill(&record, suite.protocol.clock);
         if suite.protocol.keep_plans {
+            let plan = plan.and_then(Plan::into_cells);
             row.plan = plan.and_then(|plan| kept::packed(instance, &plan));
         }
         Ok(record)

@@ -29,6 +29,7 @@ mod store;
 pub mod suite;
 mod trial;
 mod trial_error;
+mod trial_instance;
 mod verify;
 
 pub use calibration::Correction;
@@ -51,4 +52,5 @@ pub use run::{Progress, Ran, run};
 pub use store::{Asked, KeptPlan, Merged, Meta, SharedStore, Store, schema};
 pub use trial::{Host, Outcome, Trial, execute, milliseconds};
 pub use trial_error::TrialError;
+pub use trial_instance::TrialInstance;
 pub use verify::{Difference, Verified, What, verify};

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use fleetyard_abi::{Budget, Capability, Descriptor, Kind, Motion, SharedEnvironment};
+use fleetyard_abi::{
+    Budget, Capabilities, Capability, Descriptor, Kind, Motion, SharedEnvironment,
+};
 use fleetyard_check::PathRule;
 use fleetyard_core::{Connectivity, Digest};
 use fleetyard_fleet::{Module, ModuleInfo};
@@ -222,6 +224,37 @@ impl Plugin {
                 lines: capabilities.has(Capability::AnyAngle),
             })
         })
+    }
+
+    /// Refuses a planner of this description that does not claim what a view of a task needs,
+    /// before it is asked.
+    pub(crate) fn check_claims(
+        &self,
+        descriptor: &Descriptor,
+        needed: Capabilities,
+        features: &[String],
+    ) -> Result<(), TrialError> {
+        let claims = descriptor.capabilities;
+        if let Some(missing) = needed.iter().find(|needed| !claims.has(*needed)) {
+            return Err(TrialError::Incapable {
+                planner: descriptor.id.clone(),
+                name: self.name.clone(),
+                missing,
+                lines: false,
+            });
+        }
+        let missing = features.iter();
+        match missing
+            .into_iter()
+            .find(|feature| !descriptor.features.contains(feature))
+        {
+            Some(feature) => Err(TrialError::Lacks {
+                planner: descriptor.id.clone(),
+                name: self.name.clone(),
+                feature: feature.clone(),
+            }),
+            None => Ok(()),
+        }
     }
 
     fn choose(&self, descriptors: &[Descriptor]) -> Result<Descriptor, TrialError> {

@@ -12,6 +12,7 @@ use fleetyard_runtime::{
     Termination, Usage,
 };
 use fleetyard_sim::{Figures, Policy};
+use fleetyard_views::{Judged, Representation};
 use serde::Serialize;
 
 use crate::calibration::Correction;
@@ -48,10 +49,16 @@ pub struct Record {
     pub message: Option<String>,
     /// The host's verdict.
     pub verdict: VerdictInfo,
+    /// The verdicts on a plan of a view, by its rules and by footprints in the world.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub judged: Option<Judged>,
     /// Figures of the plan and of the call.
     pub metrics: Metrics,
     /// Figures that the planner reported of itself.
     pub claimed_metrics: BTreeMap<String, f64>,
+    /// Facts that the planner noted about its inputs.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub notes: BTreeMap<String, String>,
     /// Its claims, held against what the host found.
     pub claims: Vec<Claim>,
     /// The parts of the host's process that it did not leave as they were, where it was called
@@ -153,16 +160,21 @@ pub struct HostInfo {
 /// An instance.
 #[derive(Debug, Serialize)]
 pub struct InstanceInfo {
-    /// The rule by which paths are judged.
-    pub path_rule: PathRule,
-    /// Name of the map.
+    /// The rule by which paths on a grid are judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path_rule: Option<PathRule>,
+    /// Name of the map, or of the task.
     pub map: String,
     /// The origin of starts and goals.
     pub scenario: String,
     /// Number of agents.
     pub agents: usize,
-    /// Neighbours of a cell.
-    pub connectivity: u32,
+    /// Neighbours of a cell, on a grid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub connectivity: Option<u32>,
+    /// The representation of a view of a task.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub representation: Option<Representation>,
 }
 
 /// The budget that a planner might use.
@@ -205,6 +217,29 @@ pub struct VerdictInfo {
     pub violation_count: u64,
     /// The first of them.
     pub violations: Vec<Violation>,
+    /// The reason why a plan is none that could be judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_plan: Option<String>,
+}
+
+impl VerdictInfo {
+    /// On what is no plan of the instance.
+    pub(crate) fn none(reason: String) -> Self {
+        Self {
+            violation_count: 1,
+            no_plan: Some(reason),
+            ..Self::default()
+        }
+    }
+
+    /// Of both judges of a plan of a view.
+    pub(crate) fn of_view(judged: &Judged) -> Self {
+        Self {
+            valid: judged.is_valid(),
+            violation_count: judged.sentences().count() as u64,
+            ..Self::default()
+        }
+    }
 }
 
 impl From<Verdict> for VerdictInfo {
@@ -219,6 +254,7 @@ impl From<Verdict> for VerdictInfo {
             valid,
             violation_count,
             violations,
+            no_plan: None,
         }
     }
 }
@@ -238,6 +274,12 @@ pub struct Metrics {
     pub length_cells: Option<u64>,
     /// Length of all paths.
     pub length_m: Option<f64>,
+    /// Sum over agents of the time of their last arrival in the world of a task.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub soc_s: Option<f64>,
+    /// The latest of these times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub makespan_s: Option<f64>,
     /// Sum of the lengths of shortest paths.
     pub lower_bound_m: f64,
     /// Steps in which an agent waits before it has arrived.
@@ -388,6 +430,16 @@ impl Record {
         claims.filter(|claim| claim.agrees == Some(false))
     }
 
+    /// The violations of the plan that are known, a sentence each.
+    pub fn sentences(&self) -> Vec<String> {
+        let own = self.verdict.violations.iter();
+        let own = own.map(|violation| violation.sentence.clone());
+        let judged = self.judged.iter().flat_map(Judged::sentences);
+        own.chain(judged)
+            .chain(self.verdict.no_plan.clone())
+            .collect()
+    }
+
     /// For people.
     pub fn text(&self) -> String {
         let mut out = String::new();
@@ -409,6 +461,10 @@ impl Record {
             agents,
             ..
         } = &self.instance;
+        let map = match self.instance.representation {
+            Some(representation) => format!("{map} ({representation})"),
+            None => map.clone(),
+        };
         line("instance", format!("{map}, {scenario}, {agents} agents"));
         let claim = self
             .claim
@@ -444,9 +500,8 @@ impl Record {
                 Some(_) => format!("no plan; what the planner left has {count} violations"),
             },
         );
-        let sentences = self.verdict.violations.iter().take(5);
-        for violation in sentences.filter(|_| is_wrong) {
-            line("", violation.sentence.clone());
+        for sentence in self.sentences().into_iter().take(5).filter(|_| is_wrong) {
+            line("", sentence);
         }
         for claim in self.disagreements() {
             line("false claim", claim.to_string());
@@ -462,14 +517,24 @@ impl Record {
                 .map_or(String::new(), |r| format!(", ratio {r:.3}"));
             line(
                 "sum of costs",
-                format!("{soc} steps (lower bound {bound}{ratio})"),
+                match self.instance.representation {
+                    Some(_) => format!("{soc} steps"),
+                    None => format!("{soc} steps (lower bound {bound}{ratio})"),
+                },
             );
             line("makespan", format!("{makespan} steps"));
-        } else {
+        } else if self.instance.representation.is_none() {
             line("lower bound", format!("{bound} steps"));
         }
         if let Some(length) = metrics.length_m {
             line("path length", format!("{} m", number(length)));
+        }
+        if let (Some(soc), Some(makespan)) = (metrics.soc_s, metrics.makespan_s) {
+            let (soc, makespan) = (number(soc), number(makespan));
+            line(
+                "in the world",
+                format!("sum of costs {soc} s, makespan {makespan} s"),
+            );
         }
         let mut planning = format!("{} ms", number(metrics.planning_time_ms));
         if let Some(first) = metrics.first_solution_ms {

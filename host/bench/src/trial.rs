@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Budget, Plan, SharedEnvironment};
-use fleetyard_check::{PathRule, metrics, validate_paths};
-use fleetyard_core::{Digest, GridInstance, GridPlan, InputError, TrajectoryPlan};
+use fleetyard_check::PathRule;
+use fleetyard_core::{Digest, GridPlan, Hasher};
 use fleetyard_runtime::measure::{
     Call, Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
@@ -21,16 +21,14 @@ use crate::calibration::Calibration;
 use crate::claims;
 use crate::error::BenchError;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
-use crate::plugin::{Plugin, Running, motion};
+use crate::plugin::{Plugin, Running};
 use crate::record::{
-    BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, InstanceInfo, Measurement,
-    Metrics, PlannerInfo, Record, VerdictInfo, unranked,
+    BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, Measurement, Metrics,
+    PlannerInfo, Record, VerdictInfo, unranked,
 };
 use crate::suite::SuiteInstance;
 use crate::trial_error::TrialError;
-
-/// The most violations that a record lists; all are counted.
-const VIOLATIONS: usize = 20;
+use crate::trial_instance::{Found, TrialInstance};
 
 /// Planners that watch the clock end a little before their budget does.
 const NEARLY: f64 = 0.9;
@@ -127,11 +125,9 @@ pub struct Trial<'a> {
     /// The planner that is asked.
     pub planner: &'a Plugin,
     /// The instance that it is asked.
-    pub instance: &'a GridInstance,
+    pub instance: TrialInstance<'a>,
     /// The instance's origin, for people.
     pub scenario: &'a str,
-    /// The rule by which paths are judged.
-    pub path_rule: PathRule,
     /// Seed of every random choice of the planner.
     pub seed: u64,
     /// Size of cells and steps, and how the plan is executed if it is.
@@ -146,7 +142,7 @@ pub struct Outcome {
     /// All there is to say.
     pub record: Record,
     /// The plan that counts.
-    pub plan: Option<GridPlan>,
+    pub plan: Option<Plan>,
     /// Notes that the user should see.
     pub warnings: Vec<String>,
     /// The planner's log; empty while its process is kept.
@@ -157,17 +153,9 @@ pub struct Outcome {
 
 impl Trial<'_> {
     fn check(&self, running: &Running) -> Result<(), TrialError> {
-        let agents = self.instance.agents();
-        if !self.path_rule.allows_agents(agents) {
-            let rule = self.path_rule;
-            let reason = format!("the path rule `{rule}` is for one agent, not for {agents}");
-            return Err(InputError::new(self.scenario, reason)
-                .hint("plans of several agents are judged by the rule `steps`")
-                .into());
-        }
-        let connectivity = self.instance.connectivity();
-        self.planner
-            .check_capabilities(&running.descriptor, connectivity, self.path_rule)
+        self.instance.check(self.scenario)?;
+        self.instance
+            .check_planner(self.planner, &running.descriptor, self.config)
     }
 
     /// Asks a process of its own.
@@ -201,11 +189,7 @@ impl Trial<'_> {
             None => self.planner.start(&self.host.runtime)?,
         };
         self.check(&running)?;
-        let environment = fleetyard_runtime::environment(
-            self.instance,
-            self.config.cell_size_m,
-            self.config.step_s,
-        );
+        let environment = self.instance.environment(self.config);
         let watched = self.host.reserved().map(Reservation::watched);
         let before = Snapshot::take(watched.as_ref());
         let startup = (running.trials == 0).then(|| running.session.startup());
@@ -255,21 +239,21 @@ impl Trial<'_> {
                 ));
             }
         }
-        let plan = run.cells().cloned();
-        let execution = match (&plan, self.robots) {
-            (Some(plan), Some(robots)) => match self.execute(robots, plan, trace) {
-                Ok(execution) => Some(execution),
-                Err(error @ TrialError::Simulation(SimError::Trace(_))) => return Err(error),
-                Err(error) => {
-                    warnings.push(format!("the plan was not executed: {error}"));
-                    None
+        let plan = run.plan().cloned();
+        let found = plan.as_ref().map(|plan| self.instance.judge(plan));
+        let execution = match (&plan, &found, self.robots) {
+            (Some(plan), Some(found), Some(robots)) => {
+                match self.execute(robots, plan, found, trace) {
+                    Ok(execution) => execution,
+                    Err(error @ TrialError::Simulation(SimError::Trace(_))) => return Err(error),
+                    Err(error) => {
+                        warnings.push(format!("the plan was not executed: {error}"));
+                        None
+                    }
                 }
-            },
+            }
             _ => None,
         };
-        let verdict = plan.as_ref().map_or_else(VerdictInfo::default, |plan| {
-            validate_paths(self.instance, plan, self.path_rule, VIOLATIONS).into()
-        });
         let over = closing.as_ref().and_then(|closing| closing.over);
         let late = closing.as_ref().and_then(|closing| closing.fault.as_ref());
         let usage = closing.as_ref().and_then(|closing| closing.usage);
@@ -294,13 +278,7 @@ impl Trial<'_> {
                 pinned: self.planner.is_pinned(),
                 options: Value::Object(options),
             },
-            instance: InstanceInfo {
-                map: self.instance.grid().name().to_owned(),
-                scenario: self.scenario.to_owned(),
-                agents: self.instance.agents(),
-                connectivity: self.instance.connectivity().degree(),
-                path_rule: self.path_rule,
-            },
+            instance: self.instance.info(self.scenario),
             budget: self.budget(),
             termination,
             fault,
@@ -317,12 +295,14 @@ impl Trial<'_> {
             metrics: self.metrics(
                 &run,
                 plan.as_ref(),
-                verdict.valid,
+                found.as_ref(),
                 attach,
                 prepared.map(|prepared| milliseconds(prepared.wall)),
             ),
-            verdict,
+            verdict: VerdictInfo::default(),
+            judged: None,
             claimed_metrics: run.metrics,
+            notes: run.notes,
             claims: Vec::new(),
             broken_promises,
             resources: usage,
@@ -331,8 +311,11 @@ impl Trial<'_> {
             environment_digest: None,
             execution,
             instance_digest: self.instance.digest(),
-            plan_digest: plan.as_ref().map(Digest::of_plan),
+            plan_digest: plan.as_ref().map(digest_of),
         };
+        if let Some(found) = found {
+            (record.verdict, record.judged) = (found.verdict, found.judged);
+        }
         record.claims = claims::of(&record);
         let (mut log, mut stderr) = (Vec::new(), String::new());
         if let Some(closing) = closing {
@@ -351,25 +334,12 @@ impl Trial<'_> {
     fn execute(
         &self,
         robots: &Robots,
-        plan: &GridPlan,
+        plan: &Plan,
+        found: &Found,
         trace: &mut dyn TraceSink,
-    ) -> Result<ExecutionInfo, TrialError> {
-        let fleet = robots.fleet(self.instance.agents(), self.config)?;
-        let mut simulator = Simulator::new(self.config).on_grid(self.instance.grid());
-        if let Some(fleet) = &fleet {
-            simulator = simulator.with_fleet(fleet);
-        }
-        if self.path_rule == PathRule::Steps {
-            return Ok(execute(&simulator, plan, trace)?);
-        }
-        let SimConfig {
-            cell_size_m,
-            step_s,
-            ..
-        } = *self.config;
-        let lines = TrajectoryPlan::along_lines(plan, self.instance.grid(), cell_size_m, step_s)
-            .map_err(|error| InputError::new(self.scenario, error.to_string()))?;
-        Ok(execute(&simulator, &lines, trace)?)
+    ) -> Result<Option<ExecutionInfo>, TrialError> {
+        let terms = (self.config, self.scenario);
+        self.instance.execute(robots, plan, found, terms, trace)
     }
 
     /// The limits of the run, as they are recorded.
@@ -472,9 +442,7 @@ impl Trial<'_> {
             &budget(allowed.prepare_wall(), allowed.prepare_memory()),
         ) {
             Ok(report) => {
-                let mut instance =
-                    fleetyard_runtime::instance(self.instance, self.config.radius_m());
-                instance.motion = motion(&running.descriptor, self.path_rule);
+                let instance = self.instance.instance(&running.descriptor, self.config);
                 let budget = budget(allowed.wall, allowed.plan_memory());
                 (running.session.plan(&instance, &budget), report)
             }
@@ -485,54 +453,35 @@ impl Trial<'_> {
     fn metrics(
         &self,
         run: &PlanRun,
-        plan: Option<&GridPlan>,
-        valid: bool,
+        plan: Option<&Plan>,
+        found: Option<&Found>,
         attach: Attach,
         prepare_time_ms: Option<f64>,
     ) -> Metrics {
-        // Lines have no times, and so no costs in steps.
-        let timed = self.path_rule == PathRule::Steps;
-        // The lower bound does not depend on the plan: an empty one will do.
-        let empty = GridPlan::default();
-        let of_plan = metrics(
-            self.instance,
-            plan.unwrap_or(&empty),
-            self.config.cell_size_m,
-        );
-        // The last one is the plan itself, which was validated already.
+        // The last one is the plan itself, which was judged already.
         let last = run.incumbents.len().saturating_sub(1);
+        let timed = !matches!(
+            self.instance,
+            TrialInstance::Grid { path_rule, .. } if path_rule != PathRule::Steps
+        );
         let incumbents = run.incumbents.iter().enumerate().map(|(index, incumbent)| {
-            let valid = |plan| {
-                if index == last {
-                    valid
-                } else {
-                    validate_paths(self.instance, plan, self.path_rule, 0).valid
-                }
+            let valid = |plan: &Plan| match found {
+                Some(found) if index == last => found.verdict.valid,
+                _ => self.instance.allows(plan),
             };
-            let plan = incumbent.plan.as_ref().and_then(Plan::cells);
+            let cells = incumbent.plan.as_ref().and_then(Plan::cells);
             IncumbentInfo {
                 time_ms: milliseconds(incumbent.arrived),
-                soc_steps: plan.filter(|_| timed).map(GridPlan::sum_of_costs),
-                valid: plan.map(valid),
+                soc_steps: cells.filter(|_| timed).map(GridPlan::sum_of_costs),
+                valid: incumbent.plan.as_ref().map(valid),
             }
         });
-        let bound = of_plan.lower_bound_steps;
         Metrics {
-            soc_steps: plan.filter(|_| timed).map(|_| of_plan.sum_of_costs),
-            makespan_steps: plan.filter(|_| timed).map(|_| of_plan.makespan),
-            lower_bound_steps: bound,
-            suboptimality: plan
-                .filter(|_| timed && valid && bound > 0)
-                .map(|_| of_plan.sum_of_costs as f64 / bound as f64),
-            length_cells: plan.map(|_| of_plan.length_cells),
-            length_m: plan.map(|_| of_plan.length_m),
-            lower_bound_m: of_plan.lower_bound_m,
-            waits: plan.filter(|_| timed).map(|_| of_plan.waits),
             planning_time_ms: milliseconds(run.planning),
             call_time_ms: run.call.map(milliseconds),
             round_trip_ms: run.round_trip.map(milliseconds),
             held_up_ms: run.held_up.map(milliseconds),
-            correction: plan.and_then(|plan| {
+            correction: plan.and_then(Plan::cells).and_then(|plan| {
                 let cells: usize = plan.paths().map(<[_]>::len).sum();
                 let calibration = &self.host.calibration;
                 calibration.of(attach, self.instance.agents(), cells as u64)
@@ -544,6 +493,38 @@ impl Trial<'_> {
                 .map(|first| milliseconds(first.arrived)),
             incumbents: incumbents.collect(),
             late_plans: run.late,
+            ..self.instance.metrics(plan, found, self.config)
+        }
+    }
+}
+
+/// Digest of a plan, whatever its form.
+fn digest_of(plan: &Plan) -> Digest {
+    match plan {
+        Plan::Cells(plan) => Digest::of_plan(plan),
+        Plan::Visits(visits) => {
+            let mut hasher = Hasher::new("fleetyard.visits/1");
+            for path in visits.iter() {
+                hasher.u64(path.len() as u64);
+                for visit in path {
+                    hasher.u64(visit.vertex.into());
+                    hasher.f64(visit.arrival_s);
+                    hasher.f64(visit.departure_s);
+                }
+            }
+            hasher.finish()
+        }
+        Plan::Trajectories(knots) => {
+            let mut hasher = Hasher::new("fleetyard.knots/1");
+            for path in knots.iter() {
+                hasher.u64(path.len() as u64);
+                for knot in path {
+                    for number in [knot.time_s, knot.x_m, knot.y_m, knot.heading_rad] {
+                        hasher.f64(number);
+                    }
+                }
+            }
+            hasher.finish()
         }
     }
 }

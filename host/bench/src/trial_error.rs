@@ -74,6 +74,16 @@ pub enum TrialError {
         /// True if it claims to plan in straight lines between any cells.
         lines: bool,
     },
+    /// A planner does not list a feature that the instance needs.
+    #[error("planner `{planner}` does not list the feature `{feature}`, which the task needs")]
+    Lacks {
+        /// Identifier of the planner.
+        planner: String,
+        /// Its name as the user gave it.
+        name: String,
+        /// The feature.
+        feature: String,
+    },
 }
 
 fn plural(kind: Kind) -> &'static str {
@@ -97,9 +107,9 @@ impl TrialError {
     /// The end of the trial, if a plugin is to blame that the trial could not be made.
     pub(crate) fn termination(&self) -> Option<Termination> {
         match self {
-            Self::Incapable { .. } | Self::Fleet(FleetError::Incapable { .. }) => {
-                Some(Termination::Unsupported)
-            }
+            Self::Incapable { .. }
+            | Self::Lacks { .. }
+            | Self::Fleet(FleetError::Incapable { .. }) => Some(Termination::Unsupported),
             _ => {
                 let fault = self.fault().filter(|fault| !fault.is_of_host())?;
                 Some(Termination::from(fault))
@@ -129,7 +139,7 @@ impl TrialError {
                  `supercover` judge"
                     .to_owned(),
             ),
-            Self::Incapable { name, .. } => Some(format!(
+            Self::Incapable { name, .. } | Self::Lacks { name, .. } => Some(format!(
                 "`fleetyard plugins info {name}` lists what it can do"
             )),
         }

@@ -1,13 +1,11 @@
 //! Views as planners are given them through the contract, and the way back of their plans.
 
 use fleetyard_abi::{
-    Environment, Footprint, GridEnvironment, Instance, Limit, Lists, Motion, Mover, Plan, Robot,
-    RoadmapEnvironment, SharedEnvironment, State, WorkspaceEnvironment,
+    Environment, Footprint, GridEnvironment, Instance, Limit, Lists, Motion, Mover, Plan,
+    RoadmapEnvironment, Robot, SharedEnvironment, State, WorkspaceEnvironment,
 };
 use fleetyard_check::Pace;
-use fleetyard_core::{
-    Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan,
-};
+use fleetyard_core::{Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan};
 use fleetyard_world::{Dynamics, Shape, Travel, Workspace};
 
 use crate::judge::{GridTerms, Judged};
@@ -152,7 +150,9 @@ impl GridView {
 impl RoadmapView {
     fn environment(&self) -> RoadmapEnvironment {
         let vertices = 0..self.roadmap.vertices() as u32;
-        let places = vertices.clone().map(|vertex| self.roadmap.position_m(vertex));
+        let places = vertices
+            .clone()
+            .map(|vertex| self.roadmap.position_m(vertex));
         let (x_m, y_m) = places.unzip();
         let edges: Lists<u32> = vertices
             .map(|vertex| self.roadmap.neighbors(vertex).iter().copied())
@@ -164,7 +164,10 @@ impl RoadmapView {
 
 /// A world as planners are told it: what is beyond an edge that is no rectangle is obstacles.
 fn workspace(world: &Workspace) -> WorkspaceEnvironment {
-    let standing = world.obstacles.iter().map(|polygon| polygon.vertices().to_vec());
+    let standing = world
+        .obstacles
+        .iter()
+        .map(|polygon| polygon.vertices().to_vec());
     let boundary = world.boundary.iter();
     let beyond = boundary
         .flat_map(|boundary| boundary.outside())
@@ -198,7 +201,9 @@ impl Problem {
         let profiles = self.fleet.profiles().iter().zip(self.fleet.shapes());
         let robots: Vec<Robot> = profiles
             .enumerate()
-            .map(|(kind, (profile, shape))| robot(&self.kind_name(kind), shape, profile.model.dynamics()))
+            .map(|(kind, (profile, shape))| {
+                robot(&self.kind_name(kind), shape, profile.model.dynamics())
+            })
             .collect();
         let state = |agent: usize, at: crate::State, any: f64| {
             let robot = &robots[self.fleet.profile_of()[agent] as usize];
@@ -234,7 +239,9 @@ impl Problem {
     /// The name of a kind of robots; empty where a fleet file has none.
     fn kind_name(&self, kind: usize) -> String {
         match &self.task.fleet {
-            crate::Fleets::Kinds(kinds) => kinds.get(kind).map_or_else(String::new, |kind| kind.0.clone()),
+            crate::Fleets::Kinds(kinds) => kinds
+                .get(kind)
+                .map_or_else(String::new, |kind| kind.0.clone()),
             crate::Fleets::File(_) => String::new(),
         }
     }
@@ -283,7 +290,10 @@ fn robot(name: &str, shape: &Shape, dynamics: Dynamics) -> Robot {
         ),
     };
     let turning = |limits: Vec<[Limit; 2]>, turn: [Limit; 2]| -> Vec<[Limit; 2]> {
-        limits.into_iter().chain(has_heading.then_some(turn)).collect()
+        limits
+            .into_iter()
+            .chain(has_heading.then_some(turn))
+            .collect()
     };
     let (rates, changes) = (turning(first, turn), turning(second, turns));
     let is_second = changes.iter().flatten().any(Option::is_some);
@@ -292,7 +302,9 @@ fn robot(name: &str, shape: &Shape, dynamics: Dynamics) -> Robot {
         format!("fleetyard.{name}/1")
     };
     let dynamics = match dynamics.travel {
-        Travel::Polar { .. } | Travel::Axes { .. } => name_of("single-integrator", "double-integrator"),
+        Travel::Polar { .. } | Travel::Axes { .. } => {
+            name_of("single-integrator", "double-integrator")
+        }
         Travel::Body { .. } => name_of("holonomic", "holonomic-2"),
         Travel::Wheels { .. } => name_of("unicycle", "unicycle-2"),
     };

@@ -48,6 +48,14 @@ impl Judged {
         view && self.world.as_ref().is_some_and(|verdict| verdict.valid)
     }
 
+    /// The violations that are described, by either judge.
+    pub fn sentences(&self) -> impl Iterator<Item = String> {
+        let view = self.view.iter().flat_map(ViewVerdict::sentences);
+        let world = self.world.iter().flat_map(|verdict| &verdict.violations);
+        let world = world.map(|violation| format!("in the world: {}", violation.sentence));
+        view.chain(world).chain(self.no_place.clone())
+    }
+
     fn new(
         view: Option<ViewVerdict>,
         lifted: Result<TrajectoryPlan, String>,
@@ -79,6 +87,19 @@ pub enum ViewVerdict {
 }
 
 impl ViewVerdict {
+    fn sentences(&self) -> Vec<String> {
+        match self {
+            Self::Grid(verdict) => {
+                let found = verdict.violations.iter();
+                found.map(|violation| violation.sentence.clone()).collect()
+            }
+            Self::Roadmap(verdict) => {
+                let found = verdict.violations.iter();
+                found.map(|violation| violation.sentence.clone()).collect()
+            }
+        }
+    }
+
     /// True if the plan breaks no rule.
     pub fn is_valid(&self) -> bool {
         match self {

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{ArgAction, Args};
-use fleetyard_abi::Status;
-use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial};
+use fleetyard_abi::{Plan, Status};
+use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial, TrialInstance};
 use fleetyard_check::PathRule;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
@@ -129,9 +129,11 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let trial = Trial {
         host: &host,
         planner: &planner,
-        instance: &instance,
+        instance: TrialInstance::Grid {
+            instance: &instance,
+            path_rule: arguments.path_rule,
+        },
         scenario: &file_name(&arguments.instance.scen),
-        path_rule: arguments.path_rule,
         seed: arguments.budget.seed,
         config: &sim_config(&arguments.world),
         robots: execute.then_some(&Robots::Pebbles),
@@ -143,7 +145,8 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     }
     let outcome = trial.run(&mut sinks)?;
     bar.finish_and_clear();
-    let Outcome { record, plan, .. } = &outcome;
+    let record = &outcome.record;
+    let plan = outcome.plan.as_ref().and_then(Plan::cells);
     if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {
         let mut file = PlanFile::new(&instance, plan.trimmed());
         file.planner = Some(format!("{} {}", record.planner.id, record.planner.version));
@@ -157,7 +160,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         let grid = instance.grid();
         let world = World::of_grid(grid, sim_config(&arguments.world).cell_size_m);
         let mut picture = Picture::new(&world);
-        if let Some(plan) = &plan {
+        if let Some(plan) = plan {
             picture = picture.plan(grid, plan).goals(grid, instance.goals());
         }
         draw(path, &picture)?;
@@ -195,7 +198,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         ));
         let size = grid_size(instance.grid());
         let swapped = |plan| looks_transposed(size, instance.starts(), plan);
-        if plan.as_ref().is_some_and(swapped) {
+        if plan.is_some_and(swapped) {
             output::hint(TRANSPOSED_HINT);
         }
     }
