@@ -36,6 +36,18 @@ pub fn parse_option(text: &str, schema: &Value) -> Result<(String, Value), Optio
     Ok((name.to_owned(), value))
 }
 
+/// Options with the defaults of the schema where nothing was given: a plugin in C reads all of
+/// them from a table. A default of `null` stands for no value.
+pub(crate) fn with_defaults(mut options: Map<String, Value>, schema: &Value) -> Map<String, Value> {
+    for (name, property) in properties(schema).into_iter().flatten() {
+        let default = property.get("default").filter(|default| !default.is_null());
+        if let Some(default) = default.filter(|_| !options.contains_key(name)) {
+            options.insert(name.clone(), default.clone());
+        }
+    }
+    options
+}
+
 /// Checks options against a schema. A plugin without a schema takes none.
 pub fn check_options(options: &Map<String, Value>, schema: &Value) -> Result<(), OptionError> {
     let empty = Map::new();
@@ -111,6 +123,20 @@ mod tests {
             },
             "additionalProperties": false,
         })
+    }
+
+    #[test]
+    fn defaults_stand_in_for_what_is_not_given() {
+        let schema = json!({ "properties": {
+            "attempts": { "type": "integer", "default": 100 },
+            "mode": { "type": "string", "default": "fast" },
+            "limit": { "type": ["integer", "null"], "default": null },
+            "name": { "type": "string" },
+        } });
+        let given = json!({ "mode": "7" });
+        let options = with_defaults(given.as_object().cloned().unwrap_or_default(), &schema);
+        assert_eq!(Value::Object(options), json!({ "attempts": 100, "mode": "7" }));
+        assert!(with_defaults(Map::new(), &Value::Null).is_empty());
     }
 
     fn check(options: &[&str]) -> Result<Value, (String, String)> {

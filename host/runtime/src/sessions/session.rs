@@ -8,11 +8,13 @@ use fleetyard_abi::{
 };
 use fleetyard_core::Digest;
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::Fault;
 use crate::confinement::monitor::{Limit, Usage};
 use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
+use crate::options::with_defaults;
 use crate::sessions::attachment::Attachment;
 use crate::sessions::log::LogLine;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Solver};
@@ -124,18 +126,26 @@ impl Session {
         self.attachment.sandbox()
     }
 
-    /// Makes one plugin. Its options were checked against its schema.
+    /// Makes one plugin. Its options were checked against its schema, whose defaults it gets beside
+    /// them.
     pub fn create(
         &mut self,
         kind: Kind,
         id: &str,
-        options: serde_json::Value,
+        options: Value,
     ) -> Result<(), Fault> {
         let mut offered = self.descriptors().iter();
         let made = offered.find(|offered| offered.kind == kind && offered.id == id);
-        self.encoding = made
+        let encoding = made
             .map(|descriptor| descriptor.path_encoding)
             .unwrap_or_default();
+        let options = match (options, made) {
+            (Value::Object(options), Some(descriptor)) => {
+                with_defaults(options, &descriptor.options_schema).into()
+            }
+            (options, _) => options,
+        };
+        self.encoding = encoding;
         self.attachment.create(kind, id, options)
     }
 
