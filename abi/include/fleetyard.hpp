@@ -38,9 +38,13 @@
  * with its message. (An exception that leaves a thread of the plugin's own ends the
  * process, as always in C++.)
  *
- * Instances, maps, states and budgets are views of the host's memory: they end with the
- * call that received them. Copy what is to stay. A Sink may be used from any thread until
- * the call returns.
+ * What a plugin does not claim it is not asked: an environment, motion, flag or critical part
+ * that its capabilities and features do not name ends the call as unsupported before the plugin
+ * hears of it.
+ *
+ * Instances, states and budgets are views of the host's memory: they end with the call that
+ * received them. An environment stays until the next `prepare`, or the end of the plugin. A
+ * Sink may be used from any thread until the call returns.
  */
 
 #ifndef FLEETYARD_HPP
@@ -50,18 +54,17 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <limits>
-#include <locale>
 #include <memory>
 #include <new>
 #include <optional>
-#include <sstream>
+#include <queue>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -73,11 +76,13 @@ namespace fleetyard {
 
 /* ---- Names for the constants of the contract -------------------------------- */
 
-/* A cell of a grid: row * cols + col, with row 0 at the top. */
-using Cell = std::uint32_t;
+/* A cell of a grid, row * cols + col with row 0 at the top, or a vertex of a roadmap. */
+using Place = std::uint32_t;
+using Cell = Place;
+using Vertex = Place;
 
-/* The distance of a cell from which no path leads to the goal. */
-inline constexpr std::uint32_t unreachable = std::numeric_limits<std::uint32_t>::max();
+/* No place, and the distance of a cell from which no path leads to the goal. */
+inline constexpr std::uint32_t none = FLEETYARD_NONE, unreachable = FLEETYARD_NONE;
 
 /* Capabilities that a plugin claims, joined by `|`. */
 namespace capability {
@@ -85,9 +90,13 @@ inline constexpr std::uint64_t grid = FLEETYARD_CAPABILITY_GRID;
 inline constexpr std::uint64_t roadmap = FLEETYARD_CAPABILITY_ROADMAP;
 inline constexpr std::uint64_t continuous = FLEETYARD_CAPABILITY_CONTINUOUS;
 inline constexpr std::uint64_t eight_connected = FLEETYARD_CAPABILITY_EIGHT_CONNECTED;
+inline constexpr std::uint64_t move_mask = FLEETYARD_CAPABILITY_MOVE_MASK;
 inline constexpr std::uint64_t pebble = FLEETYARD_CAPABILITY_PEBBLE;
 inline constexpr std::uint64_t rotation = FLEETYARD_CAPABILITY_ROTATION;
 inline constexpr std::uint64_t any_angle = FLEETYARD_CAPABILITY_ANY_ANGLE;
+inline constexpr std::uint64_t stop_go = FLEETYARD_CAPABILITY_STOP_GO;
+inline constexpr std::uint64_t slower = FLEETYARD_CAPABILITY_SLOWER;
+inline constexpr std::uint64_t dynamics = FLEETYARD_CAPABILITY_DYNAMICS;
 inline constexpr std::uint64_t anytime = FLEETYARD_CAPABILITY_ANYTIME;
 inline constexpr std::uint64_t windowed = FLEETYARD_CAPABILITY_WINDOWED;
 inline constexpr std::uint64_t duplicate_goals = FLEETYARD_CAPABILITY_DUPLICATE_GOALS;
@@ -95,6 +104,8 @@ inline constexpr std::uint64_t colliding_plans = FLEETYARD_CAPABILITY_COLLIDING_
 inline constexpr std::uint64_t k_robust = FLEETYARD_CAPABILITY_K_ROBUST;
 inline constexpr std::uint64_t deterministic = FLEETYARD_CAPABILITY_DETERMINISTIC;
 inline constexpr std::uint64_t threads = FLEETYARD_CAPABILITY_THREADS;
+inline constexpr std::uint64_t idle = FLEETYARD_CAPABILITY_IDLE;
+inline constexpr std::uint64_t heterogeneous = FLEETYARD_CAPABILITY_HETEROGENEOUS;
 } // namespace capability
 
 /* Status of a call that does not succeed. */
@@ -108,10 +119,27 @@ enum class Status : std::int32_t {
   internal_error = FLEETYARD_STATUS_INTERNAL_ERROR,
 };
 
+/* What became of an answer that was submitted. */
+enum class Result : std::int32_t {
+  ok = FLEETYARD_OK,
+  rejected = FLEETYARD_REJECTED,
+  too_late = FLEETYARD_TOO_LATE,
+  busy = FLEETYARD_BUSY,
+};
+
+enum class Representation : std::int32_t {
+  grid = FLEETYARD_REPRESENTATION_GRID,
+  roadmap = FLEETYARD_REPRESENTATION_ROADMAP,
+  continuous = FLEETYARD_REPRESENTATION_CONTINUOUS,
+};
+
 enum class Motion : std::int32_t {
   pebble = FLEETYARD_MOTION_PEBBLE,
   rotation = FLEETYARD_MOTION_ROTATION,
   any_angle = FLEETYARD_MOTION_ANY_ANGLE,
+  stop_go = FLEETYARD_MOTION_STOP_GO,
+  slower = FLEETYARD_MOTION_SLOWER,
+  dynamics = FLEETYARD_MOTION_DYNAMICS,
 };
 
 enum class Objective : std::int32_t {
@@ -119,7 +147,13 @@ enum class Objective : std::int32_t {
   makespan = FLEETYARD_OBJECTIVE_MAKESPAN,
 };
 
-enum class Heading : std::int32_t {
+enum class Form : std::int32_t {
+  cells = FLEETYARD_FORM_CELLS,
+  visits = FLEETYARD_FORM_VISITS,
+  trajectories = FLEETYARD_FORM_TRAJECTORIES,
+};
+
+enum class Heading : std::int8_t {
   east = FLEETYARD_HEADING_EAST,
   south = FLEETYARD_HEADING_SOUTH,
   west = FLEETYARD_HEADING_WEST,
@@ -174,23 +208,25 @@ private:
 
 namespace detail {
 
-inline FleetyardStr str(std::string_view text) noexcept {
-  return {reinterpret_cast<const std::uint8_t *>(text.data()), text.size()};
-}
+inline FleetyardStr str(std::string_view text) noexcept { return {text.data(), text.size()}; }
 
 inline std::string_view view(FleetyardStr text) noexcept {
-  return {reinterpret_cast<const char *>(text.ptr), text.ptr ? text.len : 0};
+  return text.ptr ? std::string_view(text.ptr, text.len) : std::string_view();
 }
 
 [[noreturn]] inline void invalid(const std::string &reason) {
   throw Failure(Status::invalid_input, reason);
 }
 
-/* A structure of the host, if it is the one of this header. */
+[[noreturn]] inline void unsupported(const std::string &reason) {
+  throw Failure(Status::unsupported, reason);
+}
+
+/* A structure of the host, which may be longer than the one of this header. */
 template <class T> const T &checked(const T *pointer, const char *name) {
   if (!pointer)
     invalid(std::string(name) + " is null");
-  if (pointer->struct_size != sizeof(T))
+  if (pointer->struct_size < sizeof(T))
     invalid(std::string(name) + ".struct_size is " + std::to_string(pointer->struct_size) +
             ", but the structure has " + std::to_string(sizeof(T)) + " bytes");
   return *pointer;
@@ -202,44 +238,118 @@ template <class T> Span<T> checked(const T *pointer, std::size_t size, const cha
   return {pointer, size};
 }
 
-/* Several lists of cells in one array, with their offsets. */
-class Lists {
+inline void zero(std::uint32_t reserved, const char *name) {
+  if (reserved != 0)
+    invalid(std::string(name) + ".reserved is " + std::to_string(reserved) + ", not 0");
+}
+
+/* A code of which this header knows those from 1 to `last`. */
+inline std::int32_t code(std::int32_t value, std::int32_t last, const char *name) {
+  if (value == 0)
+    invalid(std::string(name) + " is 0, which is no value");
+  if (value < 0 || value > last)
+    unsupported(std::string(name) + " " + std::to_string(value) + " is unknown");
+  return value;
+}
+
+inline void flags(std::uint32_t value, std::uint32_t known, const char *name) {
+  if (value & ~known)
+    unsupported(std::string(name) + " has unknown flags: " + std::to_string(value & ~known));
+}
+
+/* Offsets into something, as the contract has them. */
+inline Span<std::uint64_t> offsets(const std::uint64_t *pointer, std::size_t count,
+                                   const char *name) {
+  const Span<std::uint64_t> all = checked(pointer, count + 1, name);
+  if (all.front() != 0 || !std::is_sorted(all.begin(), all.end()))
+    invalid(std::string("the offsets of ") + name + " are out of order");
+  return all;
+}
+
+/* Several lists in one array, with their offsets. */
+template <class T> class Lists {
 public:
-  Lists(const std::uint64_t *offsets, const Cell *cells, std::size_t count, const char *name)
-      : offsets_(checked(offsets, count + 1, name)), cells_(cells) {
-    if (offsets_.front() != 0 || !std::is_sorted(offsets_.begin(), offsets_.end()))
-      invalid(std::string("the offsets of ") + name + " are out of order");
-    checked(cells, static_cast<std::size_t>(offsets_.back()), name);
+  Lists() = default;
+  Lists(const std::uint64_t *begins, const T *items, std::size_t count, const char *name)
+      : offsets_(detail::offsets(begins, count, name)), items_(items) {
+    checked(items, static_cast<std::size_t>(offsets_.back()), name);
   }
 
-  Span<Cell> operator[](std::size_t at) const noexcept {
+  std::size_t size() const noexcept { return offsets_.empty() ? 0 : offsets_.size() - 1; }
+  Span<T> operator[](std::size_t at) const noexcept {
     const auto begin = static_cast<std::size_t>(offsets_[at]);
     const auto end = static_cast<std::size_t>(offsets_[at + 1]);
-    return begin == end ? Span<Cell>() : Span<Cell>(cells_ + begin, end - begin);
+    return begin == end ? Span<T>() : Span<T>(items_ + begin, end - begin);
   }
 
 private:
   Span<std::uint64_t> offsets_;
-  const Cell *cells_;
+  const T *items_ = nullptr;
 };
 
 } // namespace detail
+
+/* A position in the plane: x to the right, y upwards. */
+struct Point {
+  double x_m, y_m;
+};
+
+/* Data with a name that a view or a question carries. */
+class Part {
+public:
+  explicit Part(const FleetyardPart &raw) : raw_(raw) {}
+
+  /* `fleetyard.NAME/REVISION`, or the same beginning with a reversed domain name. */
+  std::string_view id() const noexcept { return detail::view(raw_.id); }
+  /* True if a plugin that does not know it must refuse the question. */
+  bool critical() const noexcept { return (raw_.flags & FLEETYARD_PART_CRITICAL) != 0; }
+  /* The JSON text, if the part is one. */
+  std::optional<std::string_view> json() const {
+    if ((raw_.flags & FLEETYARD_PART_JSON) == 0)
+      return std::nullopt;
+    const auto *json = static_cast<const FleetyardJson *>(raw_.data);
+    return detail::view(detail::checked(json, "part.data").text);
+  }
+  /* The structure otherwise, as its identifier says. */
+  const void *data() const noexcept { return raw_.data; }
+
+private:
+  FleetyardPart raw_;
+};
+
+/* All of them. */
+class Parts {
+public:
+  explicit Parts(const FleetyardParts &raw)
+      : list_(detail::checked(raw.list, static_cast<std::size_t>(raw.count), "parts")) {
+    for (const FleetyardPart &part : list_)
+      detail::zero(part.reserved, "part");
+  }
+
+  std::size_t size() const noexcept { return list_.size(); }
+  Part operator[](std::size_t at) const { return Part(list_[at]); }
+  std::optional<Part> find(std::string_view id) const {
+    for (const FleetyardPart &part : list_)
+      if (detail::view(part.id) == id)
+        return Part(part);
+    return std::nullopt;
+  }
+
+private:
+  Span<FleetyardPart> list_;
+};
 
 /* Limits of one call. The host enforces them. */
 class Budget {
 public:
   explicit Budget(const FleetyardBudget *raw) : raw_(detail::checked(raw, "budget")) {}
 
-  /* When the call must have returned. */
-  std::chrono::steady_clock::time_point deadline() const noexcept {
-    return std::chrono::steady_clock::time_point(nanoseconds(raw_.deadline_monotonic_ns));
+  /* When the call must have returned, on the clock of Sink::now. */
+  std::chrono::nanoseconds deadline() const noexcept {
+    return nanoseconds(raw_.deadline_monotonic_ns);
   }
-  /* Time until the deadline; negative once it has passed. */
-  std::chrono::nanoseconds remaining() const noexcept {
-    return deadline() - std::chrono::steady_clock::now();
-  }
-  /* True once the deadline has passed. Sink::cancelled tells earlier, and hears the host. */
-  bool expired() const noexcept { return remaining().count() <= 0; }
+  /* When to come to an end, so that the answer arrives in time: Sink::cancelled then says so. */
+  std::chrono::nanoseconds answer_by() const noexcept { return nanoseconds(raw_.answer_by_ns); }
   /* Length of the budget when the call began. */
   std::chrono::nanoseconds wall() const noexcept { return nanoseconds(raw_.wall_ns); }
   /* Most threads to use at a time; at least 1. */
@@ -283,6 +393,7 @@ public:
   explicit Grid(const FleetyardGrid *raw) : raw_(detail::checked(raw, "environment.view")) {
     detail::checked(raw_.passable, size(), "grid.passable");
     detail::checked(raw_.terrain, size(), "grid.terrain");
+    detail::checked(raw_.moves, size(), "grid.moves");
   }
 
   std::uint32_t rows() const noexcept { return raw_.rows; }
@@ -298,10 +409,17 @@ public:
   Span<std::uint8_t> passable() const noexcept { return {raw_.passable, size()}; }
   /* Per cell the letter of the map file. */
   Span<std::uint8_t> terrain() const noexcept { return {raw_.terrain, size()}; }
+  /* Per cell the moves that are allowed, bits of FLEETYARD_MOVE_*. */
+  Span<std::uint8_t> moves() const noexcept { return {raw_.moves, size()}; }
 
   Cell cell(std::uint32_t row, std::uint32_t col) const noexcept { return row * raw_.cols + col; }
   std::uint32_t row(Cell cell) const noexcept { return cell / raw_.cols; }
   std::uint32_t col(Cell cell) const noexcept { return cell % raw_.cols; }
+  /* The middle of a cell in the plane. */
+  Point centre(Cell cell) const noexcept {
+    return {raw_.origin_x_m + (col(cell) + 0.5) * raw_.cell_size_m,
+            raw_.origin_y_m + (raw_.rows - row(cell) - 0.5) * raw_.cell_size_m};
+  }
 
   /* True if a robot may stand in a cell; false off the map. */
   bool is_free(Cell cell) const noexcept { return cell < size() && raw_.passable[cell] != 0; }
@@ -310,44 +428,40 @@ public:
    * then, with eight neighbours, the diagonals. Waiting is always possible too. */
   Neighbours neighbours(Cell cell) const noexcept {
     Neighbours found;
-    const bool north = row(cell) > 0 && is_free(cell - raw_.cols);
-    const bool east = col(cell) + 1 < raw_.cols && is_free(cell + 1);
-    const bool south = row(cell) + 1 < raw_.rows && is_free(cell + raw_.cols);
-    const bool west = col(cell) > 0 && is_free(cell - 1);
-    const auto add = [&](bool reachable, Cell near) {
-      if (reachable && is_free(near))
-        found.add(near);
-    };
-    add(north, cell - raw_.cols);
-    add(east, cell + 1);
-    add(south, cell + raw_.cols);
-    add(west, cell - 1);
-    if (raw_.connectivity == 8) { // past no corner: both cells at the side are free
-      add(north && east, cell - raw_.cols + 1);
-      add(south && east, cell + raw_.cols + 1);
-      add(south && west, cell + raw_.cols - 1);
-      add(north && west, cell - raw_.cols - 1);
+    for (int move = 0; move < 8; move++)
+      if (allows(cell, move))
+        found.add(beside(cell, move));
+    return found;
+  }
+
+  /* The cells from which one move leads to a cell: where all moves can be made both ways, its
+   * neighbours. */
+  Neighbours origins(Cell cell) const noexcept {
+    Neighbours found;
+    for (int move = 0; move < 8; move++) {
+      const Cell from = beside(cell, move ^ 2); // the opposite direction
+      if (from != none && allows(from, move))
+        found.add(from);
     }
     return found;
   }
 
+  /* True if an agent may go from one cell to another in a step, or wait. */
+  bool is_step(Cell from, Cell to) const noexcept {
+    if (!is_free(from) || from == to)
+      return is_free(from) && from == to;
+    const Neighbours near = neighbours(from);
+    return std::find(near.begin(), near.end(), to) != near.end();
+  }
+
   /* Steps from every cell to a goal when nobody is in the way, or `unreachable`. */
   std::vector<std::uint32_t> distances(Cell goal) const {
-    std::vector<std::uint32_t> distance(size(), unreachable);
-    std::vector<Cell> queue;
-    if (is_free(goal)) {
-      distance[goal] = 0;
-      queue.push_back(goal);
-    }
-    for (std::size_t next = 0; next < queue.size(); next++) {
-      const Cell cell = queue[next];
-      for (const Cell near : neighbours(cell))
-        if (distance[near] == unreachable) {
-          distance[near] = distance[cell] + 1;
-          queue.push_back(near);
-        }
-    }
-    return distance;
+    return spread(goal, [this](Cell cell) { return origins(cell); });
+  }
+
+  /* Steps from a cell to every cell when nobody is in the way, or `unreachable`. */
+  std::vector<std::uint32_t> reach(Cell start) const {
+    return spread(start, [this](Cell cell) { return neighbours(cell); });
   }
 
   /* A shortest path from a cell down a table of `distances`, both ends included; the cell
@@ -364,96 +478,455 @@ public:
   }
 
 private:
+  bool allows(Cell cell, int move) const noexcept { return (raw_.moves[cell] >> move & 1) != 0; }
+
+  /* The cell in the direction of a move, in the order of the bits of `moves`. */
+  Cell beside(Cell cell, int move) const noexcept {
+    constexpr int rows[] = {-1, 0, 1, 0, -1, 1, 1, -1}, cols[] = {0, 1, 0, -1, 1, 1, -1, -1};
+    const std::int64_t to_row = std::int64_t{row(cell)} + rows[move];
+    const std::int64_t to_col = std::int64_t{col(cell)} + cols[move];
+    if (to_row < 0 || to_row >= raw_.rows || to_col < 0 || to_col >= raw_.cols)
+      return none;
+    return static_cast<Cell>(to_row * raw_.cols + to_col);
+  }
+
+  template <class Next> std::vector<std::uint32_t> spread(Cell first, Next next) const {
+    std::vector<std::uint32_t> distance(size(), unreachable);
+    std::vector<Cell> queue;
+    if (is_free(first)) {
+      distance[first] = 0;
+      queue.push_back(first);
+    }
+    for (std::size_t head = 0; head < queue.size(); head++) {
+      const Cell cell = queue[head];
+      for (const Cell near : next(cell))
+        if (distance[near] == unreachable) {
+          distance[near] = distance[cell] + 1;
+          queue.push_back(near);
+        }
+    }
+    return distance;
+  }
+
   FleetyardGrid raw_;
 };
 
-/* The map. */
-class Environment {
+/* The body of a robot or a mover, about its origin. */
+class Footprint {
 public:
-  explicit Environment(const FleetyardEnvironment *raw)
-      : raw_(detail::checked(raw, "environment")) {}
+  explicit Footprint(const FleetyardFootprint *raw) : raw_(detail::checked(raw, "footprint")) {
+    detail::checked(raw_.x_m, raw_.corners, "footprint.x_m");
+    detail::checked(raw_.y_m, raw_.corners, "footprint.y_m");
+  }
 
-  std::string_view map_name() const noexcept { return detail::view(raw_.map_name); }
-  bool is_grid() const noexcept { return raw_.representation == FLEETYARD_REPRESENTATION_GRID; }
+  /* Radius of the disc, or of the smallest circle about the origin that encloses the polygon. */
+  double radius_m() const noexcept { return raw_.radius_m; }
+  /* Number of corners of a convex polygon; 0 for a disc. */
+  std::size_t corners() const noexcept { return raw_.corners; }
+  Point corner(std::size_t at) const noexcept { return {raw_.x_m[at], raw_.y_m[at]}; }
 
-  /* The map as a grid; fails as unsupported when it is none. */
-  Grid grid() const {
-    if (!is_grid())
-      throw Failure(Status::unsupported, "this plugin knows grids only");
-    return Grid(static_cast<const FleetyardGrid *>(raw_.view));
+private:
+  FleetyardFootprint raw_;
+};
+
+/* A knot of a trajectory, between which position and heading are linear in time. */
+struct Knot {
+  double time_s, x_m, y_m;
+  /* Counter-clockwise and unwrapped; NaN for a robot without one. */
+  double heading_rad = std::numeric_limits<double>::quiet_NaN();
+};
+
+/* An obstacle that moves in a known way. */
+class Mover {
+public:
+  explicit Mover(const FleetyardMover *raw) : raw_(detail::checked(raw, "mover")) {
+    for (const double *column : {raw_.time_s, raw_.x_m, raw_.y_m, raw_.heading_rad})
+      detail::checked(column, raw_.knots, "mover.knots");
+  }
+
+  Footprint footprint() const { return Footprint(raw_.footprint); }
+  std::size_t knots() const noexcept { return raw_.knots; }
+  Knot knot(std::size_t at) const noexcept {
+    return {raw_.time_s[at], raw_.x_m[at], raw_.y_m[at], raw_.heading_rad[at]};
   }
 
 private:
+  FleetyardMover raw_;
+};
+
+/* Free space: the bounds without the obstacles. */
+class Workspace {
+public:
+  explicit Workspace(const FleetyardWorkspace *raw)
+      : raw_(detail::checked(raw, "workspace")),
+        x_m_(raw_.corner_offsets, raw_.x_m, raw_.obstacles, "workspace.x_m"),
+        y_m_(raw_.corner_offsets, raw_.y_m, raw_.obstacles, "workspace.y_m") {
+    detail::checked(raw_.movers, static_cast<std::size_t>(raw_.mover_count), "workspace.movers");
+  }
+
+  Point min_m() const noexcept { return {raw_.min_x_m, raw_.min_y_m}; }
+  Point max_m() const noexcept { return {raw_.max_x_m, raw_.max_y_m}; }
+  std::size_t obstacles() const noexcept { return raw_.obstacles; }
+  /* The corners of a simple polygon, counter-clockwise. */
+  std::vector<Point> obstacle(std::size_t at) const {
+    std::vector<Point> corners;
+    for (std::size_t corner = 0; corner < x_m_[at].size(); corner++)
+      corners.push_back({x_m_[at][corner], y_m_[at][corner]});
+    return corners;
+  }
+  std::size_t movers() const noexcept { return static_cast<std::size_t>(raw_.mover_count); }
+  Mover mover(std::size_t at) const { return Mover(raw_.movers[at]); }
+
+private:
+  FleetyardWorkspace raw_;
+  detail::Lists<double> x_m_, y_m_;
+};
+
+/* A directed edge of a roadmap. */
+struct Edge {
+  Vertex from, to;
+  double length_m;
+  double duration_s; /* at full speed */
+};
+
+/* A graph in the plane, whose edges are driven straight. */
+class Roadmap {
+public:
+  explicit Roadmap(const FleetyardRoadmap *raw)
+      : raw_(detail::checked(raw, "environment.view")),
+        targets_(raw_.edge_offsets, raw_.targets, raw_.vertices, "roadmap.targets") {
+    detail::zero(raw_.reserved, "roadmap");
+    detail::flags(raw_.flags, FLEETYARD_ROADMAP_SYMMETRIC, "roadmap");
+    detail::checked(raw_.x_m, raw_.vertices, "roadmap.x_m");
+    detail::checked(raw_.y_m, raw_.vertices, "roadmap.y_m");
+    detail::checked(raw_.length_m, edges(), "roadmap.length_m");
+    detail::checked(raw_.duration_s, edges(), "roadmap.duration_s");
+  }
+
+  /* Number of vertices. */
+  std::size_t size() const noexcept { return raw_.vertices; }
+  /* Number of edges. */
+  std::size_t edges() const noexcept { return static_cast<std::size_t>(raw_.edges); }
+  Point position(Vertex vertex) const noexcept { return {raw_.x_m[vertex], raw_.y_m[vertex]}; }
+  /* Number of the edges from a vertex. */
+  std::size_t degree(Vertex vertex) const noexcept { return targets_[vertex].size(); }
+  /* The edge with that number among those from a vertex. */
+  Edge edge(Vertex from, std::size_t at) const noexcept {
+    const std::size_t edge = static_cast<std::size_t>(raw_.edge_offsets[from]) + at;
+    return {from, targets_[from][at], raw_.length_m[edge], raw_.duration_s[edge]};
+  }
+  double speed_m_per_s() const noexcept { return raw_.speed_m_per_s; }
+  /* The least distance of two robots' centres at any time. */
+  double separation_m() const noexcept { return raw_.separation_m; }
+  /* True if each edge can be driven both ways. */
+  bool symmetric() const noexcept { return (raw_.flags & FLEETYARD_ROADMAP_SYMMETRIC) != 0; }
+  /* The world in which the roadmap lies, if the host tells. */
+  std::optional<Workspace> workspace() const {
+    return raw_.workspace ? std::optional<Workspace>(raw_.workspace) : std::nullopt;
+  }
+
+  /* Seconds from every vertex to a goal at full speed when nobody is in the way; infinite where
+   * no way leads. */
+  std::vector<double> times(Vertex goal) const {
+    std::vector<std::vector<Edge>> into(size());
+    for (Vertex from = 0; from < size(); from++)
+      for (std::size_t at = 0; at < degree(from); at++)
+        into[edge(from, at).to].push_back(edge(from, at));
+    std::vector<double> time(size(), std::numeric_limits<double>::infinity());
+    using Entry = std::pair<double, Vertex>;
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> open;
+    time[goal] = 0;
+    for (open.push({0.0, goal}); !open.empty();) {
+      const auto [now, vertex] = open.top();
+      open.pop();
+      for (const Edge &edge : now > time[vertex] ? std::vector<Edge>() : into[vertex])
+        if (now + edge.duration_s < time[edge.from]) {
+          time[edge.from] = now + edge.duration_s;
+          open.push({time[edge.from], edge.from});
+        }
+    }
+    return time;
+  }
+
+private:
+  FleetyardRoadmap raw_;
+  detail::Lists<Vertex> targets_;
+};
+
+/* The map: a grid, a roadmap or a workspace. */
+class Environment {
+public:
+  explicit Environment(const FleetyardEnvironment *raw)
+      : raw_(detail::checked(raw, "environment")) {
+    detail::code(raw_.representation, FLEETYARD_REPRESENTATION_CONTINUOUS, "representation");
+  }
+
+  /* The map's name, for messages. */
+  std::string_view name() const noexcept { return detail::view(raw_.name); }
+  /* A key for caches: equal digests, equal maps. Empty when the host has none. */
+  std::string_view digest() const noexcept { return detail::view(raw_.digest); }
+  Representation representation() const noexcept {
+    return static_cast<Representation>(raw_.representation);
+  }
+  Parts parts() const { return Parts(raw_.parts); }
+
+  /* The view; each fails as unsupported when the map is another one. */
+  Grid grid() const { return Grid(view<FleetyardGrid>(Representation::grid, "grids")); }
+  Roadmap roadmap() const {
+    return Roadmap(view<FleetyardRoadmap>(Representation::roadmap, "roadmaps"));
+  }
+  Workspace workspace() const {
+    return Workspace(view<FleetyardWorkspace>(Representation::continuous, "the plane"));
+  }
+  /* Number of cells or vertices; 0 in the plane. */
+  std::size_t places() const {
+    switch (representation()) {
+    case Representation::grid:
+      return grid().size();
+    case Representation::roadmap:
+      return roadmap().size();
+    default:
+      return 0;
+    }
+  }
+
+private:
+  template <class T> const T *view(Representation wanted, const char *name) const {
+    if (representation() != wanted)
+      detail::unsupported(std::string("this plugin knows ") + name + " only");
+    return static_cast<const T *>(raw_.view);
+  }
+
   FleetyardEnvironment raw_;
 };
 
-/* An instance: the input of a planner. */
+/* A model of robots. */
+class Robot {
+public:
+  explicit Robot(const FleetyardRobot *raw) : raw_(detail::checked(raw, "robot")) {
+    detail::zero(raw_.reserved, "robot");
+    detail::flags(raw_.flags,
+                  FLEETYARD_ROBOT_HEADING | FLEETYARD_ROBOT_POLAR_STATE |
+                      FLEETYARD_ROBOT_POLAR_CONTROL,
+                  "robot");
+    for (const double *limits : {raw_.state_min, raw_.state_max})
+      detail::checked(limits, raw_.state_size, "robot.state_min, state_max");
+    for (const double *limits : {raw_.control_min, raw_.control_max})
+      detail::checked(limits, raw_.control_size, "robot.control_min, control_max");
+    detail::checked(raw_.parameters, raw_.parameter_count, "robot.parameters");
+  }
+
+  std::string_view name() const noexcept { return detail::view(raw_.name); }
+  /* Name of its dynamics; empty where any motion will do. */
+  std::string_view dynamics() const noexcept { return detail::view(raw_.dynamics); }
+  Footprint footprint() const { return Footprint(raw_.footprint); }
+  /* True if a state has a heading after x and y. */
+  bool has_heading() const noexcept { return (raw_.flags & FLEETYARD_ROBOT_HEADING) != 0; }
+  /* True if the largest of the first two rates of a state bounds their length. */
+  bool polar_state() const noexcept { return (raw_.flags & FLEETYARD_ROBOT_POLAR_STATE) != 0; }
+  /* True if the largest of the first two numbers of a control bounds their length. */
+  bool polar_control() const noexcept { return (raw_.flags & FLEETYARD_ROBOT_POLAR_CONTROL) != 0; }
+  /* Limits of each number, infinite where there is none. */
+  Span<double> state_min() const noexcept { return {raw_.state_min, raw_.state_size}; }
+  Span<double> state_max() const noexcept { return {raw_.state_max, raw_.state_size}; }
+  Span<double> control_min() const noexcept { return {raw_.control_min, raw_.control_size}; }
+  Span<double> control_max() const noexcept { return {raw_.control_max, raw_.control_size}; }
+  Span<double> parameters() const noexcept { return {raw_.parameters, raw_.parameter_count}; }
+
+private:
+  FleetyardRobot raw_;
+};
+
+/* An instance: the input of a planner. Agents have places on grids and roadmaps, and states in
+ * the plane. */
 class Instance {
 public:
-  explicit Instance(const FleetyardInstance *raw)
-      : raw_(detail::checked(raw, "instance")),
-        starts_(detail::checked(raw_.starts, raw_.agents, "instance.starts")),
-        goals_(raw_.goal_offsets, raw_.goals, raw_.agents, "instance.goals") {
+  explicit Instance(const FleetyardInstance *raw) : raw_(detail::checked(raw, "instance")) {
+    detail::zero(raw_.reserved, "instance");
+    detail::code(raw_.motion, FLEETYARD_MOTION_DYNAMICS, "motion");
+    detail::code(raw_.objective, FLEETYARD_OBJECTIVE_MAKESPAN, "objective");
+    detail::flags(raw_.flags, FLEETYARD_INSTANCE_CYCLES | FLEETYARD_INSTANCE_STRICT, "instance");
+    detail::checked(raw_.robots, raw_.robot_count, "instance.robots");
+    if (raw_.agents == 0)
+      detail::invalid("the instance has no agents");
+    const std::size_t places = environment().places();
+    if (places > 0) {
+      starts_ = detail::checked(raw_.starts, raw_.agents, "instance.starts");
+      goals_ = {raw_.goal_offsets, raw_.goals, raw_.agents, "instance.goals"};
+    } else {
+      goal_offsets_ = detail::offsets(raw_.goal_offsets, raw_.agents, "instance.goals");
+      start_states_ = {raw_.start_state_offsets, raw_.start_states, raw_.agents,
+                       "instance.start_states"};
+      goal_states_ = {raw_.goal_state_offsets, raw_.goal_states,
+                      static_cast<std::size_t>(goal_offsets_.back()), "instance.goal_states"};
+    }
     for (std::size_t agent = 0; agent < raw_.agents; agent++)
-      if (goals_[agent].empty())
-        detail::invalid("agent " + std::to_string(agent) + " has no goal");
+      check_agent(agent, places);
   }
 
   /* Number of agents; at least 1. */
   std::uint32_t agents() const noexcept { return raw_.agents; }
   /* The map of the last `prepare`. */
   Environment environment() const { return Environment(raw_.environment); }
-  /* The same as a grid; fails as unsupported when it is none. */
+  /* The same as a grid, a roadmap or a workspace; fails as unsupported when it is none. */
   Grid grid() const { return environment().grid(); }
-  /* Start cell of every agent. */
-  Span<Cell> starts() const noexcept { return starts_; }
-  /* Goals of an agent, to be visited in order; at least one. */
-  Span<Cell> goals(std::size_t agent) const noexcept { return goals_[agent]; }
-  /* The last goal of an agent: where its path should end. */
-  Cell goal(std::size_t agent) const noexcept { return goals_[agent].back(); }
+  Roadmap roadmap() const { return environment().roadmap(); }
+  Workspace workspace() const { return environment().workspace(); }
+  /* Start place of every agent; empty in the plane. */
+  Span<Place> starts() const noexcept { return starts_; }
+  /* Goals of an agent, to be visited in order; an agent without one may end anywhere. */
+  Span<Place> goals(std::size_t agent) const noexcept {
+    return goals_.size() == 0 ? Span<Place>() : goals_[agent];
+  }
+  /* The last goal of an agent: where its path should end. `none` without one. */
+  Place goal(std::size_t agent) const noexcept {
+    const Span<Place> all = goals(agent);
+    return all.empty() ? none : all.back();
+  }
+  /* In the plane: the state of an agent at its start, as its robot says. */
+  Span<double> start_state(std::size_t agent) const noexcept { return start_states_[agent]; }
+  /* Number of goals of an agent. */
+  std::size_t goal_count(std::size_t agent) const noexcept {
+    return goal_offsets_.empty()
+               ? goals(agent).size()
+               : static_cast<std::size_t>(goal_offsets_[agent + 1] - goal_offsets_[agent]);
+  }
+  /* In the plane: the state to come to at a goal, NaN where any will do. */
+  Span<double> goal_state(std::size_t agent, std::size_t at) const noexcept {
+    return goal_states_[static_cast<std::size_t>(goal_offsets_[agent]) + at];
+  }
+  /* Number of robot models; may be 0 on grids and roadmaps. */
+  std::size_t robots() const noexcept { return raw_.robot_count; }
+  /* The model of an agent; fails as invalid when there is none. */
+  Robot robot(std::size_t agent) const {
+    const std::size_t model = raw_.robot_of ? raw_.robot_of[agent] : 0;
+    if (model >= raw_.robot_count)
+      detail::invalid("agent " + std::to_string(agent) + " has no robot");
+    return Robot(raw_.robots[model]);
+  }
   /* True if headings matter. */
-  bool has_headings() const noexcept { return raw_.headings != nullptr; }
+  bool has_headings() const noexcept { return raw_.start_headings != nullptr; }
   /* The heading of an agent at its start, if headings matter. */
   Heading heading(std::size_t agent) const noexcept {
-    return static_cast<Heading>(raw_.headings[agent]);
+    return static_cast<Heading>(raw_.start_headings[agent]);
   }
   Motion motion() const noexcept { return static_cast<Motion>(raw_.motion); }
   Objective objective() const noexcept { return static_cast<Objective>(raw_.objective); }
-  /* Collisions after so many steps do not matter, and paths may end before their goals; 0
-   * for a complete plan. */
+  /* On grids: collisions after so many steps do not matter, and paths may end before their
+   * goals; 0 for a complete plan. */
   std::uint32_t window_steps() const noexcept { return raw_.window_steps; }
+  /* The same in the other representations. */
+  double window_s() const noexcept { return raw_.window_s; }
   /* Radius of the largest robot's enclosing circle. */
   double radius_m() const noexcept { return raw_.radius_m; }
+  /* In the plane: distance from its goal at which a robot may end, and of its heading. */
+  double goal_tolerance_m() const noexcept { return raw_.goal_tolerance_m; }
+  double goal_tolerance_rad() const noexcept { return raw_.goal_tolerance_rad; }
   /* True if three or more agents may move round in a ring in one step, each into the cell
    * that the next one leaves. Plans for a fleet must not. */
-  bool allows_cycles() const noexcept { return raw_.allows_cycles != 0; }
+  bool allows_cycles() const noexcept { return (raw_.flags & FLEETYARD_INSTANCE_CYCLES) != 0; }
+  /* True if no agent may follow another one round a corner. */
+  bool strict() const noexcept { return (raw_.flags & FLEETYARD_INSTANCE_STRICT) != 0; }
+  Parts parts() const { return Parts(raw_.parts); }
 
 private:
+  void check_agent(std::size_t agent, std::size_t places) const {
+    const std::string who = "agent " + std::to_string(agent);
+    if (raw_.robot_of && raw_.robot_of[agent] >= raw_.robot_count)
+      detail::invalid(who + " is no robot of the team");
+    if (places > 0 && starts_[agent] >= places)
+      detail::invalid(who + " starts off the map");
+    for (const Place goal : goals(agent))
+      if (goal >= places)
+        detail::invalid(who + " has a goal off the map");
+    if (places == 0 && start_state(agent).size() < 2)
+      detail::invalid(who + " has no position");
+    for (std::size_t at = 0; places == 0 && at < goal_count(agent); at++)
+      if (goal_state(agent, at).size() < 2)
+        detail::invalid(who + " has a goal without a position");
+  }
+
   FleetyardInstance raw_;
-  Span<Cell> starts_;
-  detail::Lists goals_;
+  Span<Place> starts_;
+  detail::Lists<Place> goals_;
+  Span<std::uint64_t> goal_offsets_; /* in the plane */
+  detail::Lists<double> start_states_, goal_states_;
+};
+
+/* A vertex that an agent visits. It drives straight and evenly from one to the next. */
+struct Visit {
+  Vertex vertex;
+  double arrival_s, departure_s;
 };
 
 /* Paths that somebody else planned. They may collide, and jump, and leave the map. */
 class PlanView {
 public:
-  explicit PlanView(const FleetyardPlan *raw)
-      : agents_(detail::checked(raw, "failed_plan").agents),
-        paths_(raw->offsets, raw->cells, agents_, "failed_plan") {}
+  explicit PlanView(const FleetyardPlan *raw) : raw_(detail::checked(raw, "failed_plan")) {
+    detail::zero(raw_.reserved, "failed_plan");
+    detail::code(raw_.form, FLEETYARD_FORM_TRAJECTORIES, "form");
+    offsets_ = detail::offsets(raw_.offsets, raw_.agents, "failed_plan");
+    const auto total = static_cast<std::size_t>(offsets_.back());
+    if (form() == Form::cells) {
+      const FleetyardCells &body = body_of<FleetyardCells>();
+      detail::checked(body.cells, total, "failed_plan.cells");
+    } else if (form() == Form::visits) {
+      const FleetyardVisits &body = body_of<FleetyardVisits>();
+      detail::checked(body.vertices, total, "failed_plan.vertices");
+      for (const double *times : {body.arrival_s, body.departure_s})
+        detail::checked(times, total, "failed_plan.arrival_s, departure_s");
+    } else {
+      const FleetyardTrajectories &body = body_of<FleetyardTrajectories>();
+      for (const double *column : {body.time_s, body.x_m, body.y_m})
+        detail::checked(column, total, "failed_plan.time_s, x_m, y_m");
+    }
+  }
 
-  std::uint32_t agents() const noexcept { return agents_; }
-  /* The cells of an agent at times 0, 1, 2, …; it may have none. */
-  Span<Cell> path(std::size_t agent) const noexcept { return paths_[agent]; }
+  std::uint32_t agents() const noexcept { return raw_.agents; }
+  Form form() const noexcept { return static_cast<Form>(raw_.form); }
+  /* Number of entries of an agent: cells, visits or knots. */
+  std::size_t length(std::size_t agent) const noexcept {
+    return static_cast<std::size_t>(offsets_[agent + 1] - offsets_[agent]);
+  }
+  /* On a grid: the cells of an agent at times 0, 1, 2, …; it may have none. */
+  Span<Cell> path(std::size_t agent) const {
+    if (form() != Form::cells)
+      detail::unsupported("this plugin knows plans of cells only");
+    const Cell *cells = static_cast<const FleetyardCells *>(raw_.body)->cells;
+    return {cells + offsets_[agent], length(agent)};
+  }
+  /* On a roadmap: a visit of an agent. */
+  Visit visit(std::size_t agent, std::size_t at) const noexcept {
+    const auto &body = *static_cast<const FleetyardVisits *>(raw_.body);
+    const std::size_t entry = static_cast<std::size_t>(offsets_[agent]) + at;
+    return {body.vertices[entry], body.arrival_s[entry], body.departure_s[entry]};
+  }
+  /* In the plane: a knot of an agent. */
+  Knot knot(std::size_t agent, std::size_t at) const noexcept {
+    const auto &body = *static_cast<const FleetyardTrajectories *>(raw_.body);
+    const std::size_t entry = static_cast<std::size_t>(offsets_[agent]) + at;
+    Knot knot{body.time_s[entry], body.x_m[entry], body.y_m[entry]};
+    if (body.heading_rad)
+      knot.heading_rad = body.heading_rad[entry];
+    return knot;
+  }
+  Parts parts() const { return Parts(raw_.parts); }
 
 private:
-  std::uint32_t agents_;
-  detail::Lists paths_;
+  template <class T> const T &body_of() const {
+    const T &body = detail::checked(static_cast<const T *>(raw_.body), "failed_plan.body");
+    detail::zero(body.reserved, "failed_plan.body");
+    return body;
+  }
+
+  FleetyardPlan raw_;
+  Span<std::uint64_t> offsets_;
 };
 
 /* A task that nobody has been given. */
 struct Task {
   std::uint64_t id;
-  Span<Cell> cells; /* to be visited in order */
+  Span<Place> places; /* to be visited in order */
 };
 
 /* The state of the fleet when everything committed has been executed, and the work that
@@ -461,45 +934,29 @@ struct Task {
 class FleetState {
 public:
   explicit FleetState(const FleetyardFleetState *raw)
-      : raw_(detail::checked(raw, "state")),
-        cells_(detail::checked(raw_.cells, raw_.agents, "state.cells")),
-        goals_(raw_.goal_offsets, raw_.goals, raw_.agents, "state.goals"),
-        tasks_(raw_.task_offsets, raw_.task_cells, raw_.tasks, "state.tasks") {
+      : raw_(detail::checked(raw, "state")), next_(raw_.next),
+        tasks_(raw_.task_offsets, raw_.task_places, raw_.tasks, "state.tasks") {
     detail::checked(raw_.task_ids, raw_.tasks, "state.task_ids");
   }
 
-  std::uint32_t agents() const noexcept { return raw_.agents; }
-  Environment environment() const { return Environment(raw_.environment); }
-  Grid grid() const { return environment().grid(); }
+  /* The next instance as it is if nobody is given more: starts, the goals that agents have
+   * already, the current one first, and the window asked for. Where goals never end, they are as
+   * many as it takes to keep an agent busy for longer than the window, and at least two. */
+  const Instance &next() const noexcept { return next_; }
+  std::uint32_t agents() const noexcept { return next_.agents(); }
+  Environment environment() const { return next_.environment(); }
+  Grid grid() const { return next_.grid(); }
   /* Simulated time since the run began. */
   double time_s() const noexcept { return raw_.time_s; }
-  /* The cell of every agent at the end of what is committed. */
-  Span<Cell> cells() const noexcept { return cells_; }
-  bool has_headings() const noexcept { return raw_.headings != nullptr; }
-  Heading heading(std::size_t agent) const noexcept {
-    return static_cast<Heading>(raw_.headings[agent]);
-  }
-  /* Goals that an agent has been given and has not reached, the current one first; may be
-   * none. Where goals never end, as many as it takes to keep the agent busy for longer than
-   * the window, and at least two. */
-  Span<Cell> goals(std::size_t agent) const noexcept { return goals_[agent]; }
   /* Number of open tasks. */
   std::uint32_t tasks() const noexcept { return raw_.tasks; }
   Task task(std::size_t at) const noexcept { return {raw_.task_ids[at], tasks_[at]}; }
-  /* Planning window asked for in steps; 0 for none. The next instance may have a shorter
-   * one. */
-  std::uint32_t window_steps() const noexcept { return raw_.window_steps; }
-  Motion motion() const noexcept { return static_cast<Motion>(raw_.motion); }
-  Objective objective() const noexcept { return static_cast<Objective>(raw_.objective); }
-  double radius_m() const noexcept { return raw_.radius_m; }
-  /* True if agents may move round in a ring in one step. */
-  bool allows_cycles() const noexcept { return raw_.allows_cycles != 0; }
+  Parts parts() const { return Parts(raw_.parts); }
 
 private:
   FleetyardFleetState raw_;
-  Span<Cell> cells_;
-  detail::Lists goals_;
-  detail::Lists tasks_;
+  Instance next_;
+  detail::Lists<Place> tasks_;
 };
 
 /* The status of the fleet. */
@@ -520,6 +977,7 @@ public:
   double action_s() const noexcept { return raw_.action_s; }
   /* Per agent the number of committed actions that are not yet executed. */
   Span<std::uint32_t> actions_left() const noexcept { return actions_left_; }
+  Parts parts() const { return Parts(raw_.parts); }
 
 private:
   FleetyardFleetStatus raw_;
@@ -528,31 +986,36 @@ private:
 
 /* ---- What a plugin says ------------------------------------------------------ */
 
-/* Paths on a grid. After its last cell an agent stays there. */
-class Plan {
+/* Paths of agents, one after the other. After its last entry an agent stays where it is. */
+template <class Entry> class Paths {
 public:
-  Plan() : offsets_{0} {}
-  Plan(const std::vector<std::vector<Cell>> &paths) : Plan() {
+  Paths() : offsets_{0} {}
+  Paths(const std::vector<std::vector<Entry>> &paths) : Paths() {
     for (const auto &path : paths)
       add(path);
   }
 
-  /* Adds the path of the next agent: its cells at times 0, 1, 2, … */
-  void add(Span<Cell> path) {
-    cells_.insert(cells_.end(), path.begin(), path.end());
-    offsets_.push_back(cells_.size());
+  /* Adds the path of the next agent. */
+  void add(Span<Entry> path) {
+    entries_.insert(entries_.end(), path.begin(), path.end());
+    offsets_.push_back(entries_.size());
   }
 
   std::size_t agents() const noexcept { return offsets_.size() - 1; }
-  FleetyardPlan raw() const noexcept {
-    return {sizeof(FleetyardPlan), static_cast<std::uint32_t>(agents()), offsets_.data(),
-            cells_.data()};
-  }
+  const std::vector<std::uint64_t> &offsets() const noexcept { return offsets_; }
+  const std::vector<Entry> &entries() const noexcept { return entries_; }
 
 private:
   std::vector<std::uint64_t> offsets_;
-  std::vector<Cell> cells_;
+  std::vector<Entry> entries_;
 };
+
+/* On a grid: the cells of each agent at times 0, 1, 2, … steps. */
+using Plan = Paths<Cell>;
+/* On a roadmap: the vertices that each agent visits, from time 0 on. */
+using RoadmapPlan = Paths<Visit>;
+/* In the plane: the knots of each agent, from time 0 on. */
+using ContinuousPlan = Paths<Knot>;
 
 /* A task that an instance generator gives to an agent. */
 struct Assignment {
@@ -560,82 +1023,94 @@ struct Assignment {
   std::uint64_t task; /* identifier of one of the open tasks */
 };
 
-/* The instance that a generator submits. */
-struct NextInstance {
-  std::vector<Cell> starts;
-  std::vector<std::vector<Cell>> goals; /* per agent, at least one each */
-  std::vector<Heading> headings;        /* empty when they do not matter */
-  Motion motion = Motion::pebble;
-  Objective objective = Objective::sum_of_costs;
-  std::uint32_t window_steps = 0;
-  double radius_m = 0.0;
-  bool allows_cycles = true;
-  /* The host appends the cells of these tasks to the goals of their agents. */
+/* What a generator decides: the rest of the next instance is as the state has it. */
+struct Request {
+  std::vector<std::vector<Place>> goals; /* per agent */
   std::vector<Assignment> assignments;
+  std::uint32_t window_steps = 0; /* no longer than the one asked for */
+  double window_s = 0.0;
 
-  NextInstance() = default;
-  /* The instance that the state asks for, with the goals that agents have already. Agents
-   * that have none need one yet. */
-  explicit NextInstance(const FleetState &state)
-      : starts(state.cells().begin(), state.cells().end()), motion(state.motion()),
-        objective(state.objective()), window_steps(state.window_steps()),
-        radius_m(state.radius_m()), allows_cycles(state.allows_cycles()) {
-    for (std::size_t agent = 0; agent < starts.size(); agent++) {
-      goals.emplace_back(state.goals(agent).begin(), state.goals(agent).end());
-      if (state.has_headings())
-        headings.push_back(state.heading(agent));
+  Request() = default;
+  /* The goals that agents have already, and the window asked for. */
+  explicit Request(const FleetState &state)
+      : window_steps(state.next().window_steps()), window_s(state.next().window_s()) {
+    for (std::size_t agent = 0; agent < state.agents(); agent++) {
+      const Span<Place> has = state.next().goals(agent);
+      goals.emplace_back(has.begin(), has.end());
     }
+  }
+
+  /* Gives a task to an agent: its places become the agent's last goals. */
+  void assign(const Task &task, std::size_t agent) {
+    goals[agent].insert(goals[agent].end(), task.places.begin(), task.places.end());
+    assignments.push_back({static_cast<std::uint32_t>(agent), task.id});
   }
 };
 
-/* The host's ear during a call. [thread-safe] */
+/* The host's ear during a call, for any thread. */
 class Sink {
 public:
   explicit Sink(const FleetyardSink *raw) : raw_(&detail::checked(raw, "sink")) {}
-  Sink(const Sink &sink, const Budget &budget) : raw_(sink.raw_) {
-    const std::chrono::nanoseconds least = std::chrono::milliseconds(1), most = 100 * least;
-    stop_ = budget.deadline() - std::clamp(budget.wall() / 50, least, most);
+  Sink(const Sink &sink, const Budget &budget)
+      : raw_(sink.raw_), answer_by_(budget.answer_by()) {}
+
+  /* Hands over a plan; may be called again with a better one. */
+  Result submit_plan(const Plan &plan) const noexcept {
+    const FleetyardCells body{sizeof body, 0, plan.entries().data()};
+    return submit(Form::cells, plan.offsets(), &body);
+  }
+  Result submit_plan(const RoadmapPlan &plan) const {
+    std::vector<Vertex> vertices;
+    std::vector<double> arrivals, departures;
+    for (const Visit &visit : plan.entries()) {
+      vertices.push_back(visit.vertex);
+      arrivals.push_back(visit.arrival_s);
+      departures.push_back(visit.departure_s);
+    }
+    const FleetyardVisits body{sizeof body, 0, vertices.data(), arrivals.data(),
+                               departures.data()};
+    return submit(Form::visits, plan.offsets(), &body);
+  }
+  Result submit_plan(const ContinuousPlan &plan) const {
+    std::vector<double> times, xs, ys, headings;
+    bool turned = false;
+    for (const Knot &knot : plan.entries()) {
+      times.push_back(knot.time_s);
+      xs.push_back(knot.x_m);
+      ys.push_back(knot.y_m);
+      headings.push_back(knot.heading_rad);
+      turned = turned || !std::isnan(knot.heading_rad);
+    }
+    const FleetyardTrajectories body{sizeof body, 0,         times.data(),
+                                     xs.data(),   ys.data(), turned ? headings.data() : nullptr};
+    return submit(Form::trajectories, plan.offsets(), &body);
   }
 
-  /* Hands over a plan; may be called again with a better one. Returns whether the host
-   * took it: it refuses what is malformed or comes too late. */
-  bool submit_plan(const Plan &plan) const noexcept {
-    const FleetyardPlan raw = plan.raw();
-    return raw_->submit_plan(raw_->context, &raw) == FLEETYARD_OK;
-  }
-
-  /* Hands over the next instance, in `generate`. */
-  bool submit_instance(const NextInstance &next) const {
-    if (next.goals.size() != next.starts.size() ||
-        (!next.headings.empty() && next.headings.size() != next.starts.size()))
-      throw std::invalid_argument("an instance needs as many starts as goals, and headings");
-    const Plan goals(next.goals); // the same form: lists of cells
-    std::vector<std::int32_t> headings;
-    for (const Heading heading : next.headings)
-      headings.push_back(static_cast<std::int32_t>(heading));
-    FleetyardInstance raw{};
-    raw.struct_size = sizeof raw;
-    raw.agents = static_cast<std::uint32_t>(next.starts.size());
-    raw.starts = next.starts.data();
-    raw.headings = headings.empty() ? nullptr : headings.data();
-    raw.goal_offsets = goals.raw().offsets;
-    raw.goals = goals.raw().cells;
-    raw.motion = static_cast<std::int32_t>(next.motion);
-    raw.objective = static_cast<std::int32_t>(next.objective);
-    raw.window_steps = next.window_steps;
-    raw.radius_m = next.radius_m;
-    raw.allows_cycles = next.allows_cycles ? 1 : 0;
+  /* Hands over what a generator decided, in `generate`. */
+  Result submit_request(const Request &request) const {
+    const Plan goals(request.goals); // the same form: lists of places
     std::vector<FleetyardAssignment> assignments;
-    for (const Assignment &given : next.assignments)
+    for (const Assignment &given : request.assignments)
       assignments.push_back({given.task, given.agent, 0});
-    raw.assignments_count = static_cast<std::uint32_t>(assignments.size());
+    FleetyardRequest raw{};
+    raw.struct_size = sizeof raw;
+    raw.agents = static_cast<std::uint32_t>(goals.agents());
+    raw.goal_offsets = goals.offsets().data();
+    raw.goals = goals.entries().data();
     raw.assignments = assignments.data();
-    return raw_->submit_instance(raw_->context, &raw) == FLEETYARD_OK;
+    raw.assignment_count = assignments.size();
+    raw.window_steps = request.window_steps;
+    raw.window_s = request.window_s;
+    return static_cast<Result>(raw_->submit_request(raw_->context, &raw));
   }
 
   /* Reports a figure such as `expansions`, kept as a claim. */
   void metric(std::string_view name, double value) const noexcept {
     raw_->metric(raw_->context, detail::str(name), value);
+  }
+  /* Notes a fact about the plugin's inputs, such as the digest of its weights; kept as a claim. */
+  void note(std::string_view name, std::string_view text) const noexcept {
+    raw_->note(raw_->context, detail::str(name), detail::str(text));
   }
   /* Writes to the run's log. */
   void log(Level level, std::string_view text) const noexcept {
@@ -646,353 +1121,110 @@ public:
   void progress(std::uint64_t done, std::uint64_t total) const noexcept {
     raw_->progress(raw_->context, done, total);
   }
-  /* True if the call should end: the host gave up on it, or the deadline is near. It is so
-   * a fiftieth of the budget before, but at least 1 ms and at most 100 ms, because an answer
-   * that comes after the deadline does not count. Cheap; ask often. */
-  bool cancelled() const noexcept {
-    return std::chrono::steady_clock::now() >= stop_ || raw_->cancelled(raw_->context) != 0;
+  /* The host's monotonic clock. */
+  std::chrono::nanoseconds now() const noexcept {
+    return std::chrono::nanoseconds(static_cast<std::int64_t>(raw_->now_ns(raw_->context)));
   }
-  /* Ends the call as timed out when it should end. */
+  /* Time until the call should end; negative afterwards. */
+  std::chrono::nanoseconds remaining() const noexcept { return answer_by_ - now(); }
+  /* True if the call should end: Budget::answer_by has passed, or the host gave up on it. Cheap;
+   * ask often. */
+  bool cancelled() const noexcept { return raw_->cancelled(raw_->context) != 0; }
+  /* Ends the call when it should end. */
   void check() const {
-    if (cancelled())
+    if (!cancelled())
+      return;
+    if (remaining().count() <= 0)
       throw Failure(Status::timed_out, "the call's time is up");
+    throw Failure(Status::cancelled, "the host gave up on the call");
   }
+  /* An extension structure of this call by its identifier, or null when the host has no use for
+   * it; its functions take `context`. */
+  const void *extension(std::string_view id) const noexcept {
+    return raw_->get_extension(raw_->context, detail::str(id));
+  }
+  void *context() const noexcept { return raw_->context; }
 
 private:
+  Result submit(Form form, const std::vector<std::uint64_t> &offsets,
+                const void *body) const noexcept {
+    FleetyardPlan plan{};
+    plan.struct_size = sizeof plan;
+    plan.agents = static_cast<std::uint32_t>(offsets.size() - 1);
+    plan.form = static_cast<std::int32_t>(form);
+    plan.offsets = offsets.data();
+    plan.body = body;
+    return static_cast<Result>(raw_->submit_plan(raw_->context, &plan));
+  }
+
   const FleetyardSink *raw_;
-  std::chrono::steady_clock::time_point stop_ = std::chrono::steady_clock::time_point::max();
+  std::chrono::nanoseconds answer_by_ = std::chrono::nanoseconds::zero();
 };
 
 /* ---- Options ----------------------------------------------------------------- */
 
-namespace detail {
-
-/* Reads the outermost object of a JSON text, strictly; what its members hold is kept as
- * text. */
-class Json {
-public:
-  struct Member {
-    std::string name;
-    std::string_view value;
-  };
-
-  explicit Json(std::string_view text) : text_(text) {}
-
-  std::vector<Member> object() {
-    std::vector<Member> members;
-    expect('{');
-    if (!take('}')) {
-      do {
-        blank();
-        Member member{string(), {}};
-        expect(':');
-        member.value = value(0);
-        if (find(members, member.name))
-          fail("`" + member.name + "` is there twice");
-        members.push_back(std::move(member));
-      } while (take(','));
-      expect('}');
-    }
-    finish();
-    return members;
-  }
-
-  /* The text of a string that is all there is. */
-  std::string only_string() {
-    blank();
-    std::string text = string();
-    finish();
-    return text;
-  }
-
-  static const Member *find(const std::vector<Member> &members, std::string_view name) {
-    for (const Member &member : members)
-      if (member.name == name)
-        return &member;
-    return nullptr;
-  }
-
-private:
-  [[noreturn]] void fail(const std::string &reason) const {
-    invalid("malformed JSON at byte " + std::to_string(at_) + ": " + reason);
-  }
-  int peek() const noexcept {
-    return at_ < text_.size() ? static_cast<unsigned char>(text_[at_]) : -1;
-  }
-  void blank() noexcept {
-    while (peek() == ' ' || peek() == '\t' || peek() == '\r' || peek() == '\n')
-      at_++;
-  }
-  bool take(char wanted) noexcept {
-    blank();
-    if (peek() != wanted)
-      return false;
-    at_++;
-    return true;
-  }
-  void expect(char wanted) {
-    if (!take(wanted))
-      fail(std::string("`") + wanted + "` is missing");
-  }
-  void finish() {
-    blank();
-    if (at_ != text_.size())
-      fail("something follows the end");
-  }
-
-  std::string_view value(int depth) {
-    if (depth > 100)
-      fail("too deep");
-    blank();
-    const std::size_t begin = at_;
-    if (peek() == '"') {
-      string();
-    } else if (peek() == '{' || peek() == '[') {
-      const char close = peek() == '{' ? '}' : ']';
-      at_++;
-      if (!take(close)) {
-        do {
-          if (close == '}') {
-            blank();
-            string();
-            expect(':');
-          }
-          value(depth + 1);
-        } while (take(','));
-        expect(close);
-      }
-    } else if (!literal("true") && !literal("false") && !literal("null")) {
-      number();
-    }
-    return text_.substr(begin, at_ - begin);
-  }
-
-  bool literal(std::string_view word) noexcept {
-    if (text_.substr(at_, word.size()) != word)
-      return false;
-    at_ += word.size();
-    return true;
-  }
-
-  bool digits() noexcept {
-    const std::size_t begin = at_;
-    while (peek() >= '0' && peek() <= '9')
-      at_++;
-    return at_ > begin;
-  }
-
-  void number() {
-    if (peek() == '-')
-      at_++;
-    const bool zero = peek() == '0';
-    const std::size_t begin = at_;
-    if (!digits() || (zero && at_ > begin + 1))
-      fail("no value");
-    if (peek() == '.') {
-      at_++;
-      if (!digits())
-        fail("no digit after the point");
-    }
-    if (peek() == 'e' || peek() == 'E') {
-      at_++;
-      if (peek() == '+' || peek() == '-')
-        at_++;
-      if (!digits())
-        fail("no digit in the exponent");
-    }
-  }
-
-  std::uint32_t hex() {
-    std::uint32_t code = 0;
-    const std::string_view four = text_.substr(at_, 4);
-    const char *const after = four.data() + four.size();
-    const auto [end, error] = std::from_chars(four.data(), after, code, 16);
-    if (error != std::errc() || end != after || four.size() != 4)
-      fail("not four hexadecimal digits");
-    at_ += 4;
-    return code;
-  }
-
-  std::uint32_t escaped_code() {
-    const std::uint32_t code = hex();
-    if (code < 0xD800 || code > 0xDFFF)
-      return code;
-    if (code > 0xDBFF || !literal("\\u"))
-      fail("half a surrogate pair");
-    const std::uint32_t low = hex();
-    if (low < 0xDC00 || low > 0xDFFF)
-      fail("half a surrogate pair");
-    return 0x10000 + ((code - 0xD800) << 10) + (low - 0xDC00);
-  }
-
-  static void append(std::string &text, std::uint32_t code) {
-    const auto byte = [&](std::uint32_t bits) { text += static_cast<char>(bits); };
-    if (code < 0x80) {
-      byte(code);
-    } else if (code < 0x800) {
-      byte(0xC0 | code >> 6);
-      byte(0x80 | (code & 0x3F));
-    } else if (code < 0x10000) {
-      byte(0xE0 | code >> 12);
-      byte(0x80 | (code >> 6 & 0x3F));
-      byte(0x80 | (code & 0x3F));
-    } else {
-      byte(0xF0 | code >> 18);
-      byte(0x80 | (code >> 12 & 0x3F));
-      byte(0x80 | (code >> 6 & 0x3F));
-      byte(0x80 | (code & 0x3F));
-    }
-  }
-
-  std::string string() {
-    if (peek() != '"')
-      fail("no string");
-    at_++;
-    std::string text;
-    while (peek() != '"') {
-      const int byte = peek();
-      if (byte < 0x20)
-        fail(byte < 0 ? "a string without an end" : "a control character in a string");
-      at_++;
-      if (byte != '\\') {
-        text += static_cast<char>(byte);
-        continue;
-      }
-      const int letter = peek();
-      at_++;
-      constexpr std::string_view letters = "\"\\/bfnrt", meanings = "\"\\/\b\f\n\r\t";
-      const std::size_t known =
-          letter < 0 ? std::string_view::npos : letters.find(static_cast<char>(letter));
-      if (known != std::string_view::npos)
-        text += meanings[known];
-      else if (letter == 'u')
-        append(text, escaped_code());
-      else
-        fail("an unknown escape");
-    }
-    at_++;
-    return text;
-  }
-
-  std::string_view text_;
-  std::size_t at_ = 0;
-};
-
-} // namespace detail
-
-/* The options that the user gave, a JSON object. The host has checked them against the
- * plugin's schema; what the user did not give has the default of the schema.
+/* The options of a plugin. The host has checked them against the plugin's schema, and filled in
+ * the defaults of the schema.
  *
  * Every getter fails as invalid input when the value is of another type, and when there
  * is neither a value nor a default (has() tells). */
 class Options {
 public:
-  Options(std::string_view json, std::string_view schema) : json_(json.empty() ? "{}" : json) {
-    given_ = read(json_, "options");
-    if (schema.empty()) { // a plugin without options
-      closed_ = true;
-    } else {
-      const std::vector<Member> all = read(schema, "options_schema");
-      if (const Member *properties = Json::find(all, "properties"))
-        properties_ = read(properties->value, "options_schema");
-      const Member *additional = Json::find(all, "additionalProperties");
-      closed_ = additional && additional->value == "false";
-    }
-    for (const Member &member : given_)
-      if (closed_ && !Json::find(properties_, member.name))
-        detail::invalid("options: there is no option `" + member.name + "`");
-  }
+  explicit Options(const FleetyardOptions *raw)
+      : raw_(detail::checked(raw, "options")),
+        list_(detail::checked(raw_.list, raw_.count, "options.list")) {}
 
-  /* The JSON text, for plugins that have a library to read it. */
-  std::string_view json() const noexcept { return json_; }
+  /* All of them as JSON, for plugins that have a library to read it. */
+  std::string_view json() const noexcept { return detail::view(raw_.json); }
   /* True if an option has a value or a default. */
-  bool has(std::string_view name) const { return find(name).has_value(); }
-  /* The JSON text of a value. */
-  std::string_view json(std::string_view name) const {
-    if (const auto value = find(name))
-      return *value;
-    detail::invalid("options: `" + std::string(name) + "` is missing");
-  }
+  bool has(std::string_view name) const noexcept { return find(name) != nullptr; }
 
   /* A whole number; 3.0 is one. */
   std::int64_t integer(std::string_view name) const {
-    const std::string_view text = json(name);
-    std::int64_t value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error == std::errc() && end == text.data() + text.size())
-      return value;
-    const std::optional<double> real = number_of(text);
+    const double value = number(name);
     constexpr double exact = 9007199254740992.0; // 2^53
-    if (!real || std::nearbyint(*real) < *real || std::nearbyint(*real) > *real ||
-        std::abs(*real) > exact)
+    if (!(std::abs(value) <= exact) || std::trunc(value) < value || std::trunc(value) > value)
       wrong(name, "a whole number");
-    return static_cast<std::int64_t>(*real);
+    return static_cast<std::int64_t>(value);
   }
   double number(std::string_view name) const {
-    const std::optional<double> value = number_of(json(name));
-    if (!value)
-      wrong(name, "a number");
-    return *value;
+    return value(name, FLEETYARD_OPTION_NUMBER, "a number").number;
   }
   bool flag(std::string_view name) const {
-    const std::string_view text = json(name);
-    if (text != "true" && text != "false")
-      wrong(name, "true or false");
-    return text == "true";
+    return value(name, FLEETYARD_OPTION_FLAG, "true or false").number > 0;
   }
   std::string text(std::string_view name) const {
-    const std::string_view text = json(name);
-    if (text.empty() || text.front() != '"')
-      wrong(name, "a string");
-    return Json(text).only_string();
+    return std::string(detail::view(value(name, FLEETYARD_OPTION_TEXT, "a string").text));
+  }
+  /* The JSON text of an object, a list or null. */
+  std::string_view json(std::string_view name) const {
+    return detail::view(value(name, FLEETYARD_OPTION_JSON, "an object, a list or null").text);
   }
 
 private:
-  using Json = detail::Json;
-  using Member = Json::Member;
-
-  static std::vector<Member> read(std::string_view text, const char *what) {
-    try {
-      return Json(text).object();
-    } catch (const Failure &failure) {
-      detail::invalid(std::string(what) + ": " + failure.what());
-    }
+  const FleetyardPluginOption *find(std::string_view name) const noexcept {
+    for (const FleetyardPluginOption &option : list_)
+      if (detail::view(option.name) == name)
+        return &option;
+    return nullptr;
   }
 
-  std::optional<std::string_view> find(std::string_view name) const {
-    if (const Member *given = Json::find(given_, name))
-      return given->value;
-    const Member *property = Json::find(properties_, name);
-    if (!property || property->value.front() != '{')
-      return std::nullopt;
-    const std::vector<Member> about = read(property->value, "options_schema");
-    const Member *usual = Json::find(about, "default");
-    // Into the text of the schema, which outlives `about`.
-    return usual ? std::optional(usual->value) : std::nullopt;
+  const FleetyardPluginOption &value(std::string_view name, std::int32_t kind,
+                                     const char *wanted) const {
+    const FleetyardPluginOption *option = find(name);
+    if (!option)
+      detail::invalid("options: `" + std::string(name) + "` is missing");
+    if (option->kind != kind)
+      wrong(name, wanted);
+    return *option;
   }
 
-  /* The text of a JSON number as one, whatever the locale. */
-  static std::optional<double> number_of(std::string_view text) {
-    if (text.empty() || (text.front() != '-' && (text.front() < '0' || text.front() > '9')))
-      return std::nullopt;
-    std::istringstream stream{std::string(text)};
-    stream.imbue(std::locale::classic());
-    double value = 0;
-    stream >> value;
-    return stream && stream.peek() == std::istringstream::traits_type::eof()
-               ? std::optional(value)
-               : std::nullopt;
+  [[noreturn]] static void wrong(std::string_view name, const char *wanted) {
+    detail::invalid("options: `" + std::string(name) + "` is not " + wanted);
   }
 
-  [[noreturn]] void wrong(std::string_view name, const char *wanted) const {
-    detail::invalid("options: `" + std::string(name) + "` is " + std::string(json(name)) +
-                    ", not " + wanted);
-  }
-
-  std::string_view json_;
-  std::vector<Member> given_;
-  std::vector<Member> properties_; /* of the schema */
-  bool closed_ = false;            /* whether the schema allows no others */
+  FleetyardOptions raw_;
+  Span<FleetyardPluginOption> list_;
 };
 
 /* ---- The four kinds ---------------------------------------------------------- */
@@ -1013,6 +1245,9 @@ public:
   /* JSON Schema of the options; empty when there are none. */
   static constexpr std::string_view options_schema = "";
   static constexpr std::uint64_t capabilities = 0;
+  /* Names of what has no bit: `dynamics:NAME` for each model of robots that it plans for,
+   * `part:ID` for each critical part that it understands. */
+  static constexpr std::array<std::string_view, 0> features{};
 
   Plugin() = default;
   Plugin(const Plugin &) = delete;
@@ -1045,7 +1280,7 @@ class InstanceGenerator : public Plugin {
 public:
   /* As Planner::prepare. */
   virtual void prepare(const Environment &, const Budget &, const Sink &) {}
-  /* Submits one instance. */
+  /* Submits one request. */
   virtual void generate(const FleetState &state, const Budget &budget, const Sink &sink) = 0;
 };
 
@@ -1071,7 +1306,7 @@ namespace detail FLEETYARD_HIDDEN {
 /* Runs a call of a plugin: no exception leaves it, and failures are explained to the sink. */
 template <class Call> std::int32_t guarded(const FleetyardSink *raw, Call call) noexcept {
   const auto explained = [raw](Status status, std::string_view message) {
-    if (raw && raw->struct_size == sizeof *raw)
+    if (raw && raw->struct_size >= sizeof *raw)
       raw->fail(raw->context, str(message));
     return static_cast<std::int32_t>(status);
   };
@@ -1089,9 +1324,68 @@ template <class Call> std::int32_t guarded(const FleetyardSink *raw, Call call) 
   }
 }
 
+/* What a plugin claims to know; the rest is refused before it hears of it. */
+class Claims {
+public:
+  explicit Claims(const FleetyardDescriptor &about) : about_(about) {}
+
+  void check(const Parts &parts) const {
+    for (std::size_t at = 0; at < parts.size(); at++)
+      if (parts[at].critical() && !names("part:", parts[at].id()))
+        unsupported("this plugin does not know the critical part `" +
+                    std::string(parts[at].id()) + "`");
+  }
+
+  void check(const Environment &environment) const {
+    const auto code = static_cast<unsigned>(environment.representation());
+    if (!claims(std::uint64_t{1} << (code - 1)))
+      unsupported("this plugin does not know representation " + std::to_string(code));
+    if (environment.representation() == Representation::grid &&
+        environment.grid().connectivity() != 4 &&
+        !(environment.grid().connectivity() == 8 && claims(capability::eight_connected)))
+      unsupported("this plugin does not know grids with " +
+                  std::to_string(environment.grid().connectivity()) + " neighbours");
+    check(environment.parts());
+  }
+
+  void check(const Instance &instance) const {
+    check(instance.environment());
+    const auto motion = static_cast<unsigned>(instance.motion());
+    if (!claims(capability::pebble << (motion - 1))) // in the order of the codes
+      unsupported("this plugin does not know motion " + std::to_string(motion));
+    if (instance.robots() > 1 && !claims(capability::heterogeneous))
+      unsupported("this plugin does not know teams of different robots");
+    check(instance.parts());
+  }
+
+  /* A planner is asked for a goal for each agent, unless it claims more. */
+  void check_goals(const Instance &instance) const {
+    for (std::size_t agent = 0; agent < instance.agents(); agent++) {
+      const std::size_t goals = instance.goal_count(agent);
+      if ((goals == 0 && !claims(capability::idle)) ||
+          (goals > 1 && !claims(capability::windowed)))
+        unsupported("agent " + std::to_string(agent) + " has " + std::to_string(goals) +
+                    " goals, and this plugin knows one for each");
+    }
+  }
+
+private:
+  bool claims(std::uint64_t bit) const noexcept { return (about_.capabilities & bit) != 0; }
+  bool names(std::string_view sort, std::string_view id) const {
+    const std::string wanted = std::string(sort) + std::string(id);
+    for (std::uint32_t at = 0; at < about_.feature_count; at++)
+      if (view(about_.features[at]) == wanted)
+        return true;
+    return false;
+  }
+
+  FleetyardDescriptor about_;
+};
+
 /* A plugin that has been made. */
 template <class Base> struct Made {
   std::unique_ptr<Base> plugin;
+  Claims claims;
   bool prepared = false;
 
   static Made &of(void *context) noexcept { return *static_cast<Made *>(context); }
@@ -1108,7 +1402,9 @@ template <class Base> struct Made {
       Made &made = of(context);
       made.prepared = false;
       const Budget limits(budget);
-      made.plugin->prepare(Environment(environment), limits, Sink(to, limits));
+      const Environment map(environment);
+      made.claims.check(map);
+      made.plugin->prepare(map, limits, Sink(to, limits));
       made.prepared = true;
     });
   }
@@ -1132,8 +1428,13 @@ template <> struct Kind<Planner> {
   static std::int32_t plan(void *context, const FleetyardInstance *instance,
                            const FleetyardBudget *budget, const FleetyardSink *sink) noexcept {
     return guarded(sink, [&](const Sink &to) {
+      const Made<Planner> &made = Made<Planner>::of(context);
+      Planner &planner = made.ready();
       const Budget limits(budget);
-      Made<Planner>::of(context).ready().plan(Instance(instance), limits, Sink(to, limits));
+      const Instance asked(instance);
+      made.claims.check(asked);
+      made.claims.check_goals(asked);
+      planner.plan(asked, limits, Sink(to, limits));
     });
   }
   static void fill(Object &out) noexcept {
@@ -1151,14 +1452,19 @@ template <> struct Kind<FailPolicy> {
                               const FleetyardPlan *failed_plan, const FleetyardBudget *budget,
                               const FleetyardSink *sink) noexcept {
     return guarded(sink, [&](const Sink &to) {
+      const Made<FailPolicy> &made = Made<FailPolicy>::of(context);
+      FailPolicy &policy = made.ready();
       const Instance asked(instance);
+      made.claims.check(asked);
       std::optional<PlanView> failed;
-      if (failed_plan)
+      if (failed_plan) {
         failed.emplace(failed_plan);
+        made.claims.check(failed->parts());
+      }
       if (failed && failed->agents() != asked.agents())
         invalid("failed_plan has paths for another number of agents than the instance");
       const Budget limits(budget);
-      Made<FailPolicy>::of(context).ready().recover(asked, failed, limits, Sink(to, limits));
+      policy.recover(asked, failed, limits, Sink(to, limits));
     });
   }
   static void fill(Object &out) noexcept {
@@ -1175,9 +1481,13 @@ template <> struct Kind<InstanceGenerator> {
   static std::int32_t generate(void *context, const FleetyardFleetState *state,
                                const FleetyardBudget *budget, const FleetyardSink *sink) noexcept {
     return guarded(sink, [&](const Sink &to) {
+      const Made<InstanceGenerator> &made = Made<InstanceGenerator>::of(context);
+      InstanceGenerator &generator = made.ready();
       const Budget limits(budget);
-      Made<InstanceGenerator>::of(context).ready().generate(FleetState(state), limits,
-                                                            Sink(to, limits));
+      const FleetState fleet(state);
+      made.claims.check(fleet.parts());
+      made.claims.check(fleet.next());
+      generator.generate(fleet, limits, Sink(to, limits));
     });
   }
   static void fill(Object &out) noexcept {
@@ -1192,14 +1502,13 @@ template <> struct Kind<InvocationPolicy> {
   static constexpr std::string_view factory_id = FLEETYARD_INVOCATION_POLICY_FACTORY_ID;
 
   static std::int32_t should_invoke(void *context, const FleetyardFleetStatus *status,
-                                    const FleetyardSink *sink) noexcept {
-    bool now = false;
-    const std::int32_t ended = guarded(sink, [&](const Sink &to) {
-      now = Made<InvocationPolicy>::of(context).plugin->should_invoke(FleetStatus(status), to);
+                                    const FleetyardSink *sink, std::int32_t *out) noexcept {
+    return guarded(sink, [&](const Sink &to) {
+      const Made<InvocationPolicy> &made = Made<InvocationPolicy>::of(context);
+      const FleetStatus fleet(status);
+      made.claims.check(fleet.parts());
+      *out = made.plugin->should_invoke(fleet, to) ? 1 : 0;
     });
-    if (ended != FLEETYARD_STATUS_SOLVED)
-      return -ended;
-    return now ? FLEETYARD_INVOKE_NOW : FLEETYARD_INVOKE_NOT_YET;
   }
   static void fill(Object &out) noexcept { out.should_invoke = should_invoke; }
 };
@@ -1212,6 +1521,17 @@ constexpr bool is_identifier(std::string_view id) noexcept {
   return !id.empty() && letter(id.front());
 }
 
+/* Names of features in the form of the contract. */
+template <class T> const std::vector<FleetyardStr> &features_of() {
+  static const std::vector<FleetyardStr> list = [] {
+    std::vector<FleetyardStr> all;
+    for (const std::string_view feature : T::features)
+      all.push_back(str(feature));
+    return all;
+  }();
+  return list;
+}
+
 /* Descriptor and constructor of one plugin type. */
 template <class Base> struct Entry {
   FleetyardDescriptor descriptor;
@@ -1221,9 +1541,10 @@ template <class Base> struct Entry {
     static_assert(is_identifier(T::id),
                   "a plugin needs `static constexpr auto id` of the form [a-z0-9][a-z0-9._-]*");
     const std::string_view name = T::name, id = T::id;
-    return {{sizeof(FleetyardDescriptor), 0, str(id), str(name.empty() ? id : name),
-             str(T::version), str(T::description), str(T::license), str(T::options_schema),
-             T::capabilities},
+    const std::vector<FleetyardStr> &features = features_of<T>();
+    return {{sizeof(FleetyardDescriptor), static_cast<std::uint32_t>(features.size()), str(id),
+             str(name.empty() ? id : name), str(T::version), str(T::description), str(T::license),
+             str(T::options_schema), T::capabilities, features.data()},
             [](const Options &options) -> std::unique_ptr<Base> {
               if constexpr (std::is_constructible_v<T, const Options &>) {
                 return std::make_unique<T>(options);
@@ -1257,9 +1578,9 @@ template <class Base, class... Plugins> struct Factory {
       static_cast<void>(all);
   }
 
-  static std::uint32_t count() noexcept { return size; }
+  static std::uint32_t count(void *) noexcept { return size; }
 
-  static const FleetyardDescriptor *descriptor(std::uint32_t index) noexcept {
+  static const FleetyardDescriptor *descriptor(void *, std::uint32_t index) noexcept {
     try {
       return index < size ? &entries()[index].descriptor : nullptr;
     } catch (...) { // out of memory
@@ -1267,15 +1588,16 @@ template <class Base, class... Plugins> struct Factory {
     }
   }
 
-  static std::int32_t create(std::uint32_t index, FleetyardStr options, const FleetyardSink *sink,
-                             Object *out) noexcept {
+  static std::int32_t create(void *, std::uint32_t index, const FleetyardOptions *options,
+                             const FleetyardSink *sink, Object *out) noexcept {
     return guarded(sink, [&](const Sink &) {
       if (index >= size || !out)
         invalid("there is no plugin with that number, or no place for it");
+      if (out->struct_size < sizeof(Object))
+        unsupported("the host is older than this plugin: it has no room for it");
       const Entry<Base> &entry = entries()[index];
-      const Options given(view(options), view(entry.descriptor.options_schema));
-      auto made = std::make_unique<Made<Base>>();
-      made->plugin = entry.make(given);
+      std::unique_ptr<Made<Base>> made(
+          new Made<Base>{entry.make(Options(options)), Claims(entry.descriptor)});
       *out = Object{};
       out->struct_size = sizeof *out;
       out->destroy = Made<Base>::destroy;
@@ -1285,7 +1607,7 @@ template <class Base, class... Plugins> struct Factory {
   }
 
   static constexpr typename Kind<Base>::Factory table = {
-      sizeof(typename Kind<Base>::Factory), 0, count, descriptor, create};
+      sizeof(typename Kind<Base>::Factory), 0, nullptr, count, descriptor, create};
 };
 
 template <class... Plugins> struct Library {
