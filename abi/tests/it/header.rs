@@ -166,7 +166,7 @@ fn strict(compiler: &str, standard: &str) -> Command {
 }
 
 #[test]
-fn the_easy_header_reads_options_learns_maps_and_submits_plans() {
+fn the_easy_header_reads_views_and_refuses_what_it_does_not_know() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("easy");
     for (compiler, standard, language, _) in COMPILERS {
@@ -228,7 +228,7 @@ fn the_cpp_header_makes_a_library_with_one_symbol() {
 }
 
 #[test]
-fn the_cpp_header_reads_options_and_keeps_exceptions() {
+fn the_cpp_header_reads_views_and_keeps_exceptions() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("wrapper");
     for (compiler, standard) in cpp().into_iter().step_by(2) {
