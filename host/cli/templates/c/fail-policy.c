@@ -7,20 +7,21 @@
 #include "fleetyard_easy.h"
 
 typedef struct {
-  FleetyardMap map; /* learnt before `recover` is called */
   uint32_t steps;
 } Policy;
 
 /* ---- The algorithm --------------------------------------------------------- */
 
-/* Whether all agents can go from their cells to these in one step. */
-static bool is_safe(const FleetyardMap *map, uint32_t agents, const uint32_t *now,
-                    const uint32_t *after) {
-  for (uint32_t a = 0; a < agents; a++) {
-    if (!fleetyard_is_step(map, now[a], after[a]))
+/* Whether all agents can go from where they are at a time to where they are next. */
+static bool is_safe(const FleetyardGrid *grid, const FleetyardPaths *paths,
+                    const uint32_t *next) {
+  for (uint32_t a = 0; a < paths->agents; a++) {
+    uint32_t now = fleetyard_path_at(&paths->of[a], UINT64_MAX); /* its last cell */
+    if (!fleetyard_is_step(grid, now, next[a]))
       return false;
     for (uint32_t b = 0; b < a; b++)
-      if (after[a] == after[b] || (after[a] == now[b] && after[b] == now[a]))
+      if (next[a] == next[b] ||
+          (next[b] == now && next[a] == fleetyard_path_at(&paths->of[b], UINT64_MAX)))
         return false;
   }
   return true;
@@ -29,42 +30,38 @@ static bool is_safe(const FleetyardMap *map, uint32_t agents, const uint32_t *no
 static int32_t recover(void *context, const FleetyardInstance *instance,
                        const FleetyardPlan *failed, const FleetyardBudget *budget,
                        const FleetyardSink *sink) {
-  const Policy *policy = context;
-  uint32_t agents = instance->agents, time = 0;
-  size_t row = agents * sizeof(uint32_t);
-  /* Where everybody is at time 0, 1, 2, ..., one after the other. */
-  uint32_t *at = memcpy(fleetyard_array((size_t)policy->steps + 1, row), instance->starts, row);
+  const FleetyardGrid *grid = fleetyard_grid(instance->environment, sink);
+  uint32_t agents = instance->agents, steps = ((const Policy *)context)->steps;
+  uint32_t *next = fleetyard_array(agents, sizeof *next);
+  FleetyardPaths paths = fleetyard_paths(FLEETYARD_FORM_CELLS, agents);
   (void)budget; /* `cancelled` says when the time is up */
+  for (uint32_t agent = 0; agent < agents; agent++)
+    fleetyard_add_cell(&paths, agent, instance->starts[agent]);
 
   /* The planner may have left nothing. */
-  while (failed && time < policy->steps && !fleetyard_cancelled(sink)) {
-    const uint32_t *now = at + (size_t)time * agents;
-    uint32_t *after = at + ((size_t)time + 1) * agents;
+  for (uint32_t time = 1; failed && time <= steps && !fleetyard_cancelled(sink); time++) {
     for (uint32_t agent = 0; agent < agents; agent++) {
-      uint32_t next = fleetyard_at(failed, agent, time + 1);
-      after[agent] = next == FLEETYARD_NONE ? now[agent] : next;
+      next[agent] = fleetyard_at(failed, agent, time);
+      if (next[agent] == FLEETYARD_NONE)
+        next[agent] = instance->starts[agent];
     }
-    if (!is_safe(&policy->map, agents, now, after))
+    if (!is_safe(grid, &paths, next))
       break;
-    time++;
+    for (uint32_t agent = 0; agent < agents; agent++)
+      fleetyard_add_cell(&paths, agent, next[agent]);
   }
-
-  FleetyardLists plan = {0};
-  for (uint32_t agent = 0; agent < agents; agent++) {
-    for (uint32_t t = 0; t <= time; t++)
-      fleetyard_append(&plan, at[(size_t)t * agents + agent]);
-    fleetyard_end_list(&plan);
-  }
-  free(at);
-  return fleetyard_submit_plan(&plan, sink);
+  int32_t status = fleetyard_submit(&paths, sink);
+  fleetyard_free_paths(&paths);
+  free(next);
+  return status;
 }
 
 /* ---- What the library exports ---------------------------------------------- */
 
 /* What the host knows of the policy; docs/conformance.md lists all capabilities. The
  * schema says what `--option NAME=VALUE` may be; the host checks it beforehand. */
-static const FleetyardDescriptor descriptor = {
-    .struct_size = sizeof descriptor,
+static const FleetyardDescriptor about = {
+    .struct_size = sizeof about,
     .id = FLEETYARD_TEXT("example-plugin"),
     .name = FLEETYARD_TEXT("example-plugin"),
     .version = FLEETYARD_TEXT("0.1.0"),
@@ -75,15 +72,14 @@ static const FleetyardDescriptor descriptor = {
         "\"steps\": {\"type\": \"integer\", \"minimum\": 0, \"maximum\": 100000,"
         "\"default\": 10, \"description\": \"Most steps to take.\"}}}"),
     .capabilities = FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE |
-                    FLEETYARD_CAPABILITY_DETERMINISTIC,
+                    FLEETYARD_CAPABILITY_MOVE_MASK | FLEETYARD_CAPABILITY_DETERMINISTIC,
 };
 
-static int32_t configure(void *context, FleetyardStr options, const FleetyardSink *sink) {
-  double steps = 10;
-  const FleetyardOption known[] = {{"steps", &steps, 0, 100000, NULL}};
-  int32_t status = fleetyard_read_options(options, known, 1, sink);
-  ((Policy *)context)->steps = (uint32_t)steps;
-  return status;
+static void *make(const FleetyardOptions *options, const FleetyardSink *sink) {
+  Policy *policy = fleetyard_array(1, sizeof *policy);
+  (void)sink;
+  policy->steps = (uint32_t)fleetyard_number(options, "steps", 10);
+  return policy;
 }
 
-FLEETYARD_FAIL_POLICY(descriptor, sizeof(Policy), configure, recover);
+FLEETYARD_EXPORT_FAIL_POLICY(about, make, fleetyard_learn_nothing, recover, free);

@@ -8,91 +8,89 @@
 #define NONE FLEETYARD_NONE
 
 typedef struct {
-  FleetyardMap map; /* learnt before `generate` is called */
   uint32_t most_tasks;
 } Generator;
 
 /* ---- The algorithm --------------------------------------------------------- */
 
-/* The goals of an agent: what it has to do already, a task, or a place to wait. */
+/* What a call works with. */
 typedef struct {
-  const uint32_t *cells;
-  uint64_t length;
-  uint32_t wait;
-} Goals;
+  const FleetyardFleetState *state;
+  const FleetyardGrid *grid;
+  FleetyardDecision decision;
+  uint32_t *distance, *queue;
+  bool *taken; /* two agents cannot end in the same cell */
+} Work;
+
+static bool is_idle(const Work *work, uint32_t agent) {
+  return work->decision.goals.of[agent].length == 0;
+}
+
+/* Gives a task to the nearest idle agent that can do it, if there is one. */
+static void give_away(Work *work, uint32_t task) {
+  const FleetyardFleetState *state = work->state;
+  const uint32_t *visits = state->task_places + state->task_offsets[task];
+  uint64_t length = state->task_offsets[task + 1] - state->task_offsets[task];
+  if (length == 0 || work->taken[visits[length - 1]])
+    return;
+  bool possible = true; /* to go from each place to the next */
+  for (uint64_t i = 1; i < length && possible; i++) {
+    fleetyard_distances(work->grid, visits[i], work->distance, work->queue);
+    possible = work->distance[visits[i - 1]] != NONE;
+  }
+  fleetyard_distances(work->grid, visits[0], work->distance, work->queue);
+  uint32_t nearest = NONE, best = NONE;
+  for (uint32_t agent = 0; agent < state->next->agents && possible; agent++) {
+    uint32_t distance = work->distance[state->next->starts[agent]];
+    if (is_idle(work, agent) && distance < best)
+      nearest = agent, best = distance;
+  }
+  if (nearest != NONE) {
+    fleetyard_assign(&work->decision, task, nearest);
+    work->taken[visits[length - 1]] = true;
+  }
+}
+
+/* Lets an idle agent wait in the nearest cell where nobody ends; false when there is none. */
+static bool wait(Work *work, uint32_t agent) {
+  uint32_t start = work->state->next->starts[agent], near = 0;
+  uint32_t reach = fleetyard_spread(work->grid, start, false, work->distance, work->queue);
+  while (near < reach && work->taken[work->queue[near]])
+    near++;
+  if (near == reach)
+    return false;
+  fleetyard_add_cell(&work->decision.goals, agent, work->queue[near]);
+  work->taken[work->queue[near]] = true;
+  return true;
+}
 
 static int32_t generate(void *context, const FleetyardFleetState *state,
                         const FleetyardBudget *budget, const FleetyardSink *sink) {
-  const Generator *generator = context;
-  const FleetyardMap *map = &generator->map;
-  uint32_t agents = state->agents, cells = map->cells;
-  uint32_t tasks = state->tasks < generator->most_tasks ? state->tasks : generator->most_tasks;
-  uint32_t *distance = fleetyard_array(cells, sizeof *distance);
-  uint32_t *queue = fleetyard_array(cells, sizeof *queue);
-  /* Two agents cannot end in the same cell. */
-  bool *taken = fleetyard_array(cells, sizeof *taken);
-  Goals *goals = fleetyard_array(agents, sizeof *goals);
-  /* What the host is told of tasks: it appends their cells to the goals of the agents. */
-  FleetyardAssignment *assignments = fleetyard_array((size_t)tasks + 1, sizeof *assignments);
-  uint32_t assigned = 0;
-  FleetyardLists lists = {0};
+  const FleetyardGrid *grid = fleetyard_grid(state->next->environment, sink);
+  uint32_t agents = state->next->agents, cells = grid->rows * grid->cols;
+  uint32_t most = ((const Generator *)context)->most_tasks;
   int32_t status = FLEETYARD_STATUS_SOLVED;
+  /* The decision begins with the goals that agents have already. */
+  Work work = {state,
+               grid,
+               fleetyard_decide(state),
+               fleetyard_array(cells, sizeof *work.distance),
+               fleetyard_array(cells, sizeof *work.queue),
+               fleetyard_array(cells, sizeof *work.taken)};
   (void)budget; /* `cancelled` says when the time is up */
-
-  for (uint32_t agent = 0; agent < agents; agent++) {
-    uint64_t begin = state->goal_offsets[agent];
-    goals[agent] = (Goals){state->goals + begin, state->goal_offsets[agent + 1] - begin, 0};
-    if (goals[agent].length > 0)
-      taken[goals[agent].cells[goals[agent].length - 1]] = true;
-  }
-  for (uint32_t task = 0; task < tasks && !fleetyard_cancelled(sink); task++) {
-    const uint32_t *visits = state->task_cells + state->task_offsets[task];
-    uint64_t length = state->task_offsets[task + 1] - state->task_offsets[task];
-    if (length == 0 || taken[visits[length - 1]])
-      continue;
-    fleetyard_distances(map, visits[0], distance, queue);
-    bool reachable = true;
-    for (uint64_t i = 0; i < length; i++)
-      reachable = reachable && distance[visits[i]] != NONE;
-    uint32_t nearest = NONE;
-    for (uint32_t agent = 0; agent < agents && reachable; agent++)
-      if (goals[agent].length == 0 && distance[state->cells[agent]] != NONE &&
-          (nearest == NONE ||
-           distance[state->cells[agent]] < distance[state->cells[nearest]]))
-        nearest = agent;
-    if (nearest != NONE) {
-      goals[nearest] = (Goals){visits, length, 0};
-      taken[visits[length - 1]] = true;
-      assignments[assigned++] =
-          (FleetyardAssignment){.task = state->task_ids[task], .agent = nearest};
-    }
-  }
-  /* Who has nothing to do waits in the nearest cell where nobody ends. */
   for (uint32_t agent = 0; agent < agents; agent++)
-    if (goals[agent].length == 0) {
-      uint32_t near = 0, reach = fleetyard_distances(map, state->cells[agent], distance, queue);
-      while (near < reach && taken[queue[near]])
-        near++;
-      if (near == reach) {
-        status = fleetyard_fail(sink, FLEETYARD_STATUS_GAVE_UP,
-                                "no cell is left for an agent to wait in");
-        goto end;
-      }
-      goals[agent] = (Goals){&goals[agent].wait, 1, queue[near]};
-      taken[queue[near]] = true;
-    }
-
-  for (uint32_t agent = 0; agent < agents; agent++) {
-    fleetyard_append_all(&lists, goals[agent].cells, goals[agent].length);
-    fleetyard_end_list(&lists);
-  }
-  status = fleetyard_submit_instance(state, &lists, assignments, assigned, sink);
-end:
-  free(distance);
-  free(queue);
-  free(taken);
-  free(goals);
-  free(assignments);
+    if (!is_idle(&work, agent)) /* its last goal is where it ends */
+      work.taken[fleetyard_path_at(&work.decision.goals.of[agent], UINT64_MAX)] = true;
+  for (uint32_t task = 0; task < state->tasks && task < most && !fleetyard_cancelled(sink); task++)
+    give_away(&work, task);
+  for (uint32_t agent = 0; agent < agents && status == FLEETYARD_STATUS_SOLVED; agent++)
+    if (is_idle(&work, agent) && !wait(&work, agent))
+      status = fleetyard_fail(sink, FLEETYARD_STATUS_GAVE_UP,
+                              "no cell is left for an agent to wait in");
+  if (status == FLEETYARD_STATUS_SOLVED)
+    status = fleetyard_submit_request(&work.decision, sink);
+  fleetyard_free_decision(&work.decision);
+  free(work.distance), free(work.queue), free(work.taken);
   return status;
 }
 
@@ -100,8 +98,8 @@ end:
 
 /* What the host knows of the generator; docs/conformance.md lists all capabilities. The
  * schema says what `--option NAME=VALUE` may be; the host checks it beforehand. */
-static const FleetyardDescriptor descriptor = {
-    .struct_size = sizeof descriptor,
+static const FleetyardDescriptor about = {
+    .struct_size = sizeof about,
     .id = FLEETYARD_TEXT("example-plugin"),
     .name = FLEETYARD_TEXT("example-plugin"),
     .version = FLEETYARD_TEXT("0.1.0"),
@@ -112,15 +110,14 @@ static const FleetyardDescriptor descriptor = {
         "\"most_tasks\": {\"type\": \"integer\", \"minimum\": 1, \"default\": 1000,"
         "\"description\": \"Most tasks to give away in one call.\"}}}"),
     .capabilities = FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE |
-                    FLEETYARD_CAPABILITY_DETERMINISTIC,
+                    FLEETYARD_CAPABILITY_MOVE_MASK | FLEETYARD_CAPABILITY_DETERMINISTIC,
 };
 
-static int32_t configure(void *context, FleetyardStr options, const FleetyardSink *sink) {
-  double most_tasks = 1000;
-  const FleetyardOption known[] = {{"most_tasks", &most_tasks, 1, UINT32_MAX, NULL}};
-  int32_t status = fleetyard_read_options(options, known, 1, sink);
-  ((Generator *)context)->most_tasks = (uint32_t)most_tasks;
-  return status;
+static void *make(const FleetyardOptions *options, const FleetyardSink *sink) {
+  Generator *generator = fleetyard_array(1, sizeof *generator);
+  (void)sink;
+  generator->most_tasks = (uint32_t)fleetyard_number(options, "most_tasks", 1000);
+  return generator;
 }
 
-FLEETYARD_INSTANCE_GENERATOR(descriptor, sizeof(Generator), configure, generate);
+FLEETYARD_EXPORT_INSTANCE_GENERATOR(about, make, fleetyard_learn_nothing, generate, free);

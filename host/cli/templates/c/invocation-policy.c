@@ -12,21 +12,22 @@ typedef struct {
 /* ---- The algorithm --------------------------------------------------------- */
 
 static int32_t should_invoke(void *context, const FleetyardFleetStatus *status,
-                             const FleetyardSink *sink) {
+                             const FleetyardSink *sink, int32_t *out) {
   const Policy *policy = context;
   bool now = status->since_last_call_s >= policy->period_s;
   (void)sink;
   for (uint32_t agent = 0; agent < status->agents; agent++)
     now = now || status->actions_left[agent] == 0;
-  return now ? FLEETYARD_INVOKE_NOW : FLEETYARD_INVOKE_NOT_YET;
+  *out = now ? 1 : 0;
+  return FLEETYARD_STATUS_SOLVED;
 }
 
 /* ---- What the library exports ---------------------------------------------- */
 
 /* What the host knows of the policy. The schema says what `--option NAME=VALUE` may be;
  * the host checks it beforehand. */
-static const FleetyardDescriptor descriptor = {
-    .struct_size = sizeof descriptor,
+static const FleetyardDescriptor about = {
+    .struct_size = sizeof about,
     .id = FLEETYARD_TEXT("example-plugin"),
     .name = FLEETYARD_TEXT("example-plugin"),
     .version = FLEETYARD_TEXT("0.1.0"),
@@ -38,11 +39,11 @@ static const FleetyardDescriptor descriptor = {
         "\"description\": \"Simulated seconds between calls.\"}}}"),
 };
 
-static int32_t configure(void *context, FleetyardStr options, const FleetyardSink *sink) {
-  Policy *policy = context;
-  policy->period_s = 5;
-  const FleetyardOption known[] = {{"period_s", &policy->period_s, 0, 1e9, NULL}};
-  return fleetyard_read_options(options, known, 1, sink);
+static void *make(const FleetyardOptions *options, const FleetyardSink *sink) {
+  Policy *policy = fleetyard_array(1, sizeof *policy);
+  (void)sink;
+  policy->period_s = fleetyard_number(options, "period_s", 5);
+  return policy;
 }
 
-FLEETYARD_INVOCATION_POLICY(descriptor, sizeof(Policy), configure, should_invoke);
+FLEETYARD_EXPORT_INVOCATION_POLICY(about, make, should_invoke, free);

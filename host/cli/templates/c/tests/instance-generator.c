@@ -6,24 +6,21 @@
  * second has a goal, and there is one task, of two cells. */
 static int32_t generate(const char *map, const uint32_t *cells, uint32_t goal,
                         const uint32_t *task) {
-  FleetyardGrid grid;
-  FleetyardEnvironment environment = environment_of(&grid, 1, map);
+  FleetyardInstance next = instance_of(map_of(1, map), FLEETYARD_MOTION_PEBBLE, 2, cells, &goal);
+  next.goal_offsets = (const uint64_t[]){0, 0, 1};
   FleetyardFleetState state = {.struct_size = sizeof state,
-                               .agents = 2,
-                               .environment = &environment,
-                               .cells = cells,
-                               .goal_offsets = (const uint64_t[]){0, 0, 1},
-                               .goals = &goal,
                                .tasks = 1,
+                               .next = &next,
                                .task_ids = (const uint64_t[]){7},
                                .task_offsets = (const uint64_t[]){0, 2},
-                               .task_cells = task};
-  FleetyardInstanceGenerator generator;
+                               .task_places = task};
+  FleetyardInstanceGenerator generator = {.struct_size = sizeof generator};
   const FleetyardInstanceGeneratorFactory *factory =
-      fleetyard_plugin_entry_v1.get_factory(text(FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID));
-  CHECK(factory && factory->count() == 1);
-  CHECK(factory->create(0, text("{}"), &sink, &generator) == FLEETYARD_STATUS_SOLVED);
-  int32_t status = generator.prepare(generator.context, &environment, &budget, &sink);
+      factory_of(FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID);
+  int32_t status = factory->create(factory->context, 0, number_option("most_tasks", 10), &sink,
+                                   &generator);
+  CHECK(status == FLEETYARD_STATUS_SOLVED);
+  status = generator.prepare(generator.context, next.environment, &budget, &sink);
   CHECK(status == FLEETYARD_STATUS_SOLVED);
   status = generator.generate(generator.context, &state, &budget, &sink);
   generator.destroy(generator.context);

@@ -5,26 +5,9 @@
 /* Asks the planner about a map of rows, `.` where a robot may stand. */
 static int32_t plan(uint32_t rows, const char *map, uint32_t agents, const uint32_t *starts,
                     const uint32_t *goals) {
-  FleetyardGrid grid;
-  FleetyardEnvironment environment = environment_of(&grid, rows, map);
-  static const uint64_t offsets[] = {0, 1, 2};
-  FleetyardInstance instance = {.struct_size = sizeof instance,
-                                .agents = agents,
-                                .environment = &environment,
-                                .starts = starts,
-                                .goal_offsets = offsets,
-                                .goals = goals};
-  FleetyardPlanner planner;
-  const FleetyardPlannerFactory *factory =
-      fleetyard_plugin_entry_v1.get_factory(text(FLEETYARD_PLANNER_FACTORY_ID));
-  CHECK(factory && factory->count() == 1);
-  int32_t status = factory->create(0, text("{\"attempts\": 3}"), &sink, &planner);
-  CHECK(status == FLEETYARD_STATUS_SOLVED);
-  status = planner.prepare(planner.context, &environment, &budget, &sink);
-  CHECK(status == FLEETYARD_STATUS_SOLVED);
-  status = planner.plan(planner.context, &instance, &budget, &sink);
-  planner.destroy(planner.context);
-  return status;
+  FleetyardInstance instance =
+      instance_of(map_of(rows, map), FLEETYARD_MOTION_PEBBLE, agents, starts, goals);
+  return ask(&instance, number_option("attempts", 3));
 }
 
 int main(void) {
