@@ -24,6 +24,7 @@ public:
   /* What the host may ask of the policy; docs/conformance.md lists all there is. */
   static constexpr auto capabilities = fleetyard::capability::grid |
                                        fleetyard::capability::pebble |
+                                       fleetyard::capability::move_mask |
                                        fleetyard::capability::deterministic;
   /* What `--option NAME=VALUE` may say. The host checks it before the policy starts. */
   static constexpr auto options_schema = R"({
@@ -71,8 +72,7 @@ private:
   static bool is_safe(const fleetyard::Grid &grid, const std::vector<Cell> &now,
                       const std::vector<Cell> &after) {
     for (std::size_t a = 0; a < now.size(); a++) {
-      const auto near = grid.neighbours(now[a]);
-      if (after[a] != now[a] && std::find(near.begin(), near.end(), after[a]) == near.end())
+      if (!grid.is_step(now[a], after[a]))
         return false;
       for (std::size_t b = 0; b < a; b++)
         if (after[a] == after[b] || (after[a] == now[b] && after[b] == now[a]))

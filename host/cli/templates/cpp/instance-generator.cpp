@@ -23,6 +23,7 @@ public:
   /* What the host may ask of the generator; docs/conformance.md lists all there is. */
   static constexpr auto capabilities = fleetyard::capability::grid |
                                        fleetyard::capability::pebble |
+                                       fleetyard::capability::move_mask |
                                        fleetyard::capability::deterministic;
   /* What `--option NAME=VALUE` may say. The host checks it before the generator starts. */
   static constexpr auto options_schema = R"({
@@ -44,47 +45,52 @@ public:
   void generate(const fleetyard::FleetState &state, const fleetyard::Budget &,
                 const fleetyard::Sink &sink) override {
     const fleetyard::Grid grid = state.grid();
-    fleetyard::NextInstance next(state); // with the goals that agents have already
-    std::set<Cell> ends;                 // two agents cannot end in the same cell
-    for (const auto &goals : next.goals)
+    const fleetyard::Span<Cell> starts = state.next().starts();
+    fleetyard::Request request(state); // with the goals that agents have already
+    std::set<Cell> ends;               // two agents cannot end in the same cell
+    for (const auto &goals : request.goals)
       if (!goals.empty())
         ends.insert(goals.back());
     for (std::uint32_t i = 0; i < state.tasks() && i < most_tasks_; i++) {
       sink.check(); // ends the call when its time is up
-      const fleetyard::Span<Cell> visits = state.task(i).cells;
-      if (visits.empty() || ends.count(visits.back()))
+      const fleetyard::Span<Cell> visits = state.task(i).places;
+      if (visits.empty() || ends.count(visits.back()) || !is_possible(grid, visits))
         continue;
       const auto distance = grid.distances(visits.front());
-      const auto reachable = [&](Cell cell) { return distance[cell] != fleetyard::unreachable; };
       const auto is_nearer = [&](std::size_t a, std::size_t b) {
-        return distance[state.cells()[a]] < distance[state.cells()[b]];
+        return distance[starts[a]] < distance[starts[b]];
       };
       std::vector<std::size_t> able; // agents that could do it
       for (std::size_t agent = 0; agent < state.agents(); agent++)
-        if (next.goals[agent].empty() && reachable(state.cells()[agent]))
+        if (request.goals[agent].empty() && distance[starts[agent]] != fleetyard::unreachable)
           able.push_back(agent);
-      if (able.empty() || !std::all_of(visits.begin(), visits.end(), reachable))
+      if (able.empty())
         continue;
-      const std::size_t nearest = *std::min_element(able.begin(), able.end(), is_nearer);
-      next.goals[nearest].assign(visits.begin(), visits.end());
+      request.assign(state.task(i), *std::min_element(able.begin(), able.end(), is_nearer));
       ends.insert(visits.back());
-      // The host appends the cells of the task to the goals of the agent.
-      next.assignments.push_back({static_cast<std::uint32_t>(nearest), state.task(i).id});
     }
     for (std::size_t agent = 0; agent < state.agents(); agent++)
-      if (next.goals[agent].empty()) {
-        next.goals[agent].push_back(place_to_wait(grid, state.cells()[agent], ends));
-        ends.insert(next.goals[agent].back());
+      if (request.goals[agent].empty()) {
+        request.goals[agent].push_back(place_to_wait(grid, starts[agent], ends));
+        ends.insert(request.goals[agent].back());
       }
-    sink.submit_instance(next);
+    sink.submit_request(request);
   }
 
 private:
+  /* Whether a way leads from each place of a task to the next. */
+  static bool is_possible(const fleetyard::Grid &grid, fleetyard::Span<Cell> visits) {
+    for (std::size_t at = 1; at < visits.size(); at++)
+      if (grid.distances(visits[at])[visits[at - 1]] == fleetyard::unreachable)
+        return false;
+    return true;
+  }
+
   /* The nearest cell where nobody ends: most often where the agent is. */
   static Cell place_to_wait(const fleetyard::Grid &grid, Cell from, const std::set<Cell> &ends) {
     if (!ends.count(from))
       return from;
-    const auto distance = grid.distances(from);
+    const auto distance = grid.reach(from);
     std::vector<Cell> free;
     for (Cell cell = 0; cell < distance.size(); cell++)
       if (distance[cell] != fleetyard::unreachable && !ends.count(cell))

@@ -38,6 +38,7 @@ public:
   /* What the host may ask of the planner; docs/conformance.md lists all there is. */
   static constexpr auto capabilities = fleetyard::capability::grid |
                                        fleetyard::capability::pebble |
+                                       fleetyard::capability::move_mask |
                                        fleetyard::capability::deterministic;
   /* What `--option NAME=VALUE` may say. The host checks it before the planner starts. */
   static constexpr auto options_schema = R"({

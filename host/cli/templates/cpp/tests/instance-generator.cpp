@@ -9,19 +9,14 @@ static Lists generate(const char *row, const std::vector<Cell> &cells, Cell goal
                       const std::vector<Cell> &task) {
   Host host;
   const Map map(1, row);
-  const std::vector<std::uint64_t> goal_offsets{0, 0, 1}, ids{7}, task_offsets{0, task.size()};
-  FleetyardFleetState state{};
-  state.struct_size = sizeof state;
-  state.agents = 2;
-  state.environment = &map.environment;
-  state.cells = cells.data();
-  state.goal_offsets = goal_offsets.data();
-  state.goals = &goal;
-  state.tasks = 1;
-  state.task_ids = ids.data();
-  state.task_offsets = task_offsets.data();
-  state.task_cells = task.data();
-  NearestIdle generator({"{}", NearestIdle::options_schema});
+  Question next(map.environment, FLEETYARD_MOTION_PEBBLE, cells, {goal});
+  next.offsets = {0, 0, 1};
+  next.raw.goal_offsets = next.offsets.data();
+  const std::vector<std::uint64_t> ids{7}, task_offsets{0, task.size()};
+  const FleetyardFleetState state{
+      sizeof state, 1, 0.0, &next.raw, ids.data(), task_offsets.data(), task.data(), {}};
+  const Given given("most_tasks", 10);
+  NearestIdle generator(given.options);
   try {
     generator.generate(fleetyard::FleetState(&state), host.budget, host.sink);
   } catch (const fleetyard::Failure &failure) {

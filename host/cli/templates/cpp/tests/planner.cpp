@@ -7,8 +7,9 @@
 static Lists plan(const Map &map, const std::vector<Cell> &starts, const std::vector<Cell> &goals,
                   fleetyard::Status *status = nullptr) {
   Host host;
-  const Question question(map, starts, goals);
-  Prioritized planner({R"({"attempts": 3})", Prioritized::options_schema});
+  const Question question(map.environment, FLEETYARD_MOTION_PEBBLE, starts, goals);
+  const Given given("attempts", 3);
+  Prioritized planner(given.options);
   try {
     planner.plan(fleetyard::Instance(&question.raw), host.budget, host.sink);
   } catch (const fleetyard::Failure &failure) {
