@@ -426,23 +426,30 @@ static inline int32_t fleetyard_check_instance(const FleetyardInstance *instance
 
 /* ---- Grids ------------------------------------------------------------------- */
 
-/* The cell beside another one in the direction of a move, 0 to 7 in the order of the letters
- * NESWnesw; NONE at the border. */
+/* The steps of a move down and to the right; the moves are 0 to 7 in the order of the letters
+ * NESWnesw, and 8 for waiting. */
+static inline int fleetyard_down(int move) {
+  static const int rows[] = {-1, 0, 1, 0, -1, 1, 1, -1, 0};
+  return rows[move];
+}
+static inline int fleetyard_right(int move) {
+  static const int cols[] = {0, 1, 0, -1, 1, 1, -1, -1, 0};
+  return cols[move];
+}
+
+/* The cell beside another one in the direction of a move; NONE off the map. */
 static inline uint32_t fleetyard_beside(const FleetyardGrid *grid, uint32_t cell, int move) {
-  static const int rows[] = {-1, 0, 1, 0, -1, 1, 1, -1}, cols[] = {0, 1, 0, -1, 1, 1, -1, -1};
-  int64_t row = (int64_t)(cell / grid->cols) + rows[move];
-  int64_t col = (int64_t)(cell % grid->cols) + cols[move];
+  int64_t row = (int64_t)(cell / grid->cols) + fleetyard_down(move);
+  int64_t col = (int64_t)(cell % grid->cols) + fleetyard_right(move);
   bool inside = row >= 0 && row < grid->rows && col >= 0 && col < grid->cols;
   return inside ? (uint32_t)(row * grid->cols + col) : FLEETYARD_NONE;
 }
 
-/* Where a move leads that a robot may make, or NONE; the moves are 0 to 7 in the order of the
- * letters NESWnesw, and 8 for waiting. */
+/* Where a move leads that a robot may make, or NONE. */
 static inline uint32_t fleetyard_move(const FleetyardGrid *grid, uint32_t cell, int move) {
-  if (move == 8)
-    return grid->passable[cell] ? cell : FLEETYARD_NONE;
-  return (grid->moves[cell] >> move & 1) != 0 ? fleetyard_beside(grid, cell, move)
-                                              : FLEETYARD_NONE;
+  bool may = move == 8 ? grid->passable[cell] != 0 : (grid->moves[cell] >> move & 1) != 0;
+  int64_t to = (int64_t)cell + fleetyard_down(move) * (int64_t)grid->cols + fleetyard_right(move);
+  return may ? (uint32_t)to : FLEETYARD_NONE; /* no mask has a move that leaves the map */
 }
 
 /* True if an agent may go from one cell to another in a step, or wait. Any numbers may be asked. */

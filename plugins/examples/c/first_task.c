@@ -13,99 +13,81 @@
 #define NONE FLEETYARD_NONE
 
 typedef struct {
-  FleetyardMap map;
   uint32_t *region; /* per cell the first cell of the region that is connected; NONE if blocked */
 } Generator;
 
-/* Moves past corners lead nowhere that straight ones do not: both cells at the side of a
- * diagonal move are free. So four neighbours make the regions of eight. */
-static void fill(const FleetyardMap *map, uint32_t *region, uint32_t *stack, uint32_t first) {
+static void fill(const FleetyardGrid *grid, uint32_t *region, uint32_t *stack, uint32_t first) {
   size_t height = 0;
   region[first] = first;
   for (stack[height++] = first; height > 0;) {
-    const uint32_t *near = map->neighbours[stack[--height]];
-    for (int i = 0; i < 4; i++)
-      if (near[i] != NONE && region[near[i]] == NONE) {
-        region[near[i]] = first;
-        stack[height++] = near[i];
+    uint32_t cell = stack[--height];
+    for (int move = 0; move < 8; move++) {
+      uint32_t near = fleetyard_move(grid, cell, move);
+      if (near != NONE && region[near] == NONE) {
+        region[near] = first;
+        stack[height++] = near;
       }
+    }
   }
 }
 
 static int32_t prepare(void *context, const FleetyardEnvironment *environment,
                        const FleetyardBudget *budget, const FleetyardSink *sink) {
   Generator *generator = context;
-  const FleetyardMap *map = &generator->map;
+  const FleetyardGrid *grid = fleetyard_grid(environment, sink);
+  uint32_t cells = grid->rows * grid->cols;
+  uint32_t *stack = fleetyard_array(cells, sizeof *stack);
   (void)budget; /* a few milliseconds for the largest maps */
-  int32_t status = fleetyard_learn(&generator->map, environment, sink);
-  if (status != FLEETYARD_STATUS_SOLVED)
-    return status;
-  uint32_t *region = fleetyard_array(map->cells, sizeof *region);
-  uint32_t *stack = fleetyard_array(map->cells, sizeof *stack);
-  memset(region, 0xFF, map->cells * sizeof *region);
-  for (uint32_t cell = 0; cell < map->cells; cell++)
-    if (map->passable[cell] && region[cell] == NONE)
-      fill(map, region, stack, cell);
-  free(stack);
   free(generator->region);
-  generator->region = region;
+  generator->region = fleetyard_array(cells, sizeof *generator->region);
+  memset(generator->region, 0xFF, cells * sizeof *generator->region);
+  for (uint32_t cell = 0; cell < cells; cell++)
+    if (grid->passable[cell] && generator->region[cell] == NONE)
+      fill(grid, generator->region, stack, cell);
+  free(stack);
   return FLEETYARD_STATUS_SOLVED;
 }
 
 static bool can_reach(const Generator *generator, const FleetyardFleetState *state,
                       uint32_t agent, uint32_t task) {
-  uint32_t home = generator->region[state->cells[agent]];
+  uint32_t home = generator->region[state->next->starts[agent]];
   uint64_t begin = state->task_offsets[task], end = state->task_offsets[task + 1];
   bool all = home != NONE && begin < end;
   for (uint64_t i = begin; i < end; i++)
-    all = all && generator->region[state->task_cells[i]] == home;
+    all = all && generator->region[state->task_places[i]] == home;
   return all;
 }
 
 static int32_t generate(void *context, const FleetyardFleetState *state,
                         const FleetyardBudget *budget, const FleetyardSink *sink) {
   const Generator *generator = context;
-  uint32_t agents = state->agents;
   int32_t status = FLEETYARD_STATUS_SOLVED;
-  (void)budget;
-  if (!generator->region)
-    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                          "`generate` came before `prepare`");
-
-  FleetyardLists goals = {0};
+  FleetyardDecision decision = fleetyard_decide(state);
   bool *given = fleetyard_array(state->tasks, sizeof *given);
-  FleetyardAssignment *assignments = fleetyard_array(state->tasks, sizeof *assignments);
-  uint32_t assigned = 0;
-  for (uint32_t agent = 0; agent < agents; agent++) {
-    uint64_t begin = state->goal_offsets[agent], end = state->goal_offsets[agent + 1];
-    fleetyard_append_all(&goals, state->goals + begin, end - begin);
-    for (uint32_t task = 0; task < state->tasks && begin == end; task++)
+  for (uint32_t agent = 0; agent < decision.goals.agents; agent++) {
+    const FleetyardPath *goals = &decision.goals.of[agent];
+    for (uint32_t task = 0; task < state->tasks && goals->length == 0; task++)
       if (!given[task] && can_reach(generator, state, agent, task)) {
         given[task] = true;
-        assignments[assigned++] =
-            (FleetyardAssignment){.task = state->task_ids[task], .agent = agent};
-        begin = state->task_offsets[task], end = state->task_offsets[task + 1];
-        fleetyard_append_all(&goals, state->task_cells + begin, end - begin);
+        fleetyard_assign(&decision, task, agent);
       }
-    if (begin == end)
-      fleetyard_append(&goals, state->cells[agent]);
-    fleetyard_end_list(&goals);
+    if (goals->length == 0)
+      fleetyard_add_cell(&decision.goals, agent, state->next->starts[agent]);
     if (agent % 64 == 0 && fleetyard_cancelled(sink)) {
-      fleetyard_free_lists(&goals);
-      status = fleetyard_fail(sink, FLEETYARD_STATUS_TIMED_OUT, "the call's time is up");
+      status = fleetyard_time_is_up(budget, sink);
       break;
     }
   }
   if (status == FLEETYARD_STATUS_SOLVED)
-    status = fleetyard_submit_instance(state, &goals, assignments, assigned, sink);
+    status = fleetyard_submit_request(&decision, sink);
+  fleetyard_free_decision(&decision);
   free(given);
-  free(assignments);
   return status;
 }
 
-static void destroy(void *context) {
+static void end(void *context) {
   free(((Generator *)context)->region);
-  fleetyard_destroy(context);
+  free(context);
 }
 
 /* ---- What the library exports ------------------------------------------------ */
@@ -124,16 +106,9 @@ static const FleetyardDescriptor first_task = {
                     FLEETYARD_CAPABILITY_DETERMINISTIC,
 };
 
-static int32_t create(FleetyardStr options, const FleetyardSink *sink,
-                      FleetyardInstanceGenerator *out) {
-  int32_t status = fleetyard_no_options(NULL, options, sink);
-  if (status != FLEETYARD_STATUS_SOLVED)
-    return status;
-  out->context = fleetyard_array(1, sizeof(Generator));
-  out->prepare = prepare;
-  out->generate = generate;
-  out->destroy = destroy;
-  return status;
+static void *make(const FleetyardOptions *options, const FleetyardSink *sink) {
+  (void)options, (void)sink; /* it has none */
+  return fleetyard_array(1, sizeof(Generator));
 }
 
-FLEETYARD_LIBRARY(InstanceGenerator, FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID, first_task, create);
+FLEETYARD_EXPORT_INSTANCE_GENERATOR(first_task, make, prepare, generate, end);

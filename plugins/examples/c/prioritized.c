@@ -19,12 +19,7 @@
  *        -o prioritized.so prioritized.c
  */
 
-#define _POSIX_C_SOURCE 200809L /* clock_gettime */
-
 #include "fleetyard_easy.h"
-
-#include <inttypes.h>
-#include <time.h>
 
 #define NONE FLEETYARD_NONE
 
@@ -51,19 +46,16 @@ typedef struct {
 /* ---- The planner object ---------------------------------------------------- */
 
 typedef struct {
-  FleetyardMap map; /* without cells before prepare */
   Options options;
 } Planner;
 
-static int32_t configure(void *context, FleetyardStr text, const FleetyardSink *sink) {
-  double restarts = 0, first_order = SHORTEST_FIRST;
-  const FleetyardOption known[] = {
-      {"restarts", &restarts, 0, 9007199254740992.0, NULL}, /* 2^53: exact as a double */
-      {"first_order", &first_order, 0, 0, "shortest longest random"},
-  };
-  int32_t status = fleetyard_read_options(text, known, 2, sink);
-  ((Planner *)context)->options = (Options){(uint64_t)restarts, (FirstOrder)(int)first_order};
-  return status;
+static void *make(const FleetyardOptions *options, const FleetyardSink *sink) {
+  Planner *planner = fleetyard_array(1, sizeof *planner);
+  (void)sink;
+  planner->options.restarts = (uint64_t)fleetyard_number(options, "restarts", 0);
+  planner->options.first_order =
+      (FirstOrder)fleetyard_choice(options, "first_order", "shortest longest random");
+  return planner;
 }
 
 /* ---- One call of plan: what it keeps --------------------------------------- */
@@ -97,8 +89,10 @@ typedef struct {
 typedef struct {
   const Planner *planner;
   const FleetyardInstance *instance;
+  const FleetyardGrid *grid;
   const FleetyardBudget *budget;
   const FleetyardSink *sink;
+  uint32_t places; /* cells of the grid */
   uint64_t expansions, restarts, random;
   size_t bytes; /* held in the tables that grow */
   bool cancelled, out_of_memory, out_of_nodes;
@@ -233,18 +227,17 @@ static void shuffle(Work *work) {
 
 /* Steps from every cell to the agent's goal when nobody is in the way. */
 static const uint32_t *distances(Work *work, uint32_t agent) {
-  const Planner *planner = work->planner;
   uint32_t *distance = work->distance[agent];
   if (distance)
     return distance;
   if (work->keep_distances)
-    distance = work->distance[agent] = malloc(planner->map.cells * sizeof *distance);
+    distance = work->distance[agent] = malloc(work->places * sizeof *distance);
   if (!distance) {
     work->keep_distances = false;
     distance = work->shared_distance;
   }
   uint32_t goal = work->instance->goals[work->instance->goal_offsets[agent]];
-  fleetyard_distances(&planner->map, goal, distance, work->queue);
+  fleetyard_distances(work->grid, goal, distance, work->queue);
   return distance;
 }
 
@@ -284,27 +277,12 @@ static bool push(Work *work, uint32_t cell, uint32_t time, uint32_t parent, uint
   return true;
 }
 
-static uint64_t now_ns(void) {
-  struct timespec now = {0, 0};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
-
-/* True when time is up: a fiftieth of the budget before the deadline, but at least 1 ms and at
- * most 100 ms, because an answer that comes after it does not count. */
-static bool late(const FleetyardBudget *budget) {
-  uint64_t reserve = budget->wall_ns / 50, now = now_ns();
-  reserve = reserve < 1000000 ? 1000000 : reserve > 100000000 ? 100000000 : reserve;
-  return now >= budget->deadline_monotonic_ns || budget->deadline_monotonic_ns - now < reserve;
-}
-
 /* True if the call has to end. The host is asked now and then only. */
 static bool stopped(Work *work) {
   uint64_t limit = work->budget->nodes;
   if (limit && work->expansions >= limit)
     work->out_of_nodes = true;
-  if (work->expansions % 256 == 0 &&
-      (late(work->budget) || fleetyard_cancelled(work->sink)))
+  if (work->expansions % 256 == 0 && fleetyard_cancelled(work->sink))
     work->cancelled = true;
   return work->out_of_nodes || work->cancelled || work->out_of_memory;
 }
@@ -342,7 +320,7 @@ static uint32_t find_path(Work *work, uint32_t agent) {
         return NONE;
       /* The step pushed last is tried first: waiting comes last. */
       for (int i = 4; i >= 0; i--) {
-        uint32_t next = i == 4 ? node.cell : work->planner->map.neighbours[node.cell][i];
+        uint32_t next = i == 4 ? node.cell : fleetyard_move(work->grid, node.cell, i);
         if (next == NONE || !free_to_move(work, node.cell, next, node.time))
           continue;
         uint32_t time = node.time + 1;
@@ -382,7 +360,7 @@ static bool reserve(Work *work, uint32_t agent, uint32_t last) {
 
 /* Plans the agents in the present order. Returns how many have a path. */
 static uint32_t plan_in_order(Work *work) {
-  size_t map = work->planner->map.cells * sizeof(uint32_t);
+  size_t map = work->places * sizeof(uint32_t);
   work->cells_used = 0;
   work->horizon = 0;
   table_clear(&work->occupant);
@@ -434,22 +412,15 @@ static int compare_ways(const void *left, const void *right) {
 static int32_t check_instance(const Work *work) {
   const FleetyardInstance *instance = work->instance;
   const FleetyardSink *sink = work->sink;
-  const FleetyardMap *map = &work->planner->map;
+  const uint8_t *passable = work->grid->passable;
   int32_t result = FLEETYARD_STATUS_SOLVED;
-  if (instance->motion != FLEETYARD_MOTION_PEBBLE)
-    return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
-                          "this planner knows pebble motion only");
   uint32_t *start_of = work->queue, *goal_of = work->shared_distance; /* not in use yet */
-  memset(start_of, 0xFF, map->cells * sizeof *start_of);
-  memset(goal_of, 0xFF, map->cells * sizeof *goal_of);
+  memset(start_of, 0xFF, work->places * sizeof *start_of);
+  memset(goal_of, 0xFF, work->places * sizeof *goal_of);
   for (uint32_t agent = 0; agent < instance->agents; agent++) {
-    uint64_t first = instance->goal_offsets[agent];
-    if (instance->goal_offsets[agent + 1] != first + 1)
-      return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
-                            "agent %" PRIu32 " has not exactly one goal", agent);
-    uint32_t start = instance->starts[agent], goal = instance->goals[first];
-    if (start >= map->cells || goal >= map->cells || !map->passable[start] ||
-        !map->passable[goal])
+    uint32_t start = instance->starts[agent];
+    uint32_t goal = instance->goals[instance->goal_offsets[agent]];
+    if (!passable[start] || !passable[goal])
       return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
                             "agent %" PRIu32 " starts or ends in a cell where nobody can stand",
                             agent);
@@ -467,13 +438,13 @@ static int32_t check_instance(const Work *work) {
 }
 
 static int32_t submit(Work *work) {
-  FleetyardLists paths = {0};
-  for (uint32_t agent = 0; agent < work->instance->agents; agent++) {
-    Path path = work->paths[agent];
-    fleetyard_append_all(&paths, work->cells + path.begin, path.length);
-    fleetyard_end_list(&paths);
-  }
-  return fleetyard_submit_plan(&paths, work->sink);
+  FleetyardPaths paths = fleetyard_paths(FLEETYARD_FORM_CELLS, work->instance->agents);
+  for (uint32_t agent = 0; agent < paths.agents; agent++)
+    fleetyard_add_cells(&paths, agent, work->cells + work->paths[agent].begin,
+                        work->paths[agent].length);
+  int32_t status = fleetyard_submit(&paths, work->sink);
+  fleetyard_free_paths(&paths);
+  return status;
 }
 
 /* The reason why the search was stopped, as a status. */
@@ -485,7 +456,7 @@ static int32_t explain(const Work *work) {
   if (work->out_of_nodes)
     return fleetyard_fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
                           "the node limit was reached after %" PRIu64 " restarts", restarts);
-  if (!late(work->budget))
+  if (work->sink->now_ns(work->sink->context) < work->budget->answer_by_ns)
     return fleetyard_fail(work->sink, FLEETYARD_STATUS_CANCELLED,
                           "cancelled after %" PRIu64 " restarts", restarts);
   return fleetyard_fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
@@ -508,8 +479,7 @@ static int32_t solve(Work *work) {
     if (length == NONE)
       status = fleetyard_fail(work->sink, FLEETYARD_STATUS_INFEASIBLE,
                               "no path leads agent %" PRIu32 " to its goal", agent);
-    else if (agent % 16 == 0 &&
-             (late(work->budget) || fleetyard_cancelled(work->sink)))
+    else if (agent % 16 == 0 && fleetyard_cancelled(work->sink))
       status = explain(work);
   }
   if (status == FLEETYARD_STATUS_SOLVED) {
@@ -547,18 +517,17 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
                     const FleetyardBudget *budget, const FleetyardSink *sink) {
   const Planner *planner = context;
   int32_t status;
-  if (instance->struct_size != sizeof *instance || budget->struct_size != sizeof *budget)
-    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                          "FleetyardInstance or FleetyardBudget has another size");
-  if (planner->map.cells == 0)
-    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "`plan` came before `prepare`");
-  if (instance->agents == 0 || instance->agents > planner->map.cells)
-    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                          "%" PRIu32 " agents on %" PRIu32 " cells", instance->agents,
-                          planner->map.cells);
-
-  size_t agents = instance->agents, cells = planner->map.cells;
-  Work work = {.planner = planner, .instance = instance, .budget = budget, .sink = sink};
+  const FleetyardGrid *grid = fleetyard_grid(instance->environment, sink);
+  size_t agents = instance->agents, cells = (size_t)grid->rows * grid->cols;
+  if (agents > cells)
+    return fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "%zu agents on %zu cells", agents,
+                          cells);
+  Work work = {.planner = planner,
+               .instance = instance,
+               .grid = grid,
+               .budget = budget,
+               .sink = sink,
+               .places = (uint32_t)cells};
   work.random = budget->seed;
   work.occupant.stamp = work.seen.stamp = 1;
   /* Distances are computed once per agent while they fit into half the memory. */
@@ -613,7 +582,7 @@ static const FleetyardDescriptor prioritized = {
     .options_schema = FLEETYARD_TEXT(OPTIONS_SCHEMA),
     .capabilities =
         FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE |
-        FLEETYARD_CAPABILITY_DETERMINISTIC,
+        FLEETYARD_CAPABILITY_MOVE_MASK | FLEETYARD_CAPABILITY_DETERMINISTIC,
 };
 
-FLEETYARD_PLANNER(prioritized, sizeof(Planner), configure, plan);
+FLEETYARD_EXPORT_PLANNER(prioritized, make, fleetyard_learn_nothing, plan, free);

@@ -13,19 +13,15 @@
 
 #define NOBODY FLEETYARD_NONE
 
-typedef struct {
-  FleetyardMap map; /* learnt before `recover` is called */
-} Policy;
-
 /* True if the step from `time` to the next has no fault. `stands` is who is where before
  * it and after it; in between it is put together in `next`. */
-static bool step(const FleetyardMap *map, const FleetyardPlan *plan, uint64_t time,
+static bool step(const FleetyardGrid *grid, const FleetyardPlan *plan, uint64_t time,
                  uint32_t *stands, uint32_t *next) {
   bool sound = true;
   uint32_t agents = plan->agents, agent = 0;
   for (; agent < agents && sound; agent++) {
     uint32_t from = fleetyard_at(plan, agent, time), to = fleetyard_at(plan, agent, time + 1);
-    sound = fleetyard_is_step(map, from, to) && next[to] == NOBODY;
+    sound = fleetyard_is_step(grid, from, to) && next[to] == NOBODY;
     uint32_t other = sound ? stands[to] : NOBODY;
     if (other != NOBODY && other != agent && fleetyard_at(plan, other, time + 1) == from)
       sound = false; /* through one another */
@@ -37,7 +33,7 @@ static bool step(const FleetyardMap *map, const FleetyardPlan *plan, uint64_t ti
     stands[fleetyard_at(plan, each, time)] = NOBODY;
   for (uint32_t each = 0; each < (sound ? agents : agent); each++) {
     uint32_t to = fleetyard_at(plan, each, time + 1);
-    if (to < map->cells)
+    if (to < grid->rows * grid->cols)
       next[to] = NOBODY;
     if (sound)
       stands[to] = each;
@@ -46,7 +42,7 @@ static bool step(const FleetyardMap *map, const FleetyardPlan *plan, uint64_t ti
 }
 
 /* The number of steps before the first fault. `stands` says who is where at first. */
-static uint64_t sound_steps(const FleetyardMap *map, const FleetyardInstance *instance,
+static uint64_t sound_steps(const FleetyardGrid *grid, const FleetyardInstance *instance,
                             const FleetyardPlan *plan, const FleetyardSink *sink,
                             uint32_t *stands, uint32_t *next) {
   uint64_t longest = 0, time = 0;
@@ -57,7 +53,7 @@ static uint64_t sound_steps(const FleetyardMap *map, const FleetyardInstance *in
     longest = length > longest ? length : longest;
   }
   while (time + 1 < longest && !fleetyard_cancelled(sink) &&
-         step(map, plan, time, stands, next))
+         step(grid, plan, time, stands, next))
     time++;
   return time;
 }
@@ -65,37 +61,34 @@ static uint64_t sound_steps(const FleetyardMap *map, const FleetyardInstance *in
 static int32_t recover(void *context, const FleetyardInstance *instance,
                        const FleetyardPlan *failed, const FleetyardBudget *budget,
                        const FleetyardSink *sink) {
-  const FleetyardMap *map = &((const Policy *)context)->map;
-  uint32_t agents = instance->agents;
+  const FleetyardGrid *grid = fleetyard_grid(instance->environment, sink);
+  uint32_t agents = instance->agents, cells = grid->rows * grid->cols;
   int32_t status = FLEETYARD_STATUS_INVALID_INPUT;
+  (void)context;
   (void)budget; /* one look at every cell of the plan; `cancelled` is enough */
-  if (map->cells == 0)
-    return fleetyard_fail(sink, status, "`recover` came before `prepare`");
-  if (failed && failed->agents != agents)
-    return fleetyard_fail(sink, status, "the failed plan has other agents");
 
-  uint32_t *stands = fleetyard_array(map->cells, sizeof *stands);
-  uint32_t *next = fleetyard_array(map->cells, sizeof *next);
-  memset(stands, 0xFF, map->cells * sizeof *stands);
-  memset(next, 0xFF, map->cells * sizeof *next);
+  uint32_t *stands = fleetyard_array(cells, sizeof *stands);
+  uint32_t *next = fleetyard_array(cells, sizeof *next);
+  memset(stands, 0xFF, cells * sizeof *stands);
+  memset(next, 0xFF, cells * sizeof *next);
   for (uint32_t agent = 0; agent < agents; agent++) {
     uint32_t start = instance->starts[agent];
-    if (!map->passable[start] || stands[start] != NOBODY) {
+    if (!grid->passable[start] || stands[start] != NOBODY) {
       fleetyard_fail(sink, status, "somebody starts on an obstacle or another agent");
       goto end;
     }
     stands[start] = agent;
   }
 
-  uint64_t steps = failed ? sound_steps(map, instance, failed, sink, stands, next) : 0;
-  FleetyardLists paths = {0};
+  uint64_t steps = failed ? sound_steps(grid, instance, failed, sink, stands, next) : 0;
+  FleetyardPaths paths = fleetyard_paths(FLEETYARD_FORM_CELLS, agents);
   for (uint32_t agent = 0; agent < agents; agent++) {
-    fleetyard_append(&paths, instance->starts[agent]);
+    fleetyard_add_cell(&paths, agent, instance->starts[agent]);
     for (uint64_t time = 1; time <= steps; time++)
-      fleetyard_append(&paths, fleetyard_at(failed, agent, time));
-    fleetyard_end_list(&paths);
+      fleetyard_add_cell(&paths, agent, fleetyard_at(failed, agent, time));
   }
-  status = fleetyard_submit_plan(&paths, sink);
+  status = fleetyard_submit(&paths, sink);
+  fleetyard_free_paths(&paths);
 
 end:
   free(stands);
@@ -114,8 +107,9 @@ static const FleetyardDescriptor stop_before = {
         "Follows the failed plan up to the last step before its first fault."),
     .license = FLEETYARD_TEXT("MIT OR Apache-2.0"),
     .capabilities = FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE |
+                    FLEETYARD_CAPABILITY_MOVE_MASK | FLEETYARD_CAPABILITY_IDLE |
                     FLEETYARD_CAPABILITY_WINDOWED | FLEETYARD_CAPABILITY_DUPLICATE_GOALS |
                     FLEETYARD_CAPABILITY_DETERMINISTIC,
 };
 
-FLEETYARD_FAIL_POLICY(stop_before, sizeof(Policy), fleetyard_no_options, recover);
+FLEETYARD_EXPORT_FAIL_POLICY(stop_before, fleetyard_make_nothing, fleetyard_learn_nothing, recover, free);

@@ -15,17 +15,14 @@
 #define LONGEST_S 60.0
 
 static int32_t should_invoke(void *context, const FleetyardFleetStatus *status,
-                             const FleetyardSink *sink) {
+                             const FleetyardSink *sink, int32_t *out) {
   uint64_t idle = 0;
-  (void)context;
-  if (status->struct_size != sizeof *status)
-    return -fleetyard_fail(sink, FLEETYARD_STATUS_INVALID_INPUT,
-                           "FleetyardFleetStatus has another size");
+  (void)context, (void)sink;
   for (uint32_t agent = 0; agent < status->agents; agent++)
     idle += status->actions_left[agent] <= FEW_ACTIONS;
-  return (idle > 0 && idle * SHARE >= status->agents) || status->since_last_call_s >= LONGEST_S
-             ? FLEETYARD_INVOKE_NOW
-             : FLEETYARD_INVOKE_NOT_YET;
+  bool many = idle > 0 && idle * SHARE >= status->agents;
+  *out = many || status->since_last_call_s >= LONGEST_S ? 1 : 0;
+  return FLEETYARD_STATUS_SOLVED;
 }
 
 /* ---- What the library exports ------------------------------------------------ */
@@ -41,4 +38,4 @@ static const FleetyardDescriptor when_idle = {
     .license = FLEETYARD_TEXT("MIT OR Apache-2.0"),
 };
 
-FLEETYARD_INVOCATION_POLICY(when_idle, 0, fleetyard_no_options, should_invoke);
+FLEETYARD_EXPORT_INVOCATION_POLICY(when_idle, fleetyard_make_nothing, should_invoke, free);

@@ -74,14 +74,10 @@ public:
          const fleetyard::Sink &sink, double suboptimality)
       : instance_(instance), grid_(instance.grid()), budget_(budget), sink_(sink),
         suboptimality_(suboptimality) {
-    if (grid_.connectivity() != 4 || instance.motion() != fleetyard::Motion::pebble)
-      throw Failure(Status::unsupported, "this planner knows four neighbours and no headings");
     std::set<Cell> starts, goals;
     for (std::size_t agent = 0; agent < instance.agents(); agent++) {
       const std::string who = "agent " + std::to_string(agent);
       const Cell start = instance.starts()[agent], goal = instance.goal(agent);
-      if (instance.goals(agent).size() != 1)
-        throw Failure(Status::unsupported, who + " has more than one goal");
       if (!grid_.is_free(start) || !grid_.is_free(goal))
         throw Failure(Status::invalid_input, who + " starts or ends where nobody can stand");
       if (!starts.insert(start).second)
@@ -360,7 +356,7 @@ public:
       "Optimal plans for small teams by conflict-based search (Sharon et al. 2015), or plans "
       "within a factor of the optimum sooner.";
   static constexpr auto capabilities =
-      capability::grid | capability::pebble | capability::deterministic;
+      capability::grid | capability::move_mask | capability::pebble | capability::deterministic;
   static constexpr auto options_schema = R"({
     "type": "object", "additionalProperties": false,
     "properties": {
@@ -372,10 +368,7 @@ public:
   })";
 
   explicit Cbs(const fleetyard::Options &options)
-      : suboptimality_(options.number("suboptimality")) {
-    if (!(suboptimality_ >= 1))
-      throw Failure(Status::invalid_input, "options: `suboptimality` is less than 1");
-  }
+      : suboptimality_(options.number("suboptimality")) {}
 
   void plan(const fleetyard::Instance &instance, const fleetyard::Budget &budget,
             const fleetyard::Sink &sink) override {

@@ -23,7 +23,8 @@ public:
   static constexpr auto license = "MIT OR Apache-2.0";
   static constexpr auto description =
       "Follows the paths of the failed plan and waits where they collide.";
-  static constexpr auto capabilities = capability::grid | capability::pebble |
+  static constexpr auto capabilities = capability::grid | capability::move_mask |
+                                       capability::pebble | capability::idle |
                                        capability::windowed | capability::duplicate_goals |
                                        capability::deterministic;
 
@@ -51,9 +52,8 @@ public:
           failed ? failed->path(agent) : fleetyard::Span<Cell>();
       if (done[agent] + 1 >= path.size() || path[done[agent]] != here)
         return here;
-      const fleetyard::Neighbours near = grid.neighbours(here);
       const Cell next = path[done[agent] + 1];
-      return std::find(near.begin(), near.end(), next) != near.end() ? next : here;
+      return grid.is_step(here, next) ? next : here;
     };
     const auto waits_in_path = [&](std::uint32_t agent) {
       return failed && done[agent] + 1 < failed->path(agent).size() &&

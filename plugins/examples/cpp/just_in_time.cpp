@@ -30,10 +30,7 @@ public:
   })";
 
   explicit JustInTime(const fleetyard::Options &options)
-      : margin_(options.number("margin")), period_s_(options.number("period_s")) {
-    if (!(margin_ >= 0 && period_s_ >= 0))
-      throw fleetyard::Failure(fleetyard::Status::invalid_input, "options: a number is negative");
-  }
+      : margin_(options.number("margin")), period_s_(options.number("period_s")) {}
 
   bool should_invoke(const fleetyard::FleetStatus &status, const fleetyard::Sink &) override {
     if (status.since_last_call_s() >= period_s_)
