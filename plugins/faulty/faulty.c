@@ -76,8 +76,8 @@
 
 #include "fleetyard.h"
 
-#define TEXT(literal) {(const uint8_t *)(literal), sizeof(literal) - 1}
-#define NONE UINT32_MAX
+#define TEXT(literal) {literal, sizeof(literal) - 1}
+#define NONE FLEETYARD_NONE
 
 #if VARIANT == CONSTRUCTOR_CRASH || VARIANT == CONSTRUCTOR_HANG || VARIANT == CHATTY_LOAD
 __attribute__((constructor)) static void at_load(void) {
@@ -95,7 +95,7 @@ __attribute__((constructor)) static void at_load(void) {
 #endif
 
 #if VARIANT == NO_SYMBOL
-FLEETYARD_EXPORT extern const int faulty_has_no_entry;
+extern FLEETYARD_EXPORT const int faulty_has_no_entry;
 const int faulty_has_no_entry = 1;
 #else
 
@@ -106,7 +106,7 @@ const int faulty_has_no_entry = 1;
   F("leave-map") F("through-obstacle") F("late") F("twice")                            \
   F("claims-solved-without-plan") F("claims-infeasible") F("bad-status")               \
   F("huge-plan") F("null-plan") F("null-offsets") F("null-cells") F("bad-plan-size")   \
-  F("unordered-offsets") F("bad-instance") F("fails") F("exit-after-plan")             \
+  F("unordered-offsets") F("bad-request")  F("fails") F("exit-after-plan")             \
   F("changes-plan-after") F("changes-plan-during") F("shrinks-plan")                   \
   F("longjmp-callback") F("longjmp-stale") F("crash-after")
 
@@ -118,13 +118,13 @@ typedef struct {
   uint64_t size, count; /* 0 for what the fault is usually done with */
   int64_t pid;
   uint32_t rows, cols;
-  uint8_t *passable;
+  const uint8_t *passable;
 } Faulty;
 
 #include "mischief.h"
 
 static int32_t fail(const FleetyardSink *sink, int32_t status, const char *text) {
-  sink->fail(sink->context, (FleetyardStr){(const uint8_t *)text, strlen(text)});
+  sink->fail(sink->context, (FleetyardStr){text, strlen(text)});
   return status;
 }
 
@@ -136,21 +136,39 @@ static int32_t no_plan(void *context, const FleetyardPlan *plan) {
   return FLEETYARD_REJECTED;
 }
 
-static int32_t no_instance(void *context, const FleetyardInstance *instance) {
+static int32_t no_request(void *context, const FleetyardRequest *request) {
   (void)context;
-  (void)instance;
+  (void)request;
   return FLEETYARD_REJECTED;
+}
+
+static uint64_t monotonic_ns(void *context) {
+  struct timespec now = {0, 0};
+  (void)context;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
 static void metric_to_stderr(void *context, FleetyardStr name, double value) {
   (void)context;
-  fprintf(stderr, "faulty: %.*s = %g\n", (int)name.len, (const char *)name.ptr, value);
+  fprintf(stderr, "faulty: %.*s = %g\n", (int)name.len, name.ptr, value);
 }
 
 static void log_to_stderr(void *context, int32_t level, FleetyardStr text) {
   (void)context;
   (void)level;
-  fprintf(stderr, "faulty: %.*s\n", (int)text.len, (const char *)text.ptr);
+  fprintf(stderr, "faulty: %.*s\n", (int)text.len, text.ptr);
+}
+
+static void note_to_stderr(void *context, FleetyardStr name, FleetyardStr text) {
+  (void)context;
+  fprintf(stderr, "faulty: %.*s: %.*s\n", (int)name.len, name.ptr, (int)text.len, text.ptr);
+}
+
+static const void *no_extension(void *context, FleetyardStr id) {
+  (void)context;
+  (void)id;
+  return NULL;
 }
 
 static void no_progress(void *context, uint64_t done, uint64_t total) {
@@ -173,12 +191,15 @@ static void no_message(void *context, FleetyardStr message) {
 static const FleetyardSink standard_error = {
     .struct_size = sizeof(FleetyardSink),
     .submit_plan = no_plan,
-    .submit_instance = no_instance,
-    .metric = metric_to_stderr,
-    .log = log_to_stderr,
-    .progress = no_progress,
+    .submit_request = no_request,
     .cancelled = never_cancelled,
+    .now_ns = monotonic_ns,
     .fail = no_message,
+    .log = log_to_stderr,
+    .metric = metric_to_stderr,
+    .note = note_to_stderr,
+    .progress = no_progress,
+    .get_extension = no_extension,
 };
 
 /* What `deinit` does, which has no object. */
@@ -474,20 +495,21 @@ static void submit_while_changing(const FleetyardSink *sink, const FleetyardPlan
 }
 
 /* The plan's cells are in a file that is empty before anybody reads them. */
-static int32_t submit_shrunk(const FleetyardSink *sink, FleetyardPlan plan, size_t size) {
+static int32_t submit_shrunk(const FleetyardSink *sink, const FleetyardPlan *plan,
+                             FleetyardCells *body, size_t size) {
   char path[4200];
   snprintf(path, sizeof path, "%.4096s/fy-plan-XXXXXX", scratch());
   int descriptor = mkstemp(path);
   void *mapped = MAP_FAILED;
   if (descriptor >= 0) {
     unlink(path);
-    if (write(descriptor, plan.cells, size) == (ssize_t)size)
+    if (write(descriptor, body->cells, size) == (ssize_t)size)
       mapped = mmap(NULL, size, PROT_READ, MAP_SHARED, descriptor, 0);
   }
   if (mapped == MAP_FAILED || ftruncate(descriptor, 0) != 0)
     return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, strerror(errno));
-  plan.cells = mapped;
-  submit(sink, &plan);
+  body->cells = mapped;
+  submit(sink, plan);
   return FLEETYARD_STATUS_SOLVED;
 }
 
@@ -574,11 +596,16 @@ static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
       cells[(size_t)agent * length + time] = steps->at[(size_t)time * agents + agent % agents];
     offsets[agent + 1] = (uint64_t)(agent + 1) * length;
   }
-  FleetyardPlan plan = {sizeof plan, agents, offsets, cells};
+  FleetyardCells body = {sizeof body, 0, cells};
+  FleetyardPlan plan = {.struct_size = sizeof plan,
+                        .agents = agents,
+                        .form = FLEETYARD_FORM_CELLS,
+                        .offsets = offsets,
+                        .body = &body};
   if (strcmp(fault, "empty-path") == 0) {
     for (uint32_t agent = 0; agent <= agents; agent++)
       offsets[agent + 1] -= length;
-    plan.cells += length;
+    body.cells += length;
   }
   if (strcmp(fault, "too-few-agents") == 0)
     plan.agents = agents - 1;
@@ -589,7 +616,7 @@ static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
   if (strcmp(fault, "null-offsets") == 0)
     plan.offsets = NULL;
   if (strcmp(fault, "null-cells") == 0)
-    plan.cells = NULL;
+    body.cells = NULL;
   if (strcmp(fault, "unordered-offsets") == 0)
     offsets[1] = offsets[agents] + 7;
   if (strcmp(fault, "huge-plan") == 0)
@@ -597,7 +624,7 @@ static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
   if (strcmp(fault, "changes-plan-during") == 0)
     submit_while_changing(sink, &plan, offsets, cells);
   if (strcmp(fault, "shrinks-plan") == 0)
-    return submit_shrunk(sink, plan, (size_t)agents * length * sizeof *cells);
+    return submit_shrunk(sink, &plan, &body, (size_t)agents * length * sizeof *cells);
   submit(sink, strcmp(fault, "null-plan") == 0 ? NULL : &plan);
   if (strcmp(fault, "twice") == 0)
     submit(sink, &plan);
@@ -617,18 +644,16 @@ static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
 static int32_t prepare(void *context, const FleetyardEnvironment *environment,
                        const FleetyardBudget *budget, const FleetyardSink *sink) {
   Faulty *faulty = context;
-  const FleetyardGrid *grid = environment->view;
   (void)budget;
   misbehave(faulty, "prepare", sink);
+  if (environment->representation != FLEETYARD_REPRESENTATION_GRID)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "grids only");
+  const FleetyardGrid *grid = environment->view;
   if (strcmp(faulty->fault, "longjmp-stale") == 0 && setjmp(out_of_prepare) != 0)
     return FLEETYARD_STATUS_SOLVED;
   if (grid->connectivity != 4)
     return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "4 neighbours only");
-  free(faulty->passable);
-  faulty->passable = malloc((size_t)grid->rows * grid->cols);
-  if (!faulty->passable)
-    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
-  memcpy(faulty->passable, grid->passable, (size_t)grid->rows * grid->cols);
+  faulty->passable = grid->passable; /* stays until the next `prepare` */
   faulty->rows = grid->rows;
   faulty->cols = grid->cols;
   return FLEETYARD_STATUS_SOLVED;
@@ -645,8 +670,13 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
     return fail(sink, FLEETYARD_STATUS_INFEASIBLE, "it cannot be done, believe me");
   if (strcmp(fault, "fails") == 0)
     return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "failed as asked");
-  if (strcmp(fault, "bad-instance") == 0)
-    sink->submit_instance(sink->context, instance); /* `plan` asks for a plan */
+  if (strcmp(fault, "bad-request") == 0) { /* `plan` asks for a plan */
+    const FleetyardRequest request = {.struct_size = sizeof request,
+                                      .agents = instance->agents,
+                                      .goal_offsets = instance->goal_offsets,
+                                      .goals = instance->goals};
+    sink->submit_request(sink->context, &request);
+  }
   if (strcmp(fault, "longjmp-stale") == 0)
     longjmp(out_of_prepare, 1);
   if (strcmp(fault, "longjmp-callback") == 0)
@@ -667,10 +697,8 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
   } else {
     const char *reason = spoil(&steps, fault);
     if (strcmp(fault, "late") == 0) {
-      struct timespec now;
-      clock_gettime(CLOCK_MONOTONIC, &now);
-      double left = (double)budget->deadline_monotonic_ns * 1e-9 -
-                    ((double)now.tv_sec + (double)now.tv_nsec * 1e-9);
+      double left =
+          (double)budget->deadline_monotonic_ns * 1e-9 - (double)sink->now_ns(sink->context) * 1e-9;
       sleep_s(left > 0 ? left + 0.5 : 0.5);
     }
     status = reason ? fail(sink, FLEETYARD_STATUS_UNSUPPORTED, reason)
@@ -685,7 +713,6 @@ static void destroy(void *context) {
   misbehave(faulty, "destroy", &standard_error);
   if (strcmp(faulty->fault, "crash-after") == 0)
     sleep_s(1); /* so that the thread has its time */
-  free(faulty->passable);
   free(faulty);
 }
 
@@ -734,7 +761,8 @@ static const FleetyardDescriptor descriptor_of_faulty = {
 #endif
 };
 
-static uint32_t count(void) {
+static uint32_t count(void *context) {
+  (void)context;
 #if VARIANT == MANY_PLUGINS
   return 4000000000u;
 #else
@@ -742,50 +770,50 @@ static uint32_t count(void) {
 #endif
 }
 
-static const FleetyardDescriptor *descriptor(uint32_t index) {
+static const FleetyardDescriptor *descriptor(void *context, uint32_t index) {
+  (void)context;
   return index == 0 && VARIANT != NULL_DESCRIPTOR ? &descriptor_of_faulty : NULL;
 }
 
-/* The text after `"name":`. The host has checked the options: this may be simple. */
-static const char *option(const char *options, const char *name) {
-  const char *at = strstr(options, name);
-  if (at)
-    at = strchr(at, ':');
-  return at ? at + 1 + strspn(at + 1, " \t\r\n") : NULL;
-}
-
-static void text_option(const char *options, const char *name, char *out, size_t room) {
-  const char *at = option(options, name);
-  if (at && *at == '"')
-    snprintf(out, room, "%.*s", (int)strcspn(at + 1, "\""), at + 1);
-}
-
-static uint64_t number_option(const char *options, const char *name) {
-  const char *at = option(options, name);
-  return at ? strtoull(at, NULL, 10) : 0;
-}
-
-static int32_t create(uint32_t index, FleetyardStr options, const FleetyardSink *sink,
-                      FleetyardPlanner *out) {
-  (void)index;
-  Faulty *faulty = calloc(1, sizeof *faulty);
-  char *text = calloc(options.len + 1, 1);
-  if (!faulty || !text) {
-    free(faulty);
-    free(text);
-    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
+/* The option with this name; one without a text or a number when it is not given. */
+static FleetyardPluginOption option(const FleetyardOptions *options, const char *name) {
+  const FleetyardPluginOption none = {.kind = FLEETYARD_OPTION_TEXT};
+  for (uint32_t i = 0; i < options->count; i++) {
+    FleetyardStr found = options->list[i].name;
+    if (found.len == strlen(name) && memcmp(found.ptr, name, found.len) == 0)
+      return options->list[i];
   }
-  if (options.len)
-    memcpy(text, options.ptr, options.len);
+  return none;
+}
+
+static void text_option(const FleetyardOptions *options, const char *name, char *out,
+                        size_t room) {
+  FleetyardStr text = option(options, name).text;
+  if (text.len)
+    snprintf(out, room, "%.*s", (int)text.len, text.ptr);
+}
+
+static uint64_t number_option(const FleetyardOptions *options, const char *name) {
+  return (uint64_t)option(options, name).number;
+}
+
+static int32_t create(void *context, uint32_t index, const FleetyardOptions *options,
+                      const FleetyardSink *sink, FleetyardPlanner *out) {
+  (void)context;
+  (void)index;
+  if (out->struct_size < sizeof *out)
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "the host has no room for a planner");
+  Faulty *faulty = calloc(1, sizeof *faulty);
+  if (!faulty)
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "out of memory");
   strcpy(faulty->fault, "none");
   strcpy(faulty->during, "plan");
-  text_option(text, "\"fault\"", faulty->fault, sizeof faulty->fault);
-  text_option(text, "\"during\"", faulty->during, sizeof faulty->during);
-  text_option(text, "\"target\"", faulty->target, sizeof faulty->target);
-  faulty->size = number_option(text, "\"size\"");
-  faulty->count = number_option(text, "\"count\"");
-  faulty->pid = (int64_t)number_option(text, "\"pid\"");
-  free(text);
+  text_option(options, "fault", faulty->fault, sizeof faulty->fault);
+  text_option(options, "during", faulty->during, sizeof faulty->during);
+  text_option(options, "target", faulty->target, sizeof faulty->target);
+  faulty->size = number_option(options, "size");
+  faulty->count = number_option(options, "count");
+  faulty->pid = (int64_t)number_option(options, "pid");
   at_the_end = *faulty;
   misbehave(faulty, "create", sink);
   if (strcmp(faulty->during, "create") == 0 && strcmp(faulty->fault, "fails") == 0) {

@@ -16,7 +16,7 @@
 namespace {
 
 FleetyardStr text(const char *words) {
-  return {reinterpret_cast<const std::uint8_t *>(words), std::strlen(words)};
+  return {words, std::strlen(words)};
 }
 
 struct Faulty {
@@ -65,7 +65,9 @@ std::int32_t plan(void *context, const FleetyardInstance *instance, const Fleety
   std::vector<std::uint64_t> offsets;
   for (std::uint64_t agent = 0; agent <= instance->agents; agent++)
     offsets.push_back(agent);
-  FleetyardPlan stay = {sizeof stay, instance->agents, offsets.data(), instance->starts};
+  const FleetyardCells starts = {sizeof starts, 0, instance->starts};
+  const FleetyardPlan stay = {sizeof stay, instance->agents, FLEETYARD_FORM_CELLS, 0,
+                              offsets.data(), &starts, {}};
   sink->submit_plan(sink->context, &stay);
   return FLEETYARD_STATUS_SOLVED;
 }
@@ -78,10 +80,11 @@ void destroy(void *context) {
     throw std::runtime_error("from `destroy`, as asked");
 }
 
-std::int32_t create(std::uint32_t, FleetyardStr options, const FleetyardSink *,
+std::int32_t create(void *, std::uint32_t, const FleetyardOptions *options, const FleetyardSink *,
                     FleetyardPlanner *out) {
-  const char *first = reinterpret_cast<const char *>(options.ptr);
-  auto *faulty = new Faulty{std::string(first, first + options.len)};
+  if (out->struct_size < sizeof *out)
+    return FLEETYARD_STATUS_UNSUPPORTED;
+  auto *faulty = new Faulty{std::string(options->json.ptr, options->json.len)};
   if (faulty->asked_for("throw-create"))
     throw std::runtime_error("from `create`, as asked");
   *out = {};
@@ -93,7 +96,7 @@ std::int32_t create(std::uint32_t, FleetyardStr options, const FleetyardSink *,
   return FLEETYARD_STATUS_SOLVED;
 }
 
-const FleetyardDescriptor *descriptor(std::uint32_t index) {
+const FleetyardDescriptor *descriptor(void *, std::uint32_t index) {
   static const FleetyardDescriptor about = {
       sizeof about,
       0,
@@ -107,16 +110,17 @@ const FleetyardDescriptor *descriptor(std::uint32_t index) {
            R"("throw-thread","throw-twice","throw-destroy","joinable-thread","bad-alloc"],)"
            R"("default":"none"}}})"),
       FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE | FLEETYARD_CAPABILITY_DETERMINISTIC,
+      nullptr,
   };
   return index == 0 ? &about : nullptr;
 }
 
-std::uint32_t count() { return 1; }
+std::uint32_t count(void *) { return 1; }
 
 const void *get_factory(FleetyardStr id) {
-  static const FleetyardPlannerFactory planners = {sizeof planners, 0, count, descriptor, create};
-  const char *first = reinterpret_cast<const char *>(id.ptr);
-  return std::string(first, first + id.len) == FLEETYARD_PLANNER_FACTORY_ID ? &planners : nullptr;
+  static const FleetyardPlannerFactory planners = {sizeof planners, 0,          nullptr,
+                                                   count,           descriptor, create};
+  return std::string(id.ptr, id.len) == FLEETYARD_PLANNER_FACTORY_ID ? &planners : nullptr;
 }
 
 } // namespace

@@ -80,11 +80,11 @@
 
 static void say(const FleetyardSink *sink, const char *text) {
   sink->log(sink->context, FLEETYARD_LOG_INFO,
-            (FleetyardStr){(const uint8_t *)text, strlen(text)});
+            (FleetyardStr){text, strlen(text)});
 }
 
 static void metric(const FleetyardSink *sink, const char *name, double value) {
-  sink->metric(sink->context, (FleetyardStr){(const uint8_t *)name, strlen(name)}, value);
+  sink->metric(sink->context, (FleetyardStr){name, strlen(name)}, value);
 }
 
 /* The outcome of an attempt at `what`; when it failed, errno says why. */

@@ -614,7 +614,7 @@ const GROUPS: &[Group] = &[
             // Started by the planner, in another session, deaf to polite signals.
             ("grandchild", APART, &[]),
             ("nan", LIBRARY, &[]),
-            ("bad-instance", LIBRARY, &[]),
+            ("bad-request", LIBRARY, &[]),
             ("garbage", &[Worker], &[]),
             (
                 "garbage",

@@ -59,15 +59,15 @@ struct Settings {
 /* The competition, as far as the planner sees it. Lives in a process of its own. */
 class Game {
 public:
-  Game(const fleetyard::Instance &instance, const fleetyard::Budget &budget, Settings settings)
-      : budget_(budget), settings_(settings), env_(*new SharedEnvironment()),
+  Game(const fleetyard::Instance &instance, const fleetyard::Sink &sink, Settings settings)
+      : sink_(sink), settings_(settings), env_(*new SharedEnvironment()),
         planner_(*new MAPFPlanner(&env_)) {
     const fleetyard::Grid grid = instance.grid();
     const int agents = static_cast<int>(instance.agents());
     env_.num_of_agents = agents;
     env_.rows = static_cast<int>(grid.rows());
     env_.cols = static_cast<int>(grid.cols());
-    env_.map_name = std::string(instance.environment().map_name());
+    env_.map_name = std::string(instance.environment().name());
     env_.file_storage_path = ".";
     for (Cell cell = 0; cell < grid.size(); cell++)
       env_.map.push_back(grid.passable()[cell] ? 0 : 1);
@@ -103,8 +103,8 @@ public:
   Exit play(int pipe) {
     // A quarter of the time each for what is done once.
     env_.plan_start_time = Clock::now();
-    planner_.initialize(whole_ms(budget_.remaining()) / 4);
-    int limit = std::max(settings_.call_ms, whole_ms(budget_.remaining()) / 4);
+    planner_.initialize(whole_ms(sink_.remaining()) / 4);
+    int limit = std::max(settings_.call_ms, whole_ms(sink_.remaining()) / 4);
     while (env_.curr_timestep < settings_.max_steps) {
       env_.plan_start_time = Clock::now();
       std::vector<std::vector<Action>> steps = ask(limit);
@@ -215,7 +215,7 @@ private:
     return true;
   }
 
-  const fleetyard::Budget &budget_;
+  const fleetyard::Sink &sink_;
   Settings settings_;
   // Never freed: the classes free each other's data, and the process ends anyway.
   SharedEnvironment &env_;
@@ -288,7 +288,7 @@ struct League : fleetyard::Planner {
     std::vector<std::vector<Cell>> paths;
     for (const Cell start : instance.starts())
       paths.push_back({start});
-    Process process = start(instance, budget);
+    Process process = start(instance, budget, sink);
     while (!arrived(instance, paths))
       receive(process, paths, sink);
     sink.submit_plan(paths);
@@ -298,13 +298,9 @@ private:
   static void check(const fleetyard::Instance &instance) {
     using fleetyard::Status;
     const fleetyard::Grid grid = instance.grid();
-    if (grid.connectivity() != 4)
-      throw Failure(Status::unsupported, "robots of the League move in four directions");
     const std::vector<Cell> parts = parts_of(grid);
     std::set<Cell> starts, goals;
     for (std::size_t agent = 0; agent < instance.agents(); agent++) {
-      if (instance.goals(agent).size() != 1)
-        throw Failure(Status::unsupported, "lorr takes one goal per agent");
       for (const Cell cell : {instance.starts()[agent], instance.goal(agent)})
         if (!grid.is_free(cell))
           throw Failure(Status::invalid_input,
@@ -348,7 +344,8 @@ private:
     return true;
   }
 
-  Process start(const fleetyard::Instance &instance, const fleetyard::Budget &budget) const {
+  Process start(const fleetyard::Instance &instance, const fleetyard::Budget &budget,
+                const fleetyard::Sink &sink) const {
     int ends[2];
     if (pipe(ends) != 0)
       throw std::runtime_error(std::string("no pipe: ") + std::strerror(errno));
@@ -371,7 +368,7 @@ private:
     std::srand(static_cast<unsigned>(budget.seed()));
     int code = 1;
     try {
-      code = Game(instance, budget, settings_).play(ends[1]);
+      code = Game(instance, sink, settings_).play(ends[1]);
     } catch (const std::exception &error) {
       std::fprintf(stderr, "the planner threw: %s\n", error.what());
     } catch (...) {
