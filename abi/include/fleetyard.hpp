@@ -797,6 +797,7 @@ public:
   }
   /* Number of robot models; may be 0 on grids and roadmaps. */
   std::size_t robots() const noexcept { return raw_.robot_count; }
+  Robot model(std::size_t at) const { return Robot(raw_.robots[at]); }
   /* The model of an agent; fails as invalid when there is none. */
   Robot robot(std::size_t agent) const {
     const std::size_t model = raw_.robot_of ? raw_.robot_of[agent] : 0;
@@ -1355,11 +1356,20 @@ public:
       unsupported("this plugin does not know motion " + std::to_string(motion));
     if (instance.robots() > 1 && !claims(capability::heterogeneous))
       unsupported("this plugin does not know teams of different robots");
+    for (std::size_t at = 0; at < instance.robots(); at++) {
+      const Robot robot = instance.model(at);
+      if (instance.motion() == Motion::dynamics && !robot.dynamics().empty() &&
+          !names("dynamics:", robot.dynamics()))
+        unsupported("this plugin does not know the dynamics `" + std::string(robot.dynamics()) +
+                    "`");
+    }
     check(instance.parts());
   }
 
   /* A planner is asked for a goal for each agent, unless it claims more. */
   void check_goals(const Instance &instance) const {
+    if (!claims(capability::windowed) && (instance.window_steps() > 0 || instance.window_s() > 0))
+      unsupported("this plugin knows no windows");
     for (std::size_t agent = 0; agent < instance.agents(); agent++) {
       const std::size_t goals = instance.goal_count(agent);
       if ((goals == 0 && !claims(capability::idle)) ||

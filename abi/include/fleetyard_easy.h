@@ -234,12 +234,14 @@ static inline const FleetyardPart *fleetyard_part(const FleetyardParts *parts, c
   return NULL;
 }
 
-/* True if the plugin's features name it as `part:ID`. */
-static inline bool fleetyard_knows_part(const FleetyardDescriptor *about, FleetyardStr id) {
+/* True if the plugin's features name it after `sort`, which is `part:` or `dynamics:`. */
+static inline bool fleetyard_knows(const FleetyardDescriptor *about, const char *sort,
+                                   FleetyardStr id) {
+  size_t begin = strlen(sort);
   for (uint32_t i = 0; i < about->feature_count; i++) {
     FleetyardStr feature = about->features[i];
-    if (feature.len == id.len + 5 && memcmp(feature.ptr, "part:", 5) == 0 &&
-        (id.len == 0 || memcmp(feature.ptr + 5, id.ptr, id.len) == 0))
+    if (feature.len == begin + id.len && memcmp(feature.ptr, sort, begin) == 0 &&
+        (id.len == 0 || memcmp(feature.ptr + begin, id.ptr, id.len) == 0))
       return true;
   }
   return false;
@@ -251,7 +253,7 @@ static inline int32_t fleetyard_check_parts(const FleetyardParts *parts,
                                             const FleetyardSink *sink) {
   for (uint64_t i = 0; i < parts->count; i++) {
     const FleetyardPart *part = &parts->list[i];
-    if ((part->flags & FLEETYARD_PART_CRITICAL) != 0 && !fleetyard_knows_part(about, part->id))
+    if ((part->flags & FLEETYARD_PART_CRITICAL) != 0 && !fleetyard_knows(about, "part:", part->id))
       return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
                             "this plugin does not know the critical part `%.*s`",
                             (int)(part->id.len < 200 ? part->id.len : 200), part->id.ptr);
@@ -353,6 +355,12 @@ static inline int32_t fleetyard_check_robots(const FleetyardInstance *instance,
     FLEETYARD_CHECK(FLEETYARD_WHOLE(robot->footprint, sink));
     FLEETYARD_CHECK(fleetyard_zero(robot->reserved, "robot", sink));
     FLEETYARD_CHECK(fleetyard_flags(robot->flags, known, "robot", sink));
+    if (instance->motion == FLEETYARD_MOTION_DYNAMICS && robot->dynamics.len > 0 &&
+        !fleetyard_knows(about, "dynamics:", robot->dynamics))
+      return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                            "this plugin does not know the dynamics `%.*s`",
+                            (int)(robot->dynamics.len < 200 ? robot->dynamics.len : 200),
+                            robot->dynamics.ptr);
   }
   for (uint32_t agent = 0; agent < instance->agents && instance->robot_of; agent++)
     if (instance->robot_of[agent] >= instance->robot_count)
@@ -405,14 +413,16 @@ static inline int32_t fleetyard_check_question(const FleetyardInstance *instance
   return FLEETYARD_STATUS_SOLVED;
 }
 
-/* The same for planners, and refuses agents with fewer or more goals than the plugin claims to
- * know: a goal each, without CAPABILITY_IDLE and CAPABILITY_WINDOWED. */
+/* The same for planners, and refuses windows and agents with fewer or more goals than the plugin
+ * claims to know: a goal each, without CAPABILITY_IDLE and CAPABILITY_WINDOWED. */
 static inline int32_t fleetyard_check_instance(const FleetyardInstance *instance,
                                                const FleetyardDescriptor *about,
                                                const FleetyardSink *sink) {
   FLEETYARD_CHECK(fleetyard_check_question(instance, about, sink));
   bool idle = (about->capabilities & FLEETYARD_CAPABILITY_IDLE) != 0;
   bool many = (about->capabilities & FLEETYARD_CAPABILITY_WINDOWED) != 0;
+  if (!many && (instance->window_steps > 0 || instance->window_s > 0))
+    return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "this plugin knows no windows");
   for (uint32_t agent = 0; agent < instance->agents; agent++) {
     uint64_t goals = instance->goal_offsets[agent + 1] - instance->goal_offsets[agent];
     if ((goals == 0 && !idle) || (goals > 1 && !many))

@@ -54,10 +54,11 @@ static int32_t solve(void *context, const FleetyardInstance *instance,
   return status;
 }
 
-static const FleetyardStr features[] = {FLEETYARD_TEXT("part:org.example.known/1")};
+static const FleetyardStr features[] = {FLEETYARD_TEXT("part:org.example.known/1"),
+                                        FLEETYARD_TEXT("dynamics:org.example.slide/1")};
 
 static const FleetyardDescriptor east = {
-    sizeof(FleetyardDescriptor), 1,
+    sizeof(FleetyardDescriptor), 2,
     FLEETYARD_TEXT("east"),      FLEETYARD_TEXT("East"),
     FLEETYARD_TEXT("0.1.0"),     FLEETYARD_TEXT("Goes east."),
     FLEETYARD_TEXT(""),          FLEETYARD_TEXT(""),
@@ -283,6 +284,14 @@ static void workspaces(FleetyardInstance instance) {
   CHECK(headings && same(columns[3][0], 1) && same(columns[3][3], 2) && same(columns[2][1], 3));
   robot.flags = 0;
   CHECK(plan(&instance) == 0 && !headings && same(columns[0][3], 1) && same(columns[1][2], 3));
+  robot.dynamics = fleetyard_text("org.example.slide/1");
+  CHECK(plan(&instance) == FLEETYARD_STATUS_SOLVED);
+  robot.dynamics = fleetyard_text("org.example.slide/2");
+  CHECK(plan(&instance) == FLEETYARD_STATUS_UNSUPPORTED && strstr(said, "slide/2"));
+  robot.dynamics.len = 0;
+  instance.window_s = 5;
+  CHECK(plan(&instance) == FLEETYARD_STATUS_UNSUPPORTED);
+  instance.window_s = 0;
   robot.flags = 1u << 9;
   CHECK(plan(&instance) == FLEETYARD_STATUS_UNSUPPORTED);
   robot.flags = 0;

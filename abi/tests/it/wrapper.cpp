@@ -33,7 +33,8 @@ struct Odd : fleetyard::Planner {
       fleetyard::capability::grid | fleetyard::capability::roadmap |
       fleetyard::capability::continuous | fleetyard::capability::pebble |
       fleetyard::capability::stop_go | fleetyard::capability::dynamics;
-  static constexpr std::array<std::string_view, 1> features{"part:org.example.known/1"};
+  static constexpr std::array<std::string_view, 2> features{"part:org.example.known/1",
+                                                           "dynamics:org.example.slide/1"};
   std::string how;
 
   explicit Odd(const fleetyard::Options &options) : how(options.text("how")) {}
@@ -305,7 +306,7 @@ void calls_end_as_they_should() {
   const auto *planners = factory_of<FleetyardPlannerFactory>(FLEETYARD_PLANNER_FACTORY_ID);
   EXPECT(planners && planners->count(nullptr) == 1 && !planners->descriptor(nullptr, 1));
   const FleetyardDescriptor *about = planners->descriptor(nullptr, 0);
-  EXPECT(fleetyard::detail::view(about->name) == "odd" && about->feature_count == 1);
+  EXPECT(fleetyard::detail::view(about->name) == "odd" && about->feature_count == 2);
   EXPECT(about->capabilities == Odd::capabilities);
   EXPECT(fleetyard::detail::view(about->features[0]) == Odd::features[0]);
 
@@ -524,6 +525,13 @@ void workspaces_are_read() {
   EXPECT(view.obstacle(0).size() == 3 && same(view.obstacle(0)[2].y_m, 2));
   EXPECT(same(view.max_m().x_m, 4) && same(view.mover(0).knot(1).y_m, 1));
   EXPECT(same(view.mover(0).footprint().radius_m(), 0.25));
+  robot.dynamics = fleetyard::detail::str("org.example.slide/1");
+  EXPECT(world.both() == FLEETYARD_STATUS_SOLVED);
+  robot.dynamics = fleetyard::detail::str("org.example.slide/2");
+  EXPECT(world.both() == FLEETYARD_STATUS_UNSUPPORTED && said.find("slide/2") != std::string::npos);
+  robot.dynamics = {};
+  world.instance.window_s = 5;
+  EXPECT(world.both() == FLEETYARD_STATUS_UNSUPPORTED);
   robot.flags = 1u << 8;
   EXPECT(failure_of([&] { fleetyard::Robot{&robot}; }) == "status");
 }
