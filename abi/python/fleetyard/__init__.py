@@ -17,25 +17,31 @@ The host starts the script and speaks JSON with it over standard input and
 output; :func:`run` is the plugin's side of that. Standard library only.
 """
 
+from ._failures import (
+    Cancelled,
+    Failure,
+    GaveUp,
+    Infeasible,
+    InternalError,
+    InvalidInput,
+    TimedOut,
+    Unsupported,
+)
+from ._maps import Environment, Footprint, Grid, Mover, Parts, Roadmap, Workspace
 from ._model import (
     OFF_MAP,
     Assignment,
     Budget,
-    Cancelled,
-    Failure,
     FleetState,
     FleetStatus,
-    GaveUp,
-    Grid,
-    Infeasible,
     Instance,
-    InternalError,
-    InvalidInput,
+    Request,
+    Robot,
+    State,
     Task,
-    TimedOut,
-    Unsupported,
 )
 from ._paths import Paths
+from ._plans import Knot, Plan, Trajectories, Visit, Visits
 from ._plugins import (
     Context,
     FailPolicy,
@@ -45,6 +51,7 @@ from ._plugins import (
     Plugin,
 )
 from ._server import PROTOCOL_VERSION, run, serve
+from ._steps import Observation, StepPolicy, settle
 
 __version__ = "0.1.0"
 
@@ -55,10 +62,12 @@ __all__ = [
     "Budget",
     "Cancelled",
     "Context",
+    "Environment",
     "FailPolicy",
     "Failure",
     "FleetState",
     "FleetStatus",
+    "Footprint",
     "GaveUp",
     "Grid",
     "Infeasible",
@@ -67,12 +76,27 @@ __all__ = [
     "InternalError",
     "InvalidInput",
     "InvocationPolicy",
+    "Knot",
+    "Mover",
+    "Observation",
+    "Parts",
     "Paths",
+    "Plan",
     "Planner",
     "Plugin",
+    "Request",
+    "Roadmap",
+    "Robot",
+    "State",
+    "StepPolicy",
     "Task",
     "TimedOut",
+    "Trajectories",
     "Unsupported",
+    "Visit",
+    "Visits",
+    "Workspace",
     "run",
     "serve",
+    "settle",
 ]

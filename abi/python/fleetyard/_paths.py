@@ -1,4 +1,4 @@
-"""Encodings of paths on the wire, and the forms that an author may hand over.
+"""Plans on grids: encodings of paths on the wire, and the forms that an author may hand over.
 
 Per agent a list of cells, of ``(row, col)``, an array of either (anything with
 ``tolist``, as NumPy's arrays), or a string of moves from the agent's start: ``N E S W``
@@ -11,22 +11,14 @@ from __future__ import annotations
 
 from typing import Any, Iterable, List, Mapping, Sequence, Set, SupportsIndex, Tuple, Union
 
-from ._model import OFF_MAP, whole
+from ._maps import MOVES
+from ._model import OFF_MAP
+from ._numbers import whole
 
 Paths = Iterable[Union[str, Iterable[Union[SupportsIndex, Sequence[SupportsIndex]]]]]
 """The forms of a plan that an author may hand over: one path per agent."""
 
-_MOVES = {
-    ".": (0, 0),
-    "N": (-1, 0),
-    "E": (0, 1),
-    "S": (1, 0),
-    "W": (0, -1),
-    "n": (-1, 1),
-    "e": (1, 1),
-    "s": (1, -1),
-    "w": (-1, -1),
-}
+_MOVES = {".": (0, 0), **MOVES}
 _LETTERS = {move: letter for letter, move in _MOVES.items()}
 
 

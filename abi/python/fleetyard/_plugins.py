@@ -7,20 +7,12 @@ import re
 import threading
 import time
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, Callable, ClassVar, Dict, List, Mapping, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Callable, ClassVar, Dict, Mapping, Optional, Sequence
 
-from . import _paths
-from ._model import (
-    Budget,
-    Cancelled,
-    FleetState,
-    FleetStatus,
-    Grid,
-    Instance,
-    InvalidInput,
-    TimedOut,
-)
-from ._paths import Paths
+from ._failures import Cancelled, InvalidInput, TimedOut
+from ._maps import Environment, Grid, Roadmap, Workspace
+from ._model import Budget, FleetState, FleetStatus, Instance, Request
+from ._plans import Form, Plan
 
 if TYPE_CHECKING:
     from ._server import Channel
@@ -36,20 +28,19 @@ class Context:
         channel: Channel,
         request: int,
         budget: Optional[Budget] = None,
-        encode: Optional[Callable[[Any], List[Any]]] = None,
+        form: Optional[Form] = None,
     ) -> None:
         self._channel = channel
         self._request = request
         self._budget = budget
-        self._encode = encode
+        self._form = form
         self._submitted = False
         self._thread = threading.get_ident()
         self._writing_ns = 0
 
     def cancelled(self) -> bool:
-        """True if the call should end: its deadline is so near that an answer may just
-        arrive in time (see :meth:`Budget.ending`), or the host gave up on it. Cheap; ask
-        often."""
+        """True if the call should end: its :attr:`Budget.answer_by_ns` has passed, or the host
+        gave up on it. Cheap; ask often."""
         return self._revoked() or (self._budget is not None and self._budget.ending())
 
     def _revoked(self) -> bool:
@@ -62,17 +53,17 @@ class Context:
         if self._revoked():
             raise Cancelled("cancelled by the host")
 
-    def incumbent(self, paths: Paths) -> bool:
-        """Hands over a plan, better than the last one, and goes on. Whether it was
-        sent: after the deadline it is not. Paths are as :meth:`Planner.plan` returns
-        them."""
-        if self._encode is None:
+    def incumbent(self, plan: Plan) -> bool:
+        """Hands over a plan, better than the last one, and goes on. It is as
+        :meth:`Planner.plan` returns it. The answer says if it was sent: after the deadline it
+        is not."""
+        if self._form is None:
             raise RuntimeError("only planners and fail policies have plans")
         late = self._budget is not None and self._budget.expired()
         if late or self._revoked():
             return False
-        encode = self._encode
-        self._notify("incumbent", lambda: {"paths": encode(paths)})
+        form = self._form
+        self._notify("incumbent", lambda: {form.field: form.encode(plan)})
         self._submitted = True
         return True
 
@@ -83,6 +74,10 @@ class Context:
         value = float(value)
         if math.isfinite(value):
             self._notify("metric", lambda: {"name": str(name), "value": value})
+
+    def note(self, name: str, text: str) -> None:
+        """Notes a fact about the plugin's inputs, such as the digest of its weights, a claim."""
+        self._notify("note", lambda: {"name": str(name), "text": str(text)})
 
     def progress(self, done: int, total: int = 0) -> None:
         """Says how much of the work is done; ``total`` 0 if unknown."""
@@ -115,11 +110,18 @@ class Plugin(ABC):
     """One paragraph, the paper cited; by default the class's docstring."""
     license: ClassVar[str] = ""
     capabilities: ClassVar[Sequence[str]] = ()
+    features: ClassVar[Sequence[str]] = ()
+    """Names of what has no capability: ``dynamics:NAME`` for each model of robots that it plans
+    for, ``part:IDENTIFIER`` for each critical part that it understands."""
     options_schema: ClassVar[Optional[Mapping[str, Any]]] = None
     """JSON Schema of the options; ``None`` when there are none."""
 
     grid: Grid
-    """The map, from ``prepare`` on."""
+    """The map, from ``prepare`` on, if it is a grid."""
+    roadmap: Roadmap
+    """The map, from ``prepare`` on, if it is a roadmap."""
+    workspace: Workspace
+    """The map, from ``prepare`` on, if it is the plane."""
 
     def __init__(self, options: Dict[str, Any]) -> None:
         """Options are those that the user gave, checked by the host against the schema,
@@ -138,6 +140,7 @@ class Plugin(ABC):
             "description": cls.description or " ".join((own_doc or "").split()),
             "license": cls.license,
             "capabilities": list(cls.capabilities),
+            "features": list(cls.features),
             "options_schema": cls.options_schema,
             "path_encoding": "moves",
         }
@@ -164,25 +167,39 @@ class Plugin(ABC):
 
 
 class _Prepared(Plugin):
-    def prepare(self, grid: Grid, budget: Budget, context: Context) -> None:
-        """Learns a map, within a budget of its own. ``self.grid`` is set already."""
+    capabilities = ("grid", "pebble")
+
+    # Authors know which kind of map they claimed, and say so when they override this.
+    def prepare(self, environment: Any, budget: Budget, context: Context) -> None:
+        """Learns a map, within a budget of its own: a :class:`Grid`, a :class:`Roadmap` or a
+        :class:`Workspace`, which ``self.grid``, ``self.roadmap`` or ``self.workspace`` is
+        already. It needs nothing that ``capabilities`` and ``features`` lack."""
+
+    def _learn(self, environment: Environment) -> None:
+        if isinstance(environment, Grid):
+            self.grid = environment
+        elif isinstance(environment, Roadmap):
+            self.roadmap = environment
+        else:
+            self.workspace = environment
 
 
 class Planner(_Prepared):
     """Solves instances."""
 
     kind = "planner"
-    capabilities = ("grid", "pebble")
 
     @abstractmethod
-    def plan(self, instance: Instance, budget: Budget, context: Context) -> Optional[Paths]:
-        """Returns one path per agent, or ``None`` when the last
-        ``context.incumbent(...)`` is the answer. Raises a
-        :class:`~fleetyard.Failure` to give up.
+    def plan(self, instance: Instance, budget: Budget, context: Context) -> Optional[Plan]:
+        """Returns a plan, or ``None`` when the last ``context.incumbent(...)`` is the answer.
+        Raises a :class:`~fleetyard.Failure` to give up. The instance is whole and needs
+        nothing that ``capabilities`` and ``features`` lack.
 
-        A path lists where the agent is at time 0, 1, 2, ...: cells, or ``(row,
-        col)``, or an array of either, or a string of moves. After its last cell an agent
-        stays there.
+        On a grid a plan is a path per agent, which lists where it is at time 0, 1, 2, ...:
+        cells, or ``(row, col)``, or an array of either, or a string of moves. On a roadmap it
+        is a list of :class:`~fleetyard.Visit` per agent, in the plane a list of
+        :class:`~fleetyard.Knot` per agent; plain tuples will do. After its last entry an agent
+        stays where it is.
         """
 
 
@@ -195,12 +212,14 @@ class FailPolicy(_Prepared):
     def recover(
         self,
         instance: Instance,
-        failed_paths: Optional[List[List[int]]],
+        failed_plan: Any,
         budget: Budget,
         context: Context,
-    ) -> Optional[Paths]:
-        """Returns collision-free paths, as :meth:`Planner.plan`. ``failed_paths`` is
-        what the planner left, collisions and all, as lists of cells."""
+    ) -> Optional[Plan]:
+        """Returns a collision-free plan, as :meth:`Planner.plan`. ``failed_plan`` is what the
+        planner left, collisions and all: a list per agent of cells, of
+        :class:`~fleetyard.Visit` or of :class:`~fleetyard.Knot`; ``None`` if it left
+        nothing."""
 
 
 class InstanceGenerator(_Prepared):
@@ -209,8 +228,8 @@ class InstanceGenerator(_Prepared):
     kind = "instance-generator"
 
     @abstractmethod
-    def generate(self, state: FleetState, budget: Budget, context: Context) -> Instance:
-        """Returns the next instance."""
+    def generate(self, state: FleetState, budget: Budget, context: Context) -> Request:
+        """Returns what the planner is asked next; :meth:`FleetState.request` makes it."""
 
 
 class InvocationPolicy(Plugin):
@@ -227,8 +246,3 @@ _BASE_DOCS = {
     base.__doc__
     for base in (Plugin, _Prepared, Planner, FailPolicy, InstanceGenerator, InvocationPolicy)
 }
-
-
-def encoder(instance: Instance, grid: Grid) -> Callable[[Any], List[Any]]:
-    """The encoder of paths of an instance."""
-    return lambda paths: _paths.encode(paths, instance.starts, grid.rows, grid.cols)

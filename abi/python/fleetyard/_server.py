@@ -20,6 +20,7 @@ from typing import (
     BinaryIO,
     Callable,
     Dict,
+    Iterable,
     Iterator,
     List,
     Mapping,
@@ -29,18 +30,10 @@ from typing import (
     Type,
 )
 
-from . import _paths
-from ._model import (
-    Budget,
-    Failure,
-    FleetState,
-    FleetStatus,
-    GaveUp,
-    Grid,
-    Instance,
-    InvalidInput,
-    Unsupported,
-)
+from ._failures import Failure, GaveUp, InvalidInput, Unsupported
+from ._maps import Environment, environment_from_wire
+from ._model import Budget, FleetState, FleetStatus, Instance, Request
+from ._plans import Form
 from ._plugins import (
     Context,
     FailPolicy,
@@ -49,7 +42,6 @@ from ._plugins import (
     Planner,
     Plugin,
     _Prepared,
-    encoder,
 )
 
 PROTOCOL_VERSION = 1
@@ -104,9 +96,7 @@ class Channel:
             self.refuse(request, INTERNAL_ERROR, f"the answer is not JSON: {error}")
 
     def refuse(self, request: Optional[int], code: int, message: str) -> None:
-        self.send(
-            {"jsonrpc": "2.0", "id": request, "error": {"code": code, "message": message}}
-        )
+        self.send({"jsonrpc": "2.0", "id": request, "error": {"code": code, "message": message}})
 
 
 def _parse(line: bytes) -> Any:
@@ -120,12 +110,16 @@ def _is_id(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
+_Asked = Tuple[Context, Callable[[], Any]]
+"""What a call for a plan needs, once it is read: its context, and the call itself."""
+
+
 class _Server:
     def __init__(self, plugins: Sequence[Type[Plugin]], channel: Channel) -> None:
         self._plugins = plugins
         self._channel = channel
         self._object: Optional[Plugin] = None
-        self._grid: Optional[Grid] = None
+        self._environment: Optional[Environment] = None
         self._methods: Dict[str, Callable[[int, Mapping[str, Any]], Any]] = {
             "initialize": self._initialize,
             "create": self._create,
@@ -178,7 +172,7 @@ class _Server:
     def _create(self, _: int, params: Mapping[str, Any]) -> Any:
         kind, name = params.get("kind"), params.get("plugin")
         options = params.get("options")
-        self._object = self._grid = None
+        self._object = self._environment = None
 
         def make() -> None:
             for plugin in self._plugins:
@@ -194,49 +188,70 @@ class _Server:
     def _prepare(self, request: int, params: Mapping[str, Any]) -> Any:
         plugin = self._of(_Prepared, "prepare")
         budget = _read(Budget._from_wire, params, "budget")
-        self._grid = None
+        self._environment = None
 
         def prepare() -> None:
-            grid = _read(Grid._from_wire, params, "environment")
-            plugin.grid = grid
-            plugin.prepare(grid, budget, Context(self._channel, request, budget))
-            self._grid = grid
+            environment = _read(environment_from_wire, params, "environment")
+            _claims(plugin, "map", environment.needs(), environment.parts.features())
+            plugin._learn(environment)
+            plugin.prepare(environment, budget, Context(self._channel, request, budget))
+            self._environment = environment
 
         return _outcome(prepare)
 
     def _plan(self, request: int, params: Mapping[str, Any]) -> Any:
         planner = self._of(Planner, "plan")
-        instance, budget, context = self._asked(request, params)
-        return _plan_result(context, lambda: planner.plan(instance, budget, context))
+        environment = self._prepared()
+        budget = _read(Budget._from_wire, params, "budget")
+
+        def plan() -> _Asked:
+            instance = _read(
+                lambda wire: Instance._from_wire(wire, environment), params, "instance"
+            )
+            _claims(planner, "instance", instance.needs(), instance.features())
+            context = Context(self._channel, request, budget, Form(environment, instance))
+            return context, lambda: planner.plan(instance, budget, context)
+
+        return _plan_result(plan)
 
     def _recover(self, request: int, params: Mapping[str, Any]) -> Any:
         policy = self._of(FailPolicy, "recover")
-        instance, budget, context = self._asked(request, params)
-        failed: Optional[List[List[int]]] = None
-        if params.get("failed_paths") is not None:
-            grid = self._prepared()
-            failed = _read(
-                lambda wire: _paths.decode(wire, instance.starts, grid.rows, grid.cols),
-                params,
-                "failed_paths",
+        environment = self._prepared()
+        budget = _read(Budget._from_wire, params, "budget")
+
+        def recover() -> _Asked:
+            instance = _read(
+                lambda wire: Instance._from_wire(wire, environment), params, "instance"
             )
-        return _plan_result(context, lambda: policy.recover(instance, failed, budget, context))
+            # It gets the fleet moving whatever the planner was asked to do, but authors count
+            # on goals.
+            idle = [needed for needed in instance.needs() if needed == "idle"]
+            _claims(policy, "instance", idle, instance.features())
+            form = Form(environment, instance)
+            failed: Any = None
+            if params.get("failed_plan") is not None:
+                failed = _read(form.decode, params, "failed_plan")
+            context = Context(self._channel, request, budget, form)
+            return context, lambda: policy.recover(instance, failed, budget, context)
+
+        return _plan_result(recover)
 
     def _generate(self, request: int, params: Mapping[str, Any]) -> Any:
         generator = self._of(InstanceGenerator, "generate")
-        grid = self._prepared()
-        state = _read(FleetState._from_wire, params, "state")
+        environment = self._prepared()
         budget = _read(Budget._from_wire, params, "budget")
         context = Context(self._channel, request, budget)
         made: Dict[str, Any] = {}
 
         def generate() -> None:
-            instance = generator.generate(state, budget, context)
-            if not isinstance(instance, Instance):
-                raise TypeError(f"`generate` returned no Instance but {instance!r:.60}")
-            instance = instance._plain()
-            instance._check(grid)
-            made["instance"] = instance._to_wire()
+            state = _read(lambda wire: FleetState._from_wire(wire, environment), params, "state")
+            _claims(generator, "state", (), state.parts.features() + state.next.parts.features())
+            answer = generator.generate(state, budget, context)
+            if not isinstance(answer, Request):
+                raise TypeError(f"`generate` returned no Request but {answer!r:.60}")
+            answer = answer._plain()
+            answer._check(state.agents, environment.places)
+            made["request"] = answer._to_wire()
 
         result = _outcome(generate)
         result.update(made)
@@ -259,7 +274,7 @@ class _Server:
         return {"invoke": answer[0]}
 
     def _shutdown(self, _: int, __: Mapping[str, Any]) -> Any:
-        self._object = self._grid = None
+        self._object = self._environment = None
         return None
 
     # ---- What several methods need ----
@@ -272,17 +287,23 @@ class _Server:
         reason = f"`{method}` is not for a plugin of kind {self._object.kind}"
         raise _Refusal(INVALID_REQUEST, reason)
 
-    def _prepared(self) -> Grid:
-        if self._grid is None:
+    def _prepared(self) -> Environment:
+        if self._environment is None:
             raise _Refusal(INVALID_REQUEST, "the call came before a successful `prepare`")
-        return self._grid
+        return self._environment
 
-    def _asked(self, request: int, params: Mapping[str, Any]) -> Tuple[Instance, Budget, Context]:
-        grid = self._prepared()
-        instance = _read(lambda wire: Instance._from_wire(wire, grid), params, "instance")
-        budget = _read(Budget._from_wire, params, "budget")
-        context = Context(self._channel, request, budget, encoder(instance, grid))
-        return instance, budget, context
+
+def _claims(
+    plugin: Plugin, what: str, capabilities: Iterable[str], features: Iterable[str]
+) -> None:
+    """That a plugin claims what a map or an instance needs."""
+    lacking = [("capability", name) for name in capabilities if name not in plugin.capabilities]
+    lacking += [("feature", name) for name in features if name not in plugin.features]
+    for kind, name in lacking:
+        raise Unsupported(
+            f"the {what} needs the {kind} `{name}`, which this plugin does not claim; hint: take "
+            "one that does"
+        )
 
 
 def _read(read: Callable[[Any], Any], params: Mapping[str, Any], name: str) -> Any:
@@ -308,25 +329,26 @@ def _outcome(call: Callable[[], Any]) -> Dict[str, Any]:
     return {"status": "solved"}
 
 
-def _plan_result(context: Context, call: Callable[[], Any]) -> Dict[str, Any]:
-    written: List[Any] = []
-    worked: List[int] = []
+def _plan_result(ask: Callable[[], _Asked]) -> Dict[str, Any]:
+    """The answer to a call that asked for a plan; ``ask`` reads what was asked."""
+    written: Dict[str, Any] = {}
+    worked: List[int] = [0]
 
     def plan() -> None:
+        context, call = ask()
         began = time.monotonic_ns()
         try:
-            paths = call()
+            found = call()
         finally:
-            worked.append(time.monotonic_ns() - began - context._writing_ns)
-        if paths is not None:
-            assert context._encode is not None
-            written.append(context._encode(paths))
+            worked[0] = time.monotonic_ns() - began - context._writing_ns
+        if found is not None:
+            assert context._form is not None
+            written[context._form.field] = context._form.encode(found)
         elif not context._submitted:
             raise GaveUp("the plugin returned None and had handed over no plan")
 
     result = _outcome(plan)
-    if written:
-        result["paths"] = written[0]
+    result.update(written)
     result["call_ns"] = max(worked[0], 0)
     return result
 

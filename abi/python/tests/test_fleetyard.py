@@ -29,10 +29,8 @@ except ImportError:
     numpy = None
 
 FAR = 2**63
-BUDGET = {"deadline_monotonic_ns": FAR, "wall_ns": 1}
-GRID = {
-    "representation": "grid",
-    "map_name": "m",
+BUDGET = {"deadline_monotonic_ns": FAR, "answer_by_ns": FAR, "wall_ns": 1}
+CELLS = {
     "rows": 2,
     "cols": 3,
     "connectivity": 4,
@@ -41,7 +39,31 @@ GRID = {
     "passable": ["..@", "..."],
     "unknown": 1,
 }
+GRID = {"representation": "grid", "name": "m", "grid": CELLS, "unknown": 1}
 INSTANCE = {"starts": [0, 4], "goals": [[1], [5]]}
+ROADMAP = {
+    "representation": "roadmap",
+    "name": "line",
+    "digest": "77ab",
+    "roadmap": {
+        "x_m": [0, 3, 3],
+        "y_m": [0, 0, 4],
+        "edges": [[1], [0, 2], [1]],
+        "speed_m_per_s": 2,
+        "separation_m": 0.5,
+    },
+}
+WORKSPACE = {
+    "representation": "continuous",
+    "workspace": {
+        "min_m": [0, 0],
+        "max_m": [10, 5],
+        "obstacles": [[[4, 0], [5, 0], [5, 2], [4, 2]]],
+        "movers": [
+            {"footprint": {"radius_m": 0.3}, "knots": [[1, 1, 1, 0], [3, 5, 1, 1], [3, 6, 1, 1]]}
+        ],
+    },
+}
 
 
 def request(number, method, **params):
@@ -147,15 +169,66 @@ class Session(unittest.TestCase):
         for instance, message in [
             ({"starts": [0, 6], "goals": [[1], [5]]}, "cell 6 is not on a map of 6 cells"),
             ({"starts": [0], "goals": [[1], [5]]}, "1 starts but 2 goal lists"),
-            ({"starts": [0, 4], "goals": [[1], []]}, "agent 1 has no goal"),
-            ({"starts": [0, 4]}, "there is no 'goals'"),
-            ({"starts": 5, "goals": []}, "instance"),
+            ({"starts": [0, 4]}, "2 starts but 0 goal lists"),
+            ({"starts": [0], "goals": [[1]], "headings": []}, "`headings` has 0 entries"),
+            ({"starts": [0], "goals": [[1]], "robot_of": [0]}, "robot 0 is none of the 0 models"),
         ]:
             with self.subTest(message=message):
-                call = request(3, "plan", instance=instance, budget=BUDGET)
-                answers, _ = converse([stay], create(), PREPARE, call)
-                self.assertEqual(answers[2]["error"]["code"], -32602)
-                self.assertIn(message, answers[2]["error"]["message"])
+                (answer,), _ = planned(lambda *_: None, instance=instance)
+                self.assertEqual(answer["result"]["status"], "invalid-input")
+                self.assertIn(message, answer["result"]["message"])
+        call = request(3, "plan", instance={"starts": 5, "goals": []}, budget=BUDGET)
+        answers, _ = converse([stay], create(), PREPARE, call)
+        self.assertEqual(answers[2]["error"]["code"], -32602)
+        self.assertIn("`instance`: ", answers[2]["error"]["message"])
+
+    def test_what_a_plugin_does_not_claim_is_unsupported(self):
+        robot = {"footprint": {"radius_m": 0.3}}
+        for more, message in [
+            ({"goals": [[1], []]}, "the capability `idle`"),
+            ({"goals": [[1, 0], [5]]}, "the capability `windowed`"),
+            ({"window_steps": 3}, "the capability `windowed`"),
+            ({"goals": [[5], [5]]}, "the capability `duplicate-goals`"),
+            ({"motion": "rotation"}, "the capability `rotation`"),
+            ({"motion": "flying"}, "the motion `flying` is unknown"),
+            ({"objective": "joy"}, "the objective `joy` is unknown"),
+            ({"robots": [robot] * 2, "robot_of": [0, 1]}, "the capability `heterogeneous`"),
+            ({"parts": [{"id": "org.example.dust/1", "critical": True, "data": 1}]},
+             "the instance needs the feature `part:org.example.dust/1`, which this plugin does "
+             "not claim; hint: take one that does"),
+        ]:
+            with self.subTest(message=message):
+                (answer,), _ = planned(lambda *_: None, instance=dict(INSTANCE, **more))
+                self.assertEqual(answer["result"]["status"], "unsupported")
+                self.assertIn(message, answer["result"]["message"])
+        # Who comes as one of a window may share a goal.
+        Test = planner(lambda self, instance, *_: [[start] for start in instance.starts])
+        Test.capabilities = ("grid", "pebble", "windowed", "idle")
+        instance = dict(INSTANCE, goals=[[5], [5]], window_steps=2)
+        call = request(3, "plan", instance=instance, budget=BUDGET)
+        answers, _ = converse([Test], create(), PREPARE, call)
+        self.assertEqual(answers[2]["result"]["status"], "solved")
+
+    def test_parts(self):
+        def plan(self, instance, budget, context):
+            context.log(repr((dict(self.grid.parts), dict(instance.parts))))
+            return [[start] for start in instance.starts]
+
+        dust = {"id": "org.example.dust/1", "data": {"level": 3}}
+        environment = dict(GRID, parts=[dict(dust, critical=True), {"id": "other/1"}])
+        Test = planner(plan)
+        call = request(3, "plan", instance=dict(INSTANCE, parts=[dust]), budget=BUDGET)
+        session = [create(), request(2, "prepare", environment=environment, budget=BUDGET), call]
+        answers, _ = converse([Test], *session)
+        self.assertEqual(answers[1]["result"]["status"], "unsupported")
+        self.assertIn("part:org.example.dust/1", answers[1]["result"]["message"])
+        Test.features = ("part:org.example.dust/1",)
+        self.assertEqual(Test.descriptor()["features"], ["part:org.example.dust/1"])
+        answers, _ = converse([Test], *session)
+        seen = "({'org.example.dust/1': {'level': 3}, 'other/1': None}, " \
+            "{'org.example.dust/1': {'level': 3}})"
+        self.assertEqual(answers[2]["params"]["text"], seen)
+        self.assertEqual(answers[3]["result"]["status"], "solved")
 
     def test_create_names_what_is_wrong(self):
         class Picky(fleetyard.Planner):
@@ -181,12 +254,60 @@ class Session(unittest.TestCase):
             answers, _ = converse([Picky], ask)
             self.assertEqual(answers[0]["result"], {"status": status, "message": message})
 
-    def test_a_map_that_is_no_grid_is_unsupported(self):
+    def test_maps_that_are_not_claimed_or_not_whole(self):
         stay = planner(lambda self, instance, budget, context: None)
-        other = request(2, "prepare", environment={"representation": "roadmap"}, budget=BUDGET)
-        answers, _ = converse([stay], create(), other, PLAN)
-        self.assertEqual(answers[1]["result"]["status"], "unsupported")
-        self.assertIn("before a successful `prepare`", answers[2]["error"]["message"])
+
+        def cells(**more):
+            return dict(GRID, grid=dict(CELLS, **more))
+
+        def roadmap(**more):
+            return dict(ROADMAP, roadmap=dict(ROADMAP["roadmap"], **more))
+
+        def workspace(**more):
+            return dict(WORKSPACE, workspace=dict(WORKSPACE["workspace"], **more))
+
+        mover = {"footprint": {"radius_m": 1}, "knots": [[1, 0, 0, 0], [0, 0, 0, 0]]}
+        for environment, status, message in [
+            ({"representation": "tree"}, "unsupported", "the representation `tree` is unknown"),
+            (ROADMAP, "unsupported", "the map needs the capability `roadmap`, which this plugin "
+             "does not claim; hint: take one that does"),
+            (WORKSPACE, "unsupported", "the capability `continuous`"),
+            (cells(connectivity=8), "unsupported", "the capability `eight-connected`"),
+            (cells(moves=["060800", "020a08"]), "unsupported", "the capability `move-mask`"),
+            (cells(passable=["..", "..."]), "invalid-input", "is not 2 rows of 3 letters"),
+            (cells(rows=0), "invalid-input", "a grid of 0 rows and 3 columns has no cell"),
+            (cells(moves=["0608", "020a08"]), "invalid-input", "is not 2 rows of 6 letters"),
+            (cells(moves=["06080g", "020a08"]), "invalid-input", "hexadecimal digits"),
+            (cells(moves=["060200", "020a08"]), "invalid-input",
+             "`moves` allows a move from cell 1 that leads off the free cells"),
+            (roadmap(y_m=[0]), "invalid-input", "`y_m` has 1 entries, not 3"),
+            (roadmap(edges=[[1], [0, 3], [1]]), "invalid-input", "from vertex 1 to 3"),
+            (roadmap(edges=[[1], [2, 0], [1]]), "invalid-input", "do not ascend"),
+            (roadmap(length_m=[1]), "invalid-input", "`length_m` has 1 entries, not 4"),
+            (roadmap(x_m=[]), "invalid-input", "has no vertex"),
+            (roadmap(speed_m_per_s=0), "invalid-input", "`speed_m_per_s` is not positive"),
+            (workspace(obstacles=[[[0, 0], [1, 1]]]), "invalid-input", "obstacle 0 has fewer"),
+            (workspace(movers=[mover]), "invalid-input", "its times do not ascend"),
+        ]:
+            with self.subTest(message=message):
+                prepare = request(2, "prepare", environment=environment, budget=BUDGET)
+                answers, _ = converse([stay], create(), prepare, PLAN)
+                self.assertEqual(answers[1]["result"]["status"], status)
+                self.assertIn(message, answers[1]["result"]["message"])
+                self.assertIn("before a successful `prepare`", answers[2]["error"]["message"])
+        for environment, message in [
+            ({"representation": "roadmap"}, "an environment without `roadmap`"),
+            (dict(GRID, grid={}), "there is no 'rows'"),
+            ({}, "there is no 'representation'"),
+        ]:
+            prepare = request(2, "prepare", environment=environment, budget=BUDGET)
+            answers, _ = converse([stay], create(), prepare)
+            self.assertEqual(answers[1]["error"]["code"], -32602)
+            self.assertIn(message, answers[1]["error"]["message"])
+        # Masks that say no more than the cells are none.
+        plain = request(2, "prepare", environment=cells(moves=["060c00", "030b08"]), budget=BUDGET)
+        answers, _ = converse([stay], create(), plain)
+        self.assertEqual(answers[1]["result"]["status"], "solved")
 
     def test_classes_are_checked_when_served(self):
         class Unfinished(fleetyard.Planner):
@@ -271,6 +392,7 @@ class Plans(unittest.TestCase):
             context.metric("expansions", 7)
             context.metric("nothing", math.nan)
             context.metric("nothing", math.inf)
+            context.note("weights-sha256", "0f3c")
             context.progress(1, 2)
             assert context.incumbent([[0, 3, 4], "E"])
             assert context.incumbent([[0, 1], [4, 5]])
@@ -284,6 +406,7 @@ class Plans(unittest.TestCase):
             [
                 ("log", {"level": "debug", "text": "begin"}),
                 ("metric", {"name": "expansions", "value": 7.0}),
+                ("note", {"name": "weights-sha256", "text": "0f3c"}),
                 ("progress", {"done": 1, "total": 2}),
                 ("incumbent", {"paths": ["SE", "E"]}),
                 ("incumbent", {"paths": ["E", "E"]}),
@@ -328,9 +451,29 @@ class Plans(unittest.TestCase):
             assert not context.incumbent([[0], [4]])
             context.check()
 
-        past = {"deadline_monotonic_ns": time.monotonic_ns() - 1, "wall_ns": 1}
-        (answer,), _ = planned(plan, budget=past)
+        past = time.monotonic_ns() - 1
+        budget = {"deadline_monotonic_ns": past, "answer_by_ns": past, "wall_ns": 1}
+        (answer,), _ = planned(plan, budget=budget)
         self.assertEqual(answer["result"]["status"], "timed-out")
+
+    def test_the_host_says_when_the_answer_is_due(self):
+        def plan(self, instance, budget, context):
+            assert not context.cancelled(), "no reserve of its own"
+            while not context.cancelled():
+                pass
+            assert budget.ending() and not budget.expired()
+            assert context.incumbent([[0], [4]]), "plans count until the deadline"
+            context.check()
+
+        due = time.monotonic_ns() + 50_000_000
+        budget = {"deadline_monotonic_ns": FAR, "answer_by_ns": due, "wall_ns": 60_000_000}
+        answers, _ = planned(plan, budget=budget)
+        self.assertEqual(answers[0]["params"], {"paths": ["", ""]})
+        self.assertEqual(answers[1]["result"]["status"], "timed-out")
+        self.assertGreaterEqual(time.monotonic_ns(), due)
+        budget = fleetyard.Budget.lasting(1, seed=3)
+        self.assertEqual(budget.deadline_monotonic_ns - budget.answer_by_ns, 20_000_000)
+        self.assertEqual((budget.wall_ns, budget.seed), (10**9, 3))
 
     def test_cancelling(self):
         def plan(self, instance, budget, context):
@@ -405,13 +548,12 @@ class Arrays(unittest.TestCase):
         self.assertEqual(array.dtype, bool)
         self.assertEqual(array.tolist(), [[True, True, False], [True, True, True]])
 
-    def test_an_instance_of_arrays(self):
+    def test_a_request_of_arrays(self):
         class Draw(fleetyard.InstanceGenerator):
             def generate(self, state, budget, context):
-                starts = numpy.array(state.cells)
-                return fleetyard.Instance(starts, self.goals(numpy.array([[5]])))
+                return fleetyard.Request(self.goals(numpy.array([[5]])))
 
-        state = {"time_s": 0, "cells": [0], "goals": [[]], "tasks": []}
+        state = {"time_s": 0, "next": {"starts": [0], "goals": [[]]}}
         for goals, status, message in [
             (lambda goals: goals, "solved", ""),
             (lambda goals: goals[0] * 1.0, "internal-error", "`goals` of agent 0 is no list"),
@@ -459,25 +601,30 @@ class Package(unittest.TestCase):
 class OtherKinds(unittest.TestCase):
     def test_recover(self):
         class Wait(fleetyard.FailPolicy):
-            def recover(self, instance, failed_paths, budget, context):
-                context.log(repr(failed_paths))
+            def recover(self, instance, failed_plan, budget, context):
+                context.log(repr(failed_plan))
                 return [[start] for start in instance.starts]
 
         def call(**more):
             return request(3, "recover", instance=INSTANCE, budget=BUDGET, **more)
 
         for failed, seen in [
-            (["E", [4, 5]], "[[0, 1], [4, 5]]"),
-            ([[[0, 0], [5, 5]], []], "[[0, -1], []]"),
+            ({"paths": ["E", [4, 5]]}, "[[0, 1], [4, 5]]"),
+            ({"paths": [[[0, 0], [5, 5]], []]}, "[[0, -1], []]"),
+            ({}, "None"),
             (None, "None"),
         ]:
             answers, _ = converse(
-                [Wait], create("fail-policy", "wait"), PREPARE, call(failed_paths=failed)
+                [Wait], create("fail-policy", "wait"), PREPARE, call(failed_plan=failed)
             )
             self.assertEqual(answers[2]["params"]["text"], seen)
             self.assertEqual(answers[3]["result"], {"status": "solved", "paths": ["", ""]})
         answers, _ = converse(
-            [Wait], create("fail-policy", "wait"), PREPARE, call(failed_paths=["Q", ""]), PLAN
+            [Wait],
+            create("fail-policy", "wait"),
+            PREPARE,
+            call(failed_plan={"paths": ["Q", ""]}),
+            PLAN,
         )
         self.assertIn("'Q'", answers[2]["error"]["message"])
         self.assertIn("is not for a plugin of kind fail-policy", answers[3]["error"]["message"])
@@ -487,11 +634,13 @@ class OtherKinds(unittest.TestCase):
             options_schema = {"properties": {"good": {"type": "boolean"}}}
 
             def generate(self, state, budget, context):
-                assert state.agents == 1 and state.tasks[0].cells == [4, 5]
+                assert state.agents == 1 and state.tasks[0].places == [4, 5]
+                assert state.next.starts == [0] and state.next.goals == [[1]]
                 goals = [5] if self.options["good"] else [6]
-                return fleetyard.Instance(starts=state.cells, goals=[goals])
+                return state.request([goals], [fleetyard.Assignment(0, 8)])
 
-        state = {"time_s": 0, "cells": [0], "goals": [[1]], "tasks": [{"id": 8, "cells": [4, 5]}]}
+        state = {"time_s": 0, "next": {"starts": [0], "goals": [[1]], "window_steps": 7}}
+        state["tasks"] = [{"id": 8, "places": [4, 5]}]
         call = request(3, "generate", state=state, budget=BUDGET)
         for good, status in [(True, "solved"), (False, "internal-error")]:
             answers, _ = converse(
@@ -503,11 +652,35 @@ class OtherKinds(unittest.TestCase):
             result = answers[2]["result"]
             self.assertEqual(result["status"], status)
             if good:
-                self.assertEqual(result["instance"]["starts"], [0])
-                self.assertEqual(result["instance"]["goals"], [[5]])
-                self.assertNotIn("headings", result["instance"])
+                given = [{"agent": 0, "task": 8}]
+                wanted = {"goals": [[5]], "window_steps": 7, "assignments": given}
+                self.assertEqual(result["request"], wanted)
             else:
                 self.assertIn("agent 0: cell 6 is not on a map", result["message"])
+
+    def test_requests_that_do_not_fit(self):
+        class Odd(fleetyard.InstanceGenerator):
+            answer = None
+
+            def generate(self, state, budget, context):
+                return Odd.answer
+
+        state = {"time_s": 0, "next": {"starts": [0], "goals": [[1]]}}
+        for answer, message in [
+            (None, "`generate` returned no Request but None"),
+            (fleetyard.Request([]), "the request has 0 goal lists, but there are 1 agents"),
+            (fleetyard.Request([[1]], [fleetyard.Assignment(2, 8)]),
+             "task 8 is given to agent 2, but there are 1 agents"),
+        ]:
+            Odd.answer = answer
+            answers, _ = converse(
+                [Odd],
+                create("instance-generator", "odd"),
+                PREPARE,
+                request(3, "generate", state=state, budget=BUDGET),
+            )
+            self.assertEqual(answers[2]["result"]["status"], "internal-error")
+            self.assertIn(message, answers[2]["result"]["message"])
 
     def test_should_invoke(self):
         class Late(fleetyard.InvocationPolicy):
@@ -534,6 +707,241 @@ class OtherKinds(unittest.TestCase):
         self.assertIn("`should_invoke` returned None", answers[1]["error"]["message"])
 
 
+def planned_on(environment, instance, plan, capabilities):
+    """The messages of one call on a map of any kind."""
+    Test = planner(plan)
+    Test.capabilities = capabilities
+    Test.features = ("dynamics:fleetyard.unicycle/1",)
+    prepare = request(2, "prepare", environment=environment, budget=BUDGET)
+    call = request(3, "plan", instance=instance, budget=BUDGET)
+    answers, _ = converse([Test], create(), prepare, call)
+    assert answers[1]["result"] == {"status": "solved"}, answers[1]
+    return answers[2:]
+
+
+class Roadmaps(unittest.TestCase):
+    INSTANCE = {"starts": [0], "goals": [[2]], "motion": "stop-go", "window_s": 0.0}
+    CAPABILITIES = ("roadmap", "stop-go")
+
+    def planned(self, plan):
+        return planned_on(ROADMAP, self.INSTANCE, plan, self.CAPABILITIES)
+
+    def test_the_map(self):
+        def plan(self, instance, budget, context):
+            roadmap = self.roadmap
+            assert (roadmap.places, roadmap.name, roadmap.digest) == (3, "line", "77ab")
+            assert roadmap.length_m == [[3], [3, 4], [4]]
+            assert roadmap.drives(1) == [(0, 1.5), (2, 2.0)]
+            assert roadmap.durations(2) == [3.5, 2.0, 0.0] and roadmap.point(2) == (3, 4)
+            raise fleetyard.GaveUp("seen")
+
+        (answer,) = self.planned(plan)
+        self.assertEqual(answer["result"], {"status": "gave-up", "message": "seen"})
+        given = dict(ROADMAP["roadmap"], length_m=[4, 4, 6, 6], workspace=WORKSPACE["workspace"])
+        roadmap = fleetyard.Roadmap._from_wire(given)
+        self.assertEqual(roadmap.duration_s, [[2], [2, 3], [3]])
+        self.assertEqual(roadmap.workspace.max_m, (10, 5))
+        slow = fleetyard.Roadmap._from_wire(dict(given, duration_s=[1, 2, 3, 4]))
+        self.assertEqual((slow.length_m, slow.duration_s), ([[4], [4, 6], [6]], [[1], [2, 3], [4]]))
+        lane = fleetyard.Roadmap.straight([(0, 0), (1, 0)], [[1], []], 1.0, 0.5)
+        self.assertEqual(lane.durations(0), [0.0, math.inf])
+
+    def test_plans(self):
+        visits = [[fleetyard.Visit(0, 0, 0.5), (1, 2.0, 2), [2, 4, 4]]]
+
+        def plan(self, instance, budget, context):
+            context.incumbent(visits)
+            return Array(visits)
+
+        messages = self.planned(plan)
+        wire = [[[0, 0, 0.5], [1, 2, 2], [2, 4, 4]]]
+        self.assertEqual(messages[0]["params"], {"visits": wire})
+        self.assertEqual(messages[1]["result"], {"status": "solved", "visits": wire})
+        for plan, message in [
+            ([], "the plan has 0 visits, but the instance has 1 agents"),
+            (5, "the plan is not a list but 5"),
+            ([[(0, 0)]], "the plan of agent 0 has (0, 0) at place 0, which is no (vertex,"),
+            ([[(0.5, 0, 0)]], "which is no (vertex, arrival_s, departure_s)"),
+            ([[(0, 0, math.nan)]], "which is no (vertex, arrival_s, departure_s)"),
+        ]:
+            with self.subTest(message=message):
+                (answer,) = self.planned(lambda *_: plan)
+                self.assertEqual(answer["result"]["status"], "internal-error")
+                self.assertIn(message, answer["result"]["message"])
+
+    def test_failed_plans(self):
+        class Wait(fleetyard.FailPolicy):
+            capabilities = ("roadmap",)
+
+            def recover(self, instance, failed_plan, budget, context):
+                context.log(repr(failed_plan))
+                return [[(start, 0, 0)] for start in instance.starts]
+
+        prepare = request(2, "prepare", environment=ROADMAP, budget=BUDGET)
+        for failed, seen in [
+            ({"visits": [[[0, 0, 1], [-4, 2, 2]]]},
+             "[[Visit(vertex=0, arrival_s=0.0, departure_s=1.0), "
+             "Visit(vertex=-1, arrival_s=2.0, departure_s=2.0)]]"),
+            ({"paths": ["E"]}, None),
+        ]:
+            call = request(
+                3, "recover", instance=self.INSTANCE, budget=BUDGET, failed_plan=failed
+            )
+            answers, _ = converse([Wait], create("fail-policy", "wait"), prepare, call)
+            if seen:
+                self.assertEqual(answers[2]["params"]["text"], seen)
+                self.assertEqual(answers[3]["result"]["visits"], [[[0, 0, 0]]])
+            else:
+                message = "a plan of another form than `visits`, which this map takes"
+                self.assertIn(message, answers[2]["error"]["message"])
+
+
+class Planes(unittest.TestCase):
+    INSTANCE = {
+        "motion": "dynamics",
+        "robots": [
+            {
+                "name": "cart",
+                "dynamics": "fleetyard.unicycle/1",
+                "footprint": {"radius_m": 0.3},
+                "has_heading": True,
+                "polar_state": False,
+                "state_limits": [[None, None], [None, 4], [None, None]],
+                "control_limits": [[-0.5, 0.5], [-1, 1]],
+            }
+        ],
+        "start_states": [[1, 1, 0]],
+        "goal_states": [[[9, 1, None]]],
+        "goal_tolerance_m": 0.1,
+    }
+    CAPABILITIES = ("continuous", "dynamics")
+
+    def planned(self, plan, **more):
+        instance = dict(self.INSTANCE, **more)
+        return planned_on(WORKSPACE, instance, plan, self.CAPABILITIES)
+
+    def test_the_input(self):
+        def plan(self, instance, budget, context):
+            assert self.workspace.obstacles == [[(4, 0), (5, 0), (5, 2), (4, 2)]]
+            (mover,) = self.workspace.movers
+            poses = [mover.pose(time) for time in (0, 2, 3, 9)]
+            assert poses == [(1, 1, 0), (3, 1, 0.5), (6, 1, 1), (6, 1, 1)], poses
+            robot = instance.robot(0)
+            assert robot.state_limits[1] == (-math.inf, 4) and robot.has_heading
+            assert robot.control_limits == ((-0.5, 0.5), (-1, 1)) and not robot.polar_control
+            assert instance.agents == 1 and instance.start_states == [[1, 1, 0]]
+            assert math.isnan(instance.goal_states[0][0][2])
+            raise fleetyard.GaveUp("seen")
+
+        (answer,) = self.planned(plan)
+        self.assertEqual(answer["result"], {"status": "gave-up", "message": "seen"})
+
+    def test_instances_that_are_not_whole(self):
+        other = dict(self.INSTANCE["robots"][0], dynamics="org.example.boat/2")
+        for more, status, message in [
+            ({"start_states": [[1, 1]]}, "invalid-input",
+             "agent 0 has a state of 2 numbers, but its robot has 3"),
+            ({"start_states": [[1, 1, None]]}, "invalid-input", "agent 0 has no start"),
+            ({"robots": []}, "invalid-input", "without a model of robots"),
+            ({"goal_states": []}, "invalid-input", "1 starts but 0 goal lists"),
+            ({"robots": [other]}, "unsupported", "the feature `dynamics:org.example.boat/2`"),
+            ({"goal_states": [[]]}, "unsupported", "the capability `idle`"),
+        ]:
+            with self.subTest(message=message):
+                (answer,) = self.planned(lambda *_: None, **more)
+                self.assertEqual(answer["result"]["status"], status)
+                self.assertIn(message, answer["result"]["message"])
+
+    def test_plans(self):
+        knots = [[(0, 1, 1, 0.5), fleetyard.Knot(1, 2, 1), [2, 3, 1, None]]]
+        (answer,) = self.planned(lambda *_: knots)
+        wire = [[[0, 1, 1, 0.5], [1, 2, 1], [2, 3, 1]]]
+        self.assertEqual(answer["result"], {"status": "solved", "trajectories": wire})
+        (answer,) = self.planned(lambda *_: [[(0, 1)]])
+        self.assertIn("is no (time_s, x_m, y_m) with or", answer["result"]["message"])
+
+
+class Policies(unittest.TestCase):
+    def plan(self, act, **more):
+        """The messages of a step policy on the grid."""
+
+        class Test(fleetyard.StepPolicy):
+            capabilities = ("grid", "pebble", "windowed", "idle", "duplicate-goals")
+            most_steps = 9
+
+        Test.act = act
+        Test.__abstractmethods__ = frozenset()
+        call = request(3, "plan", instance=dict(INSTANCE, **more), budget=BUDGET)
+        answers, _ = converse([Test], create(), PREPARE, call)
+        return answers[2]["result"]
+
+    def test_moves_become_a_plan(self):
+        seen = []
+
+        def act(self, observations):
+            assert self.budget.seed == 0 and not self.context.cancelled()
+            seen.append(observations)
+            return "EE" if observations[0].time == 0 else ".."
+
+        self.assertEqual(self.plan(act), {"status": "solved", "paths": ["E", "E"]})
+        self.assertEqual(seen, [[(0, 0, 0, 1), (1, 0, 4, 5)]])
+
+    def test_goals_are_visited_in_order_and_who_has_none_waits(self):
+        seen = []
+
+        def act(self, observations):
+            seen.append([observation.goal for observation in observations])
+            return ["E" if observations[0].time == 0 else "W", "."]
+
+        result = self.plan(act, goals=[[1, 0], []])
+        self.assertEqual(result, {"status": "solved", "paths": ["EW", ".."]})
+        self.assertEqual(seen, [[1, None], [0, None]])
+
+    def test_what_would_collide_waits(self):
+        # Off the map; both into one cell; one behind the other; into a wall and into one who
+        # waits for it; to the goal.
+        moves = iter(["N.", "EN", "SE", "EN", "N."])
+        result = self.plan(lambda self, observations: next(moves))
+        self.assertEqual(result, {"status": "solved", "paths": [".ES.N", "..E.."]})
+
+    def test_what_is_no_answer(self):
+        for moves, message in [
+            (".", "`act` returned 1 moves, but there are 2 agents"),
+            (".x", "`act` returned 'x' for agent 1, which is no move"),
+            (["."] * 2, "gave-up"),
+        ]:
+            result = self.plan(lambda self, observations: moves)
+            self.assertIn(message, (result["status"], result["message"])[message != "gave-up"])
+        self.assertEqual(result["message"], "not everybody is at the last goal after 9 steps")
+
+    def test_a_window_ends_a_plan(self):
+        result = self.plan(lambda self, observations: "..", window_steps=2)
+        self.assertEqual(result, {"status": "solved", "paths": ["..", ".."]})
+
+    def test_settling(self):
+        grid = fleetyard.Grid.from_rows(["...", "..."])
+        eight = fleetyard.Grid.from_rows(["...", "..."], connectivity=8)
+        for on, at, wishes, options, steps in [
+            (grid, [0, 1], [1, 0], {}, [0, 1]),  # an exchange
+            (grid, [0, 1], [1, 2], {}, [1, 2]),  # one behind the other
+            (grid, [0, 1], [1, 1], {}, [0, 1]),  # into one who stands
+            (grid, [0, 2], [1, 1], {}, [1, 2]),  # both into one cell
+            (grid, [0, 1, 5], [1, 2, 2], {}, [1, 2, 5]),
+            (grid, [0, 1, 5, 2], [1, 2, 2, 2], {}, [0, 1, 5, 2]),  # all wait behind one
+            (grid, [0], [4], {}, [0]),  # no move
+            (grid, [0, 1, 4, 3], [1, 4, 3, 0], {}, [0, 1, 4, 3]),  # a ring
+            (grid, [0, 1, 4, 3], [1, 4, 3, 0], {"allows_cycles": True}, [1, 4, 3, 0]),
+            (grid, [0, 1], [1, 4], {}, [1, 4]),  # round a corner
+            (grid, [0, 1], [1, 4], {"strict": True}, [0, 4]),
+            (eight, [0, 1], [4, 3], {}, [0, 3]),  # two diagonals cross
+            (eight, [0, 4], [4, 3], {}, [0, 3]),  # out of the way, but past its corner
+            (eight, [0, 4], [4, 5], {}, [4, 5]),
+        ]:
+            with self.subTest(at=at, wishes=wishes, options=options):
+                found = fleetyard.settle(on, at, wishes, **options)
+                self.assertEqual(found, steps)
+
+
 class Grids(unittest.TestCase):
     def test_helpers(self):
         grid = fleetyard.Grid.from_rows(["..@", "...", "@@."])
@@ -548,6 +956,14 @@ class Grids(unittest.TestCase):
         eight = fleetyard.Grid.from_rows(["..@", "...", "@@."], connectivity=8)
         # 4 to 8 would cut the corner at 7, and 4 to 2 is blocked.
         self.assertEqual(sorted(eight.neighbors(4)), [0, 1, 3, 5])
+
+    def test_streets_of_one_way(self):
+        # Round clockwise: 0, 1, 4, 3.
+        grid = fleetyard.Grid.from_rows(["..@", "..."], moves=bytes([2, 4, 0, 1, 8, 0]))
+        self.assertEqual([grid.neighbors(cell) for cell in range(6)],
+                         [(1,), (4,), (), (0,), (3,), ()])
+        self.assertEqual(grid.distances(0), [0, 3, -1, 1, 2, -1])
+        self.assertEqual(grid.needs(), ["grid", "move-mask"])
 
 
 SCRIPT = """
