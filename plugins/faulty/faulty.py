@@ -353,7 +353,7 @@ def main():
                 time.sleep(1)  # so that the thread has its time
         else:
             if method == "prepare":
-                grid = params["environment"]
+                grid = params["environment"]["grid"]
             failed = {"status": "internal-error", "message": "failed as asked"}
             result = failed if fault == "fails" else {"status": "solved"}
         answer = {"jsonrpc": "2.0", "id": request, "result": result}

@@ -122,11 +122,11 @@ class FailPolicy(Faulty, fleetyard.FailPolicy):
     capabilities = CAPABILITIES
     options_schema = schema("crash", "late", "fails", "collide", "no-paths")
 
-    def recover(self, instance, failed_paths, budget, context):
+    def recover(self, instance, failed_plan, budget, context):
         fault = self.fault()
         if fault == "collide":
             return self.collide(instance)
-        if fault == "no-paths" and failed_paths is None:
+        if fault == "no-paths" and failed_plan is None:
             raise fleetyard.GaveUp("there are no failed paths")
         return self.walk(instance)
 
@@ -136,26 +136,26 @@ class Generator(Faulty, fleetyard.InstanceGenerator):
     description = "An instance generator that fails as asked."
     capabilities = CAPABILITIES
     options_schema = schema(
-        "crash", "fails", "blocked", "duplicate", "missing", "moves-starts", "invents-tasks"
+        "crash", "fails", "blocked", "duplicate", "missing", "longer-window", "invents-tasks"
     )
 
     def generate(self, state, budget, context):
         fault = self.fault()
-        goals = [list(own) for own in state.goals]
+        goals = [list(own) for own in state.next.goals]
         if fault == "blocked":
             goals[1] = [next(c for c, free in enumerate(self.grid.passable) if not free)]
         if fault == "duplicate":
             goals = [[goals[0][0]] for _ in goals]
         if fault == "missing":
             goals.pop()
-        instance = state.instance(goals)
+        request = state.request(goals)
         if fault == "duplicate":
-            instance.window_steps = 0
-        if fault == "moves-starts":
-            instance.starts = list(reversed(instance.starts))
+            request.window_steps = 0
+        if fault == "longer-window":
+            request.window_steps += 1
         if fault == "invents-tasks":
-            instance.assignments = [fleetyard.Assignment(0, 12345)]
-        return instance
+            request.assignments = [fleetyard.Assignment(0, 12345)]
+        return request
 
 
 class InvocationPolicy(Faulty, fleetyard.InvocationPolicy):

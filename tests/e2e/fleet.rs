@@ -290,7 +290,7 @@ fn what_a_generator_may_not_ask_for_is_not_asked() {
         ("fails", "generator-fault", "failed as asked"),
         ("missing", "generator-fault", "goal lists"),
         ("blocked", "invalid-instance", "which is blocked"),
-        ("moves-starts", "invalid-instance", "other `starts`"),
+        ("longer-window", "invalid-instance", "longer than"),
         ("invents-tasks", "invalid-instance", "task 12345"),
     ];
     each(rows, |(fault, kind, words)| {

@@ -24,23 +24,22 @@ class Follow(fleetyard.FailPolicy):
     description = "Follows the paths of the failed plan and waits where they collide."
     capabilities = ("grid", "pebble", "windowed", "duplicate-goals", "deterministic")
 
-    def recover(self, instance, failed_paths, budget, context):
+    def recover(self, instance, failed_plan, budget, context):
         starts = list(instance.starts)
         if len(set(starts)) < len(starts) or not all(map(self.grid.is_free, starts)):
             raise fleetyard.InvalidInput("somebody starts on an obstacle or another agent")
         # What is left of each path; one that does not begin at the start is worth nothing.
         left = [
             path[:0:-1] if path and path[0] == start else []
-            for path, start in zip(failed_paths or [[]] * len(starts), starts)
+            for path, start in zip(failed_plan or [[]] * len(starts), starts)
         ]
         paths = [[start] for start in starts]
         while any(left) and not context.cancelled():  # what there is then is a plan as well
             at = [path[-1] for path in paths]
-            wishes = [
-                rest[-1] if rest and rest[-1] in self.grid.neighbors(here) else here
-                for rest, here in zip(left, at)
-            ]
-            steps = self.settle(at, wishes, instance.allows_cycles)
+            wishes = [rest[-1] if rest else here for rest, here in zip(left, at)]
+            steps = fleetyard.settle(
+                self.grid, at, wishes, instance.allows_cycles, instance.strict
+            )
             if steps == at and not any(rest and rest[-1] == here for rest, here in zip(left, at)):
                 break  # nobody will ever move again
             for path, rest, step in zip(paths, left, steps):
@@ -48,31 +47,6 @@ class Follow(fleetyard.FailPolicy):
                 if rest and rest[-1] == step:
                     rest.pop()
         return paths
-
-    def settle(self, at, wishes, rings):
-        """Agents that get their wish: all but those that would collide, and those behind them."""
-        steps = list(wishes)
-        standing = {here: agent for agent, here in enumerate(at)}
-        while True:
-            taken = {cell: agent for agent, cell in enumerate(at) if steps[agent] == cell}
-            before = list(steps)
-            for agent, cell in enumerate(steps):
-                other = standing.get(cell, agent)
-                swap = other != agent and steps[other] == at[agent]
-                if swap or taken.setdefault(cell, agent) != agent:
-                    steps[agent] = at[agent]
-            if steps == before and not rings:
-                for agent in range(len(at)):
-                    ahead = agent
-                    for _ in at:  # along those who follow one another
-                        if steps[ahead] == at[ahead] or steps[ahead] not in standing:
-                            break
-                        ahead = standing[steps[ahead]]
-                        if ahead == agent:
-                            steps[agent] = at[agent]
-                            break
-            if steps == before:
-                return steps
 
 
 if __name__ == "__main__":

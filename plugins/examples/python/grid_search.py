@@ -31,9 +31,6 @@ class GridSearch(fleetyard.Planner):
     capabilities = ("grid", "pebble", "deterministic")
 
     def prepare(self, grid, budget, context):
-        super().prepare(grid, budget, context)
-        if grid.connectivity != 4:
-            raise fleetyard.Unsupported("only grids with four neighbours are supported")
         self.around = [self.near(cell) for cell in range(grid.rows * grid.cols)]
 
     def near(self, cell):
@@ -45,8 +42,6 @@ class GridSearch(fleetyard.Planner):
             raise fleetyard.Unsupported(
                 f"this planner plans for one agent, the instance has {instance.agents}"
             )
-        if instance.motion != "pebble" or instance.window_steps or len(instance.goals[0]) != 1:
-            raise fleetyard.Unsupported("only complete plans with one goal are supported")
         start, goal = instance.starts[0], instance.goal(0)
         for what, cell in (("start", start), ("goal", goal)):
             if not self.grid.is_free(cell):

@@ -17,7 +17,7 @@ class NearestTask(fleetyard.InstanceGenerator):
     name = "Nearest task (Python example)"
     version = "0.1.0"
     license = "MIT OR Apache-2.0"
-    description = "Gives every idle agent the task whose first cell is nearest."
+    description = "Gives every idle agent the task whose first place is nearest."
     capabilities = (
         "grid",
         "eight-connected",
@@ -29,23 +29,21 @@ class NearestTask(fleetyard.InstanceGenerator):
     )
 
     def generate(self, state, budget, context):
-        tasks = [task for task in state.tasks if task.cells]
+        tasks = [task for task in state.tasks if task.places]
         goals = []
         given = []
-        for agent, (here, open_goals) in enumerate(zip(state.cells, state.goals)):
+        for agent, (here, open_goals) in enumerate(zip(state.next.starts, state.next.goals)):
             if not open_goals and tasks:
                 context.check()
                 distance = self.grid.distances(here)
-                reachable = [t for t in tasks if all(distance[cell] >= 0 for cell in t.cells)]
+                reachable = [t for t in tasks if all(distance[cell] >= 0 for cell in t.places)]
                 if reachable:
-                    nearest = min(reachable, key=lambda task: distance[task.cells[0]])
+                    nearest = min(reachable, key=lambda task: distance[task.places[0]])
                     tasks.remove(nearest)
-                    open_goals = nearest.cells
+                    open_goals = nearest.places
                     given.append(fleetyard.Assignment(agent, nearest.id))
             goals.append(open_goals or [here])
-        instance = state.instance(goals)
-        instance.assignments = given
-        return instance
+        return state.request(goals, given)
 
 
 if __name__ == "__main__":

@@ -44,8 +44,6 @@ class Pibt(fleetyard.Planner):
 
     def plan(self, instance, budget, context):
         goals = [instance.goal(agent) for agent in range(instance.agents)]
-        if len(set(goals)) < len(goals) or any(len(each) != 1 for each in instance.goals):
-            raise fleetyard.Unsupported("every agent needs one goal of its own")
         if len(set(instance.starts)) < len(instance.starts):
             raise fleetyard.InvalidInput("two agents start in the same cell")
         distances = []

@@ -32,8 +32,8 @@ def plan(grid, instance, budget):
     for _ in range(len(waiting) ** 2 + 1):  # who finds no way now may find one later
         if not waiting:
             return {"status": "solved", "paths": paths}
-        if time.monotonic_ns() > budget["deadline_monotonic_ns"]:
-            return {"status": "timed-out"}  # or the host would kill this process
+        if time.monotonic_ns() > budget["answer_by_ns"]:
+            return {"status": "timed-out"}  # later, the host may kill this process
         agent, goal = waiting.pop(0)
         standing = {path[-1] for path in paths} - {paths[agent][-1]}
         path = steps(grid, paths[agent][-1], goal, standing)[1:]
@@ -52,7 +52,8 @@ for line in sys.stdin:
         about["capabilities"] = ["grid", "pebble"]
         answer["result"] = {"protocol_version": 1, "plugins": [about]}
     elif message["method"] == "prepare":
-        grid, answer["result"] = params["environment"], {"status": "solved"}
+        # Only what `capabilities` has comes: "roadmap" or "workspace" would be the map else.
+        grid, answer["result"] = params["environment"]["grid"], {"status": "solved"}
     elif message["method"] == "plan":
         answer["result"] = plan(grid, params["instance"], params["budget"])
     elif message["method"] == "exit":

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Follows the planner's failed paths for as long as nobody collides, and then waits.
+"""Follows the planner's failed plan for as long as nobody collides, and then waits.
 
 So the fleet goes on a little, and the next call of the planner is another question.
 Put your own algorithm into `recover`.
@@ -9,7 +9,7 @@ import fleetyard
 
 
 class ExamplePlugin(fleetyard.FailPolicy):
-    """Keeps what is free of collisions at the beginning of the failed paths."""
+    """Keeps what is free of collisions at the beginning of the failed plan."""
 
     id = "example-plugin"
     version = "0.1.0"
@@ -29,13 +29,13 @@ class ExamplePlugin(fleetyard.FailPolicy):
         },
     }
 
-    def recover(self, instance, failed_paths, budget, context):
+    def recover(self, instance, failed_plan, budget, context):
         paths = [[start] for start in instance.starts]
-        failed_paths = failed_paths or paths  # the planner may have left nothing
+        failed_plan = failed_plan or paths  # the planner may have left nothing
         for time in range(1, self.options["steps"] + 1):
             context.check()  # ends the call when its time is up
             now = [path[-1] for path in paths]
-            after = [path[min(time, len(path) - 1)] for path in failed_paths]
+            after = [path[min(time, len(path) - 1)] for path in failed_plan]
             if not self.is_safe(now, after):
                 break
             for path, cell in zip(paths, after):

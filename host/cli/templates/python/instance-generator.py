@@ -30,29 +30,28 @@ class ExamplePlugin(fleetyard.InstanceGenerator):
 
     def generate(self, state, budget, context):
         # What agents have to do they keep.
-        goals = [list(open_goals) for open_goals in state.goals]
+        goals = [list(open_goals) for open_goals in state.next.goals]
+        cells = state.next.starts
         idle = [agent for agent, open_goals in enumerate(goals) if not open_goals]
         # Two agents cannot end in the same cell.
         ends = {open_goals[-1] for open_goals in goals if open_goals}
-        # The host appends the cells of these tasks to the goals of their agents.
+        # The host appends the places of these tasks to the goals of their agents.
         given = []
         for task in state.tasks[: self.options["most_tasks"]]:
             context.check()  # ends the call when its time is up
-            distance = self.grid.distances(task.cells[0])
-            able = [agent for agent in idle if distance[state.cells[agent]] >= 0]
-            reachable = all(distance[cell] >= 0 for cell in task.cells)
-            if able and reachable and task.cells[-1] not in ends:
-                nearest = min(able, key=lambda agent: distance[state.cells[agent]])
-                goals[nearest] = list(task.cells)
+            distance = self.grid.distances(task.places[0])
+            able = [agent for agent in idle if distance[cells[agent]] >= 0]
+            reachable = all(distance[cell] >= 0 for cell in task.places)
+            if able and reachable and task.places[-1] not in ends:
+                nearest = min(able, key=lambda agent: distance[cells[agent]])
+                goals[nearest] = list(task.places)
                 given.append(fleetyard.Assignment(nearest, task.id))
-                ends.add(task.cells[-1])
+                ends.add(task.places[-1])
                 idle.remove(nearest)
         for agent in idle:
-            goals[agent] = [self.place_to_wait(state.cells[agent], ends)]
+            goals[agent] = [self.place_to_wait(cells[agent], ends)]
             ends.add(goals[agent][-1])
-        instance = state.instance(goals)
-        instance.assignments = given
-        return instance
+        return state.request(goals, given)
 
     def place_to_wait(self, cell, ends):
         """The nearest cell where nobody ends: most often where the agent is."""

@@ -11,14 +11,13 @@ import example_plugin
 import fleetyard
 
 
-def recover(row, failed_paths, **options):
+def recover(row, failed_plan, **options):
     """What the policy answers, without a host."""
     policy = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     policy.grid = fleetyard.Grid.from_rows([row])
     starts = [0, len(row) - 1]
     instance = fleetyard.Instance(starts, [[goal] for goal in reversed(starts)])
-    budget = fleetyard.Budget(deadline_monotonic_ns=2**63, wall_ns=10**9)
-    return policy.recover(instance, failed_paths, budget, Mock())
+    return policy.recover(instance, failed_plan, fleetyard.Budget.lasting(10), Mock())
 
 
 class Recovers(unittest.TestCase):

@@ -16,9 +16,8 @@ def generate(row, cells, goals, tasks, **options):
     generator = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     generator.grid = fleetyard.Grid.from_rows([row])
     tasks = [fleetyard.Task(number, task) for number, task in enumerate(tasks)]
-    state = fleetyard.FleetState(0.0, cells, goals, tasks)
-    budget = fleetyard.Budget(deadline_monotonic_ns=2**63, wall_ns=10**9)
-    return generator.generate(state, budget, Mock()).goals
+    state = fleetyard.FleetState(0.0, fleetyard.Instance(cells, goals), tasks)
+    return generator.generate(state, fleetyard.Budget.lasting(10), Mock()).goals
 
 
 class Generates(unittest.TestCase):

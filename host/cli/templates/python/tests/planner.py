@@ -16,8 +16,7 @@ def plan(rows, starts, goals, **options):
     planner = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     planner.grid = fleetyard.Grid.from_rows(rows)
     instance = fleetyard.Instance(starts, [[goal] for goal in goals])
-    budget = fleetyard.Budget(deadline_monotonic_ns=2**63, wall_ns=10**9, seed=1)
-    return planner.plan(instance, budget, Mock())
+    return planner.plan(instance, fleetyard.Budget.lasting(10, seed=1), Mock())
 
 
 class Plans(unittest.TestCase):
