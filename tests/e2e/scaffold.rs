@@ -146,6 +146,24 @@ fn a_python_plugin_and_its_test_go_by_the_plugins_name() {
 }
 
 #[test]
+fn python_planners_for_roadmaps_and_the_plane() {
+    if !have_all(&["python3"]) {
+        return;
+    }
+    let yard = Yard::new();
+    for on in ["roadmap", "continuous"] {
+        let line = format!("plugins new my-{on} --lang python --representation {on}");
+        let written = yard.line(&line).expect(SUCCESS);
+        assert!(!written.stdout.contains("fleetyard run"), "{written}");
+        let ran = yard.shell(&format!("python3 -m unittest discover my-{on}/tests"));
+        let ran = ran.expect(SUCCESS);
+        assert!(!ran.stderr.contains("Ran 0 tests"), "{ran}");
+        let info = yard.line(&format!("plugins info my-{on}/my_{on}.py"));
+        assert!(info.expect(SUCCESS).stdout.contains(on));
+    }
+}
+
+#[test]
 fn command() {
     if have_all(&["python3"]) {
         works("command", "planner", |_| ());
@@ -244,6 +262,11 @@ fn bad_requests_are_refused_and_leave_nothing() {
         "--lang command --kind fail-policy x",
         USAGE,
         ["can be a planner, but no fail-policy", "--lang python"],
+    );
+    refused(
+        "--lang c --representation roadmap x",
+        USAGE,
+        ["planners in Python", "--lang python"],
     );
     refused("--lang cobol x", USAGE, ["cobol", "python"]);
     refused("--lang c --kind robot x", USAGE, ["robot", "fail-policy"]);

@@ -49,7 +49,6 @@ public final class OneByOne {
       if (line.isEmpty()) {
         return; // the end of the input, or `exit`
       }
-      long received = System.nanoTime();
       Object id = null;
       try {
         Json request = new Json(Json.parse(line));
@@ -68,7 +67,7 @@ public final class OneByOne {
             if (grid == null) {
               throw new Failure("invalid-input", "`plan` came before a successful `prepare`");
             }
-            answer(id, new Search(grid, params, request.get("id").whole(), received).plan());
+            answer(id, new Search(grid, params, request.get("id").whole()).plan());
           }
           case "shutdown" -> answer(id, null);
           default -> refuse(id, -32601, "there is no such method");
@@ -97,6 +96,19 @@ public final class OneByOne {
               "Plans agents one after the other by A* in space and time around the paths of those "
                   + "before (Silver 2005).",
           "capabilities", List.of("grid", "pebble", "deterministic"));
+
+  /** Refuses data that must be understood: this planner knows none. */
+  private static void critical(Json input) {
+    if (input.map().get("parts") == null) {
+      return;
+    }
+    for (Object part : input.get("parts").list()) {
+      if (Boolean.TRUE.equals(new Json(part).map().get("critical"))) {
+        String id = new Json(part).get("id").text();
+        throw new Failure("unsupported", "the critical part `" + id + "` is unknown");
+      }
+    }
+  }
 
   private static Map<String, Object> create(Json params) {
     Object options = params.map().get("options");
@@ -175,15 +187,19 @@ public final class OneByOne {
     final boolean[] free;
 
     Grid(Json environment) {
-      if (!environment.get("representation").text().equals("grid")
-          || environment.get("connectivity").whole() != 4) {
-        throw new Failure("unsupported", "this planner knows grids with 4 neighbours only");
+      critical(environment);
+      if (!environment.get("representation").text().equals("grid")) {
+        throw new Failure("unsupported", "this planner knows grids only");
       }
-      int rows = (int) environment.get("rows").whole();
-      int cols = (int) environment.get("cols").whole();
+      Json grid = environment.get("grid");
+      if (grid.get("connectivity").whole() != 4 || grid.map().containsKey("moves")) {
+        throw new Failure("unsupported", "this planner knows 4 neighbours and no one-way moves");
+      }
+      int rows = (int) grid.get("rows").whole();
+      int cols = (int) grid.get("cols").whole();
       free = new boolean[rows * cols];
       neighbours = new int[rows * cols][];
-      List<?> lines = environment.get("passable").list();
+      List<?> lines = grid.get("passable").list();
       for (int cell = 0; cell < free.length; cell++) {
         free[cell] = ((String) lines.get(cell / cols)).charAt(cell % cols) == '.';
       }
@@ -243,14 +259,14 @@ public final class OneByOne {
     private final int[] lastUse;
     private int horizon;
 
-    Search(Grid grid, Json params, long request, long received) {
+    Search(Grid grid, Json params, long request) {
       this.grid = grid;
       this.request = request;
       Json instance = params.get("instance");
       Json budget = params.get("budget");
-      // Early enough for the answer to arrive.
-      long wall = budget.get("wall_ns").whole();
-      stop = received + wall - Math.min(Math.max(wall / 20, 2_000_000), 100_000_000);
+      critical(instance);
+      // On Linux `nanoTime` is the clock of the budget, `CLOCK_MONOTONIC`.
+      stop = budget.get("answer_by_ns").whole();
       nodes = budget.map().containsKey("nodes") ? budget.get("nodes").whole() : 0;
       random = new Random(budget.map().containsKey("seed") ? budget.get("seed").whole() : 0);
       starts = instance.get("starts").cells();
@@ -268,7 +284,7 @@ public final class OneByOne {
       for (int agent = 0; agent < starts.length; agent++) {
         int[] own = new Json(lists.get(agent)).cells();
         if (own.length != 1) {
-          throw new Failure("unsupported", "agent " + agent + " has more than one goal");
+          throw new Failure("unsupported", "agent " + agent + " has not exactly one goal");
         }
         goals[agent] = own[0];
         if (!grid.free[starts[agent]] || !grid.free[goals[agent]] || !seen.add(starts[agent])) {
@@ -588,10 +604,10 @@ public final class OneByOne {
         }
       }
 
-      /** Whole numbers up to 2^64 as a long, which wraps around as the seed may; others not. */
+      /** Whole numbers as a long, for the protocol has none from 2^53 on; others not. */
       private static Object number(String word) {
         try {
-          return word.startsWith("-") ? Long.parseLong(word) : Long.parseUnsignedLong(word);
+          return Long.parseLong(word);
         } catch (NumberFormatException error) {
           return Double.parseDouble(word);
         }

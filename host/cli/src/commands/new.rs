@@ -29,6 +29,9 @@ pub(crate) struct New {
     /// Its kind
     #[arg(long, value_parser = word::<Kind>(), default_value_t = Kind::Planner)]
     kind: Kind,
+    /// Maps that it plans on; planners in Python alone know others than grids
+    #[arg(long, value_enum, default_value_t = Representation::Grid)]
+    representation: Representation,
     /// Folder in which the plugin's folder is made
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     out: PathBuf,
@@ -47,6 +50,17 @@ enum Lang {
     Python,
     /// A manifest for a program that reads MovingAI files and writes paths
     Command,
+}
+
+/// The maps of a new plugin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Representation {
+    /// Cells, unit time steps
+    Grid,
+    /// A graph embedded in the plane, continuous time
+    Roadmap,
+    /// The plane itself, continuous time
+    Continuous,
 }
 
 /// The text of a file of `templates/`.
@@ -89,7 +103,8 @@ const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
     "figures.rs" "layout.rs" "lib.rs" "lists.rs" "model.rs" "moves.rs" "object.rs" "paths.rs" "paths/reader.rs" "plan.rs" "sdk.rs" "serve.rs" "wire.rs");
 
 const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
-    "__init__.py" "_model.py" "_paths.py" "_plugins.py" "_server.py" "py.typed");
+    "__init__.py" "_failures.py" "_maps.py" "_model.py" "_numbers.py" "_paths.py" "_plans.py" "_plugins.py"
+    "_server.py" "_steps.py" "py.typed");
 
 /// Description of the files of an SDK.
 const SDK: &str = "the SDK";
@@ -128,14 +143,22 @@ pub(crate) fn new(arguments: &New) -> Result<Exit> {
         name,
         lang,
         kind,
+        representation,
         out,
     } = arguments;
-    let scaffold = scaffold(*lang, *kind, &Name::new(name, *lang)?)?;
+    let (lang, kind, on) = (*lang, *kind, *representation);
+    if on != Representation::Grid && (lang, kind) != (Lang::Python, Kind::Planner) {
+        let reason = "maps other than grids are for planners in Python";
+        return Err(Failure::new(Exit::Usage, reason)
+            .hint("--lang python --kind planner, or leave out --representation"));
+    }
+    let scaffold = scaffold(lang, kind, on, &Name::new(name, lang)?)?;
     // What is below `.` needs no `./` in any of the commands.
     let folder = out.join(name);
     let folder = folder.strip_prefix(".").unwrap_or(&folder);
     write(&scaffold.files, out, folder)?;
-    output::print(&text(&scaffold, *kind, *lang, folder))?;
+    let runs = kind == Kind::Planner && on == Representation::Grid;
+    output::print(&text(&scaffold, kind, lang, runs, folder))?;
     Ok(Exit::Success)
 }
 
@@ -215,7 +238,7 @@ fn title(lang: Lang) -> &'static str {
 }
 
 /// The files to write, and the commands for their use; `{}` in commands stands for the folder.
-fn scaffold(lang: Lang, kind: Kind, name: &Name) -> Result<Scaffold> {
+fn scaffold(lang: Lang, kind: Kind, on: Representation, name: &Name) -> Result<Scaffold> {
     let mut files = Vec::new();
     let mut add = |path: &str, text: &str, about| {
         files.push(File {
@@ -261,8 +284,21 @@ fn scaffold(lang: Lang, kind: Kind, name: &Name) -> Result<Scaffold> {
             (Some("make -C {}"), "make -C {} check", "example_plugin.so")
         }
         Lang::Python => {
-            add("example_plugin.py", of_kind!(kind, "python/", ".py"), yours);
-            let test = of_kind!(kind, "python/tests/", ".py");
+            let (plugin, test) = match on {
+                Representation::Grid => (
+                    of_kind!(kind, "python/", ".py"),
+                    of_kind!(kind, "python/tests/", ".py"),
+                ),
+                Representation::Roadmap => (
+                    template!("python/planner-roadmap.py"),
+                    template!("python/tests/planner-roadmap.py"),
+                ),
+                Representation::Continuous => (
+                    template!("python/planner-continuous.py"),
+                    template!("python/tests/planner-continuous.py"),
+                ),
+            };
+            add("example_plugin.py", plugin, yours);
             add("tests/test_plugin.py", test, "its test");
             let test = "python3 -m unittest discover {}/tests";
             (None, test, "example_plugin.py")
@@ -348,8 +384,9 @@ fn write(files: &[File], out: &Path, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The files that were written, and the commands that come next.
-fn text(scaffold: &Scaffold, kind: Kind, lang: Lang, folder: &Path) -> String {
+/// The files that were written, and the commands that come next; `runs` says if one of them plans
+/// on a map.
+fn text(scaffold: &Scaffold, kind: Kind, lang: Lang, runs: bool, folder: &Path) -> String {
     const MAP: &str = "random-16-16-10";
     let what = match lang {
         Lang::Command => "from a command-line solver".to_owned(),
@@ -386,7 +423,7 @@ fn text(scaffold: &Scaffold, kind: Kind, lang: Lang, folder: &Path) -> String {
     );
     next.push(scaffold.test.replace("{}", &here));
     next.push(format!("fleetyard plugins check {plugin}"));
-    if kind == Kind::Planner {
+    if runs {
         next.push(
             "fleetyard maps generate random --rows 16 --cols 16 --obstacle-density 0.1 \
              --scenario-agents 20"
