@@ -121,6 +121,16 @@ class Grid:
             )
         return known
 
+    def move(self, here: int, there: int) -> str:
+        """The letter of a move between cells, one of ``.NESWnesw``."""
+        if here == there:
+            return "."
+        (row, col), (to_row, to_col) = self.position(here), self.position(there)
+        for letter, step in MOVES.items():
+            if step == (to_row - row, to_col - col):
+                return letter
+        raise ValueError(f"no move leads from cell {here} to {there}")
+
     def _plain(self, cell: int) -> int:
         """The mask of a cell when every move to a free neighbour is allowed."""
         if not self.passable[cell]:

@@ -951,8 +951,11 @@ class Grids(unittest.TestCase):
         self.assertEqual(grid.distances(8), [4, 3, -1, 3, 2, 1, -1, -1, 0])
         self.assertEqual(grid.free_cells(), [0, 1, 3, 4, 5, 8])
         self.assertFalse(grid.is_free(9))
+        self.assertEqual([grid.move(4, near) for near in (4, 1, 5, 7, 3)], list(".NESW"))
         with self.assertRaises(IndexError):
             grid.cell(3, 0)
+        with self.assertRaises(ValueError):
+            grid.move(2, 3)
         eight = fleetyard.Grid.from_rows(["..@", "...", "@@."], connectivity=8)
         # 4 to 8 would cut the corner at 7, and 4 to 2 is blocked.
         self.assertEqual(sorted(eight.neighbors(4)), [0, 1, 3, 5])
@@ -1039,6 +1042,17 @@ class Process(unittest.TestCase):
         self.assertEqual(answers[2]["result"], {"status": "solved", "paths": ["E.", ".E"]})
         self.assertEqual(answers[3], {"jsonrpc": "2.0", "id": 4, "result": None})
         self.assertEqual(process.returncode, 0)
+
+    def test_the_step_policy_of_the_readme(self):
+        readme = (ROOT / "README.md").read_text(encoding="utf-8")
+        pattern = r"<!-- test: step policy -->\n```python\n(.*?)```"
+        script = re.search(pattern, readme, re.S).group(1)
+        process = self.start(script, env=dict(os.environ, PYTHONPATH=str(ROOT)))
+        session = [create(plugin="greedy"), PREPARE, PLAN, '{"method":"exit"}', ""]
+        output, errors = process.communicate("\n".join(session).encode(), timeout=60)
+        answers = [read(line) for line in output.splitlines()]
+        self.assertEqual(errors, b"")
+        self.assertEqual(answers[2]["result"], {"status": "solved", "paths": ["E", "E"]})
 
     @unittest.skipUnless(hasattr(os, "openpty"), "needs pseudo-terminals")
     def test_started_from_a_terminal_it_explains_itself(self):
