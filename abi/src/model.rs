@@ -862,8 +862,8 @@ impl FleetState {
     }
 }
 
-/// The decision of an instance generator: the rest of the next instance is as
-/// [`FleetState::next`] has it.
+/// The decision of an instance generator: the rest of the next instance is as `next` of the state
+/// has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Request {
     /// The goals that the planner is asked to visit, for every agent, in order.

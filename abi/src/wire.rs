@@ -251,7 +251,7 @@ pub struct PlanParams<I = Instance> {
     pub budget: Budget,
 }
 
-/// A plan in one of its forms, still as text: [`crate::paths::PlanContext`] reads it.
+/// A plan in one of its forms, still as text; see [`crate::paths::PlanContext`].
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Plan")]
 pub struct PlanText<'a> {
