@@ -167,7 +167,7 @@ for line in sys.stdin:
     elif method == "create":
         claim = params["options"]["claim"]
     elif method == "prepare":
-        cols = params["environment"]["cols"]
+        cols = params["environment"]["grid"]["cols"]
     elif method == "plan":
         result = plan(params["instance"])
     elif method == "exit":
