@@ -111,7 +111,7 @@ def _is_id(value: Any) -> bool:
 
 
 _Asked = Tuple[Context, Callable[[], Any]]
-"""What a call for a plan needs, once it is read: its context, and the call itself."""
+"""A call for a plan, once it is read: its context, and the call itself."""
 
 
 class _Server:

@@ -182,7 +182,7 @@ impl From<TrialError> for Failure {
                 wanted: Some(_), ..
             } => Exit::Usage,
             TrialError::NoPlugin { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
-            TrialError::Incapable { .. } => Exit::NoPlan,
+            TrialError::Incapable { .. } | TrialError::Lacks { .. } => Exit::NoPlan,
         };
         Self {
             exit,

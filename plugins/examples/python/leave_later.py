@@ -136,7 +136,7 @@ def later(way, leave_s):
 
 
 def place(motion, time_s):
-    """Where one is at a time: at rest before the first and after the last moment."""
+    """The place of one at a time: at rest before the first and after the last moment."""
     for (from_s, start), (to_s, end) in zip(motion, motion[1:]):
         if from_s <= time_s < to_s:
             share = (time_s - from_s) / (to_s - from_s)

@@ -43,7 +43,7 @@ class ExamplePlugin(fleetyard.FailPolicy):
         return paths
 
     def is_safe(self, now, after):
-        """Whether all agents can go from their cells to these in one step."""
+        """True if all agents can go from their cells to these in one step."""
         moves = set(zip(now, after))
         return len(set(after)) == len(after) and all(
             here == there or (there in self.grid.neighbors(here) and (there, here) not in moves)

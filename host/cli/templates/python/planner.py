@@ -76,7 +76,7 @@ class ExamplePlugin(fleetyard.Planner):
 
 
 def positions(paths, time):
-    """Who is where at a time, by cell. After its last cell an agent stays there."""
+    """The agents at a time, by cell. After its last cell an agent stays there."""
     return {path[min(time, len(path) - 1)]: who for who, path in enumerate(paths)}
 
 

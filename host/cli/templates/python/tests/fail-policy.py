@@ -12,7 +12,7 @@ import fleetyard
 
 
 def recover(row, failed_plan, **options):
-    """What the policy answers, without a host."""
+    """The answer of the policy, without a host."""
     policy = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     policy.grid = fleetyard.Grid.from_rows([row])
     starts = [0, len(row) - 1]

@@ -12,7 +12,7 @@ import fleetyard
 
 
 def should_invoke(since_s, actions_left, **options):
-    """What the policy answers, without a host."""
+    """The answer of the policy, without a host."""
     status = fleetyard.FleetStatus(
         time_s=100.0,
         since_last_call_s=since_s,

@@ -26,7 +26,7 @@ WALL = [(4.0, 0.0), (6.0, 0.0), (6.0, 6.0), (4.0, 6.0)]
 
 
 def plan(starts, goals, robot=ROBOT, obstacles=(), movers=(), **options):
-    """What the planner answers, without a host."""
+    """The answer of the planner, without a host."""
     planner = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     planner.workspace = fleetyard.Workspace((0.0, 0.0), (10.0, 10.0), list(obstacles), list(movers))
     instance = fleetyard.Instance(
@@ -39,7 +39,7 @@ def plan(starts, goals, robot=ROBOT, obstacles=(), movers=(), **options):
 
 
 def place(knots, time_s):
-    """Where a robot is at a time."""
+    """The place of a robot at a time."""
     for one, two in zip(knots, knots[1:]):
         if one[0] <= time_s < two[0]:
             share = (time_s - one[0]) / (two[0] - one[0])

@@ -17,7 +17,7 @@ ENDS = [[1], [0, 2, 6], [1, 3], [2, 4], [3, 5], [4], [1]]
 
 
 def plan(points, edges, starts, goals, **options):
-    """What the planner answers, without a host, and the roadmap."""
+    """The answer of the planner, without a host, and the roadmap."""
     planner = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     planner.roadmap = fleetyard.Roadmap.straight(points, edges, 2.0, 1.0)
     instance = fleetyard.Instance(starts, [[goal] for goal in goals], motion="stop-go")
@@ -25,7 +25,7 @@ def plan(points, edges, starts, goals, **options):
 
 
 def place(roadmap, visits, time_s):
-    """Where an agent is at a time."""
+    """The place of an agent at a time."""
     for (one, _, leave_s), (two, there_s, _) in zip(visits, visits[1:]):
         if time_s <= leave_s:
             return roadmap.point(one)

@@ -12,7 +12,7 @@ import fleetyard
 
 
 def plan(rows, starts, goals, **options):
-    """What the planner answers, without a host."""
+    """The answer of the planner, without a host."""
     planner = example_plugin.ExamplePlugin(example_plugin.ExamplePlugin.complete(options))
     planner.grid = fleetyard.Grid.from_rows(rows)
     instance = fleetyard.Instance(starts, [[goal] for goal in goals])
