@@ -385,6 +385,11 @@ fn values() {
 }
 
 #[test]
+fn view() {
+    corpus_and_mutations("view", 40_000, 1 << 20);
+}
+
+#[test]
 fn wire() {
     corpus_and_mutations("wire", 20_000, 1 << 20);
 }

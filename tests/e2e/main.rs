@@ -23,4 +23,5 @@ mod scaffold;
 mod simulate;
 mod trace;
 mod tutorials;
+mod views;
 mod world;

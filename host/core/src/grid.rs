@@ -67,7 +67,7 @@ pub enum MovesError {
 }
 
 /// The distance that robots keep on a grid. Cells have the side 2r or more, for discs of radius r.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub enum Separation {
     /// That of the rules of MAPF in cells of side 2r, as published: on four neighbours a robot
     /// that follows another one round a corner comes as near as √2·r.

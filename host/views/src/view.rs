@@ -56,6 +56,15 @@ pub enum View {
 }
 
 impl ViewSpec {
+    /// The kind of the view.
+    pub fn representation(self) -> Representation {
+        match self {
+            Self::Grid(_) => Representation::Grid,
+            Self::Roadmap(_) => Representation::Roadmap,
+            Self::Continuous => Representation::Continuous,
+        }
+    }
+
     /// Derives the view from a task.
     pub fn derive(self, problem: &Problem) -> Result<View, InputError> {
         Ok(match self {

@@ -28,6 +28,7 @@ pub mod suite;
 pub mod task;
 pub mod trace;
 pub mod values;
+pub mod view;
 pub mod wire;
 pub mod world;
 
@@ -56,6 +57,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("task", task::run),
     ("trace", trace::run),
     ("values", values::run),
+    ("view", view::run),
     ("wire", wire::run),
     ("world", world::run),
 ];

@@ -12,11 +12,13 @@ use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, Format as FileFormat, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
 use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
-use fleetyard_sim::{Event, Plan, Policy, SimConfig, Simulator, TraceSink, TraceWriter};
+use fleetyard_sim::{Event, Fleet, Plan, Policy, SimConfig, Simulator, TraceSink, TraceWriter};
 use fleetyard_view::{Picture, World};
 use fleetyard_world::{Bounds, Workspace, load_workspace};
 use indicatif::ProgressBar;
+use serde::Serialize;
 
+use super::task::{Report, TaskArgs};
 use crate::args::{
     DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, file_format, picture as picture_file,
     word,
@@ -27,13 +29,15 @@ use crate::output;
 use crate::setup::{bodies, check_rule, robots, sim_config};
 
 /// Execute a plan in the simulator.
+///
+/// With --task a plan of any view is executed with the task's robots in the task's world.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     /// Map file: MovingAI, fleetyard.grid/1 or LSMART; plans on grids need one
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     /// Workspace with obstacles in continuous space, a fleetyard.world/1 file
-    #[arg(long = "world", value_name = "FILE")]
+    #[arg(long = "world", value_name = "FILE", conflicts_with = "task")]
     workspace: Option<PathBuf>,
     /// The plan, in any format that `fleetyard convert --list` lists
     plan: PathBuf,
@@ -44,6 +48,8 @@ pub(crate) struct Simulate {
     /// which the robot goes in straight lines, a cell a step
     #[arg(long, value_parser = word::<PathRule>(), default_value_t)]
     path_rule: PathRule,
+    #[command(flatten)]
+    task: TaskArgs,
     #[command(flatten)]
     world: WorldArgs,
     #[command(flatten)]
@@ -94,7 +100,7 @@ struct RobotArgs {
         long,
         help_heading = ROBOTS,
         value_name = "NAME",
-        conflicts_with = "fleet"
+        conflicts_with_all = ["fleet", "task"]
     )]
     model: Option<String>,
     /// Footprints, models and limits of all robots, a fleetyard.fleet/1 file
@@ -146,30 +152,78 @@ impl ConductArgs {
     }
 }
 
+/// A plan with the world and the robots that execute it.
+struct Scene {
+    grid: Option<Grid>,
+    workspace: Option<Workspace>,
+    fleet: Option<Fleet>,
+    roadmap: Option<Arc<Roadmap>>,
+    plan: AnyPlan,
+    /// The plan on a grid as straight lines, if it is meant so.
+    lines: Option<TrajectoryPlan>,
+    /// The verdicts on a plan of a task's view.
+    report: Option<Report>,
+}
+
+impl Scene {
+    fn load(arguments: &Simulate, config: &SimConfig) -> Result<Self> {
+        if let Some(task) = &arguments.task.task {
+            return Self::of_task(arguments, task, config.step_s);
+        }
+        let grid = arguments.map.as_deref().map(load_map).transpose()?;
+        let workspace = arguments.workspace.as_deref();
+        let workspace = workspace.map(load_workspace).transpose()?;
+        let (plan, roadmap) = load_plan(arguments, grid.as_ref())?;
+        let lines = along_lines(arguments, grid.as_ref(), &plan, config)?;
+        let asked = &arguments.robots;
+        let robots = robots(asked.fleet.as_deref(), asked.model.as_deref())?;
+        let fleet = bodies(&robots, plan_of(&plan).agents(), config)?;
+        Ok(Self {
+            grid,
+            workspace,
+            fleet,
+            roadmap,
+            plan,
+            lines,
+            report: None,
+        })
+    }
+
+    /// A plan of a view in the world of its task, by the task's robots.
+    fn of_task(arguments: &Simulate, task: &Path, step_s: f64) -> Result<Self> {
+        let (plan, format) = (&arguments.plan, arguments.from);
+        let judgement = arguments
+            .task
+            .judge(task, plan, format, step_s, DESCRIBED)?;
+        Ok(Self {
+            grid: None,
+            plan: AnyPlan::Trajectories(judgement.lifted(plan)?),
+            roadmap: judgement.roadmap(),
+            workspace: Some(judgement.problem.world),
+            fleet: Some(judgement.problem.fleet),
+            lines: None,
+            report: Some(judgement.report),
+        })
+    }
+}
+
+/// Violations of either judge that are described beside an execution.
+const DESCRIBED: usize = 100;
+
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
-    let grid = arguments.map.as_deref().map(load_map).transpose()?;
-    let workspace = arguments
-        .workspace
-        .as_deref()
-        .map(load_workspace)
-        .transpose()?;
-    let (plan, roadmap) = load_plan(arguments, grid.as_ref())?;
     let config = config(arguments);
-    let lines = along_lines(arguments, grid.as_ref(), &plan, &config)?;
-    let asked = &arguments.robots;
-    let robots = robots(asked.fleet.as_deref(), asked.model.as_deref())?;
-    let fleet = bodies(&robots, plan_of(&plan).agents(), &config)?;
+    let scene = Scene::load(arguments, &config)?;
     let mut simulator = Simulator::new(&config);
-    if let Some(grid) = &grid {
+    if let Some(grid) = &scene.grid {
         simulator = simulator.on_grid(grid);
     }
-    if let Some(workspace) = &workspace {
+    if let Some(workspace) = &scene.workspace {
         simulator = simulator.in_workspace(workspace);
     }
-    if let Some(fleet) = &fleet {
+    if let Some(fleet) = &scene.fleet {
         simulator = simulator.with_fleet(fleet);
     }
-    if let Some(roadmap) = &roadmap {
+    if let Some(roadmap) = &scene.roadmap {
         simulator = simulator.over_roadmap(roadmap);
     }
     let mut sinks = Sinks::create(
@@ -178,21 +232,25 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
         arguments.events.as_deref(),
         output::spinner("0 s simulated"),
     )?;
-    let executed = lines.as_ref().map_or(plan_of(&plan), Plan::Trajectories);
+    let lines = scene.lines.as_ref();
+    let executed = lines.map_or(plan_of(&scene.plan), Plan::Trajectories);
     let execution = execute(&simulator, executed, &mut sinks)?;
     sinks.finish()?;
     if let Some(path) = &arguments.picture {
         picture(
             path,
-            grid.as_ref(),
-            workspace.as_ref(),
-            (&plan, roadmap.as_deref()),
+            scene.grid.as_ref(),
+            scene.workspace.as_ref(),
+            (&scene.plan, scene.roadmap.as_deref()),
             config.cell_size_m,
         )?;
     }
     match arguments.format {
-        Format::Json => output::print_json(&execution)?,
-        Format::Text => output::print(&text(&execution))?,
+        Format::Json => output::print_json(&Told {
+            execution: &execution,
+            judged: scene.report.as_ref(),
+        })?,
+        Format::Text => output::print(&text(&execution, scene.report.as_ref()))?,
     }
     if execution.arrived < execution.agents && arguments.conduct.goes_on() {
         output::note(&format!(
@@ -210,6 +268,15 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     }
     output::error(&format!("the execution had {}", happened.join(" and ")));
     Ok(Exit::InvalidPlan)
+}
+
+/// An execution as programs read it.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    execution: &'a ExecutionInfo,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    judged: Option<&'a Report>,
 }
 
 /// Number of mishaps that the user forbids, in words, if there were any.
@@ -448,9 +515,12 @@ impl TraceSink for Sinks {
     }
 }
 
-fn text(execution: &ExecutionInfo) -> String {
+fn text(execution: &ExecutionInfo, report: Option<&Report>) -> String {
     let figures = &execution.figures;
     let mut out = String::new();
+    if let Some(report) = report {
+        let _ = writeln!(out, "plan              {}", report.summary());
+    }
     let (simulated, rtf) = (number(figures.simulated_s), number(figures.rtf));
     let wall = number(execution.wall_ms);
     // Writing to a string cannot fail.

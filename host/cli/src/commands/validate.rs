@@ -6,15 +6,17 @@ use std::sync::Arc;
 
 use clap::Args;
 use fleetyard_bench::number;
-use fleetyard_check::{PathRule, Verdict, metrics, validate_paths};
+use fleetyard_check::{PathRule, Terms, Verdict, metrics, validate_paths, validate_terms};
 use fleetyard_core::formats::{
     AnyPlan, Format as FileFormat, TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed,
 };
-use fleetyard_core::{Connectivity, Digest, InputError, load_map, load_scen};
+use fleetyard_core::{Digest, InputError, load_map, load_scen};
 use serde::Serialize;
 
+use super::task::TaskArgs;
 use super::validate_plane::{PlaneArgs, judge};
-use crate::args::{Format, connectivity, file_format, word};
+use super::verdict::{Unlisted, write_verdict};
+use crate::args::{Format, file_format, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::check_rule;
@@ -22,21 +24,21 @@ use crate::setup::check_rule;
 /// Say whether a plan is valid, and what it costs.
 ///
 /// A plan on a grid is judged by the rules of its instance. With --radius or --fleet a plan
-/// is judged in the plane, where footprints must not overlap at any time.
+/// is judged in the plane, where footprints must not overlap at any time. With --task a plan of
+/// any view is judged by the rules of its view and, in the task's world, by footprints.
 #[derive(Debug, Args)]
 pub(crate) struct Validate {
     /// Map file: MovingAI, fleetyard.grid/1 or LSMART
-    #[arg(long, value_name = "FILE", required_unless_present = "world")]
+    #[arg(long, value_name = "FILE", group = "cells",
+          required_unless_present_any = ["world", "task"])]
     map: Option<PathBuf>,
-    /// Neighbours of a cell: 4 or 8
-    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
-    connectivity: Connectivity,
     /// MovingAI scenario file, with starts and goals
     #[arg(
         long,
         value_name = "FILE",
         requires = "map",
-        required_unless_present = "robots"
+        conflicts_with = "task",
+        required_unless_present_any = ["robots", "task"]
     )]
     scen: Option<PathBuf>,
     /// Number of the scenario's entries to use, from the first
@@ -44,7 +46,7 @@ pub(crate) struct Validate {
         long,
         value_name = "N",
         requires = "scen",
-        required_unless_present = "robots"
+        required_unless_present_any = ["robots", "task"]
     )]
     agents: Option<usize>,
     /// Rule for the motion between two cells of a path
@@ -52,6 +54,8 @@ pub(crate) struct Validate {
     path_rule: PathRule,
     #[command(flatten)]
     plane: PlaneArgs,
+    #[command(flatten)]
+    task: TaskArgs,
     /// The plan, in any format that `fleetyard convert --list` lists
     plan: PathBuf,
     /// List all violations, not only the first of them
@@ -94,6 +98,18 @@ struct Figures {
 }
 
 pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
+    if let Some(task) = &arguments.task.task {
+        let (plan, step_s, listed) = (&arguments.plan, arguments.plane.step, arguments.listed());
+        let judgement = arguments
+            .task
+            .judge(task, plan, arguments.from, step_s, listed)?;
+        match arguments.format {
+            Format::Json => output::print_json(&judgement.report)?,
+            Format::Text => output::print(&judgement.report.text(listed))?,
+        }
+        judgement.hint();
+        return Ok(exit(judgement.is_valid()));
+    }
     let grid = arguments.map.as_deref().map(load_map).transpose()?;
     let grid = grid.map(Arc::new);
     let size = grid.as_deref().map(grid_size);
@@ -102,7 +118,8 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     let instance = |agents| match (&scenario, &grid) {
         (Some(scenario), Some(grid)) => {
             let agents = arguments.agents.unwrap_or(agents);
-            let instance = scenario.instance(grid.clone(), agents, arguments.connectivity)?;
+            let instance =
+                scenario.instance(grid.clone(), agents, arguments.task.grid.connectivity)?;
             Ok(Some(instance))
         }
         _ => Ok::<_, InputError>(None),
@@ -143,8 +160,20 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     check_rule(rule, instance.agents())?;
     file.check_for(&instance)?;
     let figures = metrics(&instance, &file.plan, arguments.plane.cell_size);
+    let verdict = match rule {
+        PathRule::Steps => {
+            let terms = Terms {
+                separation: arguments.task.grid.separation,
+                ..(&instance).into()
+            };
+            validate_terms(&terms, &file.plan, arguments.listed())
+        }
+        PathRule::Bresenham | PathRule::Supercover => {
+            validate_paths(&instance, &file.plan, rule, arguments.listed())
+        }
+    };
     let report = Report {
-        verdict: validate_paths(&instance, &file.plan, rule, arguments.listed()),
+        verdict,
         metrics: Figures {
             soc_steps: figures.sum_of_costs,
             makespan_steps: figures.makespan,
@@ -179,21 +208,10 @@ fn text(report: &Report, rule: PathRule) -> String {
         verdict, metrics, ..
     } = report;
     let mut out = String::new();
-    // Writing to a string cannot fail.
-    if verdict.valid {
-        let _ = writeln!(out, "valid");
-    } else {
-        let _ = writeln!(out, "INVALID: {} violations", verdict.violation_count);
-        for violation in &verdict.violations {
-            let _ = writeln!(out, "  {}: {}", violation.rule.name(), violation.sentence);
-        }
-        let unlisted = verdict
-            .violation_count
-            .saturating_sub(verdict.violations.len() as u64);
-        if unlisted > 0 {
-            let _ = writeln!(out, "  … and {unlisted} more; --all lists them");
-        }
-    }
+    let found = verdict.violations.iter();
+    let found = found.map(|found| (found.rule.name(), found.sentence.as_str()));
+    let unlisted = Unlisted::of_all(verdict.violation_count, verdict.violations.len());
+    write_verdict(&mut out, "", found, unlisted);
     let Figures {
         soc_steps,
         makespan_steps,
@@ -202,7 +220,7 @@ fn text(report: &Report, rule: PathRule) -> String {
         length_m,
         ..
     } = metrics;
-    // Paths in straight lines have no steps.
+    // Writing to a string cannot fail. Paths in straight lines have no steps.
     if rule == PathRule::Steps {
         let _ = writeln!(
             out,

@@ -1,12 +1,12 @@
 //! `fleetyard validate` in the plane: do footprints stay clear of each other and of what
 //! stands there, at all times?
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use fleetyard_bench::number;
-use fleetyard_check::{ContinuousTask, ContinuousVerdict, PathRule, validate_trajectories};
+use fleetyard_check::{
+    ContinuousTask, ContinuousVerdict, PathRule, TravelCosts, validate_trajectories,
+};
 use fleetyard_core::formats::AnyPlan;
 use fleetyard_core::{
     Digest, Grid, GridInstance, InputError, TrajectoryFile, TrajectoryPlan, cell_center_m,
@@ -17,6 +17,7 @@ use fleetyard_world::exact::Obstacles;
 use fleetyard_world::{Bounds, Dynamics, Footprint, Pose, Shape, load_workspace};
 use serde::Serialize;
 
+use super::verdict::{write_costs, write_world};
 use crate::exit::Result;
 use crate::setup::check_rule;
 
@@ -24,7 +25,12 @@ use crate::setup::check_rule;
 #[derive(Debug, Args)]
 pub(super) struct PlaneArgs {
     /// World file with bounds and obstacles in the plane
-    #[arg(long, value_name = "FILE", requires = "robots")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "robots",
+        conflicts_with = "task"
+    )]
     world: Option<PathBuf>,
     /// Robots are discs of this radius in metres
     #[arg(long, value_name = "METRES", group = "robots")]
@@ -37,7 +43,7 @@ pub(super) struct PlaneArgs {
     pub(super) cell_size: f64,
     /// Duration of one step in seconds, for a plan on a grid that is judged in the plane
     #[arg(long, value_name = "SECONDS", default_value_t = SimConfig::default().step_s)]
-    step: f64,
+    pub(super) step: f64,
 }
 
 impl PlaneArgs {
@@ -50,16 +56,8 @@ impl PlaneArgs {
 #[derive(Serialize)]
 pub(super) struct Report {
     verdict: ContinuousVerdict,
-    metrics: Figures,
+    metrics: TravelCosts,
     plan_digest: Digest,
-}
-
-#[derive(Serialize)]
-struct Figures {
-    /// Of the times at which agents come to rest.
-    sum_of_costs_s: f64,
-    makespan_s: f64,
-    length_m: f64,
 }
 
 /// Judges a plan by footprints. `instance` makes the instance with the starts and goals of
@@ -76,16 +74,7 @@ pub(super) fn judge(
     let (plan, agents) = (&file.plan, file.plan.agents());
     let robots = Robots::new(arguments, agents)?;
     let shapes: Vec<&Shape> = robots.shapes.iter().collect();
-    if let Some(agent) = shapes.iter().position(|shape| !shape.is_disc())
-        && !plan.has_headings()
-    {
-        let reason = format!("the plan has no headings, but agent {agent} is no disc");
-        return Err(InputError::new(file.source, reason)
-            .hint(
-                "give every knot a heading, or judge discs around the robots with --radius METRES",
-            )
-            .into());
-    }
+    check_headings(&file.source, plan, shapes.iter().copied())?;
     let workspace = arguments.world.as_deref().map(load_workspace).transpose()?;
     let cell_size_m = arguments.cell_size;
     let obstacles = match grid {
@@ -121,16 +110,28 @@ pub(super) fn judge(
         limits: robots.limits.as_deref(),
         ..ContinuousTask::new(&shapes, &obstacles)
     };
-    let arrivals = || plan.paths().map(|knots| knots.time_s[knots.arrival()]);
     Ok(Report {
         verdict: validate_trajectories(plan, &task, listed),
-        metrics: Figures {
-            sum_of_costs_s: arrivals().sum(),
-            makespan_s: arrivals().fold(0.0, f64::max),
-            length_m: plan.paths().map(|knots| knots.length_m()).sum(),
-        },
+        metrics: TravelCosts::of(plan),
         plan_digest: plan.digest(),
     })
+}
+
+/// Refuses a plan without headings for robots of which one is no disc.
+pub(super) fn check_headings<'a>(
+    source: &str,
+    plan: &TrajectoryPlan,
+    mut shapes: impl Iterator<Item = &'a Shape>,
+) -> Result<()> {
+    match shapes.position(|shape| !shape.is_disc()) {
+        Some(agent) if !plan.has_headings() => {
+            let reason = format!("the plan has no headings, but agent {agent} is no disc");
+            Err(InputError::new(source, reason)
+                .hint("give every knot a heading; discs need none")
+                .into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The plan in the plane, which one on a grid becomes.
@@ -205,32 +206,10 @@ impl Report {
 
     /// For people; `listed` is how many violations are shown at most.
     pub(super) fn text(&self, listed: usize) -> String {
-        let Report {
-            verdict, metrics, ..
-        } = self;
         let mut out = String::new();
-        // Writing to a string cannot fail.
-        if verdict.valid {
-            let _ = writeln!(out, "valid");
-        } else {
-            let count = verdict.violations.len();
-            let or_more = if count >= listed { " or more" } else { "" };
-            let _ = writeln!(out, "INVALID: {count}{or_more} violations");
-            for violation in &verdict.violations {
-                let _ = writeln!(out, "  {}: {}", violation.rule.name(), violation.sentence);
-            }
-            if count >= listed {
-                let _ = writeln!(out, "  … and maybe more; --all lists them");
-            }
-        }
-        let Figures {
-            sum_of_costs_s,
-            makespan_s,
-            length_m,
-        } = metrics;
-        let _ = writeln!(out, "sum of costs {} s", number(*sum_of_costs_s));
-        let _ = writeln!(out, "makespan     {} s", number(*makespan_s));
-        let _ = write!(out, "path length  {} m", number(*length_m));
+        write_world(&mut out, "", &self.verdict, listed);
+        write_costs(&mut out, &self.metrics);
+        out.truncate(out.trim_end().len());
         out
     }
 }

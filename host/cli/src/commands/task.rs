@@ -1,0 +1,325 @@
+//! Plans of a task's views: which view a plan file is of, its verdicts, and its way into the world.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use fleetyard_check::Pace;
+use fleetyard_core::formats::{
+    Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
+};
+use fleetyard_core::{Digest, InputError, Roadmap, TrajectoryFile};
+use fleetyard_views::{
+    GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewSpec,
+    ViewVerdict, load_problem, load_view,
+};
+use serde::Serialize;
+
+use super::validate_plane::check_headings;
+use super::verdict::{Unlisted, write_costs, write_verdict, write_world};
+use super::world::{GridSpecArgs, RoadmapSpecArgs};
+use crate::args::word;
+use crate::exit::Result;
+use crate::output;
+
+const VIEW: &str = "Views of a task";
+
+/// A task, and the view of it that a plan is of.
+#[derive(Debug, Args)]
+pub(super) struct TaskArgs {
+    /// Task file: the plan is judged by the rules of its view and by footprints in the task's world
+    #[arg(long, help_heading = VIEW, value_name = "FILE", group = "cells",
+          conflicts_with_all = ["map", "fleet", "radius", "cell_size", "path_rule"])]
+    pub(super) task: Option<PathBuf>,
+    /// Kind of view that the plan is of [default: that of the plan]
+    #[arg(long, help_heading = VIEW, value_parser = word::<Representation>(), requires = "task")]
+    representation: Option<Representation>,
+    /// View file that `fleetyard world grid` or `fleetyard world roadmap` wrote, in place of parameters
+    #[arg(long, help_heading = VIEW, value_name = "FILE", requires = "task",
+          conflicts_with_all = ["representation", "connectivity", "BuilderArgs", "RoadmapSpecArgs", "roadmap_seed"])]
+    view: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) grid: GridSpecArgs,
+    #[command(flatten)]
+    roadmap: RoadmapSpecArgs,
+    /// Seed of a drawn roadmap; the task's if it is not given
+    #[arg(long, help_heading = VIEW, value_name = "N", requires = "task")]
+    roadmap_seed: Option<u64>,
+    /// Speeds of robots on a roadmap
+    #[arg(long, help_heading = VIEW, value_parser = word::<Pace>(), default_value_t, requires = "task")]
+    pace: Pace,
+}
+
+/// A plan of a view with its verdicts.
+pub(super) struct Judgement {
+    pub(super) problem: Problem,
+    view: View,
+    pub(super) report: Report,
+    /// The plan has the starts of its instance with rows and columns exchanged.
+    looks_transposed: bool,
+}
+
+/// The verdicts as their user sees them.
+#[derive(Serialize)]
+pub(super) struct Report {
+    representation: Representation,
+    #[serde(flatten)]
+    judged: Judged,
+    view_digest: Digest,
+    plan_digest: Digest,
+}
+
+impl TaskArgs {
+    /// Reads a task and a plan of one of its views, derives the view, and judges the plan: at most
+    /// `listed` violations by either judge. A step of a plan on a grid takes `step_s` seconds.
+    pub(super) fn judge(
+        &self,
+        task: &Path,
+        plan: &Path,
+        format: Option<FileFormat>,
+        step_s: f64,
+        listed: usize,
+    ) -> Result<Judgement> {
+        let problem = load_problem(task)?;
+        let file = UnreadPlan::load(plan, format)?;
+        let of_plan = representation(file.format());
+        let view = match &self.view {
+            Some(path) => {
+                let view = load_view(path)?;
+                check_kind(&file, of_plan, view.spec.representation(), "--view")?;
+                view.derive(&problem)?
+            }
+            None => {
+                let asked = self.representation.unwrap_or(of_plan);
+                check_kind(&file, of_plan, asked, "--representation")?;
+                self.spec(asked).derive(&problem)?
+            }
+        };
+        let mut looks_transposed = false;
+        let (judged, plan_digest) = match &view {
+            View::Grid(view) => {
+                let (judged, digest, turned) =
+                    self.judge_grid(&problem, view, &file, step_s, listed)?;
+                looks_transposed = turned;
+                (judged, digest)
+            }
+            View::Roadmap(view) => self.judge_roadmap(&problem, view, &file, listed)?,
+            View::Continuous => {
+                let TrajectoryFile { source, plan, .. } = file.trajectories()?;
+                let agents = 0..problem.fleet.agents();
+                check_headings(&source, &plan, agents.map(|agent| problem.shape(agent)))?;
+                (problem.judge(&plan, listed), plan.digest())
+            }
+        };
+        let report = Report {
+            representation: view.representation(),
+            view_digest: view.digest(&problem),
+            plan_digest,
+            judged,
+        };
+        Ok(Judgement {
+            problem,
+            view,
+            report,
+            looks_transposed,
+        })
+    }
+
+    fn spec(&self, representation: Representation) -> ViewSpec {
+        match representation {
+            Representation::Grid => ViewSpec::Grid(self.grid.spec()),
+            Representation::Roadmap => ViewSpec::Roadmap(self.roadmap.spec(self.roadmap_seed)),
+            Representation::Continuous => ViewSpec::Continuous,
+        }
+    }
+
+    fn judge_grid(
+        &self,
+        problem: &Problem,
+        view: &GridView,
+        file: &UnreadPlan,
+        step_s: f64,
+        listed: usize,
+    ) -> Result<(Judged, Digest, bool)> {
+        let instance = &view.instance;
+        let size = grid_size(instance.grid());
+        let file = file.grid(size)?;
+        file.check_for(instance).map_err(|error| {
+            error.hint(
+                "the cells of a view follow from --connectivity and --separation; name the file \
+                 that `fleetyard world grid` wrote with --view, or remove instance_digest from the plan",
+            )
+        })?;
+        let terms = GridTerms {
+            separation: self.grid.separation.max(view.spec.separation),
+            step_s,
+        };
+        let judged = view.judge(problem, &file.plan, terms, listed);
+        let turned = !judged.is_valid() && looks_transposed(size, instance.starts(), &file.plan);
+        Ok((judged, Digest::of_plan(&file.plan), turned))
+    }
+
+    fn judge_roadmap(
+        &self,
+        problem: &Problem,
+        view: &RoadmapView,
+        file: &UnreadPlan,
+        listed: usize,
+    ) -> Result<(Judged, Digest)> {
+        let file = file.roadmap()?;
+        file.check_for(&view.roadmap).map_err(|error| {
+            error.hint(
+                "a roadmap follows from --builder and its parameters; name the file that \
+                 `fleetyard world roadmap` wrote with --view, or remove roadmap_digest from the plan",
+            )
+        })?;
+        let judged = view.judge(problem, &file.plan, self.pace, listed)?;
+        Ok((judged, file.plan.digest()))
+    }
+}
+
+/// The kind of views that plans in a format are of.
+fn representation(format: FileFormat) -> Representation {
+    if format.carries_plan() {
+        Representation::Grid
+    } else if format.carries_roadmap() {
+        Representation::Roadmap
+    } else {
+        Representation::Continuous
+    }
+}
+
+fn place(representation: Representation) -> &'static str {
+    match representation {
+        Representation::Grid => "on a grid",
+        Representation::Roadmap => "on a roadmap",
+        Representation::Continuous => "in the plane",
+    }
+}
+
+/// Refuses a plan of another kind of view than the one that is asked for.
+fn check_kind(
+    file: &UnreadPlan,
+    found: Representation,
+    asked: Representation,
+    by: &str,
+) -> Result<()> {
+    if found == asked {
+        return Ok(());
+    }
+    let (is, wanted) = (place(found), place(asked));
+    let reason = format!("this is a plan {is}, and {by} asks for one {wanted}");
+    Err(InputError::new(file.source(), reason)
+        .hint(format!("name a plan {wanted}, or leave out {by}"))
+        .into())
+}
+
+impl Judgement {
+    /// The plan in the world, ready to be executed; `source` is its file.
+    pub(super) fn lifted(&self, source: &Path) -> Result<TrajectoryFile> {
+        let judged = &self.report.judged;
+        let source = source.display().to_string();
+        match &judged.lifted {
+            Some(plan) => Ok(TrajectoryFile {
+                source,
+                planner: None,
+                plan_digest: None,
+                plan: plan.clone(),
+            }),
+            None => {
+                let reason = judged.no_place.clone().unwrap_or_default();
+                let hint = "`fleetyard validate` says what else is wrong with the plan";
+                Err(InputError::new(source, reason).hint(hint).into())
+            }
+        }
+    }
+
+    /// The roadmap of the view, if it is one.
+    pub(super) fn roadmap(&self) -> Option<Arc<Roadmap>> {
+        match &self.view {
+            View::Roadmap(view) => Some(Arc::new(view.roadmap.clone())),
+            View::Grid(_) | View::Continuous => None,
+        }
+    }
+
+    pub(super) fn is_valid(&self) -> bool {
+        self.report.judged.is_valid()
+    }
+
+    /// Hints for the user that the verdicts themselves do not give.
+    pub(super) fn hint(&self) {
+        if self.looks_transposed {
+            output::hint(TRANSPOSED_HINT);
+        }
+    }
+}
+
+impl Report {
+    /// The verdicts for people; `listed` is how many violations of each are shown at most.
+    pub(super) fn verdicts(&self, listed: usize) -> String {
+        let Self {
+            representation,
+            judged,
+            ..
+        } = self;
+        let mut out = String::new();
+        match &judged.view {
+            Some(ViewVerdict::Grid(verdict)) => {
+                let found = verdict.violations.iter();
+                let found = found.map(|found| (found.rule.name(), found.sentence.as_str()));
+                let unlisted = Unlisted::of_all(verdict.violation_count, verdict.violations.len());
+                write_verdict(&mut out, "on the grid: ", found, unlisted);
+            }
+            Some(ViewVerdict::Roadmap(verdict)) => {
+                let found = verdict.violations.iter();
+                let found = found.map(|found| (found.rule.name(), found.sentence.as_str()));
+                let unlisted = Unlisted::of_some(listed, verdict.violations.len());
+                write_verdict(&mut out, "on the roadmap: ", found, unlisted);
+            }
+            None => {}
+        }
+        let label = match representation {
+            Representation::Continuous => "",
+            _ => "in the world: ",
+        };
+        match (&judged.world, &judged.no_place) {
+            (Some(verdict), _) => write_world(&mut out, label, verdict, listed),
+            (None, reason) => {
+                let reason = reason.as_deref().unwrap_or("the plan has no place there");
+                // Writing to a string cannot fail.
+                let _ = writeln!(out, "{label}not judged, {reason}");
+            }
+        }
+        out
+    }
+
+    /// The verdicts in a line.
+    pub(super) fn summary(&self) -> String {
+        let told = |is_valid: bool| if is_valid { "valid" } else { "INVALID" };
+        let Judged { view, world, .. } = &self.judged;
+        let view = view.as_ref().map(ViewVerdict::is_valid).map(told);
+        let view = view.map(|view| format!("{view} {}, ", place(self.representation)));
+        let world = world.as_ref().is_some_and(|world| world.valid);
+        format!("{}{} in the world", view.unwrap_or_default(), told(world))
+    }
+
+    /// Verdicts and costs for people.
+    pub(super) fn text(&self, listed: usize) -> String {
+        let mut out = self.verdicts(listed);
+        let Judged { costs, steps, .. } = &self.judged;
+        if let Some(costs) = costs {
+            write_costs(&mut out, costs);
+        }
+        if let Some(steps) = steps {
+            let StepCosts {
+                sum_of_costs,
+                makespan,
+            } = steps;
+            // Writing to a string cannot fail.
+            let _ = writeln!(out, "in steps     {sum_of_costs}, the last at {makespan}");
+        }
+        out.truncate(out.trim_end().len());
+        out
+    }
+}

@@ -1,0 +1,392 @@
+//! `validate` and `simulate` with `--task`: plans of every view, judged twice and executed in the world.
+
+use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, each};
+use serde_json::{Value, json};
+
+/// A world with a pillar, and a task in it.
+fn yard(agents: &str) -> Yard {
+    let yard = Yard::new();
+    yard.write(
+        "hall.world.json",
+        r#"{"format": "fleetyard.world/1", "bounds_m": [0, 0, 4, 4],
+            "obstacles": [{"rectangle": {"center": [2, 2], "size": [0.4, 0.4]}}]}"#,
+    );
+    task(&yard, "hall.task.json", agents);
+    yard
+}
+
+/// Writes a task of robots that are discs with a radius of 0.25 m and do 1 m/s.
+fn task(yard: &Yard, name: &str, agents: &str) {
+    let task = format!(
+        r#"{{"format": "fleetyard.task/1", "world": "hall.world.json",
+            "robots": {{"disc": {{"footprint": {{"disc": {{"radius_m": 0.25}}}},
+                                  "model": {{"single-integrator": {{"speed_m_per_s": 1}}}}}}}},
+            "agents": [{agents}]}}"#
+    );
+    yard.write(name, task);
+}
+
+/// The first follows the second round a corner, in cells of 0.5 m.
+fn round_a_corner() -> Yard {
+    let yard = yard(
+        r#"{"start": [0.25, 0.25], "goal": [1.25, 0.25]}, {"start": [0.75, 0.25], "goal": [0.75, 1.25]}"#,
+    );
+    yard.write(
+        "cells.json",
+        r#"{"format": "fleetyard.plan/1", "rows": 8, "cols": 8, "paths": [
+            [[7, 0], [7, 1], [7, 2]], [[7, 1], [6, 1], [5, 1]]]}"#,
+    );
+    yard
+}
+
+/// Two robots with parallel ways of 3 m.
+fn side_by_side() -> Yard {
+    yard(r#"{"start": [0.5, 0.5], "goal": [3.5, 0.5]}, {"start": [0.5, 3.5], "goal": [3.5, 3.5]}"#)
+}
+
+fn read(yard: &Yard, file: &str) -> Value {
+    serde_json::from_slice(&yard.read(file)).unwrap()
+}
+
+/// Writes a plan on the derived roadmap in which every robot goes straight to its goal, in so many
+/// seconds; `swapped` exchanges starts and goals of the second.
+fn drive(yard: &Yard, seconds: [f64; 2]) {
+    yard.line("world roadmap hall.task.json --builder tangent --name r")
+        .expect(SUCCESS);
+    let view = read(yard, "r.view.json");
+    let paths: Vec<Value> = (0..2)
+        .map(|agent| {
+            json!([
+                [view["starts"][agent], 0],
+                [view["goals"][agent], seconds[agent]]
+            ])
+        })
+        .collect();
+    let plan = json!({"format": "fleetyard.roadmap-plan/1",
+        "roadmap_digest": view["roadmap_digest"], "paths": paths});
+    yard.write("visits.json", plan.to_string());
+}
+
+const ROADMAP: &str = "--task hall.task.json --view r.view.json visits.json";
+
+fn text(ended: &Ended) -> Vec<&str> {
+    ended.stdout.lines().collect()
+}
+
+#[test]
+fn a_plan_on_a_grid_is_judged_by_rules_and_by_footprints() {
+    let yard = round_a_corner();
+    yard.line("world grid hall.task.json").expect(SUCCESS);
+    let ended = yard
+        .line("validate --task hall.task.json --representation grid cells.json")
+        .expect(INVALID_PLAN);
+    assert_eq!(
+        text(&ended)[..3],
+        [
+            "on the grid: valid",
+            "in the world: INVALID: 1 violations",
+            "  agent-contact: agents 0 and 1 overlap from 0.000002000004000006667 s to 0.9999980000000001 s",
+        ],
+        "{ended}"
+    );
+    assert_eq!(
+        text(&ended)[3..],
+        [
+            "sum of costs 4 s",
+            "makespan     2 s",
+            "path length  2 m",
+            "in steps     4, the last at 2",
+        ]
+    );
+    // On the same cells the strict rule names it; wider cells are another instance.
+    let strict = "validate --task hall.task.json --separation strict cells.json";
+    let named = yard
+        .line(&format!("{strict} --view hall.grid.json"))
+        .expect(INVALID_PLAN);
+    assert!(
+        text(&named)[1]
+            .starts_with("  corner-follow: agent 0 follows agent 1 round a corner at (7, 1)"),
+        "{named}"
+    );
+    let other = yard.line(strict).expect(INPUT);
+    assert!(
+        other.stderr.contains("but hall.world has 6 and 6")
+            || other.stderr.contains("8 rows and 8 columns"),
+        "{other}"
+    );
+    assert!(other.stderr.contains("--view"), "{other}");
+    // The same rule without a task.
+    yard.line("validate --map hall.map --scen hall.scen --agents 2 cells.json")
+        .expect(SUCCESS);
+    let bare = "validate --map hall.map --scen hall.scen --agents 2 --separation strict cells.json";
+    let bare = yard.line(bare).expect(INVALID_PLAN);
+    assert!(bare.stdout.contains("corner-follow"), "{bare}");
+}
+
+#[test]
+fn planned_cells_are_valid_in_the_world_where_cells_are_wide() {
+    let yard = round_a_corner();
+    yard.line("world grid hall.task.json --separation strict")
+        .expect(SUCCESS);
+    yard.line("run -m hall.map -s hall.scen -n 2 -p cbs --plan-out p.json")
+        .expect(SUCCESS);
+    let task = "--task hall.task.json --separation strict p.json";
+    let judged = yard
+        .line(&format!("validate {task} --format json"))
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(judged["representation"], "grid");
+    assert_eq!(judged["view"]["valid"], true);
+    assert_eq!(judged["world"]["valid"], true);
+    let about = read(&yard, "hall.grid.json");
+    assert_eq!(judged["view_digest"], about["instance_digest"]);
+    let length = judged["costs"]["length_m"].as_f64().unwrap();
+    let steps = judged["steps"]["sum_of_costs"].as_f64().unwrap();
+    assert!(length > 0.0 && length <= steps * about["cell_m"].as_f64().unwrap() + 1e-9);
+    for conduct in [
+        "",
+        "--policy adg",
+        "--tier contact",
+        "--tier contact --policy adg",
+    ] {
+        let line = format!("simulate {task} --until-done {conduct} --format json");
+        let executed = yard.line(&line).expect(SUCCESS).json();
+        assert_eq!(executed["arrived"], 2, "{conduct}: {executed}");
+        assert_eq!(executed["contacts"], 0, "{conduct}: {executed}");
+        assert_eq!(executed["judged"]["plan_digest"], judged["plan_digest"]);
+    }
+}
+
+#[test]
+fn a_plan_on_a_roadmap_is_judged_by_distances_and_by_footprints() {
+    let yard = side_by_side();
+    drive(&yard, [3.0, 3.0]);
+    let ended = yard.line(&format!("validate {ROADMAP}")).expect(SUCCESS);
+    assert_eq!(
+        text(&ended),
+        [
+            "on the roadmap: valid",
+            "in the world: valid",
+            "sum of costs 6 s",
+            "makespan     3 s",
+            "path length  6 m",
+        ]
+    );
+    // The parameters derive the same view.
+    let again =
+        "validate --task hall.task.json --representation roadmap --builder tangent visits.json";
+    assert_eq!(yard.line(again).expect(SUCCESS).stdout, ended.stdout);
+    for conduct in [
+        "",
+        "--policy adg",
+        "--tier contact",
+        "--tier contact --policy adg",
+    ] {
+        let line =
+            format!("simulate {ROADMAP} --until-done {conduct} --trace t.fyt --picture p.svg");
+        let executed = yard.line(&line).expect(SUCCESS);
+        assert_eq!(
+            text(&executed)[0],
+            "plan              valid on a roadmap, valid in the world"
+        );
+        assert!(executed.stdout.contains("all 2"), "{conduct}: {executed}");
+    }
+    yard.line("trace info t.fyt").expect(SUCCESS);
+    // Slower than the common speed is no stop-go, and faster is nothing.
+    drive(&yard, [3.0, 4.0]);
+    let slow = yard
+        .line(&format!("validate {ROADMAP}"))
+        .expect(INVALID_PLAN);
+    assert!(
+        slow.stdout.contains("too-slow: agent 1 takes 4 s"),
+        "{slow}"
+    );
+    yard.line(&format!("validate {ROADMAP} --pace slower"))
+        .expect(SUCCESS);
+    drive(&yard, [3.0, 2.0]);
+    let fast = yard
+        .line(&format!("validate {ROADMAP} --pace slower"))
+        .expect(INVALID_PLAN);
+    assert!(
+        fast.stdout.contains("too-fast: agent 1 takes 2 s"),
+        "{fast}"
+    );
+}
+
+#[test]
+fn robots_that_meet_head_on_are_named() {
+    let yard = yard(
+        r#"{"start": [0.5, 0.5], "goal": [3.5, 0.5]}, {"start": [3.5, 0.5], "goal": [0.5, 0.5]}"#,
+    );
+    drive(&yard, [3.0, 3.0]);
+    let ended = yard
+        .line(&format!("validate {ROADMAP}"))
+        .expect(INVALID_PLAN);
+    assert!(
+        text(&ended)[1].starts_with("  head-on: agents 0 and 1 meet head-on"),
+        "{ended}"
+    );
+    assert!(
+        ended
+            .stdout
+            .contains("agent-contact: agents 0 and 1 overlap"),
+        "{ended}"
+    );
+    // It is executed all the same, as far as it can be.
+    let executed = yard
+        .line(&format!("simulate {ROADMAP} --format json"))
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(executed["contacts_agent_agent"], 1);
+    assert_eq!(executed["judged"]["view"]["valid"], false);
+}
+
+#[test]
+fn a_plan_in_the_plane_is_judged_by_the_whole_task() {
+    let yard = side_by_side();
+    let plan = |seconds: f64| {
+        let paths = json!([
+            [[0, 0.5, 0.5], [seconds, 3.5, 0.5]],
+            [[0, 0.5, 3.5], [3, 3.5, 3.5]]
+        ]);
+        let plan = json!({"format": "fleetyard.trajectories/1", "paths": paths});
+        yard.write("knots.json", plan.to_string());
+    };
+    plan(3.0);
+    let line = "validate --task hall.task.json knots.json";
+    let ended = yard.line(line).expect(SUCCESS);
+    assert_eq!(text(&ended)[..2], ["valid", "sum of costs 6 s"]);
+    let json = yard
+        .line(&format!("{line} --format json"))
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(json["representation"], "continuous");
+    assert_eq!(
+        (&json["view"], &json["steps"]),
+        (&Value::Null, &Value::Null)
+    );
+    yard.line(
+        "simulate --task hall.task.json knots.json --fail-on contacts,unfinished --until-done",
+    )
+    .expect(SUCCESS);
+    plan(2.0);
+    let fast = yard.line(line).expect(INVALID_PLAN);
+    assert!(
+        fast.stdout.contains("too-fast: agent 0 moves at 1.5 m/s"),
+        "{fast}"
+    );
+}
+
+#[test]
+fn what_is_wrong_is_said_with_a_way_out() {
+    let yard = round_a_corner();
+    yard.line("world grid hall.task.json").expect(SUCCESS);
+    yard.line("world grid hall.task.json --connectivity 8 --name eight")
+        .expect(SUCCESS);
+    yard.write(
+        "outside.json",
+        r#"{"format": "fleetyard.plan/1", "rows": 8, "cols": 8, "paths": [[[7, 0], [8, 0]], [[7, 1]]]}"#,
+    );
+    yard.write(
+        "knots.json",
+        r#"{"format": "fleetyard.trajectories/1", "paths": [[[0, 0.25, 0.25]]]}"#,
+    );
+    task(
+        &yard,
+        "crowded.task.json",
+        r#"{"start": [0.52, 0.52], "goal": [3, 3]}, {"start": [0.98, 0.98], "goal": [3, 1]}"#,
+    );
+    task(
+        &yard,
+        "pillar.task.json",
+        r#"{"start": [0.5, 0.5], "goal": [1.9, 2]}"#,
+    );
+    let rows = [
+        (
+            "validate --task hall.task.json --representation roadmap cells.json",
+            INPUT,
+            "this is a plan on a grid, and --representation asks for one on a roadmap",
+        ),
+        (
+            "validate --task hall.task.json --view hall.grid.json knots.json",
+            INPUT,
+            "this is a plan in the plane, and --view asks for one on a grid",
+        ),
+        (
+            "validate --task hall.task.json --view hall.world.json cells.json",
+            INPUT,
+            "hint: a view file is written by `fleetyard world grid`",
+        ),
+        (
+            "validate --task hall.task.json --view eight.grid.json cells.json",
+            INPUT,
+            "8 rows and 8 columns",
+        ),
+        (
+            "validate --task hall.task.json hall.map",
+            INPUT,
+            "this is no plan but map",
+        ),
+        (
+            "validate --task crowded.task.json cells.json",
+            INPUT,
+            "the starts of agents 0 and 1 snap",
+        ),
+        (
+            "validate --task pillar.task.json cells.json",
+            INPUT,
+            "the goal of agent 0 at (1.9, 2) is outside of the free space",
+        ),
+        (
+            "validate --task crowded.task.json --view hall.grid.json cells.json",
+            INPUT,
+            "make it again with `fleetyard world grid crowded.task.json`",
+        ),
+        (
+            "validate --task hall.task.json --map hall.map cells.json",
+            USAGE,
+            "cannot be used with",
+        ),
+        (
+            "validate --task hall.task.json --view hall.grid.json --vertices 5 cells.json",
+            USAGE,
+            "cannot be used with",
+        ),
+        ("validate --representation grid cells.json", USAGE, "--task"),
+        (
+            "simulate cells.json --map hall.map --vertices 5",
+            USAGE,
+            "--task",
+        ),
+        (
+            "simulate cells.json --task hall.task.json --model agv",
+            USAGE,
+            "cannot be used with",
+        ),
+        (
+            "simulate --task hall.task.json outside.json",
+            INPUT,
+            "agent 0 is not on the map at time 1",
+        ),
+    ];
+    each(rows, |(line, exit, part)| {
+        let ended = yard.line(line).expect(exit);
+        assert!(ended.stderr.contains(part), "{line}: {ended}");
+        assert_eq!(ended.stdout, "", "{line}");
+    });
+    let outside = yard
+        .line("validate --task hall.task.json outside.json")
+        .expect(INVALID_PLAN);
+    assert!(
+        outside
+            .stdout
+            .contains("out-of-bounds: agent 0 is outside the map"),
+        "{outside}"
+    );
+    assert!(
+        outside
+            .stdout
+            .contains("in the world: not judged, agent 0 is not on the map"),
+        "{outside}"
+    );
+}
