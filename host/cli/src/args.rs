@@ -180,6 +180,7 @@ pub(crate) const PLANNER: &str = "Planner";
 const BUDGET: &str = "Budget";
 pub(crate) const ROBOTS: &str = "Robots";
 pub(crate) const EXECUTION: &str = "Execution";
+pub(crate) const VIEW: &str = "View of a task";
 pub(crate) const RECORDS: &str = "Results and records";
 pub(crate) const LIMITS: &str = "Sandbox and limits";
 /// For arguments that decide which code may run.

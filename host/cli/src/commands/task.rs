@@ -19,11 +19,9 @@ use serde::Serialize;
 use super::validate_plane::check_headings;
 use super::verdict::{Unlisted, write_costs, write_verdict, write_world};
 use super::world::{GridSpecArgs, RoadmapSpecArgs};
-use crate::args::word;
+use crate::args::{VIEW, word};
 use crate::exit::Result;
 use crate::output;
-
-const VIEW: &str = "Views of a task";
 
 /// A task, and the view of it that a plan is of.
 #[derive(Debug, Args)]

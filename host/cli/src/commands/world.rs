@@ -18,7 +18,7 @@ use fleetyard_world::write_workspace;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::args::{Format, connectivity, picture, word};
+use crate::args::{Format, VIEW, connectivity, picture, word};
 use crate::exit::{Exit, Result, internal};
 use crate::files::{check_name, drawn, file_name};
 use crate::output;
@@ -110,10 +110,10 @@ pub(crate) struct GridArgs {
 #[group(requires = "cells")]
 pub(super) struct GridSpecArgs {
     /// Neighbours of a cell: 4 or 8
-    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value = "4", value_parser = connectivity)]
     pub(super) connectivity: Connectivity,
     /// Distance of robots that keep the rules of the grid
-    #[arg(long, value_parser = word::<Separation>(), default_value_t)]
+    #[arg(long, help_heading = VIEW, value_parser = word::<Separation>(), default_value_t)]
     pub(super) separation: Separation,
 }
 
@@ -151,10 +151,10 @@ pub(super) struct RoadmapSpecArgs {
     builder: BuilderArgs,
     /// Least distance of drawn vertices in metres; twice the largest robot's radius if it is not given,
     /// and less where so many vertices find no room
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, help_heading = VIEW, value_name = "METRES")]
     spacing: Option<f64>,
     /// Common speed in m/s; if it is not given, the largest that every robot has in every direction
-    #[arg(long, value_name = "M_PER_S")]
+    #[arg(long, help_heading = VIEW, value_name = "M_PER_S")]
     speed: Option<f64>,
 }
 
@@ -174,29 +174,29 @@ impl RoadmapSpecArgs {
 #[group(requires = "task")]
 struct BuilderArgs {
     /// Construction of vertices and edges
-    #[arg(long, value_parser = word::<BuilderKind>(), default_value_t)]
+    #[arg(long, help_heading = VIEW, value_parser = word::<BuilderKind>(), default_value_t)]
     builder: BuilderKind,
     /// A density: S, D or SD are 160, 900 or 4000 vertices with 5, 9 or 14 neighbours
-    #[arg(long, value_name = "NAME", value_parser = ["S", "D", "SD"],
+    #[arg(long, help_heading = VIEW, value_name = "NAME", value_parser = ["S", "D", "SD"],
           conflicts_with_all = ["vertices", "neighbors", "builder"])]
     density: Option<String>,
     /// Drawn vertices, beside starts and goals
-    #[arg(long, value_name = "N", default_value_t = 900)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 900)]
     vertices: usize,
     /// Neighbours with which a vertex is joined, if it sees them
-    #[arg(long, value_name = "N", default_value_t = 9)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 9)]
     neighbors: usize,
     /// Origin of drawn vertices
-    #[arg(long, value_parser = word::<Sampling>(), default_value_t)]
+    #[arg(long, help_heading = VIEW, value_parser = word::<Sampling>(), default_value_t)]
     sampling: Sampling,
     /// Distance of a lattice's neighbours in metres
-    #[arg(long, value_name = "METRES", required_if_eq("builder", "lattice"))]
+    #[arg(long, help_heading = VIEW, value_name = "METRES", required_if_eq("builder", "lattice"))]
     side: Option<f64>,
     /// Directions of a lattice's edges: 4, 8, 16 or 32
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 8)]
     directions: u32,
     /// Sides of the polygons that stand for circles round corners, for tangent graphs
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 16)]
     sides: u32,
 }
 
