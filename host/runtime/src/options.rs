@@ -135,7 +135,10 @@ mod tests {
         } });
         let given = json!({ "mode": "7" });
         let options = with_defaults(given.as_object().cloned().unwrap_or_default(), &schema);
-        assert_eq!(Value::Object(options), json!({ "attempts": 100, "mode": "7" }));
+        assert_eq!(
+            Value::Object(options),
+            json!({ "attempts": 100, "mode": "7" })
+        );
         assert!(with_defaults(Map::new(), &Value::Null).is_empty());
     }
 

@@ -1,8 +1,8 @@
 //! Views as planners are given them through the contract, and the way back of their plans.
 
 use fleetyard_abi::{
-    Environment, Footprint, GridEnvironment, Instance, Limit, Lists, Motion, Mover, Plan,
-    RoadmapEnvironment, Robot, SharedEnvironment, State, WorkspaceEnvironment,
+    Environment, Footprint, GridEnvironment, Instance, KnotPlan, Limit, Lists, Motion, Mover, Plan,
+    RoadmapEnvironment, Robot, SharedEnvironment, State, VisitPlan, WorkspaceEnvironment,
 };
 use fleetyard_check::Pace;
 use fleetyard_core::{Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan};
@@ -23,6 +23,16 @@ pub struct PlanTerms {
 }
 
 impl View {
+    /// Duration of a step on a grid, in seconds: of a move at the speed that all robots have, or of
+    /// a second where they have no limit.
+    pub fn step_s(&self, problem: &Problem) -> f64 {
+        let speed = problem.common_speed_m_per_s();
+        match self {
+            Self::Grid(view) if speed.is_finite() => view.cell_m / speed,
+            _ => 1.0,
+        }
+    }
+
     /// The map as planners are told it. A step of a grid takes `step_s` seconds.
     pub fn environment(&self, problem: &Problem, step_s: f64) -> SharedEnvironment {
         let environment: Environment = match self {
@@ -83,16 +93,12 @@ impl View {
                 Ok(view.judge(problem, plan, terms, limit))
             }
             (Self::Roadmap(view), Plan::Visits(visits)) => {
-                let mut plan = RoadmapPlan::with_capacity(visits.len(), visits.items().len());
-                for path in visits.iter() {
-                    let path = path.iter().copied();
-                    plan.push_path(path).map_err(|error| error.to_string())?;
-                }
+                let plan = visits_of(visits)?;
                 let judged = view.judge(problem, &plan, terms.pace, limit);
                 judged.map_err(|error: InputError| error.to_string())
             }
             (Self::Continuous, Plan::Trajectories(knots)) => {
-                Ok(problem.judge(&trajectories(knots)?, limit))
+                Ok(problem.judge(&trajectories_of(knots)?, limit))
             }
             _ => Err(format!(
                 "the plan has the form `{}`, which is none for a view of the representation `{}`",
@@ -103,8 +109,19 @@ impl View {
     }
 }
 
-/// Knots of a planner as a plan. Where one robot has headings, those of the others are 0.
-fn trajectories(knots: &fleetyard_abi::KnotPlan) -> Result<TrajectoryPlan, String> {
+/// Visits of a planner as a plan, or the reason why they are none.
+pub fn visits_of(visits: &VisitPlan) -> Result<RoadmapPlan, String> {
+    let mut plan = RoadmapPlan::with_capacity(visits.len(), visits.items().len());
+    for path in visits.iter() {
+        let path = path.iter().copied();
+        plan.push_path(path).map_err(|error| error.to_string())?;
+    }
+    Ok(plan)
+}
+
+/// Knots of a planner as a plan, or the reason why they are none. Where one robot has headings,
+/// those of the others are 0.
+pub fn trajectories_of(knots: &KnotPlan) -> Result<TrajectoryPlan, String> {
     let turns = knots.items().iter().any(|knot| !knot.heading_rad.is_nan());
     let mut plan = TrajectoryPlan::with_capacity(knots.len(), knots.items().len());
     for path in knots.iter() {

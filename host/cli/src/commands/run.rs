@@ -9,16 +9,22 @@ use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial, TrialInstanc
 use fleetyard_check::PathRule;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
-use fleetyard_core::{Connectivity, GridInstance, InputError, PathEncoding, load_map, load_scen};
+use fleetyard_core::{
+    GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, Separation, TrajectoryFile,
+    load_map, load_scen, save_roadmap_plan, save_trajectories,
+};
 use fleetyard_runtime::{Attach, LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_view::{Picture, World};
+use fleetyard_views::{
+    PlanTerms, Problem, Representation, View, load_problem, trajectories_of, visits_of,
+};
 
 use super::simulate::Sinks;
+use super::task::ViewArgs;
 use crate::args::{
-    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, connectivity,
-    picture, word,
+    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, picture, word,
 };
-use crate::exit::{Exit, Result};
+use crate::exit::{Exit, Failure, Result};
 use crate::files::{draw, file_name};
 use crate::output;
 use crate::setup::{find_planner, host, sim_config};
@@ -39,6 +45,8 @@ pub(crate) struct Run {
     /// Rule for the motion between two cells of a path
     #[arg(long, help_heading = INSTANCE, value_parser = word::<PathRule>(), default_value_t)]
     path_rule: PathRule,
+    #[command(flatten)]
+    view: ViewArgs,
     #[command(flatten)]
     budget: BudgetArgs,
     /// Attachment of the plugin [default: worker for libraries, stdio for programs, command for a
@@ -73,29 +81,87 @@ pub(crate) struct Run {
 #[derive(Debug, Args)]
 struct InstanceArgs {
     /// Map file: MovingAI, fleetyard.grid/1 or LSMART
-    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
-    map: PathBuf,
-    /// Neighbours of a cell: 4 or 8
-    #[arg(long, help_heading = INSTANCE, value_name = "N", default_value = "4", value_parser = connectivity)]
-    connectivity: Connectivity,
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", group = "cells",
+          required_unless_present = "task")]
+    map: Option<PathBuf>,
     /// MovingAI scenario file
-    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE")]
-    scen: PathBuf,
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", required_unless_present = "task")]
+    scen: Option<PathBuf>,
     /// Number of the scenario's entries to use, from the first
-    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N")]
-    agents: usize,
+    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N", required_unless_present = "task")]
+    agents: Option<usize>,
+    /// Task file, of which the planner gets a view: its plan is judged by the rules of the view and
+    /// by footprints in the task's world
+    #[arg(long, help_heading = INSTANCE, value_name = "FILE", group = "cells",
+          conflicts_with_all = ["map", "scen", "agents", "path_rule", "cell_size", "radius"])]
+    task: Option<PathBuf>,
+}
+
+/// The instance that was read.
+enum Asked {
+    Grid(GridInstance),
+    View(Box<(Problem, View)>),
 }
 
 impl InstanceArgs {
-    fn load(&self) -> Result<GridInstance> {
-        let grid = Arc::new(load_map(&self.map)?);
-        Ok(load_scen(&self.scen)?.instance(grid, self.agents, self.connectivity)?)
+    fn load(&self, view: &ViewArgs) -> Result<Asked> {
+        if let Some(task) = &self.task {
+            let problem = load_problem(task)?;
+            let view = view.derive(&problem, Representation::Grid)?;
+            return Ok(Asked::View(Box::new((problem, view))));
+        }
+        // The parser asks for them.
+        let (Some(map), Some(scen), Some(agents)) = (&self.map, &self.scen, self.agents) else {
+            return Err(Failure::new(Exit::Usage, "neither a scenario nor a task"));
+        };
+        let grid = Arc::new(load_map(map)?);
+        let instance = load_scen(scen)?.instance(grid, agents, view.grid.connectivity)?;
+        Ok(Asked::Grid(instance))
+    }
+
+    /// The file that says where agents start.
+    fn file(&self) -> &Path {
+        let file = self.task.as_deref().or(self.scen.as_deref());
+        file.unwrap_or(Path::new(""))
+    }
+}
+
+impl Asked {
+    fn of<'a>(&'a self, arguments: &'a Run) -> TrialInstance<'a> {
+        match self {
+            Self::Grid(instance) => TrialInstance::Grid {
+                instance,
+                path_rule: arguments.path_rule,
+            },
+            Self::View(both) => {
+                let (problem, view) = &**both;
+                TrialInstance::View {
+                    problem,
+                    view,
+                    terms: terms(problem, view, &arguments.view),
+                }
+            }
+        }
+    }
+}
+
+/// The rules that arguments leave to a view: robots on a grid make a step at the speed that all of
+/// them have.
+pub(super) fn terms(problem: &Problem, view: &View, arguments: &ViewArgs) -> PlanTerms {
+    let own = match view {
+        View::Grid(view) => view.spec.separation,
+        View::Roadmap(_) | View::Continuous => Separation::default(),
+    };
+    PlanTerms {
+        separation: arguments.grid.separation.max(own),
+        step_s: view.step_s(problem),
+        pace: arguments.pace,
     }
 }
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let asked = PluginArg::new(&arguments.planner, &arguments.options)?;
-    let instance = arguments.instance.load()?;
+    let asked_instance = arguments.instance.load(&arguments.view)?;
     for path in [&arguments.plan_out, &arguments.picture]
         .into_iter()
         .flatten()
@@ -109,10 +175,9 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         &arguments.picture,
     ];
     let mut hidden: Vec<PathBuf> = outputs.into_iter().flatten().cloned().collect();
-    hidden.extend([
-        arguments.instance.scen.clone(),
-        arguments.instance.map.clone(),
-    ]);
+    let given = &arguments.instance;
+    let inputs = [&given.scen, &given.map, &given.task];
+    hidden.extend(inputs.into_iter().flatten().cloned());
     let host = host(&arguments.budget, attach, hidden)?;
     let planner = find_planner(&host.runtime, &asked.plugin)?
         .attached(attach)
@@ -120,8 +185,8 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let bar = output::spinner(&format!(
         "{} on {}, {} agents",
         planner.name,
-        file_name(&arguments.instance.scen),
-        arguments.instance.agents
+        file_name(given.file()),
+        asked_instance.of(arguments).agents()
     ));
     // Every tick: the trace is what other tools replay.
     let mut sinks = Sinks::create(arguments.trace_out.as_deref(), 1, None, bar.clone())?;
@@ -129,11 +194,8 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let trial = Trial {
         host: &host,
         planner: &planner,
-        instance: TrialInstance::Grid {
-            instance: &instance,
-            path_rule: arguments.path_rule,
-        },
-        scenario: &file_name(&arguments.instance.scen),
+        instance: asked_instance.of(arguments),
+        scenario: &file_name(given.file()),
         seed: arguments.budget.seed,
         config: &sim_config(&arguments.world),
         robots: execute.then_some(&Robots::Pebbles),
@@ -146,24 +208,15 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let outcome = trial.run(&mut sinks)?;
     bar.finish_and_clear();
     let record = &outcome.record;
-    let plan = outcome.plan.as_ref().and_then(Plan::cells);
+    let plan = outcome.plan.as_ref();
     if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {
-        let mut file = PlanFile::new(&instance, plan.trimmed());
-        file.planner = Some(format!("{} {}", record.planner.id, record.planner.version));
-        file.encoding = arguments.plan_encoding;
-        save_plan(&file, path)?;
+        save(&asked_instance, plan, arguments, record, path)?;
     }
     if record.execution.is_some() {
         sinks.finish()?;
     }
     if let Some(path) = &arguments.picture {
-        let grid = instance.grid();
-        let world = World::of_grid(grid, sim_config(&arguments.world).cell_size_m);
-        let mut picture = Picture::new(&world);
-        if let Some(plan) = plan {
-            picture = picture.plan(grid, plan).goals(grid, instance.goals());
-        }
-        draw(path, &picture)?;
+        paint(&asked_instance, &outcome, arguments, path)?;
     }
     tell(arguments.verbose, &outcome);
     match arguments.format {
@@ -190,15 +243,15 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         output::error(&no_plan(record, arguments));
     }
     let judged = interrupted || exit == Exit::InvalidPlan;
-    if let (true, Some(first)) = (judged, record.verdict.violations.first()) {
+    if let (true, Some(first)) = (judged, record.sentences().first()) {
         let count = record.verdict.violation_count;
         output::error(&format!(
-            "the plan is invalid ({count} violations): {}",
-            first.sentence
+            "the plan is invalid ({count} violations): {first}"
         ));
-        let size = grid_size(instance.grid());
-        let swapped = |plan| looks_transposed(size, instance.starts(), plan);
-        if plan.is_some_and(swapped) {
+        let cells = plan.and_then(Plan::cells);
+        if let (Asked::Grid(instance), Some(cells)) = (&asked_instance, cells)
+            && looks_transposed(grid_size(instance.grid()), instance.starts(), cells)
+        {
             output::hint(TRANSPOSED_HINT);
         }
     }
@@ -214,6 +267,71 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         }
     }
     Ok(exit)
+}
+
+/// Writes a plan in the file form of its representation.
+fn save(asked: &Asked, plan: &Plan, arguments: &Run, record: &Record, path: &Path) -> Result<()> {
+    let planner = Some(format!("{} {}", record.planner.id, record.planner.version));
+    let grid = |instance: &GridInstance, cells: &GridPlan| {
+        let mut file = PlanFile::new(instance, cells.trimmed());
+        file.planner.clone_from(&planner);
+        file.encoding = arguments.plan_encoding;
+        save_plan(&file, path)
+    };
+    let source = path.display().to_string();
+    match (asked, plan) {
+        (Asked::Grid(instance), Plan::Cells(cells)) => grid(instance, cells)?,
+        (Asked::View(both), plan) => match (&both.1, plan) {
+            (View::Grid(view), Plan::Cells(cells)) => grid(&view.instance, cells)?,
+            (View::Roadmap(view), Plan::Visits(visits)) => {
+                if let Ok(plan) = visits_of(visits) {
+                    let file = RoadmapPlanFile {
+                        planner,
+                        ..RoadmapPlanFile::new(&view.roadmap, None, plan)
+                    };
+                    save_roadmap_plan(&file, path)?;
+                }
+            }
+            (View::Continuous, Plan::Trajectories(knots)) => {
+                if let Ok(plan) = trajectories_of(knots) {
+                    let file = TrajectoryFile {
+                        source,
+                        planner,
+                        plan_digest: Some(plan.digest()),
+                        plan,
+                    };
+                    save_trajectories(&file, path)?;
+                }
+            }
+            _ => output::warning("the plan is none of this view, and was not written"),
+        },
+        (Asked::Grid(_), _) => output::warning("the plan is none on a grid, and was not written"),
+    }
+    Ok(())
+}
+
+/// Draws the instance, and the plan as it is or as it lies in the world.
+fn paint(asked: &Asked, outcome: &Outcome, arguments: &Run, path: &Path) -> Result<()> {
+    match asked {
+        Asked::Grid(instance) => {
+            let grid = instance.grid();
+            let world = World::of_grid(grid, sim_config(&arguments.world).cell_size_m);
+            let mut picture = Picture::new(&world);
+            if let Some(plan) = outcome.plan.as_ref().and_then(Plan::cells) {
+                picture = picture.plan(grid, plan).goals(grid, instance.goals());
+            }
+            draw(path, &picture)
+        }
+        Asked::View(both) => {
+            let world = World::of_workspace(&both.0.world);
+            let mut picture = Picture::new(&world);
+            let judged = outcome.record.judged.as_ref();
+            if let Some(lifted) = judged.and_then(|judged| judged.lifted.as_ref()) {
+                picture = picture.trajectories(lifted);
+            }
+            draw(path, &picture)
+        }
+    }
 }
 
 /// The reason why there is no plan although the planner is not at fault.

@@ -30,9 +30,16 @@ pub(super) struct TaskArgs {
     #[arg(long, help_heading = VIEW, value_name = "FILE", group = "cells",
           conflicts_with_all = ["map", "fleet", "radius", "cell_size", "path_rule"])]
     pub(super) task: Option<PathBuf>,
-    /// Kind of view that the plan is of [default: that of the plan]
+    #[command(flatten)]
+    pub(super) view: ViewArgs,
+}
+
+/// A view of a task. The argument that names the task is in the group `cells`.
+#[derive(Debug, Args)]
+pub(super) struct ViewArgs {
+    /// Kind of view [default: that of the plan, if there is one]
     #[arg(long, help_heading = VIEW, value_parser = word::<Representation>(), requires = "task")]
-    representation: Option<Representation>,
+    pub(super) representation: Option<Representation>,
     /// View file that `fleetyard world grid` or `fleetyard world roadmap` wrote, in place of parameters
     #[arg(long, help_heading = VIEW, value_name = "FILE", requires = "task",
           conflicts_with_all = ["representation", "connectivity", "BuilderArgs", "RoadmapSpecArgs", "roadmap_seed"])]
@@ -46,7 +53,28 @@ pub(super) struct TaskArgs {
     roadmap_seed: Option<u64>,
     /// Speeds of robots on a roadmap
     #[arg(long, help_heading = VIEW, value_parser = word::<Pace>(), default_value_t, requires = "task")]
-    pace: Pace,
+    pub(super) pace: Pace,
+}
+
+impl ViewArgs {
+    /// The view of a task that is asked for; of the kind `otherwise` where none is named.
+    pub(super) fn derive(&self, problem: &Problem, otherwise: Representation) -> Result<View> {
+        match &self.view {
+            Some(path) => Ok(load_view(path)?.derive(problem)?),
+            None => {
+                let asked = self.representation.unwrap_or(otherwise);
+                Ok(self.spec(asked).derive(problem)?)
+            }
+        }
+    }
+
+    fn spec(&self, representation: Representation) -> ViewSpec {
+        match representation {
+            Representation::Grid => ViewSpec::Grid(self.grid.spec()),
+            Representation::Roadmap => ViewSpec::Roadmap(self.roadmap.spec(self.roadmap_seed)),
+            Representation::Continuous => ViewSpec::Continuous,
+        }
+    }
 }
 
 /// A plan of a view with its verdicts.
@@ -82,18 +110,13 @@ impl TaskArgs {
         let problem = load_problem(task)?;
         let file = UnreadPlan::load(plan, format)?;
         let of_plan = representation(file.format());
-        let view = match &self.view {
-            Some(path) => {
-                let view = load_view(path)?;
-                check_kind(&file, of_plan, view.spec.representation(), "--view")?;
-                view.derive(&problem)?
-            }
-            None => {
-                let asked = self.representation.unwrap_or(of_plan);
-                check_kind(&file, of_plan, asked, "--representation")?;
-                self.spec(asked).derive(&problem)?
-            }
-        };
+        let view = self.view.derive(&problem, of_plan)?;
+        let by = self
+            .view
+            .view
+            .as_ref()
+            .map_or("--representation", |_| "--view");
+        check_kind(&file, of_plan, view.representation(), by)?;
         let mut looks_transposed = false;
         let (judged, plan_digest) = match &view {
             View::Grid(view) => {
@@ -124,14 +147,6 @@ impl TaskArgs {
         })
     }
 
-    fn spec(&self, representation: Representation) -> ViewSpec {
-        match representation {
-            Representation::Grid => ViewSpec::Grid(self.grid.spec()),
-            Representation::Roadmap => ViewSpec::Roadmap(self.roadmap.spec(self.roadmap_seed)),
-            Representation::Continuous => ViewSpec::Continuous,
-        }
-    }
-
     fn judge_grid(
         &self,
         problem: &Problem,
@@ -150,7 +165,7 @@ impl TaskArgs {
             )
         })?;
         let terms = GridTerms {
-            separation: self.grid.separation.max(view.spec.separation),
+            separation: self.view.grid.separation.max(view.spec.separation),
             step_s,
         };
         let judged = view.judge(problem, &file.plan, terms, listed);
@@ -172,7 +187,7 @@ impl TaskArgs {
                  `fleetyard world roadmap` wrote with --view, or remove roadmap_digest from the plan",
             )
         })?;
-        let judged = view.judge(problem, &file.plan, self.pace, listed)?;
+        let judged = view.judge(problem, &file.plan, self.view.pace, listed)?;
         Ok((judged, file.plan.digest()))
     }
 }

@@ -119,7 +119,7 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
         (Some(scenario), Some(grid)) => {
             let agents = arguments.agents.unwrap_or(agents);
             let instance =
-                scenario.instance(grid.clone(), agents, arguments.task.grid.connectivity)?;
+                scenario.instance(grid.clone(), agents, arguments.task.view.grid.connectivity)?;
             Ok(Some(instance))
         }
         _ => Ok::<_, InputError>(None),
@@ -163,7 +163,7 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
     let verdict = match rule {
         PathRule::Steps => {
             let terms = Terms {
-                separation: arguments.task.grid.separation,
+                separation: arguments.task.view.grid.separation,
                 ..(&instance).into()
             };
             validate_terms(&terms, &file.plan, arguments.listed())

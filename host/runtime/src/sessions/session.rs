@@ -128,12 +128,7 @@ impl Session {
 
     /// Makes one plugin. Its options were checked against its schema, whose defaults it gets beside
     /// them.
-    pub fn create(
-        &mut self,
-        kind: Kind,
-        id: &str,
-        options: Value,
-    ) -> Result<(), Fault> {
+    pub fn create(&mut self, kind: Kind, id: &str, options: Value) -> Result<(), Fault> {
         let mut offered = self.descriptors().iter();
         let made = offered.find(|offered| offered.kind == kind && offered.id == id);
         let encoding = made

@@ -1,0 +1,237 @@
+//! `fleetyard compare --task`: planners of every representation on the views of one task, all
+//! executed in the same world.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use fleetyard_abi::Capability;
+use fleetyard_bench::{
+    Ending, GivenOptions, Host, Plugin, Record, Robots, Trial, TrialError, TrialInstance, number,
+};
+use fleetyard_core::words;
+use fleetyard_sim::NoTrace;
+use fleetyard_views::{
+    Builder, GridSpec, Problem, Representation, RoadmapSpec, View, ViewSpec, load_problem,
+};
+use serde::Serialize;
+
+use super::compare::Compare;
+use super::run::terms;
+use crate::args::Format;
+use crate::exit::{Exit, Failure, Result};
+use crate::files::file_name;
+use crate::output;
+use crate::setup::{find_planner, host, sim_config};
+
+/// A view of a task, by the word of the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ViewName {
+    Grid,
+    Sparse,
+    Dense,
+    SuperDense,
+    Continuous,
+}
+
+words!(ViewName {
+    Grid = "grid", "The grid that the connectivity and the separation make";
+    Sparse = "S", "A roadmap of 160 vertices with 5 neighbours";
+    Dense = "D", "A roadmap of 900 vertices with 9 neighbours";
+    SuperDense = "SD", "A roadmap of 4000 vertices with 14 neighbours";
+    Continuous = "continuous", "The plane";
+});
+
+impl ViewName {
+    fn spec(self, grid: GridSpec, seed: Option<u64>) -> ViewSpec {
+        let roadmap = |name: &str| {
+            let fallback = RoadmapSpec::default();
+            ViewSpec::Roadmap(RoadmapSpec {
+                builder: Builder::preset(name).unwrap_or(fallback.builder),
+                seed,
+                ..fallback
+            })
+        };
+        match self {
+            Self::Grid => ViewSpec::Grid(grid),
+            Self::Sparse => roadmap("S"),
+            Self::Dense => roadmap("D"),
+            Self::SuperDense => roadmap("SD"),
+            Self::Continuous => ViewSpec::Continuous,
+        }
+    }
+}
+
+/// One planner on one view.
+#[derive(Debug, Serialize)]
+struct Line {
+    view: ViewName,
+    planner: String,
+    /// Valid by the rules of the view; absent in the plane, which is the world, and without a plan.
+    valid_in_view: Option<bool>,
+    /// Valid by footprints in the world.
+    valid_in_world: Option<bool>,
+    /// The reason why there is no valid plan.
+    failure: Option<String>,
+    length_m: Option<f64>,
+    soc_s: Option<f64>,
+    makespan_s: Option<f64>,
+    planning_time_ms: f64,
+    contacts: Option<u64>,
+    nearest_approach_m: Option<f64>,
+}
+
+impl Line {
+    fn new(view: ViewName, planner: String, record: &Record) -> Self {
+        let judged = record.judged.as_ref();
+        let figures = record.execution.as_ref().map(|execution| &execution.figures);
+        Self {
+            view,
+            planner,
+            valid_in_view: judged.and_then(|judged| Some(judged.view.as_ref()?.is_valid())),
+            valid_in_world: judged.and_then(|judged| Some(judged.world.as_ref()?.valid)),
+            failure: record.failure(),
+            length_m: record.metrics.length_m,
+            soc_s: record.metrics.soc_s,
+            makespan_s: record.metrics.makespan_s,
+            planning_time_ms: record.metrics.planning_time_ms,
+            contacts: figures.map(|figures| figures.contacts),
+            nearest_approach_m: figures.and_then(|figures| figures.nearest_approach_m),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Report {
+    task: String,
+    agents: usize,
+    rows: Vec<Line>,
+    trials: Vec<Record>,
+}
+
+/// A planner with the name that the user gave it.
+type Named = (String, Plugin);
+
+pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
+    let problem = load_problem(task)?;
+    let host = host(&arguments.budget, None, vec![task.to_owned()])?;
+    let planners: Vec<Named> = arguments
+        .planners()
+        .map(|asked| {
+            let options = GivenOptions::Texts(asked.options.clone());
+            let planner = find_planner(&host.runtime, &asked.plugin)?.with_options(options);
+            let words = asked.options.iter().map(String::as_str);
+            let words: Vec<&str> = std::iter::once(&*planner.name).chain(words).collect();
+            Ok((words.join(" "), planner))
+        })
+        .collect::<Result<_>>()?;
+    let mut rows = Vec::new();
+    let mut trials = Vec::new();
+    let mut met = vec![false; planners.len()];
+    for name in arguments.views() {
+        let spec = name.spec(arguments.view().grid.spec(), arguments.view().roadmap_seed);
+        let view = spec.derive(&problem)?;
+        for (number, (label, planner)) in planners.iter().enumerate() {
+            if !claims(&host, planner, view.representation())? {
+                continue;
+            }
+            met[number] = true;
+            let record = trial(arguments, (&host, planner), (&problem, &view), task)?;
+            rows.push(Line::new(name, label.clone(), &record));
+            trials.push(record);
+        }
+    }
+    if let Some(number) = met.iter().position(|met| !met) {
+        let reason = format!(
+            "planner `{}` plans on none of the views that are asked for",
+            planners[number].0
+        );
+        return Err(Failure::new(Exit::NoPlan, reason)
+            .hint("`fleetyard plugins info NAME` lists what it can do; --views names the views"));
+    }
+    let all = trials.iter().all(|record| record.ending() == Ending::Success);
+    match arguments.format {
+        Format::Text => output::print(&table(&problem, task, &rows))?,
+        Format::Json => output::print_json(&Report {
+            task: file_name(task),
+            agents: problem.task.agents.len(),
+            rows,
+            trials,
+        })?,
+    }
+    Ok(if all { Exit::Success } else { Exit::NoPlan })
+}
+
+/// True if a planner says that it plans on maps of a representation.
+fn claims(host: &Host, planner: &Plugin, representation: Representation) -> Result<bool> {
+    let running = planner.start(&host.runtime)?;
+    let claims = running.descriptor.capabilities.has(match representation {
+        Representation::Grid => Capability::Grid,
+        Representation::Roadmap => Capability::Roadmap,
+        Representation::Continuous => Capability::Continuous,
+    });
+    running.close();
+    Ok(claims)
+}
+
+fn trial(
+    arguments: &Compare,
+    (host, planner): (&Host, &Plugin),
+    (problem, view): (&Problem, &View),
+    task: &Path,
+) -> Result<Record> {
+    let config = sim_config(&arguments.world);
+    let trial = Trial {
+        host,
+        planner,
+        instance: TrialInstance::View {
+            problem,
+            view,
+            terms: terms(problem, view, arguments.view()),
+        },
+        scenario: &file_name(task),
+        seed: arguments.budget.seed,
+        config: &config,
+        robots: (!arguments.no_execute).then_some(&Robots::Pebbles),
+    };
+    match trial.run(&mut NoTrace) {
+        Ok(outcome) => Ok(outcome.record),
+        Err(error @ TrialError::Lacks { .. }) => Err(error.into()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
+    let shown = |value: Option<f64>| value.map_or("-".to_owned(), number);
+    let told = |valid: Option<bool>| match valid {
+        None => "-",
+        Some(true) => "valid",
+        Some(false) => "INVALID",
+    };
+    let mut cells = vec![
+        ["view", "planner", "rules", "world", "SoC m", "SoC s", "makespan s", "planning ms", "contacts"]
+            .map(str::to_owned),
+    ];
+    for row in rows {
+        cells.push([
+            row.view.to_string(),
+            row.planner.clone(),
+            told(row.valid_in_view).into(),
+            told(row.valid_in_world).into(),
+            shown(row.length_m),
+            shown(row.soc_s),
+            shown(row.makespan_s),
+            number(row.planning_time_ms),
+            row.contacts.map_or("-".into(), |contacts| contacts.to_string()),
+        ]);
+    }
+    let agents = problem.task.agents.len();
+    let mut out = format!("{}: {agents} agents, one world\n\n", file_name(task));
+    out.push_str(&output::aligned(&cells, 2));
+    for row in rows {
+        if let Some(failure) = &row.failure {
+            // Writing to a string cannot fail.
+            let _ = write!(out, "\n{} on {}: {failure}", row.planner, row.view);
+        }
+    }
+    out
+}
