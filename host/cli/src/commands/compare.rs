@@ -14,12 +14,11 @@ use fleetyard_bench::{
     BenchError, Experiment, GivenOptions, Plugin, Record, Robots, Row, Shard, number, run,
 };
 use fleetyard_check::PathRule;
-use fleetyard_core::{Connectivity, Grid, find_map, load_map, load_scen};
+use fleetyard_core::{Grid, find_map, load_map, load_scen};
 use serde::Serialize;
 
-use crate::args::{
-    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, WorldArgs, connectivity, word,
-};
+use super::compare_task::{self, TaskViews};
+use crate::args::{BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, WorldArgs, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::{find_planner, host, sim_config};
@@ -28,32 +27,37 @@ use crate::setup::{find_planner, host, sim_config};
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
     /// MovingAI scenario files, of one map or of several
-    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", required = true, num_args = 1..)]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", group = "cells", required_unless_present = "task", num_args = 1..)]
     scen: Vec<PathBuf>,
     /// Maps that the scenarios name: map files, or folders with NAME.map [default: the folder of
     /// each scenario]
     #[arg(long, short, help_heading = INSTANCE, value_name = "PATH", num_args = 1..)]
     map: Vec<PathBuf>,
-    /// Neighbours of a cell: 4 or 8
-    #[arg(long, help_heading = INSTANCE, value_name = "N", default_value = "4", value_parser = connectivity)]
-    connectivity: Connectivity,
     /// Team sizes
-    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N,…", required = true, value_delimiter = ',')]
+    #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N,…", required_unless_present = "task", value_delimiter = ',')]
     agents: Vec<usize>,
     /// Rule for the motion between two cells of a path
     #[arg(long, help_heading = INSTANCE, value_parser = word::<PathRule>(), default_value_t)]
     path_rule: PathRule,
     #[command(flatten)]
+    pub(super) views: TaskViews,
+    #[command(flatten)]
     planners: PlannerArgs,
     #[command(flatten)]
-    budget: BudgetArgs,
+    pub(super) budget: BudgetArgs,
     #[command(flatten)]
-    world: WorldArgs,
+    pub(super) world: WorldArgs,
     /// Do not execute the plans: no real-time factor, no contacts
     #[arg(long, help_heading = EXECUTION)]
-    no_execute: bool,
+    pub(super) no_execute: bool,
     #[command(flatten)]
-    format: Format,
+    pub(super) format: Format,
+}
+
+impl Compare {
+    pub(super) fn planners(&self) -> &[PluginArg] {
+        &self.planners.0
+    }
 }
 
 /// Every `--planner PLUGIN [NAME=VALUE]…`, in order. The parser's derive keeps no
@@ -179,6 +183,9 @@ struct Report {
 }
 
 pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
+    if let Some(task) = &arguments.views.task {
+        return compare_task::compare(arguments, task);
+    }
     let instances = instances(arguments)?;
     let maps = arguments.map.iter().filter(|map| map.is_file());
     let hidden = arguments.scen.iter().chain(maps).cloned().collect();
@@ -322,7 +329,11 @@ fn instances(arguments: &Compare) -> Result<Vec<SuiteInstance>> {
             grid
         };
         for agents in &arguments.agents {
-            let instance = scenario.instance(Arc::clone(&grid), *agents, arguments.connectivity)?;
+            let instance = scenario.instance(
+                Arc::clone(&grid),
+                *agents,
+                arguments.views.grid.connectivity,
+            )?;
             instances.push(SuiteInstance::of_file(file, instance));
         }
     }

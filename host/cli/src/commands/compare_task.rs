@@ -2,13 +2,15 @@
 //! executed in the same world.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::Args;
 use fleetyard_abi::Capability;
 use fleetyard_bench::{
-    Ending, GivenOptions, Host, Plugin, Record, Robots, Trial, TrialError, TrialInstance, number,
+    GivenOptions, Host, Plugin, Record, Robots, Trial, TrialError, TrialInstance, number,
 };
-use fleetyard_core::words;
+use fleetyard_check::Pace;
+use fleetyard_core::{Words as _, words};
 use fleetyard_sim::NoTrace;
 use fleetyard_views::{
     Builder, GridSpec, Problem, Representation, RoadmapSpec, View, ViewSpec, load_problem,
@@ -17,7 +19,8 @@ use serde::Serialize;
 
 use super::compare::Compare;
 use super::run::terms;
-use crate::args::Format;
+use super::world::GridSpecArgs;
+use crate::args::{Format, INSTANCE, VIEW, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::files::file_name;
 use crate::output;
@@ -43,22 +46,37 @@ words!(ViewName {
 
 impl ViewName {
     fn spec(self, grid: GridSpec, seed: Option<u64>) -> ViewSpec {
-        let roadmap = |name: &str| {
-            let fallback = RoadmapSpec::default();
-            ViewSpec::Roadmap(RoadmapSpec {
-                builder: Builder::preset(name).unwrap_or(fallback.builder),
+        match (self, Builder::preset(self.name())) {
+            (Self::Grid, _) => ViewSpec::Grid(grid),
+            (_, Some(builder)) => ViewSpec::Roadmap(RoadmapSpec {
                 seed,
-                ..fallback
-            })
-        };
-        match self {
-            Self::Grid => ViewSpec::Grid(grid),
-            Self::Sparse => roadmap("S"),
-            Self::Dense => roadmap("D"),
-            Self::SuperDense => roadmap("SD"),
-            Self::Continuous => ViewSpec::Continuous,
+                ..RoadmapSpec::new(builder)
+            }),
+            _ => ViewSpec::Continuous,
         }
     }
+}
+
+/// A task whose views are compared.
+#[derive(Debug, Args)]
+pub(super) struct TaskViews {
+    /// Task file: planners of any representation are asked for plans on its views, and all plans are
+    /// judged and executed in its world
+    #[arg(long, help_heading = INSTANCE, value_name = "FILE", group = "cells",
+          conflicts_with_all = ["map", "scen", "agents", "path_rule", "cell_size", "radius"])]
+    pub(super) task: Option<PathBuf>,
+    /// Views of the task; each planner is asked for those that it claims
+    #[arg(long, help_heading = VIEW, value_name = "VIEW,…", value_delimiter = ',', value_parser = word::<ViewName>(),
+          requires = "task", default_values_t = ViewName::ALL.iter().copied())]
+    views: Vec<ViewName>,
+    #[command(flatten)]
+    pub(super) grid: GridSpecArgs,
+    /// Seed of drawn roadmaps; the task's if it is not given
+    #[arg(long, help_heading = VIEW, value_name = "N", requires = "task")]
+    roadmap_seed: Option<u64>,
+    /// Speeds of robots on a roadmap
+    #[arg(long, help_heading = VIEW, value_parser = word::<Pace>(), default_value_t, requires = "task")]
+    pace: Pace,
 }
 
 /// One planner on one view.
@@ -75,7 +93,7 @@ struct Line {
     length_m: Option<f64>,
     soc_s: Option<f64>,
     makespan_s: Option<f64>,
-    planning_time_ms: f64,
+    planning_time_ms: Option<f64>,
     contacts: Option<u64>,
     nearest_approach_m: Option<f64>,
 }
@@ -83,7 +101,10 @@ struct Line {
 impl Line {
     fn new(view: ViewName, planner: String, record: &Record) -> Self {
         let judged = record.judged.as_ref();
-        let figures = record.execution.as_ref().map(|execution| &execution.figures);
+        let figures = record
+            .execution
+            .as_ref()
+            .map(|execution| &execution.figures);
         Self {
             view,
             planner,
@@ -93,9 +114,28 @@ impl Line {
             length_m: record.metrics.length_m,
             soc_s: record.metrics.soc_s,
             makespan_s: record.metrics.makespan_s,
-            planning_time_ms: record.metrics.planning_time_ms,
+            planning_time_ms: Some(record.metrics.planning_time_ms),
             contacts: figures.map(|figures| figures.contacts),
             nearest_approach_m: figures.and_then(|figures| figures.nearest_approach_m),
+        }
+    }
+}
+
+impl Line {
+    /// A planner that says that it cannot.
+    fn refused(view: ViewName, planner: String, failure: String) -> Self {
+        Self {
+            view,
+            planner,
+            valid_in_view: None,
+            valid_in_world: None,
+            failure: Some(failure),
+            length_m: None,
+            soc_s: None,
+            makespan_s: None,
+            planning_time_ms: None,
+            contacts: None,
+            nearest_approach_m: None,
         }
     }
 }
@@ -112,10 +152,12 @@ struct Report {
 type Named = (String, Plugin);
 
 pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
+    let views = &arguments.views;
     let problem = load_problem(task)?;
     let host = host(&arguments.budget, None, vec![task.to_owned()])?;
     let planners: Vec<Named> = arguments
         .planners()
+        .iter()
         .map(|asked| {
             let options = GivenOptions::Texts(asked.options.clone());
             let planner = find_planner(&host.runtime, &asked.plugin)?.with_options(options);
@@ -127,17 +169,24 @@ pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
     let mut rows = Vec::new();
     let mut trials = Vec::new();
     let mut met = vec![false; planners.len()];
-    for name in arguments.views() {
-        let spec = name.spec(arguments.view().grid.spec(), arguments.view().roadmap_seed);
+    for name in views.views.iter().copied() {
+        let spec = name.spec(views.grid.spec(), views.roadmap_seed);
         let view = spec.derive(&problem)?;
         for (number, (label, planner)) in planners.iter().enumerate() {
             if !claims(&host, planner, view.representation())? {
                 continue;
             }
             met[number] = true;
-            let record = trial(arguments, (&host, planner), (&problem, &view), task)?;
-            rows.push(Line::new(name, label.clone(), &record));
-            trials.push(record);
+            match trial(arguments, (&host, planner), (&problem, &view), task) {
+                Ok(record) => {
+                    rows.push(Line::new(name, label.clone(), &record));
+                    trials.push(record);
+                }
+                Err(error @ (TrialError::Lacks { .. } | TrialError::Incapable { .. })) => {
+                    rows.push(Line::refused(name, label.clone(), error.to_string()));
+                }
+                Err(error) => return Err(error.into()),
+            }
         }
     }
     if let Some(number) = met.iter().position(|met| !met) {
@@ -148,7 +197,7 @@ pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
         return Err(Failure::new(Exit::NoPlan, reason)
             .hint("`fleetyard plugins info NAME` lists what it can do; --views names the views"));
     }
-    let all = trials.iter().all(|record| record.ending() == Ending::Success);
+    let all = rows.iter().all(|row| row.failure.is_none());
     match arguments.format {
         Format::Text => output::print(&table(&problem, task, &rows))?,
         Format::Json => output::print_json(&Report {
@@ -178,7 +227,7 @@ fn trial(
     (host, planner): (&Host, &Plugin),
     (problem, view): (&Problem, &View),
     task: &Path,
-) -> Result<Record> {
+) -> std::result::Result<Record, TrialError> {
     let config = sim_config(&arguments.world);
     let trial = Trial {
         host,
@@ -186,18 +235,19 @@ fn trial(
         instance: TrialInstance::View {
             problem,
             view,
-            terms: terms(problem, view, arguments.view()),
+            terms: terms(
+                problem,
+                view,
+                arguments.views.grid.separation,
+                arguments.views.pace,
+            ),
         },
         scenario: &file_name(task),
         seed: arguments.budget.seed,
         config: &config,
         robots: (!arguments.no_execute).then_some(&Robots::Pebbles),
     };
-    match trial.run(&mut NoTrace) {
-        Ok(outcome) => Ok(outcome.record),
-        Err(error @ TrialError::Lacks { .. }) => Err(error.into()),
-        Err(error) => Err(error.into()),
-    }
+    Ok(trial.run(&mut NoTrace)?.record)
 }
 
 fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
@@ -207,12 +257,20 @@ fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
         Some(true) => "valid",
         Some(false) => "INVALID",
     };
-    let mut cells = vec![
-        ["view", "planner", "rules", "world", "SoC m", "SoC s", "makespan s", "planning ms", "contacts"]
-            .map(str::to_owned),
+    let header = [
+        "view",
+        "planner",
+        "rules",
+        "world",
+        "SoC m",
+        "SoC s",
+        "makespan s",
+        "planning ms",
+        "contacts",
+        "nearest m",
     ];
-    for row in rows {
-        cells.push([
+    let cells = rows.iter().map(|row| {
+        vec![
             row.view.to_string(),
             row.planner.clone(),
             told(row.valid_in_view).into(),
@@ -220,13 +278,19 @@ fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
             shown(row.length_m),
             shown(row.soc_s),
             shown(row.makespan_s),
-            number(row.planning_time_ms),
-            row.contacts.map_or("-".into(), |contacts| contacts.to_string()),
-        ]);
-    }
+            shown(row.planning_time_ms),
+            row.contacts
+                .map_or("-".into(), |contacts| contacts.to_string()),
+            shown(row.nearest_approach_m),
+        ]
+    });
     let agents = problem.task.agents.len();
     let mut out = format!("{}: {agents} agents, one world\n\n", file_name(task));
-    out.push_str(&output::aligned(&cells, 2));
+    out.push_str(&output::table(
+        &header,
+        cells.collect(),
+        &[4, 5, 6, 7, 8, 9],
+    ));
     for row in rows {
         if let Some(failure) = &row.failure {
             // Writing to a string cannot fail.

@@ -4,6 +4,7 @@ pub(crate) mod bench;
 mod bundle;
 pub(crate) mod check;
 pub(crate) mod compare;
+mod compare_task;
 pub(crate) mod completions;
 pub(crate) mod convert;
 pub(crate) mod doctor;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::{ArgAction, Args};
 use fleetyard_abi::{Plan, Status};
 use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial, TrialInstance};
-use fleetyard_check::PathRule;
+use fleetyard_check::{Pace, PathRule};
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_core::{
@@ -138,7 +138,12 @@ impl Asked {
                 TrialInstance::View {
                     problem,
                     view,
-                    terms: terms(problem, view, &arguments.view),
+                    terms: terms(
+                        problem,
+                        view,
+                        arguments.view.grid.separation,
+                        arguments.view.pace,
+                    ),
                 }
             }
         }
@@ -147,15 +152,20 @@ impl Asked {
 
 /// The rules that arguments leave to a view: robots on a grid make a step at the speed that all of
 /// them have.
-pub(super) fn terms(problem: &Problem, view: &View, arguments: &ViewArgs) -> PlanTerms {
+pub(super) fn terms(
+    problem: &Problem,
+    view: &View,
+    separation: Separation,
+    pace: Pace,
+) -> PlanTerms {
     let own = match view {
         View::Grid(view) => view.spec.separation,
         View::Roadmap(_) | View::Continuous => Separation::default(),
     };
     PlanTerms {
-        separation: arguments.grid.separation.max(own),
+        separation: separation.max(own),
         step_s: view.step_s(problem),
-        pace: arguments.pace,
+        pace,
     }
 }
 
