@@ -81,20 +81,17 @@ fn a_plan_on_a_grid_is_judged_by_rules_and_by_footprints() {
         .line("validate --task hall.task.json --representation grid cells.json")
         .expect(INVALID_PLAN);
     assert_eq!(
-        text(&ended)[..3],
-        [
-            "on the grid: valid",
-            "in the world: INVALID: 1 violations",
-            "  agent-contact: agents 0 and 1 overlap from 0.000002000004000006667 s to 0.9999980000000001 s",
-        ],
-        "{ended}"
+        text(&ended)[..2],
+        ["on the grid: valid", "in the world: INVALID: 1 violations"]
     );
+    let overlap = "  agent-contact: agents 0 and 1 overlap from 0.000002";
+    assert!(text(&ended)[2].starts_with(overlap), "{ended}");
     assert_eq!(
         text(&ended)[3..],
         [
-            "sum of costs 4 s",
-            "makespan     2 s",
-            "path length  2 m",
+            "sum of costs 4.00 s",
+            "makespan     2.00 s",
+            "path length  2.00 m",
             "in steps     4, the last at 2",
         ]
     );
@@ -125,7 +122,7 @@ fn a_plan_on_a_grid_is_judged_by_rules_and_by_footprints() {
 
 #[test]
 fn planned_cells_are_valid_in_the_world_where_cells_are_wide() {
-    let yard = round_a_corner();
+    let yard = side_by_side();
     yard.line("world grid hall.task.json --separation strict")
         .expect(SUCCESS);
     yard.line("run -m hall.map -s hall.scen -n 2 -p cbs --plan-out p.json")
@@ -167,9 +164,9 @@ fn a_plan_on_a_roadmap_is_judged_by_distances_and_by_footprints() {
         [
             "on the roadmap: valid",
             "in the world: valid",
-            "sum of costs 6 s",
-            "makespan     3 s",
-            "path length  6 m",
+            "sum of costs 6.00 s",
+            "makespan     3.00 s",
+            "path length  6.00 m",
         ]
     );
     // The parameters derive the same view.
@@ -255,7 +252,7 @@ fn a_plan_in_the_plane_is_judged_by_the_whole_task() {
     plan(3.0);
     let line = "validate --task hall.task.json knots.json";
     let ended = yard.line(line).expect(SUCCESS);
-    assert_eq!(text(&ended)[..2], ["valid", "sum of costs 6 s"]);
+    assert_eq!(text(&ended)[..2], ["valid", "sum of costs 6.00 s"]);
     let json = yard
         .line(&format!("{line} --format json"))
         .expect(SUCCESS)

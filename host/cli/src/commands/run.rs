@@ -107,7 +107,7 @@ impl InstanceArgs {
     fn load(&self, view: &ViewArgs) -> Result<Asked> {
         if let Some(task) = &self.task {
             let problem = load_problem(task)?;
-            let view = view.derive(&problem, Representation::Grid)?;
+            let view = view.choose(Representation::Grid)?.derive(&problem)?;
             return Ok(Asked::View(Box::new((problem, view))));
         }
         // The parser asks for them.

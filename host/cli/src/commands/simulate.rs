@@ -37,7 +37,7 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     /// Workspace with obstacles in continuous space, a fleetyard.world/1 file
-    #[arg(long = "world", value_name = "FILE", conflicts_with = "task")]
+    #[arg(long = "world", value_name = "FILE")]
     workspace: Option<PathBuf>,
     /// The plan, in any format that `fleetyard convert --list` lists
     plan: PathBuf,
@@ -100,7 +100,7 @@ struct RobotArgs {
         long,
         help_heading = ROBOTS,
         value_name = "NAME",
-        conflicts_with_all = ["fleet", "task"]
+        conflicts_with = "fleet"
     )]
     model: Option<String>,
     /// Footprints, models and limits of all robots, a fleetyard.fleet/1 file
@@ -167,7 +167,15 @@ struct Scene {
 
 impl Scene {
     fn load(arguments: &Simulate, config: &SimConfig) -> Result<Self> {
-        if let Some(task) = &arguments.task.task {
+        let asked = &arguments.robots;
+        let others = [
+            ("--map", arguments.map.is_some()),
+            ("--world", arguments.workspace.is_some()),
+            ("--radius", arguments.world.radius.is_some()),
+            ("--fleet", asked.fleet.is_some()),
+            ("--model", asked.model.is_some()),
+        ];
+        if let Some(task) = arguments.task.task(&others)? {
             return Self::of_task(arguments, task, config.step_s);
         }
         let grid = arguments.map.as_deref().map(load_map).transpose()?;
@@ -175,7 +183,6 @@ impl Scene {
         let workspace = workspace.map(load_workspace).transpose()?;
         let (plan, roadmap) = load_plan(arguments, grid.as_ref())?;
         let lines = along_lines(arguments, grid.as_ref(), &plan, config)?;
-        let asked = &arguments.robots;
         let robots = robots(asked.fleet.as_deref(), asked.model.as_deref())?;
         let fleet = bodies(&robots, plan_of(&plan).agents(), config)?;
         Ok(Self {

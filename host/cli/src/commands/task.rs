@@ -11,7 +11,7 @@ use fleetyard_core::formats::{
 };
 use fleetyard_core::{Digest, InputError, Roadmap, TrajectoryFile};
 use fleetyard_views::{
-    GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewSpec,
+    GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewFile, ViewSpec,
     ViewVerdict, load_problem, load_view,
 };
 use serde::Serialize;
@@ -20,7 +20,7 @@ use super::validate_plane::check_headings;
 use super::verdict::{Unlisted, write_costs, write_verdict, write_world};
 use super::world::{GridSpecArgs, RoadmapSpecArgs};
 use crate::args::{VIEW, word};
-use crate::exit::Result;
+use crate::exit::{Exit, Failure, Result};
 use crate::output;
 
 /// A task, and the view of it that a plan is of.
@@ -28,8 +28,8 @@ use crate::output;
 pub(super) struct TaskArgs {
     /// Task file: the plan is judged by the rules of its view and by footprints in the task's world
     #[arg(long, help_heading = VIEW, value_name = "FILE", group = "cells",
-          conflicts_with_all = ["map", "fleet", "radius", "cell_size", "path_rule"])]
-    pub(super) task: Option<PathBuf>,
+          conflicts_with_all = ["cell_size", "path_rule"])]
+    task: Option<PathBuf>,
     #[command(flatten)]
     pub(super) view: ViewArgs,
 }
@@ -57,15 +57,12 @@ pub(super) struct ViewArgs {
 }
 
 impl ViewArgs {
-    /// The view of a task that is asked for; of the kind `otherwise` where none is named.
-    pub(super) fn derive(&self, problem: &Problem, otherwise: Representation) -> Result<View> {
-        match &self.view {
-            Some(path) => Ok(load_view(path)?.derive(problem)?),
-            None => {
-                let asked = self.representation.unwrap_or(otherwise);
-                Ok(self.spec(asked).derive(problem)?)
-            }
-        }
+    /// The view that is asked for; of the kind `otherwise` where none is named.
+    pub(super) fn choose(&self, otherwise: Representation) -> Result<Chosen> {
+        Ok(match &self.view {
+            Some(path) => Chosen::File(load_view(path)?),
+            None => Chosen::Spec(self.spec(self.representation.unwrap_or(otherwise))),
+        })
     }
 
     fn spec(&self, representation: Representation) -> ViewSpec {
@@ -74,6 +71,38 @@ impl ViewArgs {
             Representation::Roadmap => ViewSpec::Roadmap(self.roadmap.spec(self.roadmap_seed)),
             Representation::Continuous => ViewSpec::Continuous,
         }
+    }
+}
+
+/// A view that is not derived yet.
+pub(super) enum Chosen {
+    /// By its file.
+    File(ViewFile),
+    /// By parameters.
+    Spec(ViewSpec),
+}
+
+impl Chosen {
+    fn representation(&self) -> Representation {
+        match self {
+            Self::File(file) => file.spec.representation(),
+            Self::Spec(spec) => spec.representation(),
+        }
+    }
+
+    /// The argument that says it.
+    fn argument(&self) -> &'static str {
+        match self {
+            Self::File(_) => "--view",
+            Self::Spec(_) => "--representation",
+        }
+    }
+
+    pub(super) fn derive(&self, problem: &Problem) -> Result<View> {
+        Ok(match self {
+            Self::File(file) => file.derive(problem)?,
+            Self::Spec(spec) => spec.derive(problem)?,
+        })
     }
 }
 
@@ -97,6 +126,21 @@ pub(super) struct Report {
 }
 
 impl TaskArgs {
+    /// The task, if a plan of one of its views is asked for. A task names its world and its robots:
+    /// `others` are the arguments that name them otherwise, each with whether it is given. The parser
+    /// would not miss the task that a view's parameters need where an argument is in conflict with it.
+    pub(super) fn task(&self, others: &[(&str, bool)]) -> Result<Option<&Path>> {
+        let given = others.iter().find(|(_, is_given)| *is_given);
+        match (&self.task, given) {
+            (Some(_), Some((name, _))) => {
+                let message = format!("{name} cannot be used with --task");
+                let hint = "a task names its world and its robots";
+                Err(Failure::new(Exit::Usage, message).hint(hint))
+            }
+            (task, _) => Ok(task.as_deref()),
+        }
+    }
+
     /// Reads a task and a plan of one of its views, derives the view, and judges the plan: at most
     /// `listed` violations by either judge. A step of a plan on a grid takes `step_s` seconds.
     pub(super) fn judge(
@@ -110,13 +154,9 @@ impl TaskArgs {
         let problem = load_problem(task)?;
         let file = UnreadPlan::load(plan, format)?;
         let of_plan = representation(file.format());
-        let view = self.view.derive(&problem, of_plan)?;
-        let by = self
-            .view
-            .view
-            .as_ref()
-            .map_or("--representation", |_| "--view");
-        check_kind(&file, of_plan, view.representation(), by)?;
+        let chosen = self.view.choose(of_plan)?;
+        check_kind(&file, of_plan, chosen.representation(), chosen.argument())?;
+        let view = chosen.derive(&problem)?;
         let mut looks_transposed = false;
         let (judged, plan_digest) = match &view {
             View::Grid(view) => {
@@ -233,19 +273,17 @@ impl Judgement {
     pub(super) fn lifted(&self, source: &Path) -> Result<TrajectoryFile> {
         let judged = &self.report.judged;
         let source = source.display().to_string();
-        match &judged.lifted {
-            Some(plan) => Ok(TrajectoryFile {
-                source,
-                planner: None,
-                plan_digest: None,
-                plan: plan.clone(),
-            }),
-            None => {
-                let reason = judged.no_place.clone().unwrap_or_default();
-                let hint = "`fleetyard validate` says what else is wrong with the plan";
-                Err(InputError::new(source, reason).hint(hint).into())
-            }
-        }
+        let plan = judged.lifted.clone().ok_or_else(|| {
+            let reason = judged.no_place.clone().unwrap_or_default();
+            let hint = "`fleetyard validate` says what else is wrong with the plan";
+            InputError::new(source.as_str(), reason).hint(hint)
+        })?;
+        Ok(TrajectoryFile {
+            source,
+            planner: None,
+            plan_digest: None,
+            plan,
+        })
     }
 
     /// The roadmap of the view, if it is one.

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use fleetyard_bench::number;
 use fleetyard_check::{PathRule, Terms, Verdict, metrics, validate_paths, validate_terms};
 use fleetyard_core::formats::{
@@ -27,6 +27,7 @@ use crate::setup::check_rule;
 /// is judged in the plane, where footprints must not overlap at any time. With --task a plan of
 /// any view is judged by the rules of its view and, in the task's world, by footprints.
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("cells").multiple(true))]
 pub(crate) struct Validate {
     /// Map file: MovingAI, fleetyard.grid/1 or LSMART
     #[arg(long, value_name = "FILE", group = "cells",
@@ -37,7 +38,6 @@ pub(crate) struct Validate {
         long,
         value_name = "FILE",
         requires = "map",
-        conflicts_with = "task",
         required_unless_present_any = ["robots", "task"]
     )]
     scen: Option<PathBuf>,
@@ -98,7 +98,14 @@ struct Figures {
 }
 
 pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
-    if let Some(task) = &arguments.task.task {
+    let plane = &arguments.plane;
+    let others = [
+        ("--map", arguments.map.is_some()),
+        ("--world", plane.world.is_some()),
+        ("--radius", plane.radius.is_some()),
+        ("--fleet", plane.fleet.is_some()),
+    ];
+    if let Some(task) = arguments.task.task(&others)? {
         let (plan, step_s, listed) = (&arguments.plan, arguments.plane.step, arguments.listed());
         let judgement = arguments
             .task

@@ -25,19 +25,14 @@ use crate::setup::check_rule;
 #[derive(Debug, Args)]
 pub(super) struct PlaneArgs {
     /// World file with bounds and obstacles in the plane
-    #[arg(
-        long,
-        value_name = "FILE",
-        requires = "robots",
-        conflicts_with = "task"
-    )]
-    world: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", requires = "robots")]
+    pub(super) world: Option<PathBuf>,
     /// Robots are discs of this radius in metres
     #[arg(long, value_name = "METRES", group = "robots")]
-    radius: Option<f64>,
+    pub(super) radius: Option<f64>,
     /// Fleet file with the robots' footprints and limits
     #[arg(long, value_name = "FILE", group = "robots")]
-    fleet: Option<PathBuf>,
+    pub(super) fleet: Option<PathBuf>,
     /// Side of a cell in metres
     #[arg(long, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     pub(super) cell_size: f64,
